@@ -9,9 +9,10 @@ use std::path::Path;
 use std::process::Command;
 
 /// What goes into the program. If none of it changes, nothing is asked again.
-const SOURCES: [&str; 6] = [
+const SOURCES: [&str; 7] = [
     "build.rs",
     "src",
+    "crates",
     "protocols/src",
     "emulators/src",
     "firmware_core/src",

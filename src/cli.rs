@@ -49,18 +49,19 @@ use std::thread;
 use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::capture::case::CaseError;
-use crate::capture::replay::{PlaybackError, ReplayError};
-use crate::capture::tap::RecordError;
-use crate::guest::{self, GuestError};
+use crate::capture::replay::ReplayError;
 use crate::realtime::exec::ExecError;
+use crate::realtime::guest::{self, GuestError};
+use crate::realtime::playback::PlaybackError;
 use crate::realtime::process::LINES_VERB;
+use crate::realtime::tap::RecordError;
 use crate::realtime::transport::TransportError;
 use crate::scenario::ScenarioError;
 use crate::search::StoreError;
 use crate::search::fuzz::dut::HarnessError;
 use crate::show::folder::FolderError;
 use crate::slam::map::MapError;
-use crate::workers;
+use engine::workers;
 
 /// Hardware-in-the-loop rig for small serial robots.
 #[derive(Debug, Parser)]

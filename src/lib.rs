@@ -1,57 +1,43 @@
-//! hilrig: a hardware-in-the-loop rig for small serial robots.
+//! hilrig: a hardware-in-the-loop rig for serial robots and devices.
 //!
 //! Follow a byte: a device makes it ([`emulators`]), a [line](rig::line) carries it, damages it by
 //! its [faults](rig::fault) and shows it to the [trace](rig::trace), the [`rig`] hands it to the
 //! robot's program ([`firmware_core`]) and carries the answer back.
 //!
-//! From another crate `use hilrig::prelude::*`: see the [`prelude`].
+//! From another crate `use hilrig::prelude::*`: see the [`prelude`]. A test needs the engine alone:
+//! `hilrig = { .., default-features = false }`.
 //!
-//! Each room stands only on those below it:
+//! This crate is the face of those in `crates/`, each of which stands only on those below it:
 //!
-//! | room | is |
-//! |---|---|
-//! | [`cli`] | the commands |
-//! | [`museum`] | the defects of the fielded programs, each with its reproduction |
-//! | [`search`] | fuzzing, campaigns, generated missions, shrinking |
-//! | [`slam`] | the mapper over anybody's log; maps as others keep them, and how two differ |
-//! | [`capture`] | the file of all bytes: written, read, decoded, compared, replayed, imported, exported |
-//! | [`show`] | page, report, pictures, result folder |
-//! | `guest` | a foreign program in virtual time |
-//! | [`realtime`] | the rig, or the program alone, at the pace of the wall clock |
-//! | [`run`] | a run watched and judged |
-//! | [`robots`] | which devices, links and program a robot consists of |
-//! | [`scenario`] | a run as data; floor plans |
-//! | [`codec`] | bytes in words |
-//! | [`rig`] | nodes and lines under one clock, faults on the way |
-//! | [`picture`] | pixels, read from files and written to them |
+//! | module | is | feature |
+//! |---|---|---|
+//! | `cli` | the commands | `command` |
+//! | `demo` | the demo alone | `demo` without `command` |
+//! | `museum` | the defects of the fielded programs, each with its reproduction; the reports' experiments | `command` |
+//! | `search` | fuzzing, campaigns, generated missions, shrinking | `command` |
+//! | `slam` | the mapper over logs of any robot; ROS maps, and how two differ | `command` |
+//! | `realtime` | the rig, or the program alone, at the pace of the wall clock; foreign programs in virtual time | `command` |
+//! | `capture` | captures: written, read, decoded, compared, replayed, imported, exported | `demo` |
+//! | `show` | report, pictures, result folder | `demo` |
+//! | [`run`] | a run watched and judged | |
+//! | [`robots`] | devices, links and program of each robot | built-in ones: `robots` |
+//! | [`scenario`] | a run as data; floor plans | |
+//! | [`codec`] | bytes in words | |
+//! | [`rig`] | nodes and lines under one clock, faults on the way | |
+//! | [`picture`] | pixels, read from files and written to them | PNG: `command` |
 
-pub mod capture;
+#[cfg(feature = "command")]
 pub mod cli;
-pub mod codec;
-pub mod experiment;
-mod guest;
-mod hex;
-mod html;
-pub mod museum;
-pub mod picture;
+#[cfg(all(feature = "demo", not(feature = "command")))]
+pub mod demo;
 pub mod prelude;
-pub mod realtime;
-mod registry;
-pub mod rig;
-pub mod robots;
-pub mod run;
-pub mod scenario;
-pub mod search;
-pub mod show;
-pub mod slam;
-mod whole_file;
-mod workers;
 
-pub use registry::NameTaken;
+pub use engine::{NameTaken, TOOL, codec, picture, rig, robots, run, scenario};
+#[cfg(feature = "demo")]
+pub use {capture, show};
 /// The crates below, so that another crate needs this one alone; see the [`prelude`].
 pub use {emulators, firmware_core, protocols};
-/// What the settings of a device of one's own are derived with.
+#[cfg(feature = "command")]
+pub use {museum, museum::experiment, realtime, search, slam};
+/// The crates that the settings of an own device are derived with.
 pub use {schemars, serde, toml};
-
-/// Name of the tool as written into results.
-pub const TOOL: &str = "hilrig";

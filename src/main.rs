@@ -3,5 +3,8 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    hilrig::cli::main()
+    #[cfg(feature = "command")]
+    return hilrig::cli::main();
+    #[cfg(not(feature = "command"))]
+    return hilrig::demo::main();
 }

@@ -49,7 +49,6 @@ pub use serde::{Deserialize, Serialize};
 pub use toml::de::ValueDeserializer;
 
 pub use crate::NameTaken;
-pub use crate::capture::Capture;
 pub use crate::codec::wire::{Choices, Wire};
 pub use crate::codec::{Codec, register as register_codec};
 pub use crate::rig::line::{Direction, End};
@@ -66,3 +65,5 @@ pub use crate::scenario::device::{
     read_settings, register as register_device, schema_of,
 };
 pub use crate::scenario::{FaultKind, FaultSpec, Scenario, ScenarioError, Source, Span};
+#[cfg(feature = "demo")]
+pub use capture::Capture;

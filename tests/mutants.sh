@@ -5,10 +5,10 @@
 #
 # usage: tests/mutants.sh PACKAGE [COUNT [SEED [FILE..]]]
 #
-#   tests/mutants.sh protocols                       all of it
-#   tests/mutants.sh emulators 100 7                 100 mutants drawn by seed 7
-#   tests/mutants.sh firmware_core 50 1 'firmware_core/src/navigation/**'
-#   tests/mutants.sh hilrig 300 1 'src/rig/**' 'src/run/**' 'src/capture/**'
+#   tests/mutants.sh hilrig-protocols                       all of it
+#   tests/mutants.sh hilrig-emulators 100 7                 100 mutants drawn by seed 7
+#   tests/mutants.sh hilrig-firmware 50 1 'firmware_core/src/navigation/**'
+#   tests/mutants.sh hilrig-engine 300 1 'crates/engine/src/rig/**' 'crates/engine/src/run/**'
 #
 # No part of the usual test run: it takes from minutes to hours. Survivors are in
 # target/mutants/missed.txt; those that are equivalent stand in tests/mutants.txt with their reason,

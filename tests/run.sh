@@ -81,7 +81,7 @@ lints_and_builds() {
     renice -n 10 "$BASHPID"
     step "lints"
     cargo clippy --locked --workspace --all-targets -- -D warnings
-    cargo clippy --locked -p firmware_core --features host,large -- -D warnings
+    cargo clippy --locked -p hilrig-firmware --features host,large -- -D warnings
     # The coverage-guided targets, on stable. Nothing is linked, so libFuzzer's C++ is not
     # compiled: it is said to be there already.
     CUSTOM_LIBFUZZER_PATH=/dev/null CARGO_TARGET_DIR=$target \

@@ -1,5 +1,5 @@
 #![no_main]
-//! See `Target` in src/codec/wire.rs.
+//! See `Target` in crates/engine/src/codec/wire.rs.
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
     let target = hilrig_fuzz::codec::target("car-command").expect("listed");

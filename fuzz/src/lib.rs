@@ -4,7 +4,7 @@
 pub use rig::codec;
 pub(crate) use rig::{hex, registry};
 
-#[path = "../../src"]
+#[path = "../../crates/engine/src"]
 #[expect(dead_code, reason = "the rest of the rig needs more of them")]
 mod rig {
     pub mod codec;

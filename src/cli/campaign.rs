@@ -25,7 +25,7 @@ use crate::search::campaign::{
 };
 use crate::search::generate::{self, Dice, Vary};
 use crate::show::folder::FolderError;
-use crate::workers;
+use engine::workers;
 
 /// Run scenarios with many seeds, on all processors and on many machines, and group what fails.
 ///

@@ -11,7 +11,7 @@ use crate::capture::Section;
 use crate::capture::case::{Case, Judgement};
 use crate::capture::replay::Recorded;
 use crate::scenario::{Source, Span};
-use crate::whole_file;
+use crate::show::whole_file;
 
 /// Make regression tests from captures.
 #[derive(Debug, Args)]

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use clap::Args;
 
-use crate::guest::HAS_LINES;
 use crate::realtime::exec::{Foreign, ProgramEnd, Supervision};
+use crate::realtime::guest::HAS_LINES;
 use crate::robots;
 use crate::scenario::{Scenario, ScenarioError, Source, Span};
 

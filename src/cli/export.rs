@@ -78,7 +78,7 @@ pub(super) fn run(args: ExportArgs) -> Result<Verdict, CliError> {
 fn belief(
     args: &ExportArgs,
     format: Format,
-    capture: &crate::capture::Capture,
+    capture: &capture::Capture,
     file: &Path,
     recorded: &Recorded,
 ) -> Result<Option<Belief>, CliError> {

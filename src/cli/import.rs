@@ -5,8 +5,8 @@ use clap::Args;
 use super::answer::Imported;
 use super::{CliError, Verdict, out};
 use crate::capture::import::{self, Format, Options};
-use crate::capture::replay::PlayedSide;
-use crate::whole_file;
+use crate::realtime::playback::Side as PlayedSide;
+use crate::show::whole_file;
 
 /// Turn a dump of another tool into a capture.
 ///

@@ -5,9 +5,9 @@ use clap::{Args, Subcommand};
 use super::answer::MapDifference;
 use super::{CliError, Verdict, out};
 use crate::show::folder::FolderError;
+use crate::show::whole_file;
 use crate::slam::map::diff::{Difference, Reach, diff, picture};
 use crate::slam::map::{CellState, RosMap};
-use crate::whole_file;
 
 /// Compare maps.
 #[derive(Debug, Args)]

@@ -5,7 +5,7 @@ use clap::Args;
 use super::answer::Files;
 use super::{CliError, Verdict, out};
 use crate::scenario::Scenario;
-use crate::whole_file;
+use crate::show::whole_file;
 
 /// A mission of a built-in robot.
 const MISSION: &str = include_str!("new/mission.toml");

@@ -8,8 +8,8 @@ use super::place::NamedPort;
 use super::ports::Ports;
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
-use crate::capture::tap::{CaptureFile, Passed, RecordError, Recorder, Wire};
 use crate::realtime::clock::{Clock, WallClock, utc};
+use crate::realtime::tap::{CaptureFile, Passed, RecordError, Recorder, Wire};
 use crate::scenario::Span;
 
 /// Sit between two ports, pass bytes both ways and record them as a capture.

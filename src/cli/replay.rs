@@ -19,13 +19,13 @@ use super::{CliError, Verdict, out};
 use crate::capture::Capture;
 use crate::capture::divergence::Divergence;
 use crate::capture::replay::{
-    Playback, PlayedSide, Recorded, Replay, ReplayPace, Replayed, SILENCE_MAX, Silence, Socket,
-    Voice, scenario_of,
+    Recorded, Replay, Replayed, SILENCE_MAX, Silence, Voice, scenario_of,
 };
-use crate::hex::pairs;
 use crate::realtime::clock::{Clock, WallClock};
+use crate::realtime::playback::{Playback, ReplayPace, Side as PlayedSide, Socket};
 use crate::run::check::{Check, Status};
 use crate::scenario::{Scenario, Source, Span};
+use engine::hex::pairs;
 
 pub(super) use exec::judge_case;
 

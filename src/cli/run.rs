@@ -19,7 +19,7 @@ use crate::capture::case::{Case, Judgement};
 use crate::run::check::Status;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::{self, FolderError, Suite};
-use crate::whole_file;
+use crate::show::whole_file;
 
 use exec::{Placement, judged_exec};
 use guest::{Guest, judged_guest};

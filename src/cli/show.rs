@@ -8,7 +8,7 @@ use crate::run::Run;
 #[cfg(feature = "ui")]
 use {
     super::ui::ListenArgs,
-    crate::show::ui::{Desk, Hub, Server},
+    ::ui::{Desk, Hub, Server},
     std::sync::Arc,
 };
 

@@ -17,7 +17,7 @@ use crate::scenario::{Scenario, Source};
 use crate::search::campaign::{self, Record};
 use crate::search::shrink::{self, Branches, Effort, Judged, Repair, Unit};
 use crate::show::folder::FolderError;
-use crate::whole_file;
+use crate::show::whole_file;
 
 /// Make a failing case or a capture smaller while it still fails for the same reason.
 ///

@@ -11,8 +11,8 @@ use super::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::robots;
 use crate::scenario::{Scenario, Span};
-use crate::show::ui::{Hub, Remote, SPEED_MAX, Server, Session};
-use crate::whole_file;
+use crate::show::whole_file;
+use ::ui::{Hub, Remote, SPEED_MAX, Server, Session};
 
 /// Show a run on a page in the browser: see it, steer it, disturb it, save it.
 ///

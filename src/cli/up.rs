@@ -25,7 +25,7 @@ use crate::run::Run;
 use crate::run::check::Check;
 use crate::scenario::{Scenario, Span};
 use crate::show::folder::FolderError;
-use crate::whole_file;
+use crate::show::whole_file;
 
 /// Run a scenario in real time, its links on ports for any program to open.
 ///

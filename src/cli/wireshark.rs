@@ -8,7 +8,7 @@ use clap::Args;
 use super::answer::Files;
 use super::{CliError, Verdict, out};
 use crate::capture::wireshark::{FILE_NAME, dissector};
-use crate::whole_file;
+use crate::show::whole_file;
 
 /// Give Wireshark a decoder for the robots' protocols.
 ///

@@ -8,8 +8,8 @@ use clap::Args;
 
 use super::answer::ProgramEnded;
 use super::{CliError, Verdict, out};
-use crate::guest;
 use crate::realtime::exec::PORTS_VARIABLE;
+use crate::realtime::guest;
 
 /// Start a program on the ports of a rig that runs in real time, with modem lines.
 ///

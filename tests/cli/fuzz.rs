@@ -106,7 +106,7 @@ fn a_known_defect_is_found_and_repeated() {
     let sound = session.hilrig(&["fuzz", "rescue", "--repeat", file]);
     assert_eq!(text(&sound.stdout), "rescue: every law holds\n");
     let capture = session.path(file).with_file_name("capture.pcapng");
-    let capture = hilrig::capture::Capture::read(&capture).expect("written");
+    let capture = capture::Capture::read(&capture).expect("written");
     assert!(capture.records.len() > 4, "{}", capture.records.len());
 }
 

@@ -129,7 +129,7 @@ fn one_changed_byte_is_told_at_its_place() {
         .iter()
         .position(|link| link.name == "base")
         .expect("there");
-    let is_sent = |r: &&mut hilrig::capture::Record| {
+    let is_sent = |r: &&mut capture::Record| {
         r.link == base && r.direction == Direction::ToDevice && r.kind == Kind::Data
     };
     let mut before = 0;

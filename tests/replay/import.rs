@@ -183,7 +183,7 @@ fn records(text: &str) -> Vec<(u64, Direction, Kind, Vec<u8>)> {
     let imported = read(text.as_bytes(), format, &options()).expect("sound");
     let records = imported.records().iter();
     let tuple =
-        |r: &hilrig::capture::Record| (r.at.as_nanos(), r.direction, r.kind, r.bytes.to_vec());
+        |r: &capture::Record| (r.at.as_nanos(), r.direction, r.kind, r.bytes.to_vec());
     records.map(tuple).collect()
 }
 

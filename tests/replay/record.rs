@@ -4,9 +4,9 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use hilrig::capture::tap::{CaptureFile, Recorder, Wire};
 use hilrig::capture::{Capture, Kind};
 use hilrig::realtime::clock::WallClock;
+use hilrig::realtime::tap::{CaptureFile, Recorder, Wire};
 use hilrig::realtime::transport::{PortDir, Pty, Transport};
 use hilrig::rig::line::Direction;
 use protocols::{Instant, LineConfig};

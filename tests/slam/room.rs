@@ -74,5 +74,5 @@ pub(crate) fn log() -> (String, Pose) {
         .expect("memory");
     }
     let start = Pose::new(1.0, 1.0, 0.0);
-    (text, hilrig::slam::motion::between(start, truth))
+    (text, slam::motion::between(start, truth))
 }

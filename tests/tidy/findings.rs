@@ -220,7 +220,7 @@ fn exhibits_read_no_switch_themselves() {
     let files = all(&[".rs"]);
     let museum = files
         .iter()
-        .filter(|file| file.path.starts_with("src/museum/"));
+        .filter(|file| file.path.starts_with("crates/museum/src/"));
     let mut looked_at = 0;
     for file in museum {
         looked_at += 1;

@@ -1,5 +1,5 @@
-//! Rules about who may mention whom: the rooms of `src`, files beside each other, and robots by
-//! their names.
+//! Rules about modules: the order of those of the engine, files beside each other, and robots by
+//! their names. Cargo holds the order of the crates.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,52 +7,71 @@ use crate::files::{File, all};
 
 type Findings = Vec<String>;
 
-/// The rooms from the top; those of a line do not know each other.
-const ROOMS: [&[&str]; 11] = [
-    &["cli"],
-    &["museum", "search", "slam", "experiment"],
-    &["capture"],
-    &["show"],
-    &["guest"],
-    &["realtime"],
-    &["run"],
-    &["robots"],
-    &["scenario"],
-    &["codec"],
-    &["rig"],
-];
-/// What every room may use, and what uses no room.
-const BOTTOM: [&str; 7] = [
-    "hex",
-    "html",
-    "picture",
-    "registry",
-    "whole_file",
-    "workers",
-    "TOOL",
-];
+/// The folder of the crate whose modules have an order.
+const ENGINE: &str = "crates/engine/src";
+/// Its modules from the top.
+const ROOMS: [&str; 5] = ["run", "robots", "scenario", "codec", "rig"];
+/// What each of them may use, and what uses none.
+const BOTTOM: [&str; 5] = ["hex", "picture", "registry", "workers", "TOOL"];
 /// Roots of crates: a path that begins with `crate` begins there.
-const ROOTS: [&str; 4] = ["src", "protocols/src", "emulators/src", "firmware_core/src"];
+const ROOTS: [&str; 12] = [
+    "src",
+    "protocols/src",
+    "emulators/src",
+    "firmware_core/src",
+    ENGINE,
+    "crates/show/src",
+    "crates/capture/src",
+    "crates/realtime/src",
+    "crates/slam/src",
+    "crates/search/src",
+    "crates/museum/src",
+    "crates/ui/src",
+];
+/// Crates that serve any robot.
+const ANY_ROBOT: [&str; 6] = [
+    ENGINE,
+    "crates/show/src",
+    "crates/capture/src",
+    "crates/realtime/src",
+    "crates/search/src",
+    "crates/ui/src",
+];
 
 /// Files above the robots that name one all the same, and why.
 const NAMED: [(&str, &str); 8] = [
-    ("src/search/fuzz/session", "benches of those very programs"),
     (
-        "src/capture/export/scans.rs",
+        "crates/search/src/fuzz/session",
+        "benches of those very programs",
+    ),
+    (
+        "crates/capture/src/export/scans.rs",
         "exports what that lidar sends",
     ),
     (
-        "src/scenario.rs",
+        "crates/engine/src/scenario.rs",
         "passes on the settings of the kinds that are built in",
     ),
     (
-        "src/scenario/device.rs",
+        "crates/engine/src/scenario/device.rs",
         "the table of the kinds that are built in",
     ),
-    ("src/scenario/device/rplidar", "a kind's own files"),
-    ("src/scenario/device/xv11.rs", "a kind's own file"),
-    ("src/scenario/device/xv11_scans.rs", "a kind's own file"),
-    ("src/scenario/schema/examples.rs", "examples for people"),
+    (
+        "crates/engine/src/scenario/device/rplidar",
+        "a kind's own files",
+    ),
+    (
+        "crates/engine/src/scenario/device/xv11.rs",
+        "a kind's own file",
+    ),
+    (
+        "crates/engine/src/scenario/device/xv11_scans.rs",
+        "a kind's own file",
+    ),
+    (
+        "crates/engine/src/scenario/schema/examples.rs",
+        "examples for people",
+    ),
 ];
 
 /// A file of a crate as its module: folder of the crate, then the names.
@@ -162,13 +181,13 @@ fn tree(text: &str) -> Vec<Vec<&str>> {
 
 /// How far below the top a room is; what lies at the bottom is below all.
 fn depth(room: &str) -> Option<usize> {
-    let room_at = ROOMS.iter().position(|rooms| rooms.contains(&room));
+    let room_at = ROOMS.iter().position(|known| *known == room);
     room_at.or_else(|| BOTTOM.contains(&room).then_some(ROOMS.len()))
 }
 
 /// Mentions of a room that does not lie below.
 fn climbs(file: &File) -> Findings {
-    let Some(("src", names)) = module(&file.path) else {
+    let Some((ENGINE, names)) = module(&file.path) else {
         return Vec::new();
     };
     let Some((room, here)) = names.first().and_then(|room| Some((*room, depth(room)?))) else {
@@ -176,7 +195,7 @@ fn climbs(file: &File) -> Findings {
     };
     let climbs = |other: &String| {
         let known = depth(other);
-        other == "prelude" || other != room && known.is_some_and(|there| there <= here)
+        other != room && known.is_some_and(|there| there <= here)
     };
     let found = mentions(file).into_iter();
     let found = found.filter(|(_, path)| path.first().is_some_and(climbs));
@@ -192,33 +211,31 @@ fn product(files: Vec<File>) -> Vec<File> {
 
 #[test]
 fn rooms_stand_on_those_below_them() {
-    let sample = |path, text| climbs(&File::sample(path, text)).len();
+    let sample = |path: &str, text| climbs(&File::sample(&format!("{ENGINE}/{path}"), text)).len();
     assert_eq!(
-        sample("src/run/a.rs", "use crate::rig::Rig;\nuse crate::run::b;"),
+        sample("run/a.rs", "use crate::rig::Rig;\nuse crate::run::b;"),
         0
     );
-    assert_eq!(sample("src/run/a.rs", "use crate::show::view;"), 1);
+    assert_eq!(sample("rig/a.rs", "use crate::run::Run;"), 1);
     assert_eq!(
         sample(
-            "src/run/a.rs",
-            "// crate::show\n#[cfg(test)]\nuse crate::show::a;"
+            "rig/a.rs",
+            "// crate::run\n#[cfg(test)]\nuse crate::run::a;"
         ),
         0
     );
     assert_eq!(
         sample(
-            "src/run.rs",
-            "use crate::{\n    rig::{Rig, cpu},\n    show::view,\n};"
+            "rig.rs",
+            "use crate::{\n    hex::{a, b},\n    run::view,\n};"
         ),
         1
     );
     assert_eq!(
-        sample("src/run/a.rs", "fn a() { super::super::cli::main() }"),
+        sample("rig/a.rs", "fn a() { super::super::run::main() }"),
         1
     );
-    assert_eq!(sample("src/slam/a.rs", "use crate::search::fuzz;"), 1);
-    assert_eq!(sample("src/picture.rs", "use crate::rig::Rig;"), 1);
-    assert_eq!(sample("src/rig/a.rs", "use crate::prelude::Rig;"), 1);
+    assert_eq!(sample("picture.rs", "use crate::rig::Rig;"), 1);
     let findings: Findings = product(all(&[".rs"])).iter().flat_map(climbs).collect();
     assert!(findings.is_empty(), "\n{}", findings.join("\n"));
 }
@@ -308,11 +325,11 @@ fn files_do_not_mention_each_other_in_a_circle() {
 
 /// Names of a robot, or of a device that is one robot's, in what must do for any.
 fn names_a_robot(file: &File) -> Findings {
-    let rooms = [
-        "rig", "run", "capture", "search", "show", "realtime", "scenario",
-    ];
-    let is_judged = |names: &[&str]| names.first().is_some_and(|room| rooms.contains(room));
-    if !module(&file.path).is_some_and(|(root, names)| root == "src" && is_judged(&names)) {
+    let is_judged = |root: &str, names: &[&str]| {
+        ANY_ROBOT.contains(&root) && (root != ENGINE || !["robots", "codec"].contains(&names[0]))
+    };
+    if !module(&file.path).is_some_and(|(root, names)| !names.is_empty() && is_judged(root, &names))
+    {
         return Vec::new();
     }
     let names = |line: &str| {
@@ -333,14 +350,23 @@ fn what_does_for_any_robot_names_none() {
     let sample = |path, text| names_a_robot(&File::sample(path, text)).len();
     assert_eq!(
         sample(
-            "src/show/a.rs",
-            "use crate::robots::Axis;\n// as the rescue robot"
+            "crates/show/src/a.rs",
+            "use engine::robots::Axis;\n// as the rescue robot"
         ),
         0
     );
-    assert_eq!(sample("src/show/a.rs", "match name { \"Rescue\" => 1 }"), 1);
-    assert_eq!(sample("src/rig.rs", "use emulators::xv11::Xv11;"), 1);
-    assert_eq!(sample("src/robots/rescue.rs", "struct Rescue;"), 0);
+    assert_eq!(
+        sample("crates/show/src/a.rs", "match name { \"Rescue\" => 1 }"),
+        1
+    );
+    assert_eq!(
+        sample("crates/engine/src/rig.rs", "use emulators::xv11::Xv11;"),
+        1
+    );
+    assert_eq!(
+        sample("crates/engine/src/robots/rescue.rs", "struct Rescue;"),
+        0
+    );
     let files = product(all(&[".rs"]));
     let mut findings: Findings = files.iter().flat_map(names_a_robot).collect();
     for (path, why) in NAMED {

@@ -7,16 +7,15 @@ use protocols::Instant;
 use super::{Heard, How, ReplayArgs, follow, report};
 use crate::capture::Capture;
 use crate::capture::case::{Case, Judgement};
-use crate::capture::replay::{
-    Passage, Playback, Played, PlayedSide, Recorded, ReplayPace, Socket, StandIn, scenario_of,
-};
+use crate::capture::replay::{Passage, Played, Recorded, StandIn, scenario_of};
 use crate::cli::exec::show_words;
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict};
-use crate::guest::Trial;
 use crate::realtime::clock::WallClock;
 use crate::realtime::exec::ExecError;
 use crate::realtime::exec::{Foreign, PORTS_VARIABLE, Seat, alive, childless, port_variable};
+use crate::realtime::guest::Trial;
+use crate::realtime::playback::{Playback, ReplayPace, Side as PlayedSide, Socket};
 use crate::realtime::process::{Ended, Patience, Process};
 use crate::realtime::transport::{PortDir, Pty};
 use crate::robots::{self, Dut, PcEnd};

@@ -16,7 +16,8 @@ use crate::realtime::{Lateness, Realtime, exec};
 use crate::run::check::{Check, Status};
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
-use crate::show::folder::{self, FolderError, Metrics, factor};
+use crate::show::Summary;
+use crate::show::folder::{self, FolderError, Metrics};
 
 /// How much is said while a run goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -242,25 +243,13 @@ pub(super) fn record_to(path: &Path, about: Section, run: &mut Run) -> Result<()
     Ok(())
 }
 
-fn print_summary(outcome: &Outcome, wall: Duration, out: &Path) {
-    let metrics = Metrics::of(outcome, wall);
-    let verdict = if outcome.passed() { "PASS" } else { "FAIL" };
-    println!("{verdict} {} seed {}", outcome.case.name, outcome.seed);
-    for check in &outcome.checks {
-        println!("  {check}");
+fn print_summary(outcome: &Outcome, wall: Duration, folder: &Path) {
+    let summary = Summary {
+        outcome,
+        wall,
+        folder,
+    };
+    for line in summary.to_string().lines() {
+        println!("{line}");
     }
-    let (sim_s, wall_s) = (metrics.sim_s, metrics.wall_s);
-    println!(
-        "  {sim_s:.1} s simulated in {wall_s:.2} s, {} times real time",
-        factor(metrics.speedup)
-    );
-    if let Some(error) = outcome.pose_error {
-        let (mm, deg) = (error.rms_mm, error.rms_deg);
-        println!(
-            "  pose error {mm:.1} mm and {deg:.2} deg RMS, at worst {:.1} mm",
-            error.max_mm
-        );
-    }
-    println!("  trace {}", outcome.trace_hash);
-    println!("  results in {}", out.display());
 }

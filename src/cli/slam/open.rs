@@ -114,7 +114,7 @@ fn mcap(_contents: &mut Contents, _bytes: &[u8]) -> Result<(), String> {
 
 #[cfg(feature = "mcap")]
 fn mcap(contents: &mut Contents, bytes: &[u8]) -> Result<(), String> {
-    crate::slam::bag::mcap::read_into(contents, bytes);
+    slam::bag::mcap::read_into(contents, bytes);
     Ok(())
 }
 

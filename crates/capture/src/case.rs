@@ -1,0 +1,598 @@
+//! A regression test as a file: the bytes that reached the program, as values, and what is
+//! expected of it.
+//!
+//! ```text
+//! case = 1
+//! [expect]                    what must hold when the bytes are played to the program
+//! [[link]]                    bytes of each link, one line a moment:
+//! to_program = "1070000 AB 24 0A"   nanoseconds since the start, then hex
+//! [scenario]                  which robot it is; none: only decoders are tested
+//! ```
+//!
+//! Within a line, groups of digits are chunks that arrived back to back at the link's rate, the
+//! last one complete at the time given; `!` is a character without a stop bit. A case holds no
+//! seed that could lose its meaning: later versions go on reading it.
+
+mod bytes;
+mod decoder;
+mod foreign;
+
+use core::fmt;
+use core::time::Duration;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use protocols::{Instant, LineConfig};
+use serde::{Deserialize, Serialize};
+
+use crate::divergence::Track;
+use crate::replay::{Arrival, Passage, Recorded, Replay, ReplayError, Replayed, Voice};
+use engine::TOOL;
+use engine::rig::Program;
+use engine::robots::{self, Dut, PcEnd};
+use engine::run::check::{Check, Status};
+use engine::scenario::{Scenario, ScenarioError, Source};
+
+pub use decoder::Decoded;
+
+/// The only version so far.
+pub const VERSION: u32 = 1;
+
+/// A regression test as data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Case {
+    /// Version of the format, 1.
+    #[serde(deserialize_with = "known_version")]
+    pub case: u32,
+    /// Short name.
+    pub name: String,
+    /// Where it comes from, for people.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub description: String,
+    /// Tool and version that wrote it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub tool: String,
+    /// How long it is, ns.
+    pub end_ns: u64,
+    /// Whether the captured program was none of ours: a robot's own program is tested in its place,
+    /// unless the case is run with somebody's program.
+    #[serde(default, rename = "foreign", skip_serializing_if = "is_false")]
+    pub is_foreign: bool,
+    /// What must hold.
+    pub expect: Expectation,
+    /// The bytes.
+    #[serde(default)]
+    pub link: Vec<LinkBytes>,
+    /// The robot whose program is tested; none: only decoders are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<Scenario>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+const fn is_false(flag: &bool) -> bool {
+    !*flag
+}
+
+/// What must hold when the bytes of a case are played to the program.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Expectation {
+    /// The program sends what it sent then, byte by byte.
+    #[serde(default)]
+    pub same_outputs: bool,
+    /// Links on which the program still sends within the last second.
+    #[serde(default)]
+    pub talks: Vec<String>,
+    /// Rules that the program must not break, as `device rule`, e.g. `base unknown-register`.
+    #[serde(default)]
+    pub never: Vec<String>,
+    /// Checks of every run that must pass, e.g. `memory-intact`.
+    #[serde(default)]
+    pub checks: Vec<String>,
+    /// What decoders make of the bytes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub decoder: Vec<Decoded>,
+}
+
+/// What passed one link.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinkBytes {
+    /// Name of the link.
+    pub name: String,
+    /// Bits per second.
+    pub baud: u32,
+    /// What reached the program.
+    #[serde(default)]
+    pub to_program: String,
+    /// What the program sent.
+    #[serde(default)]
+    pub from_program: String,
+}
+
+fn known_version<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    match u32::deserialize(deserializer)? {
+        VERSION => Ok(VERSION),
+        other => {
+            let message = format!("case is {other}, expected {VERSION}");
+            Err(serde::de::Error::custom(message))
+        }
+    }
+}
+
+/// Why a case cannot be read, made or run.
+#[derive(Debug, thiserror::Error)]
+pub enum CaseError {
+    /// The file cannot be read, or is no case.
+    #[error(transparent)]
+    File(ScenarioError),
+    /// A line of bytes makes no sense.
+    #[error("{}: link {link}: {message}", .path.display())]
+    Bytes {
+        /// The file.
+        path: PathBuf,
+        /// The link.
+        link: String,
+        /// What is wrong, with its line.
+        message: String,
+    },
+    /// It cannot be played.
+    #[error(transparent)]
+    Replay(ReplayError),
+    /// It expects something of a program and has none.
+    #[error("{}: expected a [scenario] that says whose program is meant", .path.display())]
+    NoRobot {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// Silence at the end after which a program that used to talk is taken to have stopped.
+const SILENCE: Duration = Duration::from_secs(1);
+/// Pieces from which on a link is one on which the program talks all the time.
+const TALK_MIN: usize = 10;
+
+impl Case {
+    /// Whether `text` is meant to be a case, not a scenario.
+    pub fn is_meant(text: &str) -> bool {
+        let mut lines = text.lines().map(str::trim_start);
+        let first = lines.find(|line| !line.is_empty() && !line.starts_with('#'));
+        let key = first
+            .and_then(|line| line.split_once('='))
+            .map(|(key, _)| key.trim_end());
+        key == Some("case")
+    }
+
+    /// Reads a case from `text`; `path` is for messages and relative files.
+    ///
+    /// # Errors
+    /// If it is none.
+    pub fn parse(path: &Path, text: String) -> Result<(Self, Source), CaseError> {
+        let path = path.to_owned();
+        match toml::from_str(&text) {
+            Ok(case) => Ok((case, Source { path, text })),
+            Err(source) => {
+                let source = Box::new(source);
+                Err(CaseError::File(ScenarioError::Parse { path, source }))
+            }
+        }
+    }
+
+    /// Reads a case file.
+    ///
+    /// # Errors
+    /// If it cannot be read or is none.
+    pub fn read(path: &Path) -> Result<(Self, Source), CaseError> {
+        let text = std::fs::read_to_string(path).map_err(|source| {
+            let path = path.to_owned();
+            CaseError::File(ScenarioError::Read { path, source })
+        })?;
+        Self::parse(path, text)
+    }
+
+    /// The case as a file.
+    pub fn to_toml(&self) -> String {
+        toml::to_string_pretty(self).expect("every field has a TOML form")
+    }
+
+    /// Makes a case of what was recorded of `scenario`'s robot. If its program broke rules, they
+    /// must not be broken again; if it stopped talking, it must talk to the end; if a check of
+    /// every run fails, it must pass; else the program must send the same bytes again.
+    ///
+    /// # Errors
+    /// If the robot cannot be wired.
+    pub fn of(
+        name: &str,
+        recorded: &Recorded,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Self, CaseError> {
+        let wired = robots::wire(scenario, source, Dut::Internal, PcEnd::Scripted);
+        let wired = wired.map_err(|error| CaseError::Replay(error.into()))?;
+        if wired.rig.program().is_none() {
+            return Ok(Self::of_outsider(name, recorded, scenario));
+        }
+        let replay = Replay::new(recorded, scenario, source, Voice::Capture);
+        let judged = replay.map_err(CaseError::Replay)?.finish();
+        let own: BTreeSet<String> = judged.links.iter().map(|one| one.link.clone()).collect();
+        let links: Vec<&Passage> = recorded
+            .links
+            .iter()
+            .filter(|one| own.contains(&one.link))
+            .collect();
+        let talking = links.iter().filter(|one| talks(&one.sent));
+        let talks: Vec<String> = talking.clone().map(|one| one.link.clone()).collect();
+        let fell_silent = talking
+            .clone()
+            .any(|one| is_silent(&one.sent, recorded.end));
+        let never: BTreeSet<String> = judged.violations.iter().map(rule).collect();
+        let failed = |check: &&Check| check.status == Status::Fail;
+        let is_sound = !judged.checks.iter().any(|check| failed(&check));
+        // A mended program goes another way than the robot whose sensors were captured, so it is
+        // asked not to collide only if that is what went wrong.
+        let asked = |check: &&Check| check.name != "no-collision-at-speed" || failed(check);
+        let checks = judged.checks.iter().filter(asked);
+        Ok(Self {
+            case: VERSION,
+            name: name.to_owned(),
+            description: String::new(),
+            tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
+            end_ns: recorded.end.as_nanos(),
+            is_foreign: false,
+            expect: Expectation {
+                same_outputs: never.is_empty() && !fell_silent && is_sound,
+                talks,
+                never: never.into_iter().collect(),
+                checks: checks.map(|check| check.name.clone()).collect(),
+                decoder: Vec::new(),
+            },
+            link: links.into_iter().map(LinkBytes::of).collect(),
+            scenario: Some(scenario.clone()),
+        })
+    }
+
+    /// The bytes, ready to be played.
+    ///
+    /// # Errors
+    /// If a line of them makes no sense.
+    pub fn recorded(&self, path: &Path) -> Result<Recorded, CaseError> {
+        let links = self.link.iter().map(|link| {
+            link.passage().map_err(|message| CaseError::Bytes {
+                path: path.to_owned(),
+                link: link.name.clone(),
+                message,
+            })
+        });
+        Ok(Recorded {
+            links: links.collect::<Result<_, _>>()?,
+            end: Instant::from_nanos(self.end_ns.min(END_MAX)),
+            zero: Instant::ZERO,
+        })
+    }
+
+    /// Plays the case to the robot's program and judges it.
+    ///
+    /// # Errors
+    /// If it cannot be played.
+    pub fn run(&self, source: &Source) -> Result<Judgement, CaseError> {
+        self.run_with(source, |program| program)
+    }
+
+    /// The same with another program, made from the robot's.
+    ///
+    /// # Errors
+    /// If it cannot be played.
+    pub fn run_with(
+        &self,
+        source: &Source,
+        program: impl FnOnce(Box<dyn Program>) -> Box<dyn Program>,
+    ) -> Result<Judgement, CaseError> {
+        let recorded = self.recorded(&source.path)?;
+        let decoded = self.expect.decoder.iter();
+        let mut checks: Vec<Check> = decoded.flat_map(|one| one.judge(&recorded)).collect();
+        let Some(scenario) = &self.scenario else {
+            let ran = recorded.end - Instant::ZERO;
+            return match self.expect.needs_program() {
+                true => Err(CaseError::NoRobot {
+                    path: source.path.clone(),
+                }),
+                false => Ok(self.judgement(checks, ran)),
+            };
+        };
+        let replay = Replay::new(&recorded, scenario, source, Voice::Program);
+        let mut replay = replay.map_err(CaseError::Replay)?;
+        replay.replace_program(program);
+        let replayed = replay.finish();
+        checks.extend(self.expect.judge(&replayed, recorded.end));
+        let note = self.is_foreign.then(|| {
+            let robot = &scenario.robot;
+            format!(
+                "tested is the built-in program of the robot {robot}, not the captured one: \
+                 --exec CMD tests that"
+            )
+        });
+        Ok(Judgement {
+            note,
+            ..self.judgement(checks, replayed.ran)
+        })
+    }
+
+    fn judgement(&self, checks: Vec<Check>, ran: Duration) -> Judgement {
+        Judgement {
+            name: self.name.clone(),
+            note: None,
+            checks,
+            ran,
+        }
+    }
+}
+
+/// Longest case, as long as the longest scenario: a week.
+const END_MAX: u64 = 7 * 86_400 * 1_000_000_000;
+
+fn rule(logged: &engine::rig::Logged) -> String {
+    format!("{} {}", logged.source, logged.event.rule)
+}
+
+/// Whether a program talks all the time on a line, until it stops for good.
+fn talks(sent: &Track) -> bool {
+    let times: Vec<Instant> = sent.pieces().map(|(at, _)| at).collect();
+    times.len() >= TALK_MIN && times.windows(2).all(|pair| pair[1] - pair[0] <= SILENCE)
+}
+
+fn is_silent(sent: &Track, end: Instant) -> bool {
+    sent.end().is_none_or(|last| end - last > SILENCE)
+}
+
+impl Expectation {
+    /// Whether anything is expected of a program.
+    fn needs_program(&self) -> bool {
+        let lists = [&self.talks, &self.never, &self.checks];
+        self.same_outputs || lists.iter().any(|list| !list.is_empty())
+    }
+
+    fn judge(&self, replayed: &Replayed, end: Instant) -> Vec<Check> {
+        let mut checks = self.judge_links(&replayed.links, end);
+        for forbidden in &self.never {
+            let mut broken = replayed
+                .violations
+                .iter()
+                .filter(|one| rule(one) == *forbidden);
+            let first = broken.next();
+            let detail = match first {
+                None => "not broken".to_owned(),
+                Some(first) => format!("broken {} times; first: {first}", 1 + broken.count()),
+            };
+            let name = format!("never-{}", forbidden.replace(' ', "-"));
+            checks.push(Check::new(&name, first.is_none(), detail));
+        }
+        for name in &self.checks {
+            let found = replayed.checks.iter().find(|check| check.name == *name);
+            let unknown = || Check::new(name, false, "expected the name of a check of every run");
+            checks.push(found.cloned().unwrap_or_else(unknown));
+        }
+        checks
+    }
+}
+
+/// How a case ended.
+#[derive(Clone, Debug)]
+pub struct Judgement {
+    /// Name of the case.
+    pub name: String,
+    /// What must be known to read the verdicts.
+    pub note: Option<String>,
+    /// All verdicts.
+    pub checks: Vec<Check>,
+    /// Length in virtual time.
+    pub ran: Duration,
+}
+
+impl Judgement {
+    /// Whether every check passed. A case that expects nothing fails: it would prove nothing.
+    pub fn passed(&self) -> bool {
+        let is = |status| self.checks.iter().any(|check| check.status == status);
+        is(Status::Pass) && !is(Status::Fail)
+    }
+}
+
+impl fmt::Display for Judgement {
+    /// A line for the case, one for each check.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = if self.passed() { "PASS" } else { "FAIL" };
+        write!(f, "{verdict} {}", self.name)?;
+        if let Some(note) = &self.note {
+            write!(f, "\n  {note}")?;
+        }
+        for check in &self.checks {
+            write!(f, "\n  {check}")?;
+        }
+        Ok(())
+    }
+}
+
+impl LinkBytes {
+    fn of(passage: &Passage) -> Self {
+        let line = passage.line();
+        let sent = passage.sent.pieces().map(|(at, bytes)| Arrival {
+            at,
+            bytes: bytes.to_vec(),
+        });
+        Self {
+            name: passage.link.clone(),
+            baud: line.baud,
+            to_program: bytes::write(&passage.arrivals, line),
+            from_program: bytes::write(&sent.collect::<Vec<_>>(), line),
+        }
+    }
+
+    fn passage(&self) -> Result<Passage, String> {
+        let line = LineConfig::new_8n1(self.baud);
+        if !(50..=100_000_000).contains(&self.baud) {
+            return Err(format!("baud is {}, expected 50 to 100000000", self.baud));
+        }
+        let read = |key, text| bytes::read(text, line).map_err(|error| format!("{key} {error}"));
+        let mut sent = Track::default();
+        for arrival in read("from_program", &self.from_program)? {
+            sent.push(arrival.at, &arrival.bytes);
+        }
+        Ok(Passage {
+            link: self.name.clone(),
+            baud: self.baud,
+            arrivals: read("to_program", &self.to_program)?,
+            heard: Vec::new(),
+            sent,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pieces at these milliseconds.
+    fn track(millis: impl IntoIterator<Item = u64>) -> Track {
+        let mut track = Track::default();
+        for at in millis {
+            track.push(Instant::from_millis(at), &[1]);
+        }
+        track
+    }
+
+    /// Ten pieces or more, never a second and more without one.
+    #[test]
+    fn who_talks_all_the_time_talks_ten_times_and_never_pauses_for_longer_than_a_second() {
+        assert!(talks(&track((0..10).map(|piece| piece * 1000))));
+        assert!(!talks(&track((0..9).map(|piece| piece * 1000))));
+        assert!(!talks(&track((0..10).map(|piece| piece * 1001))));
+        assert!(!talks(&track((0..10).chain([2000]))));
+    }
+
+    #[test]
+    fn who_said_nothing_in_the_last_second_is_silent() {
+        let end = Instant::from_millis(5000);
+        assert!(!is_silent(&track([1, 4000]), end));
+        assert!(is_silent(&track([1, 3999]), end));
+        assert!(is_silent(&Track::default(), end));
+    }
+
+    /// The first key is what counts, whatever stands before it for people.
+    #[test]
+    fn a_case_begins_with_its_version() {
+        for text in [
+            "case = 1",
+            "\n# a case\n  case=1\nname = \"x\"",
+            "case\t= 2",
+        ] {
+            assert!(Case::is_meant(text), "{text}");
+        }
+        for text in [
+            "",
+            "# case = 1",
+            "name = \"x\"\ncase = 1",
+            "cases = 1",
+            "case",
+        ] {
+            assert!(!Case::is_meant(text), "{text}");
+        }
+    }
+
+    fn parsed(text: &str) -> Result<Case, String> {
+        let case = Case::parse(Path::new("x.toml"), text.to_owned());
+        case.map(|(case, _)| case).map_err(|error| {
+            let CaseError::File(ScenarioError::Parse { source, .. }) = error else {
+                panic!("{error}")
+            };
+            source.to_string()
+        })
+    }
+
+    const LEAST: &str = "case = 1\nname = \"x\"\nend_ns = 7\n[expect]\n";
+
+    #[test]
+    fn other_versions_are_refused_by_name() {
+        let case = parsed(LEAST).expect("all that it needs");
+        assert_eq!((case.end_ns, case.is_foreign), (7, false));
+        assert!(case.link.is_empty() && case.scenario.is_none());
+        let said = parsed(&LEAST.replace("case = 1", "case = 2")).expect_err("another");
+        assert!(said.contains("case is 2, expected 1"), "{said}");
+        assert!(!case.to_toml().contains("foreign"));
+        let foreign = Case {
+            is_foreign: true,
+            ..case
+        };
+        assert!(foreign.to_toml().contains("foreign = true"));
+        assert_eq!(parsed(&foreign.to_toml()), Ok(foreign));
+    }
+
+    /// No program is needed where decoders alone are asked; a case longer than a week is one week.
+    #[test]
+    fn what_needs_a_program_says_so() {
+        let plain = Expectation::default();
+        assert!(!plain.needs_program());
+        let one = || vec!["x".to_owned()];
+        let needs: [fn(&mut Expectation, Vec<String>); 4] = [
+            |expect, _| expect.same_outputs = true,
+            |expect, one| expect.talks = one,
+            |expect, one| expect.never = one,
+            |expect, one| expect.checks = one,
+        ];
+        for need in needs {
+            let mut expect = plain.clone();
+            need(&mut expect, one());
+            assert!(expect.needs_program(), "{expect:?}");
+        }
+        let mut case = parsed(LEAST).expect("sound");
+        case.end_ns = u64::MAX;
+        let recorded = case.recorded(Path::new("x.toml")).expect("no bytes");
+        assert_eq!(recorded.end, Instant::from_secs(7 * 86_400));
+    }
+
+    /// Links have rates that a line can have.
+    #[test]
+    fn a_link_with_an_absurd_rate_is_refused() {
+        let passage = |baud| {
+            let link = LinkBytes {
+                name: "base".to_owned(),
+                baud,
+                to_program: "2000 AB".to_owned(),
+                from_program: "3000 CD".to_owned(),
+            };
+            link.passage()
+        };
+        for baud in [50, 100_000_000] {
+            let passage = passage(baud).expect("a rate");
+            assert_eq!((passage.baud, passage.arrivals.len()), (baud, 1));
+            assert_eq!(passage.sent.bytes(), [0xCD]);
+        }
+        for baud in [0, 49, 100_000_001] {
+            let said = format!("baud is {baud}, expected 50 to 100000000");
+            assert_eq!(passage(baud).err(), Some(said));
+        }
+    }
+
+    /// A verdict needs something that passed, and nothing that failed.
+    #[test]
+    fn a_case_that_proves_nothing_fails() {
+        let judgement = |statuses: &[Status]| Judgement {
+            name: "x".to_owned(),
+            note: Some("note".to_owned()),
+            checks: statuses
+                .iter()
+                .map(|&status| Check {
+                    status,
+                    ..Check::new("one", true, "said")
+                })
+                .collect(),
+            ran: Duration::ZERO,
+        };
+        let passed = |statuses: &[Status]| judgement(statuses).passed();
+        assert!(!passed(&[]) && !passed(&[Status::NotObserved]));
+        assert!(passed(&[Status::Pass]) && passed(&[Status::Pass, Status::NotObserved]));
+        assert!(!passed(&[Status::Pass, Status::Fail]));
+        let said = judgement(&[Status::Pass]).to_string();
+        assert!(said.starts_with("PASS x\n  note\n  ok   one "), "{said}");
+        assert!(judgement(&[]).to_string().starts_with("FAIL x\n"));
+    }
+}

@@ -1,0 +1,220 @@
+//! Damage that a whole stream shows: a host's terminal in text mode, a wrong rate, a line of seven
+//! bits, an echo, bytes doubled or swapped, a checksum the other way round.
+//!
+//! A stream is accused only of what its bytes prove. One that is nearly all sound frames is not
+//! accused, whatever it contains; the echo alone is made of sound frames.
+
+mod evidence;
+
+use engine::codec::{self, Codec};
+use evidence::{Counts, doubled, echoed, other_order, slow_sender, swapped};
+
+/// One direction of a link, as a whole.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Line<'a> {
+    /// All bytes that arrived.
+    pub bytes: &'a [u8],
+    /// All bytes that went the other way, if known.
+    pub opposite: &'a [u8],
+    /// What the line should carry, if known.
+    pub codec: Option<&'static Codec>,
+    /// Characters without a stop bit, if the capture tells.
+    pub framing_errors: u64,
+}
+
+/// What was done to all bytes of a line, with the evidence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Damage {
+    /// Each byte comes twice.
+    Doubled {
+        /// Pairs of equal bytes.
+        equal: u64,
+        /// Pairs in all.
+        pairs: u64,
+    },
+    /// Each two bytes are the wrong way round.
+    Swapped {
+        /// Bytes in sound frames once they are put right.
+        framed: u64,
+        /// Bytes in all.
+        bytes: u64,
+    },
+    /// The checksum's bytes are the wrong way round.
+    ChecksumOrder {
+        /// Frames whose checksum holds the other way round.
+        other: u64,
+        /// Frames whose checksum holds as expected.
+        expected: u64,
+    },
+    /// What was sent comes back.
+    Echo {
+        /// Frames sent that were also received, in the order sent.
+        back: u64,
+        /// Frames sent.
+        sent: u64,
+    },
+    /// The rates of sender and receiver differ, as characters without a stop bit show.
+    FramingErrors {
+        /// Such characters.
+        errors: u64,
+        /// Bytes in all.
+        bytes: u64,
+    },
+    /// The receiver is faster than the sender by a whole factor.
+    SlowSender {
+        /// The factor.
+        factor: u32,
+        /// Bytes that are made of stretched bits.
+        stretched: u64,
+        /// Bytes in all.
+        bytes: u64,
+    },
+    /// No byte has its highest bit set.
+    SevenBits {
+        /// Bytes in all.
+        bytes: u64,
+    },
+    /// 0x00 is missing.
+    NulStripped {
+        /// How often it would occur, were all values equally frequent.
+        expected: u64,
+    },
+    /// 0x0D is missing and 0x0A is too frequent.
+    CrToLf {
+        /// How often 0x0A occurs.
+        found: u64,
+        /// How often its neighbours do.
+        expected: u64,
+    },
+    /// 0x11 and 0x13 are missing.
+    FlowControl {
+        /// How often their neighbours occur.
+        expected: u64,
+    },
+}
+
+impl core::fmt::Display for Damage {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match *self {
+            Self::Doubled { equal, pairs } => {
+                write!(
+                    f,
+                    "each byte comes twice ({equal} of {pairs} pairs are equal)"
+                )
+            }
+            Self::Swapped { framed, bytes } => write!(
+                f,
+                "each two bytes are swapped (put right, {framed} of {bytes} are in sound frames)"
+            ),
+            Self::ChecksumOrder { other, expected } => write!(
+                f,
+                "the checksum's bytes are swapped ({other} frames hold with the other order, \
+                 {expected} with the expected one)"
+            ),
+            Self::Echo { back, sent } => {
+                write!(
+                    f,
+                    "what is sent comes back: echo ({back} of {sent} frames sent)"
+                )
+            }
+            Self::FramingErrors { errors, bytes } => write!(
+                f,
+                "wrong baud rate ({errors} characters without a stop bit beside {bytes} bytes)"
+            ),
+            Self::SlowSender {
+                factor,
+                stretched,
+                bytes,
+            } => write!(
+                f,
+                "wrong baud rate: the receiver is {factor} times as fast as the sender \
+                 ({stretched} of {bytes} bytes are made of bits {factor} long)"
+            ),
+            Self::SevenBits { bytes } => {
+                write!(
+                    f,
+                    "the line carries seven bits (0 of {bytes} bytes have bit 7)"
+                )
+            }
+            Self::NulStripped { expected } => write!(
+                f,
+                "NUL bytes are missing: the host strips 0x00 (0 times, some {expected} by chance)"
+            ),
+            Self::CrToLf { found, expected } => write!(
+                f,
+                "the host turns CR into LF (0 times 0x0D, {found} times 0x0A, its neighbours \
+                 {expected} times)"
+            ),
+            Self::FlowControl { expected } => write!(
+                f,
+                "the host does software flow control: XON and XOFF are missing (0 times 0x11 and \
+                 0x13, their neighbours {expected} times)"
+            ),
+        }
+    }
+}
+
+/// Fewest expected occurrences of a value whose absence says something: chance leaves out a value
+/// that is this frequent once in 4e8 streams.
+const EXPECTED_MIN: u64 = 20;
+/// Fewest bytes that say something.
+const BYTES_MIN: u64 = 64;
+/// Bytes that are looked at where all of them would take long.
+const SAMPLE: usize = 128 << 10;
+
+/// What is wrong with all of `line`.
+pub fn diagnose(line: &Line<'_>) -> Vec<Damage> {
+    let (bytes, len) = (line.bytes, line.bytes.len() as u64);
+    let sample = &bytes[..bytes.len().min(SAMPLE)];
+    let mut damages: Vec<Damage> = echoed(sample, line.opposite).into_iter().collect();
+    if line.framing_errors >= 8 && line.framing_errors * 50 >= len {
+        let (errors, bytes) = (line.framing_errors, len);
+        damages.push(Damage::FramingErrors { errors, bytes });
+        return damages;
+    }
+    let codec = line.codec.or_else(|| codec::guess(bytes));
+    let framed = codec.map_or(0, |codec| codec.framed(bytes));
+    if len < BYTES_MIN || framed * 100 >= len * 98 {
+        return damages;
+    }
+    // These change every byte or frame; what else seems missing follows from them.
+    let whole = doubled(sample)
+        .or_else(|| swapped(sample, framed * (sample.len() as u64) / len))
+        .or_else(|| other_order(sample, line.codec))
+        .or_else(|| slow_sender(sample));
+    if let Some(damage) = whole {
+        damages.push(damage);
+    } else {
+        damages.extend(missing(&Counts::of(bytes)));
+    }
+    damages
+}
+
+/// Values that terminals in text mode take out or change.
+fn missing(counts: &Counts) -> Vec<Damage> {
+    let bytes = counts.len();
+    let mut damages = Vec::new();
+    if counts.is_text() {
+        return damages;
+    }
+    if bytes >= 8 * BYTES_MIN && counts.high() == 0 {
+        return vec![Damage::SevenBits { bytes }];
+    }
+    let expected = bytes / 256;
+    if counts.of_value(0x00) == 0 && expected >= EXPECTED_MIN {
+        damages.push(Damage::NulStripped { expected });
+    }
+    let (found, expected) = (counts.of_value(0x0A), counts.around(0x0A, 0x0D));
+    if counts.of_value(0x0D) == 0 && expected >= EXPECTED_MIN && found * 2 >= expected * 3 {
+        damages.push(Damage::CrToLf { found, expected });
+    }
+    let expected = counts.around(0x11, 0x13);
+    let none = counts.of_value(0x11) + counts.of_value(0x13) == 0;
+    if none && expected >= EXPECTED_MIN {
+        damages.push(Damage::FlowControl { expected });
+    }
+    damages
+}
+
+#[cfg(test)]
+mod tests;

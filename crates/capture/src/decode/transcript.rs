@@ -1,0 +1,595 @@
+//! A capture in words: what passed all its lines, merged in the order of time.
+//!
+//! A frame has the time of its last byte. What is bad is only known to be so when a frame follows
+//! or the line falls quiet, so lines wait a little before they are told; how long is a constant, so
+//! a long capture takes no more memory than a short one.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use protocols::{FrameError, Instant, LineConfig};
+
+use crate::{Interface, Kind, Record};
+use engine::codec::{self, Codec, IDLE, PCUI, Stream, Stretch, What, words};
+use engine::rig::line::Direction;
+
+/// How long a line waits at least for earlier ones: a record tells of bytes that came before it. On
+/// slower lines than 57600 baud a few may come late.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// Bytes in which a protocol must show itself. If none does, they are text or bad, and the next
+/// ones are looked at.
+const GUESS_MAX: usize = 4096;
+/// How many bytes are looked at first, and then twice as many, so that what is found depends on the
+/// bytes alone and not on the pieces in which they came.
+const GUESS_FIRST: usize = 64;
+/// Fewest of its bytes in sound frames for a protocol to be believed at once.
+const GUESS_MIN: u64 = 44;
+/// Shortest run of printable bytes among bad ones that is shown as text.
+const TEXT_MIN: usize = 4;
+
+/// One line of a transcript.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// When its last byte arrived, or the event happened.
+    pub at: Instant,
+    /// Index of the link.
+    pub link: usize,
+    /// Which way it went.
+    pub direction: Direction,
+    /// Place of its first byte among those of its line.
+    pub place: u64,
+    /// What it was.
+    pub said: Said,
+}
+
+/// What a line of a transcript is about.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Said {
+    /// A sound frame, in words.
+    Frame(String),
+    /// Printable bytes outside of frames, in words.
+    Text(String),
+    /// Bytes that are neither, and why those that looked like a frame were none.
+    Bad(Vec<u8>, Vec<FrameError>),
+    /// The line told something besides bytes, or a fault struck, in words.
+    Event(String),
+}
+
+impl core::fmt::Display for Said {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Frame(words) | Self::Text(words) => f.write_str(words),
+            Self::Event(words) => write!(f, "EVENT {words}"),
+            Self::Bad(bytes, errors) => {
+                let shown = bytes[..bytes.len().min(32)].escape_ascii();
+                let more = if bytes.len() > 32 { ".." } else { "" };
+                write!(f, "BAD {} bytes \"{shown}{more}\"", bytes.len())?;
+                errors.iter().try_for_each(|error| write!(f, "; {error}"))
+            }
+        }
+    }
+}
+
+/// One direction of a link.
+struct Lane {
+    link: usize,
+    direction: Direction,
+    rate: LineConfig,
+    /// None until the bytes have shown it.
+    stream: Option<Stream>,
+    codec: Option<&'static Codec>,
+    /// Without a stream: how many untold bytes are looked at next.
+    look_at: usize,
+    /// Bytes that were not told yet, and where they begin in the stream.
+    untold: VecDeque<u8>,
+    told: u64,
+    /// Ends of the pieces in which those came, with their times.
+    times: VecDeque<(u64, Instant)>,
+    framed: u64,
+}
+
+/// Turns records into lines.
+#[derive(Default)]
+pub struct Transcript {
+    lanes: Vec<Lane>,
+    waiting: VecDeque<Entry>,
+    codec: Option<&'static Codec>,
+}
+
+/// Sums of one lane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sum {
+    /// Index of the link.
+    pub link: usize,
+    /// Which way.
+    pub direction: Direction,
+    /// What it carried, if any frame was found.
+    pub codec: Option<&'static Codec>,
+    /// Bytes in all.
+    pub bytes: u64,
+    /// Bytes in sound frames.
+    pub framed: u64,
+}
+
+impl Transcript {
+    /// All lanes carry `codec`; if none is given, each what its first bytes show.
+    pub fn new(codec: Option<&'static Codec>) -> Self {
+        Self {
+            codec,
+            ..Self::default()
+        }
+    }
+
+    /// Takes the next record of `link`.
+    pub fn record(&mut self, record: &Record, link: &Interface) {
+        let now = record.at;
+        for index in 0..self.lanes.len() {
+            let last = self.lanes[index].times.back();
+            if last.is_some_and(|&(_, last)| now - last > self.lanes[index].idle()) {
+                self.settle(index);
+            }
+        }
+        let index = self.lane(record, link);
+        let place = self.lanes[index].end();
+        let event = match record.kind {
+            Kind::Data | Kind::Line(_) => words::one_line(&record.comment),
+            Kind::Other(number) => format!("number {number} {}", words::one_line(&record.comment)),
+        };
+        if !event.is_empty() {
+            self.report(index, now, place, Said::Event(event));
+        }
+        if record.kind == Kind::Data {
+            let rate = self.lanes[index].rate;
+            for (at, bytes) in record.chunks(rate) {
+                self.feed(index, at, bytes);
+            }
+        }
+    }
+
+    /// The lines that nothing earlier can follow any more, now that it is `now`.
+    pub fn ready(&mut self, now: Instant) -> impl Iterator<Item = Entry> {
+        let untold = self.lanes.iter().filter_map(Lane::first_untold).min();
+        let count = self.waiting.partition_point(|entry| {
+            now - entry.at > PATIENCE && untold.is_none_or(|untold| entry.at <= untold)
+        });
+        self.waiting.drain(..count)
+    }
+
+    /// All lines so far, without waiting for earlier ones.
+    pub fn all(&mut self) -> impl Iterator<Item = Entry> {
+        self.waiting.drain(..)
+    }
+
+    /// The rest: nothing more comes, or not for long.
+    pub fn finish(&mut self) -> impl Iterator<Item = Entry> {
+        (0..self.lanes.len()).for_each(|index| self.settle(index));
+        self.waiting.drain(..)
+    }
+
+    /// What the lanes carried.
+    pub fn sums(&self) -> impl Iterator<Item = Sum> {
+        self.lanes.iter().map(|lane| Sum {
+            link: lane.link,
+            direction: lane.direction,
+            codec: lane.codec,
+            bytes: lane.end(),
+            framed: lane.framed,
+        })
+    }
+
+    fn lane(&mut self, record: &Record, link: &Interface) -> usize {
+        let (link_index, direction) = (record.link, record.direction);
+        let is_own = |lane: &Lane| (lane.link, lane.direction) == (link_index, direction);
+        if let Some(index) = self.lanes.iter().position(is_own) {
+            return index;
+        }
+        self.lanes.push(Lane {
+            link: link_index,
+            direction,
+            rate: LineConfig::new_8n1(link.baud.max(1)),
+            stream: self.codec.map(Stream::new),
+            codec: self.codec,
+            look_at: GUESS_FIRST,
+            untold: VecDeque::new(),
+            told: 0,
+            times: VecDeque::new(),
+            framed: 0,
+        });
+        self.lanes.len() - 1
+    }
+
+    fn feed(&mut self, index: usize, at: Instant, bytes: &[u8]) {
+        let lane = &mut self.lanes[index];
+        lane.untold.extend(bytes);
+        lane.times.push_back((lane.end(), at));
+        match &mut lane.stream {
+            Some(stream) => {
+                let found = stream.push(bytes);
+                self.told(index, found);
+            }
+            None => self.look(index),
+        }
+    }
+
+    /// Looks for the protocol of a lane that has none.
+    fn look(&mut self, index: usize) {
+        loop {
+            let lane = &mut self.lanes[index];
+            let len = lane.look_at;
+            if lane.stream.is_some() || lane.untold.len() < len {
+                return;
+            }
+            let best = codec::best(&lane.untold.make_contiguous()[..len]);
+            let fewest = if len < GUESS_MAX { GUESS_MIN } else { 1 };
+            if best.is_some_and(|(_, framed)| framed >= fewest) {
+                lane.codec = best.map(|(codec, _)| codec);
+                let all = lane.untold.len();
+                self.decide(index, all);
+            } else if len < GUESS_MAX {
+                lane.look_at = 2 * len;
+            } else {
+                self.decide(index, len);
+            }
+        }
+    }
+
+    /// The first `len` untold bytes are told as what they are by now; without a protocol as text
+    /// or bad, which says nothing of what comes later.
+    fn decide(&mut self, index: usize, len: usize) {
+        let lane = &mut self.lanes[index];
+        let idle = lane.idle();
+        let held = &lane.untold.make_contiguous()[..len];
+        // Of what is no format at all, PCUI complains least: nothing has its eight bytes by chance.
+        let mut stream = Stream::new(lane.codec.unwrap_or(&PCUI));
+        let mut found = Vec::new();
+        let (mut start, mut last) = (0, None);
+        for &(end, at) in &lane.times {
+            if start == len {
+                break;
+            }
+            if last.is_some_and(|last| at - last > idle) {
+                found.extend(stream.idle());
+            }
+            last = Some(at);
+            let until = usize::try_from(end - lane.told).expect("held in memory");
+            found.extend(stream.push(&held[start..until.min(len)]));
+            start = until.min(len);
+        }
+        if lane.codec.is_some() {
+            lane.stream = Some(stream);
+        } else {
+            found.extend(stream.idle());
+            lane.look_at = GUESS_FIRST;
+        }
+        self.told(index, found);
+    }
+
+    /// The lane fell quiet.
+    fn settle(&mut self, index: usize) {
+        let lane = &mut self.lanes[index];
+        if lane.untold.is_empty() {
+            return;
+        }
+        if lane.stream.is_none() {
+            lane.codec = codec::guess(lane.untold.make_contiguous());
+            let all = lane.untold.len();
+            self.decide(index, all);
+        }
+        let found = self.lanes[index].stream.as_mut().map(Stream::idle);
+        self.told(index, found.unwrap_or_default());
+    }
+
+    fn told(&mut self, index: usize, found: Vec<Stretch>) {
+        for Stretch { bytes: range, what } in found {
+            let lane = &mut self.lanes[index];
+            // A stream that began later than the lane counts from its own start.
+            let len = usize::try_from(range.end - range.start).expect("held in memory");
+            let place = lane.told;
+            let (at, bytes) = lane.take(len);
+            match what {
+                What::Frame(words) => {
+                    self.lanes[index].framed += len as u64;
+                    self.report(index, at, place, Said::Frame(words));
+                }
+                What::Bad(errors) => self.report_bad(index, (at, place), &bytes, errors),
+            }
+        }
+    }
+
+    /// Bad bytes, and the text among them.
+    fn report_bad(
+        &mut self,
+        index: usize,
+        (at, place): (Instant, u64),
+        bytes: &[u8],
+        errors: Vec<FrameError>,
+    ) {
+        let is_text = |byte: u8| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t');
+        let runs: Vec<&[u8]> = bytes.chunk_by(|a, b| is_text(*a) == is_text(*b)).collect();
+        let shown_as_text =
+            |run: &[u8]| is_text(run[0]) && (run.len() >= TEXT_MIN || run.len() == bytes.len());
+        let (mut start, mut errors) = (0, Some(errors));
+        let mut bad = 0..0;
+        for run in runs {
+            let own = start..start + run.len();
+            start = own.end;
+            if !shown_as_text(run) {
+                bad.end = own.end;
+                continue;
+            }
+            if !bad.is_empty() {
+                let said = Said::Bad(
+                    bytes[bad.clone()].to_vec(),
+                    errors.take().unwrap_or_default(),
+                );
+                self.report(index, at, place + bad.start as u64, said);
+            }
+            bad = own.end..own.end;
+            let said = Said::Text(words::text(run));
+            self.report(index, at, place + own.start as u64, said);
+        }
+        if !bad.is_empty() {
+            let said = Said::Bad(
+                bytes[bad.clone()].to_vec(),
+                errors.take().unwrap_or_default(),
+            );
+            self.report(index, at, place + bad.start as u64, said);
+        }
+    }
+
+    fn report(&mut self, index: usize, at: Instant, place: u64, said: Said) {
+        let Lane {
+            link, direction, ..
+        } = self.lanes[index];
+        let later = self.waiting.iter().rev();
+        let later = later.take_while(|entry| entry.at > at).count();
+        let entry = Entry {
+            at,
+            link,
+            direction,
+            place,
+            said,
+        };
+        self.waiting.insert(self.waiting.len() - later, entry);
+    }
+}
+
+impl Lane {
+    /// Silence after which a frame that was begun is given up.
+    fn idle(&self) -> Duration {
+        self.codec.map_or(IDLE, Codec::idle)
+    }
+
+    /// Bytes so far.
+    fn end(&self) -> u64 {
+        self.told + self.untold.len() as u64
+    }
+
+    /// When the first untold byte came: nothing earlier will be told of this lane.
+    fn first_untold(&self) -> Option<Instant> {
+        let untold = self.times.iter().find(|&&(end, _)| end > self.told);
+        untold.map(|&(_, at)| at)
+    }
+
+    /// Takes the first `len` untold bytes, with the time of the last of them.
+    fn take(&mut self, len: usize) -> (Instant, Vec<u8>) {
+        let bytes: Vec<u8> = self.untold.drain(..len.min(self.untold.len())).collect();
+        self.told += bytes.len() as u64;
+        while self.times.len() > 1 && self.times[0].0 < self.told {
+            self.times.pop_front();
+        }
+        let at = self.times.front().map_or(Instant::ZERO, |&(_, at)| at);
+        (at, bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(millis: u64, bytes: &[u8], comment: &str) -> Record {
+        Record {
+            link: 0,
+            sequence: None,
+            at: Instant::from_millis(millis),
+            direction: Direction::ToMaster,
+            kind: Kind::Data,
+            bytes: bytes.to_vec().into(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: comment.to_owned(),
+        }
+    }
+
+    /// What is said of these bytes when nothing follows, each with its place.
+    fn said(bytes: &[u8]) -> Vec<(u64, String)> {
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(5, bytes, ""), &link);
+        let all = transcript.finish();
+        all.map(|one| (one.place, one.said.to_string())).collect()
+    }
+
+    fn line(place: u64, words: &str) -> (u64, String) {
+        (place, words.to_owned())
+    }
+
+    /// Four printable bytes in a row are text among others, three are not; alone they are.
+    #[test]
+    fn text_among_bad_bytes_is_told_by_itself() {
+        assert_eq!(
+            said(b"\x01\x02help\x03"),
+            [
+                line(0, "BAD 2 bytes \"\\x01\\x02\""),
+                line(2, "text \"help\""),
+                line(6, "BAD 1 bytes \"\\x03\""),
+            ]
+        );
+        assert_eq!(
+            said(b"\x01sos\x02"),
+            [line(0, "BAD 5 bytes \"\\x01sos\\x02\"")]
+        );
+        assert_eq!(said(b"sos"), [line(0, "text \"sos\"")]);
+        assert_eq!(
+            said(b"help\x01"),
+            [line(0, "text \"help\""), line(4, "BAD 1 bytes \"\\x01\""),]
+        );
+        assert_eq!(
+            said(b"\x01ab\t~ \r\n"),
+            [
+                line(0, "BAD 1 bytes \"\\x01\""),
+                line(1, "text \"ab\\t~ \\r\\n\""),
+            ]
+        );
+    }
+
+    /// Of many bad bytes 32 are shown.
+    #[test]
+    fn bad_bytes_are_shown_up_to_so_many() {
+        let shown = |len: usize| Said::Bad(vec![b'x'; len], Vec::new()).to_string();
+        let xs = "x".repeat(32);
+        assert_eq!(shown(32), format!("BAD 32 bytes \"{xs}\""));
+        assert_eq!(shown(33), format!("BAD 33 bytes \"{xs}..\""));
+    }
+
+    /// Events stand before the bytes of their record, in the order of time, on one line.
+    #[test]
+    fn what_is_told_later_of_an_earlier_time_stands_before() {
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(5, b"help", ""), &link);
+        transcript.record(&record(6, b"", "fault:\none"), &link);
+        let kind = Kind::Other(7);
+        let other = Record {
+            kind,
+            ..record(7, b"", "two")
+        };
+        transcript.record(&other, &link);
+        let all: Vec<_> = transcript.finish().collect();
+        let all: Vec<_> = all
+            .iter()
+            .map(|one| (one.at.as_millis(), one.said.to_string()))
+            .collect();
+        assert_eq!(
+            all,
+            [
+                line(5, "text \"help\""),
+                line(6, "EVENT fault: one"),
+                line(7, "EVENT number 7 two"),
+            ]
+        );
+        let sums: Vec<_> = transcript.sums().collect();
+        let sum = Sum {
+            link: 0,
+            direction: Direction::ToMaster,
+            codec: None,
+            bytes: 4,
+            framed: 0,
+        };
+        assert_eq!(sums, [sum]);
+    }
+
+    /// A line is told when others can have nothing earlier any more: 100 ms later, and not before
+    /// what came earlier on a lane that is still looked at.
+    #[test]
+    fn a_line_waits_for_earlier_ones() {
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(10, b"", "one"), &link);
+        let ready = |transcript: &mut Transcript, millis| {
+            transcript.ready(Instant::from_millis(millis)).count()
+        };
+        assert_eq!(ready(&mut transcript, 110), 0);
+        assert_eq!(ready(&mut transcript, 111), 1);
+        transcript.record(&record(200, b"abc", ""), &link);
+        transcript.record(&record(200, b"", "two"), &link);
+        transcript.record(&record(201, b"", "three"), &link);
+        assert_eq!(ready(&mut transcript, 400), 1);
+        assert_eq!(transcript.all().count(), 1);
+    }
+
+    /// What lies between two texts has its own place.
+    #[test]
+    fn bad_bytes_between_texts_have_their_place() {
+        assert_eq!(
+            said(b"help\x01more\x02"),
+            [
+                line(0, "text \"help\""),
+                line(4, "BAD 1 bytes \"\\x01\""),
+                line(5, "text \"more\""),
+                line(9, "BAD 1 bytes \"\\x02\""),
+            ]
+        );
+    }
+
+    /// No protocol shows itself in 64, 128 and so on up to 2048 bytes: they are held. Of 4096 what
+    /// they are is told.
+    #[test]
+    fn bytes_of_no_protocol_are_held_for_so_long() {
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        let mut told = |bytes: usize| {
+            transcript.record(&record(5, &vec![2; bytes], ""), &link);
+            transcript.lanes[0].told
+        };
+        assert_eq!([64, 1, 4_030, 1, 1].map(&mut told), [0, 0, 0, 4_096, 4_096]);
+        // The next ones are looked at from there on.
+        assert_eq!([4_094, 1].map(&mut told), [4_096, 8_192]);
+    }
+
+    /// One frame of five bytes among 64 may be chance: it is believed when nothing better is found
+    /// in 4096.
+    #[test]
+    fn a_single_frame_is_not_believed_at_once() {
+        use protocols::avr::{ChecksumOrder, Frame};
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        let mut framed = |bytes: &[u8]| {
+            transcript.record(&record(5, bytes, ""), &link);
+            let sum = transcript.sums().next().expect("one lane");
+            (sum.codec.is_some(), sum.framed)
+        };
+        let first = [frame.as_bytes(), &[2; 59]].concat();
+        assert_eq!(framed(&first), (false, 0));
+        assert_eq!(framed(&[2; 4_031]), (false, 0));
+        assert_eq!(framed(&[2; 1]), (true, 5));
+    }
+
+    /// A frame that comes in two pieces within its protocol's idle time is one.
+    #[test]
+    fn a_frame_may_come_in_pieces() {
+        use protocols::avr::{ChecksumOrder, Frame};
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let (begin, rest) = frame.as_bytes().split_at(2);
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(5, begin, ""), &link);
+        transcript.record(&record(6, rest, ""), &link);
+        let all: Vec<_> = transcript.finish().collect();
+        assert_eq!(all.len(), 1);
+        assert!(matches!(&all[0].said, Said::Frame(words) if words.contains("36")));
+    }
+
+    /// Of two whole frames and half of one, ten bytes are sound; what is still to be told came with
+    /// the half.
+    #[test]
+    fn what_is_told_of_a_lane_is_no_longer_waited_for() {
+        use protocols::avr::{ChecksumOrder, Frame};
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let codec = codec::guess(frame.as_bytes());
+        let mut transcript = Transcript::new(codec);
+        let link = Interface::new("x", 1_000_000);
+        transcript.record(&record(5, frame.as_bytes(), ""), &link);
+        transcript.record(&record(6, frame.as_bytes(), ""), &link);
+        assert_eq!(transcript.lanes[0].first_untold(), None);
+        transcript.record(&record(7, &frame.as_bytes()[..3], ""), &link);
+        let first = transcript.lanes[0].first_untold();
+        assert_eq!(first, Some(Instant::from_millis(7)));
+        let sums: Vec<_> = transcript
+            .sums()
+            .map(|sum| (sum.bytes, sum.framed))
+            .collect();
+        assert_eq!(sums, [(13, 10)]);
+    }
+}

@@ -1,0 +1,280 @@
+//! Where two streams of bytes part: the first byte that differs, when, and what it means.
+
+use core::fmt;
+use core::time::Duration;
+
+use protocols::Instant;
+
+use engine::codec::{self, Codec, Stretch, What};
+use engine::hex::digits;
+use engine::rig::line::Direction;
+
+/// The bytes of one direction of a link, with the time of each piece.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Track {
+    bytes: Vec<u8>,
+    /// Where each piece ends, and when.
+    ends: Vec<(usize, Instant)>,
+}
+
+impl Track {
+    /// Appends a piece whose last byte was complete at `at`.
+    pub fn push(&mut self, at: Instant, bytes: &[u8]) {
+        if !bytes.is_empty() {
+            self.bytes.extend_from_slice(bytes);
+            self.ends.push((self.bytes.len(), at));
+        }
+    }
+
+    /// All bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// The pieces with their times.
+    pub fn pieces(&self) -> impl Iterator<Item = (Instant, &[u8])> {
+        let starts = core::iter::once(0).chain(self.ends.iter().map(|&(end, _)| end));
+        let pieces = starts.zip(&self.ends);
+        pieces.map(|(start, &(end, at))| (at, &self.bytes[start..end]))
+    }
+
+    /// When byte `index` was complete, as far as the pieces tell: its piece's last byte.
+    pub fn time_of(&self, index: usize) -> Option<Instant> {
+        let piece = self.ends.partition_point(|&(end, _)| end <= index);
+        self.ends.get(piece).map(|&(_, at)| at)
+    }
+
+    /// When the last byte was complete.
+    pub fn end(&self) -> Option<Instant> {
+        self.ends.last().map(|&(_, at)| at)
+    }
+
+    /// The longest time by which a piece of `other` ended earlier or later, over the bytes that
+    /// both have.
+    pub fn largest_shift(&self, other: &Self) -> Duration {
+        let shift = |&(end, at): &(usize, Instant)| {
+            let there = other.time_of(end - 1)?;
+            Some((at - there).max(there - at))
+        };
+        self.ends.iter().filter_map(shift).max().unwrap_or_default()
+    }
+}
+
+/// The first difference between what was expected on a line and what came.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Divergence {
+    /// Name of the link.
+    pub link: String,
+    /// Which way.
+    pub direction: Direction,
+    /// When the byte was complete: as expected, or as it came if none was expected.
+    pub at: Instant,
+    /// Number of the byte on its line, from zero.
+    pub byte: usize,
+    /// What was expected there; `None`: nothing more.
+    pub expected: Option<u8>,
+    /// What came; `None`: nothing more.
+    pub got: Option<u8>,
+    /// The frame that the byte belongs to, in words: as expected, and as it came.
+    pub frames: [String; 2],
+}
+
+/// Compares what came on a line with what was expected.
+pub fn compare(
+    link: &str,
+    direction: Direction,
+    expected: &Track,
+    got: &Track,
+) -> Option<Divergence> {
+    let pairs = expected.bytes.iter().zip(&got.bytes);
+    let same = pairs.take_while(|(expected, got)| expected == got).count();
+    let at = expected.time_of(same).or_else(|| got.time_of(same))?;
+    let codec = codec::guess(&expected.bytes).or_else(|| codec::guess(&got.bytes));
+    let frame = |track: &Track| words(codec, &track.bytes, same);
+    Some(Divergence {
+        link: link.to_owned(),
+        direction,
+        at,
+        byte: same,
+        expected: expected.bytes.get(same).copied(),
+        got: got.bytes.get(same).copied(),
+        frames: [frame(expected), frame(got)],
+    })
+}
+
+/// Bytes before and behind the one in question that are decoded: a frame is shorter, and what
+/// comes before is the same on both sides.
+const AROUND: usize = 4096;
+
+/// Longest text of a frame: a row of a map is longer.
+const WORDS_MAX: usize = 200;
+
+/// What `byte` of `bytes` is part of.
+fn words(codec: Option<&'static Codec>, bytes: &[u8], byte: usize) -> String {
+    if byte >= bytes.len() {
+        return "nothing more".to_owned();
+    }
+    let start = byte.saturating_sub(AROUND);
+    let part = &bytes[start..bytes.len().min(byte + AROUND)];
+    let Some(codec) = codec else {
+        return format!("no known protocol: {}", hex(part, byte - start));
+    };
+    let place = (byte - start) as u64;
+    let Some(Stretch { bytes: range, what }) = codec
+        .found(part)
+        .into_iter()
+        .find(|found| found.bytes.contains(&place))
+    else {
+        return format!("no frame: {}", hex(part, byte - start));
+    };
+    let index = |at: u64| usize::try_from(at).expect("within a slice");
+    let (first, last) = (index(range.start), index(range.end) - 1);
+    let place = format!("bytes {}..={}", start + first, start + last);
+    match what {
+        What::Frame(words) => {
+            let short: String = words.chars().take(WORDS_MAX).collect();
+            let more = if short.len() < words.len() { ".." } else { "" };
+            format!("{short}{more} ({} frame, {place})", codec.name())
+        }
+        What::Bad(errors) => {
+            let mut text = format!("no {} frame ({place})", codec.name());
+            for error in errors {
+                text += &format!("; {error}");
+            }
+            format!("{text}: {}", hex(part, byte - start))
+        }
+    }
+}
+
+/// Some bytes around `byte`, that one in brackets.
+fn hex(bytes: &[u8], byte: usize) -> String {
+    let range = byte.saturating_sub(8)..bytes.len().min(byte + 9);
+    let shown = range.map(|index| {
+        let digits = digits(&bytes[index..=index]);
+        match index == byte {
+            true => format!("[{digits}]"),
+            false => digits,
+        }
+    });
+    shown.collect::<Vec<_>>().join(" ")
+}
+
+impl fmt::Display for Divergence {
+    /// Three lines: place and bytes, the frame as expected, the frame as it came.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let byte = |byte: Option<u8>| match byte {
+            Some(byte) => format!("{byte:#04x}"),
+            None => "nothing".to_owned(),
+        };
+        let (link, to, number) = (&self.link, self.direction.name(), self.byte);
+        let [expected, got] = [self.expected, self.got].map(byte);
+        writeln!(
+            f,
+            "{} s, {link} {to}, byte {number}: expected {expected}, got {got}",
+            self.at
+        )?;
+        let [as_expected, as_it_came] = &self.frames;
+        write!(f, "  expected: {as_expected}\n  got:      {as_it_came}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocols::avr::{self, ChecksumOrder};
+
+    fn track(pieces: &[(u64, &[u8])]) -> Track {
+        let mut track = Track::default();
+        for &(at, bytes) in pieces {
+            track.push(Instant::from_millis(at), bytes);
+        }
+        track
+    }
+
+    fn read(register: u8) -> Vec<u8> {
+        let frame = avr::Frame::read(register, 10, ChecksumOrder::LowFirst);
+        frame.as_bytes().to_vec()
+    }
+
+    /// Two register reads of five bytes; in the second another register is asked for, so its
+    /// second byte differs: number 6 of the line, complete at 2 ms. No such register has a name.
+    #[test]
+    fn the_first_different_byte_is_told_with_its_frame() {
+        let expected = track(&[(1, &read(36)), (2, &read(60))]);
+        let got = track(&[(1, &read(36)), (3, &read(61))]);
+        let divergence = compare("base", Direction::ToDevice, &expected, &got);
+        let divergence = divergence.expect("one byte differs");
+        assert_eq!(
+            (divergence.byte, divergence.at),
+            (6, Instant::from_millis(2))
+        );
+        insta::assert_snapshot!(divergence, @r"
+        0.002000 s, base to-device, byte 6: expected 0x3c, got 0x3d
+          expected: read 10 from 60: (bus frame, bytes 5..=9)
+          got:      read 10 from 61: (bus frame, bytes 5..=9)
+        ");
+        assert_eq!(expected.largest_shift(&got), Duration::from_millis(1));
+    }
+
+    #[test]
+    fn what_is_missing_or_too_much_is_a_difference_too() {
+        let (long, short) = (track(&[(1, b"ab"), (2, b"c")]), track(&[(1, b"ab")]));
+        let of = |expected, got| compare("x", Direction::ToDevice, expected, got);
+        let missing = of(&long, &short).expect("c is missing");
+        assert_eq!(
+            (missing.byte, missing.expected, missing.got),
+            (2, Some(b'c'), None)
+        );
+        let extra = of(&short, &long).expect("c is too much");
+        assert_eq!(
+            (extra.byte, extra.expected, extra.got),
+            (2, None, Some(b'c'))
+        );
+        assert_eq!(of(&long, &long), None);
+    }
+
+    /// Two bytes at 1 ms, nothing at 2 ms, one at 3 ms.
+    #[test]
+    fn a_track_knows_its_pieces_and_their_times() {
+        let track = track(&[(1, b"ab"), (2, b""), (3, b"c")]);
+        let millis = Instant::from_millis;
+        assert_eq!(track.bytes(), b"abc");
+        let pieces: Vec<_> = track.pieces().collect();
+        assert_eq!(pieces, [(millis(1), &b"ab"[..]), (millis(3), b"c")]);
+        let times = [0, 1, 2, 3].map(|byte| track.time_of(byte));
+        assert_eq!(
+            times,
+            [Some(millis(1)), Some(millis(1)), Some(millis(3)), None]
+        );
+        assert_eq!(
+            (track.end(), Track::default().end()),
+            (Some(millis(3)), None)
+        );
+    }
+
+    /// The largest is told, whichever way; of bytes that only one has, none.
+    #[test]
+    fn a_shift_is_earlier_or_later() {
+        let here = track(&[(10, b"a"), (20, b"b"), (90, b"c")]);
+        let shift = |there: &[(u64, &[u8])]| here.largest_shift(&track(there)).as_millis();
+        assert_eq!(shift(&[(12, b"a"), (21, b"b")]), 2);
+        assert_eq!(shift(&[(10, b"a"), (13, b"b")]), 7);
+        assert_eq!(shift(&[(25, b"ab")]), 15);
+        assert_eq!(shift(&[]), 0);
+    }
+
+    /// Eight bytes on both sides, the one in question in brackets.
+    #[test]
+    fn bytes_of_no_protocol_are_shown_around_the_place() {
+        let bytes: Vec<u8> = (0..=20).collect();
+        let around = "02 03 04 05 06 07 08 09 [0A] 0B 0C 0D 0E 0F 10 11 12";
+        assert_eq!(hex(&bytes, 10), around);
+        assert_eq!(hex(&bytes, 0), "[00] 01 02 03 04 05 06 07 08");
+        assert_eq!(hex(&bytes, 20), "0C 0D 0E 0F 10 11 12 13 [14]");
+        assert_eq!(words(None, &bytes, 21), "nothing more");
+        assert_eq!(
+            words(None, &bytes, 20),
+            format!("no known protocol: {}", hex(&bytes, 20))
+        );
+    }
+}

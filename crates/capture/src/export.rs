@@ -1,0 +1,204 @@
+//! Captures in the forms of other tools.
+//!
+//! Bytes are written as they reached their receiver, lidar turns as far as they are whole. What the
+//! program believed, its way and its map, is not on the wire: it comes from a replay.
+
+mod carmen;
+mod csv;
+#[cfg(feature = "mcap")]
+mod mcap;
+mod scans;
+mod vcd;
+
+use std::path::{Path, PathBuf};
+
+use emulators::world::Pose;
+use protocols::Instant;
+
+use crate::Capture;
+use crate::replay::{Recorded, Replay, ReplayError, Voice};
+use engine::robots::KeptMap;
+use engine::run::LOOK_EVERY;
+use engine::scenario::{Scenario, Source};
+use show::folder;
+use show::render;
+use show::whole_file;
+
+pub use carmen::Laser;
+
+/// Forms that can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum Format {
+    /// Every record as a row, with bytes in hex (.csv)
+    Csv,
+    /// The lines as a logic analyzer would see them, bit by bit (.vcd)
+    Vcd,
+    /// Bytes, lidar turns, the believed way and map, for Foxglove and its like (.mcap)
+    #[cfg(feature = "mcap")]
+    Mcap,
+    /// Lidar turns with the believed poses, for mappers (.log, .carmen)
+    Carmen,
+    /// The believed way, eight columns (.tum)
+    Tum,
+    /// The believed map, with its picture beside it (.yaml)
+    RosMap,
+}
+
+impl Format {
+    /// The form that a file's name asks for.
+    pub fn of(path: &Path) -> Option<Self> {
+        Some(match path.extension()?.to_str()? {
+            "csv" => Self::Csv,
+            "vcd" => Self::Vcd,
+            #[cfg(feature = "mcap")]
+            "mcap" => Self::Mcap,
+            "log" | "carmen" => Self::Carmen,
+            "tum" => Self::Tum,
+            "yaml" | "yml" => Self::RosMap,
+            _ => return None,
+        })
+    }
+
+    /// Whether the form holds nothing but what the program believed.
+    pub fn is_belief(self) -> bool {
+        matches!(self, Self::Tum | Self::RosMap)
+    }
+
+    /// Whether the form holds bytes and nothing else.
+    pub fn is_bytes(self) -> bool {
+        matches!(self, Self::Csv | Self::Vcd)
+    }
+}
+
+/// What the program believed of itself and its surroundings.
+#[derive(Clone, Debug, Default)]
+pub struct Belief {
+    /// Its way; times begin with the capture.
+    pub way: Vec<(Instant, Pose)>,
+    /// Its map at the end.
+    pub map: Option<KeptMap>,
+}
+
+impl Belief {
+    /// Replays `recorded` and asks the program every few milliseconds, as a run does. Long
+    /// silences are played shorter; the times of the way are those of the capture all the same.
+    ///
+    /// # Errors
+    /// If it cannot be replayed.
+    pub fn of(
+        recorded: &Recorded,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Self, ReplayError> {
+        let (recorded, silences) = recorded.clone().shortened();
+        let mut replay = Replay::new(&recorded, scenario, source, Voice::Program)?;
+        let mut way: Vec<(Instant, Pose)> = Vec::new();
+        while !replay.is_over() {
+            replay.run_for(LOOK_EVERY);
+            if let Some((at, pose)) = replay.instruments().estimate(replay.rig())
+                && let at = silences.captured_at(at)
+                && way.last().is_none_or(|&(last, _)| last < at)
+            {
+                way.push((at, pose));
+            }
+        }
+        let map = replay.instruments().map(replay.rig());
+        Ok(Self {
+            map: map.map(KeptMap::from),
+            way,
+        })
+    }
+
+    /// Where the program believed to be at `at`: what it said last, or first.
+    fn pose_at(&self, at: Instant) -> Option<Pose> {
+        let behind = self.way.partition_point(|&(said, _)| said <= at);
+        let entry = self.way.get(behind.saturating_sub(1))?;
+        Some(entry.1)
+    }
+}
+
+/// What is exported.
+#[derive(Clone, Copy)]
+pub struct Export<'a> {
+    /// The capture.
+    pub capture: &'a Capture,
+    /// The same, ready to be played.
+    pub recorded: &'a Recorded,
+    /// What the program believed, if it is known which one it was.
+    pub belief: Option<&'a Belief>,
+    /// How CARMEN's lidar turns are written.
+    pub laser: Laser,
+}
+
+/// An export came to nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The capture has nothing that the form could hold.
+    #[error("{0}")]
+    Nothing(&'static str),
+    /// The file could not be written.
+    #[error("cannot write {path}: {1}", path = .0.display())]
+    File(PathBuf, String),
+}
+
+impl Export<'_> {
+    /// Writes `path` as `format`; what is in it, in words.
+    ///
+    /// # Errors
+    /// If there is nothing to write, or it cannot be written.
+    pub fn write(&self, format: Format, path: &Path) -> Result<String, ExportError> {
+        let (bytes, words) = match format {
+            Format::Csv => {
+                let words = format!("{} records", self.capture.records.len());
+                (csv::write(self).into_bytes(), words)
+            }
+            Format::Vcd => vcd::write(self),
+            #[cfg(feature = "mcap")]
+            Format::Mcap => mcap::write(self)
+                .map_err(|error| ExportError::File(path.to_owned(), error.to_string()))?,
+            Format::Carmen => carmen::write(self)?,
+            Format::Tum => {
+                let way = self.belief.map_or(&[][..], |belief| &belief.way);
+                if way.is_empty() {
+                    return Err(ExportError::Nothing("the program believed to be nowhere"));
+                }
+                (
+                    folder::tum(way).into_bytes(),
+                    format!("{} poses", way.len()),
+                )
+            }
+            Format::RosMap => self.map(path)?,
+        };
+        whole_file::write(path, bytes)
+            .map_err(|error| ExportError::File(path.to_owned(), error.to_string()))?;
+        Ok(words)
+    }
+
+    fn map(&self, path: &Path) -> Result<(Vec<u8>, String), ExportError> {
+        let map = self
+            .belief
+            .and_then(|belief| belief.map.as_ref().map(KeptMap::view));
+        let map = map.ok_or(ExportError::Nothing("the program has no map"))?;
+        let picture = path.with_extension("pgm");
+        let name = picture.file_name().unwrap_or_default().to_string_lossy();
+        let text = render::ros_yaml(map, &name);
+        whole_file::write(&picture, render::ros_image(map).pgm())
+            .map_err(|error| ExportError::File(picture.clone(), error.to_string()))?;
+        let words = format!("{} x {} cells, picture {name}", map.width(), map.height());
+        Ok((text.into_bytes(), words))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_form_holds_bytes_or_beliefs_or_both() {
+        let holds = |form: Format| (form.is_bytes(), form.is_belief());
+        assert_eq!([Format::Csv, Format::Vcd].map(holds), [(true, false); 2]);
+        assert_eq!([Format::Tum, Format::RosMap].map(holds), [(false, true); 2]);
+        assert_eq!(holds(Format::Carmen), (false, false));
+    }
+}

@@ -1,0 +1,77 @@
+//! jpnevulator's dump of what it read.
+//!
+//! ```text
+//! 2026-11-21 07:58:50.596918: A
+//! 00000000<tab>FA A0 0A 41<tab>...A
+//! ```
+//!
+//! Behind the colon stands an alias of the port, if one was given; the counter and the text are
+//! options of the tool. The last line has no end.
+
+use super::text::{Line, decimal_nanos, lines, moment, utf8};
+use super::{ImportError, Imported, LOCAL, Options};
+use crate::Kind;
+use engine::hex;
+
+/// Whether a line begins a block.
+pub(super) fn is_head(text: &[u8]) -> bool {
+    head(text).is_some()
+}
+
+/// Time in nanoseconds since 1970, and the alias.
+fn head(text: &[u8]) -> Option<(u64, &str)> {
+    let text = utf8(text);
+    let (date, rest) = text.split_once(' ')?;
+    let (time, fraction) = rest.split_once('.')?;
+    let (fraction, alias) = fraction.split_once(':')?;
+    if fraction.len() != 6 {
+        return None;
+    }
+    let fraction = decimal_nanos(&format!("0.{fraction}"))?;
+    let nanos = moment(date, time, '-')?.checked_mul(1_000_000_000)?;
+    Some((nanos + fraction, alias.trim()))
+}
+
+pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    out.notes.push(LOCAL);
+    let mut block: Option<(u64, usize, Vec<u8>)> = None;
+    for line in lines(bytes).filter(|line| !line.text.is_empty()) {
+        if let Some((nanos, alias)) = head(line.text) {
+            end(block.take(), options, out);
+            let name = if alias.is_empty() {
+                &options.link
+            } else {
+                alias
+            };
+            let link = out.link(name, options);
+            block = Some((nanos, link, Vec::new()));
+            continue;
+        }
+        let Some((_, _, bytes)) = &mut block else {
+            let expected = "expected \"YYYY-MM-DD hh:mm:ss.uuuuuu: \", as --timing-print writes";
+            return Err(line.wrong(expected));
+        };
+        bytes.extend(dumped(line)?);
+    }
+    end(block, options, out);
+    Ok(())
+}
+
+fn end(block: Option<(u64, usize, Vec<u8>)>, options: &Options, out: &mut Imported) {
+    if let Some((nanos, link, bytes)) = block
+        && !bytes.is_empty()
+    {
+        out.push(link, nanos, options.direction, Kind::Data, &bytes);
+    }
+}
+
+fn dumped(line: Line<'_>) -> Result<Vec<u8>, ImportError> {
+    let mut columns = line.text.split(|&byte| byte == b'\t').peekable();
+    let is_counter = |column: &&[u8]| column.len() == 8 && !column.contains(&b' ');
+    columns.next_if(is_counter);
+    let field = columns.next().unwrap_or_default().trim_ascii_end();
+    let bytes: Option<Vec<u8>> = field.split(|&byte| byte == b' ').map(hex::byte).collect();
+    bytes
+        .filter(|bytes| bytes.len() <= 16)
+        .ok_or_else(|| line.wrong("expected up to 16 bytes of two hex digits with a space between"))
+}

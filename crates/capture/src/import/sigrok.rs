@@ -1,0 +1,94 @@
+//! Annotations of sigrok's UART decoder.
+//!
+//! ```text
+//! 5313-6147 uart-1: FA
+//! ```
+//!
+//! The range is in samples and covers the data bits; without it the bytes are taken as back to
+//! back.
+
+use super::text::{Line, lines, number, utf8};
+use super::{ImportError, Imported, Options};
+use crate::Kind;
+use engine::hex;
+use protocols::LineEvent;
+
+struct Annotation<'a> {
+    samples: Option<(u64, u64)>,
+    what: &'a str,
+}
+
+fn annotation(text: &[u8]) -> Option<Annotation<'_>> {
+    let (head, what) = utf8(text).split_once(": ")?;
+    let (range, decoder) = match head.split_once(' ') {
+        Some((range, decoder)) => (Some(range), decoder),
+        None => (None, head),
+    };
+    number(decoder.strip_prefix("uart-")?)?;
+    let samples = match range {
+        None => None,
+        Some(range) => {
+            let (from, to) = range.split_once('-')?;
+            Some((number(from)?, number(to)?))
+        }
+    };
+    Some(Annotation { samples, what })
+}
+
+/// Whether a line is a byte.
+pub(super) fn is_data(text: &[u8]) -> bool {
+    annotation(text).is_some_and(|one| hex::byte(one.what.as_bytes()).is_some())
+}
+
+pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    out.clock = "virtual";
+    let link = out.link(&options.link, options);
+    let (mut count, mut last_end) = (0, None);
+    for line in lines(bytes).filter(|line| !line.text.is_empty()) {
+        let expected = "expected \"FROM-TO uart-1: XX\" or \"uart-1: XX\"";
+        let one = annotation(line.text).ok_or_else(|| line.wrong(expected))?;
+        let nanos = time(line, &one, options, count)?;
+        let (kind, byte) = match (one.what, hex::byte(one.what.as_bytes())) {
+            (_, Some(byte)) => (Kind::Data, Some(byte)),
+            ("Frame error", None) => {
+                // Said of the byte above, if that ends where this begins.
+                if one.samples.is_some_and(|(from, _)| last_end == Some(from)) {
+                    out.records.pop();
+                }
+                (Kind::Line(LineEvent::FramingError), None)
+            }
+            ("Break condition" | "Break", None) => (Kind::Line(LineEvent::Break), None),
+            _ => {
+                let what = one.what.escape_default();
+                let expected = "expected two hex digits: choose -A uart=rx-data";
+                return Err(line.wrong(format!("found \"{what}\", {expected}")));
+            }
+        };
+        count += usize::from(byte.is_some());
+        last_end = one.samples.map(|(_, to)| to).filter(|_| byte.is_some());
+        out.push(link, nanos, options.direction, kind, byte.as_slice());
+    }
+    Ok(())
+}
+
+/// When the stop bit ended, ns.
+fn time(
+    line: Line<'_>,
+    one: &Annotation<'_>,
+    options: &Options,
+    count: usize,
+) -> Result<u64, ImportError> {
+    let Some((_, to)) = one.samples else {
+        if options.baud.is_none() {
+            let expected = "no sample numbers: expected --baud, or a dump with \
+                            --protocol-decoder-samplenum";
+            return Err(line.wrong(expected));
+        }
+        return Ok(options.byte_nanos(count + 1));
+    };
+    let rate = options.sample_rate.filter(|&rate| rate > 0);
+    let rate = rate.ok_or_else(|| line.wrong("sample numbers: expected --samplerate"))?;
+    let nanos = u128::from(to) * 1_000_000_000 / u128::from(rate);
+    let nanos = u64::try_from(nanos).map_err(|_| line.wrong("the sample number is too large"))?;
+    Ok(nanos.saturating_add(options.byte_nanos(1) / 10))
+}

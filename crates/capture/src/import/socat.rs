@@ -1,0 +1,124 @@
+//! socat's dump of both directions.
+//!
+//! ```text
+//! > 2026/11/21 07:58:48.000761120  length=11 from=0 to=10
+//!  fa a0 0a                                         ...
+//!  41 42                                            AB
+//! --
+//! ```
+//!
+//! Hex stands in a field of 16 times 3 columns, text behind it, and a line ends early after 0x0A.
+//! The fraction of version 1.7 is microseconds filled up to nine digits (.000761120 is 0.761120 s,
+//! found by known gaps); a file in which one is larger has nanoseconds.
+
+use super::text::{Line, lines, moment, number, utf8};
+use super::{ImportError, Imported, LOCAL, Options, opposite};
+use crate::Kind;
+use engine::hex;
+use engine::rig::line::Direction;
+
+struct Head {
+    is_left_to_right: bool,
+    seconds: u64,
+    fraction: u64,
+    length: usize,
+}
+
+/// Whether a line begins a block.
+pub(super) fn is_head(text: &[u8]) -> bool {
+    head(text).is_some()
+}
+
+fn head(text: &[u8]) -> Option<Head> {
+    let mut words = utf8(text).split_ascii_whitespace();
+    let is_left_to_right = match words.next()? {
+        ">" => true,
+        "<" => false,
+        _ => return None,
+    };
+    let (date, time) = (words.next()?, words.next()?);
+    let (time, fraction) = time.split_once('.')?;
+    let length = number(words.next()?.strip_prefix("length=")?)?;
+    Some(Head {
+        is_left_to_right,
+        seconds: moment(date, time, '/')?,
+        fraction: number(fraction).filter(|&fraction| fraction < 1_000_000_000)?,
+        length: usize::try_from(length).ok()?,
+    })
+}
+
+struct Block {
+    head: Head,
+    bytes: Vec<u8>,
+}
+
+pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    let heads = lines(bytes).filter_map(|line| head(line.text));
+    let has_nanoseconds = heads.map(|head| head.fraction).max() >= Some(1_000_000);
+    let unit = if has_nanoseconds { 1 } else { 1_000 };
+    let link = out.link(&options.link, options);
+    out.notes.push(LOCAL);
+    let mut block: Option<Block> = None;
+    let mut last = None;
+    for line in lines(bytes) {
+        last = Some(line);
+        match &mut block {
+            Some(open) if open.bytes.len() < open.head.length => {
+                open.bytes
+                    .extend(dumped(line, open.head.length - open.bytes.len())?);
+            }
+            Some(Block { head, bytes }) if line.text == b"--" => {
+                let direction = direction(head, options);
+                let nanos = head.seconds * 1_000_000_000 + head.fraction * unit;
+                out.push(link, nanos, direction, Kind::Data, bytes);
+                block = None;
+            }
+            Some(_) => return Err(line.wrong("expected \"--\" behind the block")),
+            // Between blocks socat's own diagnostics may stand.
+            None => {
+                if let Some(head) = head(line.text) {
+                    let bytes = Vec::new();
+                    block = Some(Block { head, bytes });
+                } else if [b"> ", b"< "]
+                    .iter()
+                    .any(|mark| line.text.starts_with(*mark))
+                {
+                    return Err(line.wrong(
+                        "expected \"> YYYY/MM/DD hh:mm:ss.fraction length=N from=N to=N\"",
+                    ));
+                }
+            }
+        }
+    }
+    match (block, last) {
+        (Some(Block { head, bytes }), Some(line)) => {
+            let (found, length) = (bytes.len(), head.length);
+            Err(line.wrong(format!(
+                "the last block ends after {found} of {length} bytes"
+            )))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn direction(head: &Head, options: &Options) -> Direction {
+    match head.is_left_to_right {
+        true => options.direction,
+        false => opposite(options.direction),
+    }
+}
+
+/// The bytes of one line, at most `most`.
+fn dumped(line: Line<'_>, most: usize) -> Result<Vec<u8>, ImportError> {
+    let field = &line.text[..line.text.len().min(48)];
+    let cells = field.chunks(3);
+    let cells = cells.take_while(|cell| cell.iter().any(|&byte| byte != b' '));
+    let byte = |cell: &[u8]| cell.strip_prefix(b" ").and_then(hex::byte);
+    let bytes: Option<Vec<u8>> = cells.map(byte).collect();
+    let bytes = bytes.filter(|bytes| !bytes.is_empty() && bytes.len() <= most);
+    bytes.ok_or_else(|| {
+        line.wrong(format!(
+            "expected 1 to {most} bytes of two hex digits behind spaces"
+        ))
+    })
+}

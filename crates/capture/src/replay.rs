@@ -1,0 +1,430 @@
+//! A capture fed back: into the robot's program in virtual time, or into ports.
+//!
+//! In virtual time the robot is wired as for any run, but what reaches the program comes from the
+//! capture, byte by byte at the recorded nanosecond. The devices still hear the program and judge
+//! it; what they would say to it is thrown away. So a program that is the same as in the captured
+//! run sends the same bytes at the same time, and the devices judge it as they did then.
+
+mod rig;
+mod silence;
+
+use core::cell::RefCell;
+use core::time::Duration;
+use std::rc::Rc;
+
+use protocols::{Instant, LineConfig, LineEvent};
+
+use crate::divergence::{Divergence, Track, compare};
+use crate::{Capture, Kind, Record};
+use engine::rig::line::{Delivery, Direction};
+use engine::rig::trace::{Side, Tap};
+use engine::rig::{Logged, Program, Rig};
+use engine::robots::{self, Dut, Instruments, PcEnd, Wired};
+use engine::run::LOOK_EVERY;
+use engine::run::check::Check;
+use engine::run::watch::Watchers;
+use engine::scenario::{PhasesSpec, Scenario, ScenarioError, Source};
+
+pub use rig::{Ear, StandIn};
+pub use silence::{SILENCE_MAX, Silence, Silences};
+
+/// Why a capture cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The robot cannot be wired.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The capture does not fit the robot, or says nothing.
+    #[error("{0}")]
+    Capture(String),
+}
+
+/// What reaches the far end of a line at one moment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Arrival {
+    /// When its last byte was complete.
+    pub at: Instant,
+    /// The bytes; none: a character without a stop bit.
+    pub bytes: Vec<u8>,
+}
+
+/// What passed one link.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Passage {
+    /// Name of the link.
+    pub link: String,
+    /// Bits per second.
+    pub baud: u32,
+    /// What reached the program, in order.
+    pub arrivals: Vec<Arrival>,
+    /// What reached the device, in order.
+    pub heard: Vec<Arrival>,
+    /// What the program sent.
+    pub sent: Track,
+}
+
+/// What a capture says of each link, ready to be played; times begin with the run.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Recorded {
+    /// The links.
+    pub links: Vec<Passage>,
+    /// When the last thing happened.
+    pub end: Instant,
+    /// What the capture's own clock showed at time zero.
+    pub zero: Instant,
+}
+
+impl Recorded {
+    /// What `capture` says, up to `until` after its beginning. A capture whose clock is not that
+    /// of a run begins with its first record.
+    pub fn of(capture: &Capture, until: Option<Duration>) -> Self {
+        let clock = capture
+            .sections
+            .first()
+            .and_then(|section| section.fact("clock"));
+        let first = capture.records.iter().map(|record| record.at).min();
+        let zero = match clock {
+            Some("virtual") => Instant::ZERO,
+            _ => first.unwrap_or_default(),
+        };
+        let mut this = Self {
+            zero,
+            ..Self::default()
+        };
+        for link in &capture.links {
+            this.links.push(Passage {
+                link: link.name.clone(),
+                baud: link.baud,
+                ..Passage::default()
+            });
+        }
+        let mut records: Vec<&Record> = capture.records.iter().collect();
+        records.sort_by_key(|record| record.at);
+        for record in records {
+            let shift = |at: Instant| Instant::ZERO + (at - zero);
+            if until.is_some_and(|until| record.at - zero > until) {
+                break;
+            }
+            this.end = this.end.max(shift(record.at));
+            this.links[record.link].take(record, shift);
+        }
+        this
+    }
+}
+
+impl Passage {
+    /// The line's coding; a capture that does not say is played as if at the usual rate.
+    pub fn line(&self) -> LineConfig {
+        LineConfig::new_8n1(match self.baud {
+            0 => 115_200,
+            baud => baud,
+        })
+    }
+
+    fn take(&mut self, record: &Record, shift: impl Fn(Instant) -> Instant) {
+        let line = self.line();
+        let list = match record.direction {
+            Direction::ToMaster => &mut self.arrivals,
+            Direction::ToDevice => &mut self.heard,
+        };
+        match record.kind {
+            Kind::Data => {
+                let chunks = record.chunks(line).into_iter();
+                let arrivals = chunks.map(|(at, bytes)| Arrival {
+                    at: shift(at),
+                    bytes: bytes.to_vec(),
+                });
+                list.extend(arrivals.clone());
+                match &record.sent {
+                    _ if record.direction == Direction::ToMaster => {}
+                    Some(sent) => self.sent.push(shift(sent.at), &sent.bytes),
+                    None => arrivals.for_each(|one| self.sent.push(one.at, &one.bytes)),
+                }
+            }
+            Kind::Line(LineEvent::FramingError) => list.push(Arrival {
+                at: shift(record.at),
+                bytes: Vec::new(),
+            }),
+            Kind::Line(_) | Kind::Other(_) => {}
+        }
+    }
+}
+
+/// Who sends to the devices in a replay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Voice {
+    /// The program.
+    Program,
+    /// The capture: the program is not heard, so the devices judge what was recorded.
+    Capture,
+}
+
+/// A replay under way.
+pub struct Replay {
+    rig: Rig,
+    /// Link of the rig, line, and what arrives there.
+    feed: Vec<Feed>,
+    expected: Vec<(usize, Passage)>,
+    sent: Rc<RefCell<Vec<Track>>>,
+    instruments: Box<dyn Instruments>,
+    watchers: Watchers,
+    next_look: Instant,
+    end: Instant,
+}
+
+struct Feed {
+    link: usize,
+    direction: Direction,
+    arrivals: std::vec::IntoIter<Arrival>,
+}
+
+/// How a replay ended.
+#[derive(Clone, Debug)]
+pub struct Replayed {
+    /// Length in virtual time.
+    pub ran: Duration,
+    /// Bytes that reached the program.
+    pub heard: usize,
+    /// What the program sent on each link, beside what the capture says it sent.
+    pub links: Vec<Played>,
+    /// Rules that the program broke, as the devices saw it.
+    pub violations: Vec<Logged>,
+    /// Verdicts of the checkers that watch every run.
+    pub checks: Vec<Check>,
+    /// Fingerprint of all bytes.
+    pub trace_hash: String,
+}
+
+/// A link of a replay.
+#[derive(Clone, Debug)]
+pub struct Played {
+    /// Its name.
+    pub link: String,
+    /// What the program sent in the captured run.
+    pub expected: Track,
+    /// What it sent now.
+    pub got: Track,
+}
+
+impl Replayed {
+    /// The earliest difference between what the program sent and what the capture says.
+    pub fn divergence(&self) -> Option<Divergence> {
+        Played::first_divergence(&self.links)
+    }
+
+    /// Bytes that the program sent.
+    pub fn sent(&self) -> usize {
+        self.links.iter().map(|one| one.got.bytes().len()).sum()
+    }
+
+    /// The longest time by which the program sent something earlier or later than captured.
+    pub fn largest_shift(&self) -> Duration {
+        let shifts = self
+            .links
+            .iter()
+            .map(|one| one.expected.largest_shift(&one.got));
+        shifts.max().unwrap_or_default()
+    }
+}
+
+impl Played {
+    /// The earliest difference on `links` between what was sent and what the capture says.
+    pub fn first_divergence(links: &[Self]) -> Option<Divergence> {
+        let of = |one: &Self| compare(&one.link, Direction::ToDevice, &one.expected, &one.got);
+        let all = links.iter().filter_map(of);
+        all.min_by_key(|divergence| divergence.at)
+    }
+}
+
+impl Replay {
+    /// Wires the robot of `scenario` for a replay of `recorded`.
+    ///
+    /// # Errors
+    /// If the robot cannot be wired, or `recorded` has nothing for its program.
+    pub fn new(
+        recorded: &Recorded,
+        scenario: &Scenario,
+        source: &Source,
+        voice: Voice,
+    ) -> Result<Self, ReplayError> {
+        let wired = robots::wire(scenario, source, Dut::Internal, PcEnd::Scripted)?;
+        let Wired {
+            mut rig,
+            instruments,
+            ..
+        } = wired;
+        let (mut feed, mut expected) = (Vec::new(), Vec::new());
+        for link in rig.program_links() {
+            let name = &rig.links()[link].name;
+            let passage = recorded.links.iter().find(|passage| passage.link == *name);
+            let passage = passage.cloned().unwrap_or_else(|| Passage {
+                link: name.clone(),
+                ..Passage::default()
+            });
+            let mut play = |direction: Direction, arrivals: Vec<Arrival>| {
+                feed.push(Feed {
+                    link,
+                    direction,
+                    arrivals: arrivals.into_iter(),
+                });
+                let lines = rig.lines_mut(link).expect("one of its links");
+                lines[direction as usize].is_played = true;
+            };
+            play(Direction::ToMaster, passage.arrivals.clone());
+            if voice == Voice::Capture {
+                play(Direction::ToDevice, passage.heard.clone());
+            }
+            expected.push((link, passage));
+        }
+        if expected
+            .iter()
+            .all(|(_, passage)| passage.arrivals.is_empty())
+        {
+            if expected.is_empty() {
+                let wrong = "the robot has no program of its own: expected --exec CMD";
+                return Err(ReplayError::Capture(wrong.to_owned()));
+            }
+            let links: Vec<&str> = expected.iter().map(|(_, one)| &*one.link).collect();
+            return Err(ReplayError::Capture(format!(
+                "nothing for the robot's program: expected a capture with bytes to-master on {}",
+                links.join(", ")
+            )));
+        }
+        let sent = Rc::new(RefCell::new(vec![Track::default(); rig.links().len()]));
+        rig.add_tap(Box::new(Listener(Rc::clone(&sent))));
+        let mut watched = scenario.clone();
+        // A capture that ends before the phases do says nothing of them.
+        let lasts = |phases: &PhasesSpec| phases.windows()[3].until <= recorded.end;
+        watched.phases = watched.phases.filter(lasts);
+        let watchers = Watchers::of(&watched, &mut rig, &*instruments);
+        Ok(Self {
+            watchers,
+            rig,
+            feed,
+            expected,
+            sent,
+            instruments,
+            next_look: Instant::ZERO + LOOK_EVERY,
+            end: recorded.end,
+        })
+    }
+
+    /// Puts another program in the place of the robot's.
+    pub fn replace_program(&mut self, replace: impl FnOnce(Box<dyn Program>) -> Box<dyn Program>) {
+        self.rig.replace_program(replace);
+    }
+
+    /// The rig.
+    pub const fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    /// What may be asked of the robot.
+    pub fn instruments(&self) -> &dyn Instruments {
+        &*self.instruments
+    }
+
+    /// Whether all of the capture was played.
+    pub fn is_over(&self) -> bool {
+        self.rig.now() >= self.end
+    }
+
+    /// Plays on for `span`, at most to the end.
+    pub fn run_for(&mut self, span: Duration) {
+        let until = (self.rig.now() + span).min(self.end);
+        // What arrives at the same nanosecond is delivered together, as it was.
+        while let Some(at) = self.next_arrival().filter(|&at| at <= until) {
+            for feed in &mut self.feed {
+                let line = self.rig.lines_mut(feed.link).expect("one of its links");
+                let line = &mut line[feed.direction as usize];
+                while feed.next_at() == Some(at) {
+                    let arrival = feed.arrivals.next().expect("was there");
+                    line.play(at, &arrival.bytes, u32::from(arrival.bytes.is_empty()));
+                }
+            }
+            self.advance(at);
+        }
+        self.advance(until);
+    }
+
+    fn advance(&mut self, until: Instant) {
+        while self.next_look <= until {
+            self.rig.run_until(self.next_look);
+            self.next_look += LOOK_EVERY;
+            let contacts = self.rig.world.take_contacts();
+            self.watchers.look(&self.rig, &*self.instruments, &contacts);
+        }
+        self.rig.run_until(until);
+    }
+
+    fn next_arrival(&self) -> Option<Instant> {
+        self.feed.iter().filter_map(Feed::next_at).min()
+    }
+
+    /// Plays to the end.
+    pub fn finish(mut self) -> Replayed {
+        while !self.is_over() {
+            self.run_for(Duration::from_secs(1));
+        }
+        let mut sent = self.sent.borrow_mut();
+        let links = self.expected.iter().map(|(link, passage)| Played {
+            link: passage.link.clone(),
+            expected: passage.sent.clone(),
+            got: core::mem::take(&mut sent[*link]),
+        });
+        let events = self.rig.events().iter();
+        let heard = self
+            .expected
+            .iter()
+            .flat_map(|(_, passage)| &passage.arrivals);
+        Replayed {
+            checks: self.watchers.verdicts(),
+            ran: self.rig.now() - Instant::ZERO,
+            heard: heard.map(|arrival| arrival.bytes.len()).sum(),
+            links: links.collect(),
+            violations: events
+                .filter(|event| event.is_violation())
+                .cloned()
+                .collect(),
+            trace_hash: self.rig.trace_hash(),
+        }
+    }
+}
+
+impl Feed {
+    fn next_at(&self) -> Option<Instant> {
+        self.arrivals.as_slice().first().map(|arrival| arrival.at)
+    }
+}
+
+/// Notes what the program sent, when it has arrived, as a capture does.
+struct Listener(Rc<RefCell<Vec<Track>>>);
+
+impl Tap for Listener {
+    fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
+
+    fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
+        if direction == Direction::ToDevice {
+            let sent = match delivery.original.as_deref() {
+                Some(original) => (original.at, &original.bytes),
+                None => (delivery.at, &delivery.bytes),
+            };
+            self.0.borrow_mut()[link].push(sent.0, sent.1);
+        }
+    }
+}
+
+/// The scenario in a capture's section header, if it has one.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn scenario_of(
+    capture: &Capture,
+    path: &std::path::Path,
+) -> Result<Option<(Scenario, Source)>, ScenarioError> {
+    let mut texts = capture.sections.iter().map(|section| &section.scenario);
+    let Some(text) = texts.find(|text| !text.is_empty()) else {
+        return Ok(None);
+    };
+    Scenario::parse(path, text.clone()).map(Some)
+}

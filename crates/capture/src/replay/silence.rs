@@ -1,0 +1,194 @@
+//! Long silences of a capture, which are played shorter.
+//!
+//! A program has to be run through every silence, and a clock that was set, or a recorder that
+//! slept, makes one of days. Nothing in a robot waits for longer than [`SILENCE_MAX`], so what
+//! comes after that would be no other after a day.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::{Arrival, Passage, Recorded};
+use crate::divergence::Track;
+
+/// Longest silence of all links that is played as long as it was.
+pub const SILENCE_MAX: Duration = Duration::from_secs(60);
+
+/// A silence of all links that is played as if it had lasted [`SILENCE_MAX`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Silence {
+    /// When the last thing before it happened, in the time of the capture.
+    pub from: Instant,
+    /// How long it was.
+    pub lasted: Duration,
+    /// What was cut out of it and of all silences before.
+    cut: Duration,
+}
+
+/// The long silences of a capture, oldest first.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Silences(Vec<Silence>);
+
+impl Silences {
+    /// Those between `times` and the beginning.
+    fn between(mut times: Vec<Instant>) -> Self {
+        times.push(Instant::ZERO);
+        times.sort_unstable();
+        let mut cut = Duration::ZERO;
+        let long = |pair: &[Instant]| {
+            let lasted = pair[1] - pair[0];
+            let too_much = lasted
+                .checked_sub(SILENCE_MAX)
+                .filter(|rest| !rest.is_zero())?;
+            cut += too_much;
+            let from = pair[0];
+            Some(Silence { from, lasted, cut })
+        };
+        Self(times.windows(2).filter_map(long).collect())
+    }
+
+    /// The silences.
+    pub fn all(&self) -> &[Silence] {
+        &self.0
+    }
+
+    /// When what the capture has at `at` is played.
+    pub fn played_at(&self, at: Instant) -> Instant {
+        let begun = self.0.partition_point(|silence| silence.from < at);
+        let Some(last) = begun.checked_sub(1).map(|index| self.0[index]) else {
+            return at;
+        };
+        let end = last.from + last.lasted;
+        // Within a silence nothing happens; its end is the least that it can be.
+        Instant::ZERO + (at.max(end) - Instant::ZERO).saturating_sub(last.cut)
+    }
+
+    /// The time of the capture at `played`.
+    pub fn captured_at(&self, played: Instant) -> Instant {
+        let is_over = |silence: &Silence| self.played_at(silence.from) + SILENCE_MAX <= played;
+        let over = self.0.partition_point(is_over);
+        let cut = over.checked_sub(1).map(|index| self.0[index].cut);
+        played + cut.unwrap_or_default()
+    }
+}
+
+impl Recorded {
+    /// The same, each silence of all links played as [`SILENCE_MAX`] at most, and which these were.
+    #[must_use]
+    pub fn shortened(self) -> (Self, Silences) {
+        let times = self.links.iter().flat_map(Passage::times);
+        let silences = Silences::between(times.chain([self.end]).collect());
+        if silences.0.is_empty() {
+            return (self, silences);
+        }
+        let links = self.links.into_iter().map(|one| one.at(&silences));
+        let shortened = Self {
+            links: links.collect(),
+            end: silences.played_at(self.end),
+            zero: self.zero,
+        };
+        (shortened, silences)
+    }
+}
+
+impl Passage {
+    fn times(&self) -> impl Iterator<Item = Instant> {
+        let arrivals = self.arrivals.iter().chain(&self.heard);
+        let sent = self.sent.pieces().map(|(at, _)| at);
+        arrivals.map(|arrival| arrival.at).chain(sent)
+    }
+
+    /// The same when it is played.
+    fn at(self, silences: &Silences) -> Self {
+        let arrivals = |list: Vec<Arrival>| {
+            let list = list.into_iter().map(|arrival| Arrival {
+                at: silences.played_at(arrival.at),
+                ..arrival
+            });
+            list.collect()
+        };
+        let mut sent = Track::default();
+        for (at, bytes) in self.sent.pieces() {
+            sent.push(silences.played_at(at), bytes);
+        }
+        Self {
+            arrivals: arrivals(self.arrivals),
+            heard: arrivals(self.heard),
+            sent,
+            ..self
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DAY: Duration = Duration::from_secs(86_400);
+
+    fn at(seconds: u64) -> Instant {
+        Instant::from_secs(seconds)
+    }
+
+    /// A link on which a byte arrives at each of `times`.
+    fn recorded(times: &[Instant]) -> Recorded {
+        let arrival = |&at: &Instant| Arrival {
+            at,
+            bytes: vec![0xFA],
+        };
+        let passage = Passage {
+            link: "lidar".to_owned(),
+            arrivals: times.iter().map(arrival).collect(),
+            ..Passage::default()
+        };
+        Recorded {
+            links: vec![passage],
+            end: times.iter().copied().max().unwrap_or_default(),
+            zero: Instant::ZERO,
+        }
+    }
+
+    fn arrivals(recorded: &Recorded) -> Vec<Instant> {
+        recorded.links[0]
+            .arrivals
+            .iter()
+            .map(|one| one.at)
+            .collect()
+    }
+
+    #[test]
+    fn a_day_of_silence_is_played_as_a_minute_and_told() {
+        let (played, silences) = recorded(&[at(5), at(5) + DAY, at(6) + DAY]).shortened();
+        assert_eq!(arrivals(&played), [at(5), at(65), at(66)]);
+        assert_eq!(played.end, at(66));
+        let [silence] = silences.all() else {
+            panic!("{silences:?}");
+        };
+        assert_eq!((silence.from, silence.lasted), (at(5), DAY));
+    }
+
+    #[test]
+    fn a_silence_before_the_first_byte_is_one_too() {
+        let (played, _) = recorded(&[at(0) + DAY]).shortened();
+        assert_eq!(arrivals(&played), [at(60)]);
+    }
+
+    #[test]
+    fn a_silence_of_a_minute_is_left_alone() {
+        let whole = recorded(&[at(1), at(61)]);
+        let (played, silences) = whole.clone().shortened();
+        assert_eq!((played, silences), (whole, Silences::default()));
+    }
+
+    /// What a replay tells in its own time is told in the capture's.
+    #[test]
+    fn each_time_that_is_played_leads_back_to_its_own() {
+        let times = [at(5), at(5) + DAY, at(6) + DAY, at(6) + 3 * DAY];
+        let (played, silences) = recorded(&times).shortened();
+        let back = arrivals(&played)
+            .into_iter()
+            .map(|at| silences.captured_at(at));
+        assert_eq!(back.collect::<Vec<_>>(), times);
+        assert_eq!(silences.captured_at(at(30)), at(30), "within a silence");
+    }
+}

@@ -1,0 +1,141 @@
+//! Bytes in words: one table of the wire formats, a row each, and what is done with any of them.
+//!
+//! A [`Codec`] is all that the tool knows of a format. `decode`, `--diagnose`, `shrink`, `fuzz`,
+//! the page, the museum and the dissector for Wireshark ask the table, so a format of one's own is
+//! known to all of them once it is registered:
+//!
+//! ```no_run
+//! use hilrig::codec::{self, Codec, wire::Wire};
+//! # struct Gripper;
+//! # impl Wire for Gripper {
+//! #     type Decoder = protocols::pcui::Decoder;
+//! #     const NAME: &'static str = "gripper";
+//! #     fn decoder() -> Self::Decoder { Self::Decoder::default() }
+//! #     fn bytes(frame: &protocols::pcui::Frame) -> &[u8] { frame.as_bytes() }
+//! #     fn build(_: &mut codec::wire::Choices<'_>, _: &mut Vec<u8>) {}
+//! #     fn repair(_: &mut [u8]) {}
+//! #     fn frame_at(_: &[u8]) -> Option<usize> { None }
+//! # }
+//! // struct Gripper; impl Wire for Gripper { .. }
+//! fn main() -> std::process::ExitCode {
+//!     codec::register(Codec::of::<Gripper>("Gripper of our own")).expect("a new name");
+//!     hilrig::cli::main()
+//! }
+//! ```
+//!
+//! The table is the process's: what is built in comes first, then what was registered, in that
+//! order. Where two formats fit some bytes equally well, the earlier one is taken.
+
+mod bus;
+mod car_board;
+mod lidar;
+mod lua;
+mod odometer;
+mod osc;
+mod panel;
+mod pcui;
+mod perception;
+mod peripherals;
+mod row;
+mod rplidar;
+mod stream;
+mod telemetry;
+pub mod wire;
+pub mod words;
+mod xv11;
+mod xv11_turn;
+
+pub use bus::{Avr, BUS, BUS_HIGH_FIRST, HighFirst, LowFirst, bus};
+pub use car_board::{CAR_BOARD, CAR_COMMAND, CarBoard, CarCommand, Pair, PairFormat};
+pub use lidar::{Lidar, Ranges};
+pub use lua::{Lua, LuaField, field};
+pub use odometer::{Line, LineFormat, ODOMETER, Odometer};
+pub use osc::{OSC, Osc, OscFormat, OscMessage};
+pub use panel::{PANEL, Panel};
+pub use pcui::{PCUI, Pcui};
+pub use perception::{MessageFormat, PERCEPTION, Perception, Told};
+pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
+pub use row::{Answers, Codec, IDLE, OtherOrder};
+pub use rplidar::{RPLIDAR, Rplidar};
+pub use stream::{BAD_MAX, Count, Counter, Stream, Stretch, What};
+pub use telemetry::{TELEMETRY, Telemetry};
+pub use xv11::{XV11, Xv11};
+pub use xv11_turn::{XV11_TURN, Xv11Turns};
+
+use crate::registry::{NameTaken, Registry};
+use wire::Target;
+
+static CODECS: Registry<Codec> = Registry::new(&[
+    &XV11,
+    &XV11_TURN,
+    &BUS,
+    &BUS_HIGH_FIRST,
+    &PCUI,
+    &PANEL,
+    &RPLIDAR,
+    &TELEMETRY,
+    &PERIPHERALS,
+    &CAR_BOARD,
+    &ODOMETER,
+    &CAR_COMMAND,
+    &PERCEPTION,
+    &OSC,
+]);
+
+/// All rows: those that are built in, then those that were registered.
+pub fn all() -> Vec<&'static Codec> {
+    CODECS.all()
+}
+
+/// The row called `name`.
+pub fn find(name: &str) -> Option<&'static Codec> {
+    CODECS.find(name)
+}
+
+/// All names in the order of the alphabet, as a message lists them.
+pub fn names() -> Vec<&'static str> {
+    CODECS.names()
+}
+
+/// Adds a row to the table, for as long as the process lives.
+///
+/// # Errors
+/// If there is a row of its name, or something to fuzz of the name that it is fuzzed under.
+pub fn register(codec: Codec) -> Result<&'static Codec, NameTaken> {
+    if let Some(taken) = target(codec.target().name) {
+        return Err(NameTaken::new(taken.name));
+    }
+    CODECS.register(Box::new(codec))
+}
+
+/// The row with the most bytes of `bytes` in sound frames, if any has a frame.
+pub fn guess(bytes: &[u8]) -> Option<&'static Codec> {
+    best(bytes).map(|(codec, _)| codec)
+}
+
+/// The same, with how many bytes those are.
+pub fn best(bytes: &[u8]) -> Option<(&'static Codec, u64)> {
+    let mut best = None;
+    for codec in all() {
+        let score = codec.framed(bytes);
+        let is_believed = score * 100 >= u64::from(codec.least_share()) * bytes.len() as u64;
+        if is_believed && score > best.map_or(0, |(_, best)| best) {
+            best = Some((codec, score));
+        }
+    }
+    best
+}
+
+/// All that takes any bytes: the decoders of the table, then what is no frame.
+pub fn targets() -> Vec<&'static Target> {
+    let rows = all().into_iter().map(Codec::target);
+    rows.chain(&Target::TEXTS).collect()
+}
+
+/// The target called `name`.
+pub fn target(name: &str) -> Option<&'static Target> {
+    targets().into_iter().find(|target| target.name == name)
+}
+
+#[cfg(test)]
+mod tests;

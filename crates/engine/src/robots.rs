@@ -1,0 +1,450 @@
+//! The robots: which devices, links and program each one consists of.
+//!
+//! A robot is a row of the registry: [`Robot`]. Scenarios name it; another crate adds its own with
+//! [`register`]. What an observer may ask of it travels with the rig as its [`Instruments`].
+
+mod apollo13;
+pub mod axis;
+pub mod checker;
+pub(crate) mod custom;
+pub mod instruments;
+mod kept_map;
+pub mod overlay;
+pub mod rescue;
+mod script;
+pub mod station;
+mod yellow;
+
+use std::collections::BTreeMap;
+
+use emulators::world::{BodyConfig, Chassis, Pose as WorldPose, Scene, Shape, World};
+use firmware_core::odometry::WheelGeometry;
+use firmware_core::pose::Pose;
+use firmware_core::scan::Mounting;
+use protocols::avr::ChecksumOrder;
+use protocols::{LineConfig, Port};
+
+pub use crate::scenario::device::scan::{Beam, ScanDecoder};
+pub use axis::Axis;
+pub use checker::{Check, Checker, Look, Status};
+pub use instruments::{
+    Command, Console, Dialect, Display, Found, Instruments, Panel, PanelRow, Silence,
+};
+pub use kept_map::KeptMap;
+pub use overlay::{Overlay, OverlayRole};
+pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
+
+use crate::codec::Codec;
+pub use crate::registry::NameTaken;
+use crate::registry::{Named, Registry};
+use crate::rig::fault::FaultId;
+use crate::rig::line::End;
+use crate::rig::{PortRate, Program, Rig};
+use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
+
+/// A kind of robot: how a scenario of it becomes a rig.
+pub trait Robot: Sync {
+    /// Its name, as in a scenario.
+    fn name(&self) -> &'static str;
+
+    /// What it is, in one sentence.
+    fn about(&self) -> &'static str;
+
+    /// The robot's drive train and outline; `None`: two wheels with the figures of the scenario.
+    ///
+    /// # Errors
+    /// If the scenario sets it up in a way that it cannot be.
+    fn chassis(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Option<Box<dyn Chassis>>, ScenarioError> {
+        refuse_chassis(scenario, source).map(|()| None)
+    }
+
+    /// Wires its devices and its program, or open ends in the place of the program, into `world`.
+    ///
+    /// # Errors
+    /// If the scenario sets it up in a way that it cannot be.
+    fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError>;
+
+    /// Its program by itself, for a process of its own; `None` if it brings none.
+    ///
+    /// # Errors
+    /// If the scenario sets it up in a way that it cannot be.
+    fn program(
+        &self,
+        _scenario: &Scenario,
+        _source: &Source,
+    ) -> Result<Option<Alone>, ScenarioError> {
+        Ok(None)
+    }
+
+    /// What suits it, for worlds and missions that are made by chance; `None`: only the scenario's
+    /// own world and mission do.
+    fn arena(&self) -> Option<Arena> {
+        None
+    }
+
+    /// Whether the scenario's mission can order it about: connect, send waypoints, choose modes.
+    fn takes_orders(&self) -> bool {
+        true
+    }
+
+    /// Counters of the program that tell of situations which a campaign must bring about at least
+    /// once: otherwise nothing is known about how it copes with them.
+    fn situations(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// What a mapper needs to know to understand what passed the robot's links.
+    ///
+    /// # Errors
+    /// If the scenario sets it up in a way that it cannot be.
+    fn senses(
+        &self,
+        _scenario: &Scenario,
+        _source: &Source,
+    ) -> Result<Option<Senses>, ScenarioError> {
+        Ok(None)
+    }
+
+    /// The station that steers such a robot from afar, with the coding of its port.
+    fn remote(&self) -> Option<(Box<dyn RemoteStation>, LineConfig)> {
+        None
+    }
+}
+
+impl Named for dyn Robot {
+    fn name(&self) -> &str {
+        Robot::name(self)
+    }
+}
+
+static ROBOTS: Registry<dyn Robot> = Registry::new(&[
+    &rescue::RescueRobot,
+    &yellow::YellowRobot,
+    &apollo13::ApolloRobot,
+    &custom::CustomRobot,
+    &custom::Bare,
+]);
+
+/// Makes a robot known to all scenarios of this process.
+///
+/// # Errors
+/// If there is a robot of that name.
+pub fn register(robot: impl Robot + 'static) -> Result<(), NameTaken> {
+    ROBOTS.register(Box::new(robot)).map(drop)
+}
+
+/// All robots, the built-in ones first.
+pub fn all() -> Vec<&'static dyn Robot> {
+    ROBOTS.all()
+}
+
+/// The robot called `name`.
+pub fn find(name: &str) -> Option<&'static dyn Robot> {
+    ROBOTS.find(name)
+}
+
+/// The robot that a scenario names.
+///
+/// # Errors
+/// If nobody knows it.
+pub fn of(scenario: &Scenario, source: &Source) -> Result<&'static dyn Robot, ScenarioError> {
+    ROBOTS.find(&scenario.robot).ok_or_else(|| {
+        let known = ROBOTS.names().join(", ");
+        let message = format!("is \"{}\", expected one of {known}", scenario.robot);
+        source.invalid(source.find("robot"), "robot", message)
+    })
+}
+
+/// Refuses a chassis as data: the robot has one of its own.
+fn refuse_chassis(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    if scenario.chassis.is_none() {
+        return Ok(());
+    }
+    let message = "expected none: this robot has a chassis of its own";
+    Err(source.invalid(source.find("chassis"), "chassis", message))
+}
+
+/// What a robot is wired from.
+pub struct WirePlan<'a> {
+    /// The scenario.
+    pub scenario: &'a Scenario,
+    /// Where it comes from, for messages.
+    pub source: &'a Source,
+    /// Ground truth, the robot's body in it.
+    pub world: World,
+    /// Who takes the part of the program.
+    pub dut: Dut,
+    /// Who takes the part of the PC.
+    pub pc: PcEnd,
+}
+
+/// Who takes the part of the robot's program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dut {
+    /// The program in this process.
+    Internal,
+    /// Somebody outside, on the open ends of the links.
+    External,
+}
+
+/// Who takes the part of the PC, if the robot has one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PcEnd {
+    /// The mission's script.
+    Scripted,
+    /// Somebody outside.
+    External,
+}
+
+/// An end of a link that is served from outside.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OpenEnd {
+    /// Name under which it is offered, e.g. `lidar`.
+    pub name: String,
+    /// Link that it belongs to.
+    pub link: String,
+    /// Node of the rig, see [`Rig::inject`].
+    pub node: usize,
+    /// Coding that its port begins with.
+    pub line: LineConfig,
+    /// Which baud rates of a client are right.
+    pub rate: PortRate,
+    /// Who is to connect, for people.
+    pub connect: &'static str,
+    /// Whether a robot can do without.
+    pub is_optional: bool,
+}
+
+/// A rig with what outsiders need to know of it.
+pub struct Wired {
+    /// The rig.
+    pub rig: Rig,
+    /// Ends to be served from outside.
+    pub open_ends: Vec<OpenEnd>,
+    /// What may be asked of the robot.
+    pub instruments: Box<dyn Instruments>,
+}
+
+impl Wired {
+    /// A rig without open ends so far.
+    pub fn new(rig: Rig, instruments: impl Instruments + 'static) -> Self {
+        Self {
+            rig,
+            open_ends: Vec::new(),
+            instruments: Box::new(instruments),
+        }
+    }
+
+    /// The same end, which a robot can do without if `is_optional`.
+    pub fn set_optional(&mut self, end: End, is_optional: bool) {
+        let ends = self.open_ends.iter_mut();
+        for open in ends.filter(|open| open.node == end.node) {
+            open.is_optional = is_optional;
+        }
+    }
+
+    /// The same end, at whose port clients are right at `rate`.
+    pub fn set_rate(&mut self, end: End, rate: PortRate) {
+        let ends = self.open_ends.iter_mut();
+        for open in ends.filter(|open| open.node == end.node) {
+            open.rate = rate;
+            if let PortRate::Any { usual } = rate {
+                open.line = usual;
+            }
+        }
+    }
+
+    /// Adds an end that is served from outside, for the link `name`; `connect` says who is to be
+    /// there.
+    pub fn open_end(&mut self, name: &str, line: LineConfig, connect: &'static str) -> End {
+        let node = self.rig.add_outside(name, line);
+        let (name, link) = (name.to_owned(), name.to_owned());
+        self.open_ends.push(OpenEnd {
+            name,
+            link,
+            node,
+            line,
+            rate: PortRate::OfLine,
+            connect,
+            is_optional: false,
+        });
+        End {
+            node,
+            port: Port(0),
+        }
+    }
+}
+
+/// Plans the scenario's latencies and faults on the links of a wired rig.
+fn plan_links(rig: &mut Rig, scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    for (name, spec) in &scenario.link {
+        if let Some(link) = rig.link_mut(name) {
+            link.lines
+                .iter_mut()
+                .for_each(|line| line.latency = spec.latency.0);
+        }
+    }
+    rig.budget = scenario.budget.unwrap_or_default().into();
+    for (index, fault) in scenario.fault.iter().enumerate() {
+        let planned = rig.plan_fault(fault, FaultId(index), scenario.seed);
+        planned.map_err(|flaw| {
+            let span = source.find_in_list("fault", index, flaw.key);
+            source.invalid(span, format!("fault[{index}].{}", flaw.key), flaw.message)
+        })?;
+    }
+    Ok(())
+}
+
+/// What suits a robot, for worlds and missions that are made by chance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arena {
+    /// Side of the square from the origin that its map holds, metres.
+    pub side_m: f64,
+    /// What it needs beside its body to get along, metres.
+    pub margin_m: f64,
+    /// How far it gets in a second at least, metres: with its turns, stops and ways around.
+    pub pace_m_s: f64,
+    /// Least and greatest width of a door or corridor.
+    pub passage_mm: [u64; 2],
+    /// Least and greatest radius of an obstacle.
+    pub obstacle_mm: [u64; 2],
+}
+
+/// Wires the scenario's robot into its world.
+///
+/// # Errors
+/// If the scenario cannot be.
+pub fn wire(
+    scenario: &Scenario,
+    source: &Source,
+    dut: Dut,
+    pc: PcEnd,
+) -> Result<Wired, ScenarioError> {
+    let chassis = of(scenario, source)?.chassis(scenario, source)?;
+    let world = scenario.world.build(scenario.seed, chassis, source)?;
+    wire_into(WirePlan {
+        scenario,
+        source,
+        world,
+        dut,
+        pc,
+    })
+}
+
+/// The same into a world that is not the scenario's own.
+///
+/// # Errors
+/// If the scenario cannot be.
+pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
+    let (scenario, source) = (plan.scenario, plan.source);
+    let mut wired = of(scenario, source)?.wire(plan)?;
+    let known: Vec<String> = wired
+        .rig
+        .devices()
+        .map(|(name, _)| name.to_owned())
+        .collect();
+    let is_new = |name: &str| !known.iter().any(|known| known == name);
+    add_devices(&mut wired, scenario, source, |name, spec| {
+        spec.is_own() && is_new(name)
+    })?;
+    plan_links(&mut wired.rig, scenario, source)?;
+    Ok(wired)
+}
+
+/// Adds the devices of the scenario that `fits` and are not there yet, each port on a link of its
+/// own whose other end is open; what is spoken on those links.
+fn add_devices(
+    wired: &mut Wired,
+    scenario: &Scenario,
+    source: &Source,
+    fits: impl Fn(&str, &DeviceSpec) -> bool,
+) -> Result<BTreeMap<String, &'static Codec>, ScenarioError> {
+    let mut codecs = BTreeMap::new();
+    for (name, spec) in scenario
+        .device
+        .iter()
+        .filter(|(name, spec)| fits(name, spec))
+    {
+        let key = format!("device.{name}");
+        let invalid = |message| Err(source.invalid(source.find(name), key.clone(), message));
+        if wired.rig.link(name).is_some() {
+            return invalid("the robot has a link of this name, expected another name");
+        }
+        let fits = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+        if !name.chars().all(fits) {
+            return invalid("expected a name of letters, digits, '-' and '_'");
+        }
+        let built = spec.build(name, scenario.seed, source)?;
+        spec.check(name, source, built.device.as_ref(), &wired.rig.world)?;
+        let node = wired.rig.add_boxed_device(name, built.device);
+        for (index, info) in built.ports.into_iter().enumerate() {
+            // The first port is the one that counts; further ones are told apart by their names.
+            let link = match index {
+                0 => name.clone(),
+                _ => format!("{name}-{}", info.name),
+            };
+            let master = wired.open_end(&link, info.line, info.connect);
+            wired.set_optional(master, info.is_optional);
+            wired.set_rate(master, info.rate);
+            let device = End {
+                node,
+                port: info.port,
+            };
+            let rig = &mut wired.rig;
+            rig.connect_by(info.kind, &link, device, master, info.piece);
+            codecs.extend(info.codec.map(|codec| (link, codec)));
+        }
+    }
+    Ok(codecs)
+}
+
+/// A world without anything in it, for devices without a robot.
+pub fn nowhere() -> World {
+    let scene = Scene::new([] as [Shape; 0], Vec::new()).expect("nothing is in nobody's way");
+    World::new(scene, BodyConfig::default(), WorldPose::default(), 0)
+        .expect("an empty place is free")
+}
+
+/// A robot's program by itself, with the names of its ports.
+pub struct Alone {
+    /// The program.
+    pub program: Box<dyn Program>,
+    /// Its ports.
+    pub ports: Vec<ProgramPort>,
+}
+
+/// A port of a robot's program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProgramPort {
+    /// Name of the link that belongs there.
+    pub name: &'static str,
+    /// The program's number for it.
+    pub port: Port,
+    /// Coding of its line.
+    pub line: LineConfig,
+    /// Whether the program can do without.
+    pub is_optional: bool,
+}
+
+/// What a mapper needs to know of a robot to understand what passed its links.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Senses {
+    /// Link on which an XV-11 sends.
+    pub lidar: &'static str,
+    /// How it sits, and which of its readings count.
+    pub mounting: Mounting,
+    /// Register bus of the base.
+    pub base: &'static str,
+    /// Order of its checksum.
+    pub checksum_order: ChecksumOrder,
+    /// First registers of the wheels' counters of 32 bits, left and right.
+    pub counters: [u8; 2],
+    /// What a count means.
+    pub wheels: WheelGeometry,
+    /// Where the robot believes to start.
+    pub start: Pose,
+}

@@ -1,0 +1,498 @@
+//! One run of a scenario in virtual time: wired, driven, watched, judged.
+//!
+//! ```
+//! use hilrig::prelude::*;
+//!
+//! let (scenario, source) = Scenario::from_text(
+//!     r#"
+//!     schema = 1
+//!     name = "sonar"
+//!     robot = "none"
+//!     duration = "3s"
+//!     device.sonar.text.baud = 9600
+//!     device.sonar.text.command = []
+//!     device.sonar.text.periodic = { line = "mm=700", period = "1s" }
+//!     "#,
+//! )?;
+//! let mut run = Run::new(scenario, &source, None)?;
+//! run.go_on_until(Instant::from_millis(1_500));
+//! assert_eq!(run.rig.now(), Instant::from_millis(1_500));
+//! let outcome = run.finish();
+//! assert!(outcome.trace_hash.len() > 0 && outcome.checks.len() > 0);
+//! # Ok::<(), Box<dyn core::error::Error>>(())
+//! ```
+
+pub mod agenda;
+pub mod bench;
+pub mod check;
+mod checkpoint;
+mod command;
+mod condition;
+mod contacts;
+mod expectations;
+mod explored;
+mod faults;
+pub mod history;
+mod line_watch;
+pub(crate) mod mission;
+pub mod scene;
+pub mod score;
+mod steps;
+mod victims;
+pub mod watch;
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use emulators::world::{Contact, Pose};
+use protocols::Instant;
+
+use crate::picture::Picture;
+use crate::rig::fault::FaultId;
+use crate::rig::{Logged, Paced, Rig};
+use crate::robots::{self, Axis, Dut, Instruments, KeptMap, Panel, PcEnd, Wired};
+use crate::run::check::{Check, Checker, Status};
+use crate::run::history::History;
+use crate::run::mission::Progress;
+use crate::run::score::{PoseError, PosePair, WallOverlap};
+use crate::run::watch::Watchers;
+use crate::scenario::world::PushSpec;
+use crate::scenario::{Scenario, ScenarioError, Source};
+
+use agenda::Agenda;
+pub use checkpoint::Checkpoint;
+pub use command::CommandError;
+pub use condition::Watch;
+pub use contacts::Contacts;
+pub use expectations::is_of_the_end;
+pub use faults::{FAULTS_MAX, FaultReport, FaultState};
+use line_watch::LineWatches;
+use steps::Steps;
+
+/// Virtual time between two looks of the checkers. Each millisecond more would hide a shorter
+/// lapse, each less would cost a look; the shortest rule watched is tens of milliseconds.
+pub const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// Virtual time between two points of the true way that is kept.
+const WAY_EVERY: u32 = 5;
+/// Longest time that an order takes until the robot says that it has it, with a radio that fails.
+const ORDER_ARRIVES: Duration = Duration::from_secs(5);
+
+/// A run under way.
+pub struct Run {
+    /// The rig.
+    pub rig: Rig,
+    instruments: Rc<dyn Instruments>,
+    /// As it was given; `scenario` changes as the run goes on.
+    asked: Rc<Scenario>,
+    scenario: Scenario,
+    seed: u64,
+    watchers: Watchers,
+    progress: Progress,
+    pushes: Vec<PushSpec>,
+    agenda: Agenda,
+    /// Faults that wait for a condition.
+    waiting: Vec<FaultId>,
+    truth: Vec<(Instant, Pose)>,
+    pairs: Vec<PosePair>,
+    history: History,
+    contacts: Contacts,
+    /// Steps of the mission that wait for something, and those that somebody added.
+    steps: Steps,
+    /// What hears the lines for those who wait for bytes, once somebody does.
+    line_watches: Option<LineWatches>,
+    looks: u32,
+    next_look: Instant,
+    is_over: bool,
+}
+
+/// How a run ended.
+pub struct Outcome {
+    /// The scenario as run, faults written out as what they did: running it again gives the same
+    /// bytes.
+    pub case: Scenario,
+    /// The seed.
+    pub seed: u64,
+    /// All verdicts.
+    pub checks: Vec<Check>,
+    /// Length of the run in virtual time.
+    pub ran: Duration,
+    /// Errors of the believed pose, if the program runs in this process.
+    pub pose_error: Option<PoseError>,
+    /// Agreement of map and world, if the program runs in this process.
+    pub wall_overlap: Option<WallOverlap>,
+    /// True way.
+    pub truth: Vec<(Instant, Pose)>,
+    /// Believed poses beside the true ones.
+    pub pairs: Vec<PosePair>,
+    /// The program's map.
+    pub map: Option<KeptMap>,
+    /// What is solid, obstacles where they were in the end.
+    pub scene: scene::Scene,
+    /// The robot's outline in its own axes.
+    pub footprint: scene::Outline,
+    /// Maps besides the program's by name, as they were in the end.
+    pub layers: Vec<(&'static str, KeptMap)>,
+    /// The run over its time.
+    pub history: History,
+    /// What the robot's display showed in the end.
+    pub display: Option<Picture>,
+    /// What the robot was told to do and did in the end.
+    pub axes: Vec<Axis>,
+    /// Its values in the end.
+    pub panels: Vec<Panel>,
+    /// The program's counters.
+    pub counters: BTreeMap<&'static str, u64>,
+    /// What devices reported.
+    pub events: Vec<Logged>,
+    /// How often the program broke a rule of a device.
+    pub violations: u64,
+    /// Waypoints visited and demanded.
+    pub waypoints: [usize; 2],
+    /// When the robot first ran into something in earnest.
+    pub collided_at: Option<Instant>,
+    /// Fingerprint of all bytes.
+    pub trace_hash: String,
+}
+
+impl Outcome {
+    /// Whether something was judged and nothing failed.
+    pub fn passed(&self) -> bool {
+        let is = |status| self.checks.iter().any(|check| check.status == status);
+        is(Status::Pass) && !is(Status::Fail)
+    }
+
+    /// For tests: the run must have passed.
+    ///
+    /// # Panics
+    /// If it has not, with the failed checks, or with all of them if nothing was judged.
+    #[track_caller]
+    pub fn assert_passed(&self) {
+        if self.passed() {
+            return;
+        }
+        let failed = self
+            .checks
+            .iter()
+            .filter(|check| check.status == Status::Fail);
+        let mut lines: Vec<String> = failed.map(ToString::to_string).collect();
+        if lines.is_empty() {
+            lines = self.checks.iter().map(ToString::to_string).collect();
+            lines.insert(0, "nothing was judged".to_owned());
+        }
+        let (name, seed) = (&self.case.name, self.seed);
+        panic!("{name}, seed {seed}, did not pass:\n{}", lines.join("\n"));
+    }
+}
+
+/// Runs the scenario `toml` in this process to its end and judges it.
+///
+/// # Errors
+/// If it is no sound scenario.
+pub fn judge(toml: &str) -> Result<Outcome, ScenarioError> {
+    let (scenario, source) = Scenario::from_text(toml)?;
+    Ok(Run::new(scenario, &source, None)?.finish())
+}
+
+impl Run {
+    /// Wires `scenario` for a run in this process, with `seed` in place of its own if given.
+    pub fn new(
+        scenario: Scenario,
+        source: &Source,
+        seed: Option<u64>,
+    ) -> Result<Self, ScenarioError> {
+        let mut scenario = scenario;
+        scenario.seed = seed.unwrap_or(scenario.seed);
+        let wired = robots::wire(&scenario, source, Dut::Internal, PcEnd::Scripted)?;
+        let Wired {
+            rig, instruments, ..
+        } = wired;
+        Ok(Self::with_rig(scenario, rig, instruments))
+    }
+
+    /// A run of `scenario` in a rig that was wired for it.
+    pub fn with_rig(
+        mut scenario: Scenario,
+        mut rig: Rig,
+        instruments: Box<dyn Instruments>,
+    ) -> Self {
+        let asked = Rc::new(scenario.clone());
+        let mut pushes = scenario.world.push.clone();
+        pushes.sort_by_key(|push| push.at);
+        let watchers = Watchers::of(&scenario, &mut rig, &*instruments);
+        let mut run = Self {
+            rig,
+            instruments: Rc::from(instruments),
+            asked,
+            seed: scenario.seed,
+            watchers,
+            progress: Progress::new(&scenario.mission, &scenario.expect),
+            pushes,
+            agenda: Agenda::default(),
+            waiting: Vec::new(),
+            truth: Vec::new(),
+            pairs: Vec::new(),
+            history: History::new(scenario.duration.0),
+            contacts: Contacts::default(),
+            steps: Steps::take_from(&mut scenario.mission),
+            line_watches: None,
+            looks: 0,
+            next_look: Instant::ZERO + LOOK_EVERY,
+            is_over: false,
+            scenario,
+        };
+        run.plan_agenda();
+        run
+    }
+
+    /// The scenario being run.
+    pub const fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// How far the mission has come.
+    pub const fn progress(&self) -> &Progress {
+        &self.progress
+    }
+
+    /// What may be asked of the robot.
+    pub fn instruments(&self) -> &dyn Instruments {
+        &*self.instruments
+    }
+
+    /// Where the robot believes to be; see [`Instruments::estimate`].
+    pub fn estimate(&self) -> Option<(Instant, Pose)> {
+        self.instruments.estimate(&self.rig)
+    }
+
+    /// Whether the station has all of the map, if robots like this one send it.
+    fn map_received(&self) -> Option<bool> {
+        self.instruments.station(&self.rig)?.has_whole_map()
+    }
+
+    /// Adds a checker of one's own.
+    pub fn add_checker(&mut self, checker: Box<dyn Checker>) {
+        self.watchers.add(checker);
+    }
+
+    /// What the robot touched since somebody last took it, the latest thousand.
+    pub fn take_contacts(&mut self) -> Vec<Contact> {
+        self.contacts.take()
+    }
+
+    /// What the robot touched so far.
+    pub const fn contacts(&self) -> &Contacts {
+        &self.contacts
+    }
+
+    /// Whether the mission was over or the time up at the last look of the checkers.
+    pub const fn is_over(&self) -> bool {
+        self.is_over
+    }
+
+    fn next_look(&self) -> Instant {
+        self.next_look.min(self.scenario.duration.instant())
+    }
+
+    /// Runs on until the next look of the checkers.
+    pub fn step(&mut self) {
+        self.advance(self.next_look());
+        self.look();
+        let now = self.rig.now();
+        let received = match self.scenario.expect.map_received {
+            Some(true) => self.map_received().unwrap_or(true),
+            _ => true,
+        };
+        let phases = self.scenario.phases;
+        let judged = phases.is_none_or(|phases| now >= phases.windows()[3].until);
+        let came = self.progress.is_over(now) || self.has_come_home(now);
+        let over = judged && received && !self.steps.is_waiting() && came;
+        let done = !self.scenario.mission.to_the_end && over;
+        self.is_over = now >= self.scenario.duration.instant() || done;
+    }
+
+    /// Whether what the robot searched by itself is done and it rests, with no order to come that
+    /// could send it out again.
+    fn has_come_home(&self, now: Instant) -> bool {
+        let is_wanted = self.scenario.expect.home_within_mm.is_some();
+        let orders = self.scenario.mission.step.iter();
+        let last = orders.filter_map(|step| step.at).max();
+        is_wanted
+            && last.is_none_or(|at| now >= at.instant() + ORDER_ARRIVES)
+            && self.instruments.is_done(&self.rig) == Some(true)
+            && self.progress.has_settled(now)
+    }
+
+    /// Runs until `deadline`, whether or not the mission is over by then.
+    pub fn go_on_until(&mut self, deadline: Instant) {
+        while self.next_look <= deadline {
+            self.advance(self.next_look);
+            self.look();
+        }
+        self.advance(deadline);
+    }
+
+    /// Runs the rig until `deadline`, doing to robot and devices what is due in between.
+    fn advance(&mut self, deadline: Instant) {
+        loop {
+            let push = self.pushes.first().map(|push| push.at.instant());
+            let next = push.into_iter().chain(self.agenda.due()).min();
+            let Some(at) = next.filter(|&at| at <= deadline) else {
+                break;
+            };
+            self.rig.run_until(at);
+            self.agenda.perform(&mut self.rig);
+            if push.is_some_and(|push| push <= at) {
+                let push = self.pushes.remove(0);
+                let turn = push.turn_deg.to_radians();
+                self.rig
+                    .world
+                    .push(push.by_m[0], push.by_m[1], turn, push.over.0);
+            }
+        }
+        self.rig.run_until(deadline);
+    }
+
+    fn look(&mut self) {
+        self.next_look = self.rig.now() + LOOK_EVERY;
+        self.begin_what_waited();
+        self.do_what_waited();
+        let contacts = self.rig.world.take_contacts();
+        self.watchers.look(&self.rig, &*self.instruments, &contacts);
+        self.contacts.extend(contacts);
+        self.history.observe(&self.rig, &*self.instruments);
+        let (now, pose) = (self.rig.now(), self.rig.world.pose());
+        self.progress.observe(now, pose, self.rig.world.is_moving());
+        self.looks += 1;
+        // Nobody judges what comes after the scenario's time, and it may go on for days.
+        if now > self.scenario.duration.instant() {
+            return;
+        }
+        if (self.looks - 1).is_multiple_of(WAY_EVERY) {
+            self.truth.push((now, pose));
+        }
+        if let Some((at, estimate)) = self.instruments.estimate(&self.rig)
+            && self.pairs.last().is_none_or(|pair| pair.at < at)
+        {
+            let truth = self.nearest_truth(at, estimate);
+            self.pairs.push(PosePair {
+                at,
+                truth,
+                estimate,
+            });
+        }
+    }
+
+    /// The true pose that an estimate of `at` is judged by.
+    fn nearest_truth(&self, at: Instant, estimate: Pose) -> Pose {
+        let age = self.instruments.estimate_age(&self.rig);
+        let ago = (0..=u64::from(age.subsec_millis()))
+            .step_by(10)
+            .map(Duration::from_millis);
+        let since = at - Instant::ZERO;
+        let truths = ago.map(|ago| {
+            let at = Instant::ZERO + since.saturating_sub(ago);
+            self.rig.world.pose_at(at)
+        });
+        let apart = |pose: &Pose| pose.point().distance(estimate.point());
+        let nearest = truths.min_by(|a, b| apart(a).total_cmp(&apart(b)));
+        nearest.unwrap_or_else(|| self.rig.world.pose_at(at))
+    }
+
+    /// Runs to the end.
+    pub fn finish(mut self) -> Outcome {
+        while !self.is_over() {
+            self.step();
+        }
+        self.judge()
+    }
+
+    /// Ends the run here and judges it.
+    pub fn judge(self) -> Outcome {
+        let wall_overlap = self.wall_overlap();
+        self.outcome(wall_overlap)
+    }
+
+    /// The same for somebody who reads the verdicts alone: map and world are compared only if the
+    /// scenario expects something of that, which takes as long as a second of the run.
+    pub fn judge_what_is_expected(self) -> Outcome {
+        let wall_overlap = self.expected_overlap();
+        self.outcome(wall_overlap)
+    }
+
+    fn outcome(self, wall_overlap: Option<WallOverlap>) -> Outcome {
+        let program = self.rig.program();
+        let map = self.instruments.map(&self.rig).map(KeptMap::from);
+        let layers = self.instruments.layers(&self.rig).into_iter();
+        let layers = layers.map(|(name, map)| (name, KeptMap::from(map)));
+        let layers = layers.collect();
+        let mut counters = BTreeMap::new();
+        if let Some(program) = program {
+            program.counters(&mut |name, value| {
+                counters.insert(name, value);
+            });
+        }
+        let pose_error = score::pose_error(&self.pairs);
+        let checks = self.checks_with(pose_error, wall_overlap);
+        Outcome {
+            case: self.case(),
+            seed: self.seed,
+            checks,
+            ran: self.rig.now() - Instant::ZERO,
+            pose_error,
+            wall_overlap,
+            map,
+            scene: scene::scene(&self.rig.world),
+            footprint: scene::footprint(&self.rig.world),
+            layers,
+            display: self
+                .instruments
+                .display(&self.rig)
+                .map(|display| display.picture()),
+            axes: self.instruments.axes(&self.rig),
+            panels: self.instruments.panels(&self.rig),
+            counters,
+            events: self.rig.events().to_vec(),
+            violations: self.rig.violations(),
+            waypoints: [self.progress.visits().len(), self.progress.waypoints()],
+            collided_at: self.contacts.first_in_earnest(),
+            trace_hash: self.rig.trace_hash(),
+            history: self.history,
+            truth: self.truth,
+            pairs: self.pairs,
+        }
+    }
+
+    /// The verdicts as they would be if the run ended now.
+    pub fn checks(&self) -> Vec<Check> {
+        self.checks_with(score::pose_error(&self.pairs), self.expected_overlap())
+    }
+
+    fn checks_with(
+        &self,
+        pose_error: Option<PoseError>,
+        wall_overlap: Option<WallOverlap>,
+    ) -> Vec<Check> {
+        let mut checks = self.watchers.verdicts();
+        let is_over = self.is_over || self.rig.now() >= self.scenario.duration.instant();
+        checks.extend(self.steps.checks(is_over));
+        checks.extend(self.expectations(pose_error, wall_overlap));
+        checks
+    }
+}
+
+impl Paced for Run {
+    fn rig(&mut self) -> &mut Rig {
+        &mut self.rig
+    }
+
+    /// Stops at the look at which the run is over, so that it ends in the same state at any pace.
+    fn run_until(&mut self, deadline: Instant) {
+        while !self.is_over && self.next_look() <= deadline {
+            self.step();
+        }
+        if !self.is_over {
+            self.advance(deadline);
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! What somebody wants of a run while it goes on. It becomes part of the scenario, so that the same
+//! run can be had again.
+
+use protocols::Instant;
+
+use super::Run;
+use crate::scenario::{Action, Expect, Scenario, Span, Step, TapSpec};
+
+impl Run {
+    /// Lets the PC do `action`, within a millisecond, to which the run goes on. The action becomes
+    /// a step of the scenario's mission, so that [`case`](Self::case) repeats it.
+    ///
+    /// # Errors
+    /// If the rig has no PC, or the action is beyond the limits of its protocol.
+    pub fn command(&mut self, action: Action) -> Result<(), CommandError> {
+        let at = self.order(action.clone())?;
+        self.steps
+            .by_hand
+            .push(Step::at(Span(at - Instant::ZERO), action));
+        self.go_on_until(at);
+        Ok(())
+    }
+
+    /// Puts `action` into the PC's script for the next whole millisecond, and into the scenario's
+    /// mission; when that is.
+    pub(super) fn order(&mut self, action: Action) -> Result<Instant, CommandError> {
+        let at = Span::from_millis(self.rig.now().as_millis() + 1);
+        let step = Step::at(at, action);
+        let steps = &mut self.scenario.mission.step;
+        steps.sort_by_key(|step| step.at);
+        let index = steps.partition_point(|other| other.at <= step.at);
+        let station = self.instruments.station_mut(&mut self.rig);
+        let station = station.ok_or(CommandError::NoStation)?;
+        let inserted = station.insert_step(steps.len(), index, &step);
+        inserted.map_err(CommandError::Script)?;
+        steps.insert(index, step);
+        Ok(at.instant())
+    }
+
+    /// Taps on the robot's display at `place`, column and row, within a millisecond, to which the
+    /// run goes on. The tap becomes one of the scenario's, so that [`case`](Self::case) repeats it.
+    ///
+    /// # Errors
+    /// If the robot has no display, or the place is beside it.
+    pub fn tap(&mut self, place: [u16; 2]) -> Result<(), CommandError> {
+        let display = self.instruments.display(&self.rig);
+        let display = display.ok_or(CommandError::NoDisplay)?;
+        let size = [display.width, display.height()];
+        if place
+            .map(usize::from)
+            .iter()
+            .zip(size)
+            .any(|(&at, size)| at >= size)
+        {
+            return Err(CommandError::BesideDisplay { place, size });
+        }
+        let at = Span::from_millis(self.rig.now().as_millis() + 1);
+        if !self.instruments.tap(&mut self.rig, at.instant(), place) {
+            return Err(CommandError::NoDisplay);
+        }
+        let tap = TapSpec { at, place };
+        self.scenario
+            .device
+            .values_mut()
+            .for_each(|spec| spec.tap(tap));
+        self.go_on_until(at.instant());
+        Ok(())
+    }
+
+    /// The run so far as a scenario that does it again, up to now and no further. What the mission
+    /// is to come to is expected only if it was over: a run that is cut short cannot have done it.
+    pub fn case_so_far(&self) -> Scenario {
+        let mut case = self.case();
+        case.duration = Span(self.rig.now() - Instant::ZERO);
+        case.mission.to_the_end = true;
+        let [done, wanted] = [self.progress.visits().len(), self.progress.waypoints()];
+        if done < wanted || self.instruments.is_done(&self.rig) == Some(false) {
+            case.expect = Expect {
+                visit_within_mm: None,
+                return_within_mm: None,
+                home_within_mm: None,
+                explored_min: None,
+                victims_within_mm: None,
+                settle: None,
+                wall_overlap_min: None,
+                map_received: None,
+                ..case.expect
+            };
+        }
+        case
+    }
+}
+
+/// Why the PC cannot do what it was told.
+#[derive(Debug, thiserror::Error)]
+pub enum CommandError {
+    /// The rig has no station of its own.
+    #[error("the rig has no PC of its own: the PC's end is a port")]
+    NoStation,
+    /// The protocol does not allow it.
+    #[error("{0}")]
+    Script(String),
+    /// The robot has no display.
+    #[error("the robot has no display")]
+    NoDisplay,
+    /// There is nothing to tap.
+    #[error(
+        "{}, {} is not on the display of {} x {} pixels",
+        .place[0], .place[1], .size[0], .size[1]
+    )]
+    BesideDisplay {
+        /// Column and row.
+        place: [u16; 2],
+        /// Columns and rows of the display.
+        size: [usize; 2],
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::run::check::{Check, Status};
+    use crate::scenario::SetPoint;
+
+    fn drive(wheels: [i8; 2]) -> Action {
+        Action::Drive(SetPoint::list(wheels))
+    }
+
+    fn run(more: &str) -> Run {
+        let text = format!(
+            "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"60s\"\n{more}\n\
+             [world]\nstart = {{ x_m = 1.5, y_m = 1.2, heading_deg = 90 }}\n[[world.wall]]\n\
+             path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n"
+        );
+        let (scenario, source) = Scenario::parse(Path::new("<test>"), text).expect("sound");
+        Run::new(scenario, &source, None).expect("can be wired")
+    }
+
+    fn again(case: &Scenario) -> Run {
+        let path = Path::new("<case>");
+        let (case, source) = Scenario::parse(path, case.to_toml()).expect("a case is a scenario");
+        Run::new(case, &source, None).expect("can be wired")
+    }
+
+    /// What was done by hand at any moment, in between the steps of the scenario, is done again at
+    /// the same nanosecond: every byte of the whole run is the same.
+    #[test]
+    fn a_session_by_hand_can_be_repeated_byte_by_byte() {
+        let mut run = run(
+            "[mission]\nstep = [{ at = \"6s\", do = { mode = \"stop\" } }, \
+                           { at = \"3s\", do = { mode = \"exploration\" } }]",
+        );
+        run.go_on_until(Instant::from_nanos(2_500_000_123));
+        run.command(Action::WaypointsM(vec![[1.8, 1.8], [-0.02, 0.5]]))
+            .expect("has a PC");
+        run.go_on_until(Instant::from_nanos(4_000_000_777));
+        run.command(drive([10, -10])).expect("has a PC");
+        run.command(drive([0, 0])).expect("has a PC");
+        run.go_on_until(Instant::from_secs(8));
+        run.command(Action::Disconnect).expect("has a PC");
+        run.go_on_until(Instant::from_secs(10));
+
+        let case = run.case_so_far();
+        let times: Vec<u64> = case
+            .mission
+            .step
+            .iter()
+            .map(|s| s.at.expect("a time").instant().as_millis())
+            .collect();
+        // Behind those of the scenario, as it has them.
+        assert_eq!(times, [6_000, 3_000, 2_501, 4_001, 4_002, 8_001]);
+        let outcome = again(&case).finish();
+        assert_eq!(outcome.trace_hash, run.rig.trace_hash());
+        assert_eq!(outcome.ran.as_nanos(), 10_000_000_000);
+    }
+
+    /// The robot rests where it is to go, 2 s of which end a mission: but one step waits for what
+    /// comes at 2.5 s, and one for what that comes to.
+    #[test]
+    fn a_mission_that_waits_for_something_is_repeated_byte_by_byte() {
+        let mut run = run("[mission]\nwaypoints_m = [[1.5, 1.2]]\nstep = [\
+             { at = \"2500ms\", do = { mode = \"stop\" } }, \
+             { when = { visited = 1 }, do = { drive = [10, 10] } }, \
+             { when = { pose = { near_m = [1.5, 1.5], within_m = 0.1 } }, do = { drive = [0, 0] } }]");
+        run.go_on_until(Instant::from_millis(1_500));
+        run.command(Action::Connect).expect("has a PC");
+        while !run.is_over() {
+            run.step();
+        }
+        let (case, ran) = (run.case(), run.rig.now());
+        assert!(ran > Instant::from_secs(4), "{ran}");
+        assert_eq!(case.mission.step.len(), 4);
+        let outcome = again(&case).finish();
+        let checks = |checks: &[Check]| checks.iter().map(Check::to_string).collect::<Vec<_>>();
+        assert_eq!(outcome.trace_hash, run.rig.trace_hash());
+        assert_eq!(checks(&outcome.checks), checks(&run.checks()));
+    }
+
+    /// U11: a session that is saved two seconds after the start has been nowhere yet. Run again it
+    /// must not fail of that; what holds at any time is still asked for.
+    #[test]
+    fn u11_a_session_saved_early_does_not_fail_of_its_mission() {
+        let mut run = run(
+            "[mission]\nwaypoints_m = [[2.0, 2.0], [1.0, 2.0]]\n[expect]\nvisit_within_mm = 100\n\
+             return_within_mm = 100\nsettle = \"1s\"\nwall_overlap_min = 0.9\n\
+             map_received = true\nviolations_max = 0",
+        );
+        run.go_on_until(Instant::from_secs(2));
+        let case = run.case_so_far();
+        let outcome = again(&case).finish();
+        let names = |status| {
+            let of = outcome
+                .checks
+                .iter()
+                .filter(move |check| check.status == status);
+            of.map(|check| check.name.clone()).collect::<Vec<_>>()
+        };
+        assert_eq!(names(Status::Fail), [""; 0]);
+        assert!(names(Status::Pass).contains(&"violations".to_owned()));
+        // Before it was saved the run would have failed.
+        let failed =
+            |check: &&Check| check.name == "waypoints-visited" && check.status == Status::Fail;
+        assert!(run.judge().checks.iter().any(|check| failed(&check)));
+    }
+
+    /// Taps of the scenario and by hand, also faster than a finger can: done again to the byte.
+    #[test]
+    fn taps_by_hand_are_repeated_byte_by_byte() {
+        let mut run = run("[[device.display.touch-panel.tap]]\nat = \"4s\"\nplace = [410, 50]");
+        run.go_on_until(Instant::from_nanos(2_500_000_123));
+        for place in [[410, 130], [60, 80], [150, 120], [280, 50]] {
+            run.tap(place).expect("has a display");
+        }
+        run.go_on_until(Instant::from_nanos(3_999_500_000));
+        run.tap([240, 256]).expect("has a display");
+        assert!(run.tap([480, 0]).is_err());
+        run.go_on_until(Instant::from_secs(6));
+        let outcome = again(&run.case_so_far()).finish();
+        assert_eq!(outcome.trace_hash, run.rig.trace_hash());
+        assert_eq!(
+            outcome.display,
+            run.instruments
+                .display(&run.rig)
+                .map(|display| display.picture())
+        );
+    }
+
+    /// Looking at a run and cutting it into other pieces is not doing anything to it.
+    #[test]
+    fn a_run_that_nobody_touches_is_the_one_without_a_hand() {
+        let (mut alone, mut watched) = (run(""), run(""));
+        alone.go_on_until(Instant::from_secs(5));
+        for nanos in (0..5_000_000_000).step_by(3_700_001) {
+            watched.go_on_until(Instant::from_nanos(nanos));
+        }
+        watched.go_on_until(Instant::from_secs(5));
+        assert_eq!(watched.rig.trace_hash(), alone.rig.trace_hash());
+    }
+
+    #[test]
+    fn a_list_that_fits_no_frame_is_refused_and_leaves_no_step() {
+        let mut run = run("");
+        let error = run
+            .command(Action::WaypointsM(vec![[1.0, 1.0]; 101]))
+            .expect_err("100 fit");
+        assert!(error.to_string().contains("101 waypoints"), "{error}");
+        assert_eq!(run.case_so_far().mission.step, []);
+        assert!(run.command(Action::Mode("stop".to_owned())).is_ok());
+    }
+}

@@ -1,0 +1,159 @@
+//! What a scenario expects of a run, judged in the end.
+
+use emulators::world::Pose;
+
+use super::check::Check;
+use super::score::{PoseError, WallOverlap, wall_overlap};
+use super::{Run, WAY_EVERY, explored, victims};
+
+/// Whether the check called `name` says what has not come true in the end: a run that is too short
+/// fails it as well.
+pub fn is_of_the_end(name: &str) -> bool {
+    let names = [
+        "waypoints-visited",
+        "settled",
+        "wall-overlap",
+        "map-received",
+        "home",
+        "explored",
+        "victims-found",
+    ];
+    names.contains(&name) || name.starts_with("mission-step-")
+}
+
+impl Run {
+    /// What is expected of a search that the robot does by itself.
+    fn search_expectations(&self, checks: &mut Vec<Check>) {
+        let (expect, start) = (&self.scenario.expect, self.scenario.world.start_pose());
+        if let Some(most) = expect.home_within_mm {
+            let far = self.progress.distance_from_mm(start.point());
+            let far = far.unwrap_or(f64::INFINITY);
+            let is_done = self.instruments.is_done(&self.rig) == Some(true);
+            let says = if is_done { "says" } else { "does not say" };
+            let detail = format!(
+                "{far:.1} mm from the start, at most {most}; the robot {says} that it is home"
+            );
+            checks.push(Check::new("home", is_done && far <= most, detail));
+        }
+        if let Some(most) = expect.victims_within_mm {
+            let found = self.instruments.found(&self.rig).unwrap_or_default();
+            checks.push(victims::check(&found, &self.rig.world, most));
+        }
+        if let Some(least) = expect.explored_min {
+            let map = self.instruments.map(&self.rig);
+            let share = map.and_then(|map| explored::explored(map, &self.rig.world, start));
+            let detail = match share {
+                Some(share) => format!("{share:.4} of the floor, at least {least}"),
+                None => format!("not observed, expected at least {least}"),
+            };
+            let pass = share.is_some_and(|share| share >= least);
+            checks.push(Check::new("explored", pass, detail));
+        }
+    }
+
+    /// How map and world agree, if the scenario expects something of that.
+    pub(super) fn expected_overlap(&self) -> Option<WallOverlap> {
+        let is_expected = self.scenario.expect.wall_overlap_min.is_some();
+        is_expected.then(|| self.wall_overlap()).flatten()
+    }
+
+    /// How map and world agree on what was to be seen on the robot's way.
+    pub(super) fn wall_overlap(&self) -> Option<WallOverlap> {
+        let way = self.truth.iter().step_by(WAY_EVERY as usize);
+        let mut way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
+        // Where it rested, nothing else was to be seen.
+        way.dedup();
+        let map = self.instruments.map(&self.rig)?;
+        let within_mm = self.scenario.expect.wall_within_mm;
+        Some(wall_overlap(map, &self.rig.world, &way, within_mm))
+    }
+
+    pub(super) fn expectations(
+        &self,
+        pose_error: Option<PoseError>,
+        wall_overlap: Option<WallOverlap>,
+    ) -> Vec<Check> {
+        let expect = &self.scenario.expect;
+        let mut checks = Vec::new();
+        let mut at_most = |name: &str, max: Option<f64>, value: Option<f64>, unit: &str| {
+            if let Some(max) = max {
+                let pass = value.is_some_and(|value| value <= max);
+                let detail = match value {
+                    Some(value) => format!("{value:.1} {unit}, at most {max}"),
+                    None => format!("not observed, expected at most {max} {unit}"),
+                };
+                checks.push(Check::new(name, pass, detail));
+            }
+        };
+        let rms = pose_error;
+        at_most(
+            "pose-rms",
+            expect.pose_rms_mm_max,
+            rms.map(|e| e.rms_mm),
+            "mm",
+        );
+        at_most(
+            "heading-rms",
+            expect.heading_rms_deg_max,
+            rms.map(|e| e.rms_deg),
+            "deg",
+        );
+        let from_last = self.progress.distance_from_last_mm();
+        at_most(
+            "returned",
+            expect.return_within_mm,
+            from_last,
+            "mm from the last waypoint",
+        );
+        self.search_expectations(&mut checks);
+        if let Some(within) = expect.visit_within_mm {
+            let (visits, all) = (self.progress.visits().len(), self.progress.waypoints());
+            let detail = match all {
+                0 => "not observed, the mission has no waypoints".to_owned(),
+                _ => format!("{visits} of {all} waypoints within {within} mm"),
+            };
+            let pass = all > 0 && visits == all;
+            checks.push(Check::new("waypoints-visited", pass, detail));
+        }
+        if let Some(settle) = expect.settle {
+            let rested = self.progress.rested(self.rig.now());
+            let seconds = rested.as_secs_f64();
+            let detail = format!("at rest for {seconds:.2} s, at least {settle}");
+            checks.push(Check::new("settled", rested >= settle.0, detail));
+        }
+        if let Some(min) = expect.wall_overlap_min {
+            let overlap = wall_overlap.unwrap_or_default();
+            let detail = format!(
+                "{:.3} of the walls found, {:.3} of the found ones right, at least {min}",
+                overlap.found, overlap.right
+            );
+            let within = expect.wall_within_mm.map(|mm| format!(" within {mm} mm"));
+            let detail = detail + &within.unwrap_or_default();
+            checks.push(Check::new("wall-overlap", overlap.least() >= min, detail));
+        }
+        if let Some(max) = expect.violations_max {
+            let found = self.rig.violations();
+            let mut detail = format!("{found} broken rules, at most {max}");
+            if let Some(first) = self
+                .rig
+                .events()
+                .iter()
+                .find(|logged| logged.is_violation())
+            {
+                detail += &format!("; first: {first}");
+            }
+            checks.push(Check::new("violations", found <= max, detail));
+        }
+        if let Some(wanted) = expect.map_received {
+            let received = self.map_received();
+            let pass = received == Some(wanted);
+            let detail = if received == Some(true) {
+                "all rows"
+            } else {
+                "rows are missing"
+            };
+            checks.push(Check::new("map-received", pass, detail));
+        }
+        checks
+    }
+}

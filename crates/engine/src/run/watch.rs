@@ -1,0 +1,57 @@
+//! Everybody who watches a run: the same for a run and for a replay.
+
+use emulators::world::Contact;
+
+use super::check::{self, Check, Checker, Look};
+use crate::rig::Rig;
+use crate::robots::Instruments;
+use crate::scenario::Scenario;
+
+/// The checkers of a run, chosen by what its robot and its rig have.
+pub struct Watchers {
+    checkers: Vec<Box<dyn Checker>>,
+}
+
+impl Watchers {
+    /// Those who suit `scenario`, wired as `rig`.
+    pub fn of(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
+        let mut checkers = check::standard(rig, instruments);
+        if let Some(phases) = scenario.phases {
+            checkers.push(Box::new(check::AtWorkAgain::new(
+                phases.windows(),
+                instruments.sporadic_links(),
+            )));
+        }
+        Self { checkers }
+    }
+
+    /// The same, for a copy of the rig that they look at; `None` if one of them cannot be copied.
+    pub(crate) fn fork(&self, rig: &mut Rig) -> Option<Self> {
+        let checkers = self.checkers.iter().map(|checker| checker.fork(rig));
+        let checkers = checkers.collect::<Option<Vec<_>>>()?;
+        Some(Self { checkers })
+    }
+
+    /// One more.
+    pub(crate) fn add(&mut self, checker: Box<dyn Checker>) {
+        self.checkers.push(checker);
+    }
+
+    /// Lets all look at the rig; what the robot touched since the last look is `contacts`.
+    pub fn look(&mut self, rig: &Rig, instruments: &dyn Instruments, contacts: &[Contact]) {
+        let axes = instruments.axes(rig);
+        let look = Look {
+            rig,
+            axes: &axes,
+            contacts,
+        };
+        let checkers = self.checkers.iter_mut();
+        checkers.for_each(|checker| checker.observe(&look));
+    }
+
+    /// What each has to say.
+    pub fn verdicts(&self) -> Vec<Check> {
+        let checkers = self.checkers.iter();
+        checkers.map(|checker| checker.verdict()).collect()
+    }
+}

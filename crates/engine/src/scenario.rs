@@ -1,0 +1,281 @@
+//! A run as data: world, robot, devices, faults, mission, expectations. One TOML file with a
+//! closed schema: a key that nobody reads is an error, not a silent wish.
+
+mod board;
+mod chassis;
+mod condition;
+pub mod device;
+mod drives;
+mod fault;
+mod limits;
+mod maze;
+mod mission;
+mod own;
+mod phases;
+pub(crate) mod plan;
+pub mod schema;
+mod source;
+mod span;
+pub mod tuning;
+pub mod world;
+
+use core::num::NonZeroU32;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use board::{RaisesSpec, ResetSpec};
+pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
+pub use condition::{
+    AxisCondition, BytesCondition, Condition, EventCondition, Figure, FrameCondition, MapCondition,
+    Op, PoseCondition, RegisterCondition,
+};
+pub use device::{
+    AvrBaseSpec, DeviceSpec, Hc06Spec, MotorSpec, MountSpec, RplidarSpec, SupplySpec, TapSpec,
+    TouchPanelSpec, TurnSpec, Xv11Spec,
+};
+pub use drives::DrivesSpec;
+pub use fault::{
+    AdapterSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, WhenSpec,
+    catalogue as fault_catalogue,
+};
+pub use maze::MazeSpec;
+pub use mission::{Action, Expect, Mission, SetPoint, Step};
+pub use own::{
+    AccessSpec, CommandSpec, OrderSpec, PeriodicSpec, RegisterSpec, RegistersSpec, SourceSpec,
+    TextSpec, VariableSpec, WidthSpec,
+};
+pub use phases::{BudgetSpec, PhasesSpec};
+pub use source::{ScenarioError, Source};
+pub use span::Span;
+pub use tuning::TuningSpec;
+pub use world::WorldSpec;
+pub use world::{PillarSpec, StartSpec, WallSpec};
+
+/// The only schema so far. Later versions go on reading it.
+pub const SCHEMA: u32 = 1;
+
+/// A run as data: a TOML file with these keys and tables, and no others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Version of the format: 1.
+    #[serde(deserialize_with = "known_schema")]
+    pub schema: u32,
+    /// Short name for files and reports: letters, digits, `-`, `_` and `.`.
+    #[serde(deserialize_with = "file_name")]
+    pub name: String,
+    /// What it is about, for people.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub description: String,
+    /// Which robot is run, by its name.
+    pub robot: String,
+    /// How long the run takes at most; it ends sooner when the mission is done.
+    pub duration: Span,
+    /// Seed of all randomness, 0 to 9223372036854775807; `--seed` replaces it.
+    #[serde(default = "default_seed", deserialize_with = "seed")]
+    #[schemars(range(min = 0, max = 9_223_372_036_854_775_807_u64))]
+    pub seed: u64,
+    /// Where a saved case comes from; written by the rig.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
+    /// What the robot has to do.
+    #[serde(default)]
+    pub mission: Mission,
+    /// What must have come true in the end.
+    #[serde(default)]
+    pub expect: Expect,
+    /// The robot's program.
+    #[serde(default)]
+    pub program: ProgramSpec,
+    /// The drive train of a custom robot; two wheels with the figures of `[world.body]` if not
+    /// given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chassis: Option<ChassisSpec>,
+    /// Settings of devices, by the names that the robot gives them, and devices of one's own.
+    #[serde(default)]
+    #[schemars(schema_with = "schema::devices")]
+    pub device: BTreeMap<String, DeviceSpec>,
+    /// Settings of links, by the names that the robot gives them.
+    #[serde(default)]
+    pub link: BTreeMap<String, LinkSpec>,
+    /// How much may go wrong at random.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget: Option<BudgetSpec>,
+    /// When things may go wrong at random, and when the robot must be at work again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phases: Option<PhasesSpec>,
+    /// Ground truth; only `robot = "none"` can do without.
+    #[serde(
+        default = "WorldSpec::nowhere",
+        skip_serializing_if = "WorldSpec::is_nowhere"
+    )]
+    pub world: WorldSpec,
+    /// What goes wrong.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fault: Vec<FaultSpec>,
+}
+
+/// Where a saved case comes from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// Tool and version that wrote the case.
+    pub tool: String,
+    /// Fingerprint of all bytes of the run that it was saved from.
+    pub trace_hash: String,
+}
+
+/// Settings of the robot's program.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProgramSpec {
+    /// Mode in which the program starts, as the robot calls it; the one in which it stands if not
+    /// given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_mode: Option<String>,
+    /// Which algorithm maps.
+    #[serde(default)]
+    pub mapper: MapperSpec,
+    /// Which processor runs it.
+    #[serde(default)]
+    pub cpu: CpuSpec,
+    /// Defects of the fielded program that it has, by the numbers that `hilrig bugs` lists; none
+    /// if not given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<String>")]
+    pub defects: Vec<toml::Spanned<String>>,
+    /// Tells the PC of battery, errors and findings as well, where the robot's program can.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub diagnosis: bool,
+    /// Rate at which the radio is when the robot starts, bit/s, e.g. 9600 of a module as shipped:
+    /// the program, where it can, sets name, PIN and its own rate by commands before it uses it,
+    /// which takes some five seconds in which no PC may connect. If not given, the radio is ready.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radio_baud: Option<NonZeroU32>,
+    /// Figures in place of the program's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<TuningSpec>")]
+    pub tuning: Option<toml::Spanned<TuningSpec>>,
+}
+
+/// Mapping algorithms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MapperSpec {
+    /// The best that the program has.
+    #[default]
+    Best,
+    /// As the seed document describes it.
+    Document,
+}
+
+/// Processors whose speed is modelled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CpuSpec {
+    /// 168 MHz Cortex-M4, prices from the seed document.
+    #[default]
+    Stm32f4,
+    /// Never busy.
+    Ideal,
+}
+
+/// The robot of a scenario that has devices only.
+pub const NO_ROBOT: &str = "none";
+
+const fn default_seed() -> u64 {
+    1
+}
+
+fn known_schema<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    match u32::deserialize(deserializer)? {
+        SCHEMA => Ok(SCHEMA),
+        other => Err(serde::de::Error::custom(format!(
+            "schema is {other}, expected {SCHEMA}"
+        ))),
+    }
+}
+
+fn seed<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    let seed = i64::deserialize(deserializer)?;
+    let expected = "expected a seed from 0 to 9223372036854775807";
+    u64::try_from(seed).map_err(|_| serde::de::Error::custom(format!("seed is {seed}, {expected}")))
+}
+
+fn file_name<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    let fits = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    if name.is_empty() || name.starts_with('.') || !name.chars().all(fits) {
+        let expected = "expected letters, digits, '-', '_' and '.'";
+        return Err(serde::de::Error::custom(format!(
+            "name is \"{name}\", {expected}"
+        )));
+    }
+    Ok(name)
+}
+
+impl Scenario {
+    /// Reads a scenario file.
+    pub fn read(path: &Path) -> Result<(Self, Source), ScenarioError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ScenarioError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::parse(path, text)
+    }
+
+    /// Reads a scenario that stands in a program; files that it names are relative to where that
+    /// runs.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse), with `<text>` in the place of the file's name.
+    pub fn from_text(text: &str) -> Result<(Self, Source), ScenarioError> {
+        Self::parse(Path::new("<text>"), text.to_owned())
+    }
+
+    /// Reads a scenario from `text`; `path` is for messages and relative files.
+    pub fn parse(path: &Path, text: String) -> Result<(Self, Source), ScenarioError> {
+        let path = path.to_owned();
+        let source = Source { path, text };
+        limits::check_text(&source)?;
+        let mut scenario = Self::deserialized(&source.text).map_err(|mut error| {
+            error.set_input(Some(&source.text));
+            let (path, source) = (source.path.clone(), Box::new(error));
+            ScenarioError::Parse { path, source }
+        })?;
+        if scenario.world.is_nowhere() && scenario.robot != NO_ROBOT {
+            let message = "is missing, expected a table with the robot's start and what is solid";
+            return Err(source.invalid(None, "world", message));
+        }
+        limits::check(&scenario, &source)?;
+        if let Some(phases) = scenario.phases {
+            if phases.length() > scenario.duration.0 {
+                let message = "is shorter than the phases together, expected at least their sum";
+                return Err(source.invalid(source.find("duration"), "duration", message));
+            }
+            let faults = scenario.fault.iter_mut();
+            faults.for_each(|fault| phases.confine(fault));
+        }
+        Ok((scenario, source))
+    }
+
+    /// Devices are read apart from the rest, because their settings have a type of their own and
+    /// are to remember their places in the file.
+    fn deserialized(text: &str) -> Result<Self, toml::de::Error> {
+        let mut document = toml::de::DeTable::parse(text)?;
+        let device = device::read_devices(document.get_mut());
+        let scenario = Self::deserialize(toml::de::Deserializer::from(document))?;
+        Ok(Self {
+            device: device?,
+            ..scenario
+        })
+    }
+
+    /// The scenario as a file.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("every field has a TOML form")
+    }
+}

@@ -1,0 +1,289 @@
+//! From the keys of a fault to what it does and when.
+
+use core::time::Duration;
+
+use emulators::rng::Rng;
+
+use super::{FaultKind, FaultPlace, FaultSpec, Flaw};
+use crate::rig::fault::{
+    Activity, BAUD_MAX, BAUD_MIN, Damage, DamageKind, Effect, FaultId, HostDamage, Rate, Spells,
+    Strike, Trigger,
+};
+use crate::scenario::Span;
+
+/// Bytes of a burst unless it says how many.
+const BURST_LEN: u16 = 4;
+/// Most bytes of a truncation unless it says how many.
+const TRUNCATE_LEN: u16 = 4096;
+/// Room of a receiver unless it says how much: a UART without FIFO holds one byte besides the one
+/// that is arriving.
+const FIFO_LEN: u16 = 2;
+/// Longest delay of a byte.
+const BY_MAX: Duration = Duration::from_secs(3600);
+/// Shortest time from one spell to the next.
+const EVERY_MIN: Duration = Duration::from_micros(100);
+
+impl FaultSpec {
+    /// Whether the keys go together.
+    ///
+    /// # Errors
+    /// The first key that does not, or that is missing.
+    pub fn check(&self) -> Result<(), Flaw> {
+        let kind = self.kind;
+        if let Some(key) = self.given().find(|key| !kind.has(key)) {
+            let own = kind.place().keys().iter().chain(kind.own_keys());
+            let expected: Vec<&str> = own.copied().collect();
+            let message = format!(
+                "means nothing to {}, expected {} or a time",
+                kind.name(),
+                expected.join(", ")
+            );
+            return Err(Flaw::new(key, message));
+        }
+        let given = |wanted: &str| self.given().any(|key| key == wanted);
+        if let Some(key) = kind.place().keys().iter().find(|key| !given(key)) {
+            return Err(Flaw::new(
+                key,
+                format!("is missing, {} needs it", kind.name()),
+            ));
+        }
+        self.check_time()
+    }
+
+    fn check_time(&self) -> Result<(), Flaw> {
+        let name = self.kind.name();
+        if self.window().is_empty() {
+            let message = "is not after its begin, expected a later time";
+            let key = if self.until.is_some() {
+                "until"
+            } else {
+                "lasting"
+            };
+            return Err(Flaw::new(key, message));
+        }
+        let events = [
+            self.at_byte.is_some(),
+            self.at_frame.is_some(),
+            self.when.is_some(),
+        ];
+        if events.into_iter().filter(|&given| given).count() > 1 {
+            let message = "expected one of at_byte, at_frame and when";
+            return Err(Flaw::new("when", message));
+        }
+        if events.contains(&true) && (self.from.is_some() || self.until.is_some()) {
+            let message = "cannot be known of what waits for an event, expected lasting";
+            let key = if self.from.is_some() { "from" } else { "until" };
+            return Err(Flaw::new(key, message));
+        }
+        if (events[0] || events[1]) && !self.is_on_line_only() {
+            let message = format!("means nothing to {name}, expected a time or when");
+            let key = if events[0] { "at_byte" } else { "at_frame" };
+            return Err(Flaw::new(key, message));
+        }
+        if let Some(when) = &self.when {
+            when.condition()?;
+        }
+        match (self.every, self.lasting) {
+            (Some(every), Some(lasting)) if EVERY_MIN <= every.0 && lasting <= every => {}
+            (Some(_), _) => {
+                let message = "expected at least 100us, and a lasting that is not longer";
+                return Err(Flaw::new("every", message));
+            }
+            (None, _) if matches!(self.kind, FaultKind::Clog | FaultKind::Intermittent) => {
+                return Err(Flaw::new("every", format!("is missing, {name} needs it")));
+            }
+            (None, _) if self.count.is_some() && self.rate.is_none() => {
+                let message = "expected a rate or every, of which something can be counted";
+                return Err(Flaw::new("count", message));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Whether all that it does, it does to the bytes of its line.
+    pub fn is_on_line_only(&self) -> bool {
+        use FaultKind::{Break, Swizzle, Unplugged};
+        self.kind.place() == FaultPlace::Line && !matches!(self.kind, Break | Swizzle | Unplugged)
+    }
+
+    /// The name of its dice.
+    pub fn dice(&self, id: FaultId) -> String {
+        self.stream.clone().unwrap_or_else(|| format!("fault.{id}"))
+    }
+
+    /// When it is at work; `id` and `seed` choose its dice.
+    pub fn activity(&self, id: FaultId, seed: u64) -> Activity {
+        let spells = self.every.map(|every| Spells {
+            every: every.0,
+            lasting: self.lasting.unwrap_or_default().0,
+            count: if self.rate.is_some() {
+                None
+            } else {
+                self.count
+            },
+            dice: (self.kind == FaultKind::Clog).then(|| (seed, self.dice(id))),
+        });
+        let byte = self.at_byte.map(Trigger::Byte);
+        Activity {
+            window: self.window(),
+            spells,
+            trigger: byte.or(self.at_frame.map(Trigger::Frame)),
+        }
+    }
+
+    /// What it does to the one byte that it names, if it names one.
+    ///
+    /// # Errors
+    /// If a detail is missing or makes no sense.
+    pub fn strike(&self) -> Result<Option<Strike>, Flaw> {
+        let Some(byte) = self.byte else {
+            return Ok(None);
+        };
+        if let Some(key) = self
+            .given()
+            .find(|key| super::kind::TIME_KEYS.contains(key))
+        {
+            let message = "means nothing to a fault of one byte, expected none";
+            return Err(Flaw::new(key, message));
+        }
+        let damage = match (self.damage()?, self.bit, self.value) {
+            (DamageKind::Flip, Some(bit @ 0..8), _) => Damage::Flip { bit },
+            (DamageKind::Flip, ..) => {
+                return Err(Flaw::new("bit", "a flip of one byte needs its bit, 0 to 7"));
+            }
+            (DamageKind::Insert, _, Some(value)) => Damage::Insert { value },
+            (DamageKind::Insert, ..) => {
+                return Err(Flaw::new(
+                    "value",
+                    "an insertion at one byte needs its value",
+                ));
+            }
+            (DamageKind::Burst { len }, _, mask) => Damage::Burst {
+                len,
+                mask: mask.unwrap_or(0xFF),
+            },
+            (DamageKind::Drop, ..) => Damage::Drop,
+            (DamageKind::Duplicate, ..) => Damage::Duplicate,
+            (DamageKind::Truncate { len }, ..) => Damage::Truncate { len },
+            (DamageKind::Swap, ..) => Damage::Swap,
+            (DamageKind::ParityError, ..) => Damage::ParityError,
+            (DamageKind::Idle { by }, ..) => Damage::Idle { by },
+        };
+        Ok(Some(Strike { byte, damage }))
+    }
+
+    fn damage(&self) -> Result<DamageKind, Flaw> {
+        let len = |or: u16| match self.len.unwrap_or(or) {
+            0 => Err(Flaw::new("len", "is 0, expected 1 to 65535 bytes")),
+            len => Ok(len),
+        };
+        Ok(match self.kind {
+            FaultKind::Flip => DamageKind::Flip,
+            FaultKind::Insert => DamageKind::Insert,
+            FaultKind::Duplicate => DamageKind::Duplicate,
+            FaultKind::Burst => DamageKind::Burst {
+                len: len(BURST_LEN)?,
+            },
+            FaultKind::Truncate => DamageKind::Truncate {
+                len: len(TRUNCATE_LEN)?,
+            },
+            FaultKind::Swap => DamageKind::Swap,
+            FaultKind::ParityError => DamageKind::ParityError,
+            FaultKind::Idle => DamageKind::Idle {
+                by: self.needed_by()?,
+            },
+            _ => DamageKind::Drop,
+        })
+    }
+
+    fn needed_by(&self) -> Result<Duration, Flaw> {
+        match self.by {
+            Some(Span(by)) if by <= BY_MAX => Ok(by),
+            Some(by) => {
+                let message = format!("is {by}, expected at most an hour");
+                Err(Flaw::new("by", message))
+            }
+            None => {
+                let message = format!("is missing, {} needs a time", self.kind.name());
+                Err(Flaw::new("by", message))
+            }
+        }
+    }
+
+    /// What it does to its line, if it does anything besides the strike on one byte; `id` and
+    /// `seed` choose its dice.
+    ///
+    /// # Errors
+    /// If a key is missing or out of range.
+    pub fn effect(&self, id: FaultId, seed: u64) -> Result<Option<Effect>, Flaw> {
+        let rng = || Box::new(Rng::stream(seed, &self.dice(id)));
+        let effect = match self.kind {
+            kind if kind.is_strike() => match (self.rate, self.byte) {
+                (Some(chance), None) if (0.0..=1.0).contains(&chance) => Effect::Strikes {
+                    kind: self.damage()?,
+                    chance,
+                    left: self.count,
+                    rng: rng(),
+                },
+                (Some(_), None) => {
+                    return Err(Flaw::new("rate", "expected a chance per byte from 0 to 1"));
+                }
+                (None, Some(_)) => return Ok(None),
+                _ => {
+                    let message = "expected either a rate or the number of a byte";
+                    return Err(Flaw::new("rate", message));
+                }
+            },
+            FaultKind::StripNul => Effect::Host(HostDamage::StripNul),
+            FaultKind::CrToLf => Effect::Host(HostDamage::CrToLf),
+            FaultKind::EatXonXoff => Effect::Host(HostDamage::EatXonXoff),
+            FaultKind::ClearBit7 => Effect::Host(HostDamage::ClearBit7),
+            FaultKind::Echo => Effect::Echo,
+            FaultKind::Cut | FaultKind::Unplugged | FaultKind::Break => Effect::Cut,
+            FaultKind::Stall | FaultKind::Clog => Effect::Stall,
+            FaultKind::Overrun => Effect::Overrun {
+                fifo: self.fifo.unwrap_or(FIFO_LEN).into(),
+            },
+            FaultKind::ShortRead => Effect::ShortRead {
+                len: self.len.unwrap_or(1).max(1).into(),
+            },
+            FaultKind::Latency | FaultKind::Delayed => Effect::Latency {
+                by: self.needed_by()?,
+            },
+            FaultKind::Jitter => Effect::Jitter {
+                by: self.needed_by()?,
+                rng: rng(),
+            },
+            FaultKind::WrongBaud => Effect::WrongBaud(self.wrong_rate()?),
+            _ => return Ok(None),
+        };
+        Ok(Some(effect))
+    }
+
+    fn wrong_rate(&self) -> Result<Rate, Flaw> {
+        let finite = |key, value: Option<f64>| match value.unwrap_or(0.0) {
+            value if value.abs() <= 1e6 => Ok(value),
+            value => {
+                let message = format!("is {value}, expected -1000000 to 1000000");
+                Err(Flaw::new(key, message))
+            }
+        };
+        let rate = Rate {
+            baud: self.baud,
+            ppm: finite("ppm", self.ppm)?,
+            ppm_per_s: finite("ppm_per_s", self.ppm_per_s)?,
+        };
+        match self.baud {
+            Some(baud) if !(BAUD_MIN..=BAUD_MAX).contains(&baud) => {
+                let message = format!("is {baud}, expected {BAUD_MIN} to {BAUD_MAX}");
+                Err(Flaw::new("baud", message))
+            }
+            None if self.ppm.is_none() && self.ppm_per_s.is_none() => Err(Flaw::new(
+                "baud",
+                "is missing, expected baud, ppm or ppm_per_s",
+            )),
+            _ => Ok(rate),
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! What a request came to.
+
+use protocols::Instant;
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use engine::rig::fault::FaultId;
+use engine::run::FaultReport;
+use engine::scenario::{Flaw, Span};
+
+/// What a request came to.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Answer {
+    /// Whether the request was granted.
+    pub ok: bool,
+    /// The fault that was added or ended.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub id: Option<FaultId>,
+    /// When the rig's clock saw the request.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub asked: Option<Span>,
+    /// The virtual time of the change.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub applied: Option<Span>,
+    /// All faults.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub faults: Option<Vec<FaultReport>>,
+    /// What was wrong with the request.
+    #[serde(flatten)]
+    pub refusal: Option<Refusal>,
+    /// Whatever else belongs to this kind of answer.
+    #[serde(flatten)]
+    pub more: Map<String, Value>,
+}
+
+/// Why a request was not granted.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Refusal {
+    /// The key in question.
+    pub key: String,
+    /// What is wrong and what was expected.
+    pub message: String,
+}
+
+impl Refusal {
+    /// The refusal `message` of `key`.
+    pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
+        let (key, message) = (key.into(), message.into());
+        Self { key, message }
+    }
+}
+
+impl From<Flaw> for Refusal {
+    fn from(flaw: Flaw) -> Self {
+        Self::new(flaw.key, flaw.message)
+    }
+}
+
+impl From<Refusal> for Answer {
+    fn from(refusal: Refusal) -> Self {
+        Self {
+            refusal: Some(refusal),
+            ..Self::default()
+        }
+    }
+}
+
+impl Answer {
+    /// Granted, with the keys of the JSON object `more`.
+    pub(super) fn granted(more: Value) -> Self {
+        let more = match more {
+            Value::Object(more) => more,
+            _ => Map::new(),
+        };
+        Self {
+            ok: true,
+            more,
+            ..Self::default()
+        }
+    }
+
+    /// The answer with the virtual time `at`, as text and in nanoseconds.
+    #[must_use]
+    pub(super) fn at(mut self, at: Instant) -> Self {
+        let span = Span(at - Instant::ZERO).to_string();
+        self.more.insert("at".to_owned(), span.into());
+        self.more.insert("at_ns".to_owned(), at.as_nanos().into());
+        self
+    }
+
+    /// The answer as a line.
+    pub fn line(&self) -> String {
+        let mut text = serde_json::to_string(self).expect("plain data with string keys");
+        text.push('\n');
+        text
+    }
+}

@@ -1,0 +1,203 @@
+//! The socket and its clients.
+
+use std::fs;
+use std::io;
+use std::os::unix::fs::FileTypeExt as _;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+
+use protocols::Instant;
+
+use super::answer::Refusal;
+use super::client::Client;
+use super::modem;
+use super::modem::Port;
+use super::perform::{Office, Tally, apart};
+use crate::held::Held;
+use crate::inputs::Inputs;
+use crate::transport::{PortDir, TransportError};
+use crate::{Lateness, Place, Sign};
+use engine::run::Run;
+
+/// Name of the socket in the directory of the ports.
+pub const NAME: &str = "control";
+/// Most clients at once. When one more comes, the one that is idle and was silent for longest is
+/// hung up on.
+pub const CLIENTS_MAX: usize = 64;
+
+/// Takes requests of any number of clients.
+#[derive(Debug)]
+pub struct Control {
+    path: PathBuf,
+    listener: UnixListener,
+    clients: Vec<Client>,
+    ports: Vec<Port>,
+    tally: Tally,
+    looks: u64,
+    looked_at: Instant,
+    delays: Lateness,
+}
+
+impl Control {
+    /// Opens the socket in `dir`. One that a killed rig left there is replaced.
+    ///
+    /// # Errors
+    /// If it cannot be made, or something else stands there.
+    pub fn open(dir: &PortDir) -> Result<Self, TransportError> {
+        let path = dir.path().join(NAME);
+        let fail = |source| TransportError::Directory {
+            path: dir.path().to_owned(),
+            source,
+        };
+        if is_left_behind(&path) {
+            fs::remove_file(&path).map_err(fail)?;
+        }
+        let listener = match UnixListener::bind(&path) {
+            Ok(listener) => listener,
+            Err(error) if error.kind() == io::ErrorKind::AddrInUse => {
+                return Err(TransportError::Occupied { path });
+            }
+            Err(source) => return Err(fail(source)),
+        };
+        listener.set_nonblocking(true).map_err(fail)?;
+        Ok(Self {
+            path,
+            listener,
+            clients: Vec::new(),
+            ports: Vec::new(),
+            tally: Tally::default(),
+            looks: 0,
+            looked_at: Instant::ZERO,
+            delays: Lateness::default(),
+        })
+    }
+
+    /// Lets clients know of the rig's ports.
+    pub fn offer<'a>(&mut self, ports: impl Iterator<Item = Place<'a>> + Clone) {
+        let all = ports.clone();
+        let port = |place: Place<'_>| Port {
+            name: place.name.to_owned(),
+            path: place.path.to_owned(),
+            baud: place.baud,
+            node: place.node,
+            outputs: [false; 2],
+            inputs: Inputs::of(place.name, all.clone()),
+            opening: None,
+        };
+        self.ports.extend(ports.map(port));
+    }
+
+    /// Whether it matters who has which port open.
+    pub fn has_lines(&self) -> bool {
+        self.clients.iter().any(Client::has_modem)
+            || self.ports.iter().any(|port| port.opening.is_some())
+    }
+
+    /// Whether somebody has a port open. It counts for its modem lines if a client of this socket
+    /// sets them.
+    pub fn see(&mut self, sign: &Sign<'_>, run: &mut Run) {
+        let has_lines = self.clients.iter().any(Client::has_modem);
+        let opening = (sign.is_open && has_lines).then_some(sign.openings);
+        modem::see(&mut self.ports, sign.name, opening, run);
+    }
+
+    /// Reads what clients ask for; whether there was anything. What was done at the ports before
+    /// they asked is there now at the latest, and can be carried in before [`serve`](Self::serve).
+    /// Never waits.
+    pub fn hear(&mut self) -> bool {
+        self.looks += 1;
+        self.accept();
+        let heard = self.clients.iter_mut().map(|one| one.hear(self.looks));
+        // Each of them is to be heard.
+        heard.fold(false, |any, one| any | one)
+    }
+
+    /// Does what clients were heard to ask for. `now` is the time of the rig's clock; `tempo` is
+    /// what moves it, if clients may. Never waits.
+    pub fn serve(&mut self, run: &mut Run, tempo: Option<&Held>, now: Instant) {
+        let since_last = now - self.looked_at;
+        self.looked_at = now;
+        let mut office = Office {
+            run,
+            tempo,
+            ports: &mut self.ports,
+            clients: self.clients.len(),
+            tally: &mut self.tally,
+        };
+        for client in &mut self.clients {
+            for answer in client.serve(&mut office, now) {
+                if let Some(applied) = answer.applied {
+                    self.delays
+                        .record(since_last + apart(now, applied.instant()));
+                }
+            }
+        }
+        self.clients.retain(|client| !client.is_gone());
+    }
+
+    fn accept(&mut self) {
+        for _ in 0..CLIENTS_MAX {
+            let Ok((stream, _)) = self.listener.accept() else {
+                return;
+            };
+            if stream.set_nonblocking(true).is_err() {
+                continue;
+            }
+            let mut newcomer = Client::new(stream, self.looks);
+            if self.clients.len() >= CLIENTS_MAX && !self.make_room() {
+                let message = format!("{CLIENTS_MAX} clients wait here, expected no more");
+                newcomer.hang_up(Refusal::new("clients", message));
+            } else {
+                self.clients.push(newcomer);
+            }
+        }
+    }
+
+    /// Hangs up on one that is idle, if any is; whether one was.
+    fn make_room(&mut self) -> bool {
+        let idle = self.clients.iter().enumerate();
+        let idle = idle.filter_map(|(index, client)| Some((client.idle_since()?, index)));
+        let Some((_, index)) = idle.min() else {
+            return false;
+        };
+        let message = format!("hung up: silent for longest of {CLIENTS_MAX}, and another one came");
+        self.clients[index].hang_up(Refusal::new("clients", message));
+        self.clients.remove(index);
+        true
+    }
+
+    /// Whether a client wants the run to end.
+    pub const fn has_quit(&self) -> bool {
+        self.tally.quits
+    }
+
+    /// How often clients have changed the run.
+    pub const fn changes(&self) -> u64 {
+        self.tally.changes
+    }
+
+    /// How many requests there were, and how many of them were refused.
+    pub const fn requests(&self) -> [u64; 2] {
+        [self.tally.requests, self.tally.refused]
+    }
+
+    /// How long after its request each change was in force, at most: the time since the rig had
+    /// last looked, and what lay between the clock and the virtual time of the change.
+    pub const fn delays(&self) -> &Lateness {
+        &self.delays
+    }
+}
+
+impl Drop for Control {
+    fn drop(&mut self) {
+        self.clients.iter_mut().for_each(Client::end);
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+/// Whether a socket stands at `path` that nobody listens on.
+fn is_left_behind(path: &Path) -> bool {
+    let is_socket = fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket());
+    let refused = |error: io::Error| error.kind() == io::ErrorKind::ConnectionRefused;
+    is_socket && UnixStream::connect(path).is_err_and(refused)
+}

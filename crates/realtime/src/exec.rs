@@ -1,0 +1,432 @@
+//! Somebody's program in a run: started on the rig's ports, watched, judged, ended.
+//!
+//! ```text
+//!  start --> opens its ports --> rig time runs --> run over, or program gone --> end, verdict
+//!            (rig stands at 0)
+//! ```
+//!
+//! Rig time stands until the program has opened what it needs, so that a slow interpreter costs no
+//! time of the mission. A program may have to hear something on one port before it opens the next:
+//! if it has sent something and opened nothing more for a second, time goes on as well.
+
+mod error;
+mod ports;
+mod readiness;
+mod verdict;
+
+use core::time::Duration;
+use std::ffi::OsString;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use emulators::{Event, EventKind};
+use protocols::Instant;
+
+use crate::clock::Clock;
+use crate::control::Control;
+use crate::held::Held;
+use crate::process::{Ended, Patience, Process};
+use crate::transport::{Note, PortDir, Pty, Transport, TransportError};
+use crate::{LATE, Lateness, Realtime};
+use engine::robots::{self, Dut, OpenEnd, PcEnd, Wired};
+use engine::run::check::Check;
+use engine::run::{Outcome, Run};
+use engine::scenario::{Scenario, Source};
+
+pub use error::ExecError;
+pub(crate) use ports::Ports;
+pub(crate) use readiness::Readiness;
+pub use verdict::{alive, childless};
+
+/// The variable by which a program is told where its ports are.
+pub const PORTS_VARIABLE: &str = "HILRIG_DIR";
+/// Rig time for which a run goes on when its program is gone: the devices must notice that.
+pub(crate) const SETTLE: Duration = Duration::from_secs(2);
+
+/// Rig time between two looks at why a program does not read: all processes are listed for that.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// Checks about a program that hold however late the rig was.
+pub const FACTS: [&str; 3] = ["program-connected", "program-alive", "no-children-left"];
+
+/// Somebody's program, and what it may do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Foreign {
+    /// For the shell.
+    pub command: String,
+    /// Wall time within which it must open what it needs.
+    pub wait: Duration,
+    /// Whether it may end with exit code 0 before the run is over.
+    pub may_end: bool,
+    /// Names of the ports that it needs; none: all that are not optional.
+    pub needs: Vec<String>,
+    /// Whether its ports have modem lines in real time; in virtual time they always do.
+    pub has_lines: bool,
+    /// How it is put into virtual time; `None`: it runs in real time.
+    pub supervision: Option<Supervision>,
+}
+
+/// How a program is supervised in virtual time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Supervision {
+    /// Virtual time that each stopped call takes.
+    pub call_cost: Duration,
+    /// Wall time for which a thread may compute without a call.
+    pub spin_max: Duration,
+}
+
+/// An end of a link and the port that it is on.
+pub struct Seat {
+    /// The end.
+    pub end: OpenEnd,
+    /// Its port.
+    pub transport: Box<dyn Transport>,
+    /// Whether the program finds it in the directory of ports; else it is a real one, at which
+    /// nobody can be seen.
+    pub is_terminal: bool,
+}
+
+/// Who is the PC when nobody says so: the mission's script if it gives orders, else somebody
+/// outside.
+pub fn pc_end(scenario: &Scenario) -> PcEnd {
+    match scenario.mission.gives_orders() {
+        true => PcEnd::Scripted,
+        false => PcEnd::External,
+    }
+}
+
+/// A program under trial.
+pub struct Trial {
+    run: Run,
+    realtime: Realtime<Held>,
+    control: Control,
+    dir: PortDir,
+    process: Process,
+    foreign: Foreign,
+    ports: Ports,
+    readiness: Readiness,
+    has_begun: bool,
+    gave_up: bool,
+    /// How the program ended, and the rig's time then.
+    ended: Option<(Ended, Instant)>,
+    /// Since when there is nobody at the ports any more.
+    gone_at: Option<Instant>,
+    /// When it was last looked whether the machine holds the program up, and what was seen.
+    held_up: (Instant, bool),
+}
+
+/// What came of it.
+pub struct Judged {
+    /// The run, its first checks being about the program.
+    pub outcome: Outcome,
+    /// Whether the captures of the run were written.
+    pub recorded: io::Result<()>,
+    /// What else was seen.
+    pub seen: ProgramEnd,
+}
+
+/// What was seen of a program besides its verdicts.
+pub struct ProgramEnd {
+    /// The end of what the program said.
+    pub said: String,
+    /// How late the rig was.
+    pub lateness: Lateness,
+}
+
+impl Trial {
+    /// Starts the program in front of `run`, whose ends are on `seats`. What it says is written
+    /// to `log`.
+    ///
+    /// # Errors
+    /// If it cannot be started, or needs a port that there is not.
+    pub fn start(
+        mut run: Run,
+        seats: Vec<Seat>,
+        mut dir: PortDir,
+        foreign: Foreign,
+        log: &Path,
+    ) -> Result<Self, ExecError> {
+        let mut control = Control::open(&dir)?;
+        dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
+        let ports = ports_of(&seats, &foreign)?;
+        let env = environment(&seats, &dir, &run);
+        let mut realtime = Realtime::new(Held::at(run.rig.now()));
+        for seat in seats {
+            realtime.serve(seat.end, seat.transport);
+        }
+        let scenario = run.scenario().clone();
+        realtime.plug_in(&scenario, &mut run.rig);
+        control.offer(realtime.places());
+        let process = match foreign.has_lines {
+            true => Process::start_with_lines(&foreign.command, &env, Some(log)),
+            false => Process::start(&foreign.command, &env, Some(log)),
+        };
+        Ok(Self {
+            process: process.map_err(ExecError::NotStarted)?,
+            run,
+            realtime,
+            control,
+            dir,
+            readiness: Readiness::new(foreign.wait),
+            foreign,
+            ports,
+            has_begun: false,
+            gave_up: false,
+            ended: None,
+            gone_at: None,
+            held_up: (Instant::ZERO, false),
+        })
+    }
+
+    /// The run.
+    pub const fn run(&mut self) -> &mut Run {
+        &mut self.run
+    }
+
+    /// Rig time on the wall clock.
+    pub fn now(&self) -> Instant {
+        self.realtime.clock().now()
+    }
+
+    /// How often rig time stood because the rig was late, and for how long the last time.
+    pub const fn stalls(&self) -> (u64, Duration) {
+        self.realtime.stalls()
+    }
+
+    /// Whether rig time runs.
+    pub const fn has_begun(&self) -> bool {
+        self.has_begun
+    }
+
+    /// Whether there is nothing more to see.
+    pub fn is_over(&self) -> bool {
+        let now = self.run.rig.now();
+        let is_done = self.run.is_over() || self.control.has_quit();
+        is_done || self.gave_up || self.gone_at.is_some_and(|at| now - at >= SETTLE)
+    }
+
+    /// Runs the rig on and looks at the program.
+    ///
+    /// # Errors
+    /// If a real port went away.
+    pub fn turn(&mut self) -> Result<(), TransportError> {
+        let before = self.run.rig.now();
+        let behind = self.realtime.clock().now() - before;
+        let mut turned = self.realtime.turn(&mut self.run);
+        // Who opens a port and asks for its lines at once finds them raised.
+        if self.control.hear() {
+            turned = turned.and(self.realtime.carry(&mut self.run));
+        }
+        let now = self.run.rig.now();
+        log_contacts(&mut self.run);
+        let on_time = match behind > LATE || self.is_held_up(now) {
+            true => Duration::ZERO,
+            false => now - before,
+        };
+        for sign in self.realtime.signs() {
+            self.ports.observe(now, on_time, &sign);
+            self.control.see(&sign, &mut self.run);
+        }
+        self.control
+            .serve(&mut self.run, Some(self.realtime.clock()), now);
+        self.look_at_process(now);
+        if !self.has_begun {
+            self.begin_if_ready();
+        }
+        turned
+    }
+
+    /// Whether the machine holds up a program that does not read, as of the last look at that.
+    fn is_held_up(&mut self, now: Instant) -> bool {
+        if !self.ports.any_waits_long() {
+            return false;
+        }
+        let (at, is_held_up) = self.held_up;
+        if now - at >= LOOK_EVERY {
+            self.held_up = (now, self.process.is_held_up());
+            return self.held_up.1;
+        }
+        is_held_up
+    }
+
+    fn look_at_process(&mut self, now: Instant) {
+        if self.ended.is_none() {
+            self.ended = self.process.ended().map(|ended| (ended, now));
+        }
+        // Whoever may end may have started others that go on at the ports.
+        let is_gone = self.ended.is_some_and(|(ended, _)| {
+            !(self.foreign.may_end && ended == Ended::Code(0) && self.ports.any_open())
+        });
+        if is_gone && self.gone_at.is_none() {
+            self.gone_at = Some(now);
+        }
+    }
+
+    fn begin_if_ready(&mut self) {
+        let waited = self.realtime.clock().waited();
+        let is_ready = self.readiness.is_ready(&self.ports, waited);
+        if self.gone_at.is_some() || self.readiness.has_given_up(&self.ports, waited) {
+            self.gave_up = true;
+        } else if is_ready {
+            self.realtime.clock().let_go();
+            self.has_begun = true;
+        }
+    }
+
+    /// Ends the program and judges what there is.
+    pub fn end(mut self) -> Judged {
+        self.look_at_process(self.run.rig.now());
+        let farewell = self.process.end(Patience::FAIR);
+        let is_over = self.run.is_over() || self.control.has_quit();
+        let recorded = self.run.rig.finish_taps();
+        let lateness = self.realtime.lateness().clone();
+        // The ports stay until the program has ended: it is not to be told that they went away.
+        drop((self.realtime, self.control, self.dir));
+        let mut outcome = self.run.judge();
+        let own = vec![
+            self.ports.connected(self.foreign.wait),
+            alive(self.ended, is_over, self.foreign.may_end, &farewell),
+            self.ports.reads(),
+            childless(&farewell.left),
+        ];
+        add_checks(&mut outcome, own);
+        Judged {
+            outcome,
+            recorded,
+            seen: ProgramEnd {
+                said: farewell.said,
+                lateness,
+            },
+        }
+    }
+}
+
+/// Puts the checks about a program before those of its run.
+pub(crate) fn add_checks(outcome: &mut Outcome, own: Vec<Check>) {
+    // A run in this process has a check of one of these names as well; it saw no program.
+    let others = core::mem::take(&mut outcome.checks);
+    let is_new = |check: &Check| own.iter().all(|one| one.name != check.name);
+    let others: Vec<Check> = others.into_iter().filter(is_new).collect();
+    outcome.checks.extend(own);
+    outcome.checks.extend(others);
+}
+
+/// The ports that a program on `seats` is seen at.
+///
+/// # Errors
+/// If it is said to need one that there is not.
+pub(crate) fn ports_of(seats: &[Seat], foreign: &Foreign) -> Result<Ports, ExecError> {
+    let seen = || seats.iter().filter(|seat| seat.is_terminal);
+    for name in &foreign.needs {
+        if !seen().any(|seat| seat.end.name == *name) {
+            let all = seen().map(|seat| seat.end.name.clone()).collect();
+            return Err(ExecError::NoSuchPort(name.clone(), all));
+        }
+    }
+    let mut ports = Ports::default();
+    for Seat { end, .. } in seen() {
+        let is_needed = match foreign.needs.is_empty() {
+            true => !end.is_optional,
+            false => foreign.needs.contains(&end.name),
+        };
+        ports.add(&end.name, is_needed);
+    }
+    Ok(ports)
+}
+
+/// What a program on `seats` is told by its environment.
+pub(crate) fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(String, OsString)> {
+    let mut env = vec![
+        (PORTS_VARIABLE.to_owned(), dir.path().into()),
+        (
+            "HILRIG_SEED".to_owned(),
+            run.scenario().seed.to_string().into(),
+        ),
+        (
+            "HILRIG_SCENARIO".to_owned(),
+            Note::Scenario.path_in(dir.path()).into(),
+        ),
+    ];
+    for seat in seats.iter().filter(|seat| seat.is_terminal) {
+        let path = seat.transport.path().into();
+        env.push((port_variable(&seat.end.name), path));
+    }
+    env
+}
+
+/// The variable by which a program is told where the port `name` is.
+pub fn port_variable(name: &str) -> String {
+    let name = name.to_ascii_uppercase().replace('-', "_");
+    format!("HILRIG_PORT_{name}")
+}
+
+/// Lets the log tell what the robot touched.
+pub fn log_contacts(run: &mut Run) {
+    for contact in run.take_contacts() {
+        let (place, both, own) = (contact.place, contact.speed_m_s, contact.own_m_s);
+        let detail = format!(
+            "robot touched something at ({:.2}, {:.2}) m with {both:.3} m/s, {own:.3} its own",
+            place.x, place.y
+        );
+        let event = Event {
+            at: contact.at,
+            kind: EventKind::Note,
+            rule: "touch",
+            detail,
+            bytes: Vec::new(),
+        };
+        run.rig.log("robot", event);
+    }
+}
+
+/// Runs `scenario` with the program from beginning to end, its ports in `dir` and what it says in
+/// `log`; for whoever only wants the verdict. `None` if `goes_on` said no.
+///
+/// # Errors
+/// If it cannot be put on trial.
+pub(crate) fn judge(
+    scenario: &Scenario,
+    source: &Source,
+    foreign: &Foreign,
+    [dir, log]: [&PathBuf; 2],
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Option<Judged>, ExecError> {
+    let (run, seats, dir) = stage(scenario, source, dir)?;
+    let mut trial = Trial::start(run, seats, dir, foreign.clone(), log)?;
+    while !trial.is_over() {
+        if !goes_on() {
+            return Ok(None);
+        }
+        trial.turn()?;
+    }
+    Ok(Some(trial.end()))
+}
+
+/// `scenario` wired for a program of somebody's, all its ports in `dir`.
+///
+/// # Errors
+/// If it cannot be wired, or the ports cannot be had.
+pub(crate) fn stage(
+    scenario: &Scenario,
+    source: &Source,
+    dir: &Path,
+) -> Result<(Run, Vec<Seat>, PortDir), ExecError> {
+    let pc = pc_end(scenario);
+    let Wired {
+        rig,
+        open_ends,
+        instruments,
+    } = robots::wire(scenario, source, Dut::External, pc)?;
+    let dir = PortDir::open(dir)?;
+    let mut seats = Vec::new();
+    for end in open_ends {
+        let transport = Box::new(Pty::open(&dir, &end.name, end.line)?);
+        seats.push(Seat {
+            end,
+            transport,
+            is_terminal: true,
+        });
+    }
+    let run = Run::with_rig(scenario.clone(), rig, instruments);
+    Ok((run, seats, dir))
+}

@@ -1,0 +1,106 @@
+//! A foreign, unmodified program in virtual time: whatever its language, its threads and processes
+//! run one at a time under supervision, see the rig's clock and no other, and time moves only when
+//! all of them wait.
+//!
+//! ```text
+//!  threads of the program        supervisor                     stage
+//!  call --stop-------------->    answers, lets the kernel     ports, run, rig
+//!       <-answer, or go on---    do it, or lets it wait  <---  bytes, time
+//!                                all wait: time moves    --->
+//! ```
+//!
+//! Under ptrace and a seccomp filter the program stops at the calls that have to do with time,
+//! waiting, other threads or ports; all others run at full speed. Each stopped call costs a fixed
+//! virtual time, computing costs none. So the same run gives the same bytes, as often as one likes
+//! and on a loaded machine: `docs/virtual-time.md` says what that takes and where it ends.
+//!
+//! For Linux on x86-64; elsewhere a program is refused in words.
+
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod call;
+mod error;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod launch;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod lines;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod memory;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod news;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod pending;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod stage;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod supervisor;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod task;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod trace;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod trial;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod watchdog;
+
+#[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
+mod elsewhere;
+
+use std::path::PathBuf;
+
+use crate::exec::{self, ExecError, Foreign};
+use engine::run::Outcome;
+use engine::scenario::{Scenario, Source};
+
+#[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
+pub(crate) use elsewhere::{
+    LINES_VERB, Played, Trial, VERB, become_guest, become_guest_with_lines,
+    become_shell_with_lines, run_with_lines,
+};
+pub use error::GuestError;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+pub use launch::{LINES_VERB, VERB, become_guest, become_guest_with_lines};
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+pub use lines::{become_shell_with_lines, run_with_lines};
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+pub use trial::{Played, Trial};
+
+/// Whether programs can have modem lines here.
+pub const HAS_LINES: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));
+
+/// Runs `scenario` with the program from beginning to end, its ports in the first of `places` and
+/// what it says in the second, in virtual time or in real time as the program is to be; for whoever
+/// only wants the verdict. `None` if `goes_on` said no.
+///
+/// # Errors
+/// If it cannot be put on trial.
+pub fn judge(
+    scenario: &Scenario,
+    source: &Source,
+    foreign: &Foreign,
+    places: [&PathBuf; 2],
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Option<Outcome>, ExecError> {
+    if foreign.supervision.is_none() {
+        let judged = exec::judge(scenario, source, foreign, places, goes_on)?;
+        return Ok(judged.map(|judged| judged.outcome));
+    }
+    let refused = |error: GuestError| match error {
+        GuestError::Exec(error) => error,
+        error => ExecError::Virtual(error.to_string()),
+    };
+    let [dir, log] = places;
+    let (run, seats, dir) = exec::stage(scenario, source, dir)?;
+    let trial = Trial::start(run, seats, dir, foreign.clone(), None, log);
+    let mut trial = trial.map_err(refused)?;
+    let mut turned = Ok(());
+    while !trial.is_over() && turned.is_ok() {
+        if !goes_on() {
+            trial.end();
+            return Ok(None);
+        }
+        turned = trial.turn();
+    }
+    let played = trial.end();
+    turned.map_err(refused)?;
+    Ok(Some(played.outcome))
+}

@@ -1,0 +1,170 @@
+//! Where there is no supervisor: programs are refused in words.
+
+use core::time::Duration;
+use std::ffi::OsString;
+use std::io;
+use std::path::Path;
+use std::process::{ExitCode, Stdio};
+
+use protocols::Instant;
+
+use super::GuestError;
+use crate::Sign;
+use crate::exec::{Foreign, Seat};
+use crate::process::Ended;
+use crate::transport::PortDir;
+use engine::run::{Outcome, Run};
+
+/// The hidden command.
+pub const VERB: &str = "__guest";
+
+/// The same for a program in real time that has modem lines.
+pub const LINES_VERB: &str = "__guest-lines";
+
+/// A program on trial: there never is one.
+pub enum Trial {}
+
+/// What came of it.
+pub struct Played {
+    /// The run.
+    pub outcome: Outcome,
+    /// Whether the captures of the run were written.
+    pub recorded: io::Result<()>,
+    /// The end of what the program said.
+    pub said: String,
+    /// What left virtual time.
+    pub notes: Vec<String>,
+    /// What was decided, call by call.
+    pub calls: Calls,
+}
+
+/// What was decided, call by call.
+pub struct Calls;
+
+impl Calls {
+    /// How many calls there were.
+    pub(crate) const fn count(&self) -> u64 {
+        0
+    }
+
+    /// Where two runs part.
+    pub(crate) const fn part_from(&self, _: &Self) -> Option<String> {
+        None
+    }
+}
+
+impl Trial {
+    /// Refuses.
+    ///
+    /// # Errors
+    /// Always.
+    pub(crate) fn start(
+        _: Run,
+        _: Vec<Seat>,
+        _: PortDir,
+        _: Foreign,
+        _: Option<&Path>,
+        _: &Path,
+    ) -> Result<Self, GuestError> {
+        Err(GuestError::NotHere)
+    }
+
+    /// The run.
+    pub(crate) const fn run(&mut self) -> &mut Run {
+        match *self {}
+    }
+
+    /// Whether there is nothing more to see.
+    pub(crate) const fn is_over(&self) -> bool {
+        match *self {}
+    }
+
+    /// Goes on.
+    ///
+    /// # Errors
+    /// Never.
+    pub(crate) const fn turn(&mut self) -> Result<(), GuestError> {
+        match *self {}
+    }
+
+    /// From now on the run goes on when its mission is over.
+    pub(crate) const fn make_endless(&mut self) {
+        match *self {}
+    }
+
+    /// Lets the rig's time run.
+    pub(crate) const fn begin(&mut self) {
+        match *self {}
+    }
+
+    /// Whether the rig's time runs.
+    pub(crate) const fn has_begun(&self) -> bool {
+        match *self {}
+    }
+
+    /// The program's time since it was started.
+    pub(crate) const fn waited(&self) -> Duration {
+        match *self {}
+    }
+
+    /// The rig's time.
+    pub(crate) const fn now(&self) -> Instant {
+        match *self {}
+    }
+
+    /// What can be seen of the program at its ports.
+    pub(crate) fn signs(&mut self) -> impl Iterator<Item = Sign<'_>> {
+        match *self {}
+        #[expect(unreachable_code, reason = "names the type")]
+        core::iter::empty()
+    }
+
+    /// How the program ended.
+    pub(crate) const fn ended(&self) -> Option<Ended> {
+        match *self {}
+    }
+
+    /// Who computes on and on.
+    pub(crate) const fn spins(&self) -> Option<&str> {
+        match *self {}
+    }
+
+    /// What it said so far.
+    pub(crate) const fn said(&self) -> String {
+        match *self {}
+    }
+
+    /// Ends it without a verdict.
+    pub(crate) const fn quit(self) -> (String, Run) {
+        match self {}
+    }
+
+    /// Ends it.
+    pub(crate) const fn end(self) -> Played {
+        match self {}
+    }
+}
+
+/// Refuses.
+///
+/// # Errors
+/// Always.
+pub fn run_with_lines(_: &Path, _: &[OsString], _: Stdio) -> Result<u8, GuestError> {
+    Err(GuestError::NotHere)
+}
+
+/// Refuses.
+pub fn become_guest_with_lines(_: impl IntoIterator<Item = OsString>) -> ExitCode {
+    become_guest("")
+}
+
+/// Refuses.
+pub fn become_shell_with_lines(_: OsString) -> ExitCode {
+    become_guest("")
+}
+
+/// Refuses.
+pub fn become_guest(_: &str) -> ExitCode {
+    eprintln!("error: {}", GuestError::NotHere);
+    ExitCode::from(2)
+}

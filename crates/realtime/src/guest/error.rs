@@ -1,0 +1,60 @@
+//! Why a program cannot be run in virtual time.
+
+use core::time::Duration;
+use std::io;
+use std::path::PathBuf;
+
+use crate::exec::ExecError;
+use crate::transport::TransportError;
+
+/// Why a program cannot be run in virtual time.
+#[derive(Debug, thiserror::Error)]
+pub enum GuestError {
+    /// The system does not let it be traced.
+    #[error(
+        "--virtual: the system does not let a program be traced: in a container allow ptrace \
+         (--cap-add=SYS_PTRACE), and look at /proc/sys/kernel/yama/ptrace_scope, expected at most 1"
+    )]
+    NotTraced,
+    /// The filter cannot be put on, or there is no shell.
+    #[error("--virtual: the program cannot be started under supervision: {0}")]
+    NotLaunched(String),
+    /// It is a setuid program.
+    #[error(
+        "--virtual: {} is a setuid or setgid program: under supervision it would run without its \
+         rights; expected one that needs none, or a run without --virtual",
+        .0.display()
+    )]
+    Setuid(PathBuf),
+    /// It is for another processor.
+    #[error("--virtual: {} is a 32-bit program: expected one for x86-64", .0.display())]
+    OtherArchitecture(PathBuf),
+    /// This build has no supervisor.
+    #[error("--virtual: expected Linux on x86-64; here run it without --virtual, in real time")]
+    NotHere,
+    /// No rig answers.
+    #[error("--dir {}: no rig answers here, expected a directory of `hilrig up`: {source}", .dir.display())]
+    NoRig {
+        /// Where.
+        dir: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A thread computes on and on.
+    #[error("{0} computes without a call for {secs:.0} s of wall time", secs = .1.as_secs_f64())]
+    Spins(String, Duration),
+    /// The trace cannot be written.
+    #[error("--trace-calls {}: {source}", .path.display())]
+    Trace {
+        /// Where.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A real port went away.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// It cannot be put on trial.
+    #[error(transparent)]
+    Exec(#[from] ExecError),
+}

@@ -1,0 +1,244 @@
+//! How a foreign program comes under supervision: hilrig starts itself once more, and that process
+//! asks to be traced, puts on the filter, and becomes the program.
+//!
+//! ```text
+//!  hilrig run ..            hilrig __guest CMD
+//!     | start  -----------------> traceme, stop
+//!     | options, cont ----------> filter, exec /bin/sh -c CMD
+//! ```
+//!
+//! The filter stops the calls that have to do with time, waiting, other threads or ports; all
+//! others run at full speed.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, ExitCode, Stdio};
+
+use nix::libc;
+use nix::sys::personality::{self, Persona};
+use nix::sys::ptrace;
+use nix::sys::signal::{SigSet, Signal, raise};
+use rustix::process::{TimeStampCounterReadability, set_time_stamp_counter_readability};
+use seccompiler::{
+    BpfProgram, SeccompAction, SeccompCmpArgLen, SeccompCmpOp, SeccompCondition, SeccompFilter,
+    SeccompRule, TargetArch,
+};
+
+/// The hidden command.
+pub const VERB: &str = "__guest";
+/// The same for a program in real time that has modem lines.
+pub const LINES_VERB: &str = "__guest-lines";
+/// Requests about modem lines.
+const LINES: [u64; 10] = [
+    libc::TIOCMGET,
+    libc::TIOCMBIS,
+    libc::TIOCMBIC,
+    libc::TIOCMSET,
+    libc::TIOCSBRK,
+    libc::TIOCCBRK,
+    libc::TCSBRK,
+    libc::TCSBRKP,
+    TIOCMIWAIT,
+    TIOCGICOUNT,
+];
+/// Requests that `libc` does not know for this system.
+pub(super) const TIOCMIWAIT: u64 = 0x545C;
+pub(super) const TIOCGICOUNT: u64 = 0x545D;
+/// Exit code of a launcher that was not allowed to be traced.
+pub(super) const NOT_TRACED: i32 = 125;
+/// Exit code of a launcher that could not put on the filter, or find the shell.
+pub(super) const NOT_LAUNCHED: i32 = 126;
+pub(super) const NOT_LAUNCHED_CODE: u8 = 126;
+
+/// The calls at which a program is stopped.
+const STOPPED: [i64; 69] = [
+    libc::SYS_clock_gettime,
+    libc::SYS_clock_getres,
+    libc::SYS_clock_settime,
+    libc::SYS_gettimeofday,
+    libc::SYS_time,
+    libc::SYS_times,
+    libc::SYS_nanosleep,
+    libc::SYS_clock_nanosleep,
+    libc::SYS_sched_yield,
+    libc::SYS_futex,
+    libc::SYS_futex_waitv,
+    libc::SYS_select,
+    libc::SYS_pselect6,
+    libc::SYS_poll,
+    libc::SYS_ppoll,
+    libc::SYS_epoll_wait,
+    libc::SYS_epoll_pwait,
+    libc::SYS_epoll_pwait2,
+    libc::SYS_read,
+    libc::SYS_readv,
+    libc::SYS_write,
+    libc::SYS_writev,
+    libc::SYS_recvfrom,
+    libc::SYS_recvmsg,
+    libc::SYS_recvmmsg,
+    libc::SYS_sendto,
+    libc::SYS_sendmsg,
+    libc::SYS_accept,
+    libc::SYS_accept4,
+    libc::SYS_connect,
+    libc::SYS_open,
+    libc::SYS_openat,
+    libc::SYS_ioctl,
+    libc::SYS_wait4,
+    libc::SYS_waitid,
+    libc::SYS_exit,
+    libc::SYS_exit_group,
+    libc::SYS_kill,
+    libc::SYS_tkill,
+    libc::SYS_tgkill,
+    libc::SYS_rt_sigqueueinfo,
+    libc::SYS_rt_tgsigqueueinfo,
+    libc::SYS_rt_sigaction,
+    libc::SYS_rt_sigsuspend,
+    libc::SYS_rt_sigtimedwait,
+    libc::SYS_pause,
+    libc::SYS_alarm,
+    libc::SYS_setitimer,
+    libc::SYS_getitimer,
+    libc::SYS_timer_create,
+    libc::SYS_timer_settime,
+    libc::SYS_timer_gettime,
+    libc::SYS_timer_getoverrun,
+    libc::SYS_flock,
+    libc::SYS_timer_delete,
+    libc::SYS_signalfd,
+    libc::SYS_signalfd4,
+    libc::SYS_timerfd_create,
+    libc::SYS_timerfd_settime,
+    libc::SYS_timerfd_gettime,
+    libc::SYS_getrandom,
+    libc::SYS_semop,
+    libc::SYS_semtimedop,
+    libc::SYS_msgrcv,
+    libc::SYS_mq_timedreceive,
+    libc::SYS_mq_timedsend,
+    libc::SYS_io_uring_setup,
+    libc::SYS_io_uring_enter,
+    libc::SYS_io_getevents,
+];
+
+/// Starts the launcher of `command`, `env` being added to its environment; what the program says
+/// goes to `mouth`. It stops before it does anything.
+pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> io::Result<Child> {
+    let mut launcher = Command::new(std::env::current_exe()?);
+    launcher
+        .args([VERB, command])
+        .envs(env.iter().map(|(name, value)| (name, value)))
+        .process_group(0)
+        .stdin(Stdio::null())
+        .stdout(Stdio::from(mouth.try_clone()?))
+        .stderr(Stdio::from(mouth));
+    launcher.spawn()
+}
+
+/// Starts the launcher of a program and its arguments, stopped at calls about modem lines alone.
+pub(super) fn start_with_lines(
+    command: &[OsString],
+    env: &[(String, OsString)],
+    speaks: Stdio,
+) -> io::Result<Child> {
+    let mut launcher = Command::new(std::env::current_exe()?);
+    launcher
+        .stdout(speaks)
+        .arg(LINES_VERB)
+        .args(command)
+        .envs(env.iter().map(|(name, value)| (name, value)));
+    launcher.spawn()
+}
+
+/// The signals by which a program is asked to end.
+pub(super) fn requests_to_end() -> SigSet {
+    let mut set = SigSet::empty();
+    for signal in [
+        Signal::SIGINT,
+        Signal::SIGTERM,
+        Signal::SIGHUP,
+        Signal::SIGQUIT,
+    ] {
+        set.add(signal);
+    }
+    set
+}
+
+/// Becomes a program with its arguments, supervised by whoever started this process.
+pub fn become_guest_with_lines(words: impl IntoIterator<Item = OsString>) -> ExitCode {
+    // Whoever started this one holds them back.
+    let _ = requests_to_end().thread_unblock();
+    let mut words = words.into_iter();
+    let mut program = Command::new(words.next().unwrap_or_default());
+    program.args(words);
+    become_supervised(&mut program, about_lines)
+}
+
+/// Becomes `command`, supervised by whoever started this process.
+pub fn become_guest(command: &str) -> ExitCode {
+    // Where things lie in memory is the same in each run; some systems forbid even that.
+    let _ = personality::get()
+        .and_then(|persona| personality::set(persona | Persona::ADDR_NO_RANDOMIZE));
+    // Where the processor's counter cannot be hidden it is as it is.
+    let _ = set_time_stamp_counter_readability(TimeStampCounterReadability::RaiseSIGSEGV);
+    let mut shell = Command::new("/bin/sh");
+    become_supervised(shell.args(["-c", command]), all_stopped)
+}
+
+fn become_supervised(
+    program: &mut Command,
+    stopped: fn() -> Result<Rules, seccompiler::BackendError>,
+) -> ExitCode {
+    let code = |code: i32| ExitCode::from(u8::try_from(code).unwrap_or(1));
+    if let Err(error) = ptrace::traceme().and_then(|()| raise(Signal::SIGSTOP)) {
+        eprintln!("ptrace: {error}");
+        return code(NOT_TRACED);
+    }
+    if let Err(error) = put_on_filter(stopped) {
+        eprintln!("seccomp: {error}");
+        return code(NOT_LAUNCHED);
+    }
+    let error = program.exec();
+    eprintln!("{}: {error}", program.get_program().display());
+    code(NOT_LAUNCHED)
+}
+
+/// Calls at which a program is stopped, and with which arguments.
+type Rules = BTreeMap<i64, Vec<SeccompRule>>;
+
+fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
+    let mut rules: Rules = STOPPED.iter().map(|&number| (number, Vec::new())).collect();
+    // Of all that this call does only the lock that is waited for.
+    let (eq, len) = (SeccompCmpOp::Eq, SeccompCmpArgLen::Dword);
+    let command = u64::from(libc::F_SETLKW.unsigned_abs());
+    let waits = SeccompCondition::new(1, len, eq, command)?;
+    rules.insert(libc::SYS_fcntl, vec![SeccompRule::new(vec![waits])?]);
+    Ok(rules)
+}
+
+fn about_lines() -> Result<Rules, seccompiler::BackendError> {
+    let rules = LINES.iter().map(|&request| {
+        let is = SeccompCondition::new(1, SeccompCmpArgLen::Dword, SeccompCmpOp::Eq, request)?;
+        SeccompRule::new(vec![is])
+    });
+    let rules: Result<Vec<SeccompRule>, _> = rules.collect();
+    Ok([(libc::SYS_ioctl, rules?)].into())
+}
+
+fn put_on_filter(
+    stopped: fn() -> Result<Rules, seccompiler::BackendError>,
+) -> Result<(), seccompiler::Error> {
+    let filter = SeccompFilter::new(
+        stopped()?,
+        SeccompAction::Allow,
+        SeccompAction::Trace(0),
+        TargetArch::x86_64,
+    )?;
+    let program: BpfProgram = filter.try_into()?;
+    seccompiler::apply_filter(&program)
+}

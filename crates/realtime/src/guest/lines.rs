@@ -1,0 +1,295 @@
+//! Modem lines in real time: a program runs at its own speed, and is stopped where it asks a port
+//! for a line that a pseudo-terminal does not have; the rig answers, over its control socket.
+//!
+//! ```text
+//!  thread: ioctl(TIOCMBIC) --stop--> this one --{"do":"modem",..}--> rig: lidar-dtr goes low
+//!                        <-answer--           <------ {"ok":true,..}
+//! ```
+
+mod waiters;
+
+use core::time::Duration;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
+use std::io::{self, BufRead as _, BufReader, Write as _};
+use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::path::Path;
+use std::process::{Command, ExitCode, Stdio};
+
+use nix::libc;
+use nix::sys::ptrace::{self, Options};
+use nix::sys::signal::Signal;
+use nix::unistd::Pid;
+use rustix::process::WaitOptions;
+use serde_json::{Value, json};
+
+use super::call::Call;
+use super::memory::Memory;
+use super::news::{is_death, wait};
+use super::{GuestError, launch};
+use crate::control;
+use crate::exec::{PORTS_VARIABLE, port_variable};
+use crate::process::LINES_VARIABLE;
+use waiters::Waiter;
+
+/// How long the rig may take to answer; a rig that is just ending never does.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Bits of modem lines, as TIOCMGET has them, by their names in the rig's answer.
+const BITS: [(&str, u32); 6] = [
+    ("dtr", 0x002),
+    ("rts", 0x004),
+    ("cts", 0x020),
+    ("dcd", 0x040),
+    ("ri", RI),
+    ("dsr", 0x100),
+];
+const RI: u32 = 0x080;
+
+/// Runs a program and its arguments with modem lines on the ports of the rig in `dir`; its exit
+/// code as a shell has it. What it says goes to `speaks`.
+///
+/// # Errors
+/// If no rig answers there, or the program cannot be started or traced.
+pub fn run_with_lines(dir: &Path, command: &[OsString], speaks: Stdio) -> Result<u8, GuestError> {
+    let no_rig = |source| GuestError::NoRig {
+        dir: dir.to_owned(),
+        source,
+    };
+    if std::env::var_os(LINES_VARIABLE).is_some_and(|has| Path::new(&has) == dir) {
+        return run_plain(command, speaks);
+    }
+    let mut tracer = Tracer {
+        rig: Some(Rig::find(dir).map_err(no_rig)?),
+        ports: ports_in(dir).map_err(no_rig)?,
+        lines: BTreeMap::new(),
+        known: BTreeSet::new(),
+        waiters: BTreeMap::new(),
+    };
+    let mut env = vec![
+        (PORTS_VARIABLE.to_owned(), dir.into()),
+        (LINES_VARIABLE.to_owned(), dir.into()),
+    ];
+    for name in tracer.ports.values() {
+        env.push((port_variable(name), dir.join(name).into()));
+    }
+    // The program is in this group too: it is its answer to such a signal that counts.
+    let _ = launch::requests_to_end().thread_block();
+    let not_started = |error: io::Error| GuestError::NotLaunched(error.to_string());
+    let root = launch::start_with_lines(command, &env, speaks).map_err(not_started)?;
+    let root = i32::try_from(root.id()).unwrap_or_default();
+    let status = tracer.follow(root)?;
+    Ok(code_of(status))
+}
+
+/// The exit code that a shell makes of the system's status.
+fn code_of(status: i32) -> u8 {
+    match status & 0x7F {
+        0 => u8::try_from(status >> 8 & 0xFF).unwrap_or(1),
+        signal => u8::try_from(128 + signal).unwrap_or(1),
+    }
+}
+
+/// Whoever started this process gives the program its lines already.
+fn run_plain(command: &[OsString], speaks: Stdio) -> Result<u8, GuestError> {
+    let [program, words @ ..] = command else {
+        return Ok(0);
+    };
+    let ended = Command::new(program).args(words).stdout(speaks).status();
+    let not_started =
+        |error: io::Error| GuestError::NotLaunched(format!("{}: {error}", program.display()));
+    Ok(code_of(ended.map_err(not_started)?.into_raw()))
+}
+
+/// Runs a shell command with modem lines on the ports of the rig that started this process; where a
+/// program cannot be traced it has none.
+pub fn become_shell_with_lines(command: OsString) -> ExitCode {
+    let shell: [OsString; 3] = ["/bin/sh".into(), "-c".into(), command];
+    let dir = std::env::var_os(PORTS_VARIABLE).unwrap_or_default();
+    match run_with_lines(Path::new(&dir), &shell, Stdio::inherit()) {
+        Ok(code) => ExitCode::from(code),
+        Err(_) => {
+            let _ = launch::requests_to_end().thread_unblock();
+            let [shell, words @ ..] = &shell;
+            let error = Command::new(shell).args(words).exec();
+            eprintln!("/bin/sh: {error}");
+            ExitCode::from(launch::NOT_LAUNCHED_CODE)
+        }
+    }
+}
+
+/// The ports in a directory: device numbers and names.
+fn ports_in(dir: &Path) -> io::Result<BTreeMap<u64, String>> {
+    let mut ports = BTreeMap::new();
+    for entry in std::fs::read_dir(dir)?.flatten() {
+        let data = std::fs::metadata(entry.path());
+        if let Ok(data) = data.as_ref()
+            && data.file_type().is_char_device()
+        {
+            ports.insert(
+                data.rdev(),
+                entry.file_name().to_string_lossy().into_owned(),
+            );
+        }
+    }
+    Ok(ports)
+}
+
+/// The rig, as its control socket is reached.
+struct Rig(BufReader<UnixStream>);
+
+impl Rig {
+    fn find(dir: &Path) -> io::Result<Self> {
+        let stream = UnixStream::connect(dir.join(control::NAME))?;
+        stream.set_read_timeout(Some(PATIENCE))?;
+        let mut rig = Self(BufReader::new(stream));
+        // From now on whoever opens a port raises its lines.
+        rig.ask(&json!({"do": "modem"}))?;
+        Ok(rig)
+    }
+
+    fn ask(&mut self, request: &Value) -> io::Result<Value> {
+        writeln!(self.0.get_mut(), "{request}")?;
+        let mut line = String::new();
+        self.0.read_line(&mut line)?;
+        Ok(serde_json::from_str(&line)?)
+    }
+}
+
+/// Follows all threads of a program.
+struct Tracer {
+    /// `None` once it does not answer any more.
+    rig: Option<Rig>,
+    ports: BTreeMap<u64, String>,
+    /// The lines of each port as they were last.
+    lines: BTreeMap<String, u32>,
+    /// Threads that have been seen.
+    known: BTreeSet<i32>,
+    /// Threads that wait for a line to change.
+    waiters: BTreeMap<i32, Waiter>,
+}
+
+impl Tracer {
+    /// Follows the launcher `root` to its end; the system's status.
+    fn follow(&mut self, root: i32) -> Result<i32, GuestError> {
+        let first = wait(Some(Pid::from_raw(root)), WaitOptions::empty());
+        if first.is_none_or(|(_, status)| is_death(status)) {
+            return Err(GuestError::NotTraced);
+        }
+        let options = Options::PTRACE_O_TRACESECCOMP
+            | Options::PTRACE_O_TRACECLONE
+            | Options::PTRACE_O_TRACEFORK
+            | Options::PTRACE_O_TRACEVFORK
+            | Options::PTRACE_O_TRACEEXEC;
+        let pid = Pid::from_raw(root);
+        ptrace::setoptions(pid, options).map_err(|_| GuestError::NotTraced)?;
+        self.known.insert(root);
+        let _ = ptrace::cont(pid, None);
+        while let Some((tid, status)) = self.next_news() {
+            if is_death(status) {
+                self.known.remove(&tid);
+                self.waiters.remove(&tid);
+                if tid == root {
+                    return Ok(status);
+                }
+                continue;
+            }
+            let is_new = self.known.insert(tid);
+            let signal = (status >> 8) & 0xFF;
+            let pid = Pid::from_raw(tid);
+            let passed = match status >> 16 {
+                libc::PTRACE_EVENT_SECCOMP => {
+                    if self.called(pid) {
+                        continue;
+                    }
+                    None
+                }
+                // A thread begins with a stop that nobody sent.
+                0 if is_new && signal == libc::SIGSTOP => None,
+                0 => Signal::try_from(signal).ok(),
+                _ => None,
+            };
+            let _ = ptrace::cont(pid, passed);
+        }
+        Ok(0)
+    }
+
+    /// Answers a call about a line, if it is one of a port; whether the thread has to wait.
+    fn called(&mut self, pid: Pid) -> bool {
+        let Ok(call) = Call::of(pid) else {
+            return false;
+        };
+        let [fd, request, argument, ..] = call.args;
+        let device = std::fs::metadata(format!("/proc/{pid}/fd/{fd}"));
+        let device = device.map_or(0, |data| data.rdev());
+        let Some(port) = self.ports.get(&device).cloned() else {
+            return false;
+        };
+        if request == launch::TIOCMIWAIT {
+            let lines = self.ask(&port, &json!({"do": "modem", "port": port}));
+            let waiter = Waiter::new(call, port, lines, argument);
+            self.waiters.insert(pid.as_raw(), waiter);
+            return true;
+        }
+        if let Some(done) = self.change(Memory(pid), &port, request, argument) {
+            let result = done.map_or_else(|errno| -i64::from(errno as i32), |()| 0);
+            let _ = call.answer(pid, result);
+        }
+        false
+    }
+
+    /// `None` if the kernel is to do it.
+    fn change(
+        &mut self,
+        memory: Memory,
+        port: &str,
+        request: u64,
+        argument: u64,
+    ) -> Option<nix::Result<()>> {
+        let word = || memory.u32(argument);
+        let wish = |lines: nix::Result<u32>, is: Option<bool>| {
+            let wish = |bit| match is {
+                Some(is) => lines.map(|lines| (lines & bit != 0).then_some(is)),
+                None => lines.map(|lines| Some(lines & bit != 0)),
+            };
+            Ok(json!({"do": "modem", "port": port, "dtr": wish(0x002)?, "rts": wish(0x004)?}))
+        };
+        let wish = match request {
+            libc::TIOCMGET => Ok(json!({"do": "modem", "port": port})),
+            libc::TIOCMBIS => wish(word(), Some(true)),
+            libc::TIOCMBIC => wish(word(), Some(false)),
+            libc::TIOCMSET => wish(word(), None),
+            libc::TIOCCBRK => return Some(Ok(())),
+            // What a driver counts is not known here.
+            launch::TIOCGICOUNT => return Some(memory.write(argument, &[0; 80])),
+            // With an argument it only waits until all has left.
+            libc::TCSBRK if argument != 0 => return None,
+            _ => Ok(json!({"do": "modem", "port": port, "break": true})),
+        };
+        let wish = match wish {
+            Ok(wish) => wish,
+            Err(errno) => return Some(Err(errno)),
+        };
+        let lines = self.ask(port, &wish);
+        Some(match request {
+            libc::TIOCMGET => memory.write(argument, &lines.to_ne_bytes()),
+            _ => Ok(()),
+        })
+    }
+
+    /// The lines of `port` after `wish`.
+    fn ask(&mut self, port: &str, wish: &Value) -> u32 {
+        let answer = self.rig.as_mut().map(|rig| rig.ask(wish));
+        match answer {
+            Some(Ok(answer)) => {
+                let is_on = |&&(name, _): &&(&str, u32)| answer[name] == true;
+                let lines = BITS.iter().filter(is_on).map(|(_, bit)| bit).sum();
+                self.lines.insert(port.to_owned(), lines);
+            }
+            // The program is not to wait for a rig that has ended.
+            _ => self.rig = None,
+        }
+        self.lines.get(port).copied().unwrap_or(0)
+    }
+}

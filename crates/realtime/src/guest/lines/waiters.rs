@@ -1,0 +1,87 @@
+//! Threads that wait until a modem line changes (TIOCMIWAIT): they stand while the rig is asked.
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+
+use nix::errno::Errno;
+use nix::sys::ptrace;
+use nix::unistd::Pid;
+use rustix::process::WaitOptions;
+use serde_json::json;
+
+use super::super::call::Call;
+use super::super::news::wait;
+use super::super::pending::Pending;
+use super::{RI, Tracer};
+use crate::clock::{Clock as _, WallClock};
+
+/// Between two questions.
+const ASK_EVERY: Duration = Duration::from_millis(2);
+
+/// A thread that stands at its call.
+pub(super) struct Waiter {
+    call: Call,
+    port: String,
+    /// The lines as they were last.
+    lines: u32,
+    /// Those that it waits for.
+    wanted: u64,
+}
+
+impl Waiter {
+    pub(super) const fn new(call: Call, port: String, lines: u32, wanted: u64) -> Self {
+        Self {
+            call,
+            port,
+            lines,
+            wanted,
+        }
+    }
+
+    /// Whether what it waits for has come; of RI only the end counts, as in a 16550.
+    fn sees(&mut self, lines: u32) -> bool {
+        let changed = core::mem::replace(&mut self.lines, lines) ^ lines;
+        let counts = changed & !(lines & RI);
+        self.wanted & u64::from(counts) != 0
+    }
+}
+
+impl Tracer {
+    /// The next news of anybody. As long as somebody waits for a line the rig is asked for it.
+    pub(super) fn next_news(&mut self) -> Option<(i32, i32)> {
+        while !self.waiters.is_empty() {
+            if let Some(news) = wait(None, WaitOptions::NOHANG) {
+                return Some(news);
+            }
+            self.look_at_lines();
+            let clock = WallClock::start();
+            clock.sleep_until(clock.now() + ASK_EVERY);
+        }
+        wait(None, WaitOptions::empty())
+    }
+
+    fn look_at_lines(&mut self) {
+        let waiters = core::mem::take(&mut self.waiters);
+        let mut still = BTreeMap::new();
+        for (tid, mut waiter) in waiters {
+            let port = &waiter.port;
+            let lines = self.ask(port, &json!({"do": "modem", "port": port}));
+            let result = match waiter.sees(lines) {
+                true => Some(0),
+                false if Pending::of(tid, tid).interrupts() => {
+                    Some(-i64::from(Errno::EINTR as i32))
+                }
+                // The rig has ended: no line will ever change.
+                false if self.rig.is_none() => Some(-i64::from(Errno::EIO as i32)),
+                false => None,
+            };
+            let Some(result) = result else {
+                still.insert(tid, waiter);
+                continue;
+            };
+            let _ = waiter.call.answer(Pid::from_raw(tid), result);
+            let _ = ptrace::cont(Pid::from_raw(tid), None);
+        }
+        self.waiters = still;
+    }
+}

@@ -1,0 +1,510 @@
+//! The rig on which a foreign program plays in virtual time: its clock, its ports.
+//!
+//! The program's time and the rig's run together, but the rig's begins when the program has opened
+//! its ports.
+
+use core::time::Duration;
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::MetadataExt as _;
+
+use protocols::{Instant, LineEvent};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::ioctl_fionread;
+use rustix::termios::{InputModes, LocalModes, tcgetattr};
+
+use crate::Realtime;
+use crate::clock::{Clock as _, SimClock, WallClock};
+use crate::exec::{Ports, Readiness};
+use crate::inputs::INPUTS;
+use crate::transport::TransportError;
+use engine::rig::Paced as _;
+use engine::run::Run;
+
+/// Between two looks at what the program does with its ports, and longest step of time.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// As many bytes as a terminal shows to be there.
+const SHOWN_MAX: u64 = 4095;
+/// Looks for bytes on their way from one end of a terminal to the other: at first one after the
+/// other, then at a pace in wall time. They are counted, so that one that was held up itself, with
+/// the whole machine perhaps, gives nothing up.
+const HASTY_LOOKS: u32 = 1_000;
+const LOOK_PACE: Duration = Duration::from_millis(1);
+/// After so many slow ones they are not on their way any more; where the terminal passes on all
+/// that it is given, and nobody but this supervisor reads it, that cannot be.
+const LOOKS: u32 = 200;
+const LOOKS_IF_RAW: u32 = 20_000;
+/// Bits of modem lines, as TIOCMGET has them.
+const DTR: u32 = 0x002;
+const RTS: u32 = 0x004;
+const OUTPUTS: u32 = DTR | RTS;
+
+/// A port as its client sees it.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    /// The device's number.
+    device: u64,
+    /// Bytes that the client has taken, or that were thrown away.
+    taken: u64,
+    /// Bytes that were brought to it when somebody looked last, and when more came.
+    brought: u64,
+    heard: Instant,
+    is_open: bool,
+    /// What the client has set of DTR and RTS.
+    outputs: u32,
+    /// The ports on which those two reach a device, a byte a level.
+    pins: [Option<usize>; 2],
+    /// What the client sees of the others, and how often each changed: CTS, DSR, RI, DCD.
+    inputs: u32,
+    changes: [u32; 4],
+}
+
+impl Slot {
+    /// Of RI only the end counts, as in a 16550 and its driver.
+    fn note_inputs(&mut self, inputs: u32) {
+        let changed = core::mem::replace(&mut self.inputs, inputs) ^ inputs;
+        for (count, input) in self.changes.iter_mut().zip(INPUTS) {
+            let is_end = input.name != "ri" || inputs & input.bit == 0;
+            if changed & input.bit != 0 && is_end {
+                *count += 1;
+            }
+        }
+    }
+}
+
+/// The rig, its ports and the time.
+pub(super) struct Stage {
+    pub(super) run: Run,
+    pub(super) realtime: Realtime<SimClock>,
+    pub(super) ports: Ports,
+    readiness: Readiness,
+    now: Instant,
+    /// When the rig's time began, and what it was then.
+    begun: Option<Instant>,
+    zero: Instant,
+    /// The run goes on when its mission is over.
+    pub(super) is_endless: bool,
+    /// The rig stands: the run is over.
+    pub(super) is_frozen: bool,
+    slots: Vec<Slot>,
+    has_delivered: bool,
+    /// The program may have done something to a port besides sending.
+    is_touched: bool,
+    next_look: Instant,
+    /// The rig's time when the ports were looked at last.
+    observed_at: Instant,
+    /// The pipe for what the program says: device and number.
+    pub(super) mouth: (u64, u64),
+}
+
+impl Stage {
+    /// `ports` is what is to be seen of those that `realtime` serves.
+    pub(super) fn new(
+        run: Run,
+        realtime: Realtime<SimClock>,
+        ports: Ports,
+        wait: Duration,
+        mouth: (u64, u64),
+    ) -> Self {
+        let names: Vec<String> = realtime.names().map(str::to_owned).collect();
+        let pin = |name: &str, pin| {
+            let wanted = format!("{name}-{pin}");
+            names.iter().position(|other| *other == wanted)
+        };
+        let slots = realtime.places().map(|place| Slot {
+            pins: [pin(place.name, "dtr"), pin(place.name, "rts")],
+            device: std::fs::metadata(place.path).map_or(0, |data| data.rdev()),
+            taken: 0,
+            brought: 0,
+            heard: Instant::ZERO,
+            is_open: false,
+            outputs: 0,
+            inputs: 0,
+            changes: [0; 4],
+        });
+        let mut slots: Vec<Slot> = slots.collect();
+        for (port, slot) in slots.iter_mut().enumerate() {
+            slot.inputs = realtime.input_lines(port, &run.rig);
+        }
+        Self {
+            slots,
+            zero: run.rig.now(),
+            is_endless: false,
+            run,
+            realtime,
+            ports,
+            readiness: Readiness::new(wait),
+            now: Instant::ZERO,
+            begun: None,
+            is_frozen: false,
+            has_delivered: false,
+            is_touched: false,
+            next_look: Instant::ZERO,
+            observed_at: Instant::ZERO,
+            mouth,
+        }
+    }
+
+    /// The program's time.
+    pub(super) const fn now(&self) -> Instant {
+        self.now
+    }
+
+    /// Whether the rig's time runs.
+    pub(super) const fn has_begun(&self) -> bool {
+        self.begun.is_some()
+    }
+
+    /// The rig's time at the program's `at`; `None` while it stands.
+    fn rig_time(&self, at: Instant) -> Option<Instant> {
+        let begun = self.begun.filter(|_| !self.is_frozen)?;
+        Some(self.zero + (at - begun))
+    }
+
+    /// The rig's time runs from now on, if it does not yet.
+    pub(super) fn begin(&mut self) {
+        self.begun.get_or_insert(self.now);
+    }
+
+    /// Whether there is nothing more to run.
+    fn is_over(&self) -> bool {
+        !self.is_endless && self.run.is_over()
+    }
+
+    fn advance(&mut self, deadline: Instant) {
+        match self.is_endless {
+            true => self.run.go_on_until(deadline),
+            false => self.run.run_until(deadline),
+        }
+    }
+
+    /// A call has taken `cost`.
+    pub(super) fn pass(&mut self, cost: Duration) -> Result<(), TransportError> {
+        self.now += cost;
+        let Some(rig_now) = self.rig_time(self.now) else {
+            return Ok(());
+        };
+        if self.run.rig.next_event().is_some_and(|at| at <= rig_now) {
+            self.advance(rig_now);
+            if self.realtime.has_output(&self.run.rig) {
+                return self.carry();
+            }
+        }
+        Ok(())
+    }
+
+    /// Nobody can run: time passes until something happens at a port, at most until `deadline`, and
+    /// not for long. `watches`: that the line takes bytes is something, too.
+    pub(super) fn leap(
+        &mut self,
+        deadline: Option<Instant>,
+        watches: bool,
+    ) -> Result<(), TransportError> {
+        let most = self.now + LOOK_EVERY;
+        let limit = deadline.map_or(most, |at| at.min(most)).max(self.now);
+        loop {
+            let Some(rig_now) = self.rig_time(self.now) else {
+                self.now = limit;
+                break;
+            };
+            let ahead = |at: Instant| self.now + (at - rig_now);
+            let next = self.run.rig.next_event().into_iter();
+            let next = next.chain(self.realtime.next_expiry()).map(ahead).min();
+            self.now = next.map_or(limit, |at| at.clamp(self.now, limit));
+            if let Some(target) = self.rig_time(self.now) {
+                self.advance(target);
+            }
+            let is_something = self.realtime.has_output(&self.run.rig) || watches;
+            if is_something || self.now >= limit || self.is_over() {
+                break;
+            }
+        }
+        self.carry()
+    }
+
+    /// The program is about to do something to a port besides sending.
+    pub(super) const fn touch(&mut self) {
+        self.is_touched = true;
+    }
+
+    /// Carries across what there is at both sides of the ports if one of them was touched.
+    pub(super) fn carry_touched(&mut self) -> Result<(), TransportError> {
+        match self.is_touched {
+            true => self.carry(),
+            false => Ok(()),
+        }
+    }
+
+    /// Carries across what there is at both sides of the ports, now.
+    pub(super) fn carry(&mut self) -> Result<(), TransportError> {
+        match core::mem::take(&mut self.is_touched) || self.now >= self.next_look {
+            true => self.realtime.carry(&mut self.run)?,
+            false => self.realtime.carry_stirred(&mut self.run)?,
+        }
+        let mut has_delivered = false;
+        let mut turned = Vec::new();
+        let now = self.now;
+        for (port, slot) in self.slots.iter_mut().enumerate() {
+            let (brought, is_open) = self.realtime.state(port);
+            if brought != slot.brought {
+                slot.brought = brought;
+                slot.heard = now;
+                has_delivered = true;
+            }
+            let inputs = self.realtime.input_lines(port, &self.run.rig);
+            if inputs != slot.inputs {
+                slot.note_inputs(inputs);
+                has_delivered = true;
+            }
+            if !is_open {
+                slot.taken = brought;
+            }
+            if is_open != slot.is_open {
+                slot.is_open = is_open;
+                turned.push(port);
+            }
+        }
+        if !turned.is_empty() {
+            // Whoever opens and goes at once was there all the same.
+            self.observe();
+        }
+        // A serial port raises its lines when it is opened, and lowers them when it is closed.
+        for port in turned {
+            let lines = if self.slots[port].is_open { OUTPUTS } else { 0 };
+            self.set_modem(port, lines);
+        }
+        self.has_delivered |= has_delivered;
+        if now >= self.next_look {
+            self.next_look = now + LOOK_EVERY;
+            self.look();
+        }
+        Ok(())
+    }
+
+    /// Looks at what the program does with its ports.
+    pub(super) fn look(&mut self) {
+        self.observe();
+        let waited = self.now - Instant::ZERO;
+        if self.begun.is_none() && self.readiness.is_ready(&self.ports, waited) {
+            self.begun = Some(self.now);
+        }
+    }
+
+    fn observe(&mut self) {
+        let rig_now = self.run.rig.now();
+        let on_time = match self.begun {
+            // As often as it is looked, but for a port that is opened in between.
+            Some(_) => rig_now - core::mem::replace(&mut self.observed_at, rig_now),
+            None => Duration::ZERO,
+        };
+        for sign in self.realtime.signs() {
+            self.ports.observe(rig_now, on_time, &sign);
+        }
+    }
+
+    /// Whether the program has opened nothing for as long as it may take.
+    pub(super) fn gave_up(&self) -> bool {
+        let waited = self.now - Instant::ZERO;
+        self.begun.is_none() && self.readiness.has_given_up(&self.ports, waited)
+    }
+
+    /// Whether bytes came for the program since the last call.
+    pub(super) const fn take_delivered(&mut self) -> bool {
+        core::mem::replace(&mut self.has_delivered, false)
+    }
+
+    /// The port that is the device of this number.
+    pub(super) fn port_of(&self, device: u64) -> Option<usize> {
+        self.slots
+            .iter()
+            .position(|slot| slot.device == device && device != 0)
+    }
+
+    /// Bytes of a client that may be written now.
+    pub(super) fn room(&self, port: usize) -> usize {
+        self.realtime.room(port, &self.run.rig)
+    }
+
+    /// Bytes of a client that the line has not taken.
+    pub(super) fn backlog(&self, port: usize) -> usize {
+        self.realtime.backlog(port, &self.run.rig)
+    }
+
+    /// When the port brought something last.
+    pub(super) fn heard(&self, port: usize) -> Instant {
+        self.slots[port].heard
+    }
+
+    /// The client has taken bytes.
+    pub(super) fn took(&mut self, port: usize, len: usize) {
+        self.slots[port].taken += len as u64;
+    }
+
+    /// The client throws away what it has not read.
+    pub(super) fn forget_unread(&mut self, port: usize) {
+        self.slots[port].taken = self.slots[port].brought;
+    }
+
+    /// Waits until the kernel shows at `fd`, the client's side, what was put into the port: it
+    /// brings bytes across on a thread of its own.
+    pub(super) fn settle(&mut self, port: usize, fd: &OwnedFd) {
+        let slot = &mut self.slots[port];
+        let unread = slot.brought.saturating_sub(slot.taken);
+        if let Some(shown) = missed(fd, unread.min(SHOWN_MAX)) {
+            // Somebody else has taken them: what is shown is the truth.
+            slot.taken = slot.brought - shown.min(slot.brought);
+        }
+    }
+
+    /// The same for all ports, without a file of the client's.
+    pub(super) fn settle_all(&mut self) {
+        for port in 0..self.slots.len() {
+            let slot = self.slots[port];
+            if slot.is_open
+                && slot.brought > slot.taken
+                && let Some(fd) = self.realtime.client_side(port)
+            {
+                self.settle(port, &fd);
+            }
+        }
+    }
+
+    /// The modem lines of a port, as TIOCMGET has them.
+    pub(super) fn modem(&self, port: usize) -> u32 {
+        self.slots[port].outputs | self.slots[port].inputs
+    }
+
+    /// How often CTS, DSR, RI and DCD of a port have changed, as drivers count.
+    pub(super) fn line_changes(&self, port: usize) -> [u32; 4] {
+        self.slots[port].changes
+    }
+
+    /// The client sets its modem lines.
+    pub(super) fn set_modem(&mut self, port: usize, lines: u32) {
+        let slot = &mut self.slots[port];
+        let changed = (slot.outputs ^ lines) & OUTPUTS;
+        slot.outputs = lines & OUTPUTS;
+        let pins = slot.pins;
+        for (pin, line) in pins.into_iter().zip([DTR, RTS]) {
+            if let Some(pin) = pin.filter(|_| changed & line != 0) {
+                let level = u8::from(lines & line != 0);
+                self.realtime.inject(pin, &[level], &mut self.run);
+            }
+        }
+    }
+
+    /// The client sends a break.
+    pub(super) fn send_break(&mut self, port: usize) {
+        self.realtime
+            .change_line(port, LineEvent::Break, &mut self.run);
+    }
+}
+
+/// Waits until `fd` shows `expected` bytes; if some of them are not on their way, what it shows
+/// instead.
+fn missed(fd: &OwnedFd, expected: u64) -> Option<u64> {
+    let shows = || ioctl_fionread(fd).unwrap_or(u64::MAX);
+    if shows() >= expected {
+        return None;
+    }
+    let clock = WallClock::start();
+    let mut looks = 0;
+    loop {
+        // Before it says that there is nothing the kernel brings across whatever is on its way.
+        let is_nothing = !is_readable(fd);
+        let shown = shows();
+        if shown >= expected {
+            return None;
+        }
+        if is_nothing {
+            return Some(shown);
+        }
+        looks += 1;
+        if looks <= HASTY_LOOKS {
+            std::thread::yield_now();
+            continue;
+        }
+        let most = if is_raw(fd) { LOOKS_IF_RAW } else { LOOKS };
+        if looks - HASTY_LOOKS > most {
+            return Some(shown);
+        }
+        clock.sleep_until(clock.now() + LOOK_PACE);
+    }
+}
+
+fn is_readable(fd: &OwnedFd) -> bool {
+    let mut fds = [PollFd::new(fd, PollFlags::IN)];
+    let done = poll(&mut fds, Some(&Timespec::default()));
+    done.is_ok() && !fds[0].revents().is_empty()
+}
+
+/// Whether a terminal passes on all that it is given, and nothing else.
+fn is_raw(fd: &OwnedFd) -> bool {
+    let takes = InputModes::IGNCR | InputModes::IXON | InputModes::PARMRK;
+    let edits = LocalModes::ICANON | LocalModes::ISIG | LocalModes::IEXTEN;
+    tcgetattr(fd).is_ok_and(|modes| {
+        !modes.input_modes.intersects(takes) && !modes.local_modes.intersects(edits)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rustix::pty::{OpenptFlags, ioctl_tiocgptpeer, openpt, unlockpt};
+    use rustix::termios::{OptionalActions, Termios, tcsetattr};
+
+    use super::*;
+
+    /// The rig's end of a terminal and its client's, set up by `modes`.
+    fn terminal(modes: impl FnOnce(&mut Termios)) -> [OwnedFd; 2] {
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY;
+        let rig = openpt(flags).expect("Linux has some");
+        unlockpt(&rig).expect("it is new");
+        let client = ioctl_tiocgptpeer(&rig, flags).expect("it is new");
+        let mut termios = tcgetattr(&client).expect("a terminal");
+        termios.make_raw();
+        modes(&mut termios);
+        tcsetattr(&client, OptionalActions::Now, &termios).expect("a terminal");
+        [rig, client]
+    }
+
+    fn write(rig: &OwnedFd, bytes: &[u8]) {
+        assert_eq!(rustix::io::write(rig, bytes), Ok(bytes.len()));
+    }
+
+    /// Two runs of one program once parted by it: a machine that stood for a while.
+    #[test]
+    fn bytes_that_are_late_are_waited_for() {
+        let [rig, client] = terminal(|_| {});
+        write(&rig, b"ten bytes.");
+        let late = std::thread::spawn(move || {
+            let clock = WallClock::start();
+            clock.sleep_until(Instant::from_millis(500));
+            write(&rig, b"and twelve..");
+            rig
+        });
+        assert_eq!(missed(&client, 22), None);
+        drop(late.join());
+    }
+
+    #[test]
+    fn bytes_that_somebody_took_are_not_waited_for() {
+        let [rig, client] = terminal(|_| {});
+        write(&rig, b"taken");
+        let mut taken = [0; 5];
+        assert_eq!(rustix::io::read(&client, &mut taken), Ok(5));
+        assert_eq!(missed(&client, 5), Some(0));
+    }
+
+    #[test]
+    fn bytes_that_the_terminal_eats_are_not_waited_for() {
+        // \r is left out: of "a\rb" two bytes come.
+        let [rig, client] = terminal(|modes| modes.input_modes |= InputModes::IGNCR);
+        write(&rig, b"a\rb");
+        assert_eq!(missed(&client, 3), Some(2));
+        // Only whole lines can be read.
+        let [rig, client] = terminal(|modes| modes.local_modes |= LocalModes::ICANON);
+        write(&rig, b"no line");
+        assert_eq!(missed(&client, 7), Some(0));
+        write(&rig, b" yet\n");
+        assert_eq!(missed(&client, 12), None);
+    }
+}

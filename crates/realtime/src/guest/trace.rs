@@ -1,0 +1,132 @@
+//! What the supervisor decided, call by call: a fingerprint of it, a file for people, and the place
+//! at which two runs part.
+
+use core::fmt;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use protocols::Instant;
+
+use super::GuestError;
+use super::call;
+
+/// Records that are kept to be compared.
+const KEPT_MAX: usize = 4_000_000;
+
+/// One call that came to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Record {
+    /// Virtual time.
+    pub(super) at: Instant,
+    /// Which thread, in the order of their beginnings.
+    pub(super) thread: u32,
+    /// Its number.
+    pub(super) number: i64,
+    /// What the supervisor answered; nothing if the kernel did.
+    pub(super) result: Option<i64>,
+}
+
+impl fmt::Display for Record {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { at, thread, .. } = self;
+        write!(f, "{at} thread {thread} {}", call::name(self.number))?;
+        match self.result {
+            Some(result) => write!(f, " = {result}"),
+            None => write!(f, " by the kernel"),
+        }
+    }
+}
+
+/// All calls of a run.
+#[derive(Debug)]
+pub struct Calls {
+    kept: Vec<Record>,
+    file: Option<BufWriter<File>>,
+    pub(super) count: u64,
+}
+
+impl Calls {
+    /// With a file for people, if there is to be one.
+    pub(super) fn new(file: Option<&Path>) -> Result<Self, GuestError> {
+        let file = file.map(|path| {
+            File::create(path).map_err(|source| GuestError::Trace {
+                path: path.to_owned(),
+                source,
+            })
+        });
+        Ok(Self {
+            kept: Vec::new(),
+            file: file.transpose()?.map(BufWriter::new),
+            count: 0,
+        })
+    }
+
+    pub(super) fn add(&mut self, record: Record) {
+        if self.kept.len() < KEPT_MAX {
+            self.kept.push(record);
+        }
+        if let Some(file) = &mut self.file {
+            // A full disk must not stop the program.
+            let _ = writeln!(file, "{record}");
+        }
+    }
+
+    /// How many calls there were.
+    pub const fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Where `self` and `other` part, in words; `None` if they do not.
+    pub fn part_from(&self, other: &Self) -> Option<String> {
+        let both = self.kept.iter().zip(&other.kept);
+        let first = both.clone().position(|(one, other)| one != other);
+        let shorter = self.kept.len().min(other.kept.len());
+        let at = match first {
+            Some(at) => at,
+            None if self.kept.len() == other.kept.len() => return None,
+            None => shorter,
+        };
+        let said = |calls: &Self| {
+            let record = calls.kept.get(at);
+            record.map_or_else(|| "nothing more".to_owned(), Record::to_string)
+        };
+        Some(format!(
+            "at call {at}: {}, then {}",
+            said(self),
+            said(other)
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn calls(results: &[i64]) -> Calls {
+        let mut calls = Calls::new(None).expect("no file");
+        for (index, &result) in results.iter().enumerate() {
+            calls.add(Record {
+                at: Instant::from_micros(index as u64),
+                thread: 0,
+                number: nix::libc::SYS_read,
+                result: Some(result),
+            });
+        }
+        calls
+    }
+
+    #[test]
+    fn the_first_call_at_which_two_runs_part_is_named() {
+        let one = calls(&[1, 2, 3]);
+        assert_eq!(one.part_from(&calls(&[1, 2, 3])), None);
+        assert_eq!(
+            one.part_from(&calls(&[1, 5, 3])).as_deref(),
+            Some("at call 1: 0.000001 thread 0 read = 2, then 0.000001 thread 0 read = 5")
+        );
+        assert_eq!(
+            one.part_from(&calls(&[1, 2])).as_deref(),
+            Some("at call 2: 0.000002 thread 0 read = 3, then nothing more")
+        );
+    }
+}

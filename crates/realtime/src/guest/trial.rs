@@ -1,0 +1,359 @@
+//! A foreign program on trial in virtual time: started, run, ended, judged by the same checks as in
+//! real time.
+
+use core::time::Duration;
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::MetadataExt as _;
+use std::os::unix::process::ExitStatusExt as _;
+use std::path::Path;
+use std::process::ExitStatus;
+use std::sync::{Arc, Mutex};
+use std::thread::{self, JoinHandle};
+
+use protocols::Instant;
+use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
+
+use super::stage::Stage;
+use super::supervisor::{Settings, Supervisor};
+use super::trace::Calls;
+use super::{GuestError, launch};
+use crate::clock::{Clock as _, SimClock, WallClock};
+use crate::exec::{
+    ExecError, Foreign, SETTLE, Seat, add_checks, alive, childless, environment, ports_of,
+};
+use crate::process::LINES_VARIABLE;
+use crate::process::words::{Words, listen};
+use crate::process::{Ended, Farewell, Left, command_of};
+use crate::transport::{Note, PortDir};
+use crate::{Realtime, Sign};
+use engine::run::check::Check;
+use engine::run::{Outcome, Run};
+
+/// Virtual time in which a program may end once it was asked to, and what it left behind after it.
+const PATIENCE: Duration = Duration::from_secs(2);
+const TOGETHER: Duration = Duration::from_millis(100);
+const PATIENCE_CHILDREN: Duration = Duration::from_secs(1);
+/// The same in wall time.
+const PATIENCE_WALL: Duration = Duration::from_secs(5);
+/// How long its last words may be on their way.
+const LAST_WORDS: Duration = Duration::from_millis(500);
+
+/// A program on trial.
+pub struct Trial {
+    supervisor: Supervisor,
+    root: i32,
+    dir: PortDir,
+    foreign: Foreign,
+    words: Arc<Mutex<Words>>,
+    listener: JoinHandle<()>,
+    /// How the program ended, and the rig's time then.
+    ended: Option<(Ended, Instant)>,
+    /// Since when there is nobody at the ports any more, in the program's time.
+    gone_at: Option<Instant>,
+    /// Who computes on and on.
+    spins: Option<String>,
+    /// On which processors this thread may run.
+    processors: Option<CpuSet>,
+}
+
+/// What came of it.
+pub struct Played {
+    /// The run, its first checks being about the program.
+    pub outcome: Outcome,
+    /// Whether the captures of the run were written.
+    pub recorded: io::Result<()>,
+    /// The end of what the program said.
+    pub said: String,
+    /// What left virtual time.
+    pub notes: Vec<String>,
+    /// What was decided, call by call.
+    pub calls: Calls,
+}
+
+impl Trial {
+    /// Starts the program in front of `run`, whose ends are on `seats`. What it says is written
+    /// to `log`, what is decided call by call to `trace`.
+    ///
+    /// # Errors
+    /// If it cannot be started or supervised, or needs a port that there is not.
+    pub fn start(
+        mut run: Run,
+        seats: Vec<Seat>,
+        mut dir: PortDir,
+        foreign: Foreign,
+        trace: Option<&Path>,
+        log: &Path,
+    ) -> Result<Self, GuestError> {
+        dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
+        let ports = ports_of(&seats, &foreign)?;
+        let mut env = environment(&seats, &dir, &run);
+        env.push((LINES_VARIABLE.to_owned(), dir.path().into()));
+        let mut realtime = Realtime::new(SimClock::default());
+        for seat in seats {
+            realtime.serve(seat.end, seat.transport);
+        }
+        let scenario = run.scenario().clone();
+        realtime.plug_in(&scenario, &mut run.rig);
+        let not_started = |error| GuestError::Exec(ExecError::NotStarted(error));
+        let words = Words::new(Some(File::create(log).map_err(not_started)?));
+        let (ears, mouth) = io::pipe().map_err(not_started)?;
+        let mouth = File::from(std::os::fd::OwnedFd::from(mouth));
+        let pipe = mouth.metadata().map_err(not_started)?;
+        let processors = stay_here();
+        let child = launch::start(&foreign.command, &env, mouth).map_err(not_started)?;
+        let root = i32::try_from(child.id()).unwrap_or_default();
+        let hearing = Arc::clone(&words);
+        let listener = thread::spawn(move || listen(ears, &hearing));
+        let seed = run.scenario().seed;
+        let supervision = foreign.supervision.ok_or(GuestError::NotHere)?;
+        let settings = Settings { seed, supervision };
+        let stage = Stage::new(run, realtime, ports, foreign.wait, (pipe.dev(), pipe.ino()));
+        Ok(Self {
+            supervisor: Supervisor::new(root, stage, settings, trace)?,
+            root,
+            dir,
+            foreign,
+            words,
+            listener,
+            ended: None,
+            gone_at: None,
+            spins: None,
+            processors,
+        })
+    }
+
+    /// The run.
+    pub const fn run(&mut self) -> &mut Run {
+        &mut self.supervisor.stage.run
+    }
+
+    /// Whether there is nothing more to see.
+    pub fn is_over(&self) -> bool {
+        let stage = &self.supervisor.stage;
+        let is_gone = self
+            .gone_at
+            .is_some_and(|at| !stage.has_begun() || stage.now() - at >= SETTLE);
+        stage.run.is_over() || stage.gave_up() || is_gone || self.spins.is_some()
+    }
+
+    /// Lets a thread run until it waits, or time pass.
+    ///
+    /// # Errors
+    /// If a real port went away, or the program cannot be supervised.
+    pub fn turn(&mut self) -> Result<(), GuestError> {
+        match self.supervisor.turn() {
+            Err(error @ GuestError::Spins(..)) => self.spins = Some(error.to_string()),
+            done => done?,
+        }
+        let stage = &self.supervisor.stage;
+        if self.ended.is_none()
+            && let Some(status) = self.supervisor.root_status
+        {
+            let ended = Ended::of(ExitStatus::from_raw(status));
+            if ended == Ended::Code(launch::NOT_LAUNCHED) && !self.supervisor.is_launched() {
+                return Err(GuestError::NotLaunched(self.said()));
+            }
+            self.ended = Some((ended, stage.run.rig.now()));
+        }
+        let is_gone = self.ended.is_some_and(|(ended, _)| {
+            !(self.foreign.may_end && ended == Ended::Code(0) && stage.ports.any_open())
+        });
+        if is_gone && self.gone_at.is_none() {
+            self.gone_at = Some(stage.now());
+        }
+        Ok(())
+    }
+
+    /// From now on the run goes on when its mission is over.
+    pub const fn make_endless(&mut self) {
+        self.supervisor.stage.is_endless = true;
+    }
+
+    /// Lets the rig's time run, if it does not yet.
+    pub fn begin(&mut self) {
+        self.supervisor.stage.begin();
+    }
+
+    /// Whether the rig's time runs.
+    pub const fn has_begun(&self) -> bool {
+        self.supervisor.stage.has_begun()
+    }
+
+    /// The program's time since it was started.
+    pub fn waited(&self) -> Duration {
+        self.supervisor.stage.now() - Instant::ZERO
+    }
+
+    /// The rig's time.
+    pub const fn now(&self) -> Instant {
+        self.supervisor.stage.run.rig.now()
+    }
+
+    /// What can be seen of the program at its ports.
+    pub fn signs(&mut self) -> impl Iterator<Item = Sign<'_>> {
+        self.supervisor.stage.realtime.signs()
+    }
+
+    /// How the program ended, if it did.
+    pub fn ended(&self) -> Option<Ended> {
+        self.ended.map(|(ended, _)| ended)
+    }
+
+    /// Who computes on and on.
+    pub fn spins(&self) -> Option<&str> {
+        self.spins.as_deref()
+    }
+
+    /// Ends the program without a verdict; what it said, and the run.
+    pub fn quit(mut self) -> (String, Run) {
+        let farewell = self.finish();
+        let mut run = self.supervisor.stage.run;
+        // The capture is for people; what cannot be written of it is not worth the case.
+        let _ = run.rig.finish_taps();
+        (farewell.said, run)
+    }
+
+    /// Ends the program and judges what there is.
+    pub fn end(mut self) -> Played {
+        let is_over = self.supervisor.stage.run.is_over();
+        let farewell = self.finish();
+        let notes = self.supervisor.notes().to_vec();
+        let Supervisor { stage, calls, .. } = self.supervisor;
+        let Stage {
+            mut run,
+            realtime,
+            ports,
+            ..
+        } = stage;
+        let recorded = run.rig.finish_taps();
+        // The ports stay until the program has ended: it is not to be told that they went away.
+        drop((realtime, self.dir));
+        let mut outcome = run.judge();
+        let mut own = vec![
+            ports.connected(self.foreign.wait),
+            alive(self.ended, is_over, self.foreign.may_end, &farewell),
+            ports.reads(),
+            childless(&farewell.left),
+        ];
+        own.extend(
+            self.spins
+                .map(|spins| Check::new("program-yields", false, spins)),
+        );
+        add_checks(&mut outcome, own);
+        Played {
+            outcome,
+            recorded,
+            said: farewell.said,
+            notes,
+            calls,
+        }
+    }
+
+    /// Ends the program.
+    fn finish(&mut self) -> Farewell {
+        // What it did last may have been seen by nobody.
+        let _ = self.supervisor.stage.carry();
+        self.supervisor.stage.look();
+        self.supervisor.stage.is_frozen = true;
+        let (left, was_killed) = self.stop();
+        self.is_silent();
+        let said = self.said();
+        if let Ok(mut words) = self.words.lock() {
+            words.close();
+        }
+        if let Some(processors) = &self.processors {
+            let _ = sched_setaffinity(None, processors);
+        }
+        Farewell {
+            said,
+            left,
+            was_killed,
+        }
+    }
+
+    /// Ends it and whatever it started: asks first, then kills. Who was left behind, and whether
+    /// the program itself had to be killed.
+    fn stop(&mut self) -> (Vec<Left>, bool) {
+        let is_running = self.supervisor.root_status.is_none();
+        let mut left = match is_running {
+            true => Vec::new(),
+            false => self.others(),
+        };
+        if let Some(group) = Pid::from_raw(self.root) {
+            let _ = kill_process_group(group, Signal::TERM);
+        }
+        self.supervisor.expect_signals();
+        let mut was_killed = false;
+        if is_running {
+            self.go_on(PATIENCE, |it| it.root_status.is_some());
+            was_killed = self.supervisor.root_status.is_none();
+            if !was_killed {
+                self.go_on(TOGETHER, |it| !it.is_anybody_there());
+                left = self.others();
+            }
+        }
+        if !was_killed {
+            self.go_on(PATIENCE_CHILDREN, |it| !it.is_anybody_there());
+        }
+        let stubborn = self.others();
+        for one in &mut left {
+            one.was_killed = stubborn.iter().any(|other| other.pid == one.pid);
+        }
+        self.supervisor.kill_all();
+        (left, was_killed)
+    }
+
+    /// Lets the program go on for `most` of its time, until `is_enough`.
+    fn go_on(&mut self, most: Duration, is_enough: impl Fn(&Supervisor) -> bool) {
+        let until = self.supervisor.stage.now() + most;
+        let clock = WallClock::start();
+        let is_time = |it: &Supervisor| it.stage.now() < until;
+        while !is_enough(&self.supervisor) && is_time(&self.supervisor) {
+            let is_late = clock.now() - Instant::ZERO > PATIENCE_WALL;
+            if is_late || self.supervisor.turn().is_err() {
+                break;
+            }
+        }
+    }
+
+    /// The processes that are there besides the program itself.
+    fn others(&self) -> Vec<Left> {
+        let others = self
+            .supervisor
+            .others()
+            .filter_map(|pid| u32::try_from(pid).ok());
+        others
+            .map(|pid| Left {
+                pid,
+                command: command_of(pid),
+                was_killed: false,
+            })
+            .collect()
+    }
+
+    /// What it said so far.
+    pub fn said(&self) -> String {
+        let words = self.words.lock();
+        words.map(|words| words.text()).unwrap_or_default()
+    }
+
+    /// Waits until nobody can say anything more, but not for ever.
+    fn is_silent(&self) {
+        let clock = WallClock::start();
+        while !self.listener.is_finished() && clock.now() - Instant::ZERO < LAST_WORDS {
+            clock.sleep_until(clock.now() + Duration::from_millis(1));
+        }
+    }
+}
+
+/// Keeps this thread, and whom it starts, on the processor on which it is: one of them runs at a
+/// time, and to wake up on another processor takes three times as long. Where it could run before.
+fn stay_here() -> Option<CpuSet> {
+    let before = sched_getaffinity(None).ok()?;
+    let mut here = CpuSet::new();
+    here.set(sched_getcpu());
+    sched_setaffinity(None, &here).ok()?;
+    Some(before)
+}

@@ -1,0 +1,498 @@
+//! The rig at the pace of the wall clock, some of its link ends on transports.
+//!
+//! ```text
+//!   client <--> transport <--> outside end | line | device ...  rig, virtual time
+//!                         turn by turn, never ahead of the clock
+//! ```
+//!
+//! The rig is the same as in virtual time; only who moves its clock differs. Each turn runs it up
+//! to the present, carries bytes and events across, and waits for the rig's next event or for a
+//! client. After a short delay the rig catches up in small slices, so that no virtual time is
+//! skipped and a client can read and answer in between. After one of more than 20 ms rig time stood
+//! meanwhile, where the clock can: nothing is poured over clients, and what they break for that is
+//! charged to nobody. Nothing here is exact to better than a few hundred microseconds, and how late
+//! it was is measured: verdicts come from virtual time.
+
+mod adapter;
+pub mod bridge;
+pub mod clock;
+pub mod control;
+pub mod exec;
+pub mod guest;
+pub mod held;
+pub mod inputs;
+mod lateness;
+mod place;
+pub mod playback;
+mod port_report;
+pub mod process;
+mod spread;
+pub mod standalone;
+pub mod tap;
+pub mod transport;
+
+use core::time::Duration;
+use std::os::fd::OwnedFd;
+
+use emulators::{Event, EventKind};
+use protocols::{Instant, LineConfig, LineEvent};
+
+use crate::clock::Clock;
+use crate::transport::{PortEvent, Transport, TransportError, stirred, wait};
+use engine::rig::{Paced, PortRate, Rig};
+use engine::robots::OpenEnd;
+use engine::scenario::Scenario;
+
+use adapter::Adapter;
+use inputs::Inputs;
+pub use lateness::LATE;
+pub use lateness::Lateness;
+pub use place::{Place, Sign, Traffic};
+pub use port_report::PortReport;
+use spread::Spread;
+
+/// Most virtual time that passes in one turn. Late by more than this, the rig takes several turns,
+/// between which clients get a chance to read and to answer.
+const SLICE: Duration = Duration::from_millis(5);
+/// Least time between two turns when nobody sends. Single bytes at 1 Mbaud are 10 us apart; to
+/// wake up for each would cost a whole processor, and no client could tell the difference.
+const GRAIN: Duration = Duration::from_micros(200);
+/// Least time between two turns while catching up: room for a client to breathe.
+const BREATH: Duration = Duration::from_millis(1);
+/// Longest wait: a port may have no way to wake us.
+const WAIT_MAX: Duration = Duration::from_millis(5);
+/// After the rig was late, clients have the same time and this more until rules count again.
+const SETTLES: Duration = Duration::from_millis(100);
+/// Rig time between two notes of that: a rig that is late all the time must not fill the log.
+const NOTES_EVERY: Duration = Duration::from_secs(1);
+/// Bytes of a client that may wait for the line before no more are read, as in a UART's driver.
+const BACKLOG_MAX: usize = 4096;
+
+/// Runs a rig at the pace of a clock.
+pub struct Realtime<C> {
+    clock: C,
+    ports: Vec<Port>,
+    lateness: Lateness,
+    /// How often rig time stood because the rig was late, and for how long the last time.
+    stalls: (u64, Duration),
+    /// When the log last said so.
+    noted_at: Option<Instant>,
+    is_prompt: bool,
+}
+
+/// An end of a link and the transport that it is on.
+struct Port {
+    end: OpenEnd,
+    transport: Box<dyn Transport>,
+    traffic: Traffic,
+    is_open: bool,
+    openings: u64,
+    baud: u32,
+    adapter: Option<Adapter>,
+    spread: Spread,
+    /// Modem lines that it may have to wait for.
+    inputs: Option<Inputs>,
+}
+
+impl<C: Clock> Realtime<C> {
+    /// Paced by `clock`, whose zero is the rig's zero.
+    pub fn new(clock: C) -> Self {
+        Self {
+            clock,
+            ports: Vec::new(),
+            lateness: Lateness::default(),
+            stalls: (0, Duration::ZERO),
+            noted_at: None,
+            is_prompt: false,
+        }
+    }
+
+    /// Puts an end of a link on a transport.
+    pub fn serve(&mut self, end: OpenEnd, transport: Box<dyn Transport>) {
+        self.ports.push(Port {
+            baud: end.line.baud,
+            end,
+            transport,
+            traffic: Traffic::default(),
+            is_open: false,
+            openings: 0,
+            adapter: None,
+            spread: Spread::default(),
+            inputs: None,
+        });
+    }
+
+    /// Puts the adapters that `scenario` names between the ports served so far and their clients.
+    pub fn plug_in(&mut self, scenario: &Scenario, rig: &mut Rig) {
+        for (name, spec) in &scenario.link {
+            let ports = self.ports.iter_mut().filter(|port| port.end.link == *name);
+            for port in ports {
+                port.adapter = Adapter::new(spec.adapter, name, scenario.seed, rig.now());
+                // It cuts between bytes, so they have to come one by one.
+                if let Some(link) = rig.link_mut(name).filter(|_| port.adapter.is_some()) {
+                    link.lines.iter_mut().for_each(|line| line.piece = 1);
+                }
+            }
+        }
+        let names: Vec<String> = self.names().map(str::to_owned).collect();
+        for (index, name) in names.iter().enumerate() {
+            self.ports[index].inputs = Some(Inputs::of(name, self.places()));
+        }
+    }
+
+    /// The clock.
+    pub const fn clock(&self) -> &C {
+        &self.clock
+    }
+
+    /// How late the rig did what was due, over all events so far.
+    pub const fn lateness(&self) -> &Lateness {
+        &self.lateness
+    }
+
+    /// How often rig time stood because the rig was late, and for how long the last time.
+    pub const fn stalls(&self) -> (u64, Duration) {
+        self.stalls
+    }
+
+    /// What passed each port so far.
+    pub fn reports(&self) -> impl Iterator<Item = PortReport> {
+        self.ports.iter().map(|port| PortReport {
+            name: port.end.name.clone(),
+            traffic: port.traffic,
+            lost: port.transport.counters(),
+        })
+    }
+
+    /// The names of the ports.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.ports.iter().map(|port| port.end.name.as_str())
+    }
+
+    /// Each port and where it is.
+    pub fn places(&self) -> impl Iterator<Item = Place<'_>> + Clone {
+        self.ports.iter().map(|port| Place {
+            name: &port.end.name,
+            path: port.transport.path(),
+            baud: port.end.line.baud,
+            node: port.end.node,
+        })
+    }
+
+    /// What can be seen of each client, without a byte of what it says.
+    pub fn signs(&mut self) -> impl Iterator<Item = Sign<'_>> {
+        self.ports.iter_mut().map(|port| Sign {
+            name: &port.end.name,
+            is_open: port.is_open,
+            openings: port.openings,
+            from_client: port.traffic.from_client,
+            is_drained: port.transport.is_drained(),
+            reads: port.transport.reads(),
+        })
+    }
+
+    /// Carries across what there is at both sides, without a look at the clock.
+    ///
+    /// # Errors
+    /// If a port went away.
+    pub fn carry(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        let all = vec![true; self.ports.len()];
+        self.carry_from(&all, paced)
+    }
+
+    /// The same, but for rates that clients have changed: those are seen with their next bytes. One
+    /// look at all ports tells at which something has happened.
+    ///
+    /// # Errors
+    /// As [`carry`](Self::carry).
+    pub(crate) fn carry_stirred(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        let transports = self.ports.iter().map(|port| &*port.transport);
+        let stirred = stirred(transports);
+        self.carry_from(&stirred, paced)
+    }
+
+    fn carry_from(
+        &mut self,
+        wanted: &[bool],
+        paced: &mut impl Paced,
+    ) -> Result<(), TransportError> {
+        for (port, is_wanted) in self.ports.iter_mut().zip(wanted) {
+            if *is_wanted || !port.spread.is_empty() {
+                port.carry_in(paced)?;
+            }
+        }
+        for port in &mut self.ports {
+            port.carry_out(paced.rig());
+            port.hold_back(paced.rig());
+        }
+        Ok(())
+    }
+
+    /// The modem lines that the client of the port `index` sees, as TIOCMGET has them.
+    pub(crate) fn input_lines(&self, index: usize, rig: &Rig) -> u32 {
+        let inputs = self.ports[index].inputs;
+        inputs.map_or(0, |inputs| inputs.bits(rig))
+    }
+
+    /// Whether the rig has something for a client now.
+    pub(crate) fn has_output(&self, rig: &Rig) -> bool {
+        let is_due = |adapter: &Adapter| adapter.expires_at() <= rig.now();
+        self.ports.iter().any(|port| {
+            rig.output_len(port.end.node) > 0 || port.adapter.as_ref().is_some_and(is_due)
+        })
+    }
+
+    /// When an adapter next hands over what it has.
+    pub(crate) fn next_expiry(&self) -> Option<Instant> {
+        let adapters = self.ports.iter().filter_map(|port| port.adapter.as_ref());
+        adapters.map(Adapter::expires_at).min()
+    }
+
+    /// Bytes that were brought to the client of the port `index` so far, and whether there is one.
+    pub(crate) fn state(&self, index: usize) -> (u64, bool) {
+        let port = &self.ports[index];
+        (port.traffic.to_client, port.is_open)
+    }
+
+    /// Bytes of the client of the port `index` that the line has not taken.
+    pub(crate) fn backlog(&self, index: usize, rig: &Rig) -> usize {
+        rig.backlog(self.ports[index].end.node)
+    }
+
+    /// As many bytes as that client may send now.
+    pub(crate) fn room(&self, index: usize, rig: &Rig) -> usize {
+        BACKLOG_MAX.saturating_sub(self.backlog(index, rig))
+    }
+
+    /// The client's side of the port `index`, if this process can have it.
+    pub(crate) fn client_side(&self, index: usize) -> Option<OwnedFd> {
+        self.ports[index].transport.client_side()
+    }
+
+    /// The client of the port `index` does something to its line.
+    pub(crate) fn change_line(&self, index: usize, event: LineEvent, paced: &mut impl Paced) {
+        let node = self.ports[index].end.node;
+        paced.rig().change_line(node, event);
+        let now = paced.rig().now();
+        paced.run_until(now);
+    }
+
+    /// Bytes reach the rig as if the client of the port `index` had sent them.
+    pub(crate) fn inject(&self, index: usize, bytes: &[u8], paced: &mut impl Paced) {
+        paced.rig().inject(self.ports[index].end.node, bytes);
+        let now = paced.rig().now();
+        paced.run_until(now);
+    }
+
+    /// Gives the transports back, in the order in which they were served.
+    pub fn into_transports(self) -> Vec<Box<dyn Transport>> {
+        self.ports.into_iter().map(|port| port.transport).collect()
+    }
+
+    /// Brings `paced` up to the present, or one slice nearer to it, carries across what came, and
+    /// waits until something is due.
+    ///
+    /// # Errors
+    /// If a port went away. The rig has been told; it may go on without that port.
+    pub fn turn(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        if !self.is_prompt {
+            // Not when it is made: a program that is started before the first turn keeps what is
+            // usual.
+            self.is_prompt = true;
+            clock::be_prompt();
+        }
+        let mut present = self.clock.now();
+        let due = paced.rig().next_event().filter(|&due| due <= present);
+        if let Some(due) = due {
+            let late = present - due;
+            self.lateness.record(late);
+            if late > LATE && self.clock.slip(present - paced.rig().now()) {
+                self.stalls = (self.stalls.0 + 1, late);
+                self.wait_for_clients(paced.rig(), late);
+                for port in &mut self.ports {
+                    port.carry_late(paced, late)?;
+                }
+                present = self.clock.now();
+            }
+        }
+        let target = present.min(paced.rig().now() + SLICE);
+        paced.run_until(target);
+        self.carry(paced)?;
+        let earliest = if target < present { BREATH } else { GRAIN };
+        self.wait(paced.rig(), earliest);
+        Ok(())
+    }
+
+    /// The rig was late, and its time stood meanwhile: says so, and does not charge clients with
+    /// what the bytes that they sent meanwhile break when they come all at once.
+    fn wait_for_clients(&mut self, rig: &mut Rig, late: Duration) {
+        let at = rig.now();
+        rig.excuse_until(at + late + SETTLES);
+        if self.noted_at.is_some_and(|noted| at - noted < NOTES_EVERY) {
+            return;
+        }
+        self.noted_at = Some(at);
+        let event = Event {
+            at,
+            kind: EventKind::Note,
+            rule: "rig-late",
+            detail: format!("by {} ms: rig time stood meanwhile", late.as_millis()),
+            bytes: Vec::new(),
+        };
+        rig.log("rig", event);
+    }
+
+    /// Waits for the next event, but at least `earliest`, unless a client sends.
+    fn wait(&self, rig: &Rig, earliest: Duration) {
+        let now = self.clock.now();
+        let adapters = self.ports.iter().filter_map(|port| port.adapter.as_ref());
+        let next = rig.next_event();
+        let next = next
+            .into_iter()
+            .chain(adapters.map(Adapter::expires_at))
+            .min();
+        let next = next.map_or(WAIT_MAX, |next| next - now);
+        let timeout = next.min(WAIT_MAX).max(earliest);
+        let mut fds = Vec::new();
+        for port in &self.ports {
+            // A port that is not read for want of room would end the wait at once.
+            if rig.backlog(port.end.node) < BACKLOG_MAX && port.spread.is_empty() {
+                port.transport.readiness(&mut fds);
+            }
+        }
+        if fds.is_empty() || wait(&fds, timeout).is_err() {
+            self.clock.sleep_until(now + timeout);
+        }
+    }
+}
+
+impl Port {
+    /// What the client did and sent, in the order in which it did.
+    fn carry_in(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        // A packet of a network comes whole.
+        let mut buf = [0; 2048];
+        let node = self.end.node;
+        let now = paced.rig().now();
+        let due = self.spread.due(now);
+        paced.rig().inject(node, &due);
+        while self.spread.is_empty() && paced.rig().backlog(node) < BACKLOG_MAX {
+            let len = self.read(paced, &mut buf)?;
+            if len == 0 {
+                break;
+            }
+            paced.rig().inject(node, &buf[..len]);
+        }
+        paced.run_until(now);
+        Ok(())
+    }
+
+    /// What the client did and sent while rig time stood for as long as `late`.
+    fn carry_late(&mut self, paced: &mut impl Paced, late: Duration) -> Result<(), TransportError> {
+        let mut buf = [0; BACKLOG_MAX];
+        let len = self.read(paced, &mut buf)?;
+        let now = paced.rig().now();
+        self.spread.begin(&buf[..len], now, late);
+        Ok(())
+    }
+
+    /// Reads what the client sent into `buf`; what it did before is told to the rig, behind what
+    /// it had sent until then.
+    fn read(&mut self, paced: &mut impl Paced, buf: &mut [u8]) -> Result<usize, TransportError> {
+        let read = self.transport.read(buf);
+        while let Some(event) = self.transport.next_event() {
+            let before = self.spread.rest();
+            paced.rig().inject(self.end.node, &before);
+            self.report(paced.rig(), event);
+            // The rig holds one change of the line at a time.
+            let now = paced.rig().now();
+            paced.run_until(now);
+        }
+        let len = read?;
+        self.traffic.from_client += len as u64;
+        Ok(len)
+    }
+
+    /// What the rig has for the client.
+    fn carry_out(&mut self, rig: &mut Rig) {
+        let link = rig.link(&self.end.link);
+        if link.is_some_and(|link| link.kind.carries_messages()) {
+            for message in rig.take_messages(self.end.node) {
+                self.traffic.to_client += self.transport.write(&message) as u64;
+            }
+            return;
+        }
+        let bytes = rig.take_output(self.end.node);
+        let pieces = match &mut self.adapter {
+            Some(adapter) => adapter.pass(rig.now(), &bytes),
+            None if bytes.is_empty() => return,
+            None => vec![bytes],
+        };
+        for piece in pieces {
+            self.traffic.to_client += self.transport.write(&piece) as u64;
+        }
+    }
+
+    /// A client with RTS/CTS flow control sends nothing while CTS is off, as its driver would not.
+    fn hold_back(&self, rig: &mut Rig) {
+        let inputs = self.inputs;
+        let must_wait = inputs.is_some_and(|inputs| !inputs.is_clear_to_send(rig));
+        rig.hold(
+            self.end.node,
+            must_wait && self.transport.has_flow_control(),
+        );
+    }
+
+    /// Tells the rig and the log what happened to the port.
+    fn report(&mut self, rig: &mut Rig, event: PortEvent) {
+        let node = self.end.node;
+        match event {
+            PortEvent::Opened => {
+                self.is_open = true;
+                self.openings += 1;
+                rig.change_line(node, LineEvent::Opened);
+                self.log(rig, "port-opened", format!("client at {} baud", self.baud));
+                self.judge_baud(rig);
+            }
+            PortEvent::Closed => {
+                self.is_open = false;
+                rig.change_line(node, LineEvent::Closed);
+                self.log(rig, "port-closed", "no client any more".to_owned());
+            }
+            PortEvent::BaudChanged(baud) => {
+                self.baud = baud;
+                if baud > 0 && self.end.rate == PortRate::OfLine {
+                    let line = LineConfig {
+                        baud,
+                        ..self.end.line
+                    };
+                    rig.set_line_config(node, line);
+                }
+                self.judge_baud(rig);
+            }
+        }
+    }
+
+    fn judge_baud(&self, rig: &mut Rig) {
+        let expected = self.end.line.baud;
+        let is_judged = self.is_open && self.end.rate == PortRate::OfLine;
+        if is_judged && self.baud != expected {
+            let baud = self.baud;
+            let detail = format!("client at {baud} baud, expected {expected}: it reads garbage");
+            self.log(rig, "wrong-baud", detail);
+        }
+    }
+
+    fn log(&self, rig: &mut Rig, rule: &'static str, detail: String) {
+        let event = Event {
+            at: rig.now(),
+            kind: EventKind::Note,
+            rule,
+            detail,
+            bytes: Vec::new(),
+        };
+        rig.log(&self.end.name, event);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,40 @@
+//! What passed a port, for people.
+
+use core::fmt;
+
+use super::Traffic;
+use crate::transport::Counters;
+
+/// A port's name with what passed it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PortReport {
+    /// The port's name.
+    pub name: String,
+    /// What passed.
+    pub traffic: Traffic,
+    /// What did not.
+    pub lost: Counters,
+}
+
+impl fmt::Display for PortReport {
+    /// One line for people.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Traffic {
+            from_client,
+            to_client,
+        } = self.traffic;
+        write!(
+            f,
+            "{}: {to_client} B to the client, {from_client} B from it",
+            self.name
+        )?;
+        let Counters { unheard, overrun } = self.lost;
+        if unheard > 0 {
+            write!(f, ", {unheard} B while nobody had it open")?;
+        }
+        if overrun > 0 {
+            write!(f, ", {overrun} B lost because the client did not read")?;
+        }
+        Ok(())
+    }
+}

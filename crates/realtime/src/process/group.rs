@@ -1,0 +1,111 @@
+//! Who is in a process group, as the system lists it.
+
+use core::fmt;
+use std::fs;
+
+use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
+
+/// Longest command that is told.
+const COMMAND_MAX: usize = 120;
+
+/// A process that somebody's program started and left behind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Left {
+    /// Its number.
+    pub pid: u32,
+    /// Its command.
+    pub command: String,
+    /// Whether it did not end when it was asked to, and had to be killed.
+    pub was_killed: bool,
+}
+
+impl fmt::Display for Left {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({})", self.pid, self.command)
+    }
+}
+
+/// A process group.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Group(pub(super) Pid);
+
+impl Group {
+    /// Sends `signal` to all of them; one that is just ending is none to send to.
+    pub(super) fn signal(self, signal: Signal) {
+        let _ = kill_process_group(self.0, signal);
+    }
+
+    /// Its members, the dead ones that nobody has buried yet left out.
+    pub(super) fn members(self) -> Vec<Left> {
+        let left = |pid| Left {
+            pid,
+            command: command_of(pid),
+            was_killed: false,
+        };
+        self.pids().into_iter().map(left).collect()
+    }
+
+    fn pids(self) -> Vec<u32> {
+        // The list of all processes is long; mostly there is nobody to look for.
+        if test_kill_process_group(self.0).is_err() {
+            return Vec::new();
+        }
+        let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+        let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+        pids.filter(|&pid| self.has(pid)).collect()
+    }
+
+    /// Whether a thread of theirs waits for the system and cannot even be killed: for a page of its
+    /// own code from the disk, say. Nothing that it could do would end that.
+    pub(super) fn is_held_up(self) -> bool {
+        // Not its command: that lies in its memory, for which this thread might have to wait.
+        let threads = |pid: u32| {
+            let tasks = fs::read_dir(format!("/proc/{pid}/task"));
+            tasks.into_iter().flatten().flatten()
+        };
+        self.pids().into_iter().flat_map(threads).any(|task| {
+            let stat = fs::read_to_string(task.path().join("stat")).unwrap_or_default();
+            state_and_group_of(&stat).is_some_and(|(state, _)| state == "D")
+        })
+    }
+
+    fn has(self, pid: u32) -> bool {
+        let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+        let group = self.0.as_raw_nonzero().get();
+        state_and_group_of(&stat).is_some_and(|(_, its)| its == group)
+    }
+}
+
+/// State and group in a line of `/proc/PID/stat`, unless the process is dead. Its name is in
+/// brackets and may hold anything, brackets too.
+fn state_and_group_of(stat: &str) -> Option<(&str, i32)> {
+    let (_, fields) = stat.rsplit_once(')')?;
+    let mut fields = fields.split_ascii_whitespace();
+    let state = fields.next()?;
+    let group = fields.nth(1)?.parse().ok()?;
+    (!["Z", "X"].contains(&state)).then_some((state, group))
+}
+
+/// The command of a process, `?` if it has none any more.
+pub(crate) fn command_of(pid: u32) -> String {
+    let words = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+    let words = String::from_utf8_lossy(&words).replace('\0', " ");
+    let mut command: String = words.trim_end().chars().take(COMMAND_MAX).collect();
+    if command.is_empty() {
+        "?".clone_into(&mut command);
+    }
+    command
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_with_brackets_and_blanks_does_not_hide_the_group() {
+        let found = state_and_group_of("12 (a) S (b) D 1 77 77 0 -1");
+        assert_eq!(found, Some(("D", 77)));
+        assert_eq!(state_and_group_of("12 (sleep) Z 1 77 77 0 -1"), None);
+        assert_eq!(state_and_group_of("12 (sleep"), None);
+    }
+}

@@ -1,0 +1,427 @@
+//! Between two ports: passes bytes both ways and writes down what passed, and when.
+//!
+//! ```text
+//!   device <--> port A | Recorder | port B <--> program
+//!                          |
+//!                       capture
+//! ```
+//!
+//! What a port gives is handed on first and written down afterwards, so that recording holds
+//! nothing back. A byte's time is when it was read: later than on the wire by what the system and
+//! its driver took.
+
+mod file;
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use bytes::Bytes;
+use protocols::{Instant, LineEvent};
+
+pub use file::{CaptureFile, FileError};
+
+use crate::Lateness;
+use crate::clock::Clock;
+use crate::transport::{PortEvent, Transport, TransportError, wait};
+use capture::{Interface, Kind, Record, Section};
+use engine::TOOL;
+use engine::rig::line::Direction;
+
+/// Two ports that belong together.
+pub struct Wire {
+    /// Name of the link in the capture.
+    pub name: String,
+    /// Bits per second of both ends.
+    pub baud: u32,
+    /// Where the device is, then where the program is.
+    pub ends: [Box<dyn Transport>; 2],
+}
+
+/// What passed a wire in one direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Passed {
+    /// Bytes read at one end.
+    pub read: u64,
+    /// Of those, bytes that nobody could take, because the other end was closed.
+    pub lost: u64,
+}
+
+/// Why recording ended early. The file is whole in any case.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// A port went away.
+    #[error(transparent)]
+    Port(#[from] TransportError),
+    /// The capture cannot be written.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+/// Passes and records.
+pub struct Recorder<C> {
+    clock: C,
+    /// Time of the capture at the clock's zero.
+    epoch: Instant,
+    wires: Vec<Wire>,
+    passed: Vec<[Passed; 2]>,
+    /// Read and noted, and not taken by the far end yet.
+    waiting: Vec<[VecDeque<u8>; 2]>,
+    file: CaptureFile,
+    held: Lateness,
+}
+
+/// Longest wait: a port may have no way to wake us.
+const WAIT_MAX: Duration = Duration::from_millis(5);
+/// The same while a far end has no room: nothing tells when it has.
+const WAIT_FOR_ROOM: Duration = Duration::from_millis(1);
+/// Bytes that may wait for a far end before no more are read.
+const WAITING_MAX: usize = 64 << 10;
+/// Reads of one end before the others get their turn.
+const READS_MAX: usize = 16;
+
+impl<C: Clock> Recorder<C> {
+    /// Records `wires` into `file`, whose times are the clock's plus `epoch`.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn new(
+        clock: C,
+        epoch: Instant,
+        wires: Vec<Wire>,
+        file: CaptureFile,
+    ) -> Result<Self, FileError> {
+        let mut this = Self {
+            clock,
+            epoch,
+            passed: vec![Default::default(); wires.len()],
+            waiting: vec![Default::default(); wires.len()],
+            wires,
+            file,
+            held: Lateness::default(),
+        };
+        this.begin()?;
+        Ok(this)
+    }
+
+    fn begin(&mut self) -> Result<(), FileError> {
+        let mut about = String::from("clock=utc");
+        for Wire { name, ends, .. } in &self.wires {
+            let [device, program] = ends.each_ref().map(|end| end.path().display());
+            about += &format!("\ntap={name} {device} {program}");
+        }
+        let tool = format!("{TOOL} {}", env!("CARGO_PKG_VERSION"));
+        let scenario = String::new();
+        let section = Section {
+            tool,
+            about,
+            scenario,
+        };
+        self.file.put(|out| section.write(out))?;
+        for wire in &self.wires {
+            let interface = Interface::new(&wire.name, wire.baud);
+            self.file.put(|out| interface.write(out))?;
+        }
+        self.file.flush()
+    }
+
+    /// The clock.
+    pub const fn clock(&self) -> &C {
+        &self.clock
+    }
+
+    /// How long chunks were held between being read and being handed on.
+    pub const fn held(&self) -> &Lateness {
+        &self.held
+    }
+
+    /// The wires' names with what passed them: towards the program, then towards the device.
+    pub fn reports(&self) -> impl Iterator<Item = (&str, [Passed; 2])> {
+        let names = self.wires.iter().map(|wire| &*wire.name);
+        names.zip(self.passed.iter().copied())
+    }
+
+    /// Passes what has come, then waits until more may come.
+    ///
+    /// # Errors
+    /// If a port went away or the file cannot be written; what passed before is in the file.
+    pub fn turn(&mut self) -> Result<(), RecordError> {
+        for link in 0..self.wires.len() {
+            for direction in [Direction::ToMaster, Direction::ToDevice] {
+                if let Err(error) = self.pass(link, direction) {
+                    self.file.flush()?;
+                    return Err(error);
+                }
+            }
+        }
+        self.file.flush_if_due(self.clock.now())?;
+        self.wait();
+        Ok(())
+    }
+
+    /// Ends the file.
+    ///
+    /// # Errors
+    /// If its last records cannot be written.
+    pub fn finish(&mut self) -> Result<(), FileError> {
+        self.file.flush()
+    }
+
+    fn pass(&mut self, link: usize, direction: Direction) -> Result<(), RecordError> {
+        let mut buf = [0; 1024];
+        self.hand_on(link, direction);
+        for _ in 0..READS_MAX {
+            if self.waiting[link][direction as usize].len() >= WAITING_MAX {
+                break;
+            }
+            let read = self.wires[link].ends[direction as usize].read(&mut buf);
+            let at = self.clock.now();
+            let len = read.as_ref().map_or(0, |&len| len);
+            self.waiting[link][direction as usize].extend(&buf[..len]);
+            let lost = self.hand_on(link, direction);
+            while let Some(event) = self.wires[link].ends[direction as usize].next_event() {
+                self.note_event(link, direction, at, event)?;
+            }
+            read?;
+            if len == 0 {
+                break;
+            }
+            self.held.record(self.clock.now() - at);
+            self.passed[link][direction as usize].read += len as u64;
+            let comment = match lost {
+                0 => String::new(),
+                lost => format!("{lost} bytes lost: the far end is closed"),
+            };
+            self.note(link, direction, at, Kind::Data, &buf[..len], comment)?;
+        }
+        Ok(())
+    }
+
+    /// Gives the far end what it takes. What it has no room for waits, as long as it is open; the
+    /// bytes that were lost because it is closed.
+    fn hand_on(&mut self, link: usize, direction: Direction) -> u64 {
+        let waiting = &mut self.waiting[link][direction as usize];
+        let to = &mut self.wires[link].ends[1 - direction as usize];
+        let mut lost = 0;
+        while !waiting.is_empty() {
+            let (piece, _) = waiting.as_slices();
+            let (len, unheard) = (piece.len(), to.counters().unheard);
+            let taken = to.write(piece);
+            let refused = to.counters().unheard - unheard;
+            lost += refused;
+            if refused > 0 {
+                waiting.clear();
+            } else {
+                waiting.drain(..taken);
+                if taken < len {
+                    break;
+                }
+            }
+        }
+        self.passed[link][direction as usize].lost += lost;
+        lost
+    }
+
+    fn note_event(
+        &mut self,
+        link: usize,
+        direction: Direction,
+        at: Instant,
+        event: PortEvent,
+    ) -> Result<(), FileError> {
+        let (event, comment) = match event {
+            PortEvent::Opened => (LineEvent::Opened, "port opened".to_owned()),
+            PortEvent::Closed => (LineEvent::Closed, "port closed".to_owned()),
+            PortEvent::BaudChanged(baud) => (LineEvent::Opened, format!("port set to {baud} baud")),
+        };
+        self.note(link, direction, at, Kind::Line(event), &[], comment)
+    }
+
+    fn note(
+        &mut self,
+        link: usize,
+        direction: Direction,
+        at: Instant,
+        kind: Kind,
+        bytes: &[u8],
+        comment: String,
+    ) -> Result<(), FileError> {
+        let record = Record {
+            link,
+            sequence: Some(self.file.next_sequence()),
+            at: self.epoch + (at - Instant::ZERO),
+            direction,
+            kind,
+            bytes: Bytes::copy_from_slice(bytes),
+            sent: None,
+            pieces: Vec::new(),
+            comment,
+        };
+        let interface = u32::try_from(link).expect("few links");
+        self.file.put(|out| record.write(interface, out))
+    }
+
+    fn wait(&self) {
+        let mut fds = Vec::new();
+        for end in self.wires.iter().flat_map(|wire| &wire.ends) {
+            end.readiness(&mut fds);
+        }
+        let mut waiting = self.waiting.iter().flatten();
+        let timeout = match waiting.all(VecDeque::is_empty) {
+            true => WAIT_MAX,
+            false => WAIT_FOR_ROOM,
+        };
+        if fds.is_empty() || wait(&fds, timeout).is_err() {
+            self.clock.sleep_until(self.clock.now() + timeout);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::SimClock;
+    use crate::transport::Memory;
+    use capture::Capture;
+
+    /// A recorder between two ports, the far ends of both, and its file.
+    struct Bench {
+        recorder: Recorder<SimClock>,
+        device: Memory,
+        program: Option<Memory>,
+        file: std::path::PathBuf,
+    }
+
+    fn bench(name: &str) -> Bench {
+        let name = format!("hilrig-tap-{name}-{}.pcapng", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        let [(one, device), (other, program)] = ["one", "other"].map(Memory::pair);
+        let wire = Wire {
+            name: "base".to_owned(),
+            baud: 9_600,
+            ends: [Box::new(one), Box::new(other)],
+        };
+        let file = CaptureFile::create(&path).expect("writable");
+        let epoch = Instant::from_secs(1_000);
+        let recorder = Recorder::new(SimClock::default(), epoch, vec![wire], file);
+        Bench {
+            recorder: recorder.expect("writable"),
+            device,
+            program: Some(program),
+            file: path,
+        }
+    }
+
+    impl Bench {
+        fn passed(&self) -> [Passed; 2] {
+            let mut reports = self.recorder.reports();
+            let (name, passed) = reports.next().expect("one wire");
+            assert_eq!(name, "base");
+            passed
+        }
+
+        fn program_reads(&mut self) -> Vec<u8> {
+            let mut buf = vec![0; 9_000];
+            let program = self.program.as_mut().expect("open");
+            let len = program.read(&mut buf).expect("open");
+            buf[..len].to_vec()
+        }
+
+        fn turn(&mut self) {
+            self.recorder.turn().expect("both are there");
+        }
+
+        fn capture(&mut self) -> Capture {
+            self.recorder.finish().expect("writable");
+            let bytes = std::fs::read(&self.file).expect("written");
+            let _ = std::fs::remove_file(&self.file);
+            Capture::of(&bytes)
+        }
+    }
+
+    /// A port holds 4096 bytes: what its program does not read yet waits, in order, and is in the
+    /// file when it came.
+    #[test]
+    fn what_a_program_does_not_read_yet_waits_for_it() {
+        let mut bench = bench("waits");
+        let all: Vec<u8> = (0..6_000_u32).map(|n| n.to_le_bytes()[0]).collect();
+        assert_eq!(bench.device.write(&all[..3_000]), 3_000);
+        bench.turn();
+        assert_eq!(bench.device.write(&all[3_000..]), 3_000);
+        bench.turn();
+        let passed = bench.passed();
+        assert_eq!((passed[0].read, passed[0].lost), (6_000, 0));
+        assert_eq!(bench.recorder.waiting[0][0].len(), 6_000 - 4_096);
+        let mut got = bench.program_reads();
+        assert_eq!(got.len(), 4_096);
+        bench.turn();
+        got.extend(bench.program_reads());
+        assert!(got == all && bench.recorder.waiting[0][0].is_empty());
+        assert_eq!(bench.passed()[1], Passed::default());
+        let capture = bench.capture();
+        let data = capture.records.iter().filter(|one| one.kind == Kind::Data);
+        let written: Vec<u8> = data.flat_map(|one| one.bytes.to_vec()).collect();
+        assert!(written == all);
+        assert_eq!(
+            (capture.links[0].name.as_str(), capture.links[0].baud),
+            ("base", 9_600)
+        );
+    }
+
+    /// Ports that do not say when more comes are looked at again after 5 ms, and after 1 ms while a
+    /// far end has no room. How long each chunk was held is counted.
+    #[test]
+    fn a_turn_waits_longer_when_nothing_waits_for_room() {
+        let mut bench = bench("turn");
+        let now = |bench: &Bench| bench.recorder.clock().now().as_millis();
+        bench.turn();
+        assert_eq!((now(&bench), bench.recorder.held().count()), (5, 0));
+        for len in [3_000, 2_000] {
+            bench.device.write(&vec![1; len]);
+            bench.turn();
+        }
+        assert!(!bench.recorder.waiting[0][0].is_empty());
+        assert_eq!((now(&bench), bench.recorder.held().count()), (5 + 5 + 1, 5));
+        bench.capture();
+    }
+
+    /// Nobody takes what comes for a closed port: it is lost, counted, and said in the file.
+    #[test]
+    fn what_comes_for_a_closed_port_is_lost() {
+        let mut bench = bench("lost");
+        bench.turn();
+        bench.program = None;
+        bench.device.write(b"twelve bytes");
+        bench.turn();
+        let passed = bench.passed();
+        assert_eq!((passed[0].read, passed[0].lost), (12, 12));
+        assert!(bench.recorder.waiting[0][0].is_empty());
+        bench.device.write(b"five!");
+        bench.turn();
+        let passed = bench.passed();
+        assert_eq!((passed[0].read, passed[0].lost), (17, 17));
+        let capture = bench.capture();
+        let said: Vec<(Kind, Direction, String)> = capture
+            .records
+            .iter()
+            .map(|one| (one.kind, one.direction, one.comment.clone()))
+            .collect();
+        let (in_, out) = (Direction::ToMaster, Direction::ToDevice);
+        let opened = |direction| {
+            let kind = Kind::Line(LineEvent::Opened);
+            (kind, direction, "port opened".to_owned())
+        };
+        let lost = |count: u8| {
+            let comment = format!("{count} bytes lost: the far end is closed");
+            (Kind::Data, in_, comment)
+        };
+        assert_eq!(said[..3], [opened(in_), opened(out), lost(12)]);
+        assert!(
+            capture
+                .records
+                .iter()
+                .all(|one| one.at >= Instant::from_secs(1_000))
+        );
+        let closed = (Kind::Line(LineEvent::Closed), out, "port closed".to_owned());
+        assert_eq!(said[3..], [closed, lost(5)]);
+    }
+}

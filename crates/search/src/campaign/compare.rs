@@ -1,0 +1,263 @@
+//! What has changed since an earlier campaign, cause by cause.
+//!
+//! A run is the same in both if scenario, seed and what is varied are. Only such a run can tell
+//! that something is fixed: a cause that has no failure left because its seeds were not run again,
+//! or because its runs now fail earlier on for another cause, is not known to be.
+
+use core::fmt;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::{CampaignPlan, Run, Store};
+use engine::scenario::Scenario;
+
+/// What became of a cause, what asks for attention first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Change {
+    /// No run failed for it in the earlier campaign.
+    New,
+    /// Runs fail for it in both.
+    StillFailing,
+    /// No run fails for it now, but some that did were not run again or fail for another cause.
+    NotKnown,
+    /// Each run that failed for it passes now.
+    Fixed,
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::New => "new",
+            Self::StillFailing => "still failing",
+            Self::NotKnown => "not known",
+            Self::Fixed => "fixed",
+        })
+    }
+}
+
+/// Some runs that fail for a cause, by what they came to in the other campaign: the rest of them
+/// fails alike there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Elsewhere {
+    /// How many they are.
+    pub runs: usize,
+    /// Of these, how many pass there.
+    pub pass: usize,
+    /// How many fail there for another cause.
+    pub fail_otherwise: usize,
+    /// How many were not run there.
+    pub not_run: usize,
+}
+
+/// A cause in both campaigns.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct CauseChange {
+    /// Why runs fail, as in the groups.
+    pub cause: String,
+    /// What became of it.
+    pub change: Change,
+    /// Runs that fail for it now, and what they came to in the earlier campaign.
+    pub now: Elsewhere,
+    /// Runs that failed for it in the earlier campaign, and what they come to now.
+    pub earlier: Elsewhere,
+    /// One of these runs, the first that fails now if there is one: scenario and seed.
+    pub first: (String, u64),
+}
+
+impl CauseChange {
+    /// How often it came up, in words.
+    pub fn in_words(&self) -> String {
+        let (now, earlier) = (self.now.runs, self.earlier.runs);
+        let counts = match self.change {
+            Change::New => format!("{now} runs{}", self.now.in_words("before")),
+            Change::StillFailing => {
+                format!(
+                    "{now} runs, {earlier} before{}",
+                    self.earlier.in_words("now")
+                )
+            }
+            Change::NotKnown | Change::Fixed => {
+                format!("{earlier} runs before{}", self.earlier.in_words("now"))
+            }
+        };
+        let (scenario, seed) = &self.first;
+        format!("{counts}, first {scenario} seed {seed}")
+    }
+}
+
+impl Elsewhere {
+    /// What the runs came to in the other campaign, which was run `when`.
+    fn in_words(self, when: &str) -> String {
+        let alike = self.runs - self.pass - self.fail_otherwise - self.not_run;
+        let parts = [
+            (alike, "fail alike"),
+            (self.pass, "pass"),
+            (self.fail_otherwise, "fail otherwise"),
+            (self.not_run, "not run"),
+        ];
+        let parts = parts.iter().filter(|(count, _)| *count > 0);
+        let parts: Vec<String> = parts
+            .map(|(count, what)| format!("{count} {what}"))
+            .collect();
+        format!(" ({when}: {})", parts.join(", "))
+    }
+}
+
+/// What has changed since an earlier campaign.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Comparison {
+    /// Folder of the earlier campaign.
+    pub against: String,
+    /// Tool and version that ran it.
+    pub tool: String,
+    /// Runs that were done in both.
+    pub runs_in_both: usize,
+    /// Whether `--vary` differs, so that no run says anything of one in the other campaign.
+    pub vary_differs: bool,
+    /// Scenarios of both that differ, so that their runs say nothing of each other.
+    pub differing_scenarios: Vec<String>,
+    /// What became of each cause.
+    pub causes: Vec<CauseChange>,
+}
+
+impl Comparison {
+    /// The comparison in one line.
+    pub fn in_words(&self) -> String {
+        let kinds = [
+            Change::New,
+            Change::StillFailing,
+            Change::NotKnown,
+            Change::Fixed,
+        ];
+        let counts = kinds.map(|kind| {
+            let count = self.causes.iter().filter(|cause| cause.change == kind);
+            format!("{} {kind}", count.count())
+        });
+        let (against, both) = (&self.against, self.runs_in_both);
+        let tool = &self.tool;
+        let counts = counts.join(", ");
+        format!("compared with {against} ({tool}): {counts}; {both} runs in both")
+    }
+
+    /// What was not compared, and why.
+    pub fn left_out(&self) -> Vec<String> {
+        if self.vary_differs {
+            return vec!["--vary differs: no run is compared".to_owned()];
+        }
+        let names = self.differing_scenarios.iter();
+        names
+            .map(|name| format!("scenario {name} differs: its runs are not compared"))
+            .collect()
+    }
+}
+
+/// Says what has changed from `earlier`, whose folder was given as `against`, to `now`.
+pub fn compare(now: &Store, earlier: &Store, against: &Path) -> Comparison {
+    let (mut same, differing) = scenarios_in_both(now.plan(), earlier.plan());
+    let vary_differs = now.plan().vary != earlier.plan().vary;
+    if vary_differs {
+        same.clear();
+    }
+    let causes: BTreeSet<&str> = [now, earlier].into_iter().flat_map(causes_of).collect();
+    let now_by_cause = elsewhere(now, earlier, &same);
+    let earlier_by_cause = elsewhere(earlier, now, &same);
+    let changes = causes.into_iter().map(|cause| {
+        let now = now_by_cause.get(cause);
+        let before = earlier_by_cause.get(cause);
+        let first = now
+            .or(before)
+            .map(|(_, first)| (first.0.to_owned(), first.1));
+        let now = now.map(|(counts, _)| *counts).unwrap_or_default();
+        let before = before.map(|(counts, _)| *counts).unwrap_or_default();
+        let change = match (now.runs, before.runs) {
+            (0, runs) if runs == before.pass => Change::Fixed,
+            (0, _) => Change::NotKnown,
+            (_, 0) => Change::New,
+            _ => Change::StillFailing,
+        };
+        CauseChange {
+            cause: cause.to_owned(),
+            change,
+            now,
+            earlier: before,
+            first: first.unwrap_or_default(),
+        }
+    });
+    let mut causes: Vec<CauseChange> = changes.collect();
+    causes.sort_by_key(|cause| {
+        let runs = core::cmp::Reverse(cause.now.runs.max(cause.earlier.runs));
+        (cause.change, runs, cause.cause.clone())
+    });
+    let in_both = now.runs().filter(|run| twin(run, earlier, &same).is_some());
+    Comparison {
+        against: against.display().to_string(),
+        tool: earlier.plan().tool.clone(),
+        runs_in_both: in_both.count(),
+        vary_differs,
+        differing_scenarios: differing.into_iter().map(str::to_owned).collect(),
+        causes,
+    }
+}
+
+fn causes_of(store: &Store) -> impl Iterator<Item = &str> {
+    store.causes().map(|(cause, _)| cause)
+}
+
+/// Names of scenarios of both plans: those that are the same, and those that are not.
+fn scenarios_in_both<'a>(
+    now: &'a CampaignPlan,
+    earlier: &CampaignPlan,
+) -> (BTreeSet<&'a str>, BTreeSet<&'a str>) {
+    let both = now.scenarios.iter().filter_map(|(name, text)| {
+        let before = earlier.scenarios.get(name)?;
+        Some((name.as_str(), is_same(text, before)))
+    });
+    let (same, differing): (Vec<_>, Vec<_>) = both.partition(|(_, is_same)| *is_same);
+    let names = |pairs: Vec<(&'a str, bool)>| pairs.into_iter().map(|(name, _)| name).collect();
+    (names(same), names(differing))
+}
+
+/// Whether two texts are the same scenario, comments and layout aside.
+fn is_same(text: &str, other: &str) -> bool {
+    let parsed = |text: &str| {
+        let parsed = Scenario::parse(Path::new("<campaign>"), text.to_owned());
+        parsed.map(|(scenario, _)| scenario.to_toml()).ok()
+    };
+    text == other || parsed(text).is_some_and(|text| Some(text) == parsed(other))
+}
+
+/// The same run in `other`, if it was done there.
+fn twin<'a>(run: &Run<'_>, other: &'a Store, same: &BTreeSet<&str>) -> Option<Run<'a>> {
+    let is_same = same.contains(run.scenario);
+    let key = is_same.then_some((run.scenario, run.seed));
+    key.and_then(|(scenario, seed)| other.run(scenario, seed))
+}
+
+/// A run by name and seed.
+type RunKey<'a> = (&'a str, u64);
+
+/// For each cause in `store` what became of its runs in `other`, and its first run.
+fn elsewhere<'a>(
+    store: &'a Store,
+    other: &Store,
+    same: &BTreeSet<&str>,
+) -> BTreeMap<&'a str, (Elsewhere, RunKey<'a>)> {
+    let mut causes = BTreeMap::new();
+    for run in store.runs() {
+        let Some(cause) = run.cause else {
+            continue;
+        };
+        let first = (run.scenario, run.seed);
+        let (counts, _) = causes.entry(cause).or_insert((Elsewhere::default(), first));
+        counts.runs += 1;
+        match twin(&run, other, same).map(|twin| twin.cause) {
+            None => counts.not_run += 1,
+            Some(None) => counts.pass += 1,
+            Some(Some(theirs)) => counts.fail_otherwise += usize::from(theirs != cause),
+        }
+    }
+    causes
+}

@@ -1,0 +1,225 @@
+use core::any::Any;
+use core::panic::AssertUnwindSafe;
+use std::collections::BTreeSet;
+use std::panic::catch_unwind;
+use std::path::PathBuf;
+
+use super::manner;
+use engine::robots;
+use engine::run::check::Status;
+use engine::run::{Outcome, Run};
+use engine::scenario::{Scenario, ScenarioError, Source};
+use realtime::exec::{ExecError, Foreign};
+use realtime::guest;
+
+/// What one run came to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Why it failed, without the figures; the same for every run that fails alike.
+    pub cause: Option<String>,
+    /// Why it failed, with the figures.
+    pub detail: Option<String>,
+    /// Virtual time, milliseconds.
+    pub ran_ms: u64,
+    /// Fingerprint of all bytes.
+    pub trace: String,
+    /// Situations that came up, see [`robots::Robot::situations`].
+    pub reached: BTreeSet<String>,
+}
+
+/// Runs `scenario` with everything that watches a run, and what it came to. A panic of the program
+/// under test or of the rig is a failure like any other.
+///
+/// # Errors
+/// If the scenario cannot be wired.
+pub fn run(
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<(Record, Option<Box<Outcome>>), ScenarioError> {
+    run_from(
+        scenario,
+        || Run::new(scenario.clone(), source, None),
+        |_| {},
+    )
+}
+
+/// The same for a run of `scenario` that `begin` makes, which may have come some way already;
+/// `watch` looks at it after every step.
+///
+/// # Errors
+/// That of `begin`.
+pub(crate) fn run_from(
+    scenario: &Scenario,
+    begin: impl FnOnce() -> Result<Run, ScenarioError>,
+    mut watch: impl FnMut(&Run),
+) -> Result<(Record, Option<Box<Outcome>>), ScenarioError> {
+    let judged = catch_unwind(AssertUnwindSafe(|| {
+        let mut run = begin()?;
+        while !run.is_over() {
+            run.step();
+            watch(&run);
+        }
+        Ok(Box::new(run.judge_what_is_expected()))
+    }));
+    let mut record = Record::of(scenario);
+    match judged {
+        Ok(Err(error)) => Err(error),
+        Ok(Ok(outcome)) => {
+            record.take(scenario, &outcome);
+            Ok((record, Some(outcome)))
+        }
+        Err(panic) => {
+            let (cause, message) = words_of_panic(panic.as_ref());
+            (record.cause, record.detail) = (Some(cause), Some(message));
+            Ok((record, None))
+        }
+    }
+}
+
+/// Runs `scenario` with somebody's program, in real time or virtual, its ports in the first of
+/// `places` and what it says in the second. `None` if `goes_on` said no.
+///
+/// # Errors
+/// If the program cannot be put on trial.
+pub fn run_foreign(
+    scenario: &Scenario,
+    source: &Source,
+    foreign: &Foreign,
+    places: [&PathBuf; 2],
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Option<(Record, Box<Outcome>)>, ExecError> {
+    let judged = guest::judge(scenario, source, foreign, places, goes_on)?;
+    Ok(judged.map(|outcome| {
+        let mut record = Record::of(scenario);
+        record.take(scenario, &outcome);
+        (record, Box::new(outcome))
+    }))
+}
+
+impl Record {
+    /// Of a run that came to nothing yet.
+    fn of(scenario: &Scenario) -> Self {
+        Self {
+            scenario: scenario.name.clone(),
+            seed: scenario.seed,
+            cause: None,
+            detail: None,
+            ran_ms: 0,
+            trace: String::new(),
+            reached: BTreeSet::new(),
+        }
+    }
+
+    fn take(&mut self, scenario: &Scenario, outcome: &Outcome) {
+        self.ran_ms = u64::try_from(outcome.ran.as_millis()).unwrap_or(u64::MAX);
+        self.trace.clone_from(&outcome.trace_hash);
+        self.reached = situations(scenario, outcome);
+        (self.cause, self.detail) = cause_of(outcome).unzip();
+    }
+}
+
+/// A panic as a cause without figures, and what it says.
+pub fn words_of_panic(panic: &(dyn Any + Send)) -> (String, String) {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+    let text = text.unwrap_or("without words");
+    (format!("panic: {}", without_figures(text)), text.to_owned())
+}
+
+/// The first check that failed and how, without and with its figures: checkers of the whole run
+/// come before what was to be true in the end.
+pub(crate) fn cause_of(outcome: &Outcome) -> Option<(String, String)> {
+    let failed = |check: &&engine::run::check::Check| check.status == Status::Fail;
+    let check = outcome.checks.iter().find(failed)?;
+    let detail = format!("{}: {}", check.name, check.detail);
+    let how = manner::of(&check.name, outcome).map(str::to_owned);
+    let cause = match how.or_else(|| first_rule(&check.name, outcome)) {
+        Some(how) => format!("{}: {how}", check.name),
+        None => check.name.clone(),
+    };
+    Some((cause, detail))
+}
+
+/// The first rule that was broken, for the check that counts them: its figures say nothing of the
+/// cause.
+fn first_rule(check: &str, outcome: &Outcome) -> Option<String> {
+    let mut broken = outcome.events.iter().filter(|logged| logged.is_violation());
+    let first = broken.next().filter(|_| check == "violations")?;
+    Some(format!("{} {}", first.source, first.event.rule))
+}
+
+/// `text` with each number as `#`: counts, addresses and process numbers differ from run to run.
+pub fn without_figures(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            '0'..='9' if out.ends_with('#') => {}
+            '0'..='9' => out.push('#'),
+            _ => out.push(c),
+        }
+    }
+    out
+}
+
+/// The situations that the scenario's robot should come into.
+pub(super) fn situations_of(scenario: &Scenario) -> &'static [&'static str] {
+    robots::find(&scenario.robot).map_or(&[], |robot| robot.situations())
+}
+
+fn situations(scenario: &Scenario, outcome: &Outcome) -> BTreeSet<String> {
+    let wanted = situations_of(scenario);
+    let reached = wanted.iter().filter(|name| {
+        let count = outcome.counters.get(*name).copied();
+        count.unwrap_or(0) > 0
+    });
+    reached.map(|&name| name.to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use core::time::Duration;
+    use std::path::Path;
+
+    use super::*;
+    use crate::generate::{self, Dice, Vary};
+    use engine::scenario::Span;
+
+    /// What a campaign finds is found in its case: of each scenario that is shipped, with
+    /// everything made anew, the first 40 s, in which most faults come and the first steps that
+    /// wait are done.
+    #[test]
+    fn a_case_does_again_what_its_run_did() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+        let files = std::fs::read_dir(folder).expect("a folder");
+        let mut paths: Vec<_> = files.map(|file| file.expect("a file").path()).collect();
+        paths.sort();
+        let mut tried = 0;
+        for path in paths {
+            let (shipped, source) = Scenario::read(&path).expect("sound");
+            let mut dice = Dice::of_seed(7, &shipped.name);
+            let mut made = generate::scenario(&shipped, Vary::ALL, &mut dice);
+            made.duration = made.duration.min(Span(Duration::from_secs(40)));
+            let name = &made.name;
+            let Ok((record, outcome)) = run(&made, &source) else {
+                assert_eq!(name, "custom-robot", "it alone has no program");
+                continue;
+            };
+            let case = outcome.expect("no panic").case.to_toml();
+            let (case, source) = Scenario::from_text(&case).expect("a case is a scenario");
+            let (again, _) = run(&case, &source).expect("can be wired");
+            assert_eq!(again, record, "{name}");
+            tried += 1;
+        }
+        assert!(tried >= 20, "{tried}");
+    }
+
+    #[test]
+    fn figures_do_not_tell_causes_apart() {
+        assert_eq!(without_figures("index 1234 of 90"), "index # of #");
+        assert_eq!(without_figures("none"), "none");
+    }
+}

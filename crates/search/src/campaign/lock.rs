@@ -1,0 +1,110 @@
+//! One process at a time in a folder.
+//!
+//! The lock is the kernel's (`flock`), so that it ends with its process, however that ends. The
+//! file's content only names the process; one that a dead process left there counts for nothing.
+
+use core::time::Duration;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write as _};
+use std::os::unix::fs::FileExt as _;
+use std::path::Path;
+
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
+use rustix::process::{Pid, test_kill_process};
+
+use crate::error::{StoreError, failed};
+use realtime::clock::{Clock as _, WallClock};
+
+const NAME: &str = "campaign.lock";
+/// Longest content of the file: a process id and the end of the line.
+const CONTENT_MAX: usize = 12;
+/// How long to wait for the process that has just taken the lock to write its id.
+const PATIENCE: Duration = Duration::from_secs(1);
+const PAUSE: Duration = Duration::from_millis(5);
+
+/// Holds a folder until it is dropped.
+#[derive(Debug)]
+pub(super) struct Lock {
+    file: File,
+}
+
+impl Lock {
+    /// Takes `dir` for this process.
+    ///
+    /// # Errors
+    /// If another process has it, or its lock file is none.
+    pub(super) fn take(dir: &Path) -> Result<Self, StoreError> {
+        let path = dir.join(NAME);
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false);
+        let mut file = options.open(&path).map_err(|source| StoreError::Unusable {
+            path: path.clone(),
+            source,
+            expected: "the lock of a campaign",
+        })?;
+        wait_for(&file, dir)?;
+        if !is_lock(&content(&file).map_err(failed(&path))?) {
+            return Err(StoreError::Content {
+                path,
+                message: "is not the lock of a campaign, expected a process id".to_owned(),
+            });
+        }
+        let written = file
+            .set_len(0)
+            .and_then(|()| writeln!(file, "{}", std::process::id()));
+        written.map_err(failed(&path))?;
+        Ok(Self { file })
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // The file stays: a process that has it open already may be waiting for this very file.
+        let _ = self.file.set_len(0);
+    }
+}
+
+/// Locks `file`, or says which process has `dir`.
+fn wait_for(file: &File, dir: &Path) -> Result<(), StoreError> {
+    let clock = WallClock::start();
+    let deadline = clock.now() + PATIENCE;
+    loop {
+        match flock(file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => return Ok(()),
+            Err(Errno::WOULDBLOCK) => {}
+            Err(error) => return Err(failed(&dir.join(NAME))(error.into())),
+        }
+        let owner = content(file).ok().and_then(|content| owner(&content));
+        if owner.is_some_and(is_alive) || clock.now() >= deadline {
+            return Err(StoreError::Locked {
+                dir: dir.to_owned(),
+                pid: owner.map(|pid| pid.as_raw_nonzero().get()),
+            });
+        }
+        clock.sleep_until(clock.now() + PAUSE);
+    }
+}
+
+/// The beginning of the file, one byte more than a lock may have.
+fn content(file: &File) -> io::Result<Vec<u8>> {
+    let mut content = [0; CONTENT_MAX + 1];
+    let count = file.read_at(&mut content, 0)?;
+    Ok(content[..count].to_vec())
+}
+
+fn is_lock(content: &[u8]) -> bool {
+    let fits = |byte: &u8| byte.is_ascii_digit() || *byte == b'\n';
+    content.len() <= CONTENT_MAX && content.iter().all(fits)
+}
+
+/// The process that the file names; `None` while it is being written.
+fn owner(content: &[u8]) -> Option<Pid> {
+    let text = core::str::from_utf8(content).ok()?.strip_suffix('\n')?;
+    Pid::from_raw(text.parse().ok()?)
+}
+
+/// Whether there is such a process, whoever owns it.
+fn is_alive(pid: Pid) -> bool {
+    !matches!(test_kill_process(pid), Err(Errno::SRCH))
+}

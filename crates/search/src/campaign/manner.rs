@@ -1,0 +1,117 @@
+//! How a run failed, by what the robot did: one check fails for many reasons.
+
+use core::time::Duration;
+
+use emulators::world::{Pose, wrap_angle};
+use protocols::Instant;
+
+use engine::run::{Outcome, is_of_the_end};
+
+/// What is looked at of a mission that was not done: its end.
+const END: Duration = Duration::from_secs(15);
+/// What is looked at before a contact.
+const BEFORE: Duration = Duration::from_millis(300);
+/// A robot that believes to be farther off than this, metres and radians, is lost: a waypoint
+/// counts within 20 cm.
+const LOST_M: f64 = 0.15;
+const LOST_RAD: f64 = 0.26;
+/// A robot that stays within this is at rest; one that stays within a robot's length is not, but
+/// gets nowhere.
+const REST_M: f64 = 0.02;
+const REST_RAD: f64 = 0.1;
+const TO_AND_FRO_M: f64 = 0.3;
+
+/// How the robot came to fail `check` in `outcome`; `None` if that check is not about what it did.
+pub(super) fn of(check: &str, outcome: &Outcome) -> Option<&'static str> {
+    let end = Instant::ZERO + outcome.ran;
+    if is_of_the_end(check) && check != "map-received" && check != "wall-overlap" {
+        return Some(match way(outcome, end, END) {
+            _ if is_lost(outcome, end) => "pose lost",
+            Way::Rest if way(outcome, end, outcome.ran) == Way::Rest => "never moved",
+            Way::Rest => "standing still",
+            Way::ToAndFro => "to and fro",
+            Way::Far => "under way",
+        });
+    }
+    let (true, Some(at)) = (check == "no-collision-at-speed", outcome.collided_at) else {
+        return None;
+    };
+    Some(match way(outcome, at, BEFORE) {
+        _ if is_lost(outcome, at) => "pose lost",
+        Way::Rest => "standing still",
+        _ => "driving",
+    })
+}
+
+/// Whether the program's pose was wrong when it told one last before `at`.
+fn is_lost(outcome: &Outcome, at: Instant) -> bool {
+    let mut before = outcome.pairs.iter().rev();
+    let newest = before.find(|pair| pair.at <= at);
+    newest.is_some_and(|pair| {
+        pair.error_mm() > LOST_M * 1000.0 || pair.error_deg() > LOST_RAD.to_degrees()
+    })
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Way {
+    Rest,
+    ToAndFro,
+    Far,
+}
+
+/// What the robot did in the last `span` before `until`.
+fn way(outcome: &Outcome, until: Instant, span: Duration) -> Way {
+    let is_then = |at: Instant| at <= until && until - at <= span;
+    let mut poses = outcome.truth.iter().filter(|(at, _)| is_then(*at));
+    way_of(poses.by_ref().map(|(_, pose)| *pose))
+}
+
+fn way_of(mut poses: impl Iterator<Item = Pose>) -> Way {
+    let Some(first) = poses.next() else {
+        return Way::Rest;
+    };
+    let (mut far_m, mut turned) = (0.0_f64, 0.0_f64);
+    for pose in poses {
+        far_m = far_m.max(pose.point().distance(first.point()));
+        turned = turned.max(wrap_angle(pose.theta - first.theta).abs());
+    }
+    match far_m {
+        _ if far_m <= REST_M && turned <= REST_RAD => Way::Rest,
+        _ if far_m <= TO_AND_FRO_M => Way::ToAndFro,
+        _ => Way::Far,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn way_along(poses: [[f64; 3]; 3]) -> Way {
+        way_of(
+            poses
+                .into_iter()
+                .map(|[x, y, theta]| Pose::new(x, y, theta)),
+        )
+    }
+
+    /// Turning on the spot is no rest, and neither are 10 cm.
+    #[test]
+    fn resting_turning_and_driving_are_told_apart() {
+        assert_eq!(
+            way_along([[1.0, 1.0, 3.1], [1.0, 1.01, -3.13], [1.0, 1.0, 3.1]]),
+            Way::Rest
+        );
+        assert_eq!(
+            way_along([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [1.0, 1.0, 0.0]]),
+            Way::ToAndFro
+        );
+        assert_eq!(
+            way_along([[1.0, 1.0, 0.0], [1.1, 1.0, 0.0], [1.0, 1.0, 0.0]]),
+            Way::ToAndFro
+        );
+        assert_eq!(
+            way_along([[1.0, 1.0, 0.0], [1.4, 1.0, 0.0], [1.0, 1.0, 0.0]]),
+            Way::Far
+        );
+    }
+}

@@ -1,0 +1,237 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::judge::{self, situations_of};
+use super::strip::Strip;
+use super::{CampaignPlan, Comparison, Store, compare, page};
+use crate::error::StoreError;
+use crate::files;
+use crate::shrink::{self, Branches, Effort};
+use engine::scenario::Scenario;
+use show::moment;
+
+/// Most seeds named for a group.
+const SEEDS_MAX: usize = 20;
+/// Most runs spent on making the case of a group smaller. A number, not a time: merged anywhere, a
+/// campaign comes to the same bytes.
+const TRIES: u32 = 150;
+
+/// Runs that failed alike.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Group {
+    /// Checker and first broken rule, without figures.
+    pub cause: String,
+    /// What the first of them says, with figures.
+    pub detail: String,
+    /// How many there are.
+    pub runs: usize,
+    /// The first of them: scenario and seed.
+    pub first: (String, u64),
+    /// Some of the others.
+    pub others: Vec<(String, u64)>,
+    /// The smallest case of this cause, relative to the merged folder; none if the first run left
+    /// no case, because it panicked.
+    pub case: Option<String>,
+    /// What is left in the case, in words.
+    pub left: Option<String>,
+    /// The case at its failure, as SVG; none if its program is not here to be run.
+    #[serde(skip)]
+    pub picture: Option<String>,
+}
+
+/// How many runs came into a situation.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SituationCount {
+    /// Which.
+    pub situation: String,
+    /// How many runs.
+    pub runs: usize,
+}
+
+/// What a whole campaign came to.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Merged {
+    /// What was run.
+    pub plan: CampaignPlan,
+    /// Runs done.
+    pub runs: usize,
+    /// Runs that no shard has done.
+    pub missing: usize,
+    /// Runs that failed.
+    pub failed: usize,
+    /// Virtual time of all runs, milliseconds.
+    pub ran_ms: u64,
+    /// Fingerprint of all runs' fingerprints.
+    pub trace: String,
+    /// Failures by cause, the most frequent first.
+    pub groups: Vec<Group>,
+    /// Situations that must come up at least once in a campaign, and how often they did.
+    pub situations: Vec<SituationCount>,
+    /// What has changed since an earlier campaign, if one was named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub comparison: Option<Comparison>,
+    /// All runs in order.
+    #[serde(skip)]
+    pub strip: Strip,
+}
+
+/// Merges the shards in `dirs` into the folder `out`, with what it has already if it belongs to the
+/// same campaign; then `out` can be gone on with, or be merged in its turn.
+///
+/// # Errors
+/// If a folder cannot be read, the shards are of different campaigns, or `out` cannot be written.
+pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Store, StoreError> {
+    let stores = dirs.iter().map(|dir| Store::open(dir));
+    let stores: Vec<Store> = stores.collect::<Result<_, _>>()?;
+    let first = stores.first().ok_or_else(|| StoreError::Content {
+        path: out.to_owned(),
+        message: "nothing to merge, expected at least one folder".to_owned(),
+    })?;
+    if let Some(other) = stores.iter().find(|store| store.plan() != first.plan()) {
+        return Err(StoreError::Content {
+            path: other.dir().to_owned(),
+            message: format!("is of another campaign than {}", first.dir().display()),
+        });
+    }
+    let mut merged = Store::create(out, first.plan())?;
+    merged.take_over(&stores)?;
+    Ok(merged)
+}
+
+/// Sums up `store`, compared with `earlier` and the folder that it is from, if that is given:
+/// writes `campaign.json`, `campaign.html` and a minimised case for each cause into its folder.
+/// Once `is_over` says so, the cases stay as small as they are.
+///
+/// # Errors
+/// If a case cannot be read, or the folder cannot be written.
+pub fn summarise(
+    store: &Store,
+    earlier: Option<&(PathBuf, Store)>,
+    is_over: &dyn Fn() -> bool,
+) -> Result<Merged, StoreError> {
+    let mut merged = count(store);
+    for (number, group) in (1..).zip(&mut merged.groups) {
+        minimise(group, number, store, is_over)?;
+    }
+    merged.comparison = earlier.map(|(dir, earlier)| compare(store, earlier, dir));
+    write(&merged, store.dir())?;
+    store.show(&page(&merged))?;
+    Ok(merged)
+}
+
+fn count(store: &Store) -> Merged {
+    let plan = store.plan();
+    let mut groups: BTreeMap<&str, Group> = BTreeMap::new();
+    let mut traces = String::with_capacity(store.len().saturating_mul(16));
+    let mut reached: BTreeMap<&[String], usize> = BTreeMap::new();
+    let mut ran_ms = 0_u64;
+    for run in store.runs() {
+        traces += &run.trace();
+        ran_ms = ran_ms.saturating_add(run.ran_ms);
+        *reached.entry(run.reached).or_default() += 1;
+        let Some(cause) = run.cause else { continue };
+        let place = (run.scenario.to_owned(), run.seed);
+        let group = groups.entry(cause).or_insert_with(|| Group {
+            cause: cause.to_owned(),
+            detail: run.detail.unwrap_or_default().to_owned(),
+            runs: 0,
+            first: place.clone(),
+            others: Vec::new(),
+            case: None,
+            left: None,
+            picture: None,
+        });
+        group.runs += 1;
+        if group.runs > 1 && group.others.len() < SEEDS_MAX {
+            group.others.push(place);
+        }
+    }
+    let mut groups: Vec<Group> = groups.into_values().collect();
+    groups.sort_by(|a, b| b.runs.cmp(&a.runs).then_with(|| a.cause.cmp(&b.cause)));
+    let numbers: BTreeMap<&str, usize> = groups.iter().map(|one| &*one.cause).zip(0..).collect();
+    let causes = store.runs().map(|run| run.cause);
+    let strip = Strip::of(causes, |cause| numbers.get(cause).copied());
+    Merged {
+        strip,
+        runs: store.len(),
+        missing: plan.len().saturating_sub(store.len()),
+        failed: store.failed(),
+        ran_ms,
+        trace: engine::rig::trace::fingerprint(traces.as_bytes()),
+        situations: situations(plan, &reached),
+        groups,
+        plan: plan.clone(),
+        comparison: None,
+    }
+}
+
+/// How many of the runs that `reached` these sets of situations came into each that must come up.
+fn situations(plan: &CampaignPlan, reached: &BTreeMap<&[String], usize>) -> Vec<SituationCount> {
+    // Situations are counted inside the robot's own program.
+    let inside = plan.scenarios.values().filter(|_| plan.exec.is_none());
+    let wanted = inside.filter_map(|text| {
+        let parsed = Scenario::parse(Path::new("<campaign>"), text.clone());
+        parsed.ok().map(|(scenario, _)| situations_of(&scenario))
+    });
+    let mut names: Vec<&str> = wanted.flatten().copied().collect();
+    let mut known = BTreeSet::new();
+    names.retain(|&name| known.insert(name));
+    let counts = names.into_iter().map(|name| {
+        let has_it = |set: &[String]| set.iter().any(|reached| reached == name);
+        let sets = reached.iter().filter(|(set, _)| has_it(set));
+        SituationCount {
+            situation: name.to_owned(),
+            runs: sets.map(|(_, runs)| runs).sum(),
+        }
+    });
+    counts.collect()
+}
+
+/// Finds the smallest case that fails for the cause of `group`, and writes it.
+fn minimise(
+    group: &mut Group,
+    number: u32,
+    store: &Store,
+    is_over: &dyn Fn() -> bool,
+) -> Result<(), StoreError> {
+    let (scenario, seed) = &group.first;
+    let path = store.case(scenario, *seed);
+    if !path.exists() {
+        return Ok(());
+    }
+    let (case, source) = Scenario::read(&path).map_err(|error| StoreError::Content {
+        path,
+        message: error.to_string(),
+    })?;
+    let cause = group.cause.clone();
+    let mut branches = Branches::new(&source, &cause);
+    let judge = |case: &Scenario| branches.judge(case);
+    // A foreign program is not here to be asked: `hilrig shrink --exec` does so.
+    let tries = if store.plan().exec.is_some() {
+        0
+    } else {
+        TRIES
+    };
+    let small = shrink::scenario(&case, &cause, judge, &mut Effort::until(tries, is_over));
+    let name = format!("groups/{number:02}.toml");
+    files::make_folder(&store.dir().join("groups"))?;
+    files::replace(&store.dir().join(&name), small.to_toml().as_bytes())?;
+    group.left = Some(shrink::in_words(&small));
+    if tries > 0 {
+        // A case that cannot be wired any more, or panics, has no picture.
+        let ran = judge::run(&small, &source)
+            .ok()
+            .and_then(|(_, outcome)| outcome);
+        group.picture = ran.map(|outcome| moment::of_failure(&outcome));
+    }
+    group.case = Some(name);
+    Ok(())
+}
+
+fn write(merged: &Merged, out: &Path) -> Result<(), StoreError> {
+    let json = serde_json::to_string_pretty(merged).expect("plain data") + "\n";
+    files::replace(&out.join("campaign.json"), json.as_bytes())?;
+    Ok(())
+}

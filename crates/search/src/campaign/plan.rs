@@ -1,0 +1,135 @@
+//! What a campaign runs, and which part of it a shard does.
+
+use core::ops::Range;
+use core::str::FromStr;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::StoreError;
+use crate::files;
+
+/// Which part of a campaign: every `of`-th run, from `index` on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shard {
+    /// Number of this shard, from 0.
+    pub index: usize,
+    /// How many there are.
+    pub of: usize,
+}
+
+impl Shard {
+    /// All of it.
+    pub const WHOLE: Self = Self { index: 0, of: 1 };
+
+    /// Whether the run with this number in the list belongs to it.
+    pub const fn has(self, number: usize) -> bool {
+        number % self.of == self.index
+    }
+}
+
+/// Which part is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShardChoice {
+    /// The one that the queue tells this task, see [`array`](super::array).
+    Auto,
+    /// This one.
+    Given(Shard),
+}
+
+impl FromStr for ShardChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            text => text.parse().map(Self::Given),
+        }
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parsed = text.split_once('/').and_then(|(index, of)| {
+            let (index, of) = (index.parse().ok()?, of.parse().ok()?);
+            (index < of).then_some(Self { index, of })
+        });
+        parsed.ok_or_else(|| "expected I/N with I from 0 to N-1, e.g. 0/4, or auto".to_owned())
+    }
+}
+
+/// What a campaign runs: equal plans may be merged.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CampaignPlan {
+    /// Tool and version.
+    pub tool: String,
+    /// Name and text of each scenario.
+    pub scenarios: BTreeMap<String, String>,
+    /// First seed, and the one after the last.
+    pub seeds: Range<u64>,
+    /// What is made anew for each seed, as on the command line.
+    pub vary: String,
+    /// Options that name somebody's program, as on the command line, if it is one: its runs are in
+    /// real time, so that no two are the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exec: Option<String>,
+}
+
+impl CampaignPlan {
+    /// All runs in order: number, name of the scenario, seed.
+    pub fn runs(&self) -> impl Iterator<Item = (usize, &str, u64)> {
+        let pairs = self.scenarios.keys().flat_map(|name| {
+            let seeds = self.seeds.clone();
+            seeds.map(move |seed| (name.as_str(), seed))
+        });
+        pairs
+            .enumerate()
+            .map(|(number, (name, seed))| (number, name, seed))
+    }
+
+    /// How many runs there are.
+    pub(crate) fn len(&self) -> usize {
+        let seeds = self.seeds.end.saturating_sub(self.seeds.start);
+        let seeds = usize::try_from(seeds).unwrap_or(usize::MAX);
+        seeds.saturating_mul(self.scenarios.len())
+    }
+
+    /// Whether this run is one of them.
+    pub(super) fn has(&self, scenario: &str, seed: u64) -> bool {
+        self.seeds.contains(&seed) && self.scenarios.contains_key(scenario)
+    }
+
+    /// The plan that the file `path` holds.
+    ///
+    /// # Errors
+    /// If there is none, or the file holds something else.
+    pub(super) fn read(path: &Path) -> Result<Self, StoreError> {
+        let wrong = |what: &str| StoreError::Content {
+            path: path.to_owned(),
+            message: format!("{what}, expected the plan of a campaign"),
+        };
+        let text = files::read(path, "the plan of a campaign")?;
+        let plan: Self =
+            serde_json::from_slice(&text).map_err(|error| wrong(&error.to_string()))?;
+        // Cases are named after their scenarios.
+        let leads_elsewhere = |name: &&String| name.contains(['/', '\0']);
+        match plan.scenarios.keys().find(leads_elsewhere) {
+            Some(name) => Err(wrong(&format!("{name:?} is no name of a scenario"))),
+            None => Ok(plan),
+        }
+    }
+
+    /// Writes the plan to `path`.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(super) fn write(&self, path: &Path) -> Result<(), StoreError> {
+        let text = serde_json::to_string_pretty(self).expect("plain data");
+        files::replace_for_good(path, (text + "\n").as_bytes())
+    }
+}

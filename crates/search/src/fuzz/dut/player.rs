@@ -1,0 +1,247 @@
+//! Who plays a case: the rig at the pace of the wall clock, or a program in virtual time.
+
+use core::time::Duration;
+use std::path::Path;
+
+use protocols::Instant;
+
+use super::case::Known;
+use super::harness::{Harness, HarnessError, Whose};
+use super::wiring::Placed;
+use engine::rig::{Paced, Rig};
+use engine::run::Run;
+use realtime::clock::Clock;
+use realtime::exec::{Foreign, PORTS_VARIABLE, Seat};
+use realtime::guest::{GuestError, Trial};
+use realtime::held::Held;
+use realtime::process::{Ended, Patience, Process};
+use realtime::transport::PortDir;
+use realtime::{Realtime, Sign};
+
+/// Why a case cannot go on.
+#[derive(Debug)]
+pub(super) enum Halt {
+    /// The program ended.
+    Ended(Ended),
+    /// A port went away.
+    Lost(String),
+    /// It computes on and on.
+    Spins(String),
+    /// It cannot be supervised.
+    Guest(GuestError),
+    /// Somebody wants to stop.
+    Interrupted,
+}
+
+/// The rig of a case, its clock, and the program.
+pub(super) enum Player {
+    /// At the pace of the wall clock.
+    Live(Box<Live>),
+    /// In virtual time.
+    Guest(Box<Trial>),
+}
+
+/// The rig at the pace of the wall clock.
+pub(super) struct Live {
+    run: Endless,
+    realtime: Realtime<Held>,
+    dir: Option<PortDir>,
+    process: Option<Process>,
+}
+
+/// A run that goes on when its mission is over.
+struct Endless(Run);
+
+impl Paced for Endless {
+    fn rig(&mut self) -> &mut Rig {
+        &mut self.0.rig
+    }
+
+    fn run_until(&mut self, deadline: Instant) {
+        self.0.go_on_until(deadline);
+    }
+}
+
+impl Player {
+    /// Puts `ports` on the ends of `run` and starts the program, if it is to be started. `known` is
+    /// what it does usually.
+    pub(super) fn start(
+        harness: &Harness<'_>,
+        run: Run,
+        dir: Option<PortDir>,
+        ports: Vec<Placed>,
+        known: &Known,
+    ) -> Result<Self, HarnessError> {
+        match (&harness.whose, harness.supervision, dir) {
+            (Whose::Command { command, .. }, Some(supervision), Some(dir)) => {
+                let foreign = Foreign {
+                    command: harness.command(command),
+                    wait: harness.start,
+                    may_end: false,
+                    needs: known.opens.iter().cloned().collect(),
+                    has_lines: false,
+                    supervision: Some(supervision),
+                };
+                let seats = ports.into_iter().map(|(end, transport)| Seat {
+                    end,
+                    transport,
+                    is_terminal: true,
+                });
+                let nowhere = Path::new("/dev/null");
+                let mut trial = Trial::start(run, seats.collect(), dir, foreign, None, nowhere)?;
+                trial.make_endless();
+                Ok(Self::Guest(Box::new(trial)))
+            }
+            (_, _, dir) => Ok(Self::Live(Box::new(Live::start(harness, run, dir, ports)?))),
+        }
+    }
+
+    pub(super) fn rig(&mut self) -> &mut Rig {
+        match self {
+            Self::Live(live) => &mut live.run.0.rig,
+            Self::Guest(trial) => &mut trial.run().rig,
+        }
+    }
+
+    /// The rig's time.
+    pub(super) fn now(&self) -> Instant {
+        match self {
+            Self::Live(live) => live.realtime.clock().now(),
+            Self::Guest(trial) => trial.now(),
+        }
+    }
+
+    /// Time since the program was started, the wall's or its own.
+    pub(super) fn waited(&self) -> Duration {
+        match self {
+            Self::Live(live) => live.realtime.clock().waited(),
+            Self::Guest(trial) => trial.waited(),
+        }
+    }
+
+    /// Whether the program was started here.
+    pub(super) const fn is_started(&self) -> bool {
+        match self {
+            Self::Live(live) => live.process.is_some(),
+            Self::Guest(_) => true,
+        }
+    }
+
+    /// Whether the rig's time goes by itself already.
+    pub(super) const fn has_begun(&self) -> bool {
+        match self {
+            Self::Live(_) => false,
+            Self::Guest(trial) => trial.has_begun(),
+        }
+    }
+
+    /// Lets the rig's time go.
+    pub(super) fn let_go(&mut self) {
+        match self {
+            Self::Live(live) => live.realtime.clock().let_go(),
+            Self::Guest(trial) => trial.begin(),
+        }
+    }
+
+    /// How late the rig was at most; virtual time never is.
+    pub(super) fn late(&self) -> Duration {
+        match self {
+            Self::Live(live) => live.realtime.lateness().max(),
+            Self::Guest(_) => Duration::ZERO,
+        }
+    }
+
+    /// Runs the rig on.
+    pub(super) fn turn(&mut self) -> Result<(), Halt> {
+        match self {
+            Self::Live(live) => {
+                let turned = live.realtime.turn(&mut live.run);
+                turned.map_err(|error| Halt::Lost(error.to_string()))
+            }
+            Self::Guest(trial) => {
+                trial.turn().map_err(|error| match error {
+                    GuestError::Transport(error) => Halt::Lost(error.to_string()),
+                    error => Halt::Guest(error),
+                })?;
+                match trial.spins() {
+                    Some(who) => Err(Halt::Spins(who.to_owned())),
+                    None => Ok(()),
+                }
+            }
+        }
+    }
+
+    /// Shows what there is to be seen of the program at its ports.
+    pub(super) fn look(&mut self, see: impl FnMut(Sign<'_>)) {
+        match self {
+            Self::Live(live) => live.realtime.signs().for_each(see),
+            Self::Guest(trial) => trial.signs().for_each(see),
+        }
+    }
+
+    /// How the program ended, if it did.
+    pub(super) fn ended(&mut self) -> Option<Ended> {
+        match self {
+            Self::Live(live) => live.process.as_mut().and_then(Process::ended),
+            Self::Guest(trial) => trial.ended(),
+        }
+    }
+
+    /// What the program said so far.
+    pub(super) fn said(&self) -> String {
+        match self {
+            Self::Live(live) => {
+                let said = live.process.as_ref().map(Process::said);
+                said.unwrap_or_default()
+            }
+            Self::Guest(trial) => trial.said(),
+        }
+    }
+
+    /// Ends the program; what it said, and the run.
+    pub(super) fn end(self, harness: &Harness<'_>) -> (String, Run) {
+        match self {
+            Self::Live(live) => live.end(harness),
+            Self::Guest(trial) => trial.quit(),
+        }
+    }
+}
+
+impl Live {
+    fn start(
+        harness: &Harness<'_>,
+        run: Run,
+        dir: Option<PortDir>,
+        ports: Vec<Placed>,
+    ) -> Result<Self, HarnessError> {
+        let mut realtime = Realtime::new(Held::at(run.rig.now()));
+        for (end, port) in ports {
+            realtime.serve(end, port);
+        }
+        let process = match &harness.whose {
+            Whose::Command { command, dir } => {
+                let ports = (PORTS_VARIABLE.to_owned(), dir.clone().into());
+                Some(Process::start(&harness.command(command), &[ports], None))
+            }
+            Whose::Ports(_) => None,
+        };
+        Ok(Self {
+            run: Endless(run),
+            realtime,
+            dir,
+            process: process.transpose().map_err(HarnessError::NotStarted)?,
+        })
+    }
+
+    fn end(mut self, harness: &Harness<'_>) -> (String, Run) {
+        let process = self.process.take();
+        let said = process.map(|process| process.end(Patience::LITTLE).said);
+        let transports = self.realtime.into_transports();
+        if self.dir.is_none() {
+            harness.keep_open(transports);
+        }
+        // The capture is for people; what cannot be written of it is not worth the finding.
+        let _ = self.run.0.rig.finish_taps();
+        (said.unwrap_or_default(), self.run.0)
+    }
+}

@@ -1,0 +1,283 @@
+//! The search: one case after the other, and what to do with what was found.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+
+use emulators::rng::Rng;
+
+use super::case::{self, Case, Told};
+use super::cause::Cause;
+use super::coverage::Counters;
+use super::finding::{Finding, Kept, State};
+use super::found::OpenFinding;
+use super::guide::{Guide, Guided};
+use super::harness::{Harness, HarnessError, Whose};
+use super::plan::{Progress, RECORDINGS, TrialPlan};
+use super::probe::Probed;
+use super::speech::Speech;
+use super::traffic;
+use super::trial::{self, TrialOutcome};
+use engine::robots::OpenEnd;
+use engine::scenario::Span;
+
+/// Most causes that are kept.
+const FINDINGS_MAX: usize = 100;
+
+/// A search under way.
+pub struct Search<'a> {
+    harness: &'a Harness<'a>,
+    progress: &'a Progress,
+    plan: TrialPlan,
+    ends: Vec<(OpenEnd, Speech)>,
+    met: BTreeMap<Option<usize>, Probed>,
+    state: State,
+    late: u64,
+    doubtful: u64,
+}
+
+impl<'a> Search<'a> {
+    /// Begins a search or goes on with the one in the folder.
+    pub fn new(
+        harness: &'a Harness<'a>,
+        plan: TrialPlan,
+        progress: &'a Progress,
+    ) -> Result<Self, HarnessError> {
+        let ends = harness.ends(&plan.scenario, plan.link.as_deref())?;
+        if let Some(link) = &plan.link
+            && !ends.iter().any(|(end, _)| &end.link == link)
+        {
+            let names: Vec<&str> = ends.iter().map(|(end, _)| end.link.as_str()).collect();
+            let names = names.join(", ");
+            let error = format!("--link {link}: no port of the program, expected one of {names}");
+            return Err(HarnessError::Useless(error));
+        }
+        let program = match &harness.whose {
+            Whose::Command { command, .. } => command.clone(),
+            Whose::Ports(dir) => dir.display().to_string(),
+        };
+        let text = plan.scenario.to_toml();
+        let scenario = engine::rig::trace::fingerprint(text.as_bytes());
+        let link = plan.link.as_deref().unwrap_or("all links");
+        let of = format!("{program} | {scenario} | {link} | seed {}", plan.seed);
+        fs::create_dir_all(&plan.out)
+            .map_err(|error| HarnessError::File(plan.out.clone(), error))?;
+        let state = State::read(&plan.out, of)?;
+        progress.findings.set(state.findings.len());
+        Ok(Self {
+            harness,
+            progress,
+            state,
+            plan,
+            ends,
+            met: BTreeMap::new(),
+            late: 0,
+            doubtful: 0,
+        })
+    }
+
+    /// Failed checks and broken rules about time that were not seen twice more when the case was
+    /// run again.
+    pub const fn doubtful(&self) -> u64 {
+        self.doubtful
+    }
+
+    /// Cases in which the rig was too late to judge checks.
+    pub const fn late(&self) -> u64 {
+        self.late
+    }
+
+    /// Number of the next case, those of earlier searches counted.
+    pub const fn next(&self) -> u64 {
+        self.state.next
+    }
+
+    /// What was found.
+    pub fn findings(&self) -> &[Kept] {
+        &self.state.findings
+    }
+
+    /// What is known of the program, by the links on which it was talked to.
+    pub fn met(&self) -> impl Iterator<Item = &Probed> {
+        self.met.values()
+    }
+
+    /// Tries one case; whether the program is still of use for another one.
+    pub fn step(&mut self) -> Result<bool, HarnessError> {
+        let kind = self.kind()?;
+        let (case, speech, guided) = self.draw(kind);
+        let seen = trial::run(self.harness, &case, &speech, &self.recording())?;
+        self.state.next += 1;
+        self.progress.cases.set(self.progress.cases.get() + 1);
+        self.late += u64::from(seen.was_late);
+        if let Some(raw) = case.told.raw.as_ref().filter(|_| self.is_guided()) {
+            let guide = self.state.guides.entry(raw.link.clone()).or_default();
+            let is_end = seen.causes.iter().any(Cause::is_final);
+            guide.learn(&speech, guided, &seen.reached, is_end);
+        }
+        let is_gone = seen.causes.iter().any(Cause::is_final);
+        self.keep(case, &speech, seen)?;
+        self.state.write(&self.plan.out)?;
+        Ok(!is_gone || matches!(self.harness.whose, Whose::Command { .. }))
+    }
+
+    fn recording(&self) -> PathBuf {
+        self.plan.out.join(RECORDINGS[0])
+    }
+
+    /// What kind of case is next: faults, or raw traffic on the end with this number.
+    fn kind(&mut self) -> Result<Option<usize>, HarnessError> {
+        let link = self.plan.link.clone();
+        if let Some(link) = link {
+            let at = self.ends.iter().position(|(end, _)| end.link == link);
+            return self.meet_on(at.expect("seen to when the search began"));
+        }
+        if !self.met.contains_key(&None) {
+            let plan = &self.plan;
+            let met = self
+                .harness
+                .meet(&plan.scenario, plan.lasting, &self.recording())?;
+            let (met, case, seen) = met;
+            self.met.insert(None, met);
+            self.keep(case, &Speech::Bytes, seen)?;
+        }
+        let opens = &self.met[&None].known.opens;
+        let ends = self.ends.iter().enumerate();
+        let can = |(end, speech): &(OpenEnd, Speech)| {
+            opens.contains(&end.name) && !matches!(speech, Speech::Bytes)
+        };
+        let links: Vec<usize> = ends.filter(|(_, end)| can(end)).map(|(at, _)| at).collect();
+        let turn = self.state.next % (links.len() as u64 + 1);
+        match turn.checked_sub(1) {
+            None => Ok(None),
+            Some(turn) => self.meet_on(links[usize::try_from(turn).expect("few links")]),
+        }
+    }
+
+    /// Makes sure that the program is known on the end with this number.
+    fn meet_on(&mut self, at: usize) -> Result<Option<usize>, HarnessError> {
+        if !self.met.contains_key(&Some(at)) {
+            let (end, speech) = self.ends[at].clone();
+            let name = format!("fuzz.dut.meet.{}", end.link);
+            let mut rng = Rng::stream(self.plan.seed, &name);
+            let on = (end.link.as_str(), &speech);
+            let recording = self.recording();
+            let scenario = &self.plan.scenario;
+            let (met, case, seen) = self.harness.meet_on(scenario, on, &mut rng, &recording)?;
+            self.met.insert(Some(at), met);
+            self.keep(case, &speech, seen)?;
+        }
+        Ok(Some(at))
+    }
+
+    /// Whether the program counts what it reaches.
+    pub fn is_guided(&self) -> bool {
+        let counters = self.harness.counters.as_ref();
+        counters.is_some_and(Counters::was_used)
+    }
+
+    fn draw(&self, kind: Option<usize>) -> (Case, Speech, Guided) {
+        let number = self.state.next;
+        let dice = |of| Rng::stream(self.plan.seed, &format!("fuzz.dut.{number}.{of}"));
+        let (lasting, met) = (self.plan.lasting, &self.met[&kind]);
+        let mut scenario = case::quiet(&self.plan.scenario, lasting);
+        let mut guided = Guided::default();
+        let (speech, raw) = match kind {
+            Some(at) => {
+                let (end, speech) = &self.ends[at];
+                let dice = &mut ["pairs", "stream"].map(dice);
+                let new = Guide::default();
+                let guide = self.state.guides.get(&end.link).unwrap_or(&new);
+                let guide = self.is_guided().then_some(guide);
+                let raw;
+                (raw, guided) = traffic::raw(met, speech, end.line.baud, lasting, dice, guide);
+                (speech.clone(), Some(raw))
+            }
+            None => {
+                let opens = met.known.opens.iter();
+                let links: Vec<String> = opens.filter_map(|name| self.link_of(name)).collect();
+                scenario.fault = case::faults(&links, lasting, &mut dice("faults"));
+                (Speech::Bytes, None)
+            }
+        };
+        let told = Told {
+            lasting: Span(lasting),
+            known: met.known.clone(),
+            raw,
+        };
+        (Case { scenario, told }, speech, guided)
+    }
+
+    fn link_of(&self, name: &str) -> Option<String> {
+        let mut ends = self.ends.iter().map(|(end, _)| end);
+        ends.find(|end| end.name == name)
+            .map(|end| end.link.clone())
+    }
+
+    /// Keeps what was found in `case`, each cause once.
+    fn keep(
+        &mut self,
+        case: Case,
+        speech: &Speech,
+        seen: TrialOutcome,
+    ) -> Result<(), HarnessError> {
+        for cause in &seen.causes {
+            let key = cause.key();
+            if let Some(kept) = self.state.findings.iter_mut().find(|kept| kept.key == key) {
+                kept.count += 1;
+                continue;
+            }
+            if self.state.findings.len() < FINDINGS_MAX {
+                self.keep_new(&case, speech, &seen, cause)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn keep_new(
+        &mut self,
+        case: &Case,
+        speech: &Speech,
+        seen: &TrialOutcome,
+        cause: &Cause,
+    ) -> Result<(), HarnessError> {
+        let number = self.state.findings.len() + 1;
+        let folder = format!("{number:02}-{}", cause.kind());
+        let mut first = case.clone();
+        if first.told.raw.is_none() {
+            first.scenario = seen.ran.clone();
+        }
+        let dir = self.plan.out.join("findings").join(&folder);
+        let found = OpenFinding {
+            harness: self.harness,
+            plan: &self.plan,
+            progress: self.progress,
+            speech,
+            cause,
+            finding: Finding::create(dir)?,
+        };
+        let kept = found.keep(first, seen);
+        self.progress.tries.set(0);
+        if !kept? {
+            self.doubtful += 1;
+            return found.finding.remove();
+        }
+        self.state.findings.push(Kept {
+            folder,
+            key: cause.key(),
+            words: cause.to_string(),
+            count: 1,
+            case: self.state.next,
+        });
+        self.progress.findings.set(self.state.findings.len());
+        self.state.write(&self.plan.out)
+    }
+}
+
+impl Drop for Search<'_> {
+    fn drop(&mut self) {
+        for name in RECORDINGS {
+            let _ = fs::remove_file(self.plan.out.join(name));
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! What a program goes through in a case.
+
+use core::time::Duration;
+use std::path::Path;
+
+use super::case::{Answered, Case, Known, Pair, Raw};
+use super::cause::Cause;
+use super::coverage::Reached;
+use super::harness::{Harness, HarnessError};
+use super::player::Halt;
+use super::session::Session;
+use super::speech::{Shape, Speech};
+use engine::codec::wire::{Piece, Stream};
+use engine::rig::Logged;
+use engine::run::Run;
+use engine::run::check::Status;
+use engine::scenario::Scenario;
+use realtime::LATE;
+
+/// What came of a case.
+#[derive(Clone, Debug)]
+pub struct TrialOutcome {
+    /// What was wrong.
+    pub causes: Vec<Cause>,
+    /// What the program said on its standard error.
+    pub said: String,
+    /// The scenario as it ran, random faults as the bytes that they hit.
+    pub ran: Scenario,
+    /// What the program did in the last part of the case.
+    pub known: Known,
+    /// Whether the rig was too late to judge what may come of that.
+    pub was_late: bool,
+    /// What the program did until each pause of the traffic; of one that counts it.
+    pub reached: Vec<Reached>,
+}
+
+/// Time for an answer to a frame.
+const WINDOW: Duration = Duration::from_millis(60);
+
+/// A link and what is said on it.
+pub(super) struct Talk<'a> {
+    speech: &'a Speech,
+    /// What the program says there unasked.
+    pub(super) chatter: Shape,
+}
+
+impl<'a> Talk<'a> {
+    /// Nothing is said unasked.
+    pub(super) const fn new(speech: &'a Speech) -> Self {
+        let chatter = Shape::new();
+        Self { speech, chatter }
+    }
+
+    fn of(raw: &Raw, speech: &'a Speech) -> Self {
+        let chatter = raw.chatter.iter().map(|hex| hex.0.clone()).collect();
+        Self { speech, chatter }
+    }
+
+    /// What kind of answer the program gives to `bytes`.
+    pub(super) fn ask(&self, live: &mut Session<'_>, bytes: &[u8]) -> Result<Shape, Halt> {
+        let heard = live.ask(bytes, WINDOW)?;
+        Ok(&self.speech.shape(&heard, bytes) - &self.chatter)
+    }
+
+    /// Whether the damaged frame is answered as the sound one is, and noise is not. Twice, and
+    /// after another frame was answered: what the program says by itself may tell of the last
+    /// frame that it took.
+    fn is_taken(&self, live: &mut Session<'_>, raw: &Raw, pair: &Pair) -> Result<bool, Halt> {
+        if self.ask(live, &pair.damaged.0)?.is_empty() {
+            return Ok(false);
+        }
+        let others = raw.answered.iter().map(|answered| &answered.frame);
+        let other = others.into_iter().find(|frame| **frame != pair.good);
+        for _ in 0..2 {
+            if let Some(other) = other {
+                self.ask(live, &other.0)?;
+            }
+            let to_noise = self.ask(live, &pair.noise.0)?;
+            let to_damaged = self.ask(live, &pair.damaged.0)?;
+            let to_good = self.ask(live, &pair.good.0)?;
+            if to_damaged.is_empty() || to_damaged == to_noise || to_damaged != to_good {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Whether the program answers as it did.
+    fn is_answered(&self, live: &mut Session<'_>, asked: &Answered) -> Result<bool, Halt> {
+        let kinds = self.ask(live, &asked.frame.0)?;
+        Ok(asked.kinds.iter().any(|kind| kinds.contains(&kind.0)))
+    }
+}
+
+/// Does what `case` says, then sees whether the program lives. What was wrong is in `causes`, also
+/// if it ended after that.
+pub(super) fn act(
+    harness: &Harness<'_>,
+    live: &mut Session<'_>,
+    case: &Case,
+    speech: &Speech,
+    causes: &mut Vec<Cause>,
+) -> Result<(), Halt> {
+    let alive = harness.alive;
+    let Some(raw) = &case.told.raw else {
+        live.pass(case.told.lasting.0)?;
+        causes.extend(settle(live, &case.told.known, None, alive)?);
+        return Ok(());
+    };
+    let talk = Talk::of(raw, speech);
+    for pair in &raw.pair {
+        if talk.is_taken(live, raw, pair)? {
+            let (pair, link) = (pair.clone(), raw.link.clone());
+            causes.push(Cause::Accepts { pair, link });
+            break;
+        }
+    }
+    // Whoever reads a case made sure that it can be read.
+    let stream = Stream::parse(&raw.stream).unwrap_or_default();
+    // What it reached until here is not the traffic's doing.
+    live.note_reached(harness);
+    live.take_reached();
+    for piece in stream.pieces() {
+        match piece {
+            Piece::Bytes(bytes) => live.say(bytes)?,
+            Piece::Idle => {
+                live.pause()?;
+                live.note_reached(harness);
+            }
+        }
+    }
+    live.pause()?;
+    causes.extend(settle(live, &case.told.known, Some((&talk, raw)), alive)?);
+    Ok(())
+}
+
+/// Whether the program lives: it reads what it is given, speaks where it always spoke, and answers
+/// what it used to answer. It is asked again and again: one that waits for the rest of a cut frame
+/// gets it.
+pub(super) fn settle(
+    live: &mut Session<'_>,
+    known: &Known,
+    asked: Option<(&Talk<'_>, &Raw)>,
+    alive: Duration,
+) -> Result<Option<Cause>, Halt> {
+    let (from, mut count) = (live.now(), 0);
+    let mut answers = asked.is_none_or(|(_, raw)| raw.answered.is_empty());
+    loop {
+        let now = live.known(from);
+        let unread: Vec<_> = known.reads.difference(&now.reads).cloned().collect();
+        let silent: Vec<_> = known.speaks.difference(&now.speaks).cloned().collect();
+        if unread.is_empty() && silent.is_empty() && answers {
+            return Ok(None);
+        }
+        if live.now() - from >= alive {
+            return Ok(Some(Cause::Hang(in_words(
+                &unread, &silent, answers, alive,
+            ))));
+        }
+        match asked {
+            Some((talk, raw)) if !answers => {
+                let asked = &raw.answered[count % raw.answered.len()];
+                answers = talk.is_answered(live, asked)?;
+                count += 1;
+            }
+            _ => live.turn()?,
+        }
+    }
+}
+
+fn in_words(unread: &[String], silent: &[String], answers: bool, alive: Duration) -> String {
+    let mut words = Vec::new();
+    if !unread.is_empty() {
+        words.push(format!("it does not read {}", unread.join(", ")));
+    }
+    if !silent.is_empty() {
+        words.push(format!("it says nothing on {}", silent.join(", ")));
+    }
+    if !answers {
+        words.push("it answers nothing that it used to answer".to_owned());
+    }
+    let seconds = alive.as_secs_f64();
+    format!("for {seconds} s {}", words.join(", "))
+}
+
+/// Tries `case`, `speech` being that of its raw link; every byte is in `recording` then.
+pub fn run(
+    harness: &Harness<'_>,
+    case: &Case,
+    speech: &Speech,
+    recording: &Path,
+) -> Result<TrialOutcome, HarnessError> {
+    let (mut live, opened) = Session::begin(harness, case, recording)?;
+    let mut causes = Vec::new();
+    let acted = opened.and_then(|()| act(harness, &mut live, case, speech, &mut causes));
+    judge(harness, live, acted, causes)
+}
+
+/// Ends the program and says what was wrong with it, besides `causes`.
+pub(super) fn judge(
+    harness: &Harness<'_>,
+    mut live: Session<'_>,
+    acted: Result<(), Halt>,
+    mut causes: Vec<Cause>,
+) -> Result<TrialOutcome, HarnessError> {
+    let known = live.known(live.now());
+    let was_late = live.late() > LATE;
+    if acted.is_err() {
+        live.note_reached(harness);
+    }
+    let reached = live.take_reached();
+    let (said, run) = live.end(harness);
+    match acted {
+        Ok(()) => {}
+        Err(Halt::Ended(ended)) => causes.push(Cause::of_end(ended, &said)),
+        Err(Halt::Lost(how)) => causes.push(Cause::PortLost(how)),
+        Err(Halt::Spins(who)) => causes.push(Cause::Spins(who)),
+        Err(Halt::Guest(error)) => return Err(error.into()),
+        Err(Halt::Interrupted) => return Err(HarnessError::Interrupted),
+    }
+    let ran = run.case();
+    let counts = |cause: &Cause| {
+        (harness.is_strict || !cause.is_about_time()) && !(was_late && cause.may_be_lateness())
+    };
+    let opens: Vec<&str> = known.opens.iter().map(String::as_str).collect();
+    causes.extend(broken(run, &opens).into_iter().filter(counts));
+    Ok(TrialOutcome {
+        causes,
+        said,
+        ran,
+        known,
+        was_late,
+        reached,
+    })
+}
+
+/// The rules that were broken, each once, and the checkers that failed. A device that cannot be
+/// reached from a port of `opens`, those that the program opened, tells nothing of the program.
+fn broken(run: Run, opens: &[&str]) -> Vec<Cause> {
+    let mut causes: Vec<Cause> = Vec::new();
+    let events = run.rig.events().iter();
+    let is_its_own = |one: &&Logged| one.is_violation() && run.rig.reaches(opens, &one.source);
+    for logged in events.filter(is_its_own) {
+        let cause = Cause::Rule {
+            device: logged.source.clone(),
+            rule: logged.event.rule.to_owned(),
+            detail: format!("{} s, {}", logged.event.at, logged.event.detail),
+        };
+        if causes.iter().all(|known| known.key() != cause.key()) {
+            causes.push(cause);
+        }
+    }
+    let checks = run.judge().checks.into_iter();
+    causes.extend(
+        checks
+            .filter(|check| check.status == Status::Fail)
+            .map(|check| Cause::Check {
+                name: check.name,
+                detail: check.detail,
+            }),
+    );
+    causes
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use protocols::Instant;
+
+    use super::*;
+    use engine::robots::{self, Dut, PcEnd};
+    use engine::scenario::Scenario;
+
+    /// Rules that were broken in a run in which nobody is at the ports, as far as a program that
+    /// opened `opens` can be meant.
+    fn rules(opens: &[&str]) -> Vec<String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
+        let (scenario, source) = Scenario::read(&path).expect("sound");
+        let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::Scripted);
+        let wired = wired.expect("can be wired");
+        let mut run = Run::with_rig(scenario, wired.rig, wired.instruments);
+        run.go_on_until(Instant::from_secs(30));
+        let rule = |cause| match cause {
+            Cause::Rule { rule, .. } => Some(rule),
+            _ => None,
+        };
+        broken(run, opens).into_iter().filter_map(rule).collect()
+    }
+
+    /// U5: the scenario's PC tells that nobody confirms its waypoints. That is the fault of who
+    /// opened the radio, and of nobody else.
+    #[test]
+    fn u5_a_rule_is_broken_only_by_who_can_reach_its_device() {
+        let rule = "waypoints-not-confirmed".to_owned();
+        assert!(rules(&["radio"]).contains(&rule), "{:?}", rules(&["radio"]));
+        assert_eq!(rules(&["lidar"]), [""; 0]);
+        assert_eq!(rules(&[]), [""; 0]);
+    }
+}

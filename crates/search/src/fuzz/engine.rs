@@ -1,0 +1,263 @@
+//! The fuzzer: rounds of cases that depend on the seed and on the pool at the begin of the round
+//! alone, so that it makes no difference how many processors try them.
+
+use core::cell::Cell;
+use core::panic::AssertUnwindSafe;
+use core::sync::atomic::{AtomicU64, Ordering};
+use std::collections::BTreeMap;
+use std::panic::{self, catch_unwind};
+use std::thread;
+
+use emulators::rng::Rng;
+
+use super::havoc;
+use super::subject::{Behaviour, MARKS, Subject, Violation, law};
+use crate::campaign::words_of_panic;
+use engine::workers;
+
+/// Most causes that are kept of one law: a law that is broken in a hundred ways is one to look at.
+const CAUSES_MAX: usize = 5;
+/// Most choices that are kept for being new.
+const POOL_MAX: usize = 20_000;
+/// Cases that a thread takes at once.
+const CHUNK: u64 = 16;
+
+/// The first case of a cause.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FirstCase {
+    /// What is wrong.
+    pub fault: Violation,
+    /// The choices that brought it about.
+    pub choices: Vec<u8>,
+    /// Number of the case.
+    pub case: u64,
+}
+
+/// What a round came to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Round {
+    /// Choices that did something new, in order; they are in the pool now.
+    pub new: Vec<Vec<u8>>,
+    /// The first cases of causes that were not known.
+    pub found: Vec<FirstCase>,
+}
+
+/// A fuzzer of one subject.
+pub struct Fuzzer<'a> {
+    subject: &'a dyn Subject,
+    seed: u64,
+    cases: u64,
+    pool: Vec<Vec<u8>>,
+    seen: Coverage,
+    /// How often each cause came up.
+    causes: BTreeMap<String, u64>,
+}
+
+/// A case that is worth a look.
+struct Tried {
+    case: u64,
+    choices: Vec<u8>,
+    marks: Vec<u32>,
+    fault: Option<Violation>,
+}
+
+impl<'a> Fuzzer<'a> {
+    /// A fuzzer that has tried `cases` cases before, which came to `causes`.
+    pub fn new(
+        subject: &'a dyn Subject,
+        seed: u64,
+        cases: u64,
+        causes: BTreeMap<String, u64>,
+    ) -> Self {
+        Self {
+            subject,
+            seed,
+            cases,
+            pool: Vec::new(),
+            seen: Coverage::default(),
+            causes,
+        }
+    }
+
+    /// Cases tried so far.
+    pub const fn cases(&self) -> u64 {
+        self.cases
+    }
+
+    /// Different things that cases did so far.
+    pub const fn behaviours(&self) -> usize {
+        self.seen.count
+    }
+
+    /// How often each cause came up.
+    pub const fn causes(&self) -> &BTreeMap<String, u64> {
+        &self.causes
+    }
+
+    /// Tries `choices` and takes them into the pool if they do something new. They are no case.
+    pub fn add(&mut self, choices: Vec<u8>) -> Round {
+        let mut behaviour = Behaviour::default();
+        let tried = self.attempt(self.cases, choices, &mut behaviour);
+        let mut round = Round::default();
+        self.take(tried, &mut round);
+        round
+    }
+
+    /// Tries up to `most` cases on `jobs` threads.
+    pub fn round(&mut self, most: u64, jobs: usize) -> Round {
+        // Rounds begin at multiples of their length, also after one that was cut short.
+        let length = self.subject.round();
+        let end = self.cases + (length - self.cases % length).min(most);
+        let next = AtomicU64::new(self.cases);
+        let worker = || {
+            let (mut looked, mut behaviour) = (Vec::new(), Behaviour::default());
+            loop {
+                let from = next.fetch_add(CHUNK.min(length), Ordering::Relaxed);
+                if from >= end {
+                    return looked;
+                }
+                for case in from..end.min(from + CHUNK.min(length)) {
+                    let mut rng = Rng::stream(self.seed ^ case << 20, self.subject.name());
+                    let choices = havoc::mutated(&self.pool, &mut rng);
+                    let tried = self.attempt(case, choices, &mut behaviour);
+                    if tried.fault.is_some() || self.seen.lacks(&tried.marks) {
+                        looked.push(tried);
+                    }
+                }
+            }
+        };
+        let mut looked = if jobs <= 1 {
+            worker()
+        } else {
+            thread::scope(|scope| {
+                let threads: Vec<_> = (0..jobs).map(|_| workers::spawn(scope, worker)).collect();
+                let each = threads.into_iter().map(|thread| thread.join());
+                each.flat_map(|looked| looked.expect("panics of cases are caught"))
+                    .collect()
+            })
+        };
+        looked.sort_by_key(|tried| tried.case);
+        let mut round = Round::default();
+        looked
+            .into_iter()
+            .for_each(|tried| self.take(tried, &mut round));
+        self.cases = end;
+        round
+    }
+
+    /// Runs one case. Marks are those that no case had before the round, and maybe others.
+    fn attempt(&self, case: u64, choices: Vec<u8>, behaviour: &mut Behaviour) -> Tried {
+        behaviour.clear();
+        let fault = judged(self.subject, &choices, behaviour);
+        let marks = if fault.is_some() || self.seen.lacks(behaviour.marks()) {
+            behaviour.marks().to_vec()
+        } else {
+            Vec::new()
+        };
+        Tried {
+            case,
+            choices,
+            marks,
+            fault,
+        }
+    }
+
+    fn take(&mut self, tried: Tried, round: &mut Round) {
+        if let Some(fault) = &tried.fault {
+            let known = self.causes.contains_key(&fault.cause);
+            let alike = self.causes.keys().filter(|cause| law(cause) == fault.law());
+            if known || alike.count() < CAUSES_MAX {
+                *self.causes.entry(fault.cause.clone()).or_default() += 1;
+            }
+            if !known && self.causes.contains_key(&fault.cause) {
+                round.found.push(FirstCase {
+                    fault: fault.clone(),
+                    choices: tried.choices.clone(),
+                    case: tried.case,
+                });
+            }
+        }
+        if self.seen.add(&tried.marks) && self.pool.len() < POOL_MAX {
+            self.pool.push(tried.choices.clone());
+            round.new.push(tried.choices);
+        }
+    }
+}
+
+/// Runs `choices` and says what is wrong; a panic is.
+pub(super) fn judged(
+    subject: &dyn Subject,
+    choices: &[u8],
+    behaviour: &mut Behaviour,
+) -> Option<Violation> {
+    caught(|| subject.run(choices, behaviour)).err()
+}
+
+thread_local! {
+    /// Whether this thread is trying a case, whose panic is a finding and told as such.
+    static TRIES: Cell<bool> = const { Cell::new(false) };
+}
+
+/// What `run` comes to; a panic is a fault.
+pub(super) fn caught(run: impl FnOnce() -> Result<(), Violation>) -> Result<(), Violation> {
+    let before = TRIES.replace(true);
+    let judged = catch_unwind(AssertUnwindSafe(run));
+    TRIES.set(before);
+    judged.unwrap_or_else(|panic| {
+        let (cause, detail) = words_of_panic(panic.as_ref());
+        Err(Violation::new(cause, detail))
+    })
+}
+
+/// From now on a panic of a case is not printed: it becomes a finding.
+pub fn silence_panics() {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |about| {
+        if !TRIES.get() {
+            usual(about);
+        }
+    }));
+}
+
+/// The marks that were ever set.
+struct Coverage {
+    bits: Vec<u64>,
+    count: usize,
+}
+
+impl Default for Coverage {
+    fn default() -> Self {
+        Self {
+            bits: vec![0; MARKS as usize / 64],
+            count: 0,
+        }
+    }
+}
+
+impl Coverage {
+    const fn place(mark: u32) -> (usize, u64) {
+        (mark as usize / 64, 1 << (mark % 64))
+    }
+
+    /// Whether one of `marks` was never set.
+    fn lacks(&self, marks: &[u32]) -> bool {
+        marks.iter().any(|&mark| {
+            let (word, bit) = Self::place(mark);
+            self.bits[word] & bit == 0
+        })
+    }
+
+    /// Sets `marks`; whether one is new.
+    fn add(&mut self, marks: &[u32]) -> bool {
+        let before = self.count;
+        for &mark in marks {
+            let (word, bit) = Self::place(mark);
+            self.count += usize::from(self.bits[word] & bit == 0);
+            self.bits[word] |= bit;
+        }
+        self.count > before
+    }
+}
+
+#[cfg(test)]
+mod tests;

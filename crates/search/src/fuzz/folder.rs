@@ -1,0 +1,226 @@
+//! What a fuzzer leaves behind, and goes on from.
+//!
+//! ```text
+//! fuzz.json                     what is fuzzed, how many cases were tried, how often each cause
+//! corpus/TARGET/000017.txt      choices that did something new, in order, with their case in words
+//! findings/LAW-1A2B3C4D/        a finding: the small case, cause.txt, repeat.txt
+//! ```
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::subject::{Kept, Subject, law};
+use crate::error::{StoreError, failed};
+use engine::hex;
+
+/// What is fuzzed: only the same is gone on with.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FuzzPlan {
+    /// Tool and version.
+    pub tool: String,
+    /// Seed of all mutations.
+    pub seed: u64,
+    /// Text of the scenario, if one is fuzzed.
+    pub scenario: Option<String>,
+    /// What of it is made anew, as on the command line.
+    pub vary: String,
+    /// Defects that were switched on.
+    pub defects: Vec<String>,
+}
+
+/// How far the fuzzing of a target has come.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Progress {
+    cases: u64,
+    causes: BTreeMap<String, u64>,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct State {
+    plan: FuzzPlan,
+    targets: BTreeMap<String, Progress>,
+}
+
+fn put(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    fs::write(path, bytes).map_err(failed(path))
+}
+
+/// Begins a file of the corpus; the choices follow in hexadecimal.
+const CHOICES: &str = "# choices ";
+
+/// The folder of a fuzzer.
+#[derive(Debug)]
+pub struct Folder {
+    dir: PathBuf,
+    state: State,
+}
+
+impl Folder {
+    /// Opens `dir`, or makes it, to go on with `plan`.
+    ///
+    /// # Errors
+    /// If it cannot be written, or belongs to another plan.
+    pub fn create(dir: &Path, plan: FuzzPlan) -> Result<Self, StoreError> {
+        fs::create_dir_all(dir.join("findings")).map_err(failed(dir))?;
+        let path = dir.join("fuzz.json");
+        let targets = if path.exists() {
+            let text = fs::read_to_string(&path).map_err(failed(&path))?;
+            let wrong = |message: String| StoreError::Content {
+                path: path.clone(),
+                message,
+            };
+            let state: State = serde_json::from_str(&text)
+                .map_err(|error| wrong(format!("{error}, expected the state of a fuzzer")))?;
+            if state.plan != plan {
+                let expected = "the same --seed, --scenario, --vary, --defect and version";
+                let message = format!("is of another run, expected {expected}, or another --out");
+                return Err(wrong(message));
+            }
+            state.targets
+        } else {
+            BTreeMap::new()
+        };
+        let (dir, state) = (dir.to_owned(), State { plan, targets });
+        Ok(Self { dir, state })
+    }
+
+    /// Cases of `target` that were tried before, and how often each cause came up.
+    pub fn progress(&self, target: &str) -> (u64, BTreeMap<String, u64>) {
+        let progress = self.state.targets.get(target).cloned().unwrap_or_default();
+        (progress.cases, progress.causes)
+    }
+
+    /// Says how far `target` has come.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn save(
+        &mut self,
+        target: &str,
+        cases: u64,
+        causes: &BTreeMap<String, u64>,
+    ) -> Result<(), StoreError> {
+        let causes = causes.clone();
+        let progress = Progress { cases, causes };
+        self.state.targets.insert(target.to_owned(), progress);
+        let text = serde_json::to_string_pretty(&self.state).expect("plain data");
+        // In one step, so that a kill leaves the old state or the new one.
+        let (new, path) = (self.dir.join("fuzz.json.new"), self.dir.join("fuzz.json"));
+        put(&new, (text + "\n").as_bytes())?;
+        fs::rename(&new, &path).map_err(failed(&path))
+    }
+
+    fn corpus_of(&self, subject: &dyn Subject) -> PathBuf {
+        self.dir.join("corpus").join(subject.name())
+    }
+
+    /// The choices for `subject` that were kept, in order.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn pool(&self, subject: &dyn Subject) -> Result<Vec<Vec<u8>>, StoreError> {
+        match self.corpus_of(subject) {
+            dir if dir.exists() => read_corpus(&dir, subject),
+            _ => Ok(Vec::new()),
+        }
+    }
+
+    /// Keeps the `number`-th choices of `subject`'s pool.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn keep_choices(
+        &self,
+        subject: &dyn Subject,
+        number: usize,
+        choices: &[u8],
+    ) -> Result<(), StoreError> {
+        let dir = self.corpus_of(subject);
+        fs::create_dir_all(&dir).map_err(failed(&dir))?;
+        let mut text = CHOICES.to_owned();
+        hex::push_digits(&mut text, choices);
+        text += "\n";
+        text += &subject.in_words(choices);
+        put(&dir.join(format!("{number:06}.txt")), text.as_bytes())
+    }
+
+    /// Keeps a finding; its folder.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn keep_finding(&self, subject: &dyn Subject, kept: &Kept) -> Result<PathBuf, StoreError> {
+        let case = kept.files.first().map_or(&[][..], |(_, bytes)| bytes);
+        let hash = engine::rig::trace::fingerprint(case).to_ascii_uppercase();
+        let hash: String = hash.chars().take(8).collect();
+        let name = format!("{}-{hash}", file_name(law(&kept.fault.cause)));
+        let dir = self.dir.join("findings").join(name);
+        fs::create_dir_all(&dir).map_err(failed(&dir))?;
+        for (name, bytes) in &kept.files {
+            put(&dir.join(name), bytes)?;
+        }
+        let said = format!("{}\n{}\n", kept.fault.cause, kept.fault.detail);
+        put(&dir.join("cause.txt"), said.as_bytes())?;
+        let repeat = subject.repeat(&dir) + "\n";
+        put(&dir.join("repeat.txt"), repeat.as_bytes())?;
+        Ok(dir)
+    }
+}
+
+/// Small letters, digits and dashes.
+fn file_name(law: &str) -> String {
+    let kept = law.chars().take(40).map(|c| match c {
+        'a'..='z' | '0'..='9' => c,
+        'A'..='Z' => c.to_ascii_lowercase(),
+        _ => '-',
+    });
+    kept.collect()
+}
+
+/// Choices of all files of `dir`, in the order of their names: a fuzzer's own, and cases as people
+/// write them.
+///
+/// # Errors
+/// If a file cannot be read or understood.
+pub fn read_corpus(dir: &Path, subject: &dyn Subject) -> Result<Vec<Vec<u8>>, StoreError> {
+    let entries = fs::read_dir(dir).map_err(failed(dir))?;
+    let mut paths = Vec::new();
+    for entry in entries {
+        paths.push(entry.map_err(failed(dir))?.path());
+    }
+    paths.retain(|path| path.extension().is_some_and(|name| name == "txt"));
+    paths.sort();
+    let mut corpus = Vec::new();
+    for path in paths {
+        let text = fs::read_to_string(&path).map_err(failed(&path))?;
+        let first = text
+            .lines()
+            .next()
+            .and_then(|line| line.strip_prefix(CHOICES));
+        let choices = match first {
+            Some(digits) => hex::bytes(digits.trim_end()).map(Some).ok_or_else(|| {
+                format!("line 1: expected pairs of hexadecimal digits behind \"{CHOICES}\"")
+            }),
+            None => subject.choices_of(&text),
+        };
+        let choices = choices.map_err(|message| StoreError::Content { path, message })?;
+        corpus.extend(choices);
+    }
+    Ok(corpus)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_law_becomes_a_name_that_every_file_system_takes() {
+        assert_eq!(file_name("panic"), "panic");
+        assert_eq!(file_name("at <A/B> 5"), "at--a-b--5");
+    }
+}

@@ -1,0 +1,248 @@
+use std::path::Path;
+
+use super::subject::{Behaviour, Kept, Subject, Violation, size};
+use crate::campaign::{self, Record};
+use crate::generate::{self, Dice, Vary};
+use crate::shrink::{self, Effort, Judged};
+use engine::run::Outcome;
+use engine::scenario::{Scenario, Source, Span};
+
+/// A scenario: world, mission, timing and faults made of choices, run with everything that watches
+/// a run.
+#[derive(Debug)]
+pub struct Missions {
+    scenario: Scenario,
+    source: Source,
+    vary: Vary,
+}
+
+/// A file of a finding.
+const CASE: &str = "case.toml";
+
+impl Missions {
+    /// What is made of `scenario` when `vary` of it is made anew.
+    pub const fn new(scenario: Scenario, source: Source, vary: Vary) -> Self {
+        Self {
+            scenario,
+            source,
+            vary,
+        }
+    }
+
+    fn made(&self, choices: &[u8]) -> Scenario {
+        generate::scenario(&self.scenario, self.vary, &mut Dice::of_bytes(choices))
+    }
+
+    fn judged(&self, scenario: &Scenario) -> (Option<Violation>, Option<Box<Outcome>>) {
+        match campaign::run(scenario, &self.source) {
+            Ok((record, outcome)) => (fault_of(record), outcome),
+            // What was generated must make sense.
+            Err(error) => (
+                Some(Violation::new("can-be-wired", error.to_string())),
+                None,
+            ),
+        }
+    }
+}
+
+/// What makes a smaller case fail for the same reason. A goal that is not reached is not reached in
+/// a moment either, or in a world without walls, which says nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// Something happens that must not.
+    Event,
+    /// A goal is not reached because of the faults.
+    Spoilt,
+    /// It is not reached without them either.
+    Hopeless,
+}
+
+impl Kind {
+    fn of(start: &Scenario, fails: impl Fn(&Scenario) -> bool) -> Self {
+        let mut moment = start.clone();
+        moment.duration = Span::from_millis(50);
+        if !fails(&moment) {
+            Self::Event
+        } else if fails(&without_faults(start)) {
+            Self::Hopeless
+        } else {
+            Self::Spoilt
+        }
+    }
+
+    fn is_alike(
+        self,
+        case: &Scenario,
+        start: &Scenario,
+        fails: impl Fn(&Scenario) -> bool,
+    ) -> bool {
+        let same = || {
+            (&case.duration, &case.world, &case.mission)
+                == (&start.duration, &start.world, &start.mission)
+        };
+        match self {
+            Self::Event => fails(case),
+            Self::Spoilt => fails(case) && !fails(&without_faults(case)),
+            Self::Hopeless => same() && fails(case),
+        }
+    }
+}
+
+fn without_faults(case: &Scenario) -> Scenario {
+    Scenario {
+        fault: Vec::new(),
+        ..case.clone()
+    }
+}
+
+fn fault_of(record: Record) -> Option<Violation> {
+    let cause = record.cause?;
+    Some(Violation::new(cause, record.detail.unwrap_or_default()))
+}
+
+fn note(outcome: &Outcome, behaviour: &mut Behaviour) {
+    for (name, &count) in &outcome.counters {
+        behaviour.named(name, count);
+    }
+    for logged in &outcome.events {
+        behaviour.named(logged.event.rule, 1);
+    }
+    for fault in &outcome.case.fault {
+        behaviour.named(fault.kind.name(), 1);
+    }
+    let [visited, all] = outcome.waypoints.map(|count| count as u64);
+    behaviour.note(&[visited, all, size(outcome.ran.as_secs())]);
+}
+
+impl Subject for Missions {
+    fn name(&self) -> &str {
+        &self.scenario.name
+    }
+
+    fn round(&self) -> u64 {
+        8
+    }
+
+    /// As many as a campaign spends on a cause.
+    fn tries(&self) -> u32 {
+        150
+    }
+
+    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Violation> {
+        let (fault, outcome) = self.judged(&self.made(choices));
+        if let Some(outcome) = outcome {
+            note(&outcome, behaviour);
+        }
+        fault.map_or(Ok(()), Err)
+    }
+
+    fn seeds(&self) -> Vec<Vec<u8>> {
+        vec![Vec::new()]
+    }
+
+    fn in_words(&self, choices: &[u8]) -> String {
+        self.made(choices).to_toml()
+    }
+
+    fn keep(&self, choices: &[u8], fault: &Violation, effort: &mut Effort<'_>) -> Kept {
+        let made = self.made(choices);
+        let fails = |case: &Scenario| {
+            let cause = self.judged(case).0.map(|fault| fault.cause);
+            cause.as_ref() == Some(&fault.cause)
+        };
+        // As the bytes that they hit, random faults can be left out one by one.
+        let expanded = self.judged(&made).1.map(|outcome| outcome.case);
+        let start = expanded.filter(|case| effort.spend() && fails(case));
+        let start = start.unwrap_or(made);
+        let kind = Kind::of(&start, fails);
+        let judge = |case: &Scenario| match self.judged(case).0 {
+            None => Judged::Passes,
+            Some(_) if kind.is_alike(case, &start, fails) => Judged::FailsAlike,
+            Some(_) => Judged::FailsOtherwise,
+        };
+        let small = shrink::scenario(&start, &fault.cause, judge, effort);
+        let fault = self.judged(&small).0.unwrap_or_else(|| fault.clone());
+        Kept {
+            fault: Violation {
+                detail: format!("{}\n{}", fault.detail, shrink::in_words(&small)),
+                ..fault
+            },
+            files: vec![(CASE, small.to_toml().into_bytes())],
+        }
+    }
+
+    fn case_file(&self) -> &'static str {
+        CASE
+    }
+
+    fn repeat(&self, dir: &Path) -> String {
+        format!("hilrig run {}", dir.join(CASE).display())
+    }
+
+    /// A scenario is not made of choices that could be found again.
+    fn choices_of(&self, _: &str) -> Result<Option<Vec<u8>>, String> {
+        Ok(None)
+    }
+
+    fn repeated(&self, text: &str) -> Result<Result<(), Violation>, String> {
+        let case = Scenario::parse(Path::new(CASE), text.to_owned());
+        let (case, _) = case.map_err(|error| error.to_string())?;
+        Ok(self.judged(&case).0.map_or(Ok(()), Err))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ninety seconds with a fault.
+    fn start() -> Scenario {
+        let text = "schema = 1\nname = \"a\"\nrobot = \"rescue\"\nduration = \"90s\"\n\
+            [world]\nstart = { x_m = 1.5, y_m = 1.5, heading_deg = 90 }\n[[fault]]\n\
+            link = \"base\"\ndirection = \"to-master\"\nkind = \"drop\"\nrate = 0.1\n";
+        let parsed = Scenario::parse(Path::new("<test>"), text.to_owned());
+        parsed.expect("sound").0
+    }
+
+    fn of_a_moment(case: &Scenario) -> Scenario {
+        Scenario {
+            duration: Span::from_millis(50),
+            ..case.clone()
+        }
+    }
+
+    /// A goal that takes a minute, and that the fault spoils.
+    #[test]
+    fn a_goal_missed_in_a_moment_is_another_failure() {
+        let start = start();
+        let is_long = |case: &Scenario| case.duration >= Span::from_millis(60_000);
+        let fails = |case: &Scenario| !is_long(case) || !case.fault.is_empty();
+        let kind = Kind::of(&start, fails);
+        assert_eq!(kind, Kind::Spoilt);
+        assert!(kind.is_alike(&start, &start, fails));
+        assert!(!kind.is_alike(&of_a_moment(&start), &start, fails));
+        assert!(!kind.is_alike(&without_faults(&start), &start, fails));
+    }
+
+    #[test]
+    fn a_goal_missed_without_faults_keeps_its_time() {
+        let start = start();
+        let kind = Kind::of(&start, |_| true);
+        assert_eq!(kind, Kind::Hopeless);
+        assert!(kind.is_alike(&without_faults(&start), &start, |_| true));
+        assert!(!kind.is_alike(&of_a_moment(&start), &start, |_| true));
+    }
+
+    #[test]
+    fn what_must_not_happen_may_happen_sooner() {
+        let start = start();
+        let fails = |case: &Scenario| case.duration >= Span::from_millis(1000);
+        let kind = Kind::of(&start, fails);
+        assert_eq!(kind, Kind::Event);
+        let sooner = Scenario {
+            duration: Span::from_millis(1000),
+            ..start.clone()
+        };
+        assert!(kind.is_alike(&sooner, &start, fails));
+    }
+}

@@ -1,0 +1,81 @@
+use emulators::rng::Rng;
+
+/// Chance for each part of a mission, none shifting another.
+#[derive(Clone, Debug)]
+pub struct Dice {
+    pub(super) world: Draw,
+    pub(super) mission: Draw,
+    pub(super) timing: Draw,
+    pub(super) faults: Draw,
+}
+
+impl Dice {
+    /// Named streams of `seed` for the scenario called `name`: no two scenarios get the same
+    /// made-up world.
+    pub fn of_seed(seed: u64, name: &str) -> Self {
+        let stream = |part: &str| Draw::Stream(Rng::stream(seed, &format!("generate.{part}")));
+        Self {
+            world: stream(&format!("world.{name}")),
+            mission: stream("mission"),
+            timing: stream("timing"),
+            faults: stream("faults"),
+        }
+    }
+
+    /// Choices made by `bytes`: every fourth byte belongs to the same part. Used-up bytes go on as
+    /// zeros.
+    pub(crate) fn of_bytes(bytes: &[u8]) -> Self {
+        let lane = |first: usize| {
+            let lane: Vec<u8> = bytes.iter().skip(first).step_by(4).copied().collect();
+            Draw::Bytes(lane.into_iter())
+        };
+        Self {
+            world: lane(0),
+            mission: lane(1),
+            timing: lane(2),
+            faults: lane(3),
+        }
+    }
+}
+
+/// One source of choices.
+#[derive(Clone, Debug)]
+pub(super) enum Draw {
+    Stream(Rng),
+    Bytes(std::vec::IntoIter<u8>),
+}
+
+impl Draw {
+    /// A number below `n`, which is more than 0.
+    pub(super) fn below(&mut self, n: u64) -> u64 {
+        match self {
+            Self::Stream(rng) => rng.below(n),
+            Self::Bytes(bytes) => {
+                let mut word = u64::from(bytes.next().unwrap_or(0));
+                if n > 256 {
+                    word |= u64::from(bytes.next().unwrap_or(0)) << 8;
+                }
+                word % n
+            }
+        }
+    }
+
+    /// A number from `least` to `most`.
+    pub(super) fn between(&mut self, least: u64, most: u64) -> u64 {
+        least + self.below(most - least + 1)
+    }
+
+    /// The same, for a smaller type.
+    pub(super) fn narrow<T: TryFrom<u64>>(&mut self, least: u64, most: u64) -> T
+    where
+        T::Error: core::fmt::Debug,
+    {
+        let number = self.between(least, most);
+        number.try_into().expect("the bounds fit the type")
+    }
+
+    /// An index into `len` things.
+    pub(super) fn index(&mut self, len: usize) -> usize {
+        usize::try_from(self.below(len as u64)).expect("below a length")
+    }
+}

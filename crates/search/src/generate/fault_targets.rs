@@ -1,0 +1,174 @@
+use std::path::PathBuf;
+
+use engine::rig::{LinkKind, Rig};
+use engine::robots::{self, Console, Dut, PcEnd, WirePlan};
+use engine::scenario::{DirectionSpec, FaultKind, FaultPlace, Scenario, Source, WorldSpec};
+
+/// All of a robot that something can go wrong with, as its links and devices are wired.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FaultTargets {
+    links: Vec<String>,
+    /// What they are made of.
+    link_kinds: Vec<LinkKind>,
+    devices: Vec<Device>,
+    consoles: &'static [Console],
+    hasty: Option<&'static str>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Device {
+    pub(super) name: String,
+    /// The faults that it knows.
+    pub(super) faults: &'static [&'static str],
+    /// Whether its registers can be looked at.
+    pub(super) has_registers: bool,
+    /// Whether it sends messages. What has levels alone is read when it is looked at, never late.
+    pub(super) has_messages: bool,
+    /// Whether its robot searches until all is seen, and goes home before if its battery is low.
+    has_to_last: bool,
+}
+
+/// How a sensor sits: that does not change while a robot drives, and no byte tells of it.
+const MOUNTS: [&str; 2] = ["turned", "mirrored"];
+/// What a decoder is tried with, whose distances are up to 25 cm wrong: a map that is begun with
+/// them fits nothing that is seen later, and no byte tells of it either.
+const LIES: [&str; 1] = ["dense-starts"];
+/// What ends a search by the robot's own decision.
+const SENT_HOME: &str = "battery-low";
+
+impl Device {
+    /// Faults that no other device has, and that can come and go.
+    pub(super) fn of_its_own(&self) -> impl Iterator<Item = &'static str> {
+        let is_known = |name: &str| FaultKind::ALL.iter().any(|kind| kind.name() == name);
+        self.faults
+            .iter()
+            .copied()
+            .filter(move |name| !is_known(name))
+            .filter(|name| !MOUNTS.contains(name) && !LIES.contains(name))
+            .filter(|name| !self.has_to_last || *name != SENT_HOME)
+    }
+}
+
+impl FaultTargets {
+    /// What there is in `scenario`. Nothing if it cannot be wired, which its run will say.
+    pub(super) fn of(scenario: &Scenario) -> Self {
+        let source = Source {
+            path: PathBuf::from(&scenario.name),
+            text: String::new(),
+        };
+        // What is wired does not depend on where the robot stands.
+        let nowhere = "start = { x_m = 1, y_m = 1, heading_deg = 0 }\n\
+            [[wall]]\npath_m = [[0, 0], [2, 0]]";
+        let nowhere: WorldSpec = toml::from_str(nowhere).expect("a wall and a start");
+        let nowhere = nowhere
+            .build(0, None, &source)
+            .expect("the wall is not at the start");
+        let mut sound = scenario.clone();
+        sound.fault.clear();
+        let plan = WirePlan {
+            scenario: &sound,
+            source: &source,
+            world: nowhere,
+            dut: Dut::Internal,
+            pc: PcEnd::Scripted,
+        };
+        match robots::wire_into(plan) {
+            Ok(wired) => {
+                // Nobody is at the other end of what a scenario describes itself.
+                let open = wired.open_ends.iter().map(|end| end.link.as_str());
+                let open: Vec<&str> = open.collect();
+                let mut targets = Self {
+                    consoles: wired.instruments.consoles(),
+                    hasty: wired.instruments.silence().map(|silence| silence.link),
+                    ..Self::wired(&wired.rig, &open)
+                };
+                let expect = &scenario.expect;
+                let is_search = expect.explored_min.or(expect.victims_within_mm).is_some();
+                for device in &mut targets.devices {
+                    device.has_to_last = is_search;
+                }
+                targets
+            }
+            Err(_) => Self::default(),
+        }
+    }
+
+    /// A level is no message: what goes wrong with bytes says nothing about it.
+    fn wired(rig: &Rig, open: &[&str]) -> Self {
+        let links = rig.links().iter();
+        let links = links.filter(|link| link.kind != LinkKind::Pin);
+        let links = links.filter(|link| !open.contains(&link.name.as_str()));
+        let (links, link_kinds) = links.map(|link| (link.name.clone(), link.kind)).unzip();
+        let wires = || {
+            let wires = rig.links().iter().filter(|link| link.kind != LinkKind::Pin);
+            wires.flat_map(|link| &link.lines)
+        };
+        let devices = rig.devices().filter(|(name, _)| !open.contains(name));
+        let device = |(name, faults): (&str, _)| Device {
+            name: name.to_owned(),
+            faults,
+            has_registers: rig.register(name, 0).is_some(),
+            has_messages: wires().any(|line| rig.node_name(line.from.node) == name),
+            has_to_last: false,
+        };
+        Self {
+            links,
+            link_kinds,
+            devices: devices.map(device).collect(),
+            consoles: &[],
+            hasty: None,
+        }
+    }
+
+    /// Names of the links.
+    pub(super) fn links(&self) -> impl Iterator<Item = &str> {
+        self.links.iter().map(String::as_str)
+    }
+
+    /// Links that reach a console, and whose it is; see
+    /// [`Instruments::consoles`](robots::Instruments::consoles).
+    pub(super) fn consoles(&self) -> impl Iterator<Item = (&'static str, &'static str)> + use<> {
+        self.consoles.iter().copied()
+    }
+
+    /// The link on which axes are commanded: who commands them waits for less.
+    pub(super) const fn hasty(&self) -> Option<&'static str> {
+        self.hasty
+    }
+
+    /// Every direction of every link.
+    pub(super) fn lanes(&self) -> Vec<(&str, DirectionSpec)> {
+        let both = [DirectionSpec::ToMaster, DirectionSpec::ToDevice];
+        let lanes = self.links().flat_map(|link| both.map(|way| (link, way)));
+        lanes.collect()
+    }
+
+    /// The devices that can have a fault of `kind`, or lose their supply with others.
+    pub(super) fn devices(&self, kind: FaultKind) -> Vec<&Device> {
+        let can = |device: &&Device| match kind {
+            FaultKind::Delayed => device.has_messages,
+            FaultKind::Device => device.of_its_own().next().is_some(),
+            FaultKind::PowerDip | FaultKind::Intermittent => device.faults.contains(&"off"),
+            _ => device.faults.contains(&kind.name()),
+        };
+        self.devices.iter().filter(can).collect()
+    }
+
+    /// Devices whose registers can be looked at.
+    pub(super) fn with_registers(&self) -> Vec<&Device> {
+        let devices = self.devices.iter();
+        devices.filter(|device| device.has_registers).collect()
+    }
+
+    /// The kinds of faults that something here can have, those of links on whichever link.
+    pub(super) fn kinds(&self) -> impl Iterator<Item = FaultKind> {
+        let can = |kind: &FaultKind| match (kind.place(), kind) {
+            (FaultPlace::Line, _) if !self.link_kinds.iter().all(|link| kind.fits(*link)) => false,
+            (FaultPlace::Line, FaultKind::Swizzle) => self.links.len() > 1,
+            (FaultPlace::Line, _) => !self.links.is_empty(),
+            (FaultPlace::Device, _) => !self.devices(*kind).is_empty(),
+            (FaultPlace::Devices, _) => self.devices(*kind).len() > 1,
+        };
+        FaultKind::ALL.iter().copied().filter(can)
+    }
+}

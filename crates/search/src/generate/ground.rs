@@ -1,0 +1,265 @@
+use std::collections::VecDeque;
+use std::path::PathBuf;
+
+use emulators::world::{Point, Pose, World};
+
+use engine::robots;
+use engine::scenario::{Scenario, Source, WorldSpec};
+
+/// Edge of a cell, metres, and most cells along an edge: a hall gets larger cells.
+const CELL_M: f64 = 0.06;
+const EDGE_MAX: f64 = 160.0;
+/// Headings at which a body fits that is no disc.
+const HEADINGS: u8 = 4;
+
+/// Where the true world leaves room for the robot: a mission that leads from free cell to free cell
+/// can be done.
+pub(super) struct Ground {
+    origin: Point,
+    cell_m: f64,
+    width: usize,
+    height: usize,
+    /// Cells in which the robot fits with its margin.
+    free: Vec<bool>,
+}
+
+/// Cells that can be reached from one of them, and how far each is.
+pub(super) struct Reach<'a> {
+    ground: &'a Ground,
+    /// Steps from cell to cell.
+    steps: Vec<Option<u32>>,
+}
+
+impl Ground {
+    /// Looks at `scenario`'s world, in which `margin_m` is left beside the robot. `None` if it
+    /// cannot be built: its run will say why.
+    pub(super) fn of(scenario: &Scenario, margin_m: f64) -> Option<Self> {
+        let source = Source {
+            path: PathBuf::from(&scenario.name),
+            text: String::new(),
+        };
+        let chassis = robots::find(&scenario.robot)?.chassis(scenario, &source);
+        let world = scenario.world.build(0, chassis.ok()?, &source).ok()?;
+        Some(Self::in_world(world, &scenario.world, margin_m))
+    }
+
+    fn in_world(mut world: World, spec: &WorldSpec, margin_m: f64) -> Self {
+        let bounds = world.scene().bounds();
+        let size = [bounds.max.x - bounds.min.x, bounds.max.y - bounds.min.y];
+        let cell_m = CELL_M.max(size[0].max(size[1]) / EDGE_MAX);
+        let [width, height] = size.map(|length| cells_along(length, cell_m));
+        let mut ground = Self {
+            origin: bounds.min,
+            cell_m,
+            width,
+            height,
+            free: Vec::new(),
+        };
+        let reach_m = world.footprint().reach_m();
+        ground.free = (0..width * height)
+            .map(|cell| {
+                let place = ground.middle(cell);
+                keeps_from_moving(spec, place, reach_m + margin_m)
+                    && clearance(&mut world, place) >= margin_m
+            })
+            .collect();
+        ground
+    }
+
+    /// What can be reached from `place`; nothing if the robot does not fit there.
+    pub(super) fn reach_from(&self, [x, y]: [f64; 2]) -> Reach<'_> {
+        let column = cells_along(x - self.origin.x, self.cell_m).saturating_sub(1);
+        let row = cells_along(y - self.origin.y, self.cell_m).saturating_sub(1);
+        let inside = x > self.origin.x && y > self.origin.y;
+        let inside = inside && column < self.width && row < self.height;
+        self.spread(inside.then(|| row * self.width + column))
+    }
+
+    /// The largest part of the world that hangs together.
+    pub(super) fn largest(&self) -> Reach<'_> {
+        let mut best = self.spread(None);
+        let mut seen = vec![false; self.free.len()];
+        for cell in 0..self.free.len() {
+            if seen[cell] || !self.free[cell] {
+                continue;
+            }
+            let reach = self.spread(Some(cell));
+            for (seen, steps) in seen.iter_mut().zip(&reach.steps) {
+                *seen |= steps.is_some();
+            }
+            if reach.len() > best.len() {
+                best = reach;
+            }
+        }
+        best
+    }
+
+    fn spread(&self, from: Option<usize>) -> Reach<'_> {
+        let mut steps = vec![None; self.free.len()];
+        let mut front = VecDeque::new();
+        if let Some(from) = from.filter(|&cell| self.free[cell]) {
+            steps[from] = Some(0);
+            front.push_back((from, 0));
+        }
+        while let Some((cell, far)) = front.pop_front() {
+            let (x, y) = (cell % self.width, cell / self.width);
+            let next = [
+                (x > 0).then(|| cell - 1),
+                (x + 1 < self.width).then(|| cell + 1),
+                (y > 0).then(|| cell - self.width),
+                (y + 1 < self.height).then(|| cell + self.width),
+            ];
+            for next in next.into_iter().flatten() {
+                if self.free[next] && steps[next].is_none() {
+                    steps[next] = Some(far + 1);
+                    front.push_back((next, far + 1));
+                }
+            }
+        }
+        Reach {
+            ground: self,
+            steps,
+        }
+    }
+
+    fn middle(&self, cell: usize) -> Point {
+        let at = |index: usize| (index as f64 + 0.5) * self.cell_m;
+        Point::new(
+            self.origin.x + at(cell % self.width),
+            self.origin.y + at(cell / self.width),
+        )
+    }
+}
+
+impl Reach<'_> {
+    /// How many cells there are.
+    pub(super) fn len(&self) -> usize {
+        self.steps.iter().flatten().count()
+    }
+
+    /// Middles of the cells, to the centimetre.
+    pub(super) fn places(&self) -> Vec<[f64; 2]> {
+        let cells = self.steps.iter().enumerate();
+        let cells = cells.filter(|(_, steps)| steps.is_some());
+        cells
+            .map(|(cell, _)| {
+                let place = self.ground.middle(cell);
+                [place.x, place.y].map(|metres| (metres * 100.0).round() / 100.0)
+            })
+            .collect()
+    }
+
+    /// How far `place` is, along the cells; `None` if no way leads there.
+    pub(super) fn way_m(&self, place: [f64; 2]) -> Option<f64> {
+        let there = self.ground.reach_from(place);
+        let cell = there.steps.iter().position(|steps| *steps == Some(0))?;
+        self.steps[cell].map(|steps| f64::from(steps) * self.ground.cell_m)
+    }
+}
+
+fn cells_along(length: f64, cell_m: f64) -> usize {
+    #[expect(clippy::cast_possible_truncation, reason = "worlds end after 10 km")]
+    #[expect(clippy::cast_sign_loss, reason = "clamped")]
+    let cells = (length / cell_m).ceil().max(0.0) as usize;
+    cells
+}
+
+/// The least free distance at any heading.
+fn clearance(world: &mut World, place: Point) -> f64 {
+    let mut least = f64::INFINITY;
+    for heading in 0..HEADINGS {
+        let turn = f64::from(heading) * core::f64::consts::TAU / f64::from(HEADINGS);
+        world.teleport(Pose::new(place.x, place.y, turn));
+        least = least.min(world.clearance());
+    }
+    least
+}
+
+/// Whether `place` is so far from what moves that a body reaching `keep_m` is never in its way.
+fn keeps_from_moving(spec: &WorldSpec, place: Point, keep_m: f64) -> bool {
+    spec.moving.iter().all(|moving| {
+        let moving = moving.get_ref();
+        let point = |[x, y]: [f64; 2]| Point::new(x, y);
+        let ends = moving.path_m.first().into_iter().chain(&moving.path_m);
+        ends.zip(&moving.path_m)
+            .all(|(&from, &to)| distance(point(from), point(to), place) >= moving.radius_m + keep_m)
+    })
+}
+
+/// From `place` to the line between two points.
+fn distance(from: Point, to: Point, place: Point) -> f64 {
+    let along = Point::new(to.x - from.x, to.y - from.y);
+    let square = along.x * along.x + along.y * along.y;
+    let part = (place.x - from.x) * along.x + (place.y - from.y) * along.y;
+    let part = if square > 0.0 {
+        (part / square).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    place.distance(Point::new(from.x + part * along.x, from.y + part * along.y))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two rooms of 2 m and a wall between them with a gap at the top. The robot's radius is 0.16
+    /// m.
+    fn two_rooms(gap_m: f64) -> Scenario {
+        let text = format!(
+            "schema = 1\nname = \"two\"\nrobot = \"rescue\"\nduration = \"5s\"\n[world]\n\
+             start = {{ x_m = 1.0, y_m = 1.0, heading_deg = 0 }}\n[[world.wall]]\n\
+             path_m = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0], [0.0, 0.0]]\n\
+             [[world.wall]]\npath_m = [[2.0, 0.0], [2.0, {}]]\n",
+            2.0 - gap_m
+        );
+        Scenario::from_text(&text).expect("sound").0
+    }
+
+    /// 0.16 m and 0.1 m on each side: 0.52 m, and a cell of 0.06 m.
+    #[test]
+    fn a_door_is_a_way_if_the_body_fits_with_its_margin() {
+        let way = |gap_m| {
+            let ground = Ground::of(&two_rooms(gap_m), 0.1).expect("a world");
+            ground.reach_from([1.0, 1.0]).way_m([3.0, 1.0])
+        };
+        assert_eq!(way(0.45), None);
+        // 2 m across, and up to the door and down again from 1.0 to 1.7 at least.
+        let way = way(0.6).expect("a way");
+        assert!((3.3..4.0).contains(&way), "{way}");
+    }
+
+    #[test]
+    fn a_place_at_a_wall_is_none() {
+        let ground = Ground::of(&two_rooms(0.6), 0.1).expect("a world");
+        let nearest = |places: Vec<[f64; 2]>| places.iter().fold(9.0, |x, p| p[0].min(x));
+        let places = ground.reach_from([1.0, 1.0]).places();
+        assert!((0.26..0.33).contains(&nearest(places)));
+        assert_eq!(ground.reach_from([0.2, 1.0]).len(), 0);
+    }
+
+    #[test]
+    fn the_largest_part_is_the_larger_room() {
+        let mut closed = two_rooms(0.0);
+        closed.world.wall[1].get_mut().path_m = vec![[1.5, 0.0], [1.5, 2.0]];
+        let ground = Ground::of(&closed, 0.1).expect("a world");
+        let places = ground.largest().places();
+        assert!(places.iter().all(|place| place[0] > 1.5), "{places:?}");
+    }
+
+    /// Somebody walks along the wall at y = 1.7: 0.15 + 0.16 + 0.1 m from there is out of reach.
+    #[test]
+    fn nobody_is_sent_where_somebody_walks() {
+        let mut walked = two_rooms(1.9);
+        let walker = "path_m = [[0.5, 1.7], [3.5, 1.7]]\nspeed_m_s = 0.5\nradius_m = 0.15";
+        walked.world.moving = vec![toml::Spanned::new(
+            0..0,
+            toml::from_str(walker).expect("one who walks"),
+        )];
+        let ground = Ground::of(&walked, 0.1).expect("a world");
+        let places = ground.reach_from([1.0, 1.0]).places();
+        let off = |[x, y]: &[f64; 2]| f64::hypot(x - x.clamp(0.5, 3.5), y - 1.7);
+        assert!(!places.is_empty());
+        assert!(places.iter().all(|place| off(place) >= 0.41), "{places:?}");
+    }
+}

@@ -1,0 +1,169 @@
+use toml::Spanned;
+
+use super::changes;
+use super::dice::{Dice, Draw};
+use super::ground::Ground;
+use super::rooms;
+use engine::robots::{self, Arena, Robot};
+use engine::scenario::{PillarSpec, Scenario, Span, StartSpec, WorldSpec};
+
+/// Drawn floors of which none is suitable before the scenario's own world is taken.
+const FLOORS: u8 = 4;
+/// Cells on which a mission makes sense: a square metre.
+const CELLS_MIN: usize = 250;
+/// Most obstacles that are added.
+const OBSTACLES_MAX: u64 = 3;
+/// What they leave of the ground, in tenths.
+const LEFT_OF_10: usize = 8;
+/// Waypoints of a mission at most, and how far each is from the one before.
+const WAYPOINTS_MAX: u64 = 4;
+const APART_M: f64 = 0.5;
+/// Draws of a waypoint that is far enough.
+const DRAWS: u8 = 8;
+
+/// Where a mission may take place.
+pub(super) struct Place {
+    arena: Arena,
+    ground: Ground,
+    start: [f64; 2],
+    /// What can be reached from there.
+    free: Vec<[f64; 2]>,
+}
+
+/// Makes another world of `made`'s, or moves some of it; and where the robot can go there. `None`
+/// if the robot does not say what suits it, or has no room where it is: then nothing is changed.
+pub(super) fn vary(made: &mut Scenario, dice: &mut Dice) -> Option<Place> {
+    let arena = robots::find(&made.robot).and_then(Robot::arena)?;
+    let dice = &mut dice.world;
+    let own = made.clone();
+    if dice.below(2) == 0 {
+        for _ in 0..FLOORS {
+            *made = own.clone();
+            let world = &mut made.world;
+            (world.plan, world.maze) = (None, None);
+            (world.polygon, world.pillar) = (Vec::new(), Vec::new());
+            (world.moving, world.push) = (Vec::new(), Vec::new());
+            world.wall = rooms::walls(&arena, dice);
+            let ground = start_on_the_largest_part(made, &arena);
+            if ground.is_some_and(|cells| cells >= CELLS_MIN) {
+                return furnish(made, arena, 1, dice);
+            }
+        }
+        *made = own.clone();
+    }
+    changes::change(made, arena.margin_m, Some(arena.side_m), dice);
+    let place = furnish(made, arena, 0, dice);
+    if place.is_none() {
+        *made = own;
+    }
+    place
+}
+
+/// The same for a mission that its steps lead: another maze of the same size, or, where nothing has
+/// to be found or passed at a place that only the scenario knows, another world.
+pub(super) fn vary_around(made: &mut Scenario, dice: &mut Dice) {
+    if let Some(maze) = &mut made.world.maze {
+        maze.get_mut().seed = dice.world.below(1 << 32);
+    } else if made.mission.waypoints_m.is_empty() && made.world.heat.is_empty() {
+        vary(made, dice);
+    }
+}
+
+/// Puts the robot where most can be reached; how many cells that are.
+fn start_on_the_largest_part(made: &mut Scenario, arena: &Arena) -> Option<usize> {
+    // Nothing is out there, wherever the walls are.
+    put(&mut made.world, [-arena.side_m; 2], 0);
+    let ground = Ground::of(made, arena.margin_m)?;
+    let largest = ground.largest();
+    put(&mut made.world, *largest.places().first()?, 0);
+    Some(largest.len())
+}
+
+fn put(world: &mut WorldSpec, [x_m, y_m]: [f64; 2], heading_deg: u64) {
+    let start = StartSpec {
+        x_m,
+        y_m,
+        heading_deg: heading_deg as f64,
+    };
+    world.start = Spanned::new(0..0, start);
+}
+
+/// Adds obstacles, `least` at least, and draws where the robot starts.
+fn furnish(made: &mut Scenario, arena: Arena, least: u64, dice: &mut Draw) -> Option<Place> {
+    let start = made.world.start_pose();
+    let start = [start.x, start.y];
+    let mut ground = Ground::of(made, arena.margin_m)?;
+    for _ in 0..dice.between(least, OBSTACLES_MAX) {
+        let reach = ground.reach_from(start);
+        let (before, places) = (reach.len(), reach.places());
+        if places.is_empty() {
+            return None;
+        }
+        let mut fuller = made.clone();
+        fuller.world.pillar.push(obstacle(&arena, &places, dice));
+        // Not where the robot is, nor where it cuts off too much.
+        if let Some(left) = Ground::of(&fuller, arena.margin_m)
+            && left.reach_from(start).len() * 10 >= before * LEFT_OF_10
+        {
+            (*made, ground) = (fuller, left);
+        }
+    }
+    let free = ground.reach_from(start).places();
+    if free.is_empty() {
+        return None;
+    }
+    let start = free[dice.index(free.len())];
+    put(&mut made.world, start, dice.below(360));
+    Some(Place {
+        arena,
+        ground,
+        start,
+        free,
+    })
+}
+
+fn obstacle(arena: &Arena, places: &[[f64; 2]], dice: &mut Draw) -> Spanned<PillarSpec> {
+    let [least, most] = arena.obstacle_mm;
+    let pillar = PillarSpec {
+        at_m: vec![places[dice.index(places.len())]],
+        radius_m: dice.between(least, most) as f64 / 1000.0,
+        reflectivity: 1.0,
+        height_m: None,
+        unmapped: false,
+    };
+    Spanned::new(0..0, pillar)
+}
+
+impl Place {
+    /// Places to go to, one after the other.
+    pub(super) fn waypoints(&self, dice: &mut Draw) -> Vec<[f64; 2]> {
+        let mut waypoints: Vec<[f64; 2]> = Vec::new();
+        let mut from = self.start;
+        for _ in 0..dice.between(1, WAYPOINTS_MAX) {
+            let mut next = self.free[dice.index(self.free.len())];
+            for _ in 0..DRAWS {
+                if (next[0] - from[0]).hypot(next[1] - from[1]) >= APART_M {
+                    break;
+                }
+                next = self.free[dice.index(self.free.len())];
+            }
+            waypoints.push(next);
+            from = next;
+        }
+        waypoints
+    }
+
+    /// Time that the robot needs for `waypoints` from wherever it is, and once more in their order.
+    pub(super) fn time_for(&self, waypoints: &[[f64; 2]]) -> Span {
+        let froms = waypoints.last().into_iter().chain(waypoints);
+        let ways = froms.zip(waypoints).map(|(&from, &to)| {
+            let way = self.ground.reach_from(from).way_m(to);
+            way.unwrap_or_default()
+        });
+        let seconds = ways.sum::<f64>() / self.arena.pace_m_s;
+        #[expect(clippy::cast_possible_truncation, reason = "a way of metres")]
+        #[expect(clippy::cast_sign_loss, reason = "a length")]
+        // The mission is given once more when a third of the time is over.
+        Span::from_millis((seconds * 1500.0) as u64)
+    }
+}

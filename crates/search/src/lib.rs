@@ -1,0 +1,10 @@
+//! Cases that nobody thought of: made by chance, judged in great numbers, made small.
+
+pub mod campaign;
+mod error;
+mod files;
+pub mod fuzz;
+pub mod generate;
+pub mod shrink;
+
+pub use error::StoreError;

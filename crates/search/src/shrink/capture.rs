@@ -1,0 +1,264 @@
+use core::mem::take;
+use std::collections::BTreeMap;
+
+use bytes::BytesMut;
+use protocols::FrameError;
+
+use super::{Effort, fewest};
+use capture::{Capture, Kind, Record};
+use engine::codec::{self, Codec, Stream, What};
+use engine::rig::line::Direction;
+
+/// A frame, or a stretch of bytes that are none, or a line event: what is kept or left out whole.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unit {
+    /// As it stands in the capture.
+    pub record: Record,
+    /// The format in which it is a sound frame, if it is one.
+    pub frame: Option<&'static Codec>,
+}
+
+impl Unit {
+    /// Link and direction.
+    fn lane(&self) -> (usize, bool) {
+        let record = &self.record;
+        (record.link, record.direction == Direction::ToDevice)
+    }
+
+    /// Changes the bytes; clones that share them keep theirs.
+    fn change(&mut self, change: impl FnOnce(&mut [u8])) {
+        let mut bytes = BytesMut::from(take(&mut self.record.bytes));
+        change(&mut bytes);
+        self.record.bytes = bytes.freeze();
+    }
+}
+
+/// The units of `capture` in the order in which they ended. Bytes of an unknown format stay as
+/// they were recorded.
+pub fn units(capture: &Capture) -> Vec<Unit> {
+    let mut lanes: BTreeMap<(usize, bool), Vec<&Record>> = BTreeMap::new();
+    for record in &capture.records {
+        let lane = (record.link, record.direction == Direction::ToDevice);
+        lanes.entry(lane).or_default().push(record);
+    }
+    let mut units: Vec<Unit> = lanes.into_values().flat_map(|lane| cut(&lane)).collect();
+    units.sort_by_key(|unit| (unit.record.at, unit.record.link));
+    for (number, unit) in (0..).zip(&mut units) {
+        unit.record.sequence = Some(number);
+    }
+    units
+}
+
+/// The format of a lane, told from its first bytes.
+fn codec_of(lane: &[&Record]) -> Option<&'static Codec> {
+    let mut bytes = Vec::new();
+    for record in lane {
+        bytes.extend_from_slice(&record.bytes);
+        if bytes.len() > 20_000 {
+            break;
+        }
+    }
+    codec::guess(&bytes)
+}
+
+fn cut(lane: &[&Record]) -> Vec<Unit> {
+    let whole = |record: &Record| Unit {
+        record: record.clone(),
+        frame: None,
+    };
+    let Some(codec) = codec_of(lane) else {
+        return lane.iter().map(|record| whole(record)).collect();
+    };
+    let mut units = Vec::new();
+    let mut bytes = BytesMut::new();
+    // Where each record's bytes end in all bytes of the lane, to find the record of a unit's end.
+    let mut ends: Vec<(usize, &Record)> = Vec::new();
+    let mut stream = Stream::new(codec);
+    let mut found = Vec::new();
+    let mut last = None;
+    for &record in lane {
+        if record.kind != Kind::Data {
+            units.push(whole(record));
+            continue;
+        }
+        if last.is_some_and(|last| record.at > last && record.at - last > codec.idle()) {
+            found.extend(stream.idle());
+        }
+        last = Some(record.at);
+        bytes.extend_from_slice(&record.bytes);
+        ends.push((bytes.len(), record));
+        found.extend(stream.push(&record.bytes));
+    }
+    found.extend(stream.idle());
+    let bytes = bytes.freeze();
+    let mut next = 0;
+    for one in found {
+        let range = [one.bytes.start, one.bytes.end].map(|at| usize::try_from(at).unwrap_or(0));
+        while ends[next].0 < range[1] {
+            next += 1;
+        }
+        let record = ends[next].1;
+        units.push(Unit {
+            record: Record {
+                bytes: bytes.slice(range[0]..range[1]),
+                sent: None,
+                pieces: Vec::new(),
+                comment: String::new(),
+                ..record.clone()
+            },
+            frame: matches!(one.what, What::Frame(_)).then_some(codec),
+        });
+    }
+    units
+}
+
+/// `capture` with these units and no more.
+pub fn with_units(capture: &Capture, units: &[Unit]) -> Capture {
+    Capture {
+        sections: capture.sections.clone(),
+        links: capture.links.clone(),
+        records: units.iter().map(|unit| unit.record.clone()).collect(),
+        ..Capture::default()
+    }
+}
+
+/// What is wrong with the bytes of a capture: the first frame that is broken or, if all are sound,
+/// the first bytes outside of frames, of which many devices have some; by its lane and the kind of
+/// error, without figures.
+pub fn fault_of(capture: &Capture, units: &[Unit]) -> Option<String> {
+    let (index, kind) = first_bad(units)?;
+    let record = &units[index].record;
+    let name = capture
+        .links
+        .get(record.link)
+        .map_or("?", |link| &link.name);
+    Some(format!("{name} {}: {kind}", record.direction.name()))
+}
+
+const OUTSIDE: &str = "bytes outside of frames";
+
+/// The first unit that is a broken frame, or else no frame though its lane has frames, and what is
+/// wrong with it. Of a lane without any, whose format is unknown, nothing can be said.
+fn first_bad(units: &[Unit]) -> Option<(usize, &'static str)> {
+    let mut formats: BTreeMap<(usize, bool), &'static Codec> = BTreeMap::new();
+    for unit in units {
+        if let Some(codec) = unit.frame {
+            formats.entry(unit.lane()).or_insert(codec);
+        }
+    }
+    let mut bad = units.iter().enumerate().filter_map(|(index, unit)| {
+        let is_data = unit.record.kind == Kind::Data && !unit.record.bytes.is_empty();
+        let is_bad = is_data && unit.frame.is_none();
+        let codec = formats.get(&unit.lane()).filter(|_| is_bad)?;
+        Some((index, error_of(&unit.record.bytes, codec)))
+    });
+    let first = bad.next()?;
+    if first.1 != OUTSIDE {
+        return Some(first);
+    }
+    bad.find(|(_, kind)| *kind != OUTSIDE).or(Some(first))
+}
+
+fn error_of(bytes: &[u8], codec: &'static Codec) -> &'static str {
+    let error = codec
+        .found(bytes)
+        .into_iter()
+        .find_map(|one| match one.what {
+            What::Bad(errors) => errors.first().copied(),
+            What::Frame(_) => None,
+        });
+    match error {
+        Some(FrameError::Checksum { .. }) => "a checksum that does not fit",
+        Some(FrameError::Length { .. }) => "a length that is not allowed",
+        Some(FrameError::Truncated { .. }) => "a frame that was cut off",
+        _ => OUTSIDE,
+    }
+}
+
+/// The fewest units, and the plainest bytes in them, for which `fails` still holds. In sound frames
+/// the payload is put to zero byte by byte; with `repairs` their checksums are made to fit again.
+///
+/// `fails` holds for all of `units`.
+pub fn capture(
+    units: &[Unit],
+    mut fails: impl FnMut(&[Unit]) -> bool,
+    effort: &mut Effort<'_>,
+    repairs: Repair,
+) -> Vec<Unit> {
+    let near = neighbourhood(units, &mut fails, effort);
+    let mut best = fewest(near.as_deref().unwrap_or(units), effort, &mut fails);
+    for index in 0..best.len() {
+        for at in 0..best[index].record.bytes.len() {
+            let mut plainer = best.clone();
+            let unit = &mut plainer[index];
+            if unit.record.bytes[at] == 0 {
+                continue;
+            }
+            unit.change(|bytes| bytes[at] = 0);
+            if repairs == Repair::Checksums {
+                repair(unit);
+            }
+            if plainer != best && effort.spend() && fails(&plainer) {
+                best = plainer;
+            }
+        }
+    }
+    best
+}
+
+/// What lies around the first thing that is wrong, for which `fails` still holds: of a long capture
+/// that is nearly always enough, and found in the time that it takes to read it. First on its own
+/// lane, then on all of them, twice as far each time.
+fn neighbourhood(
+    units: &[Unit],
+    fails: &mut impl FnMut(&[Unit]) -> bool,
+    effort: &mut Effort<'_>,
+) -> Option<Vec<Unit>> {
+    let (bad, _) = first_bad(units)?;
+    let same_lane = |&index: &usize| units[index].lane() == units[bad].lane();
+    let own_lane: Vec<usize> = (0..units.len()).filter(same_lane).collect();
+    for lane in [own_lane, (0..units.len()).collect()] {
+        let middle = lane.partition_point(|&index| index < bad);
+        let mut reach = 1;
+        while reach < lane.len() {
+            let around = middle.saturating_sub(reach)..(middle + reach).min(lane.len());
+            let around: Vec<Unit> = lane[around].iter().map(|&i| units[i].clone()).collect();
+            if effort.spend() && fails(&around) {
+                return Some(around);
+            }
+            reach *= 2;
+        }
+    }
+    None
+}
+
+/// What happens to the checksum of a frame whose payload was changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Repair {
+    /// It is made to fit.
+    Checksums,
+    /// It stays.
+    Nothing,
+}
+
+fn repair(unit: &mut Unit) {
+    if let Some(codec) = unit.frame {
+        unit.change(|bytes| codec.repair(bytes));
+    }
+}
+
+/// `capture` as the bytes of a file.
+pub fn to_bytes(capture: &Capture) -> Vec<u8> {
+    let mut out = Vec::new();
+    capture
+        .sections
+        .first()
+        .cloned()
+        .unwrap_or_default()
+        .write(&mut out);
+    capture.links.iter().for_each(|link| link.write(&mut out));
+    for record in &capture.records {
+        record.write(u32::try_from(record.link).unwrap_or(u32::MAX), &mut out);
+    }
+    out
+}

@@ -1,0 +1,371 @@
+use core::time::Duration;
+
+use super::culprit::Cause;
+use super::{Effort, Judged, fewest};
+use engine::run::is_of_the_end;
+use engine::scenario::{Expect, FaultSpec, Scenario, Span};
+
+/// The smallest scenario found that `judge` says fails alike: a shorter run and fewer faults first,
+/// because they are what the cause is read from, then fewer orders and waypoints, less in the
+/// world, and settings as they are by default.
+///
+/// If `start` does not fail without its faults, or passes without one of the things in its world or
+/// one of its orders, then so does what it is shrunk to: a mission that nobody could complete in
+/// its time says nothing of what kept the robot from it. For the same reason a run whose `cause`,
+/// which begins with the name of the check that fails, is about what is not done in the end keeps
+/// its time and a waypoint if nothing is known to be to blame. What else was expected in the end is
+/// left out if something else is the matter.
+///
+/// `start` fails alike. Random faults cannot be thinned out without becoming others; give the case
+/// of a run, in which they are written out as the bytes that they hit.
+pub fn scenario(
+    start: &Scenario,
+    cause: &str,
+    mut judge: impl FnMut(&Scenario) -> Judged,
+    effort: &mut Effort<'_>,
+) -> Scenario {
+    let mut best = start.clone();
+    // Where it was saved from is not where it is going.
+    best.origin = None;
+    let check = cause.split(": ").next().unwrap_or_default();
+    let is_late = is_of_the_end(check);
+    if !is_late {
+        let fails = &mut |case: &Scenario| judge(case) == Judged::FailsAlike;
+        let unasked = nothing_in_the_end(&best);
+        take(&mut best, unasked, effort, fails);
+    }
+    let first = best.clone();
+    let blame = Cause::of(&first, &mut judge, effort);
+    let keeps_time = is_late && !blame.is_known();
+    let keeps_waypoint = keeps_time && !start.mission.waypoints_m.is_empty();
+    let mut fails = |case: &Scenario| {
+        let is_asked = !keeps_waypoint || !case.mission.waypoints_m.is_empty();
+        is_asked && judge(case) == Judged::FailsAlike && blame.is_of(case, &mut judge)
+    };
+    loop {
+        let before = best.clone();
+        if !keeps_time {
+            shorter(&mut best, effort, &mut fails);
+        }
+        late_faults(&mut best, effort, &mut fails);
+        fewer_faults(&mut best, effort, &mut fails);
+        if !keeps_time {
+            earlier(&mut best, effort, &mut fails);
+        }
+        fewer_parts(&mut best, effort, &mut fails);
+        plainer(&mut best, effort, &mut fails);
+        if best == before {
+            return best;
+        }
+    }
+}
+
+/// `case` without what it expects to be true in the end.
+fn nothing_in_the_end(case: &Scenario) -> Scenario {
+    let expect = Expect {
+        visit_within_mm: None,
+        return_within_mm: None,
+        home_within_mm: None,
+        explored_min: None,
+        victims_within_mm: None,
+        settle: None,
+        wall_overlap_min: None,
+        map_received: None,
+        ..case.expect
+    };
+    Scenario {
+        expect,
+        ..case.clone()
+    }
+}
+
+/// Least time by which faults are tried earlier.
+const EARLIER_MIN: Duration = Duration::from_millis(100);
+
+type Fails<'a> = &'a mut dyn FnMut(&Scenario) -> bool;
+
+/// Takes `smaller` for `best` if it differs and still fails.
+fn take(best: &mut Scenario, smaller: Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) -> bool {
+    let is_taken = smaller != *best && effort.spend() && fails(&smaller);
+    if is_taken {
+        *best = smaller;
+    }
+    is_taken
+}
+
+/// Leaves out whatever begins before the last quarter, or half, of the run: what came last is most
+/// often what did it, and every try from there on is a short one.
+fn late_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    for from in [best.duration.0 * 3 / 4, best.duration.0 / 2] {
+        let mut smaller = best.clone();
+        smaller
+            .fault
+            .retain(|fault| fault.from.is_some_and(|begin| begin.0 >= from));
+        if !smaller.fault.is_empty() && take(best, smaller, effort, fails) {
+            return;
+        }
+    }
+}
+
+fn fewer_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    // Whole lanes first: a case may hold thousands of damaged bytes on lines that do not matter.
+    let mut lanes: Vec<(String, &str)> = Vec::new();
+    for fault in &best.fault {
+        let lane = (fault.place(), fault.kind.name());
+        if !lanes.contains(&lane) {
+            lanes.push(lane);
+        }
+    }
+    for (place, kind) in lanes {
+        let mut smaller = best.clone();
+        smaller
+            .fault
+            .retain(|fault| fault.place() != place || fault.kind.name() != kind);
+        take(best, smaller, effort, fails);
+    }
+    let rest = best.clone();
+    best.fault = fewest(&rest.fault, effort, |fault| {
+        let mut smaller = rest.clone();
+        smaller.fault = fault.to_vec();
+        smaller == rest || fails(&smaller)
+    });
+    for index in 0..best.fault.len() {
+        shorter_window(best, index, effort, fails);
+    }
+}
+
+/// Halves the time that a fault lasts, from the end and from the beginning.
+fn shorter_window(best: &mut Scenario, index: usize, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    for from_the_end in [true, false] {
+        loop {
+            let fault = &best.fault[index];
+            let from = fault.from.unwrap_or_default().0;
+            let until = fault.until.unwrap_or(best.duration).0;
+            let length = until.saturating_sub(from);
+            if fault.byte.is_some() || length < Duration::from_millis(20) {
+                break;
+            }
+            let middle = Span(whole_ms(from + length / 2));
+            let mut smaller = best.clone();
+            match from_the_end {
+                true => smaller.fault[index].until = Some(middle),
+                false => smaller.fault[index].from = Some(middle),
+            }
+            if !take(best, smaller, effort, fails) {
+                break;
+            }
+        }
+    }
+}
+
+fn whole_ms(length: Duration) -> Duration {
+    Duration::from_millis(u64::try_from(length.as_millis()).unwrap_or(u64::MAX))
+}
+
+fn shorter(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    // The end of the run is found to a tenth of a second: as many tries as it has bits.
+    let (mut least, mut most) = (Duration::ZERO, best.duration.0);
+    while most - least > Duration::from_millis(100) {
+        let middle = whole_ms(least + (most - least) / 2);
+        let mut smaller = best.clone();
+        smaller.duration = Span(middle);
+        if take(best, smaller, effort, fails) {
+            most = middle;
+        } else {
+            least = middle;
+        }
+    }
+}
+
+/// Lets all that goes wrong, and the end of the run, come earlier: each try that cannot go on from
+/// a checkpoint is as long as the run.
+fn earlier(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    let begin = |fault: &FaultSpec| {
+        let waits = fault.at_byte.is_some() || fault.at_frame.is_some() || fault.when.is_some();
+        let is_timed = fault.byte.is_none() && !waits;
+        fault.from.filter(|_| is_timed)
+    };
+    let begins: Option<Vec<Span>> = best.fault.iter().map(begin).collect();
+    let Some(first) = begins.and_then(|begins| begins.into_iter().min()) else {
+        return;
+    };
+    for quarters in [3, 2, 1] {
+        let by = whole_ms(first.0 * quarters / 4);
+        let earlier = |time: Span| Span(time.0.saturating_sub(by));
+        let mut smaller = best.clone();
+        smaller.duration = earlier(best.duration);
+        for fault in &mut smaller.fault {
+            fault.from = fault.from.map(earlier);
+            fault.until = fault.until.map(earlier);
+        }
+        if by >= EARLIER_MIN && take(best, smaller, effort, fails) {
+            return;
+        }
+    }
+}
+
+/// Leaves out what a list holds, one list of the scenario after the other.
+fn fewer_parts(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    macro_rules! fewer {
+        ($($field:ident).+) => {
+            let rest = best.clone();
+            best.$($field).+ = fewest(&rest.$($field).+, effort, |left| {
+                let mut smaller = rest.clone();
+                smaller.$($field).+ = left.to_vec();
+                smaller == rest || fails(&smaller)
+            });
+        };
+    }
+    fewer!(mission.step);
+    fewer!(mission.waypoints_m);
+    fewer!(world.push);
+    fewer!(world.moving);
+    fewer!(world.pillar);
+    fewer!(world.polygon);
+    fewer!(world.wall);
+}
+
+/// Puts settings back to what they are by default.
+fn plainer(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
+    for link in best.link.keys().cloned().collect::<Vec<_>>() {
+        let mut smaller = best.clone();
+        smaller.link.remove(&link);
+        take(best, smaller, effort, fails);
+    }
+    for device in best.device.keys().cloned().collect::<Vec<_>>() {
+        let mut smaller = best.clone();
+        smaller.device.remove(&device);
+        take(best, smaller, effort, fails);
+    }
+    let plain: [fn(&mut Scenario); 5] = [
+        |scenario| scenario.phases = None,
+        |scenario| scenario.budget = None,
+        |scenario| scenario.program = Default::default(),
+        |scenario| scenario.mission.connect = Span::from_millis(500),
+        |scenario| scenario.description.clear(),
+    ];
+    for make_plain in plain {
+        let mut smaller = best.clone();
+        make_plain(&mut smaller);
+        take(best, smaller, effort, fails);
+    }
+}
+
+/// A sentence on what is left of a case.
+pub fn in_words(case: &Scenario) -> String {
+    let faults: Vec<String> = case
+        .fault
+        .iter()
+        .take(5)
+        .map(|fault| {
+            let at = match (fault.byte, fault.from) {
+                (Some(byte), _) => format!(" of byte {byte}"),
+                (None, Some(from)) => format!(" from {from}"),
+                (None, None) => String::new(),
+            };
+            format!("{}{at} on {}", fault.kind.name(), fault.place())
+        })
+        .collect();
+    let more = match case.fault.len().saturating_sub(5) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    let faults = match faults.is_empty() {
+        true => "no fault".to_owned(),
+        false => format!("{}{more}", faults.join(", ")),
+    };
+    let solid = case.world.wall.len() + case.world.polygon.len() + case.world.pillar.len();
+    format!(
+        "Enough is: {faults}; {} waypoints, {} orders, {solid} things in the world, {}.",
+        case.mission.waypoints_m.len(),
+        case.mission.step.len(),
+        case.duration
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case() -> Scenario {
+        let text = "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
+                    mission.waypoints_m = [[2.4, 2.4], [1.0, 1.0]]\n\
+                    world.start = { x_m = 0.6, y_m = 0.6, heading_deg = 0 }\n\
+                    [[world.pillar]]\nat_m = [[1.0, 2.0]]\nradius_m = 0.1\n\
+                    [[world.pillar]]\nat_m = [[2.0, 2.0]]\nradius_m = 0.1\n";
+        let (case, _) = Scenario::from_text(text).expect("sound");
+        case
+    }
+
+    fn smallest(cause: &str, mut fails: impl FnMut(&Scenario) -> bool) -> Scenario {
+        let judge = |case: &Scenario| match fails(case) {
+            true => Judged::FailsAlike,
+            false => Judged::Passes,
+        };
+        scenario(&case(), cause, judge, &mut Effort::tries(1000))
+    }
+
+    fn has_pillar(case: &Scenario) -> bool {
+        let mut pillars = case.world.pillar.iter();
+        pillars.any(|pillar| pillar.get_ref().at_m == [[2.0, 2.0]])
+    }
+
+    /// R2: 40 s are enough for the mission, but not with the second pillar in the way. What comes
+    /// out still says so: it keeps the pillar, and 40 s, in which it passes without the pillar.
+    #[test]
+    fn a_mission_that_a_thing_prevents_keeps_the_thing_and_time_to_do_it_without() {
+        let is_short = |case: &Scenario| case.duration.0 < Duration::from_secs(40);
+        let fails = |case: &Scenario| is_short(case) || has_pillar(case);
+        let small = smallest("waypoints-visited: standing still", fails);
+        assert!((40_000..40_200).contains(&small.duration.0.as_millis()));
+        assert!(has_pillar(&small) && small.world.pillar.len() == 1);
+    }
+
+    /// Nobody knows what prevents the mission: only a run that takes as long shows it.
+    #[test]
+    fn a_mission_that_nothing_prevents_keeps_its_time_and_a_waypoint() {
+        let small = smallest("waypoints-visited", |_| true);
+        assert_eq!(small.duration, Span::from_millis(60_000));
+        assert_eq!(small.mission.waypoints_m.len(), 1);
+    }
+
+    /// A cut at 16 s that matters from 3 s on: three quarters earlier is 4 s, and of that three
+    /// quarters or a half earlier would be 1 s and 2 s, a quarter is 3 s.
+    #[test]
+    fn what_goes_wrong_comes_as_early_as_it_still_matters() {
+        let fault = "link = \"base\"\ndirection = \"to-device\"\nkind = \"cut\"\n\
+                     from = \"16s\"\nuntil = \"17s\"\n";
+        let text = format!("{}[[fault]]\n{fault}", case().to_toml());
+        let (start, _) = Scenario::from_text(&text).expect("sound");
+        let fails = |case: &Scenario| {
+            let mut begins = case.fault.iter().filter_map(|fault| fault.from);
+            let matters = begins.any(|from| from.0 >= Duration::from_secs(3));
+            matters && case.duration.0 > case.fault[0].from.unwrap_or_default().0
+        };
+        let judge = |case: &Scenario| match fails(case) {
+            true => Judged::FailsAlike,
+            false => Judged::Passes,
+        };
+        let check = "motors-stop-after-silence";
+        let small = scenario(&start, check, judge, &mut Effort::tries(1000));
+        let from = small.fault[0].from.unwrap_or_default();
+        assert_eq!(from, Span::from_millis(3_000));
+        assert!(
+            small.duration <= Span::from_millis(3_200),
+            "{}",
+            small.duration
+        );
+    }
+
+    /// A contact at 12 s has nothing to do with how long the run is behind it.
+    #[test]
+    fn what_happens_on_the_way_is_shown_by_a_shorter_run() {
+        let fails = |case: &Scenario| case.duration.0 > Duration::from_secs(12) && has_pillar(case);
+        let small = smallest("no-collision-at-speed", fails);
+        assert!(
+            small.duration <= Span::from_millis(12_200),
+            "{}",
+            small.duration
+        );
+    }
+}

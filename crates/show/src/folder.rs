@@ -1,0 +1,208 @@
+//! The result folder: everything that a run leaves behind, for people, for CI and for other tools.
+
+use core::fmt::Write as _;
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use emulators::world::Pose;
+use protocols::Instant;
+use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
+use serde::Serialize;
+
+pub use crate::metrics::Metrics;
+pub use crate::metrics::factor;
+use crate::render;
+use crate::report;
+use crate::whole_file;
+use engine::TOOL;
+use engine::picture::Picture;
+use engine::robots::KeptMap;
+use engine::run::Outcome;
+use engine::run::check::{Check, Status};
+
+/// `result.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct ResultFile<'a> {
+    /// Name of the tool.
+    pub tool: &'a str,
+    /// Its version.
+    pub version: &'a str,
+    /// Name of the scenario.
+    pub scenario: &'a str,
+    /// Seed of the run.
+    pub seed: u64,
+    /// `pass` or `fail`.
+    pub verdict: Status,
+    /// All verdicts.
+    pub checks: &'a [Check],
+    /// Figures of the run.
+    pub metrics: Metrics,
+    /// The program's own counters.
+    pub counters: &'a BTreeMap<&'static str, u64>,
+    /// Fingerprint of all bytes on all lines.
+    pub trace_hash: &'a str,
+    /// Fingerprint of the program's map.
+    pub map_hash: Option<String>,
+}
+
+/// A file of the result folder could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}: {source}", .path.display())]
+pub struct FolderError {
+    /// Which file.
+    pub path: PathBuf,
+    /// Why.
+    pub source: io::Error,
+}
+
+/// A folder that is being filled.
+#[derive(Debug)]
+pub struct Folder<'a>(&'a Path);
+
+impl<'a> Folder<'a> {
+    /// The folder at `path`, made if need be.
+    pub fn at(path: &'a Path) -> Result<Self, FolderError> {
+        std::fs::create_dir_all(path).map_err(failed(path))?;
+        Ok(Self(path))
+    }
+
+    /// Writes a file.
+    pub fn put(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), FolderError> {
+        let path = self.0.join(name);
+        whole_file::write(&path, bytes).map_err(failed(&path))
+    }
+
+    /// Writes a picture as PNG.
+    pub fn picture(&self, name: &str, picture: &Picture) -> Result<(), FolderError> {
+        let path = self.0.join(name);
+        let written = picture.png().and_then(|png| whole_file::write(&path, png));
+        written.map_err(failed(&path))
+    }
+}
+
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> FolderError {
+    let path = path.to_owned();
+    move |source| FolderError { path, source }
+}
+
+/// Writes all files of `outcome`, a run that took `wall`, into `dir`, which is made if need be.
+pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), FolderError> {
+    let folder = Folder::at(dir)?;
+    folder.put("result.json", result_json(outcome, wall))?;
+    folder.put("case.toml", outcome.case.to_toml())?;
+    folder.put("report.html", report::html(outcome))?;
+    folder.put("events.txt", events(outcome))?;
+    folder.put("true.tum", tum(&outcome.truth))?;
+    let estimate: Vec<_> = outcome
+        .pairs
+        .iter()
+        .map(|pair| (pair.at, pair.estimate))
+        .collect();
+    folder.put("estimate.tum", tum(&estimate))?;
+    folder.put("junit.xml", junit([outcome.into()], wall))?;
+    if let Some(display) = &outcome.display {
+        folder.picture("display.png", display)?;
+    }
+    let Some(map) = outcome.map.as_ref().map(KeptMap::view) else {
+        return Ok(());
+    };
+    let robot = outcome.truth.last().map(|&(_, pose)| pose);
+    folder.put("map.txt", render::text(map, 5, robot))?;
+    folder.put("map.yaml", render::ros_yaml(map, "map.pgm"))?;
+    folder.put("map.pgm", render::ros_image(map).pgm())?;
+    let truth: Vec<Pose> = outcome.truth.iter().map(|&(_, pose)| pose).collect();
+    let believed: Vec<Pose> = estimate.iter().map(|&(_, pose)| pose).collect();
+    folder.picture("map.png", &render::picture(map, &truth, &believed))
+}
+
+fn result_json(outcome: &Outcome, wall: Duration) -> String {
+    let map = outcome.map.as_ref().map(KeptMap::view);
+    let file = ResultFile {
+        tool: TOOL,
+        version: env!("CARGO_PKG_VERSION"),
+        scenario: &outcome.case.name,
+        seed: outcome.seed,
+        verdict: Status::of(outcome.passed()),
+        checks: &outcome.checks,
+        metrics: Metrics::of(outcome, wall),
+        counters: &outcome.counters,
+        trace_hash: &outcome.trace_hash,
+        map_hash: map.map(|map| engine::rig::trace::fingerprint(map.cells())),
+    };
+    let mut text = serde_json::to_string_pretty(&file).expect("plain data with string keys");
+    text.push('\n');
+    text
+}
+
+fn events(outcome: &Outcome) -> String {
+    let lines = outcome.events.iter().map(|logged| format!("{logged}\n"));
+    lines.collect()
+}
+
+/// A trajectory in TUM form: seconds, position, orientation as a quaternion; eight columns.
+pub fn tum(way: &[(Instant, Pose)]) -> String {
+    let mut out = String::from("# timestamp tx ty tz qx qy qz qw\n");
+    for (at, pose) in way {
+        let half = pose.theta / 2.0;
+        let (qz, qw) = (libm::sin(half), libm::cos(half));
+        let line = format_args!("{at} {:.6} {:.6} 0 0 0 {qz:.9} {qw:.9}\n", pose.x, pose.y);
+        out.write_fmt(line).expect("a string takes everything");
+    }
+    out
+}
+
+/// Verdicts that belong together in a JUnit file.
+#[derive(Clone, Copy, Debug)]
+pub struct Suite<'a> {
+    /// What was run.
+    pub name: &'a str,
+    /// With which seed, if there was one.
+    pub seed: Option<u64>,
+    /// All verdicts.
+    pub checks: &'a [Check],
+}
+
+impl<'a> From<&'a Outcome> for Suite<'a> {
+    fn from(outcome: &'a Outcome) -> Self {
+        Self {
+            name: &outcome.case.name,
+            seed: Some(outcome.seed),
+            checks: &outcome.checks,
+        }
+    }
+}
+
+/// The verdicts of `suites` as JUnit: one suite a run, one case a check. `wall` is what all of
+/// them took.
+pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) -> String {
+    let mut report = Report::new(TOOL);
+    report.set_time(wall);
+    for Suite { name, seed, checks } in suites {
+        let mut suite = TestSuite::new(match seed {
+            Some(seed) => format!("{name} seed {seed}"),
+            None => name.to_owned(),
+        });
+        for check in checks {
+            let status = match check.status {
+                Status::Pass => TestCaseStatus::success(),
+                Status::NotObserved => {
+                    let mut status = TestCaseStatus::skipped();
+                    status.set_message(format!("not observed: {}", check.detail));
+                    status
+                }
+                Status::Fail => {
+                    let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
+                    status.set_message(check.detail.clone());
+                    status
+                }
+            };
+            let mut case = TestCase::new(check.name.clone(), status);
+            case.set_classname(name.to_owned());
+            suite.add_test_case(case);
+        }
+        report.add_test_suite(suite);
+    }
+    report.to_string().expect("written to memory")
+}

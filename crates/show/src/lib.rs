@@ -1,0 +1,14 @@
+//! Results of hilrig to look at: the result folder, its report, maps and pictures.
+
+pub mod folder;
+pub mod html;
+pub mod meaning;
+mod metrics;
+pub mod moment;
+pub mod render;
+pub mod report;
+mod summary;
+pub mod view;
+pub mod whole_file;
+
+pub use summary::Summary;

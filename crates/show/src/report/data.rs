@@ -1,0 +1,206 @@
+//! What the report's script draws, as JSON.
+//!
+//! ```text
+//! {end, footprint, scene, waypoints,
+//!  truth, believed: {at: [s..], poses: [x, y, theta, ..]},
+//!  map: {width, height, resolution_m} | null, maps: [{at, shades} | {at, runs}],
+//!  layers: [{name, width, height, resolution_m, origin_m, runs}],
+//!  scans: [{at, points}], overlays: [{at, overlays}],
+//!  bin, lanes: [{name, load, errors, faults}], marks: [{at, kind}],
+//!  bars: [{name, lane, from, to}], error: {at, mm}, failed: s | null,
+//!  display: {width, height, runs} | null}
+//! ```
+//!
+//! `runs` and `shades` are base64; the rest is as `view/view.js` takes it. The last map is
+//! whole, those before it have 16 shades: a map is noise while it forms, and this bounds it.
+
+use emulators::world::Pose;
+use firmware_core::map_view::MapView;
+use protocols::Instant;
+use protocols::rle::{self, Dialect};
+use serde_json::{Value, json};
+
+use super::text::first_time;
+use crate::view::{self, base64, millimetres};
+use engine::rig::Logged;
+use engine::rig::line::Direction;
+use engine::robots::KeptMap;
+use engine::run::Outcome;
+use engine::run::check::Status;
+use engine::run::history::Lane;
+use engine::run::score::PosePair;
+use engine::scenario::FaultSpec;
+
+/// Most points of a way.
+const WAY_MAX: usize = 1500;
+/// Most points of a plot.
+const PLOT_MAX: usize = 500;
+
+/// The data of `outcome`, `events` marked on the time line.
+pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
+    let history = &outcome.history;
+    let end = outcome.ran.as_secs_f64();
+    let believed = outcome.pairs.iter().map(|pair| (pair.at, pair.estimate));
+    let maps = history
+        .maps
+        .samples
+        .iter()
+        .map(|(at, map)| (*at, map.view()));
+    let last = outcome.map.as_ref().map(KeptMap::view);
+    let last = last.map(|map| (Instant::ZERO + outcome.ran, map));
+    let maps = maps.map(|(at, map)| json!({"at": seconds(at), "shades": base64(&map_shades(map))}));
+    let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": base64(&map_runs(map))}));
+    let scans = history.scans.samples.iter();
+    let scans = scans.map(|(at, points)| json!({"at": seconds(*at), "points": **points}));
+    let overlays = history.overlays.samples.iter();
+    let overlays = overlays.map(|(at, all)| json!({"at": seconds(*at), "overlays": **all}));
+    let data = json!({
+        "end": end,
+        "footprint": outcome.footprint,
+        "scene": outcome.scene,
+        "waypoints": outcome.case.mission.waypoints_m.as_flattened(),
+        "truth": way(outcome.truth.iter().copied(), outcome.truth.len()),
+        "believed": way(believed, outcome.pairs.len()),
+        "map": outcome.map.as_ref().map(KeptMap::view).map(map_head),
+        "maps": maps.chain(last).collect::<Vec<_>>(),
+        "layers": outcome.layers.iter().map(layer).collect::<Vec<_>>(),
+        "scans": scans.collect::<Vec<_>>(),
+        "overlays": overlays.collect::<Vec<_>>(),
+        "bin": history.bin.as_secs_f64(),
+        "lanes": history.lanes.iter().map(lane).collect::<Vec<_>>(),
+        "marks": marks(outcome, events),
+        "bars": bars(&outcome.case.fault),
+        "error": error(outcome),
+        "failed": super::failed_at(outcome),
+        "display": outcome.display.as_ref().map(|picture| json!({
+            "width": picture.width(),
+            "height": picture.height(),
+            "runs": base64(&view::picture_runs(picture)),
+        })),
+    });
+    data.to_string()
+}
+
+fn seconds(at: Instant) -> f64 {
+    millimetres(at.as_secs_f64())
+}
+
+fn way(poses: impl Iterator<Item = (Instant, Pose)>, count: usize) -> Value {
+    let step = count.div_ceil(WAY_MAX).max(1);
+    let (mut at, mut flat) = (Vec::new(), Vec::new());
+    for (time, pose) in poses.step_by(step) {
+        at.push(seconds(time));
+        flat.extend([pose.x, pose.y, pose.theta].map(millimetres));
+    }
+    json!({"at": at, "poses": flat})
+}
+
+fn map_head(map: MapView<'_>) -> Value {
+    let resolution_m = f64::from(map.cell_mm()) / 1000.0;
+    let origin_m = map.origin_mm().map(|mm| f64::from(mm) / 1000.0);
+    let (width, height) = (map.width(), map.height());
+    json!({
+        "width": width, "height": height,
+        "resolution_m": resolution_m, "origin_m": origin_m,
+    })
+}
+
+/// A map besides the robot's own.
+fn layer((name, map): &(&'static str, KeptMap)) -> Value {
+    let mut layer = map_head(map.view());
+    layer["name"] = (*name).into();
+    layer["runs"] = base64(&map_runs(map.view())).into();
+    layer
+}
+
+/// Counts and values of all rows, lowest first.
+fn map_runs(map: MapView<'_>) -> Vec<u8> {
+    let cells = map.cells();
+    let mut runs = vec![0; 2 * cells.len()];
+    let len = rle::encode(cells, Dialect::Lossless, &mut runs).expect("two bytes a cell");
+    runs.truncate(len);
+    runs
+}
+
+/// The upper half of each cell with how often it comes in a row, up to 16 times, in one byte.
+fn map_shades(map: MapView<'_>) -> Vec<u8> {
+    let cells = map.cells();
+    let runs = cells.chunk_by(|a, b| a >> 4 == b >> 4);
+    let parts = runs.flat_map(|run| run.chunks(16));
+    let byte = |part: &[u8]| u8::try_from(part.len() - 1).expect("at most 15") << 4 | part[0] >> 4;
+    parts.map(byte).collect()
+}
+
+/// A lane; counts that are all zero are left out.
+fn lane(lane: &Lane) -> Value {
+    let counts = |counts: &[u64]| -> Vec<u64> {
+        let any = counts.iter().any(|&count| count > 0);
+        if any { counts.to_vec() } else { Vec::new() }
+    };
+    json!({
+        "name": lane.name,
+        "load": lane.load,
+        "errors": counts(&lane.errors),
+        "faults": counts(&lane.faults),
+    })
+}
+
+/// Faults that last, those that strike single bytes not.
+fn bars(faults: &[FaultSpec]) -> Vec<Value> {
+    let lasting = faults.iter().filter(|fault| fault.byte.is_none());
+    let lasting = lasting.take(super::FAULTS_MAX).map(|fault| {
+        let direction = fault
+            .direction
+            .map(|direction| Direction::from(direction).name());
+        let lane = direction.map(|direction| format!("{} {direction}", fault.place()));
+        let window = fault.window();
+        let until = fault
+            .until
+            .or(fault.lasting.filter(|_| fault.every.is_none()));
+        json!({
+            "name": format!("{} {}", fault.kind.name(), fault.place()),
+            "lane": lane,
+            "from": seconds(window.from),
+            "to": until.map(|_| seconds(window.until)),
+        })
+    });
+    lasting.collect()
+}
+
+/// How far the believed pose was from the true one.
+fn error(outcome: &Outcome) -> Value {
+    let step = outcome.pairs.len().div_ceil(PLOT_MAX).max(1);
+    let pairs = outcome.pairs.iter().step_by(step);
+    let error = |pair: &PosePair| {
+        let far = pair.truth.point().distance(pair.estimate.point());
+        (seconds(pair.at), (far * 10_000.0).round() / 10.0)
+    };
+    let (at, mm): (Vec<f64>, Vec<f64>) = pairs.map(error).unzip();
+    json!({"at": at, "mm": mm})
+}
+
+/// The times that failed checks name.
+pub(super) fn failures(outcome: &Outcome) -> impl Iterator<Item = f64> {
+    let failed = outcome.checks.iter();
+    let failed = failed.filter(|check| check.status == Status::Fail);
+    failed.filter_map(|check| first_time(&check.detail))
+}
+
+/// Events, times that failed verdicts name, and where faults begin.
+fn marks(outcome: &Outcome, events: &[&Logged]) -> Vec<Value> {
+    let events = events.iter().map(|logged| {
+        let kind = if logged.is_violation() {
+            "violation"
+        } else {
+            "event"
+        };
+        (logged.event.at.as_secs_f64(), kind)
+    });
+    let failed = failures(outcome).map(|at| (at, "fail"));
+    let faults = outcome.case.fault.iter().take(super::FAULTS_MAX);
+    let faults = faults.filter_map(|fault| Some((fault.from?.0.as_secs_f64(), "fault")));
+    let marks = events.chain(faults).chain(failed);
+    marks
+        .map(|(at, kind)| json!({"at": at, "kind": kind}))
+        .collect()
+}

@@ -1,0 +1,89 @@
+//! What the robot was told and did in the end, whatever robot it is.
+
+use crate::html::escape;
+use engine::robots::{Axis, Panel, PanelRow};
+use engine::run::Outcome;
+
+use super::{row, table};
+
+/// Axes as a table and each panel folded; nothing if there are neither.
+pub(super) fn section(outcome: &Outcome) -> String {
+    let mut content = String::new();
+    if !outcome.axes.is_empty() {
+        content += &table("axes", outcome.axes.iter().map(axis));
+    }
+    content.extend(outcome.panels.iter().map(panel));
+    if content.is_empty() {
+        return content;
+    }
+    super::section("robot", "The robot in the end", &content)
+}
+
+fn axis(axis: &Axis) -> String {
+    let unit = escape(axis.unit);
+    let told = format!("told {} {unit}", figure(axis.set_point));
+    let limit = axis.limit.map(|limit| format!("limit {}", figure(limit)));
+    let does = axis
+        .actual
+        .map(|actual| format!("does {} {unit}", figure(actual)));
+    let cells = [
+        escape(&axis.name),
+        told,
+        does.unwrap_or_default(),
+        limit.unwrap_or_default(),
+    ];
+    row("", &cells.each_ref().map(String::as_str))
+}
+
+/// At most three places; no `-0`.
+fn figure(value: f64) -> String {
+    ((value * 1000.0).round() / 1000.0 + 0.0).to_string()
+}
+
+fn panel(panel: &Panel) -> String {
+    let values = |one: &PanelRow| {
+        let address = one
+            .address
+            .map_or(String::new(), |address| format!("{address:02X}"));
+        let value = escape(&format!("{} {}", one.value, one.unit));
+        row("", &[&address, &escape(&one.name), value.trim_end()])
+    };
+    let (name, rows): (_, String) = (escape(&panel.name), panel.rows.iter().map(values).collect());
+    format!(
+        "<details class=\"panel\"><summary>{name}</summary>\n<table><tbody>\n{rows}</tbody>\
+         </table></details>\n"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a robot of another crate says of itself is no markup.
+    #[test]
+    fn names_and_values_are_escaped() {
+        let shown = axis(&Axis {
+            name: "<b>".into(),
+            unit: "rad",
+            set_point: -0.000_01,
+            limit: Some(0.5),
+            actual: None,
+        });
+        let cells = "<td>&lt;b&gt;</td><td>told 0 rad</td><td></td><td>limit 0.5</td>";
+        assert!(shown.contains(cells), "{shown}");
+        let shown = panel(&Panel {
+            name: "a&b".to_owned(),
+            rows: vec![PanelRow {
+                name: "speed".into(),
+                address: Some(10),
+                value: "<3".to_owned(),
+                unit: "m/s".into(),
+            }],
+        });
+        assert!(shown.contains("<summary>a&amp;b</summary>"), "{shown}");
+        assert!(
+            shown.contains("<td>0A</td><td>speed</td><td>&lt;3 m/s</td>"),
+            "{shown}"
+        );
+    }
+}

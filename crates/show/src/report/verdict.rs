@@ -1,0 +1,102 @@
+//! What a run came to: its verdict with the first cause, four figures, every check with a sentence
+//! on what it means; what passed is folded.
+
+use core::time::Duration;
+
+use super::text::with_jumps;
+use super::{row, section};
+use crate::html::escape;
+use crate::meaning::meaning;
+use crate::metrics::Metrics;
+use engine::TOOL;
+use engine::run::Outcome;
+use engine::run::check::{Check, Status};
+
+/// Verdict, what failed first, which run it was and how to repeat it.
+pub(super) fn header(outcome: &Outcome) -> String {
+    let (class, verdict) = match outcome.passed() {
+        true => ("pass", "PASS"),
+        false => ("fail", "FAIL"),
+    };
+    let case = &outcome.case;
+    let (name, about) = (escape(&case.name), escape(&case.description));
+    let (seed, hash, version) = (outcome.seed, &outcome.trace_hash, env!("CARGO_PKG_VERSION"));
+    let (ran, cause) = (outcome.ran.as_secs_f64(), cause(outcome));
+    format!(
+        "<header>\n<h1><span id=\"verdict\" class=\"{class}\">{verdict}</span> {name}</h1>\n\
+         {cause}<p>{about}</p>\n<p>seed {seed}, {ran:.1} s, bytes {hash}, {TOOL} {version}; \
+         again: <code>hilrig run case.toml</code></p>\n</header>\n{}",
+        tiles(outcome)
+    )
+}
+
+/// The first check that failed, and how many more did.
+fn cause(outcome: &Outcome) -> String {
+    let mut failed = of(&outcome.checks, Status::Fail);
+    let Some(first) = failed.next() else {
+        return String::new();
+    };
+    let (name, detail) = (escape(&first.name), with_jumps(&first.detail));
+    let meaning = meaning(&first.name).unwrap_or_default();
+    let more = match failed.count() {
+        0 => String::new(),
+        1 => " One more check failed.".to_owned(),
+        more => format!(" {more} more checks failed."),
+    };
+    format!("<p id=\"cause\"><strong>{name}</strong>: {detail}.<br>{meaning}{more}</p>\n")
+}
+
+/// Up to four figures that say most of a run.
+fn tiles(outcome: &Outcome) -> String {
+    // Wall time is no part of the run: it would make each report another one.
+    let metrics = Metrics::of(outcome, Duration::ZERO);
+    // Not whole: 99.7 % would be all of it.
+    let percent = |share: f64| format!("{:.1} %", share * 100.0);
+    let waypoints = (metrics.waypoints > 0)
+        .then(|| format!("{} of {}", metrics.waypoints_visited, metrics.waypoints));
+    let tiles = [
+        (
+            "position error",
+            metrics.pose_rms_mm.map(|mm| format!("{mm:.1} mm")),
+        ),
+        ("walls right", metrics.walls_right.map(percent)),
+        ("waypoints", waypoints),
+        ("broken rules", Some(metrics.violations.to_string())),
+    ];
+    let tiles = tiles.into_iter().filter_map(|(name, value)| {
+        let value = value?;
+        Some(format!("<li><b>{value}</b> {name}</li>\n"))
+    });
+    let tiles: String = tiles.collect();
+    format!("<ul id=\"tiles\">\n{tiles}</ul>\n")
+}
+
+fn of(checks: &[Check], status: Status) -> impl Iterator<Item = &Check> {
+    checks.iter().filter(move |check| check.status == status)
+}
+
+/// All checks: what failed, what was not observed, and folded what passed.
+pub(super) fn checks(outcome: &Outcome) -> String {
+    let all = &outcome.checks;
+    let open = of(all, Status::Fail).chain(of(all, Status::NotObserved));
+    let open: String = open.map(check).collect();
+    let passed: String = of(all, Status::Pass).map(check).collect();
+    let count = of(all, Status::Pass).count();
+    let content = format!(
+        "<div id=\"checks\">\n<table><tbody>\n{open}</tbody></table>\n\
+         <details><summary>{count} checks passed</summary>\n\
+         <table><tbody>\n{passed}</tbody></table></details></div>\n"
+    );
+    section("checks", "Verdicts", &content)
+}
+
+fn check(check: &Check) -> String {
+    let (class, word) = match check.status {
+        Status::Pass => ("pass", "ok"),
+        Status::Fail => ("fail", "FAIL"),
+        Status::NotObserved => ("unseen", "not observed"),
+    };
+    let meaning = meaning(&check.name).map(|meaning| format!("<br><small>{meaning}</small>"));
+    let detail = with_jumps(&check.detail) + &meaning.unwrap_or_default();
+    row(class, &[word, &escape(&check.name), &detail])
+}

@@ -1,0 +1,47 @@
+//! The verdict on a run as lines of text.
+
+use core::fmt;
+use core::time::Duration;
+use std::path::Path;
+
+use engine::run::Outcome;
+
+use crate::folder::{Metrics, factor};
+
+/// Verdict, checks and figures of a run, one a line.
+pub struct Summary<'a> {
+    /// The judged run.
+    pub outcome: &'a Outcome,
+    /// Wall time that the run took.
+    pub wall: Duration,
+    /// Its result folder.
+    pub folder: &'a Path,
+}
+
+impl fmt::Display for Summary<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let outcome = self.outcome;
+        let metrics = Metrics::of(outcome, self.wall);
+        let verdict = if outcome.passed() { "PASS" } else { "FAIL" };
+        writeln!(f, "{verdict} {} seed {}", outcome.case.name, outcome.seed)?;
+        for check in &outcome.checks {
+            writeln!(f, "  {check}")?;
+        }
+        let (sim_s, wall_s) = (metrics.sim_s, metrics.wall_s);
+        writeln!(
+            f,
+            "  {sim_s:.1} s simulated in {wall_s:.2} s, {} times real time",
+            factor(metrics.speedup)
+        )?;
+        if let Some(error) = outcome.pose_error {
+            let (mm, deg) = (error.rms_mm, error.rms_deg);
+            writeln!(
+                f,
+                "  pose error {mm:.1} mm and {deg:.2} deg RMS, at worst {:.1} mm",
+                error.max_mm
+            )?;
+        }
+        writeln!(f, "  trace {}", outcome.trace_hash)?;
+        writeln!(f, "  results in {}", self.folder.display())
+    }
+}

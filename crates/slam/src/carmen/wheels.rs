@@ -1,0 +1,108 @@
+//! The wheels' way through a log.
+
+use emulators::world::Pose;
+
+use super::{Laser, Message};
+use crate::motion::{between, moved};
+
+/// Farther than a robot drives between two messages, metres.
+const STEP_MAX_M: f64 = 20.0;
+
+/// What the poses of a log are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PoseKind {
+    /// The wheels' all along.
+    Wheels,
+    /// A mapper's at the scans, the wheels' between them.
+    Corrected,
+}
+
+impl PoseKind {
+    pub(super) const fn words(self) -> &'static str {
+        match self {
+            Self::Wheels => "poses are taken as wheel odometry",
+            Self::Corrected => {
+                "poses were corrected by a mapper: wheel odometry is what lies between the scans"
+            }
+        }
+    }
+
+    /// Behind each scan of a corrected log the odometry begins anew at the scan's pose, without a
+    /// time of its own or after a jump at the same time.
+    pub(super) fn of(messages: &[Message]) -> Self {
+        let (mut corrected, mut plain) = (0_u32, 0_u32);
+        for three in messages.windows(3) {
+            let [
+                Message::Odometry {
+                    pose: before,
+                    stamp: seen,
+                },
+                Message::Laser(laser),
+                Message::Odometry { pose: after, stamp },
+            ] = three
+            else {
+                continue;
+            };
+            let begins_anew = *after == laser.robot && *before != laser.robot;
+            if begins_anew && (*stamp == 0.0 || *seen == laser.stamp) {
+                corrected += 1;
+            } else if before != after {
+                plain += 1;
+            }
+        }
+        if corrected > plain {
+            Self::Corrected
+        } else {
+            Self::Wheels
+        }
+    }
+}
+
+/// The wheels' way, put together from messages.
+pub(super) struct Chain {
+    kind: PoseKind,
+    last: Option<Pose>,
+    since_shot: Pose,
+    /// Whether the wheels said anything since the last scan.
+    has_measured: bool,
+}
+
+impl Chain {
+    pub(super) fn new(kind: PoseKind) -> Self {
+        Self {
+            kind,
+            last: None,
+            since_shot: Pose::default(),
+            has_measured: false,
+        }
+    }
+
+    pub(super) fn odometry(&mut self, pose: Pose) {
+        self.advance(pose);
+    }
+
+    pub(super) fn scan(&mut self, laser: &Laser) {
+        match self.kind {
+            PoseKind::Wheels => self.advance(laser.robot),
+            PoseKind::Corrected => self.last = Some(laser.robot),
+        }
+    }
+
+    /// A step that no robot drives is a new beginning.
+    fn advance(&mut self, pose: Pose) {
+        if let Some(last) = self.last {
+            let step = between(last, pose);
+            if libm::hypot(step.x, step.y) < STEP_MAX_M {
+                self.since_shot = moved(self.since_shot, step);
+                self.has_measured = true;
+            }
+        }
+        self.last = Some(pose);
+    }
+
+    /// The way since the last time, and whether the wheels measured it.
+    pub(super) fn take(&mut self) -> (Pose, bool) {
+        let has_measured = core::mem::take(&mut self.has_measured);
+        (core::mem::take(&mut self.since_shot), has_measured)
+    }
+}

@@ -1,0 +1,229 @@
+//! What a survey leaves behind: map, way and timing.
+
+use std::path::Path;
+
+use core::fmt::Write as _;
+
+use crate::mapping::{Graph, Sheet};
+use emulators::world::Pose;
+use serde::Serialize;
+
+use super::Log;
+use super::look::Jump;
+use super::map::pcd;
+use super::survey::Survey;
+use engine::picture::Picture;
+use show::folder::{Folder, FolderError};
+
+/// `timing.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Timing<'a> {
+    /// `graph`, `core` or `seed`; `map` if the way was found on a map that there was.
+    pub mode: &'a str,
+    /// Edge of a cell.
+    pub cell_mm: f64,
+    /// Scans mapped.
+    pub scans: usize,
+    /// Messages left out.
+    pub skipped: u64,
+    /// Scans at which the mapper was not sure.
+    pub doubtful: usize,
+    /// Scans at which it knew of several places.
+    pub ambiguous: usize,
+    /// Scans that the mapper put far from where the wheels had.
+    pub jumps: &'a [Jump],
+    /// Places seen again: edges between keyframes that are not neighbours.
+    pub loop_edges: usize,
+    /// Loops that were closed and opened again, since everything else contradicted them.
+    pub dropped_loops: usize,
+    /// Keyframes that are kept.
+    pub keyframes: usize,
+    /// Scans of which less than half lies on walls known before.
+    pub poor: usize,
+    /// Processor time of all scans, seconds.
+    pub cpu_s: Option<f64>,
+    /// Time of a scan: median, microseconds.
+    pub scan_median_us: f64,
+    /// Time of a scan: longest, microseconds.
+    pub scan_longest_us: f64,
+}
+
+/// The figures of a survey.
+pub fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing<'a> {
+    let [median, longest, _] = survey.times();
+    Timing {
+        mode,
+        // Whole micrometres: what was asked for, and no remainder of the metres in between.
+        cell_mm: libm::round(1e6 * survey.map.cell_m) / 1000.0,
+        scans: survey.way.len(),
+        skipped: log.findings.counts().map(|(_, count)| count).sum(),
+        doubtful: survey.doubtful,
+        ambiguous: survey.ambiguous,
+        jumps: &survey.jumps,
+        loop_edges: survey.loop_edges(),
+        dropped_loops: survey.dropped_loops,
+        keyframes: survey.graph.poses.len(),
+        poor: survey.poor(),
+        cpu_s: survey.cpu.map(|cpu| cpu.as_secs_f64()),
+        scan_median_us: median.as_secs_f64() * 1e6,
+        scan_longest_us: longest.as_secs_f64() * 1e6,
+    }
+}
+
+/// What is new in a survey.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum News {
+    /// Map and way.
+    Map,
+    /// The way on a map that there was.
+    Way,
+}
+
+/// Writes `map.png`, `trajectory.tum` and `timing.json` into `dir`, which is made if need be; of a
+/// new map also `map.pgm` and `map.yaml`; of a mapper that closes loops also `scans.csv`, and of
+/// its map `graph.g2o` and `walls.pcd`.
+pub fn write(
+    dir: &Path,
+    survey: &Survey,
+    timing: &Timing<'_>,
+    news: News,
+) -> Result<(), FolderError> {
+    let folder = Folder::at(dir)?;
+    let map = &survey.map;
+    folder.put("trajectory.tum", tum(survey))?;
+    let has_sureness = !survey.sureness.is_empty();
+    if has_sureness {
+        folder.put("scans.csv", sureness(survey))?;
+    }
+    if has_sureness && news == News::Map {
+        folder.put("graph.g2o", g2o(&survey.graph))?;
+        folder.put("walls.pcd", pcd::text(&survey.walls))?;
+    }
+    let mut json = serde_json::to_string_pretty(timing).expect("plain data");
+    json.push('\n');
+    folder.put("timing.json", json)?;
+    if news == News::Map {
+        let yaml = show::render::ros_yaml_at(map.corner, map.cell_m, "map.pgm");
+        folder.put("map.yaml", yaml)?;
+        folder.put("map.pgm", ros_image(map).pgm())?;
+    }
+    folder.picture("map.png", &picture(survey))
+}
+
+/// The way in TUM form. Times keep nine digits, so that epoch times stay exact to the microsecond.
+pub(crate) fn tum(survey: &Survey) -> String {
+    let mut out = String::from("# timestamp tx ty tz qx qy qz qw\n");
+    for (at_s, place) in &survey.way {
+        let half = place.theta / 2.0;
+        let (qz, qw) = (libm::sin(half), libm::cos(half));
+        let (x, y) = (place.x, place.y);
+        writeln!(out, "{at_s:.6} {x:.6} {y:.6} 0 0 0 {qz:.9} {qw:.9}")
+            .expect("a string takes everything");
+    }
+    out
+}
+
+/// A cell from which on it is wall, and up to which it is free.
+const WALL: u8 = 190;
+const FREE: u8 = 115;
+/// Gray of an unknown cell in a ROS map.
+const ROS_UNKNOWN: u8 = 205;
+
+/// A picture of the map, top row first, from each cell's value.
+fn image(map: &Sheet, shade: impl Fn(u8) -> u8) -> Picture<u8> {
+    Picture::from_fn(map.width, map.height, |x, y| {
+        shade(map.cells[(map.height - 1 - y) * map.width + x])
+    })
+}
+
+fn ros_image(map: &Sheet) -> Picture<u8> {
+    image(map, |value| match value {
+        WALL.. => 0,
+        ..FREE => 254,
+        _ => ROS_UNKNOWN,
+    })
+}
+
+/// The map, dark where it believes walls, with the way in red; small maps are enlarged.
+fn picture(survey: &Survey) -> Picture {
+    let map = &survey.map;
+    let scale = if map.width.max(map.height) < 800 {
+        2
+    } else {
+        1
+    };
+    let gray = image(map, |value| 255 - value);
+    let mut image = Picture::from_fn(map.width * scale, map.height * scale, |x, y| {
+        [gray.pixels()[y / scale * map.width + x / scale]; 3]
+    });
+    let pixel_m = map.cell_m / scale as f64;
+    let height = image.height() as f64;
+    for (_, place) in &survey.way {
+        let x = (place.x - map.corner[0]) / pixel_m;
+        let y = height - (place.y - map.corner[1]) / pixel_m;
+        show::render::dot(&mut image, x, y, [220, 40, 30]);
+    }
+    image
+}
+
+/// Poses and edges as g2o writes them: `VERTEX_SE2 number x y heading`, `EDGE_SE2 from to x y
+/// heading` and the upper half of the information; metres and radians.
+fn g2o(graph: &Graph) -> String {
+    let mut out = String::new();
+    for (number, pose) in graph.poses.iter().enumerate() {
+        let Pose { x, y, theta } = pose;
+        writeln!(out, "VERTEX_SE2 {number} {x:.6} {y:.6} {theta:.9}").expect(ENDLESS);
+    }
+    for edge in &graph.edges {
+        let (from, to, Pose { x, y, theta }) = (edge.from, edge.to, edge.way);
+        let [[xx, xy, xt], [_, yy, yt], [_, _, tt]] = edge.information;
+        write!(out, "EDGE_SE2 {from} {to} {x:.6} {y:.6} {theta:.9}").expect(ENDLESS);
+        writeln!(out, " {xx:.3} {xy:.3} {xt:.3} {yy:.3} {yt:.3} {tt:.3}").expect(ENDLESS);
+    }
+    out
+}
+
+/// How sure each pose is, scan by scan.
+fn sureness(survey: &Survey) -> String {
+    let head = "at_s,x_m,y_m,heading_rad,quality,sigma_x_m,sigma_y_m,sigma_heading_rad,doubtful\n";
+    let mut out = String::from(head);
+    for ((at_s, place), sure) in survey.way.iter().zip(&survey.sureness) {
+        let Pose { x, y, theta } = place;
+        let [sx, sy, st] = sure.deviation;
+        let (quality, doubtful) = (sure.quality, u8::from(sure.is_doubtful));
+        write!(out, "{at_s:.6},{x:.6},{y:.6},{theta:.6},{quality:.3},").expect(ENDLESS);
+        writeln!(out, "{sx:.4},{sy:.4},{st:.5},{doubtful}").expect(ENDLESS);
+    }
+    out
+}
+
+/// Why writing into a string does not fail.
+const ENDLESS: &str = "a string takes everything";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mapping::{Edge, Kind};
+
+    /// The lines that g2o's own tutorial names, with the fields in its order.
+    #[test]
+    fn a_graph_is_written_as_g2o_reads_it() {
+        let mut graph = Graph::default();
+        graph.add_pose(Pose::new(0.0, 0.0, 0.0));
+        graph.add_pose(Pose::new(1.0, 0.5, 0.25));
+        graph.add_edge(Edge {
+            from: 0,
+            to: 1,
+            way: Pose::new(1.0, 0.5, 0.25),
+            information: [[4.0, 1.0, 2.0], [1.0, 5.0, 3.0], [2.0, 3.0, 6.0]],
+            kind: Kind::Loop,
+        });
+        let text = g2o(&graph);
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[1], "VERTEX_SE2 1 1.000000 0.500000 0.250000000");
+        assert_eq!(
+            lines[2],
+            "EDGE_SE2 0 1 1.000000 0.500000 0.250000000 4.000 1.000 2.000 5.000 3.000 6.000"
+        );
+    }
+}

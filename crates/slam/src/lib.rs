@@ -1,0 +1,100 @@
+//! The mapper over a log of scans and odometry, whoever recorded it: CARMEN logs, our captures,
+//! MCAP files, bags of ROS 2. The settings are the same for every log. The mapper is the robot's
+//! own ([`survey`](mod@survey)), or the one for buildings ([`mapping`](mod@mapping), by
+//! [`tour`](mod@tour)), which closes loops.
+//!
+//! ```text
+//! file -> Log: scans, each with the motion since the one before -> survey -> way, map, timing
+//! ```
+
+pub mod bag;
+pub mod carmen;
+pub mod finding;
+pub mod folder;
+pub mod look;
+pub mod map;
+pub mod mapping;
+mod messages;
+pub mod motion;
+mod stamps;
+pub mod survey;
+pub mod tour;
+pub mod tuning;
+pub mod wire;
+
+use emulators::world::Pose;
+use firmware_core::pose::Point;
+use firmware_core::scan::BEAMS;
+
+pub use finding::Findings;
+
+/// One scan of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    /// When it was taken, in seconds of the log's clock; the scan's number if that clock is of no
+    /// use.
+    pub at_s: f64,
+    /// Motion since the scan before, by the wheels: metres and radians, seen from the pose then.
+    pub moved: Pose,
+    /// Whether the wheels were asked at all; if not, the robot may have gone anywhere near.
+    pub is_measured: bool,
+    /// What the beams hit, in the robot's frame.
+    pub points: Vec<Point>,
+}
+
+/// What a file of scans says.
+#[derive(Clone, Debug, Default)]
+pub struct Log {
+    /// Where the way begins, by the log: metres and radians.
+    pub start: Pose,
+    /// The scans that are good for anything, in their order.
+    pub shots: Vec<Shot>,
+    /// What was not.
+    pub findings: Findings,
+    /// What had to be assumed, each as a sentence.
+    pub notes: Vec<String>,
+}
+
+/// Nearest and farthest reading that is believed, metres.
+pub(crate) const NEAREST_M: f64 = 0.05;
+pub(crate) const FARTHEST_M: f64 = 50.0;
+/// Most beams of one scan; more are nonsense.
+pub(crate) const BEAMS_MAX: usize = 8192;
+
+/// End points of beams of these lengths (m) at these bearings (rad), from a laser that sat at
+/// `laser` in the robot's frame at each beam. Readings that are no returns are left out; more than
+/// the mapper takes are thinned evenly. The number of absurd ones comes second.
+pub(crate) fn end_points(
+    ranges: impl Iterator<Item = f64>,
+    bearing: impl Fn(usize) -> f64,
+    laser: impl Fn(usize) -> Pose,
+    farthest_m: f64,
+) -> (Vec<Point>, u32) {
+    let mut absurd = 0;
+    let mut points = Vec::new();
+    for (index, range) in ranges.enumerate() {
+        if !range.is_finite() || range < 0.0 {
+            absurd += u32::from(!range.is_infinite() || range < 0.0);
+            continue;
+        }
+        if range < NEAREST_M || range >= farthest_m.min(FARTHEST_M) {
+            continue;
+        }
+        let laser = laser(index);
+        let angle = laser.theta + bearing(index);
+        let x_m = laser.x + range * libm::cos(angle);
+        let y_m = laser.y + range * libm::sin(angle);
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "metres of a room in single precision"
+        )]
+        points.push(Point::new((x_m * 1000.0) as f32, (y_m * 1000.0) as f32));
+    }
+    if points.len() > BEAMS {
+        let all = points.len();
+        points = (0..BEAMS)
+            .map(|index| points[index * all / BEAMS])
+            .collect();
+    }
+    (points, absurd)
+}

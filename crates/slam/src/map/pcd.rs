@@ -1,0 +1,134 @@
+//! Clouds of points for PCL and its kin: PCD 0.7 in text, metres, with normals where known.
+
+use core::fmt::Write as _;
+use std::path::Path;
+
+use super::MapError;
+use crate::mapping::WallPoint;
+
+/// Farther than any building reaches, metres.
+const FAR_M: f32 = 1e5;
+
+/// The points as a file.
+pub fn text(walls: &[WallPoint]) -> String {
+    let count = walls.len();
+    let mut out = format!(
+        "VERSION .7\nFIELDS x y z normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4\n\
+         TYPE F F F F F F\nCOUNT 1 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\n\
+         VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n"
+    );
+    for WallPoint {
+        at: [x, y],
+        normal: [nx, ny],
+    } in walls
+    {
+        writeln!(out, "{x:.3} {y:.3} 0 {nx:.3} {ny:.3} 0").expect("a string takes everything");
+    }
+    out
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// If it is none in text, or has no points with x and y.
+pub fn read(path: &Path) -> Result<Vec<WallPoint>, MapError> {
+    let fail = |what: String| MapError {
+        path: path.to_owned(),
+        what,
+    };
+    let bytes = std::fs::read(path).map_err(|error| fail(format!("cannot be read: {error}")))?;
+    parse(&String::from_utf8_lossy(&bytes)).map_err(fail)
+}
+
+fn parse(text: &str) -> Result<Vec<WallPoint>, String> {
+    let mut fields: Vec<&str> = Vec::new();
+    let mut lines = (1..).zip(text.lines());
+    loop {
+        let Some((_, line)) = lines.next() else {
+            return Err("has no line DATA, expected a PCD file".to_owned());
+        };
+        let mut words = line.split_ascii_whitespace();
+        match words.next() {
+            Some("FIELDS") => fields = words.collect(),
+            Some("DATA") => match words.next() {
+                Some("ascii") => break,
+                other => {
+                    let form = other.unwrap_or("nothing");
+                    return Err(format!("is in the form {form}, expected DATA ascii"));
+                }
+            },
+            _ => {}
+        }
+    }
+    let column = |name: &str| fields.iter().position(|field| *field == name);
+    let (Some(x), Some(y)) = (column("x"), column("y")) else {
+        return Err("has no fields x and y, expected FIELDS x y z".to_owned());
+    };
+    let normal = column("normal_x").zip(column("normal_y"));
+    let mut walls = Vec::new();
+    for (number, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
+        let numbers: Vec<f32> = line
+            .split_ascii_whitespace()
+            .map(|word| word.parse().unwrap_or(f32::NAN))
+            .collect();
+        let two = |x: usize, y: usize| Some([*numbers.get(x)?, *numbers.get(y)?]);
+        let at = two(x, y).filter(|at| at.iter().all(|metres| metres.abs() < FAR_M));
+        let at = at.ok_or_else(|| format!("line {number}: expected a point in metres"))?;
+        let normal = normal.and_then(|(x, y)| two(x, y)).unwrap_or_default();
+        walls.push(WallPoint {
+            at,
+            normal: unit(normal),
+        });
+    }
+    Ok(walls)
+}
+
+/// A normal of length 1, or none.
+fn unit([x, y]: [f32; 2]) -> [f32; 2] {
+    let length = (x * x + y * y).sqrt();
+    if length > 0.5 && length < 2.0 {
+        [x / length, y / length]
+    } else {
+        [0.0; 2]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cloud_names_its_number_of_points_and_is_read_again() {
+        let walls = [([1.0, 2.0], [0.6, -0.8]), ([-0.5, 0.25], [0.0, 0.0])];
+        let walls = walls.map(|(at, normal)| WallPoint { at, normal });
+        let text = text(&walls);
+        assert!(text.contains("WIDTH 2\n") && text.contains("POINTS 2\nDATA ascii\n"));
+        assert!(text.ends_with("1.000 2.000 0 0.600 -0.800 0\n-0.500 0.250 0 0.000 0.000 0\n"));
+        assert_eq!(parse(&text), Ok(walls.to_vec()));
+    }
+
+    /// Others write their fields in another order, and no normals.
+    #[test]
+    fn clouds_of_others_are_read_or_refused_in_words() {
+        let wall = WallPoint {
+            at: [1.0, 2.0],
+            normal: [0.0; 2],
+        };
+        assert_eq!(parse("FIELDS y rgb x\nDATA ascii\n2 7 1\n"), Ok(vec![wall]));
+        for (text, words) in [
+            ("FIELDS x y\n", "has no line DATA"),
+            (
+                "FIELDS x y\nDATA binary\n",
+                "is in the form binary, expected DATA ascii",
+            ),
+            ("FIELDS a b\nDATA ascii\n", "has no fields x and y"),
+            (
+                "FIELDS x y\nDATA ascii\n1 2\n1 wall\n",
+                "line 4: expected a point in metres",
+            ),
+        ] {
+            let error = parse(text).expect_err("no cloud");
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! Buildings that were never built, and a robot's way through them: what a mapper is told, and the
+//! truth. Corridors on a lattice, rooms behind doorways, halls with pillars, niches, glass,
+//! furniture; wheels that lie a little, and some of which slip.
+
+mod plan;
+mod rays;
+
+use emulators::rng::Rng;
+use emulators::world::{Pose, wrap_angle};
+
+use crate::mapping::motion::{between, moved};
+use plan::Plan;
+use rays::Rays;
+
+/// A wall, or a pane of glass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wall {
+    /// Its ends, metres.
+    pub from: [f64; 2],
+    /// Its ends, metres.
+    pub to: [f64; 2],
+    /// Most beams go through.
+    pub is_glass: bool,
+}
+
+/// One scan of a robot on its way.
+#[derive(Clone, Debug)]
+pub struct Sight {
+    /// Where it was taken.
+    pub truth: Pose,
+    /// Motion since the scan before, by wheels that err: metres and radians.
+    pub moved: Pose,
+    /// Ends of the beams, metres in the robot's frame.
+    pub ends: Vec<[f32; 2]>,
+}
+
+/// A building and a way through it.
+#[derive(Clone, Debug)]
+pub struct Building {
+    /// All walls.
+    pub walls: Vec<Wall>,
+    /// The scans, in their order.
+    pub sights: Vec<Sight>,
+    /// Length of the way, metres.
+    pub way_m: f64,
+}
+
+/// Which way through a building.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pass {
+    /// The first.
+    First,
+    /// The same way with other noise, so many times later.
+    Again(u32),
+    /// The way back, with other noise.
+    Back,
+}
+
+/// The robot, its lidar and its wheels.
+struct Robot {
+    beams: usize,
+    field: f64,
+    farthest_m: f64,
+    noise_m: f64,
+    lost: f64,
+    step_m: f64,
+    /// Errors of the wheels: part of the way, part of a turn, radians per metre at random and
+    /// always, and how often they slip.
+    scale: f64,
+    turn: f64,
+    drift: f64,
+    bias: f64,
+    slips: f64,
+}
+
+impl Robot {
+    fn drawn(rng: &mut Rng) -> Self {
+        let pick = |of: &[f64], rng: &mut Rng| {
+            of[usize::try_from(rng.below(of.len() as u64)).unwrap_or(0)]
+        };
+        let field_deg = pick(&[180.0, 180.0, 240.0, 360.0], rng);
+        Self {
+            beams: if field_deg > 300.0 { 360 } else { 181 },
+            field: field_deg.to_radians(),
+            farthest_m: pick(&[8.0, 12.0, 20.0, 30.0, 50.0], rng),
+            noise_m: rng.range(0.005, 0.02),
+            lost: rng.range(0.0, 0.03),
+            step_m: rng.range(0.2, 0.8),
+            scale: rng.range(0.01, 0.05),
+            turn: rng.range(0.02, 0.1),
+            drift: rng.range(0.002, 0.03),
+            bias: rng.range(-0.02, 0.02),
+            slips: pick(&[0.0, 0.0, 0.005, 0.02], rng),
+        }
+    }
+
+    /// What the wheels say of a motion.
+    fn wheels(&self, moved: Pose, rng: &mut Rng) -> Pose {
+        let way = libm::hypot(moved.x, moved.y);
+        let part = 1.0 + self.scale * rng.gauss();
+        let turn = moved.theta * (1.0 + self.turn * rng.gauss())
+            + way * (self.bias + self.drift * rng.gauss());
+        let slip = rng.range(-SLIP_MOST, SLIP_MOST);
+        let slips = rng.chance(self.slips);
+        let turn = turn + if slips { slip } else { 0.0 };
+        Pose::new(moved.x * part, moved.y * part, wrap_angle(turn))
+    }
+
+    fn scan(&self, rays: &Rays, at: Pose, rng: &mut Rng) -> Vec<[f32; 2]> {
+        let step = self.field / self.beams as f64;
+        let mut ends = Vec::with_capacity(self.beams);
+        for beam in 0..self.beams {
+            let bearing = (beam as f64 + 0.5) * step - self.field / 2.0;
+            let glass = rng.uniform();
+            let noise = self.noise_m * rng.bell();
+            let is_lost = rng.chance(self.lost);
+            let range = rays.cast(at, at.theta + bearing, glass > GLASS_PASSES);
+            let range = range + noise;
+            if !is_lost && range < self.farthest_m && range > 0.05 {
+                #[expect(clippy::cast_possible_truncation, reason = "metres")]
+                ends.push([
+                    (range * libm::cos(bearing)) as f32,
+                    (range * libm::sin(bearing)) as f32,
+                ]);
+            }
+        }
+        ends
+    }
+}
+
+/// Wheels that slip turn the robot by up to 30 degrees.
+const SLIP_MOST: f64 = 0.52;
+/// Part of the beams that go through glass.
+const GLASS_PASSES: f64 = 0.8;
+
+impl Building {
+    /// The building of this number, and a way of some hundred metres through it.
+    pub fn generate(seed: u64) -> Self {
+        Self::with_way(seed, 0.0)
+    }
+
+    /// The same building, and a way of at least so many metres.
+    pub fn with_way(seed: u64, least_m: f64) -> Self {
+        Self::passed(seed, least_m, Pass::First)
+    }
+
+    /// The same building, and another pass through it.
+    pub fn passed(seed: u64, least_m: f64, pass: Pass) -> Self {
+        let mut rng = Rng::stream(seed, "building.plan");
+        let mut plan = Plan::drawn(&mut rng, least_m);
+        let robot = Robot::drawn(&mut Rng::stream(seed, "building.robot"));
+        let rays = Rays::new(&plan.walls);
+        let noise = match pass {
+            Pass::First => String::new(),
+            Pass::Again(number) => format!(".again.{number}"),
+            Pass::Back => ".back".to_owned(),
+        };
+        if pass == Pass::Back {
+            plan.route.reverse();
+        }
+        let mut wheels = Rng::stream(seed, &format!("building.wheels{noise}"));
+        let mut lidar = Rng::stream(seed, &format!("building.lidar{noise}"));
+        let mut sights: Vec<Sight> = Vec::new();
+        let mut way_m = 0.0;
+        for truth in walked(&plan.route, robot.step_m) {
+            let by = sights.last().map(|last| between(last.truth, truth));
+            way_m += by.map_or(0.0, |by| libm::hypot(by.x, by.y));
+            sights.push(Sight {
+                truth,
+                moved: by.map_or(Pose::default(), |by| robot.wheels(by, &mut wheels)),
+                ends: robot.scan(&rays, truth, &mut lidar),
+            });
+        }
+        Self {
+            walls: plan.walls,
+            sights,
+            way_m,
+        }
+    }
+}
+
+/// The robot looks so far ahead, metres, and turns by no more per metre.
+const AHEAD_M: f64 = 1.0;
+const TURN_MOST: f64 = 0.9;
+/// It goes on by so much at a time.
+const STRIDE_M: f64 = 0.1;
+
+/// Poses along a route, a step apart.
+fn walked(route: &[[f64; 2]], step_m: f64) -> Vec<Pose> {
+    let [Some(first), Some(second)] = [route.first(), route.get(1)] else {
+        return Vec::new();
+    };
+    let towards = |from: Pose, to: &[f64; 2]| libm::atan2(to[1] - from.y, to[0] - from.x);
+    let mut pose = Pose::new(first[0], first[1], 0.0);
+    pose.theta = towards(pose, second);
+    let mut poses = vec![pose];
+    let mut since = 0.0;
+    for target in &route[1..] {
+        for _ in 0..100_000 {
+            let far = libm::hypot(target[0] - pose.x, target[1] - pose.y);
+            if far < AHEAD_M {
+                break;
+            }
+            let off = wrap_angle(towards(pose, target) - pose.theta);
+            let turn = off.clamp(-TURN_MOST * 0.3, TURN_MOST * 0.3);
+            // It turns on the spot if the way lies behind.
+            let stride = if off.abs() > 0.8 { 0.0 } else { STRIDE_M };
+            pose = moved(pose, Pose::new(stride, 0.0, turn));
+            since += stride + 0.5 * turn.abs();
+            if since >= step_m {
+                since = 0.0;
+                poses.push(pose);
+            }
+        }
+    }
+    poses
+}

@@ -1,0 +1,15 @@
+//! Scans that are kept.
+
+use crate::mapping::cloud::Cloud;
+
+/// A scan that is kept.
+#[derive(Clone, Debug)]
+pub(crate) struct Keyframe {
+    pub(crate) cloud: Cloud,
+    /// Way to it from the first, metres.
+    pub(crate) path_m: f64,
+    /// Part of it that lay on walls known before, 0 to 1; a poor one may stand elsewhere.
+    pub(crate) quality: f64,
+    /// Number of its scan.
+    pub(crate) scan: usize,
+}

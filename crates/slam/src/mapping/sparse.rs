@@ -1,0 +1,207 @@
+//! Symmetric systems of blocks of three by three, few of which are not zero: block Cholesky
+//! (L D L^T) in an order of least degree (George and Liu 1989).
+
+use std::collections::BTreeSet;
+
+use crate::mapping::matrix::{Matrix, ZERO, applied, inverse, product, transposed};
+
+/// In which order the nodes of a graph are eliminated, and what that fills.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    /// Nodes in their order, and the place of each node in it.
+    order: Vec<usize>,
+    place: Vec<usize>,
+    /// Places below the diagonal that are not zero, column by column, ascending.
+    columns: Vec<Vec<usize>>,
+}
+
+impl Plan {
+    /// For nodes 0 to `nodes` and the pairs of them that have an edge.
+    pub(crate) fn new(nodes: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Self {
+        let mut near = vec![BTreeSet::new(); nodes];
+        for (a, b) in pairs.filter(|(a, b)| a != b) {
+            near[a].insert(b);
+            near[b].insert(a);
+        }
+        let mut queue: BTreeSet<(usize, usize)> =
+            (0..nodes).map(|node| (near[node].len(), node)).collect();
+        let mut order = Vec::with_capacity(nodes);
+        let mut kept = Vec::with_capacity(nodes);
+        while let Some((_, node)) = queue.pop_first() {
+            let around: Vec<usize> = core::mem::take(&mut near[node]).into_iter().collect();
+            for a in &around {
+                queue.remove(&(near[*a].len(), *a));
+                near[*a].remove(&node);
+                near[*a].extend(around.iter().filter(|b| *b != a));
+                queue.insert((near[*a].len(), *a));
+            }
+            order.push(node);
+            kept.push(around);
+        }
+        let mut place = vec![0; nodes];
+        for (at, node) in order.iter().enumerate() {
+            place[*node] = at;
+        }
+        let columns = kept.into_iter().map(|around| {
+            let mut rows: Vec<usize> = around.into_iter().map(|node| place[node]).collect();
+            rows.sort_unstable();
+            rows
+        });
+        let columns = columns.collect();
+        Self {
+            order,
+            place,
+            columns,
+        }
+    }
+}
+
+/// A system: blocks of the matrix and the right side.
+#[derive(Clone, Debug)]
+pub(crate) struct System<'a> {
+    plan: &'a Plan,
+    diagonal: Vec<Matrix>,
+    below: Vec<Vec<Matrix>>,
+    right: Vec<[f64; 3]>,
+}
+
+impl<'a> System<'a> {
+    /// All zero.
+    pub(crate) fn new(plan: &'a Plan) -> Self {
+        Self {
+            diagonal: vec![ZERO; plan.order.len()],
+            below: plan
+                .columns
+                .iter()
+                .map(|rows| vec![ZERO; rows.len()])
+                .collect(),
+            right: vec![[0.0; 3]; plan.order.len()],
+            plan,
+        }
+    }
+
+    /// Adds to the block of `row` and `column`; of an edge, both must be planned. Only one of the
+    /// two blocks of an edge is to be told.
+    pub(crate) fn add(&mut self, row: usize, column: usize, block: &Matrix) {
+        let (row, column) = (self.plan.place[row], self.plan.place[column]);
+        if row == column {
+            add_to(&mut self.diagonal[row], block);
+        } else if row > column {
+            let at = self.plan.columns[column].partition_point(|place| *place < row);
+            add_to(&mut self.below[column][at], block);
+        } else {
+            let at = self.plan.columns[row].partition_point(|place| *place < column);
+            add_to(&mut self.below[row][at], &transposed(block));
+        }
+    }
+
+    /// Adds to the right side.
+    pub(crate) fn add_right(&mut self, row: usize, by: [f64; 3]) {
+        let right = &mut self.right[self.plan.place[row]];
+        (0..3).for_each(|axis| right[axis] += by[axis]);
+    }
+
+    /// The solution, node by node; `None` if the matrix is not regular.
+    pub(crate) fn solve(mut self) -> Option<Vec<[f64; 3]>> {
+        let count = self.diagonal.len();
+        for k in 0..count {
+            let inverted = inverse(&self.diagonal[k])?;
+            let lower: Vec<Matrix> = self.below[k]
+                .iter()
+                .map(|a| product(a, &inverted))
+                .collect();
+            self.eliminate(k, &lower);
+            for (row, factor) in self.plan.columns[k].iter().zip(&lower) {
+                let by = applied(factor, self.right[k]);
+                (0..3).for_each(|axis| self.right[*row][axis] -= by[axis]);
+            }
+            self.right[k] = applied(&inverted, self.right[k]);
+            self.below[k] = lower;
+        }
+        for k in (0..count).rev() {
+            for (row, factor) in self.plan.columns[k].iter().zip(&self.below[k]) {
+                let by = applied(&transposed(factor), self.right[*row]);
+                (0..3).for_each(|axis| self.right[k][axis] -= by[axis]);
+            }
+        }
+        let place = &self.plan.place;
+        Some(place.iter().map(|place| self.right[*place]).collect())
+    }
+
+    /// Takes column `k` out of the columns that it has rows in.
+    fn eliminate(&mut self, k: usize, lower: &[Matrix]) {
+        let rows = &self.plan.columns[k];
+        for (j, column) in rows.iter().enumerate() {
+            let across = transposed(&self.below[k][j]);
+            subtract(&mut self.diagonal[*column], &product(&lower[j], &across));
+            // The rows below lie among those of that column, in the same order.
+            let planned = &self.plan.columns[*column];
+            let mut at = 0;
+            for (i, row) in rows.iter().enumerate().skip(j + 1) {
+                while planned[at] != *row {
+                    at += 1;
+                }
+                subtract(&mut self.below[*column][at], &product(&lower[i], &across));
+            }
+        }
+    }
+}
+
+fn add_to(to: &mut Matrix, by: &Matrix) {
+    for (to, by) in to.iter_mut().flatten().zip(by.iter().flatten()) {
+        *to += by;
+    }
+}
+
+fn subtract(to: &mut Matrix, by: &Matrix) {
+    for (to, by) in to.iter_mut().flatten().zip(by.iter().flatten()) {
+        *to -= by;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mapping::matrix::diagonal;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Random graphs with a heavy diagonal: the solution put back gives the right side.
+        #[test]
+        fn the_solution_gives_the_right_side(
+            edges in proptest::collection::vec((0_usize..12, 0_usize..12, -1.0_f64..1.0), 0..40),
+            right in proptest::collection::vec(-5.0_f64..5.0, 36),
+        ) {
+            let plan = Plan::new(12, edges.iter().map(|(a, b, _)| (*a, *b)));
+            let mut system = System::new(&plan);
+            let mut dense = vec![[0.0; 36]; 36];
+            let mut put = |a: usize, b: usize, block: &Matrix| {
+                for r in 0..3 {
+                    for c in 0..3 {
+                        dense[3 * a + r][3 * b + c] += block[r][c];
+                        if a != b {
+                            dense[3 * b + c][3 * a + r] += block[r][c];
+                        }
+                    }
+                }
+            };
+            for node in 0..12 {
+                let block = diagonal([90.0, 80.0, 70.0]);
+                system.add(node, node, &block);
+                put(node, node, &block);
+                system.add_right(node, [0, 1, 2].map(|axis| right[3 * node + axis]));
+            }
+            for (a, b, value) in edges.iter().filter(|(a, b, _)| a != b) {
+                let block = [[*value, 0.5, 0.0], [0.0, *value, 0.3], [0.1, 0.0, -*value]];
+                system.add(*a, *b, &block);
+                put(*a, *b, &block);
+            }
+            let found = system.solve().expect("a heavy diagonal");
+            let flat: Vec<f64> = found.into_iter().flatten().collect();
+            for (row, right) in dense.iter().zip(&right) {
+                let sum: f64 = row.iter().zip(&flat).map(|(a, b)| a * b).sum();
+                prop_assert!((sum - right).abs() < 1e-9, "{sum} {right}");
+            }
+        }
+    }
+}

@@ -1,0 +1,411 @@
+//! Walls near a place, from many scans: mean points and normals in small cells, and how likely a
+//! beam ends near each cell.
+
+use crate::mapping::cloud::{Cloud, Frame, Spot, gap};
+use emulators::world::Pose;
+
+/// Edge of a cell, metres.
+pub(crate) const CELL_M: f32 = 0.1;
+/// How likely a beam ends in a wall's cell, beside it and across its corner.
+const KERNEL: [u8; 3] = [255, 150, 90];
+/// Cells that are never drawn, at each edge: what is near a cell can be looked up unasked.
+const RIM: i32 = 2;
+
+/// What lies in a cell: sums of points and of their normals.
+#[derive(Clone, Copy, Debug, Default)]
+struct Surfel {
+    count: f32,
+    at: [f32; 2],
+    normal: [f32; 2],
+    /// What the sums come to: it is asked for far oftener than it changes.
+    mean: [f32; 2],
+    unit: Option<[f32; 2]>,
+    /// The sums have changed since.
+    is_fresh: bool,
+}
+
+/// A square of cells.
+#[derive(Clone, Debug)]
+pub(crate) struct Surfels {
+    /// Lower left corner in cells of the world.
+    corner: [i32; 2],
+    side: i32,
+    /// One more than the number of a cell's surfel; 0 where is none.
+    index: Vec<u16>,
+    items: Vec<Surfel>,
+    /// Numbers of those whose sums have changed since they were settled.
+    fresh: Vec<u16>,
+    likely: Vec<u8>,
+}
+
+/// What a spot lies near to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Near {
+    /// A point of the wall, world.
+    pub(crate) at: [f32; 2],
+    /// Its normal; zero where nobody knows.
+    pub(crate) normal: [f32; 2],
+}
+
+#[inline]
+pub(crate) fn cell(metres: f32) -> i32 {
+    let cells = metres * (1.0 / CELL_M);
+    #[expect(clippy::cast_possible_truncation, reason = "saturates, far outside")]
+    let towards_zero = cells as i32;
+    // Rounded down, without a call.
+    towards_zero.saturating_sub(i32::from((towards_zero as f32) > cells))
+}
+
+impl Surfels {
+    /// Nothing, to `reach_m` around `middle`.
+    pub(crate) fn around(middle: [f32; 2], reach_m: f32) -> Self {
+        let mut surfels = Self {
+            corner: [0; 2],
+            side: 2 * cell(reach_m) + 1,
+            index: Vec::new(),
+            items: Vec::new(),
+            fresh: Vec::new(),
+            likely: Vec::new(),
+        };
+        let cells = usize::try_from(surfels.side * surfels.side).unwrap_or(0);
+        surfels.index = vec![0; cells];
+        surfels.likely = vec![0; cells];
+        surfels.corner = surfels.corner_for(middle);
+        surfels
+    }
+
+    fn corner_for(&self, middle: [f32; 2]) -> [i32; 2] {
+        middle.map(|m| cell(m) - self.side / 2)
+    }
+
+    /// Forgets everything and begins anew around another place.
+    pub(crate) fn clear(&mut self, middle: [f32; 2]) {
+        self.corner = self.corner_for(middle);
+        self.index.fill(0);
+        self.likely.fill(0);
+        self.items.clear();
+    }
+
+    /// Middle of the square, metres.
+    pub(crate) fn middle(&self) -> [f32; 2] {
+        self.corner
+            .map(|corner| (corner + self.side / 2) as f32 * CELL_M)
+    }
+
+    pub(crate) const fn side(&self) -> i32 {
+        self.side
+    }
+
+    pub(crate) const fn corner(&self) -> [i32; 2] {
+        self.corner
+    }
+
+    /// How likely a beam ends in each cell, row by row.
+    pub(crate) fn likely(&self) -> &[u8] {
+        &self.likely
+    }
+
+    /// Draws a scan seen from `pose`.
+    pub(crate) fn draw(&mut self, pose: Pose, cloud: &Cloud) {
+        self.draw_all([(pose, cloud)]);
+    }
+
+    /// Draws scans seen from these poses.
+    pub(crate) fn draw_all<'a>(&mut self, scans: impl IntoIterator<Item = (Pose, &'a Cloud)>) {
+        for (pose, cloud) in scans {
+            self.add(pose, cloud);
+        }
+        for number in core::mem::take(&mut self.fresh) {
+            self.items[usize::from(number)].settle();
+        }
+    }
+
+    fn add(&mut self, pose: Pose, cloud: &Cloud) {
+        let frame = Frame::new(pose);
+        let mut last: Option<([f32; 2], [f32; 2])> = None;
+        for spot in cloud.spots() {
+            let (at, normal) = (frame.place(spot.at), frame.turned(spot.normal));
+            if let Some((last, before)) = last.filter(|_| spot.is_joined)
+                && lies_along(last, at, before)
+                && lies_along(last, at, normal)
+            {
+                self.draw_between(last, at, normal);
+            }
+            self.put(at, normal);
+            last = Some((at, normal));
+        }
+    }
+
+    /// A wall between two spots farther apart than a cell.
+    fn draw_between(&mut self, from: [f32; 2], to: [f32; 2], normal: [f32; 2]) {
+        let parts = gap(from, to) / CELL_M;
+        let mut part = 1.0;
+        while part < parts {
+            let on = part / parts;
+            let at = [
+                from[0] + on * (to[0] - from[0]),
+                from[1] + on * (to[1] - from[1]),
+            ];
+            self.put(at, normal);
+            part += 1.0;
+        }
+    }
+
+    fn put(&mut self, at: [f32; 2], normal: [f32; 2]) {
+        let (x, y) = self.cell(at);
+        let inside = RIM..self.side - RIM;
+        if !inside.contains(&x) || !inside.contains(&y) {
+            return;
+        }
+        let flat = self.flat(x, y);
+        if self.index[flat] == 0 {
+            let Ok(number) = u16::try_from(self.items.len() + 1) else {
+                return;
+            };
+            self.items.push(Surfel::default());
+            self.index[flat] = number;
+            self.stamp(x, y);
+        }
+        let [x, y] = self.inner(at);
+        let number = self.index[flat] - 1;
+        let item = &mut self.items[usize::from(number)];
+        if !item.is_fresh {
+            item.is_fresh = true;
+            self.fresh.push(number);
+        }
+        item.count += 1.0;
+        item.at = [item.at[0] + x, item.at[1] + y];
+        item.normal = [item.normal[0] + normal[0], item.normal[1] + normal[1]];
+    }
+
+    fn stamp(&mut self, x: i32, y: i32) {
+        for dy in -1..=1_i32 {
+            for dx in -1..=1_i32 {
+                let flat = self.flat(x + dx, y + dy);
+                let value = KERNEL[(dx.unsigned_abs() + dy.unsigned_abs()) as usize];
+                self.likely[flat] = self.likely[flat].max(value);
+            }
+        }
+    }
+
+    /// The cell of a point, possibly outside.
+    #[inline]
+    fn cell(&self, [x, y]: [f32; 2]) -> (i32, i32) {
+        (cell(x) - self.corner[0], cell(y) - self.corner[1])
+    }
+
+    /// A point as seen from the corner.
+    #[inline]
+    fn inner(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+        [
+            x - self.corner[0] as f32 * CELL_M,
+            y - self.corner[1] as f32 * CELL_M,
+        ]
+    }
+
+    #[inline]
+    fn flat(&self, x: i32, y: i32) -> usize {
+        (y * self.side + x).cast_unsigned() as usize
+    }
+
+    /// How likely a beam ends here, 0 to 255.
+    #[inline]
+    pub(crate) fn likelihood(&self, at: [f32; 2]) -> u8 {
+        let (x, y) = self.cell(at);
+        if (0..self.side).contains(&x) && (0..self.side).contains(&y) {
+            self.likely[self.flat(x, y)]
+        } else {
+            0
+        }
+    }
+
+    /// The wall that `spot`, in the world's frame, lies on most likely: of those in the cells
+    /// around it and with a normal alike.
+    #[inline]
+    pub(crate) fn nearest(&self, at: [f32; 2], normal: [f32; 2]) -> Option<Near> {
+        let (x, y) = self.cell(at);
+        let inside = RIM..self.side - RIM;
+        if !inside.contains(&x) || !inside.contains(&y) || self.likely[self.flat(x, y)] == 0 {
+            return None;
+        }
+        let here = self.inner(at);
+        let mut best: Option<(f32, Near)> = None;
+        let mut blend = Blend::default();
+        for dy in -1..=1 {
+            let row = self.flat(x - 1, y + dy);
+            for number in &self.index[row..row + 3] {
+                let Some(item) = usize::from(*number).checked_sub(1) else {
+                    continue;
+                };
+                let item = &self.items[item];
+                let Some((far, near)) = item.seen_from(here, normal) else {
+                    continue;
+                };
+                blend.add(item.count, far, &near);
+                if best.as_ref().is_none_or(|(least, _)| far < *least) {
+                    best = Some((far, near));
+                }
+            }
+        }
+        let (_, near) = best?;
+        let near = if is_unknown(near.normal) {
+            near
+        } else {
+            blend.near()
+        };
+        let at = [
+            near.at[0] + self.corner[0] as f32 * CELL_M,
+            near.at[1] + self.corner[1] as f32 * CELL_M,
+        ];
+        Some(Near { at, ..near })
+    }
+}
+
+/// Walls of neighbouring cells, the nearest most: so that a spot that goes from one cell to the
+/// next does not go from one wall to another.
+#[derive(Default)]
+struct Blend {
+    weight: f32,
+    at: [f32; 2],
+    normal: [f32; 2],
+}
+
+/// Squared metres at which a wall counts a quarter of one right here.
+const BLEND: f32 = 0.001;
+/// A wall that was seen oftener than this counts no more.
+const COUNT_MAX: f32 = 10.0;
+
+impl Blend {
+    #[inline]
+    fn add(&mut self, count: f32, far: f32, near: &Near) {
+        if is_unknown(near.normal) {
+            return;
+        }
+        let part = 1.0 / (far + BLEND);
+        let weight = count.min(COUNT_MAX) * part * part;
+        self.weight += weight;
+        self.at[0] += weight * near.at[0];
+        self.at[1] += weight * near.at[1];
+        self.normal[0] += weight * near.normal[0];
+        self.normal[1] += weight * near.normal[1];
+    }
+
+    #[inline]
+    fn near(&self) -> Near {
+        let [x, y] = self.normal;
+        let length = (x * x + y * y).sqrt();
+        Near {
+            at: [self.at[0] / self.weight, self.at[1] / self.weight],
+            normal: [x / length, y / length],
+        }
+    }
+}
+
+/// Whether nobody knows the direction of what has this normal.
+#[inline]
+pub(crate) fn is_unknown(normal: [f32; 2]) -> bool {
+    normal[0] == 0.0 && normal[1] == 0.0
+}
+
+/// Whether the way between two points runs along a wall with this normal.
+pub(crate) fn lies_along(a: [f32; 2], b: [f32; 2], normal: [f32; 2]) -> bool {
+    let across = (b[0] - a[0]) * normal[0] + (b[1] - a[1]) * normal[1];
+    !is_unknown(normal) && across.abs() < ACROSS_MOST * gap(a, b)
+}
+
+/// Sine of the greatest angle between a wall and what is drawn as its part.
+const ACROSS_MOST: f32 = 0.25;
+
+/// Least product of two normals of one wall.
+const ALIKE: f32 = 0.7;
+/// How much a way along a wall counts against one across.
+const ALONG: f32 = 0.1;
+/// A way from or to something whose direction nobody knows counts this much more.
+const UNSURE: f32 = 1.5;
+
+impl Surfel {
+    fn settle(&mut self) {
+        self.is_fresh = false;
+        let part = 1.0 / self.count;
+        self.mean = [self.at[0] * part, self.at[1] * part];
+        let [x, y] = self.normal;
+        let length = (x * x + y * y).sqrt();
+        self.unit = (length > 0.5 * self.count).then(|| [x / length, y / length]);
+    }
+
+    #[inline]
+    fn seen_from(&self, here: [f32; 2], normal: [f32; 2]) -> Option<(f32, Near)> {
+        let at = self.mean;
+        let [dx, dy] = [here[0] - at[0], here[1] - at[1]];
+        let squared = dx * dx + dy * dy;
+        let Some([nx, ny]) = self.unit.filter(|_| !is_unknown(normal)) else {
+            let near = Near {
+                at,
+                normal: [0.0; 2],
+            };
+            return Some((squared * UNSURE, near));
+        };
+        if nx * normal[0] + ny * normal[1] < ALIKE {
+            return None;
+        }
+        let across = nx * dx + ny * dy;
+        let far = across * across + ALONG * (squared - across * across);
+        let near = Near {
+            at,
+            normal: [nx, ny],
+        };
+        Some((far, near))
+    }
+}
+
+/// About `most` spots of these, evenly.
+pub(crate) fn some_of(spots: &[Spot], most: usize) -> Vec<Spot> {
+    if spots.len() <= most {
+        return spots.to_vec();
+    }
+    (0..most)
+        .map(|index| spots[index * spots.len() / most])
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall at x = 2.03 m, from y = -1 m to 1 m, seen from the origin.
+    fn wall() -> Surfels {
+        let ends: Vec<[f32; 2]> = (-20..=20).map(|y| [2.03, y as f32 * 0.05]).collect();
+        let mut walls = Surfels::around([0.0; 2], 5.0);
+        walls.draw(Pose::default(), &Cloud::new(&ends));
+        walls
+    }
+
+    #[test]
+    fn a_spot_near_a_wall_lies_on_its_line() {
+        let near = wall().nearest([2.08, 0.33], [-1.0, 0.0]).expect("a wall");
+        assert!((near.at[0] - 2.03).abs() < 1e-3 && (near.normal[0] + 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_back_of_a_wall_is_another_wall() {
+        assert!(wall().nearest([2.08, 0.33], [1.0, 0.0]).is_none());
+        assert!(wall().nearest([2.5, 0.33], [-1.0, 0.0]).is_none());
+    }
+
+    /// The wall's own cell, the one beside it, and one farther off.
+    #[test]
+    fn beams_end_most_likely_in_the_walls_cells() {
+        let walls = wall();
+        let likely = [2.05, 2.15, 2.25].map(|x| walls.likelihood([x, 0.05]));
+        assert_eq!(likely, [255, 150, 0]);
+    }
+
+    /// Two spots of a wall a metre apart: what is drawn between them lies along it, or is not
+    /// drawn.
+    #[test]
+    fn only_what_lies_along_a_wall_is_drawn_between_its_spots() {
+        assert!(lies_along([0.0, 0.0], [1.0, 0.1], [0.0, 1.0]));
+        assert!(!lies_along([0.0, 0.0], [1.0, 0.5], [0.0, 1.0]));
+        assert!(!lies_along([0.0, 0.0], [1.0, 0.0], [0.0, 0.0]));
+    }
+}

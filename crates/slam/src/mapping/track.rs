@@ -1,0 +1,692 @@
+//! From scan to scan: each is laid onto the walls seen lately.
+
+mod closing;
+mod localise;
+mod summits;
+
+use emulators::world::{Pose, wrap_angle};
+
+use crate::mapping::Shot;
+use crate::mapping::align::{Fit, Prior, align};
+use crate::mapping::cloud::{Cloud, Frame, Spot};
+use crate::mapping::graph::{Edge, Graph, Kind, Walk};
+use crate::mapping::keyframe::Keyframe;
+use crate::mapping::matrix::{Matrix, diagonal, inverse, sum, turned};
+use crate::mapping::motion::{between, distance, moved};
+use crate::mapping::sheet::Sheet;
+use crate::mapping::surfels::{Surfels, some_of};
+use closing::Closing;
+pub use localise::{Localiser, WallPoint};
+use summits::{best_fit, window};
+
+/// What the mapper is told once.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Whether places seen again are looked for.
+    pub closes_loops: bool,
+    /// Where the way begins.
+    pub start: Pose,
+    /// The odometry's errors, as a part of what is usual.
+    pub noise: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            closes_loops: true,
+            start: Pose::default(),
+            noise: 1.0,
+        }
+    }
+}
+
+/// What became of a scan.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome {
+    /// Where it was taken, as far as is known by now.
+    pub pose: Pose,
+    /// Part of it that lies on walls known before, 0 to 1.
+    pub quality: f64,
+    /// Whether that is too little to say where it was taken: then the wheels are believed.
+    pub is_doubtful: bool,
+    /// Variance of the pose against the walls seen lately: square metres and radians.
+    pub covariance: Matrix,
+}
+
+/// Where a scan was laid, and what the wheels had said.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    fit: Fit,
+    prior: Prior,
+    is_doubtful: bool,
+}
+
+/// Map, pose and everything needed to keep both.
+#[derive(Clone, Debug)]
+pub struct Mapper {
+    pub(crate) settings: Settings,
+    pub(crate) keyframes: Vec<Keyframe>,
+    pub(crate) graph: Graph,
+    pub(crate) closing: Closing,
+    /// Of each scan its keyframe, and its pose from there.
+    scans: Vec<(usize, Pose)>,
+    pub(crate) pose: Pose,
+    /// The keyframe that the pose is known from.
+    at: usize,
+    path_m: f64,
+    /// Walls seen lately, the keyframes in them, and where their middle is.
+    walls: Surfels,
+    drawn: Vec<usize>,
+    /// Variance of the odometry since the last keyframe: metres, radians.
+    unsure: [f64; 2],
+    /// How wrong the wheels were lately, against what is usual.
+    wheels: [f64; 2],
+    /// What the wheels miss always: radians per metre.
+    bias: f64,
+    /// Part of a scan that lay on walls lately, and how many scans since have been far below.
+    usual: f64,
+    below: u32,
+}
+
+/// To each side of the walls' middle, metres.
+const WALLS_M: f32 = 50.0;
+/// Farther from the middle the walls are drawn anew.
+const OFF_MIDDLE_M: f64 = 8.0;
+
+/// Way back that walls are remembered for, metres, and keyframes in them at most.
+const LATELY_M: f64 = 30.0;
+const DRAWN_MAX: usize = 100;
+
+/// A keyframe each so many metres or radians.
+const KEY_M: f64 = 0.3;
+
+const KEY_RAD: f64 = 0.3;
+/// So much of a scan on walls, seen so long ago, metres of way, by so many keyframes, tells nothing
+/// new.
+const KNOWN: f64 = 0.8;
+const KNOWN_AFTER_M: f64 = 50.0;
+const KNOWN_BY: usize = 3;
+/// Spots of a scan that are compared with the walls.
+const SPOTS: usize = 180;
+
+/// So much of what the wheels missed in a metre is taken for what they miss always, and most of
+/// that, radians per metre.
+const BIAS_PART: f64 = 0.05;
+const BIAS_MOST: f64 = 0.1;
+/// Errors of wheels that slip, as a part of what is usual, at least.
+const RARE: f64 = 0.7;
+/// Deviations of wheels that do not, in mean errors: of the way and of turns. A scan's error of
+/// place is one of its neighbours' too, so the wheels are heard more than their own error says.
+const USUAL: [f64; 2] = [0.7, 1.0];
+/// Squared deviations up to which wheels have not slipped.
+const SLIPPED: f64 = 12.0;
+/// Less of a scan on walls calls for a wider search, and that much more makes its result believed.
+const POOR: f64 = 0.5;
+const GAIN: f64 = 0.2;
+/// So does so much less than lay on walls lately; of that each scan counts a part.
+const DROP: f64 = 0.25;
+const USUAL_PART: f64 = 0.1;
+/// Metres by which the search becomes wider at each scan that is not found, and how often.
+const BELOW_M: f64 = 0.05;
+const BELOW_MOST: u32 = 8;
+/// Less of a scan on walls says nothing.
+const DOUBTFUL: f64 = 0.25;
+
+impl Mapper {
+    /// One that has seen nothing.
+    pub fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            keyframes: Vec::new(),
+            graph: Graph::default(),
+            closing: Closing::default(),
+            scans: Vec::new(),
+            pose: settings.start,
+            at: 0,
+            path_m: 0.0,
+            walls: Surfels::around([0.0; 2], WALLS_M),
+            drawn: Vec::new(),
+            unsure: [0.0; 2],
+            wheels: [1.0; 2],
+            bias: 0.0,
+            usual: 0.0,
+            below: 0,
+        }
+    }
+
+    /// Takes a scan: where it was taken, and what it adds to the map.
+    pub fn take(&mut self, shot: &Shot<'_>) -> Outcome {
+        let cloud = Cloud::new(shot.ends);
+        if self.keyframes.is_empty() {
+            self.keep(cloud, 1.0, None);
+            return self.outcome(1.0, diagonal([1e-6; 3]));
+        }
+        let wide = self.predicted(shot);
+        let placed = self.place(&cloud, wide, libm::hypot(shot.moved.x, shot.moved.y));
+        let fit = placed.fit;
+        for (unsure, by) in self.unsure.iter_mut().zip(placed.prior.deviation) {
+            *unsure += by * by;
+        }
+        let since = between(self.graph.poses[self.at], self.pose);
+        let is_far = libm::hypot(since.x, since.y) > KEY_M || since.theta.abs() > KEY_RAD;
+        if !is_far || cloud.spots().is_empty() {
+            self.scans.push((self.at, since));
+        } else if let Some(old) = self.known_from(&fit) {
+            self.lean_on(old, &fit);
+        } else {
+            self.keep(
+                cloud,
+                fit.explained,
+                Some(fit).filter(|_| !placed.is_doubtful),
+            );
+        }
+        self.told(&placed)
+    }
+
+    /// Finds out where a scan was taken, and goes there.
+    fn place(&mut self, cloud: &Cloud, wide: Prior, way_m: f64) -> Placed {
+        let mut prior = wide;
+        let mut fit = self.locate(cloud.spots(), &prior);
+        let firm = self.firm(&prior);
+        if firm.off(fit.pose) < SLIPPED {
+            let spots = some_of(cloud.spots(), SPOTS);
+            fit = align(&self.walls, &spots, fit.pose, &firm);
+            prior = firm;
+        }
+        let has_slipped = wide.off(fit.pose) > SLIPPED;
+        let is_doubtful = fit.explained < if has_slipped { POOR } else { DOUBTFUL };
+        let pose = if is_doubtful { prior.pose } else { fit.pose };
+        if !is_doubtful && fit.explained > POOR {
+            self.learn(&wide, pose, way_m);
+        }
+        self.below = if fit.explained < self.least() {
+            self.below + 1
+        } else {
+            0
+        };
+        self.usual += USUAL_PART * (fit.explained - self.usual);
+        self.path_m += distance(self.pose, pose);
+        self.pose = pose;
+        Placed {
+            fit,
+            prior,
+            is_doubtful,
+        }
+    }
+
+    fn told(&self, placed: &Placed) -> Outcome {
+        let known = sum(&placed.fit.information, &placed.prior.information());
+        let covariance = inverse(&known).unwrap_or(diagonal([1.0; 3]));
+        let mut outcome = self.outcome(placed.fit.explained, covariance);
+        outcome.is_doubtful = placed.is_doubtful;
+        outcome
+    }
+
+    fn outcome(&self, quality: f64, covariance: Matrix) -> Outcome {
+        Outcome {
+            pose: self.pose,
+            quality,
+            is_doubtful: false,
+            covariance,
+        }
+    }
+
+    /// Where the wheels say the scan was taken, and how sure they can be.
+    fn predicted(&self, shot: &Shot<'_>) -> Prior {
+        let way = libm::hypot(shot.moved.x, shot.moved.y);
+        let turn = shot.moved.theta.abs();
+        let mut metres = 0.02 + 0.08 * way + 0.05 * turn;
+        let mut radians = 0.01 + 0.03 * way + 0.10 * turn;
+        if !shot.is_measured {
+            metres += 0.1;
+            radians += 0.1;
+        }
+        let noise = self.settings.noise;
+        let [far, turned] = self.wheels.map(|wheels| wheels.max(RARE));
+        let straight = Pose::new(0.0, 0.0, self.bias * way);
+        Prior {
+            pose: moved(moved(self.pose, shot.moved), straight),
+            deviation: [
+                (metres * far * noise).min(0.6),
+                (radians * turned * noise).min(0.35),
+            ],
+        }
+    }
+
+    /// The same of wheels that have not slipped: wheels are mostly right, and now and then very
+    /// wrong.
+    fn firm(&self, prior: &Prior) -> Prior {
+        let part =
+            |axis: usize| (USUAL[axis] * self.wheels[axis] / self.wheels[axis].max(RARE)).min(1.0);
+        let [metres, radians] = prior.deviation;
+        Prior {
+            deviation: [metres * part(0), radians * part(1)],
+            ..*prior
+        }
+    }
+
+    /// How wrong the wheels were: soon believed if it is more than thought, slowly if less. What
+    /// they miss always would bend a long corridor, a little of it at each scan.
+    fn learn(&mut self, prior: &Prior, pose: Pose, way_m: f64) {
+        let turn = wrap_angle(pose.theta - prior.pose.theta);
+        let most = 2.0 * prior.deviation[1];
+        self.bias += BIAS_PART * way_m.min(1.0) * turn.clamp(-most, most) / way_m.max(0.2);
+        self.bias = self.bias.clamp(-BIAS_MOST, BIAS_MOST);
+        let off = [distance(pose, prior.pose), turn.abs()];
+        for axis in [0, 1] {
+            let usual = prior.deviation[axis] / self.wheels[axis].max(RARE);
+            let seen = (off[axis] / usual).min(8.0);
+            let part = if seen > self.wheels[axis] { 0.2 } else { 0.02 };
+            self.wheels[axis] += part * (seen - self.wheels[axis]);
+            self.wheels[axis] = self.wheels[axis].clamp(0.1, 6.0);
+        }
+    }
+
+    /// Where the spots fit the walls.
+    fn locate(&self, spots: &[Spot], prior: &Prior) -> Fit {
+        let spots = some_of(spots, SPOTS);
+        let step = crate::mapping::branch::step_for(&spots);
+        let best = best_fit(&self.walls, &spots, &window(prior, step, 3.0), prior);
+        if best.explained >= self.least() {
+            return best;
+        }
+        // The wheels may have slipped: then they err by up to 40 degrees, and hardly in the way;
+        // but what is not found at once is farther away at each scan.
+        let below = f64::from(self.below.min(BELOW_MOST));
+        let loose = Prior {
+            deviation: [
+                (1.5 * prior.deviation[0]).max(0.1 + BELOW_M * below),
+                (2.5 * prior.deviation[1]).max(0.2),
+            ],
+            ..*prior
+        };
+        let wide = best_fit(&self.walls, &spots, &window(&loose, step, 3.0), &loose);
+        if wide.explained > best.explained + GAIN {
+            wide
+        } else {
+            best
+        }
+    }
+
+    /// How much of a scan must lie on walls, so that it need not be looked for farther off.
+    fn least(&self) -> f64 {
+        POOR.max(self.usual - DROP)
+    }
+
+    /// The nearest of enough keyframes that saw the same long ago: a robot that stays in a building
+    /// does not fill its memory.
+    fn known_from(&self, fit: &Fit) -> Option<usize> {
+        if fit.explained < KNOWN || !self.settings.closes_loops {
+            return None;
+        }
+        let far = |key: usize| {
+            let pose = self.graph.poses[key];
+            let [x, y] = [pose.x - self.pose.x, pose.y - self.pose.y];
+            // Most of a building is far away.
+            if x.abs() > KEY_M || y.abs() > KEY_M {
+                return None;
+            }
+            let far = libm::hypot(x, y);
+            let turn = wrap_angle(self.pose.theta - pose.theta).abs();
+            let is_old = self.path_m - self.keyframes[key].path_m > KNOWN_AFTER_M;
+            (is_old && far < KEY_M && turn < KEY_RAD).then_some((far, key))
+        };
+        let mut near: Vec<(f64, usize)> = (0..self.keyframes.len()).filter_map(far).collect();
+        if near.len() < KNOWN_BY {
+            return None;
+        }
+        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        // What only seems to stand here may stand elsewhere.
+        let mut walk = Walk::of(&self.graph, self.at, LATELY_M);
+        let near = near.into_iter().map(|(_, key)| key);
+        let mut here = near.filter(|key| walk.way_to(*key) < LATELY_M);
+        let nearest = here.next()?;
+        here.nth(KNOWN_BY - 2).map(|_| nearest)
+    }
+
+    /// The robot is where an old keyframe stands: it goes on from there.
+    fn lean_on(&mut self, old: usize, fit: &Fit) {
+        self.at = old;
+        self.scans
+            .push((old, between(self.graph.poses[old], self.pose)));
+        let variance = inverse(&blurred(&fit.information)).unwrap_or(diagonal([1.0; 3]));
+        self.unsure = [variance[0][0].max(variance[1][1]), variance[2][2]];
+        if self.is_stale() {
+            self.redraw();
+        }
+    }
+
+    /// Keeps a scan, taken where the robot is now; `fit` is what the walls said.
+    fn keep(&mut self, cloud: Cloud, quality: f64, fit: Option<Fit>) {
+        let number = self.graph.add_pose(self.pose);
+        self.keyframes.push(Keyframe {
+            cloud,
+            path_m: self.path_m,
+            quality,
+            scan: self.scans.len(),
+        });
+        self.scans.push((number, Pose::default()));
+        if number > 0 {
+            let last = self.at;
+            let from = self.graph.poses[last];
+            let unsure = self.unsure.map(|variance| 1.0 / variance.max(1e-8));
+            let by_wheels = diagonal([unsure[0], unsure[0], unsure[1]]);
+            let known = match fit {
+                Some(fit) => sum(&fit.information, &by_wheels),
+                None => by_wheels,
+            };
+            self.graph.add_edge(Edge {
+                from: last,
+                to: number,
+                way: between(from, self.pose),
+                information: seen_from(from, &blurred(&known)),
+                kind: Kind::Way,
+            });
+        }
+        self.at = number;
+        self.unsure = [0.0; 2];
+        let has_moved = self.settings.closes_loops && self.close(number);
+        if has_moved || self.is_stale() {
+            self.redraw();
+        } else {
+            self.draw(number);
+        }
+    }
+
+    fn draw(&mut self, number: usize) {
+        let pose = self.graph.poses[number];
+        self.walls.draw(pose, &self.keyframes[number].cloud);
+        self.drawn.push(number);
+    }
+
+    fn is_stale(&self) -> bool {
+        let [x, y] = self.walls.middle().map(f64::from);
+        self.drawn.is_empty()
+            || self.drawn.len() > DRAWN_MAX
+            || libm::hypot(self.pose.x - x, self.pose.y - y) > OFF_MIDDLE_M
+    }
+
+    /// Draws the walls anew: those that belong to where the robot is, whatever way it came.
+    fn redraw(&mut self) {
+        let walk = Walk::of(&self.graph, self.at, LATELY_M);
+        let near: Vec<usize> = walk.take(DRAWN_MAX / 2).collect();
+        self.walls.clear(Frame::new(self.pose).at);
+        let scans = near.iter().map(|key| {
+            let cloud = &self.keyframes[*key].cloud;
+            (self.graph.poses[*key], cloud)
+        });
+        self.walls.draw_all(scans);
+        self.drawn = near;
+    }
+
+    /// Where each scan was taken, as far as is known by now.
+    pub fn way(&self) -> Vec<Pose> {
+        let poses = &self.graph.poses;
+        let scans = self.scans.iter();
+        scans.map(|(key, from)| moved(poses[*key], *from)).collect()
+    }
+
+    /// How often a place looked like several.
+    pub const fn ambiguous(&self) -> usize {
+        self.closing.ambiguous
+    }
+
+    /// Loops that were closed and opened again, since everything else contradicted them.
+    pub const fn dropped_loops(&self) -> usize {
+        self.closing.dropped
+    }
+
+    /// Of each keyframe the number of its scan.
+    pub fn scans(&self) -> Vec<usize> {
+        self.keyframes
+            .iter()
+            .map(|keyframe| keyframe.scan)
+            .collect()
+    }
+
+    /// The keyframes and what is known between them.
+    pub const fn graph(&self) -> &Graph {
+        &self.graph
+    }
+
+    /// The map, with cells of this edge, metres, or larger ones if those would be too many.
+    pub fn sheet(&self, cell_m: f64) -> Sheet {
+        Sheet::of(&self.keyframes, &self.graph.poses, cell_m)
+    }
+
+    /// A last look at everything.
+    pub fn finish(&mut self) {
+        if !self.keyframes.is_empty() {
+            self.settle();
+        }
+    }
+}
+
+/// Errors that all spots of a scan have in common: metres, radians.
+const COMMON_M: f64 = 0.005;
+const COMMON_RAD: f64 = 0.001;
+
+/// What is known, and not more than errors in common leave.
+pub(crate) fn blurred(information: &Matrix) -> Matrix {
+    let common = diagonal([
+        COMMON_M * COMMON_M,
+        COMMON_M * COMMON_M,
+        COMMON_RAD * COMMON_RAD,
+    ]);
+    let least = diagonal([1e-3, 1e-3, 1e-3]);
+    inverse(&sum(information, &least))
+        .and_then(|variance| inverse(&sum(&variance, &common)))
+        .unwrap_or(least)
+}
+
+/// What is known in the world's axes, in those of a pose.
+pub(crate) fn seen_from(pose: Pose, information: &Matrix) -> Matrix {
+    turned(information, -libm::sin(pose.theta), libm::cos(pose.theta))
+}
+
+#[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "metres of a small room")]
+mod tests {
+    use super::*;
+
+    /// What is seen, at `from`, of a hall from (0, 0) to (14, 9), metres, with a pillar's corner.
+    fn seen(from: Pose) -> Vec<[f32; 2]> {
+        let beams = (-120..=120).map(|degree| f64::from(degree).to_radians());
+        let ends = beams.map(|bearing| {
+            let (sin, cos) = libm::sincos(from.theta + bearing);
+            let to_x = (if cos > 0.0 { 14.0 } else { 0.0 } - from.x) / cos;
+            let to_y = (if sin > 0.0 { 9.0 } else { 0.0 } - from.y) / sin;
+            let mut range = to_x.min(to_y);
+            let to_pillar = (6.0 - from.x) / cos;
+            let y = from.y + to_pillar * sin;
+            if to_pillar > 0.0 && (4.0..5.0).contains(&y) {
+                range = range.min(to_pillar);
+            }
+            let (sin, cos) = libm::sincos(bearing);
+            [(range * cos) as f32, (range * sin) as f32]
+        });
+        ends.collect()
+    }
+
+    fn drive(mapper: &mut Mapper, from: Pose, by: Pose, said: Pose) -> (Pose, Outcome) {
+        let to = moved(from, by);
+        let ends = seen(to);
+        let outcome = mapper.take(&Shot {
+            moved: said,
+            is_measured: true,
+            ends: &ends,
+        });
+        (to, outcome)
+    }
+
+    /// A robot 2 m inside the hall that has seen it from 5 places.
+    fn at_home() -> (Mapper, Pose) {
+        let mut at = Pose::new(2.0, 2.0, 0.3);
+        let mut mapper = Mapper::new(Settings {
+            start: at,
+            ..Settings::default()
+        });
+        drive(&mut mapper, at, Pose::default(), Pose::default());
+        for _ in 0..4 {
+            let by = Pose::new(0.35, 0.0, 0.05);
+            (at, _) = drive(&mut mapper, at, by, by);
+        }
+        (mapper, at)
+    }
+
+    /// The wheels say straight on while the robot turned by 41 degrees: the walls know better.
+    #[test]
+    fn wheels_that_slip_by_41_degrees_are_found_out() {
+        let (mut mapper, at) = at_home();
+        let by = Pose::new(0.5, 0.0, 0.72);
+        let (at, outcome) = drive(&mut mapper, at, by, Pose::new(0.5, 0.0, 0.0));
+        assert!(distance(outcome.pose, at) < 0.03, "{outcome:?} {at:?}");
+        let turn = wrap_angle(outcome.pose.theta - at.theta).abs();
+        assert!(turn < 0.01 && outcome.quality > 0.8, "{outcome:?} {at:?}");
+    }
+
+    /// How far off the mapper is if the wheels say 10 cm on and the robot goes back so far, so much
+    /// of a scan lay on walls lately, and so many scans since lay on far less.
+    fn off(back_m: f64, usual: f64, below: u32) -> f64 {
+        let (mut mapper, at) = at_home();
+        (mapper.usual, mapper.below) = (usual, below);
+        let by = Pose::new(-back_m, 0.0, 0.0);
+        let (at, outcome) = drive(&mut mapper, at, by, Pose::new(0.1, 0.0, 0.0));
+        distance(outcome.pose, at)
+    }
+
+    /// At stake: where the wheels say, 60 % of the scan lie on walls, and the robot is led astray.
+    /// It was 95 % before, so it is looked for farther off.
+    #[test]
+    fn a_scan_that_fits_much_less_than_those_before_is_looked_for() {
+        for back_m in [0.1, 0.2, 0.25] {
+            assert!(off(back_m, 0.95, 0) < 0.02, "{back_m}");
+            assert!(
+                off(back_m, 0.7, 0) > 0.1,
+                "{back_m}: 60 % are not much less than 70"
+            );
+        }
+    }
+
+    /// What wheels that go on lying hid for four scans is 0.7 m away: each makes the search wider.
+    #[test]
+    fn what_is_not_found_is_looked_for_farther_off() {
+        assert!(off(0.6, 0.95, 0) > 0.5);
+        assert!(off(0.6, 0.95, 4) < 0.02);
+    }
+
+    /// Twelve scans that lie on walls, and one that does not: what is usual falls by a tenth of the
+    /// difference, and the next that fits ends the count.
+    #[test]
+    fn what_is_usual_follows_slowly() {
+        let (mut mapper, at) = at_home();
+        (mapper.usual, mapper.below) = (1.0, 3);
+        let still = Pose::default();
+        drive(&mut mapper, at, still, still);
+        assert!(mapper.usual > 0.98 && mapper.below == 0);
+        let none = Shot {
+            moved: still,
+            is_measured: true,
+            ends: &[[0.3, 0.3]; 90],
+        };
+        let before = mapper.usual;
+        let quality = mapper.take(&none).quality;
+        assert!((mapper.usual - before - 0.1 * (quality - before)).abs() < 1e-9);
+        assert_eq!(mapper.below, 1);
+    }
+
+    /// A scan of somewhere else altogether: the wheels' word stands, and the scan is doubtful.
+    #[test]
+    fn a_scan_that_fits_nowhere_leaves_the_wheels_word() {
+        let (mut mapper, at) = at_home();
+        let ends: Vec<[f32; 2]> = (0..90)
+            .map(|beam| {
+                let bearing = f64::from(beam * 4).to_radians();
+                let range = 0.5 + 0.07 * f64::from(beam % 7);
+                let (sin, cos) = libm::sincos(bearing);
+                [(range * cos) as f32, (range * sin) as f32]
+            })
+            .collect();
+        let moved_by = Pose::new(0.2, 0.0, 0.0);
+        let outcome = mapper.take(&Shot {
+            moved: moved_by,
+            is_measured: true,
+            ends: &ends,
+        });
+        assert!(
+            outcome.is_doubtful && outcome.quality < DOUBTFUL,
+            "{outcome:?}"
+        );
+        assert!(distance(outcome.pose, moved(at, moved_by)) < 0.05);
+    }
+
+    /// Where the mapper is, from where the robot is, if the wheels missed a turn of 0.5 rad and so
+    /// many of three beams see the hall, the others something that nobody saw before.
+    fn seen_in_part(of_three: usize) -> (f64, Outcome) {
+        let (mut mapper, at) = at_home();
+        let to = moved(at, Pose::new(0.1, 0.0, 0.5));
+        let mut ends = seen(to);
+        for (beam, end) in ends.iter_mut().enumerate() {
+            if beam % 3 >= of_three {
+                let part = 0.3 + 0.05 * (beam % 5) as f32;
+                *end = end.map(|metres| metres * part);
+            }
+        }
+        let outcome = mapper.take(&Shot {
+            moved: Pose::new(0.1, 0.0, 0.0),
+            is_measured: true,
+            ends: &ends,
+        });
+        (wrap_angle(outcome.pose.theta - to.theta).abs(), outcome)
+    }
+
+    /// At stake: one scan that fits little, and that far from where the wheels have it, is laid
+    /// askew, and what sees the place again is tied to it.
+    #[test]
+    fn who_contradicts_the_wheels_must_lie_on_walls() {
+        let (off, outcome) = seen_in_part(2);
+        assert!(off < 0.02 && !outcome.is_doubtful, "{outcome:?}");
+        let (off, outcome) = seen_in_part(1);
+        assert!(
+            outcome.is_doubtful && (off - 0.5).abs() < 0.05,
+            "{outcome:?}"
+        );
+    }
+
+    /// Wheels that say a degree too little each metre: after 20 m half of it is known.
+    #[test]
+    fn what_the_wheels_miss_always_is_learned() {
+        let (mut mapper, mut at) = at_home();
+        for _ in 0..40 {
+            // In circles of 1.6 m, so that the hall is left never.
+            let by = Pose::new(0.5, 0.0, 0.3);
+            let said = Pose::new(0.5, 0.0, 0.3 - 0.5 * 0.0175);
+            (at, _) = drive(&mut mapper, at, by, said);
+        }
+        assert!((0.00875..0.0263).contains(&mapper.bias), "{}", mapper.bias);
+        assert!(distance(mapper.pose, at) < 0.1);
+    }
+
+    /// Ten rounds in one circle: the keyframes of the first rounds do for the rest.
+    #[test]
+    fn a_robot_that_stays_keeps_no_more_keyframes() {
+        let (mut mapper, mut at) = at_home();
+        let mut counts = Vec::new();
+        for _ in 0..12 {
+            for _ in 0..21 {
+                let by = Pose::new(0.5, 0.0, core::f64::consts::TAU / 21.0);
+                (at, _) = drive(&mut mapper, at, by, by);
+            }
+            counts.push(mapper.graph.poses.len());
+        }
+        assert!(counts[11] < counts[7] + 10, "{counts:?}");
+        assert_eq!(mapper.way().len(), 5 + 12 * 21);
+    }
+
+    /// Commonly known errors bound what is known: 5 mm and a milliradian.
+    #[test]
+    fn nothing_is_known_better_than_errors_in_common_leave() {
+        let known = blurred(&diagonal([1e12; 3]));
+        assert!((known[0][0] - 4e4).abs() < 1.0 && (known[2][2] - 1e6).abs() < 10.0);
+    }
+}

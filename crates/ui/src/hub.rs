@@ -1,0 +1,88 @@
+//! Where the run's thread and the pages meet.
+
+use core::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+
+use tokio::sync::{mpsc, watch};
+
+use super::command::{Answer, Command, Envelope};
+use super::snapshot::Snapshot;
+use super::timeline::Timeline;
+use super::wire_log::WireLog;
+
+/// Most commands that wait; further ones are refused.
+const COMMANDS_MAX: usize = 256;
+
+/// The newest snapshot, the timeline, and a queue of commands.
+#[derive(Debug)]
+pub struct Hub {
+    snapshots: watch::Sender<Option<Arc<Snapshot>>>,
+    commands: mpsc::Sender<Envelope>,
+    waiting: Mutex<mpsc::Receiver<Envelope>>,
+    pub(super) timeline: RwLock<Timeline>,
+    pub(super) log: Arc<Mutex<WireLog>>,
+    clients: AtomicUsize,
+}
+
+impl Default for Hub {
+    fn default() -> Self {
+        let (commands, waiting) = mpsc::channel(COMMANDS_MAX);
+        Self {
+            snapshots: watch::Sender::new(None),
+            commands,
+            waiting: Mutex::new(waiting),
+            timeline: RwLock::default(),
+            log: Arc::default(),
+            clients: AtomicUsize::new(0),
+        }
+    }
+}
+
+impl Hub {
+    /// Nobody there yet.
+    pub fn new() -> Arc<Self> {
+        Arc::default()
+    }
+
+    /// Pages that are connected.
+    pub(crate) fn clients(&self) -> usize {
+        self.clients.load(Ordering::Relaxed)
+    }
+
+    /// A page wants to connect; `false` if there are `most` already.
+    pub(super) fn enter(&self, most: usize) -> bool {
+        let enter = |clients: usize| (clients < most).then_some(clients + 1);
+        let order = Ordering::Relaxed;
+        self.clients.fetch_update(order, order, enter).is_ok()
+    }
+
+    /// A page is gone.
+    pub(super) fn leave(&self) {
+        self.clients.fetch_sub(1, Ordering::Relaxed);
+    }
+
+    /// Shows a snapshot to all pages.
+    pub(super) fn show(&self, snapshot: Snapshot) {
+        self.snapshots.send_replace(Some(Arc::new(snapshot)));
+    }
+
+    /// For a page: the newest snapshot whenever there is another one.
+    pub(super) fn snapshots(&self) -> watch::Receiver<Option<Arc<Snapshot>>> {
+        self.snapshots.subscribe()
+    }
+
+    /// Puts a command into the queue; if there is no room, `reply` hears of it.
+    pub(super) fn ask(&self, command: Command, reply: &mpsc::Sender<Answer>) {
+        let reply = reply.clone();
+        if let Err(error) = self.commands.try_send(Envelope { command, reply }) {
+            let busy = "too many commands at once".to_owned();
+            error.into_inner().answer(Answer::Refused(busy));
+        }
+    }
+
+    /// For the run: the next command, if there is one.
+    pub(super) fn next_command(&self) -> Option<Envelope> {
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        waiting.try_recv().ok()
+    }
+}

@@ -1,0 +1,317 @@
+//! What the receivers got lately, byte by byte, and the frames in it: for the frame inspector.
+
+use std::collections::VecDeque;
+
+use protocols::Instant;
+use serde::Serialize;
+
+use engine::codec::{Codec, Stream, Stretch, What, words};
+use engine::hex::digits;
+
+/// Most bytes kept of one direction of a link: some six minutes of a lidar.
+const BYTES_MAX: usize = 4 << 20;
+/// Most pieces kept of it.
+const PIECES_MAX: usize = 1 << 19;
+/// Bytes looked through for frames, of each lane if all of them are asked for.
+const LOOK_BACK: [usize; 2] = [6_000, 40_000];
+/// Most frames told at once.
+const FRAMES_MAX: usize = 400;
+
+/// All that was received lately.
+#[derive(Debug, Default)]
+pub(super) struct WireLog {
+    lanes: Vec<LoggedLane>,
+}
+
+/// One direction of a link.
+#[derive(Clone, Debug)]
+struct LoggedLane {
+    link: String,
+    way: &'static str,
+    codec: Option<&'static Codec>,
+    bytes: VecDeque<u8>,
+    /// Place of the byte behind the last one, counted from the first that ever came.
+    end: u64,
+    pieces: VecDeque<Piece>,
+    is_hit: bool,
+}
+
+/// Bytes that came at once.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    /// Place of the byte behind its last one.
+    end: u64,
+    /// When that came.
+    at: Instant,
+    /// Whether a fault struck it, or what should have come before it.
+    is_hit: bool,
+}
+
+/// A frame, or bytes that are none.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Frame {
+    /// When its last byte came, nanoseconds.
+    at_ns: u64,
+    link: String,
+    way: &'static str,
+    /// In words; why it is none if it is bad.
+    words: String,
+    /// Hexadecimal digits.
+    bytes: String,
+    is_bad: bool,
+    is_hit: bool,
+}
+
+impl WireLog {
+    /// Forgets everything; `lanes` are link, direction and format of each.
+    pub(super) fn begin<'a>(
+        &mut self,
+        lanes: impl Iterator<Item = (&'a str, &'static str, Option<&'static Codec>)>,
+    ) {
+        let lane = |(link, way, codec): (&str, _, _)| LoggedLane {
+            link: link.to_owned(),
+            way,
+            codec,
+            bytes: VecDeque::new(),
+            end: 0,
+            pieces: VecDeque::new(),
+            is_hit: false,
+        };
+        self.lanes = lanes.map(lane).collect();
+    }
+
+    /// The next bytes of a lane were, or will be, struck.
+    pub(super) fn hit(&mut self, lane: usize) {
+        if let Some(lane) = self.lanes.get_mut(lane) {
+            lane.is_hit = true;
+        }
+    }
+
+    /// Takes bytes that came at `at`.
+    pub(super) fn push(&mut self, lane: usize, at: Instant, bytes: &[u8]) {
+        let Some(lane) = self.lanes.get_mut(lane).filter(|_| !bytes.is_empty()) else {
+            return;
+        };
+        lane.end += bytes.len() as u64;
+        lane.bytes.extend(bytes);
+        lane.pieces.push_back(Piece {
+            end: lane.end,
+            at,
+            is_hit: core::mem::take(&mut lane.is_hit),
+        });
+        while lane.bytes.len() > BYTES_MAX || lane.pieces.len() > PIECES_MAX {
+            let first = lane.end - lane.bytes.len() as u64;
+            let gone = lane.pieces.pop_front().map_or(first, |piece| piece.end);
+            drop(lane.bytes.drain(..as_index(gone - first)));
+        }
+    }
+
+    /// Forgets what came after `until`: the run goes on from there in another way.
+    pub(super) fn cut(&mut self, until: Instant) {
+        for lane in &mut self.lanes {
+            let kept = lane.pieces.partition_point(|piece| piece.at <= until);
+            let first = lane.end - lane.bytes.len() as u64;
+            let end = kept
+                .checked_sub(1)
+                .map_or(first, |last| lane.pieces[last].end);
+            lane.pieces.truncate(kept);
+            lane.bytes.truncate(as_index(end - first));
+            lane.end = end;
+            lane.is_hit = false;
+        }
+    }
+
+    /// The last bytes of a lane: what a decoder needs to know where it is.
+    pub(super) fn last_bytes(&self, lane: usize, most: usize) -> Vec<u8> {
+        let bytes = self.lanes.get(lane).map(|lane| &lane.bytes);
+        let skipped = bytes.map_or(0, |bytes| bytes.len().saturating_sub(most));
+        bytes.into_iter().flatten().skip(skipped).copied().collect()
+    }
+
+    /// The end of what came up to `until`, of one lane or of all, to be looked through.
+    pub(super) fn tails(&self, until: Instant, lane: Option<usize>) -> Vec<Tail> {
+        let most = LOOK_BACK[usize::from(lane.is_some())];
+        let lanes = self.lanes.iter().enumerate();
+        let lanes = lanes.filter(|(index, _)| lane.is_none_or(|lane| lane == *index));
+        lanes.map(|(_, lane)| lane.tail(until, most)).collect()
+    }
+}
+
+impl LoggedLane {
+    fn tail(&self, until: Instant, most: usize) -> Tail {
+        let last = self.pieces.partition_point(|piece| piece.at <= until);
+        let first = self.end - self.bytes.len() as u64;
+        let end = last
+            .checked_sub(1)
+            .map_or(first, |last| self.pieces[last].end);
+        let from = first.max(end.saturating_sub(most as u64));
+        let begin = self.pieces.partition_point(|piece| piece.end <= from);
+        let pieces = self.pieces.range(begin.min(last)..last).copied();
+        let bytes = self
+            .bytes
+            .range(as_index(from - first)..as_index(end - first));
+        Tail {
+            link: self.link.clone(),
+            way: self.way,
+            codec: self.codec,
+            is_whole: from == 0,
+            from,
+            bytes: bytes.copied().collect(),
+            pieces: pieces.collect(),
+        }
+    }
+}
+
+/// Bytes of a lane without those before and after.
+#[derive(Clone, Debug)]
+pub(super) struct Tail {
+    link: String,
+    way: &'static str,
+    codec: Option<&'static Codec>,
+    /// Whether nothing came before.
+    is_whole: bool,
+    from: u64,
+    bytes: Vec<u8>,
+    pieces: Vec<Piece>,
+}
+
+impl Tail {
+    /// The frames in it, and what is none.
+    fn frames(&self) -> Vec<Frame> {
+        let Some(codec) = self.codec else {
+            return self.as_text();
+        };
+        let (mut stream, mut found) = (Stream::new(codec), Vec::new());
+        let (mut from, mut before) = (self.from, None);
+        for piece in &self.pieces {
+            if before.is_some_and(|before| piece.at - before > codec.idle()) {
+                found.extend(stream.idle());
+            }
+            let part = as_index(from - self.from)..as_index(piece.end - self.from);
+            found.extend(stream.push(&self.bytes[part]));
+            (from, before) = (piece.end, Some(piece.at));
+        }
+        // A frame that was cut off in front is no error of the line.
+        let is_cut = |one: &Stretch| !one.is_frame() && one.bytes.start == 0 && !self.is_whole;
+        let found = found.iter().filter(|one| !is_cut(one));
+        found.map(|one| self.frame(one)).collect()
+    }
+
+    fn frame(&self, stretch: &Stretch) -> Frame {
+        let (is_bad, words) = match &stretch.what {
+            What::Frame(words) => (false, words.clone()),
+            What::Bad(errors) if errors.is_empty() => (true, "no frame".to_owned()),
+            What::Bad(errors) => {
+                let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
+                (true, errors.join("; "))
+            }
+        };
+        let range = as_index(stretch.bytes.start)..as_index(stretch.bytes.end);
+        self.told(range, words, is_bad)
+    }
+
+    fn told(&self, range: core::ops::Range<usize>, words: String, is_bad: bool) -> Frame {
+        let [start, end] = [range.start, range.end].map(|at| self.from + at as u64);
+        let first = self.pieces.partition_point(|piece| piece.end <= start);
+        let last = self.pieces.partition_point(|piece| piece.end < end);
+        let own = self.pieces.get(first..=last).unwrap_or_default();
+        Frame {
+            at_ns: own.last().map_or(0, |piece| piece.at.as_nanos()),
+            link: self.link.clone(),
+            way: self.way,
+            words,
+            bytes: digits(&self.bytes[range]),
+            is_bad,
+            is_hit: own.iter().any(|piece| piece.is_hit),
+        }
+    }
+
+    /// Nobody knows what is spoken: the pieces as they came.
+    fn as_text(&self) -> Vec<Frame> {
+        let mut from = self.from;
+        let piece = |piece: &Piece| {
+            let range = as_index(from - self.from)..as_index(piece.end - self.from);
+            from = piece.end;
+            let words = words::text(&self.bytes[range.clone()]);
+            self.told(range, words, false)
+        };
+        self.pieces.iter().map(piece).collect()
+    }
+}
+
+/// The newest frames of all `tails` in the order of time.
+pub(super) fn frames(tails: &[Tail]) -> Vec<Frame> {
+    let mut all: Vec<Frame> = tails.iter().flat_map(Tail::frames).collect();
+    all.sort_by_key(|frame| frame.at_ns);
+    all.drain(..all.len().saturating_sub(FRAMES_MAX));
+    all
+}
+
+/// A place within what is kept, which fits into memory.
+fn as_index(place: u64) -> usize {
+    usize::try_from(place).expect("within what is kept")
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::codec::BUS_HIGH_FIRST;
+
+    use super::*;
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    /// The read of ten registers from 36 as the field's firmware sends it, in two pieces, the
+    /// second one struck; then a stray byte.
+    fn log() -> WireLog {
+        let mut log = WireLog::default();
+        log.begin([("base", "to-device", Some(&BUS_HIGH_FIRST))].into_iter());
+        log.push(0, at(1), &[0xAB, 0x24]);
+        log.hit(0);
+        log.push(0, at(2), &[0x0A, 0x00, 0xD9]);
+        log.push(0, at(3), &[0x55]);
+        log.push(0, at(9), &[0xAB, 0x24, 0x0A, 0x00, 0xD9]);
+        log
+    }
+
+    #[test]
+    fn frames_have_words_bytes_and_the_time_of_their_last_byte() {
+        let all = frames(&log().tails(at(10), None));
+        let told: Vec<_> = all
+            .iter()
+            .map(|one| (one.at_ns, one.is_bad, one.is_hit))
+            .collect();
+        let expected = [
+            (2_000_000, false, true),
+            (3_000_000, true, false),
+            (9_000_000, false, false),
+        ];
+        assert_eq!(told, expected);
+        assert_eq!(all[0].bytes, "AB240A00D9");
+        assert!(all[0].words.contains("36"), "{}", all[0].words);
+    }
+
+    /// Up to 2 ms there is one frame; after a branch there nothing else ever was.
+    #[test]
+    fn only_what_had_come_is_told() {
+        let mut log = log();
+        assert_eq!(frames(&log.tails(at(2), Some(0))).len(), 1);
+        log.cut(at(2));
+        assert_eq!(frames(&log.tails(at(10), None)).len(), 1);
+        assert_eq!(log.last_bytes(0, 2), [0x00, 0xD9]);
+        log.push(0, at(4), &[0xAB, 0x24, 0x0A, 0x00, 0xD9]);
+        assert_eq!(frames(&log.tails(at(10), None)).len(), 2);
+    }
+
+    #[test]
+    fn it_is_bounded() {
+        let mut log = log();
+        for millis in 0..5_000 {
+            log.push(0, at(10 + millis), &[0x55; 1_024]);
+        }
+        assert!(log.lanes[0].bytes.len() <= BYTES_MAX);
+        assert_eq!(log.lanes[0].end, 11 + 5_000 * 1_024);
+        assert!(!frames(&log.tails(at(9_000), None)).is_empty());
+    }
+}

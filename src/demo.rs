@@ -1,0 +1,103 @@
+//! `hilrig demo` by itself, in a build of the feature `demo` without `command`: only what the demo
+//! needs is compiled.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::{Parser, Subcommand};
+
+use crate::capture::{Limits, Recording, about};
+use crate::run::Run;
+use crate::scenario::Scenario;
+use crate::show::{Summary, folder};
+
+/// The scenario that the demo runs.
+const SCENARIO: &str = include_str!("../scenarios/rescue-flat.toml");
+
+/// The demo of hilrig, a hardware-in-the-loop rig for serial robots and devices.
+#[derive(Debug, Parser)]
+#[command(
+    name = "hilrig",
+    version = concat!(env!("CARGO_PKG_VERSION"), env!("HILRIG_BUILD")),
+    arg_required_else_help = true,
+    after_help = "This build holds the demo alone. All commands: cargo install --path ."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run the built-in mission in virtual time: the rescue robot maps a furnished flat
+    Demo {
+        /// Seed of all randomness [default: the scenario's, 1]
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+        seed: Option<u64>,
+        /// Folder for the results [default: hilrig-out/rescue-flat-SEED]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+}
+
+/// Runs the demo. Exit codes: 0 all expectations hold, 1 some fail, 2 usage or set-up.
+pub fn main() -> ExitCode {
+    let Command::Demo { seed, out } = Cli::parse().command;
+    match run(seed, out) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Runs the mission, writes its folder, prints its verdict: whether it passed.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "tells how long the run took; no verdict depends on it"
+)]
+fn run(seed: Option<u64>, out: Option<PathBuf>) -> Result<bool, Box<dyn core::error::Error>> {
+    let start = Instant::now();
+    let path = Path::new("<built-in>/rescue-flat.toml");
+    let (scenario, source) = Scenario::parse(path, SCENARIO.to_owned())?;
+    let seed = seed.unwrap_or(scenario.seed);
+    let out = out.unwrap_or_else(|| format!("hilrig-out/{}-{seed}", scenario.name).into());
+    std::fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    let mut run = Run::new(scenario, &source, Some(seed))?;
+    let scenario = run.scenario();
+    let (name, duration) = (&scenario.name, scenario.duration);
+    eprintln!("{name}, seed {seed}: up to {duration} of virtual time");
+    let capture = out.join("capture.pcapng");
+    let section = about(run.scenario());
+    let recording = Recording::create(&capture, &run.rig, section, Limits::default())?;
+    run.rig.add_tap(Box::new(recording));
+    let mut visits = 0;
+    while !run.is_over() {
+        run.step();
+        let mission = run.progress();
+        if mission.visits().len() > visits {
+            visits = mission.visits().len();
+            let (now, all) = (run.rig.now(), mission.waypoints());
+            eprintln!("  {now} s  waypoint {visits} of {all} visited");
+        }
+    }
+    let recorded = run.rig.finish_taps();
+    let outcome = run.judge();
+    let wall = start.elapsed();
+    let written = folder::write(&out, &outcome, wall);
+    let folder = &out;
+    print!(
+        "{}",
+        Summary {
+            outcome: &outcome,
+            wall,
+            folder
+        }
+    );
+    written?;
+    recorded?;
+    Ok(outcome.passed())
+}
