@@ -16,7 +16,7 @@ const PAUSE_MAX: Duration = Duration::from_secs(64);
 
 /// Entries not taken yet, and rules whose repetitions are being counted.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct EventLog {
+pub struct EventLog {
     events: Vec<Event>,
     dropped: u64,
     repeats: Vec<Repeat>,
@@ -34,24 +34,18 @@ struct Repeat {
 
 impl EventLog {
     /// Something happened.
-    pub(crate) fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
+    pub fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
         self.push(at, EventKind::Note, rule, detail, &[]);
     }
 
     /// The master broke a rule that it cannot break often.
-    pub(crate) fn violation(
-        &mut self,
-        at: Instant,
-        rule: &'static str,
-        detail: String,
-        bytes: &[u8],
-    ) {
+    pub fn violation(&mut self, at: Instant, rule: &'static str, detail: String, bytes: &[u8]) {
         self.push(at, EventKind::Violation, rule, detail, bytes);
     }
 
     /// Something that may happen at any rate: the first time makes an entry, further times are
     /// counted and make an entry after a pause.
-    pub(crate) fn repeated(
+    pub fn repeated(
         &mut self,
         at: Instant,
         kind: EventKind,
@@ -75,7 +69,7 @@ impl EventLog {
     }
 
     /// Writes the counts that are due; rules that were kept meanwhile are forgotten.
-    pub(crate) fn poll(&mut self, now: Instant) {
+    pub fn poll(&mut self, now: Instant) {
         if self.repeats.iter().all(|repeat| repeat.report_at > now) {
             return;
         }
@@ -98,12 +92,12 @@ impl EventLog {
     }
 
     /// When a count is due.
-    pub(crate) fn poll_at(&self) -> Option<Instant> {
+    pub fn poll_at(&self) -> Option<Instant> {
         earliest(self.repeats.iter().map(|repeat| Some(repeat.report_at)))
     }
 
     /// The entries since the last call, oldest first.
-    pub(crate) fn take(&mut self) -> Vec<Event> {
+    pub fn take(&mut self) -> Vec<Event> {
         let mut events = core::mem::take(&mut self.events);
         let dropped = core::mem::take(&mut self.dropped);
         if let (Some(last), 1..) = (events.last(), dropped) {

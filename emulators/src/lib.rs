@@ -31,7 +31,7 @@ pub mod board;
 pub mod camera;
 pub mod car_board;
 pub mod device;
-mod event_log;
+pub mod event_log;
 pub mod hc06;
 pub mod i2c;
 pub mod lidar;

@@ -55,7 +55,7 @@ pub use panel::{PANEL, Panel};
 pub use pcui::{PCUI, Pcui};
 pub use perception::{MessageFormat, PERCEPTION, Perception, Told};
 pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
-pub use row::{Answers, Codec, IDLE, OtherOrder};
+pub use row::{Answers, AnyDecoder, Codec, IDLE, OtherOrder, OwnFormat};
 pub use rplidar::{RPLIDAR, Rplidar};
 pub use stream::{BAD_MAX, Count, Counter, Stream, Stretch, What};
 pub use telemetry::{TELEMETRY, Telemetry};
@@ -128,7 +128,10 @@ pub fn best(bytes: &[u8]) -> Option<(&'static Codec, u64)> {
 
 /// All that takes any bytes: the decoders of the table, then what is no frame.
 pub fn targets() -> Vec<&'static Target> {
-    let rows = all().into_iter().map(Codec::target);
+    let rows = all()
+        .into_iter()
+        .filter(|row| !row.is_own())
+        .map(Codec::target);
     rows.chain(&Target::TEXTS).collect()
 }
 

@@ -16,10 +16,7 @@ use crate::registry::Named;
 pub struct Codec {
     name: &'static str,
     about: &'static str,
-    decoder: fn() -> Box<dyn AnyDecoder>,
-    repair: fn(&mut [u8]),
-    build: fn(&mut Choices<'_>, &mut Vec<u8>),
-    frame_at: fn(&[u8]) -> Option<usize>,
+    format: Format,
     target: Target,
     idle: Duration,
     least_share: u8,
@@ -27,6 +24,32 @@ pub struct Codec {
     other_order: Option<OtherOrder>,
     figures: Option<fn(&[u8]) -> String>,
     lua: Option<Lua>,
+}
+
+/// What knows the bytes of a row.
+#[derive(Clone, Copy)]
+enum Format {
+    /// A type.
+    Typed {
+        decoder: fn() -> Box<dyn AnyDecoder>,
+        repair: fn(&mut [u8]),
+        build: fn(&mut Choices<'_>, &mut Vec<u8>),
+        frame_at: fn(&[u8]) -> Option<usize>,
+    },
+    /// A value that was made as the process ran.
+    Own(&'static dyn OwnFormat),
+}
+
+/// A wire format that is a value and no type: one that a file describes.
+pub trait OwnFormat: Send + Sync {
+    /// A fresh decoder.
+    fn decoder(&self) -> Box<dyn AnyDecoder>;
+
+    /// Makes lengths and checksum fit the damaged `frame` again, if it still has room for them.
+    fn repair(&self, frame: &mut [u8]);
+
+    /// Appends a valid frame, made of `choices`, to `out`.
+    fn build(&self, choices: &mut Choices<'_>, out: &mut Vec<u8>);
 }
 
 /// Silence after which half a frame is given up, unless a row says otherwise: longer than any gap
@@ -71,13 +94,39 @@ impl Codec {
     /// The row of `W`; `about` is said of it in the help of commands.
     pub const fn of<W: Wire + 'static>(about: &'static str) -> Self {
         Self {
-            name: W::NAME,
+            format: Format::Typed {
+                decoder: || Box::new(Erased::<W>::new()),
+                repair: W::repair,
+                build: W::build,
+                frame_at: W::frame_at,
+            },
+            ..Self::plain(W::NAME, about, Target::of::<W>())
+        }
+    }
+
+    /// The row of a format that is a value; nothing is fuzzed under its name.
+    pub const fn own(
+        name: &'static str,
+        about: &'static str,
+        format: &'static dyn OwnFormat,
+    ) -> Self {
+        Self {
+            format: Format::Own(format),
+            ..Self::plain(name, about, Target::bytes(name))
+        }
+    }
+
+    const fn plain(name: &'static str, about: &'static str, target: Target) -> Self {
+        Self {
+            name,
             about,
-            decoder: || Box::new(Erased::<W>::new()),
-            repair: W::repair,
-            build: W::build,
-            frame_at: W::frame_at,
-            target: Target::of::<W>(),
+            format: Format::Typed {
+                decoder: || Box::new(NoFrames),
+                repair: |_| {},
+                build: |_, _| {},
+                frame_at: |_| None,
+            },
+            target,
             idle: IDLE,
             least_share: 0,
             answers: Answers::PLAIN,
@@ -85,6 +134,11 @@ impl Codec {
             figures: None,
             lua: None,
         }
+    }
+
+    /// Whether it is a value and no type.
+    pub const fn is_own(&self) -> bool {
+        matches!(self.format, Format::Own(_))
     }
 
     /// The row under another name in `hilrig fuzz` and of its corpus.
@@ -187,17 +241,31 @@ impl Codec {
     /// Makes lengths and checksum fit the damaged or cut `frame` again, if it still has room for
     /// them.
     pub fn repair(&self, frame: &mut [u8]) {
-        (self.repair)(frame);
+        match self.format {
+            Format::Typed { repair, .. } => repair(frame),
+            Format::Own(format) => format.repair(frame),
+        }
     }
 
     /// Appends a valid frame, made of `choices`, to `out`.
     pub fn build(&self, choices: &mut Choices<'_>, out: &mut Vec<u8>) {
-        (self.build)(choices, out);
+        match self.format {
+            Format::Typed { build, .. } => build(choices, out),
+            Format::Own(format) => format.build(choices, out),
+        }
     }
 
     /// The length of the frame that `bytes` begins with, by the slow reading of the format.
     pub fn frame_at(&self, bytes: &[u8]) -> Option<usize> {
-        (self.frame_at)(bytes)
+        match self.format {
+            Format::Typed { frame_at, .. } => frame_at(bytes),
+            Format::Own(format) => {
+                let (mut decoder, mut rest) = (format.decoder(), bytes);
+                let first = decoder.step(&mut rest)?.ok()?;
+                let end = bytes.len() - rest.len() - decoder.pending();
+                (end == first).then_some(first)
+            }
+        }
     }
 
     /// Figures of a whole stream, lines without an end, if there are any for this format.
@@ -230,7 +298,10 @@ impl Codec {
     }
 
     pub(super) fn decoder(&self) -> Box<dyn AnyDecoder> {
-        (self.decoder)()
+        match self.format {
+            Format::Typed { decoder, .. } => decoder(),
+            Format::Own(format) => format.decoder(),
+        }
     }
 }
 
@@ -256,7 +327,7 @@ impl fmt::Debug for Codec {
 }
 
 /// A decoder whatever its frames are: they are told by their length, and in words if asked.
-pub(super) trait AnyDecoder {
+pub trait AnyDecoder {
     /// As [`Decode::step`], with the frame's length.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>>;
     /// The frame that the last step found, in words.
@@ -265,6 +336,26 @@ pub(super) trait AnyDecoder {
     fn idle(&mut self);
     /// As [`Decode::pending`].
     fn pending(&self) -> usize;
+}
+
+/// The decoder of a row that nothing was said of yet.
+struct NoFrames;
+
+impl AnyDecoder for NoFrames {
+    fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>> {
+        *input = &[];
+        None
+    }
+
+    fn words(&self) -> String {
+        String::new()
+    }
+
+    fn idle(&mut self) {}
+
+    fn pending(&self) -> usize {
+        0
+    }
 }
 
 struct Erased<W: Wire> {

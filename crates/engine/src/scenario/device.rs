@@ -4,6 +4,7 @@ mod avr_base;
 mod camera;
 pub mod camera_scans;
 mod car_board;
+pub mod description;
 mod hc06;
 mod kind;
 mod mount;
@@ -73,6 +74,7 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     MPU6050,
     registers::REGISTERS,
     text::TEXT,
+    description::DESCRIPTION,
 ]);
 
 /// Adds a kind of device. Scenarios that are read from then on may name it.

@@ -21,6 +21,9 @@ pub enum ScenarioError {
         /// What is wrong, with the line shown.
         source: Box<toml::de::Error>,
     },
+    /// A description of a device that it names is wrong.
+    #[error(transparent)]
+    Description(#[from] ::description::DescriptionError),
     /// The scenario says something that cannot be.
     #[error("{}{}: {key}: {message}", .path.display(), at(*line))]
     Invalid {

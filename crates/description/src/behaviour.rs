@@ -1,0 +1,72 @@
+//! What a device does, ready to be done.
+
+use core::time::Duration;
+
+use crate::expr::Expr;
+use crate::schema::behaviour::EventSpec;
+
+/// What something is done upon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Trigger {
+    /// A message, by index.
+    Message(usize),
+    /// Any message.
+    AnyMessage,
+    Event(EventSpec),
+}
+
+/// What is done.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Deed {
+    pub(crate) when: Option<Expr>,
+    /// Variables and their new values.
+    pub(crate) set: Vec<(usize, Expr)>,
+    /// Messages, by index.
+    pub(crate) send: Vec<usize>,
+    /// Fields of the messages.
+    pub(crate) with: Vec<(String, Expr)>,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct On {
+    pub(crate) trigger: Trigger,
+    pub(crate) deed: Deed,
+    /// Address and bytes for the registers.
+    pub(crate) write: Option<(Expr, Expr)>,
+    pub(crate) latency: Duration,
+    pub(crate) jitter: Option<Duration>,
+    pub(crate) busy: Option<Duration>,
+    pub(crate) violation: Option<&'static str>,
+    pub(crate) restarts: bool,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Every {
+    pub(crate) period: Duration,
+    pub(crate) first: Duration,
+    pub(crate) jitter: Option<Duration>,
+    pub(crate) deed: Deed,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct After {
+    pub(crate) trigger: Trigger,
+    pub(crate) delay: Duration,
+    pub(crate) deed: Deed,
+}
+
+/// Something that can go wrong.
+#[derive(Clone, Debug)]
+pub(crate) struct Fault {
+    pub(crate) name: &'static str,
+    pub(crate) about: String,
+    pub(crate) set: Vec<(usize, Expr)>,
+    pub(crate) freeze: Vec<usize>,
+    pub(crate) late: Duration,
+    pub(crate) is_mute: bool,
+    pub(crate) is_bad_checksum: bool,
+    /// Messages and what is sent in their place.
+    pub(crate) replace: Vec<(usize, usize)>,
+    pub(crate) garbage: usize,
+    pub(crate) restarts: bool,
+}

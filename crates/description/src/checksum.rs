@@ -1,0 +1,240 @@
+//! Checksums by name: the CRC catalogue, a polynomial of one's own, sums.
+//!
+//! Names are compared without regard to case and to what separates their parts, so that
+//! `CRC-16/IBM-SDLC`, `crc-16-ibm-sdlc` and its other name `X-25` are all found.
+
+mod catalogue;
+mod engine;
+
+use std::sync::Arc;
+
+use engine::Engine;
+pub use engine::Polynomial;
+
+/// An algorithm.
+#[derive(Clone, Debug)]
+pub struct Algorithm(Arc<Engine>);
+
+/// Sums, with their other names.
+const SUMS: [(&[&str], fn() -> (Engine, u8)); 15] = [
+    (&["SUM", "SUM8"], || (Engine::Sum, 1)),
+    (&["SUM16"], || (Engine::Sum, 2)),
+    (&["SUM24"], || (Engine::Sum, 3)),
+    (&["SUM32"], || (Engine::Sum, 4)),
+    (&["TWOS_COMPLEMENT", "LRC"], || (Engine::TwosComplement, 1)),
+    (&["TWOS_COMPLEMENT16"], || (Engine::TwosComplement, 2)),
+    (&["ONES_COMPLEMENT"], || (Engine::OnesComplement, 1)),
+    (&["ONES_COMPLEMENT16"], || (Engine::OnesComplement, 2)),
+    (&["XOR", "XOR8", "BCC", "NMEA"], || (Engine::Xor8, 1)),
+    (&["XOR16"], || (Engine::Xor16, 2)),
+    (&["FLETCHER8", "UBX"], || (Engine::Fletcher(256), 2)),
+    (&["FLETCHER16"], || (Engine::Fletcher(255), 2)),
+    (&["FLETCHER32"], || (Engine::Fletcher32, 4)),
+    (&["ADLER32"], || (Engine::Adler32, 4)),
+    (&["INTERNET"], || (Engine::Internet, 2)),
+];
+
+/// Other names of algorithms in the catalogue.
+const ALIASES: [(&str, &str); 30] = [
+    ("MODBUS", "CRC_16_MODBUS"),
+    ("X_25", "CRC_16_IBM_SDLC"),
+    ("CRC_16_X_25", "CRC_16_IBM_SDLC"),
+    ("CRC_B", "CRC_16_IBM_SDLC"),
+    ("CRC_16_ISO_HDLC", "CRC_16_IBM_SDLC"),
+    ("CRC_16_CCITT_FALSE", "CRC_16_IBM_3740"),
+    ("CRC_16_AUTOSAR", "CRC_16_IBM_3740"),
+    ("CRC_16_CCITT", "CRC_16_KERMIT"),
+    ("CRC_16_CCITT_TRUE", "CRC_16_KERMIT"),
+    ("KERMIT", "CRC_16_KERMIT"),
+    ("XMODEM", "CRC_16_XMODEM"),
+    ("CRC_16_ACORN", "CRC_16_XMODEM"),
+    ("CRC_16_LTE", "CRC_16_XMODEM"),
+    ("ZMODEM", "CRC_16_XMODEM"),
+    ("ARC", "CRC_16_ARC"),
+    ("CRC_16", "CRC_16_ARC"),
+    ("CRC_16_LHA", "CRC_16_ARC"),
+    ("CRC_16_AUG_CCITT", "CRC_16_SPI_FUJITSU"),
+    ("CRC_16_BUYPASS", "CRC_16_UMTS"),
+    ("CRC_16_VERIFONE", "CRC_16_UMTS"),
+    ("CRC_16_MAXIM", "CRC_16_MAXIM_DOW"),
+    ("CRC_8", "CRC_8_SMBUS"),
+    ("CRC_8_MAXIM", "CRC_8_MAXIM_DOW"),
+    ("DOW_CRC", "CRC_8_MAXIM_DOW"),
+    ("CRC_8_ITU", "CRC_8_I_432_1"),
+    ("CRC_32", "CRC_32_ISO_HDLC"),
+    ("CRC_32_ADCCP", "CRC_32_ISO_HDLC"),
+    ("CRC_32C", "CRC_32_ISCSI"),
+    ("CRC_32_CASTAGNOLI", "CRC_32_ISCSI"),
+    ("XV11", "XV_11"),
+];
+
+impl Algorithm {
+    /// The algorithm called `name`, and the bytes that its result takes.
+    ///
+    /// # Errors
+    /// If there is none; with some that are called alike.
+    pub fn named(name: &str) -> Result<(Self, u8), String> {
+        let plain = plain(name);
+        let aliased = ALIASES.iter().find(|(alias, _)| *alias == plain);
+        let wanted = aliased.map_or(plain.as_str(), |(_, name)| name);
+        if wanted == "XV_11" {
+            return Ok((Self(Arc::new(Engine::Xv11)), 2));
+        }
+        if let Some((_, make)) = SUMS.iter().find(|(names, _)| names.contains(&wanted)) {
+            let (engine, bytes) = make();
+            return Ok((Self(Arc::new(engine)), bytes));
+        }
+        if let Some(engine) = catalogue::find(wanted) {
+            let bytes = engine.bits().div_ceil(8);
+            return Ok((Self(Arc::new(engine)), bytes));
+        }
+        let alike = alike(&plain);
+        Err(format!(
+            "there is no algorithm \"{name}\", expected a name of the CRC catalogue or a sum, e.g. \
+            {alike}"
+        ))
+    }
+
+    /// A CRC with parameters of one's own, and the bytes that its result takes.
+    ///
+    /// # Errors
+    /// If the width is not 3 to 64 bits, or a parameter is wider.
+    pub fn of(polynomial: Polynomial) -> Result<(Self, u8), String> {
+        let width = polynomial.width;
+        if !(3..=64).contains(&width) {
+            return Err(format!("width is {width}, expected 3 to 64 bits"));
+        }
+        let Polynomial {
+            poly, init, xorout, ..
+        } = polynomial;
+        for (name, value) in [("poly", poly), ("init", init), ("xorout", xorout)] {
+            if width < 64 && value >> width != 0 {
+                return Err(format!(
+                    "{name} is {value:#x}, expected {width} bits at most"
+                ));
+            }
+        }
+        Ok((Self(Arc::new(Engine::of(polynomial))), width.div_ceil(8)))
+    }
+
+    /// The checksum of `bytes`, of which `width` bytes are kept.
+    pub fn compute(&self, bytes: &[u8], width: u8) -> u128 {
+        let kept = u128::MAX >> (128 - 8 * u32::from(width.clamp(1, 16)));
+        self.0.compute(bytes) & kept
+    }
+
+    /// All names: the sums, then the catalogue.
+    pub fn names() -> Vec<String> {
+        let sums = SUMS.iter().map(|(names, _)| names[0]);
+        let all = sums
+            .chain(["XV_11"])
+            .chain(catalogue::NAMES.iter().copied());
+        all.map(pretty).collect()
+    }
+}
+
+/// Upper case, one `_` between parts.
+fn plain(name: &str) -> String {
+    let parts = name.split(|c: char| !c.is_ascii_alphanumeric());
+    let parts = parts.filter(|part| !part.is_empty());
+    let parts: Vec<_> = parts.map(str::to_ascii_uppercase).collect();
+    parts.join("_")
+}
+
+/// As people write it: `CRC-16/MODBUS`, `sum8`.
+fn pretty(name: &str) -> String {
+    match name
+        .strip_prefix("CRC_")
+        .and_then(|rest| rest.split_once('_'))
+    {
+        Some((width, rest)) => format!("CRC-{width}/{}", rest.replace('_', "-")),
+        None => name.to_ascii_lowercase().replace('_', "-"),
+    }
+}
+
+/// Names that begin as `name` does, or have its last part.
+fn alike(name: &str) -> String {
+    let begin: String = name.chars().take(6).collect();
+    let names = catalogue::NAMES
+        .iter()
+        .filter(|other| other.starts_with(&begin));
+    let mut names: Vec<_> = names.take(6).map(|name| pretty(name)).collect();
+    if names.is_empty() {
+        names = ["CRC_16_MODBUS", "CRC_32_ISO_HDLC", "SUM8", "XOR", "LRC"]
+            .map(pretty)
+            .to_vec();
+    }
+    names.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(name: &str, bytes: &[u8]) -> u128 {
+        let (algorithm, width) = Algorithm::named(name).expect(name);
+        algorithm.compute(bytes, width)
+    }
+
+    /// The check value of each algorithm is part of the catalogue itself.
+    #[test]
+    fn every_algorithm_of_the_catalogue_gives_its_check_value() {
+        assert_eq!(catalogue::CHECKS.len(), 113);
+        for (name, check) in catalogue::CHECKS {
+            assert_eq!(of(&pretty(name), b"123456789"), *check, "{name}");
+            assert_eq!(of(name, b"123456789"), *check, "{name}");
+        }
+    }
+
+    /// A polynomial of one's own with the parameters of CRC-16/MODBUS is that algorithm.
+    #[test]
+    fn a_polynomial_of_ones_own_is_computed() {
+        let polynomial = Polynomial {
+            width: 16,
+            poly: 0x8005,
+            init: 0xffff,
+            refin: true,
+            refout: true,
+            xorout: 0,
+        };
+        let (own, width) = Algorithm::of(polynomial).expect("sound");
+        assert_eq!((own.compute(b"123456789", width), width), (0x4b37, 2));
+        let wide = Polynomial {
+            poly: 0x1_8005,
+            ..polynomial
+        };
+        let error = Algorithm::of(wide).expect_err("17 bits");
+        assert_eq!(error, "poly is 0x18005, expected 16 bits at most");
+    }
+
+    /// By hand: 1+2+3 = 6, 256-6 = 250, 255-6 = 249, 1^2^3 = 0. NMEA: the sentence by which
+    /// Dale DePriest's page on NMEA data explains it. Fletcher-16, Fletcher-32 and Adler-32: the examples of their articles in
+    /// Wikipedia. RFC 1071 section 3 adds the same eight bytes up to 0xddf2.
+    #[test]
+    fn sums_give_what_can_be_worked_out_by_hand() {
+        let bytes = [1, 2, 3];
+        assert_eq!(of("sum8", &bytes), 6);
+        assert_eq!(of("lrc", &bytes), 250);
+        assert_eq!(of("ones-complement", &bytes), 249);
+        assert_eq!(of("twos-complement16", &bytes), 0xfffa);
+        assert_eq!(of("xor", &bytes), 0);
+        assert_eq!(of("xor16", &bytes), 0x0202);
+        // A = 1, 3, 6; B = 1, 4, 10.
+        assert_eq!(of("ubx", &bytes), 0x0a06);
+        let sentence = b"GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,";
+        assert_eq!(of("nmea", sentence), 0x47);
+        assert_eq!(of("fletcher16", b"abcde"), 0xc8f0);
+        assert_eq!(of("fletcher32", b"abcdef"), 0x5650_2d2a);
+        assert_eq!(of("adler32", b"Wikipedia"), 0x11e6_0398);
+        let words = [0x00, 0x01, 0xf2, 0x03, 0xf4, 0xf5, 0xf6, 0xf7];
+        assert_eq!(of("internet", &words), 0x220d);
+    }
+
+    #[test]
+    fn an_unknown_name_is_answered_with_some_like_it() {
+        let error = Algorithm::named("CRC-16/MODBUSS").expect_err("unknown");
+        assert!(error.contains("CRC-16/ARC"), "{error}");
+        let error = Algorithm::named("parity").expect_err("unknown");
+        assert!(error.contains("sum8"), "{error}");
+    }
+}

@@ -1,0 +1,171 @@
+//! What computes a checksum.
+
+use core::fmt;
+
+use crc::{Algorithm, Crc, Table};
+
+/// An algorithm with its table.
+pub(super) enum Engine {
+    U8(Box<Crc<u8>>),
+    U16(Box<Crc<u16>>),
+    U32(Box<Crc<u32>>),
+    U64(Box<Crc<u64>>),
+    U128(Box<Crc<u128, Table<1>>>),
+    /// Sum of bytes, modulo the width.
+    Sum,
+    /// What adds up to 0 with the sum of the bytes.
+    TwosComplement,
+    /// The sum with all bits inverted.
+    OnesComplement,
+    Xor8,
+    /// Exclusive or of words, low byte first.
+    Xor16,
+    /// Two sums of bytes, each modulo the number; the first one is the low byte.
+    Fletcher(u32),
+    /// Two sums of words, low byte first, modulo 65535.
+    Fletcher32,
+    Adler32,
+    /// The checksum of RFC 1071.
+    Internet,
+    /// The sum of a Neato XV-11: 15 bits of shifted words.
+    Xv11,
+}
+
+/// The parameters of a CRC of one's own, as the catalogue names them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Polynomial {
+    /// Bits of the register, 3 to 64.
+    pub width: u8,
+    /// The polynomial without its highest bit.
+    pub poly: u64,
+    /// The register at the start.
+    pub init: u64,
+    /// Whether bytes are read lowest bit first.
+    pub refin: bool,
+    /// Whether the register is reflected at the end.
+    pub refout: bool,
+    /// What the register is XORed with at the end.
+    pub xorout: u64,
+}
+
+macro_rules! own {
+    ($engine:ident, $type:ty, $of:expr) => {{
+        let of: Polynomial = $of;
+        let narrow = |value: u64| <$type>::try_from(value).unwrap_or(<$type>::MAX);
+        // The crate wants its parameters for ever: some 40 bytes for each description that is read.
+        let algorithm: &'static Algorithm<$type> = Box::leak(Box::new(Algorithm {
+            width: of.width,
+            poly: narrow(of.poly),
+            init: narrow(of.init),
+            refin: of.refin,
+            refout: of.refout,
+            xorout: narrow(of.xorout),
+            check: 0,
+            residue: 0,
+        }));
+        Engine::$engine(Box::new(Crc::<$type, Table<1>>::new(algorithm)))
+    }};
+}
+
+impl Engine {
+    /// A CRC with parameters of one's own.
+    pub(super) fn of(polynomial: Polynomial) -> Self {
+        match polynomial.width {
+            0..=8 => own!(U8, u8, polynomial),
+            9..=16 => own!(U16, u16, polynomial),
+            17..=32 => own!(U32, u32, polynomial),
+            _ => own!(U64, u64, polynomial),
+        }
+    }
+
+    /// Bits of its result.
+    pub(super) const fn bits(&self) -> u8 {
+        match self {
+            Self::U8(crc) => crc.algorithm.width,
+            Self::U16(crc) => crc.algorithm.width,
+            Self::U32(crc) => crc.algorithm.width,
+            Self::U64(crc) => crc.algorithm.width,
+            Self::U128(crc) => crc.algorithm.width,
+            Self::Sum | Self::TwosComplement | Self::OnesComplement | Self::Xor8 => 8,
+            Self::Xor16 | Self::Fletcher(_) | Self::Internet | Self::Xv11 => 16,
+            Self::Fletcher32 | Self::Adler32 => 32,
+        }
+    }
+
+    /// The checksum of `bytes`, of which the caller keeps as many bits as it has room for.
+    pub(super) fn compute(&self, bytes: &[u8]) -> u128 {
+        match self {
+            Self::U8(crc) => crc.checksum(bytes).into(),
+            Self::U16(crc) => crc.checksum(bytes).into(),
+            Self::U32(crc) => crc.checksum(bytes).into(),
+            Self::U64(crc) => crc.checksum(bytes).into(),
+            Self::U128(crc) => crc.checksum(bytes),
+            Self::Sum => sum(bytes).into(),
+            Self::TwosComplement => sum(bytes).wrapping_neg().into(),
+            Self::OnesComplement => (!sum(bytes)).into(),
+            Self::Xor8 => bytes.iter().fold(0, |all, &byte| all ^ byte).into(),
+            Self::Xor16 => words(bytes).fold(0, |all, word| all ^ word).into(),
+            Self::Fletcher(modulus) => {
+                let [first, second] = fletcher(bytes.iter().map(|&byte| byte.into()), *modulus);
+                (second << 8 | first).into()
+            }
+            Self::Fletcher32 => {
+                let [first, second] = fletcher(words(bytes).map(u32::from), 65_535);
+                (u128::from(second) << 16) | u128::from(first)
+            }
+            Self::Adler32 => {
+                let (mut low, mut high) = (1_u32, 0_u32);
+                for &byte in bytes {
+                    low = (low + u32::from(byte)) % 65_521;
+                    high = (high + low) % 65_521;
+                }
+                (u128::from(high) << 16) | u128::from(low)
+            }
+            Self::Internet => {
+                let words = bytes.chunks(2);
+                let words = words.map(|pair| u64::from(pair[0]) << 8 | last(pair));
+                let mut sum: u64 = words.sum();
+                while sum > 0xffff {
+                    sum = (sum & 0xffff) + (sum >> 16);
+                }
+                (!sum & 0xffff).into()
+            }
+            Self::Xv11 => {
+                let shifted = words(bytes).fold(0_u64, |all, word| {
+                    (all << 1).wrapping_add(word.into()) & 0xffff_ffff_ffff
+                });
+                // The sum of the maker's sample code is 32 bits wide.
+                let all = shifted & 0xffff_ffff;
+                (((all & 0x7fff) + (all >> 15)) & 0x7fff).into()
+            }
+        }
+    }
+}
+
+impl fmt::Debug for Engine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Engine({} bits)", self.bits())
+    }
+}
+
+fn sum(bytes: &[u8]) -> u64 {
+    bytes.iter().map(|&byte| u64::from(byte)).sum()
+}
+
+/// Words, low byte first; a last odd byte counts as one with a zero.
+fn words(bytes: &[u8]) -> impl Iterator<Item = u16> {
+    bytes
+        .chunks(2)
+        .map(|pair| u16::from_le_bytes([pair[0], pair.get(1).copied().unwrap_or(0)]))
+}
+
+fn last(pair: &[u8]) -> u64 {
+    pair.get(1).copied().unwrap_or(0).into()
+}
+
+fn fletcher(parts: impl Iterator<Item = u32>, modulus: u32) -> [u32; 2] {
+    parts.fold([0, 0], |[first, second], part| {
+        let first = (first + part) % modulus;
+        [first, (second + first) % modulus]
+    })
+}

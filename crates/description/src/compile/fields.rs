@@ -1,0 +1,539 @@
+//! `[[message]]`: fields, texts, what counts what.
+
+use std::sync::Arc;
+
+use super::{Compiler, whole};
+use crate::expr::Expr;
+use crate::field::{COUNT_MAX, Field, Kind, Size};
+use crate::framing::Framing;
+use crate::message::{Layout, Message};
+use crate::number::{Number, NumberKind, Orders};
+use crate::pattern::{self, Piece};
+use crate::schema::message::{FieldSpec, MessageSpec};
+use crate::schema::wire::{Endian, SizeSpec};
+use crate::value::Value;
+
+/// Groups within groups at most.
+const DEPTH_MAX: usize = 8;
+
+/// Types besides numbers, for messages.
+const TYPES: &str = "u8, u16, u24, u32, u64, i8 .. i64, f32, f64, b1 .. b64, bcd, decimal, hex, str, \
+    strz, bytes, pad, group, switch";
+
+impl Compiler<'_> {
+    /// The messages.
+    pub(super) fn messages(&mut self, frames: &[Framing]) -> Vec<Message> {
+        let schema = self.schema;
+        let specs = schema.message.iter().enumerate();
+        let messages = specs.map(|(index, spec)| self.message(index, spec, frames));
+        let messages: Vec<Message> = messages.collect();
+        for (index, message) in messages.iter().enumerate() {
+            if messages[..index]
+                .iter()
+                .any(|other| other.name == message.name)
+            {
+                let text = format!("\"{}\" is taken, expected a name for each", message.name);
+                self.wrong(format!("message[{index}].name"), text);
+            }
+        }
+        if schema.protocol.is_some() && !messages.is_empty() {
+            self.wrong(
+                "message",
+                "the protocol brings its messages along, leave them out",
+            );
+        }
+        messages
+    }
+
+    fn message(&mut self, index: usize, spec: &MessageSpec, frames: &[Framing]) -> Message {
+        let key = format!("message[{index}]");
+        self.check_word(&format!("{key}.name"), &spec.name);
+        let frame = match &spec.frame {
+            None => 0,
+            Some(name) => {
+                let found = frames.iter().position(|frame| frame.name == *name);
+                if found.is_none() {
+                    let known: Vec<_> = frames.iter().map(|frame| &*frame.name).collect();
+                    let known = known.join(", ");
+                    let message = format!("there is no frame \"{name}\", expected one of: {known}");
+                    self.wrong(format!("{key}.frame"), message);
+                }
+                found.unwrap_or(0)
+            }
+        };
+        let layout = match &spec.text {
+            Some(text) => {
+                let pieces = pattern::pieces(text).unwrap_or_else(|message| {
+                    self.wrong(format!("{key}.text"), message);
+                    Vec::new()
+                });
+                if pieces.is_empty() {
+                    self.wrong(format!("{key}.text"), "is empty, expected words and fields");
+                }
+                let fields = self.text_fields(&key, &spec.fields, &pieces);
+                self.check_pieces(&key, &pieces);
+                Layout::Text { pieces, fields }
+            }
+            None => {
+                if spec.fields.is_empty() {
+                    self.wrong(&key, "is empty, expected \"fields\" or \"text\"");
+                }
+                Layout::Fields(self.fields(
+                    &format!("{key}.fields"),
+                    &spec.fields,
+                    &mut Vec::new(),
+                    0,
+                ))
+            }
+        };
+        Message {
+            name: Arc::from(&*spec.name),
+            about: spec.about.clone(),
+            from: spec.from,
+            frame,
+            layout,
+        }
+    }
+
+    /// Notes two fields side by side of which the end of the first cannot be told.
+    fn check_pieces(&mut self, key: &str, pieces: &[Piece]) {
+        for pair in pieces.windows(2) {
+            if let [Piece::Hole(first), Piece::Hole(second)] = pair
+                && first.fixed_width().is_none()
+            {
+                let message = format!(
+                    "{{{}}} ends where {{{}}} begins, expected words between them or a width such \
+                     as 02d",
+                    first.name, second.name
+                );
+                self.wrong(format!("{key}.text"), message);
+            }
+        }
+        let holes: Vec<_> = pieces
+            .iter()
+            .filter_map(|piece| match piece {
+                Piece::Hole(hole) => Some(hole.name.clone()),
+                Piece::Words(_) => None,
+            })
+            .collect();
+        for (index, name) in holes.iter().enumerate() {
+            self.check_word(&format!("{key}.text"), name);
+            if holes[..index].contains(name) {
+                self.wrong(
+                    format!("{key}.text"),
+                    format!("has {{{name}}} twice, expected once"),
+                );
+            }
+        }
+    }
+
+    /// What is to be known of the fields of a text.
+    fn text_fields(&mut self, key: &str, specs: &[FieldSpec], pieces: &[Piece]) -> Vec<Field> {
+        let fields = specs.iter().enumerate().map(|(index, spec)| {
+            let key = format!("{key}.fields[{index}]");
+            let is_known = pieces
+                .iter()
+                .any(|piece| matches!(piece, Piece::Hole(hole) if hole.name == spec.name));
+            if !is_known {
+                let message = format!("the text has no {{{}}}", spec.name);
+                self.wrong(format!("{key}.name"), message);
+            }
+            let kind = if spec.kind.is_empty() {
+                Kind::Str(Size::Rest)
+            } else {
+                let message = "the text says how it is written, leave the type out";
+                self.wrong(format!("{key}.type"), message);
+                Kind::Str(Size::Rest)
+            };
+            self.common(&key, spec, kind, &mut Vec::new())
+        });
+        fields.collect()
+    }
+
+    fn fields(
+        &mut self,
+        key: &str,
+        specs: &[FieldSpec],
+        known: &mut Vec<String>,
+        depth: usize,
+    ) -> Vec<Field> {
+        if depth > DEPTH_MAX {
+            self.wrong(
+                key,
+                format!("is nested too deep, expected {DEPTH_MAX} groups at most"),
+            );
+            return Vec::new();
+        }
+        let mut fields: Vec<Field> = Vec::new();
+        for (index, spec) in specs.iter().enumerate() {
+            let key = format!("{key}[{index}]");
+            if !spec.name.is_empty() {
+                self.check_word(&format!("{key}.name"), &spec.name);
+                if fields.iter().any(|other| *other.name == *spec.name) {
+                    let message = format!("\"{}\" is taken, expected a name for each", spec.name);
+                    self.wrong(format!("{key}.name"), message);
+                }
+            }
+            let kind = self.kind(&key, spec, known, depth);
+            let field = self.common(&key, spec, kind, known);
+            if spec.name.is_empty() && is_nameless(&field) {
+                let message = "is missing: only constants and padding have no name";
+                self.wrong(format!("{key}.name"), message);
+            }
+            let is_last = index + 1 == specs.len();
+            if !is_last && takes_rest(&field) {
+                let message = "takes all the rest, expected it to be the last field";
+                self.wrong(&key, message);
+            }
+            known.push(spec.name.clone());
+            fields.push(field);
+        }
+        self.check_bits(key, &fields);
+        link_counts(&mut fields);
+        fields
+    }
+
+    /// Notes bits that do not add up to bytes.
+    fn check_bits(&mut self, key: &str, fields: &[Field]) {
+        let mut bits = 0_usize;
+        let mut order = None;
+        for (index, field) in fields.iter().enumerate() {
+            let next = match (&field.kind, &field.repeat) {
+                (Kind::Bits { bits, is_low_first }, None) => {
+                    Some((usize::from(*bits), *is_low_first))
+                }
+                (Kind::Bits { bits, is_low_first }, Some(Size::Fixed(count))) => {
+                    Some((usize::from(*bits) * count, *is_low_first))
+                }
+                (Kind::Bits { .. }, Some(_)) => {
+                    let message = "bits are repeated a fixed number of times";
+                    self.wrong(format!("{key}[{index}].repeat"), message);
+                    None
+                }
+                _ => None,
+            };
+            match next {
+                Some((more, is_low_first)) => {
+                    if order.is_some_and(|order| order != is_low_first) && bits % 8 != 0 {
+                        let message = "has another order than the bits before it in the same byte";
+                        self.wrong(format!("{key}[{index}].type"), message);
+                    }
+                    order = Some(is_low_first);
+                    bits += more;
+                }
+                None if bits % 8 != 0 => {
+                    let message = format!("begins within a byte: the bits before it are {bits}");
+                    self.wrong(format!("{key}[{index}]"), message);
+                    bits = 0;
+                }
+                None => (bits, order) = (0, None),
+            }
+        }
+        if bits % 8 != 0 {
+            let message = format!("its last bits are {bits}, expected whole bytes");
+            self.wrong(key, message);
+        }
+    }
+
+    fn common(
+        &mut self,
+        key: &str,
+        spec: &FieldSpec,
+        kind: Kind,
+        known: &mut Vec<String>,
+    ) -> Field {
+        let names = self.names(key, spec.names.as_deref());
+        let scale = self.scale(key, spec.scale, spec.offset);
+        self.check_limits(key, spec.limits);
+        let earlier = known.clone();
+        let constant = spec
+            .value
+            .as_ref()
+            .map(|plain| self.constant(key, spec, &plain.0, &kind));
+        let calc = spec.calc.as_ref().map(|text| {
+            // Any field of the message, and the state.
+            self.expr_of_fields(&format!("{key}.calc"), text, None)
+        });
+        let repeat = spec
+            .repeat
+            .as_ref()
+            .map(|size| self.size(&format!("{key}.repeat"), size, &earlier));
+        let condition = spec
+            .condition
+            .as_ref()
+            .map(|text| self.expr_of_fields(&format!("{key}.if"), text, Some(&earlier)));
+        if constant.is_some() && calc.is_some() {
+            self.wrong(key, "has \"value\" and \"calc\", expected one of them");
+        }
+        Field {
+            name: Arc::from(&*spec.name),
+            kind,
+            constant,
+            calc,
+            repeat,
+            condition,
+            is_optional: spec.optional,
+            scale,
+            unit: spec.unit.clone(),
+            limits: spec.limits,
+            names,
+            flags: spec.flags.clone(),
+            about: spec.about.clone(),
+            counts: None,
+        }
+    }
+
+    /// The value that a field always has, in the form that it is read in.
+    fn constant(&mut self, key: &str, spec: &FieldSpec, value: &Value, kind: &Kind) -> Value {
+        let named = spec.names.as_ref().and_then(|names| self.enums.get(names));
+        if let (Value::Text(text), Some(names)) = (value, named)
+            && let Some((number, _)) = names.iter().find(|(_, name)| *name == text)
+        {
+            return Value::Int(*number);
+        }
+        let is_float = matches!(kind, Kind::Number(number) if number.kind == NumberKind::Float);
+        let fits = match (kind, value) {
+            (Kind::Number(number), Value::Int(int)) if !is_float && spec.scale.is_none() => {
+                let [least, most] = number.range();
+                (least..=most).contains(int)
+            }
+            (Kind::Number(_), Value::Int(_) | Value::Float(_)) => is_float || spec.scale.is_some(),
+            (Kind::Bits { bits, .. }, Value::Int(int)) => (0..1_i128 << bits).contains(int),
+            (Kind::Bcd(_) | Kind::Decimal(_) | Kind::Hex(_), Value::Int(int)) => *int >= 0,
+            (Kind::Str(_) | Kind::StrZ | Kind::Prefixed { is_text: true, .. }, Value::Text(_)) => {
+                true
+            }
+            _ => false,
+        };
+        if !fits {
+            let message = format!("is {value}, expected a value of the field's type");
+            self.wrong(format!("{key}.value"), message);
+        }
+        match value.as_f64() {
+            Some(float) if is_float || spec.scale.is_some() => Value::Float(float),
+            _ => value.clone(),
+        }
+    }
+
+    fn size(&mut self, key: &str, spec: &SizeSpec, earlier: &[String]) -> Size {
+        match spec {
+            SizeSpec::Bytes(bytes) => {
+                let size = usize::try_from(*bytes).unwrap_or(usize::MAX);
+                if size > COUNT_MAX {
+                    self.wrong(key, format!("is {size}, expected {COUNT_MAX} at most"));
+                }
+                Size::Fixed(size.min(COUNT_MAX))
+            }
+            SizeSpec::Expression(text) if text == "rest" => Size::Rest,
+            SizeSpec::Expression(text) => {
+                Size::Computed(self.expr_of_fields(key, text, Some(earlier)))
+            }
+        }
+    }
+
+    /// An expression over fields: `earlier` ones, or any and the state.
+    fn expr_of_fields(&mut self, key: &str, text: &str, earlier: Option<&[String]>) -> Expr {
+        match earlier {
+            Some(earlier) => {
+                let is_known = |name: &str| {
+                    let outer = name.split('.').next().unwrap_or(name);
+                    earlier.iter().any(|known| known == outer)
+                };
+                let names = || {
+                    let named = earlier.iter().filter(|name| !name.is_empty());
+                    named.cloned().collect::<Vec<_>>().join(", ")
+                };
+                self.expr(key, text, &is_known, &names)
+            }
+            None => self.expr(key, text, &|_| true, &String::new),
+        }
+    }
+
+    fn kind(&mut self, key: &str, spec: &FieldSpec, known: &mut Vec<String>, depth: usize) -> Kind {
+        let orders = Orders {
+            endian: spec.endian.or(self.schema.endian),
+            words: spec.words,
+        };
+        if let Some(number) = Number::named(&spec.kind, orders) {
+            return Kind::Number(number.unwrap_or_else(|message| {
+                self.wrong(format!("{key}.type"), message);
+                Number {
+                    bytes: 1,
+                    kind: NumberKind::Unsigned,
+                    endian: Endian::Big,
+                    words: Endian::Big,
+                }
+            }));
+        }
+        if let Some(bits) = bits(&spec.kind) {
+            let (bits, is_low_first) = bits;
+            if !(1..=64).contains(&bits) {
+                self.wrong(
+                    format!("{key}.type"),
+                    format!("\"{}\": expected b1 to b64", spec.kind),
+                );
+            }
+            return Kind::Bits {
+                bits: bits.clamp(1, 64),
+                is_low_first,
+            };
+        }
+        let earlier = known.clone();
+        if matches!(spec.kind.as_str(), "str" | "bytes")
+            && let Some(prefix) = &spec.prefix
+        {
+            let is_text = spec.kind == "str";
+            let prefix = match Number::named(prefix, orders) {
+                Some(Ok(number)) if number.kind == NumberKind::Unsigned => number,
+                _ => {
+                    let message = format!("is \"{prefix}\", expected u8, u16le or u16be");
+                    self.wrong(format!("{key}.prefix"), message);
+                    Number {
+                        bytes: 1,
+                        kind: NumberKind::Unsigned,
+                        endian: Endian::Big,
+                        words: Endian::Big,
+                    }
+                }
+            };
+            return Kind::Prefixed { prefix, is_text };
+        }
+        let size = |compiler: &mut Self| match &spec.size {
+            Some(size) => compiler.size(&format!("{key}.size"), size, &earlier),
+            None => {
+                let message = format!("is missing: \"{}\" has no size of its own", spec.kind);
+                compiler.wrong(format!("{key}.size"), message);
+                Size::Fixed(1)
+            }
+        };
+        match spec.kind.as_str() {
+            "bcd" => Kind::Bcd(size(self)),
+            "decimal" => Kind::Decimal(size(self)),
+            "hex" => Kind::Hex(size(self)),
+            "str" => Kind::Str(size(self)),
+            "strz" => Kind::StrZ,
+            "bytes" => Kind::Bytes(size(self)),
+            "pad" => Kind::Pad(size(self)),
+            "group" => {
+                if spec.fields.is_empty() {
+                    self.wrong(
+                        format!("{key}.fields"),
+                        "is empty, expected fields of the group",
+                    );
+                }
+                let fields = self.fields(&format!("{key}.fields"), &spec.fields, known, depth + 1);
+                known.truncate(earlier.len());
+                Kind::Group(fields)
+            }
+            "switch" => self.switch(key, spec, known, depth),
+            "" => {
+                self.wrong(key, format!("has no \"type\", expected one of {TYPES}"));
+                Kind::Pad(Size::Fixed(1))
+            }
+            other => {
+                let message = format!("there is no type \"{other}\", expected one of {TYPES}");
+                self.wrong(format!("{key}.type"), message);
+                Kind::Pad(Size::Fixed(1))
+            }
+        }
+    }
+
+    fn switch(
+        &mut self,
+        key: &str,
+        spec: &FieldSpec,
+        known: &mut Vec<String>,
+        depth: usize,
+    ) -> Kind {
+        let earlier = known.clone();
+        let on = match &spec.on {
+            Some(text) => self.expr_of_fields(&format!("{key}.on"), text, Some(&earlier)),
+            None => {
+                self.wrong(key, "has no \"on\", expected what chooses the case");
+                Expr::constant(Value::Int(0))
+            }
+        };
+        if spec.cases.is_empty() {
+            self.wrong(
+                format!("{key}.cases"),
+                "is empty, expected fields by the value of \"on\"",
+            );
+        }
+        let (mut cases, mut other) = (Vec::new(), None);
+        for (value, fields) in &spec.cases {
+            let fields = self.fields(&format!("{key}.cases.{value}"), fields, known, depth + 1);
+            known.truncate(earlier.len());
+            match (value.as_str(), whole(value)) {
+                ("_", _) => other = Some(fields),
+                (_, Some(int)) => cases.push((Value::Int(int), fields)),
+                (text, None) => cases.push((self.member(text), fields)),
+            }
+        }
+        Kind::Switch { on, cases, other }
+    }
+
+    /// The value of `enum::member`, or the text itself.
+    fn member(&self, text: &str) -> Value {
+        let found = text.split_once("::").and_then(|(of, member)| {
+            let names = self.enums.get(of)?;
+            names
+                .iter()
+                .find(|(_, name)| *name == member)
+                .map(|(number, _)| *number)
+        });
+        found.map_or_else(|| Value::Text(text.to_owned()), Value::Int)
+    }
+}
+
+/// Bits of the type `bN`, `bNle` or `bNbe`.
+fn bits(name: &str) -> Option<(u8, bool)> {
+    let digits = name.strip_prefix('b')?;
+    let (digits, is_low_first) = match digits.strip_suffix("le") {
+        Some(digits) => (digits, true),
+        None => (digits.strip_suffix("be").unwrap_or(digits), false),
+    };
+    digits.parse().ok().map(|bits| (bits, is_low_first))
+}
+
+/// Whether a field without a name is lost on whoever reads it.
+const fn is_nameless(field: &Field) -> bool {
+    field.constant.is_none()
+        && field.calc.is_none()
+        && !matches!(field.kind, Kind::Pad(_) | Kind::Switch { .. })
+}
+
+const fn takes_rest(field: &Field) -> bool {
+    let of_size = matches!(
+        field.kind,
+        Kind::Str(Size::Rest) | Kind::Bytes(Size::Rest) | Kind::Pad(Size::Rest)
+    );
+    of_size || matches!(field.repeat, Some(Size::Rest))
+}
+
+/// Tells fields that are the size or the count of another one.
+fn link_counts(fields: &mut [Field]) {
+    for index in 0..fields.len() {
+        let field = &fields[index];
+        let size = match &field.kind {
+            Kind::Str(size) | Kind::Bytes(size) => Some(size),
+            _ => None,
+        };
+        let counting = [size, field.repeat.as_ref()].into_iter().flatten();
+        let names = counting.filter_map(|size| match size {
+            Size::Computed(expr) => expr.single_name().map(str::to_owned),
+            _ => None,
+        });
+        let names: Vec<String> = names.collect();
+        let counted = field.name.clone();
+        for name in names {
+            let counting = fields[..index]
+                .iter_mut()
+                .find(|other| *other.name == *name);
+            if let Some(counting) =
+                counting.filter(|field| field.constant.is_none() && field.calc.is_none())
+            {
+                counting.counts = Some(counted.clone());
+            }
+        }
+    }
+}

@@ -1,0 +1,528 @@
+//! `[frame]`: where frames end, what in them is no body.
+
+use core::time::Duration;
+
+use protocols::LineConfig;
+
+use super::{Compiler, whole};
+use crate::checksum::{Algorithm, Polynomial};
+use crate::description::Protocol;
+use crate::expr::Expr;
+use crate::framing::{Check, Cut, FRAME_MAX, Framing, Length};
+use crate::modbus;
+use crate::number::{Number, NumberKind, Orders};
+use crate::schema::short::Short;
+use crate::schema::wire::{
+    ChecksumSpec, Counts, Encoding, Endian, FrameSpec, LengthSpec, SizeSpec, Stuffing,
+};
+
+/// Most bytes of a frame if a file does not say.
+const MAX: u16 = 1_024;
+/// Most bytes of a Modbus frame on a serial line.
+const MODBUS_MAX: usize = 256;
+/// The silence that ends a Modbus frame above 19200 baud (serial line specification, 2.5.1.1).
+const FAST_SILENCE: Duration = Duration::from_micros(1_750);
+
+/// The silence of so many characters.
+fn silence(line: LineConfig, characters: f64) -> Duration {
+    let nanos = Duration::from_secs_f64(
+        characters.clamp(0.0, 10_000.0) * f64::from(line.bits_per_byte()) / f64::from(line.baud),
+    );
+    nanos.max(Duration::from_nanos(1))
+}
+
+impl Compiler<'_> {
+    /// The frame formats.
+    pub(super) fn frames(&mut self, line: LineConfig, protocol: Option<Protocol>) -> Vec<Framing> {
+        let specs = &self.schema.frame.0;
+        match protocol {
+            Some(protocol) => {
+                if !specs.is_empty() {
+                    self.wrong(
+                        "frame",
+                        "the protocol brings its frames along, leave them out",
+                    );
+                }
+                vec![of_protocol(protocol, line)]
+            }
+            None => {
+                if specs.is_empty() {
+                    let message = "there are no frames, expected [frame] or a protocol";
+                    self.wrong("name", message);
+                }
+                let is_single = specs.len() == 1;
+                let frames = specs.iter().enumerate().map(|(index, spec)| {
+                    let key = if is_single {
+                        "frame".to_owned()
+                    } else {
+                        format!("frame[{index}]")
+                    };
+                    self.frame(&key, spec, line)
+                });
+                let frames: Vec<Framing> = frames.collect();
+                self.check_frame_names(&frames);
+                frames
+            }
+        }
+    }
+
+    fn check_frame_names(&mut self, frames: &[Framing]) {
+        for (index, frame) in frames.iter().enumerate() {
+            if frames[..index].iter().any(|other| other.name == frame.name) {
+                let key = format!("frame[{index}].name");
+                let message = format!("\"{}\" is taken, expected a name for each", frame.name);
+                self.wrong(key, message);
+            }
+        }
+        let silent = |frame: &Framing| matches!(frame.cut, Cut::Silence { .. });
+        if frames.iter().any(silent) && frames.len() > 1 {
+            self.wrong(
+                "frame",
+                "a silence ends all frames of a line, expected one format",
+            );
+        }
+    }
+
+    fn frame(&mut self, key: &str, spec: &FrameSpec, line: LineConfig) -> Framing {
+        let cut = self.cut(key, spec);
+        let is_marked = matches!(cut, Cut::Marked { .. });
+        let sync = spec.sync.clone().unwrap_or_default().0;
+        if is_marked && !sync.is_empty() {
+            self.wrong(
+                format!("{key}.sync"),
+                "the end is marked: say \"start\" instead",
+            );
+        }
+        let end = match (&cut, &spec.end) {
+            (Cut::Marked { .. }, _) | (_, None) => Vec::new(),
+            (_, Some(end)) => end.0.clone(),
+        };
+        let (checks, holes, trailer) = self.checks(key, spec, &cut, &sync, end.len());
+        let most = spec.max.unwrap_or(MAX);
+        if most == 0 || usize::from(most) > FRAME_MAX {
+            self.wrong(
+                format!("{key}.max"),
+                format!("is {most}, expected 1 to {FRAME_MAX}"),
+            );
+        }
+        let quiet = match spec.silence {
+            Some(characters) => silence(line, characters),
+            None => silence(line, 20.0).max(Duration::from_millis(10)),
+        };
+        let mut framing = Framing {
+            name: spec.name.clone(),
+            cut,
+            sync,
+            is_hex: spec.encoding == Some(Encoding::Hex),
+            checks,
+            holes,
+            trailer,
+            end,
+            max: usize::from(most).min(FRAME_MAX),
+            idle: spec.idle.map_or(quiet, |span| span.0),
+        };
+        if framing.is_hex && !is_marked {
+            let message = "hex digits need markers, expected \"start\" and \"end\"";
+            self.wrong(format!("{key}.encoding"), message);
+        }
+        self.finish_length(key, spec, &mut framing);
+        framing
+    }
+
+    /// What the length field means needs to know what stands behind the body.
+    fn finish_length(&mut self, key: &str, spec: &FrameSpec, framing: &mut Framing) {
+        let (Cut::Length(length), Some(field)) = (&mut framing.cut, &spec.length) else {
+            return;
+        };
+        let behind = length.at + usize::from(length.number.bytes);
+        let uncounted = match field.counts {
+            Counts::Payload => behind + framing.trailer,
+            Counts::Rest => behind,
+            Counts::Frame => 0,
+        };
+        length.base = i64::try_from(uncounted).unwrap_or(0) + i64::from(field.without);
+        if length.mask.count_ones() == 8 * u32::from(length.number.bytes) {
+            let hole = (length.at, length.number.bytes.into());
+            let overlaps = framing
+                .holes
+                .iter()
+                .any(|(at, len)| *at < hole.0 + hole.1 && hole.0 < at + len);
+            if overlaps {
+                let message = "lies over the sync bytes or a checksum, expected bytes of its own";
+                self.wrong(format!("{key}.length.at"), message);
+            }
+            framing.holes.push(hole);
+            framing.holes.sort_unstable();
+        }
+    }
+
+    fn cut(&mut self, key: &str, spec: &FrameSpec) -> Cut {
+        let stuffing = spec.stuffing.unwrap_or(Stuffing::None);
+        let given = [
+            ("terminator", spec.terminator.is_some()),
+            ("length", spec.length.is_some()),
+            ("size", spec.size.is_some()),
+            ("sizes", !spec.sizes.is_empty()),
+            ("silence", spec.silence.is_some()),
+            ("stuffing", stuffing != Stuffing::None),
+        ];
+        let given: Vec<_> = given
+            .iter()
+            .filter(|(_, is)| *is)
+            .map(|(name, _)| *name)
+            .collect();
+        if given.len() > 1 {
+            let message = format!("has {}, expected one of them", given.join(" and "));
+            self.wrong(key, message);
+        }
+        let start = spec.start.clone().unwrap_or_default().0;
+        let tail = usize::from(spec.tail.unwrap_or(0));
+        let marked = |start, end| Cut::Marked {
+            start,
+            end,
+            stuffing,
+            tail,
+        };
+        if let Some(terminator) = &spec.terminator {
+            if terminator.0.is_empty() {
+                self.wrong(
+                    format!("{key}.terminator"),
+                    "is empty, expected what ends a line",
+                );
+            }
+            return marked(start, terminator.0.clone());
+        }
+        if let Some(marker) = stuffing.marker() {
+            let of = |given: &Option<crate::schema::short::Marker>, plain: &[u8]| {
+                given
+                    .as_ref()
+                    .map_or_else(|| plain.to_vec(), |given| given.0.clone())
+            };
+            let end = of(&spec.end, &[marker]);
+            if end != [marker] {
+                let message =
+                    format!("is {end:02X?}, expected [0x{marker:02X}] with this stuffing");
+                self.wrong(format!("{key}.end"), message);
+            }
+            let both = stuffing != Stuffing::Cobs;
+            let start = of(&spec.start, if both { &end } else { &[] });
+            if !start.is_empty() && start != [marker] {
+                let message = format!("is {start:02X?}, expected [0x{marker:02X}] or none");
+                self.wrong(format!("{key}.start"), message);
+            }
+            return marked(start, vec![marker]);
+        }
+        if let Some(length) = &spec.length {
+            return Cut::Length(self.length(&format!("{key}.length"), length));
+        }
+        if let Some(size) = &spec.size {
+            return self.sized(key, spec, size);
+        }
+        if !spec.sizes.is_empty() {
+            return self.sizes(key, spec);
+        }
+        if let Some(characters) = spec.silence {
+            if !(0.5..=1_000.0).contains(&characters) {
+                let message = format!("is {characters}, expected 0.5 to 1000 characters");
+                self.wrong(format!("{key}.silence"), message);
+            }
+            return Cut::Silence { lengths: None };
+        }
+        if let Some(end) = &spec.end {
+            if end.0.is_empty() {
+                self.wrong(format!("{key}.end"), "is empty, expected what ends a frame");
+            }
+            return marked(start, end.0.clone());
+        }
+        let message = "nothing says where a frame ends, expected one of \"terminator\", \"end\", \
+            \"length\", \"size\", \"sizes\", \"silence\"";
+        self.wrong(key, message);
+        Cut::Fixed(1)
+    }
+
+    fn length(&mut self, key: &str, spec: &LengthSpec) -> Length {
+        let orders = Orders {
+            endian: self.schema.endian,
+            words: None,
+        };
+        let number = match Number::named(&spec.kind, orders) {
+            Some(Ok(number)) if number.kind == NumberKind::Unsigned && number.bytes <= 4 => number,
+            Some(Err(message)) => {
+                self.wrong(format!("{key}.type"), message);
+                Number {
+                    bytes: 1,
+                    kind: NumberKind::Unsigned,
+                    endian: Endian::Big,
+                    words: Endian::Big,
+                }
+            }
+            _ => {
+                let message = format!("is \"{}\", expected u8, u16le, u16be, ..", spec.kind);
+                self.wrong(format!("{key}.type"), message);
+                Number {
+                    bytes: 1,
+                    kind: NumberKind::Unsigned,
+                    endian: Endian::Big,
+                    words: Endian::Big,
+                }
+            }
+        };
+        let all = u64::MAX >> (64 - 8 * u32::from(number.bytes));
+        let mask = spec.mask.map_or(all, u64::from);
+        if mask == 0 || mask & !all != 0 {
+            let message = format!("is {mask:#x}, expected bits of the field");
+            self.wrong(format!("{key}.mask"), message);
+        }
+        let unit = i64::from(spec.unit.unwrap_or(1));
+        if unit == 0 {
+            self.wrong(
+                format!("{key}.unit"),
+                "is 0, expected bytes for each that it counts",
+            );
+        }
+        let mask = if mask == 0 { all } else { mask };
+        Length {
+            at: spec.at.into(),
+            number,
+            unit: unit.max(1),
+            base: 0,
+            mask,
+        }
+    }
+
+    fn sized(&mut self, key: &str, spec: &FrameSpec, size: &SizeSpec) -> Cut {
+        match size {
+            SizeSpec::Bytes(bytes) => {
+                let size = usize::try_from(*bytes).unwrap_or(usize::MAX);
+                if !(1..=FRAME_MAX).contains(&size) {
+                    let message = format!("is {size}, expected 1 to {FRAME_MAX} bytes");
+                    self.wrong(format!("{key}.size"), message);
+                }
+                Cut::Fixed(size.clamp(1, FRAME_MAX))
+            }
+            SizeSpec::Expression(text) => {
+                let head = spec.head.unwrap_or(1);
+                if head == 0 {
+                    self.wrong(format!("{key}.head"), "is 0, expected at least 1 byte");
+                }
+                let known = |name: &str| {
+                    let at = name.strip_prefix('b').and_then(|at| at.parse::<u8>().ok());
+                    at.is_some_and(|at| at < head)
+                };
+                let names = || format!("b0 to b{}", head.saturating_sub(1));
+                let size: Expr = self.expr(&format!("{key}.size"), text, &known, &names);
+                Cut::Sized {
+                    head: usize::from(head.max(1)),
+                    size,
+                }
+            }
+        }
+    }
+
+    fn sizes(&mut self, key: &str, spec: &FrameSpec) -> Cut {
+        let mut sizes = Box::new([0; 256]);
+        let at = usize::from(spec.at.unwrap_or(0));
+        for (byte, &size) in &spec.sizes {
+            let key = format!("{key}.sizes.{byte}");
+            let Some(byte) = whole(byte).and_then(|byte| u8::try_from(byte).ok()) else {
+                self.wrong(
+                    key,
+                    format!("\"{byte}\" is no byte, expected 0 to 255 or 0x00 to 0xFF"),
+                );
+                continue;
+            };
+            if usize::from(size) <= at || usize::from(size) > FRAME_MAX {
+                let message = format!("is {size}, expected {} to {FRAME_MAX} bytes", at + 1);
+                self.wrong(key, message);
+            }
+            sizes[usize::from(byte)] = size;
+        }
+        Cut::Table { at, sizes }
+    }
+
+    /// The checksums, the holes that sync bytes and they leave, and what stands at the end.
+    fn checks(
+        &mut self,
+        key: &str,
+        spec: &FrameSpec,
+        cut: &Cut,
+        sync: &[u8],
+        end: usize,
+    ) -> (Vec<Check>, Vec<(usize, usize)>, usize) {
+        let mut checks = Vec::new();
+        let is_single = spec.checksum.0.len() == 1;
+        for (index, Short(check)) in spec.checksum.0.iter().enumerate() {
+            let key = match is_single {
+                true => format!("{key}.checksum"),
+                false => format!("{key}.checksum[{index}]"),
+            };
+            if let Some(check) = self.check_spec(&key, check) {
+                checks.push((key, check));
+            }
+        }
+        let mut holes = Vec::new();
+        if !matches!(cut, Cut::Marked { .. }) && !sync.is_empty() {
+            holes.push((0, sync.len()));
+        }
+        // Those at the end without a place stand one behind the other.
+        let mut behind = end;
+        for (index, (_, check)) in checks.iter_mut().enumerate().rev() {
+            let given = spec.checksum.0.get(index).and_then(|Short(spec)| spec.at);
+            if given.is_none() {
+                behind += check.len();
+                check.at = -i64::try_from(behind).unwrap_or(0);
+            }
+        }
+        let mut trailer = behind;
+        for (key, check) in &checks {
+            if let Ok(at) = usize::try_from(check.at) {
+                let hole = (at, check.len());
+                let overlaps = holes
+                    .iter()
+                    .any(|(other, len)| *other < at + hole.1 && at < other + len);
+                if overlaps {
+                    let message = "lies over the sync bytes or another one, expected its own bytes";
+                    self.wrong(format!("{key}.at"), message);
+                }
+                holes.push(hole);
+            } else {
+                let from_end = usize::try_from(-check.at).unwrap_or(0);
+                if from_end < check.len() {
+                    let message = format!("is {}, expected -{} at most", check.at, check.len());
+                    self.wrong(format!("{key}.at"), message);
+                }
+                trailer = trailer.max(from_end);
+            }
+        }
+        holes.sort_unstable();
+        (
+            checks.into_iter().map(|(_, check)| check).collect(),
+            holes,
+            trailer,
+        )
+    }
+
+    fn check_spec(&mut self, key: &str, spec: &ChecksumSpec) -> Option<Check> {
+        let found = match (&spec.algorithm, &spec.polynomial) {
+            (Some(name), None) => Algorithm::named(name),
+            (None, Some(own)) => Algorithm::of(Polynomial {
+                width: own.width,
+                poly: own.poly,
+                init: own.init,
+                refin: own.refin,
+                refout: own.refout,
+                xorout: own.xorout,
+            }),
+            _ => Err("expected either \"algorithm\" or \"polynomial\"".to_owned()),
+        };
+        let (algorithm, bytes) = match found {
+            Ok(found) => found,
+            Err(message) => {
+                self.wrong(key, message);
+                return None;
+            }
+        };
+        let is_nmea = spec
+            .algorithm
+            .as_ref()
+            .is_some_and(|name| name.eq_ignore_ascii_case("nmea"));
+        let width = spec.bytes.unwrap_or(bytes);
+        if !(1..=16).contains(&width) {
+            self.wrong(
+                format!("{key}.bytes"),
+                format!("is {width}, expected 1 to {bytes}"),
+            );
+        }
+        // Modbus sends its CRC low byte first, and this fixed order is part of its name.
+        let named = |name: &str| {
+            spec.algorithm
+                .as_ref()
+                .is_some_and(|own| own.eq_ignore_ascii_case(name))
+        };
+        let fixed = (named("modbus") || named("ubx")).then_some(Endian::Little);
+        let endian = spec.endian.or(fixed).or(self.schema.endian);
+        if endian.is_none() && width > 1 {
+            let message = "has no order of bytes, expected endian = \"little\" or \"big\"";
+            self.wrong(key, message);
+        }
+        let separator = match (&spec.separator, is_nmea) {
+            (Some(separator), _) => separator.0.clone(),
+            (None, true) => b"*".to_vec(),
+            (None, false) => Vec::new(),
+        };
+        Some(Check {
+            algorithm,
+            width: width.clamp(1, 16),
+            is_little: endian == Some(Endian::Little),
+            is_hex: spec
+                .encoding
+                .map_or(is_nmea, |encoding| encoding == Encoding::Hex),
+            separator,
+            extra: spec.extra.clone().unwrap_or_default().0,
+            from: spec.from.unwrap_or(0).into(),
+            to: spec.to.map(i64::from),
+            at: spec.at.unwrap_or(-1).into(),
+        })
+    }
+}
+
+/// The frames of a protocol that the tool knows.
+fn of_protocol(protocol: Protocol, line: LineConfig) -> Framing {
+    let (name, width) = match protocol {
+        Protocol::ModbusRtu => ("CRC-16/MODBUS", 2),
+        Protocol::ModbusAscii => ("LRC", 1),
+    };
+    let (algorithm, _) = Algorithm::named(name).expect("a known name");
+    let check = Check {
+        algorithm,
+        width,
+        is_little: true,
+        is_hex: false,
+        separator: Vec::new(),
+        extra: Vec::new(),
+        from: 0,
+        to: None,
+        at: -i64::from(width),
+    };
+    let quiet = match line.baud {
+        ..=19_200 => silence(line, 3.5),
+        _ => FAST_SILENCE,
+    };
+    let (cut, idle) = match protocol {
+        Protocol::ModbusRtu => (
+            Cut::Silence {
+                lengths: Some(modbus::lengths),
+            },
+            quiet,
+        ),
+        Protocol::ModbusAscii => {
+            let (start, end) = (b":".to_vec(), b"\r\n".to_vec());
+            // Characters may come up to a second apart (serial line specification, 2.5.2.1).
+            (
+                Cut::Marked {
+                    start,
+                    end,
+                    stuffing: Stuffing::None,
+                    tail: 0,
+                },
+                Duration::from_secs(1),
+            )
+        }
+    };
+    Framing {
+        name: String::new(),
+        cut,
+        sync: Vec::new(),
+        is_hex: protocol == Protocol::ModbusAscii,
+        checks: vec![check],
+        holes: Vec::new(),
+        trailer: usize::from(width),
+        end: Vec::new(),
+        max: if protocol == Protocol::ModbusRtu {
+            MODBUS_MAX
+        } else {
+            2 * MODBUS_MAX + 1
+        },
+        idle,
+    }
+}

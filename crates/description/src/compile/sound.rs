@@ -1,0 +1,131 @@
+//! What a description as a whole must be: it can answer, and its messages can be told apart.
+
+use super::Compiler;
+use crate::behaviour::Trigger;
+use crate::description::Description;
+use crate::expr::Nothing;
+use crate::message::Message;
+use crate::schema::message::From;
+use crate::value::Record;
+
+/// Examples by which messages are told apart.
+const EXAMPLES: u64 = 12;
+
+impl Compiler<'_> {
+    /// Notes what cannot be.
+    pub(super) fn check(&mut self, description: &Description) {
+        self.check_that_it_acts(description);
+        self.check_messages(description);
+    }
+
+    fn check_that_it_acts(&mut self, description: &Description) {
+        if description.protocol.is_some() || description.program.is_some() {
+            return;
+        }
+        let acts = !description.on.is_empty()
+            || !description.every.is_empty()
+            || !description.after.is_empty();
+        if !acts {
+            let message = "the device can never answer, expected [[on]], [[every]], [[after]] or \
+                [program]";
+            self.wrong("name", message);
+        }
+        // What a catch-all takes, later entries never see.
+        let mut taken: Vec<Trigger> = Vec::new();
+        for (index, on) in description.on.iter().enumerate() {
+            let is_taken = taken.contains(&on.trigger)
+                || (taken.contains(&Trigger::AnyMessage)
+                    && matches!(on.trigger, Trigger::Message(_)));
+            if is_taken {
+                let message = "is never reached: an earlier entry without \"when\" takes all of it";
+                self.wrong(format!("on[{index}]"), message);
+            }
+            if on.deed.when.is_none() {
+                taken.push(on.trigger);
+            }
+        }
+    }
+
+    /// A message of which every example is taken for an earlier one can never arrive; one that does
+    /// not come back as it was cannot be spoken.
+    fn check_messages(&mut self, description: &Description) {
+        let messages = &description.messages;
+        for (index, message) in messages.iter().enumerate() {
+            let mut random = xorshift(index as u64 + 1);
+            let mut shadows = Vec::new();
+            let mut is_shadowed = true;
+            for _ in 0..EXAMPLES {
+                let values = message.example(&mut |below| random() % below.max(1));
+                let body = message.encode(&values).bytes;
+                if let Some(problem) = self.misread(description, message, &values, &body) {
+                    self.wrong(format!("message[{index}]"), problem);
+                    return;
+                }
+                let earlier = messages[..index].iter().find(|other| {
+                    let same_end = [From::Host, From::Device]
+                        .into_iter()
+                        .any(|from| message.is_from(from) && other.is_from(from));
+                    same_end && other.frame == message.frame && other.decode(&body).is_some()
+                });
+                match earlier {
+                    Some(earlier) => shadows.push(earlier.name.clone()),
+                    None => is_shadowed = false,
+                }
+            }
+            if is_shadowed && let Some(earlier) = shadows.first() {
+                let text = format!(
+                    "is ambiguous: all of it is taken for \"{earlier}\", expected a constant that \
+                     tells them apart, or the more general message last"
+                );
+                self.wrong(format!("message[{index}]"), text);
+            }
+        }
+    }
+
+    /// Why an example of a message does not come back, if so.
+    fn misread(
+        &self,
+        description: &Description,
+        message: &Message,
+        values: &Record,
+        body: &[u8],
+    ) -> Option<String> {
+        if message.decode(body).is_none() {
+            // A condition or a size that depends on the state can fail here and be sound there.
+            let is_pure = message.encode(&Nothing).failed.is_empty();
+            return is_pure.then(|| {
+                format!(
+                    "cannot be read as it is written: {} becomes {body:02X?}",
+                    crate::value::Value::Record(values.clone())
+                )
+            });
+        }
+        let framing = &description.frames.0[message.frame];
+        match framing.frame(body) {
+            None => Some(format!(
+                "does not fit its frame: {} bytes of body, at most {} of frame, or another size \
+                 than the frame says",
+                body.len(),
+                framing.max
+            )),
+            Some(frame) => match framing.body(&frame).as_deref() == Some(body) {
+                true => None,
+                false => Some(format!(
+                    "cannot be told from its frame: it has the bytes of the frame's end within, \
+                     {frame:02X?}"
+                )),
+            },
+        }
+    }
+}
+
+/// A small generator, so that the same file is always judged alike.
+fn xorshift(seed: u64) -> impl FnMut() -> u64 {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state
+    }
+}

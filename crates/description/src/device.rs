@@ -1,0 +1,309 @@
+//! The device that a description describes.
+
+mod act;
+mod faults;
+mod hear;
+
+use core::time::Duration;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use emulators::device::{Device, Event, EventKind, earliest, take};
+use emulators::event_log::EventLog;
+use emulators::rng::Rng;
+use emulators::world::World;
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::description::{Description, Protocol};
+use crate::framing::Cutter;
+use crate::schema::behaviour::EventSpec;
+use crate::state::State;
+use crate::value::Value;
+use act::{Doer, Timer};
+use faults::Faults;
+
+/// Replies that wait at most.
+const QUEUE_MAX: usize = 32;
+/// Bytes that wait for the line at most.
+const OUTPUT_MAX: usize = 8_192;
+
+/// Where a device is: what one file cannot know of several devices of its kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Its name in the rig, which chooses its dice.
+    pub name: String,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Its address, in place of the description's.
+    pub address: Option<u32>,
+    /// Whether it is the only device on its wire: then a request for another address is the
+    /// driver's mistake.
+    pub is_alone: bool,
+}
+
+/// A described device. Devices of one kind share their description.
+#[derive(Clone)]
+pub struct Described {
+    description: Arc<Description>,
+    place: Place,
+    state: State,
+    cutter: Cutter,
+    /// What came in since the last poll: when its last byte ended, and the bytes.
+    inbox: VecDeque<(Instant, Vec<u8>)>,
+    /// When the line has been quiet for so long that a frame ends.
+    quiet_at: Option<Instant>,
+    /// End of the last byte that came.
+    heard_at: Instant,
+    /// Bytes of a frame that ends with a silence.
+    silent: Vec<u8>,
+    watchdog_at: Option<Instant>,
+    /// Frames that are to be sent, and when.
+    pending: VecDeque<(Instant, Vec<u8>)>,
+    output: VecDeque<u8>,
+    /// Until when the device is sending.
+    sending_until: Instant,
+    busy_until: Instant,
+    /// Until when the device is starting.
+    boot_until: Option<Instant>,
+    /// Something happened that is not dealt with yet.
+    events: VecDeque<(Instant, EventSpec)>,
+    timers: Vec<Timer>,
+    faults: Faults,
+    dice: Rng,
+    log: EventLog,
+}
+
+impl Described {
+    /// The line.
+    pub const UART: Port = Port(0);
+
+    /// A device that is switched on as the run begins.
+    pub fn new(description: Arc<Description>, place: Place) -> Self {
+        let state = State::new(description.variables.clone(), place.seed, &place.name);
+        let dice = Rng::stream(place.seed, &format!("{}.behaviour", place.name));
+        let mut device = Self {
+            cutter: description.cutter(),
+            state,
+            inbox: VecDeque::new(),
+            quiet_at: None,
+            heard_at: Instant::ZERO,
+            silent: Vec::new(),
+            watchdog_at: None,
+            pending: VecDeque::new(),
+            output: VecDeque::new(),
+            sending_until: Instant::ZERO,
+            busy_until: Instant::ZERO,
+            boot_until: None,
+            events: VecDeque::new(),
+            timers: Vec::new(),
+            faults: Faults::default(),
+            dice,
+            log: EventLog::default(),
+            description,
+            place,
+        };
+        device.begin(Instant::ZERO);
+        device
+    }
+
+    /// Its description.
+    pub const fn description(&self) -> &Arc<Description> {
+        &self.description
+    }
+
+    /// Its address on the wire; 1 if the description has none.
+    pub fn address(&self) -> u32 {
+        self.place.address.or(self.description.address).unwrap_or(1)
+    }
+
+    /// Values of its variables: address of the register if there is one, name, value and value in
+    /// words.
+    pub fn values(&self, now: Instant, world: &World) -> Vec<(Option<u32>, String, Value, String)> {
+        let known = self.description.variables.iter().enumerate();
+        let rows = known.map(|(index, variable)| {
+            let value = self.state.read(index, now, world);
+            let words = variable.words(&value);
+            let at = self
+                .description
+                .registers
+                .as_ref()
+                .and_then(|all| all.address_of(index));
+            (at, variable.name.to_string(), value, words)
+        });
+        rows.collect()
+    }
+
+    /// Everything begins anew at `now`, the variables apart.
+    fn begin(&mut self, now: Instant) {
+        self.cutter = self.description.cutter();
+        self.inbox.clear();
+        self.quiet_at = None;
+        self.silent.clear();
+        self.watchdog_at = None;
+        self.pending.clear();
+        self.output.clear();
+        self.sending_until = now;
+        self.busy_until = now;
+        self.events.clear();
+        let up = now + self.description.boot.unwrap_or(Duration::ZERO);
+        self.boot_until = self.description.boot.map(|_| up);
+        self.timers = Timer::of(&self.description, up);
+        if self.boot_until.is_none() {
+            self.events.push_back((now, EventSpec::Start));
+        }
+    }
+
+    /// The device starts again.
+    fn restart(&mut self, now: Instant, why: &str) {
+        self.state.restart(now);
+        self.begin(now);
+        self.log.note(now, "restarted", why.to_owned());
+        self.send_garbage(now);
+    }
+
+    /// Queues a frame that is to be sent at `due`.
+    fn queue(&mut self, due: Instant, frame: Vec<u8>) {
+        if self.pending.len() >= QUEUE_MAX {
+            let detail = || format!("{QUEUE_MAX} frames wait already");
+            return self
+                .log
+                .repeated(due, EventKind::Violation, "queue-full", detail);
+        }
+        let behind = self.pending.iter().position(|(other, _)| *other > due);
+        self.pending
+            .insert(behind.unwrap_or(self.pending.len()), (due, frame));
+    }
+
+    /// Moves frames whose time has come to the transmitter.
+    fn send_due(&mut self, now: Instant) {
+        while let Some((due, frame)) = self.pending.pop_front() {
+            if due > now {
+                self.pending.push_front((due, frame));
+                break;
+            }
+            if self.faults.is_off() || self.is_mute() {
+                continue;
+            }
+            if self.output.len() + frame.len() > OUTPUT_MAX {
+                let detail = || format!("{OUTPUT_MAX} bytes wait already");
+                self.log
+                    .repeated(now, EventKind::Note, "output-full", detail);
+                continue;
+            }
+            let line = self.description.line;
+            self.sending_until = self.sending_until.max(due) + line.bytes_time(frame.len() as u64);
+            self.output.extend(frame);
+        }
+    }
+
+    fn is_modbus(&self) -> bool {
+        self.description.protocol.is_some()
+    }
+
+    fn is_silence_framed(&self) -> bool {
+        matches!(self.description.protocol, Some(Protocol::ModbusRtu))
+            || self.description.frames.ends_with_silence()
+    }
+}
+
+impl Device for Described {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        if port == Self::UART {
+            self.inbox.push_back((now, bytes.to_vec()));
+            if self.description.echoes && !self.faults.is_off() {
+                self.output.extend(bytes);
+            }
+        }
+    }
+
+    fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        if port != Self::UART || self.faults.is_off() {
+            return;
+        }
+        match event {
+            LineEvent::Break => self.events.push_back((now, EventSpec::Break)),
+            // A character that is no byte: the frame around it cannot hold.
+            LineEvent::FramingError | LineEvent::ParityError => {
+                self.log
+                    .repeated(now, EventKind::Note, "bad-character", || {
+                        format!("{event:?}")
+                    });
+            }
+            _ => {}
+        }
+    }
+
+    fn poll(&mut self, now: Instant, world: &mut World) {
+        self.log.poll(now);
+        if self.faults.is_off() {
+            self.inbox.clear();
+            self.pending.clear();
+            self.output.clear();
+            return;
+        }
+        if let Some(up) = self.boot_until.filter(|up| *up <= now) {
+            self.boot_until = None;
+            self.events.push_back((up, EventSpec::Start));
+        }
+        self.lay_faults(now, world);
+        let mut doer = Doer {
+            device: self,
+            world,
+        };
+        doer.hear(now);
+        doer.run_timers(now);
+        doer.run_events(now);
+        self.watch(now);
+        Doer {
+            device: self,
+            world,
+        }
+        .run_events(now);
+        self.send_due(now);
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        if port == Self::UART {
+            take(&mut self.output, buf)
+        } else {
+            0
+        }
+    }
+
+    fn may_send(&self, _: Port) -> bool {
+        !self.output.is_empty()
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let due = self.pending.front().map(|(due, _)| *due);
+        let inbox = self.inbox.front().map(|(at, _)| *at);
+        let event = self.events.front().map(|(at, _)| *at);
+        let all = [
+            due,
+            inbox,
+            event,
+            self.quiet_at,
+            self.watchdog_at,
+            self.boot_until,
+            self.log.poll_at(),
+        ];
+        let timers = self.timers.iter().map(|timer| Some(timer.at));
+        earliest(all.into_iter().chain(timers))
+    }
+
+    fn line_config(&self, _: Port) -> LineConfig {
+        self.description.line
+    }
+
+    fn known_faults(&self) -> &'static [&'static str] {
+        self.description.fault_names
+    }
+
+    fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
+        self.change_fault(now, fault, figure, begins);
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        self.log.take()
+    }
+}

@@ -1,0 +1,476 @@
+//! What a device does: replies, changes of state, timers.
+
+use core::time::Duration;
+
+use emulators::device::EventKind;
+use emulators::world::World;
+use protocols::Instant;
+
+use super::Described;
+use crate::behaviour::{Deed, On, Trigger};
+use crate::description::Description;
+use crate::expr::{Expr, Scope};
+use crate::framing::Frame;
+use crate::modbus::{self, Wrong};
+use crate::registers::Refusal;
+use crate::schema::behaviour::EventSpec;
+use crate::schema::message::From;
+use crate::state::Reading;
+use crate::value::{Record, Value};
+
+/// Something that is to be done at a time.
+#[derive(Clone, Debug)]
+pub(super) struct Timer {
+    pub(super) at: Instant,
+    what: Timed,
+    /// Fields of the message that began it.
+    request: Record,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Timed {
+    Every(usize),
+    After(usize),
+}
+
+/// Timers at most: each message can begin one.
+const TIMERS_MAX: usize = 256;
+
+impl Timer {
+    /// The timers of a device that is up at `up`.
+    pub(super) fn of(description: &Description, up: Instant) -> Vec<Self> {
+        let every = description.every.iter().enumerate();
+        let timers = every.map(|(index, every)| Self {
+            at: up + every.first,
+            what: Timed::Every(index),
+            request: Record::default(),
+        });
+        timers.collect()
+    }
+}
+
+/// A device at work in its world.
+pub(super) struct Doer<'a> {
+    pub(super) device: &'a mut Described,
+    pub(super) world: &'a World,
+}
+
+/// What expressions of behaviour see: fields of a request, then the state.
+struct Seen<'a> {
+    request: &'a Record,
+    reading: Reading<'a>,
+    device: &'a Described,
+}
+
+impl Scope for Seen<'_> {
+    fn value(&self, name: &str) -> Option<Value> {
+        if let Some(name) = name.strip_prefix("request.") {
+            return self.request.get(name).cloned();
+        }
+        if let Some(value) = self.request.get(name) {
+            return Some(value.clone());
+        }
+        match name {
+            "own_address" => Some(Value::Int(self.device.address().into())),
+            name => self.reading.value(name),
+        }
+    }
+
+    fn registers(&self, address: i128, count: i128) -> Option<Vec<u8>> {
+        let registers = self.device.description.registers.as_ref()?;
+        let (at, count) = (u32::try_from(address).ok()?, u32::try_from(count).ok()?);
+        let Reading { state, now, world } = self.reading;
+        let values = |index: usize| state.read(index, now, world);
+        registers.bytes.read(at, count.min(4_096), &values).ok()
+    }
+}
+
+/// What a message is filled from: what is given, then the state, then the request.
+struct Filled<'a> {
+    given: Record,
+    seen: Seen<'a>,
+}
+
+impl Scope for Filled<'_> {
+    fn value(&self, name: &str) -> Option<Value> {
+        let given = self.given.get(name).cloned();
+        given
+            .or_else(|| self.seen.reading.value(name))
+            .or_else(|| self.seen.value(name))
+    }
+
+    fn registers(&self, address: i128, count: i128) -> Option<Vec<u8>> {
+        self.seen.registers(address, count)
+    }
+}
+
+impl Doer<'_> {
+    fn seen<'a>(&'a self, now: Instant, request: &'a Record) -> Seen<'a> {
+        let reading = Reading {
+            state: &self.device.state,
+            now,
+            world: self.world,
+        };
+        Seen {
+            request,
+            reading,
+            device: self.device,
+        }
+    }
+
+    fn eval(&mut self, now: Instant, expr: &Expr, request: &Record) -> Option<Value> {
+        let value = expr.eval(&self.seen(now, request));
+        value
+            .map_err(|error| self.failed(now, &format!("{}: {error}", expr.source())))
+            .ok()
+    }
+
+    fn failed(&mut self, now: Instant, detail: &str) {
+        let detail = || detail.to_owned();
+        self.device
+            .log
+            .repeated(now, EventKind::Note, "expression-failed", detail);
+    }
+
+    fn holds(&mut self, now: Instant, when: Option<&Expr>, request: &Record) -> bool {
+        match when {
+            None => true,
+            Some(when) => self
+                .eval(now, when, request)
+                .is_some_and(|value| value.is_true()),
+        }
+    }
+
+    fn wrong(&mut self, at: Instant, rule: &'static str, detail: String) {
+        self.device
+            .log
+            .repeated(at, EventKind::Violation, rule, || detail);
+    }
+
+    /// A frame that is no Modbus.
+    pub(super) fn message(&mut self, at: Instant, frame: &Frame, body: &[u8]) {
+        let description = self.device.description.clone();
+        let Some((index, request)) = description.decode(frame.format, body, From::Host) else {
+            let words = description.words(frame);
+            self.wrong(at, "unknown-message", words);
+            self.device.events.push_back((at, EventSpec::Unknown));
+            return self.run_events(at);
+        };
+        let message = &description.messages[index];
+        for (name, value) in &request.0 {
+            let field = crate::field::find(message.fields(), name);
+            if let Some((field, [least, most])) =
+                field.and_then(|field| Some((field, field.beyond(value)?)))
+            {
+                let words = field.words(value);
+                let detail = format!(
+                    "{} {name} {words}, expected {least} to {most}",
+                    message.name
+                );
+                self.wrong(at, "out-of-range", detail);
+            }
+        }
+        self.begin_timers(at, Trigger::Message(index), &request);
+        let fits = |on: &On| match on.trigger {
+            Trigger::Message(wanted) => wanted == index,
+            Trigger::AnyMessage => true,
+            Trigger::Event(_) => false,
+        };
+        for on in description.on.iter().filter(|on| fits(on)) {
+            if self.holds(at, on.deed.when.as_ref(), &request) {
+                return self.react(at, on, &request);
+            }
+        }
+        let detail = format!("{} is not answered now", message.name);
+        self.device
+            .log
+            .repeated(at, EventKind::Note, "not-answered", || detail);
+    }
+
+    /// Does what an entry says.
+    fn react(&mut self, at: Instant, on: &On, request: &Record) {
+        if let Some(rule) = on.violation {
+            let detail = Value::Record(request.clone()).to_string();
+            self.wrong(at, rule, detail);
+        }
+        if let Some((address, data)) = &on.write
+            && !self.write(at, address, data, request)
+        {
+            return;
+        }
+        self.set(at, &on.deed, request);
+        if on.restarts {
+            return self.device.restart(at, "as it was told");
+        }
+        let latency = self.latency(on.latency, on.jitter);
+        let due = at + latency.max(self.device.description.turnaround);
+        if let Some(busy) = on.busy {
+            self.device.busy_until = at + busy;
+        }
+        self.send(at, due, &on.deed, request);
+    }
+
+    /// The time to a reply, with chance and faults.
+    fn latency(&mut self, latency: Duration, jitter: Option<Duration>) -> Duration {
+        let by_chance = match jitter {
+            None => Duration::ZERO,
+            Some(most) => most.mul_f64(self.device.dice.uniform()),
+        };
+        self.device.slowed(latency + by_chance)
+    }
+
+    fn set(&mut self, at: Instant, deed: &Deed, request: &Record) {
+        for (variable, expr) in &deed.set {
+            if let Some(value) = self.eval(at, expr, request)
+                && !self.device.state.write(*variable, value.clone())
+            {
+                let name = &self.device.description.variables[*variable].name;
+                let detail = format!("{name} = {value} is beyond its limits");
+                self.wrong(at, "value-cut", detail);
+            }
+        }
+    }
+
+    /// Writes to the table of bytes; `false` if it was refused.
+    fn write(&mut self, at: Instant, address: &Expr, data: &Expr, request: &Record) -> bool {
+        let address = self
+            .eval(at, address, request)
+            .and_then(|value| value.as_int());
+        let bytes = self.eval(at, data, request).map(|value| match value {
+            Value::Bytes(bytes) => bytes,
+            Value::List(list) => {
+                let byte = |value: &Value| u8::try_from(value.as_int()?).ok();
+                list.iter().map(|value| byte(value).unwrap_or(0)).collect()
+            }
+            other => vec![u8::try_from(other.as_int().unwrap_or(0) & 0xff).unwrap_or(0)],
+        });
+        let (Some(address), Some(bytes)) = (address, bytes) else {
+            return false;
+        };
+        let description = self.device.description.clone();
+        let Some(registers) = &description.registers else {
+            return false;
+        };
+        let values = |index: usize| self.device.state.read(index, at, self.world);
+        let address = u32::try_from(address).unwrap_or(u32::MAX);
+        match registers.bytes.write(address, &bytes, &values) {
+            Ok(changes) => {
+                for (variable, value) in changes {
+                    self.device.state.write(variable, value);
+                }
+                true
+            }
+            Err(refusal) => {
+                self.refused(at, &refusal);
+                self.run_events_of(at, EventSpec::Refused, request);
+                false
+            }
+        }
+    }
+
+    fn refused(&mut self, at: Instant, refusal: &Refusal) {
+        let description = self.device.description.clone();
+        let name = |variable: usize| &description.variables[variable].name;
+        match refusal {
+            Refusal::Unknown(address) => {
+                self.wrong(
+                    at,
+                    "unknown-register",
+                    format!("there is no register {address}"),
+                );
+            }
+            Refusal::ReadOnly(variable) => {
+                let detail = format!("{} cannot be written", name(*variable));
+                self.wrong(at, "write-read-only", detail);
+            }
+            Refusal::OutOfRange(variable, value, [least, most]) => {
+                let detail = format!("{} = {value}, expected {least} to {most}", name(*variable));
+                self.wrong(at, "out-of-range", detail);
+            }
+        }
+    }
+
+    /// A Modbus frame with its address.
+    pub(super) fn modbus(&mut self, at: Instant, body: &[u8]) {
+        let Some((&address, request)) = body.split_first() else {
+            return;
+        };
+        let own = self.device.address();
+        let is_broadcast = address == 0;
+        if !is_broadcast && u32::from(address) != own {
+            if self.device.place.is_alone {
+                let detail = format!("a request for device {address}, this is {own}");
+                self.wrong(at, "wrong-address", detail);
+            }
+            return;
+        }
+        let description = self.device.description.clone();
+        let Some(registers) = &description.registers else {
+            return;
+        };
+        let values = |index: usize| self.device.state.read(index, at, self.world);
+        let answer = modbus::answer(registers, request, &values);
+        match &answer.wrong {
+            None => {}
+            Some(Wrong::Function(function)) => {
+                let name = modbus::function_name(*function);
+                let detail = format!("function {function}, {name}, is not known");
+                self.wrong(at, "unknown-function", detail);
+            }
+            Some(Wrong::Register(refusal)) => self.refused(at, refusal),
+            Some(Wrong::Malformed(detail)) => self.wrong(at, "bad-request", detail.clone()),
+        }
+        for (variable, value) in answer.changes {
+            self.device.state.write(variable, value);
+        }
+        if is_broadcast {
+            return;
+        }
+        let frame = description.frame_of(0, &[&[address][..], &answer.response].concat());
+        let latency = self.latency(description.latency, description.jitter);
+        if let Some(frame) = frame {
+            let due = at + latency.max(description.turnaround);
+            self.queue(due, 0, frame);
+        }
+    }
+
+    /// Begins what is done some time after `trigger`.
+    fn begin_timers(&mut self, at: Instant, trigger: Trigger, request: &Record) {
+        let description = self.device.description.clone();
+        for (index, after) in description.after.iter().enumerate() {
+            let fits = after.trigger == trigger
+                || (after.trigger == Trigger::AnyMessage && matches!(trigger, Trigger::Message(_)));
+            if !fits {
+                continue;
+            }
+            if self.device.timers.len() >= TIMERS_MAX {
+                let detail = || format!("{TIMERS_MAX} delays run already");
+                self.device
+                    .log
+                    .repeated(at, EventKind::Note, "too-many-delays", detail);
+                continue;
+            }
+            let (what, request) = (Timed::After(index), request.clone());
+            self.device.timers.push(Timer {
+                at: at + after.delay,
+                what,
+                request,
+            });
+        }
+    }
+
+    /// Does what is due by `now`, in the order of time.
+    pub(super) fn run_timers(&mut self, now: Instant) {
+        let due = |timers: &[Timer]| {
+            let due = timers
+                .iter()
+                .enumerate()
+                .filter(|(_, timer)| timer.at <= now);
+            due.min_by_key(|(index, timer)| (timer.at, *index))
+                .map(|(index, _)| index)
+        };
+        while let Some(index) = due(&self.device.timers) {
+            let timer = self.device.timers.remove(index);
+            let description = self.device.description.clone();
+            let deed = match timer.what {
+                Timed::After(after) => &description.after[after].deed,
+                Timed::Every(every) => {
+                    let every = &description.every[every];
+                    let late = match every.jitter {
+                        None => Duration::ZERO,
+                        Some(most) => most.mul_f64(self.device.dice.uniform()),
+                    };
+                    // A late poll does not make up for what nobody received.
+                    let next = Timer {
+                        at: (timer.at + every.period).max(now),
+                        ..timer.clone()
+                    };
+                    self.device.timers.insert(index, next);
+                    if self.holds(now, every.deed.when.as_ref(), &timer.request) {
+                        self.set(now, &every.deed, &timer.request);
+                        let due = now + self.device.delayed() + late;
+                        self.send(now, due, &every.deed, &timer.request);
+                    }
+                    continue;
+                }
+            };
+            if self.holds(now, deed.when.as_ref(), &timer.request) {
+                self.set(now, deed, &timer.request);
+                let due = now + self.device.delayed();
+                self.send(now, due, deed, &timer.request);
+            }
+        }
+    }
+
+    /// Deals with what happened.
+    pub(super) fn run_events(&mut self, now: Instant) {
+        while let Some((at, event)) = self.device.events.pop_front() {
+            self.run_events_of(at.max(Instant::ZERO).min(now), event, &Record::default());
+        }
+    }
+
+    fn run_events_of(&mut self, at: Instant, event: EventSpec, request: &Record) {
+        let description = self.device.description.clone();
+        let trigger = Trigger::Event(event);
+        self.begin_timers(at, trigger, request);
+        for on in description.on.iter().filter(|on| on.trigger == trigger) {
+            if self.holds(at, on.deed.when.as_ref(), request) {
+                return self.react(at, on, request);
+            }
+        }
+    }
+
+    /// Sends the messages of a deed at `due`.
+    fn send(&mut self, at: Instant, due: Instant, deed: &Deed, request: &Record) {
+        let description = self.device.description.clone();
+        for &index in &deed.send {
+            let mut given = Record::default();
+            for (field, expr) in &deed.with {
+                if let Some(value) = self.eval(at, expr, request) {
+                    given.set(field, value);
+                }
+            }
+            let index = self.device.replaced(index);
+            let message = &description.messages[index];
+            let seen = self.seen(at, request);
+            let written = message.encode(&Filled { given, seen });
+            let frame = description.frame_of(message.frame, &written.bytes);
+            for (name, value) in written.cut {
+                let detail = || format!("{}: {name} cannot be {value}", message.name);
+                self.device
+                    .log
+                    .repeated(at, EventKind::Note, "value-cut", detail);
+            }
+            for failed in written.failed {
+                self.failed(at, &failed);
+            }
+            match frame {
+                Some(frame) => self.queue(due, message.frame, frame),
+                None => {
+                    let detail = || format!("{} does not fit a frame", message.name);
+                    self.device
+                        .log
+                        .repeated(at, EventKind::Note, "frame-too-long", detail);
+                }
+            }
+        }
+    }
+
+    fn queue(&mut self, due: Instant, format: usize, frame: Vec<u8>) {
+        let frame = self.device.spoiled(format, frame);
+        self.device.queue(due, frame);
+    }
+}
+
+impl Described {
+    /// The watchdog.
+    pub(super) fn watch(&mut self, now: Instant) {
+        if let Some(at) = self.watchdog_at.take_if(|at| *at <= now) {
+            if self.state.make_safe() {
+                let detail = "the driver is silent: values are safe now".to_owned();
+                self.log.note(now, "made-safe", detail);
+            }
+            self.events.push_back((at, EventSpec::Watchdog));
+        }
+    }
+}

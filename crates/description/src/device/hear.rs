@@ -1,0 +1,154 @@
+//! From bytes to messages, and what a driver does wrong on the way.
+
+use protocols::{Decode, FrameError, Instant};
+
+use emulators::device::{EventKind, byte_end};
+
+use super::act::Doer;
+use crate::framing::Frame;
+use crate::schema::behaviour::EventSpec;
+
+impl Doer<'_> {
+    /// Takes what came in.
+    pub(super) fn hear(&mut self, now: Instant) {
+        while let Some((at, bytes)) = self.device.inbox.pop_front() {
+            if at > now {
+                self.device.inbox.push_front((at, bytes));
+                break;
+            }
+            self.end_of_silence(first_start(self.device.description.line, at, bytes.len()));
+            if let Some(up) = self.device.boot_until.filter(|up| at < *up) {
+                let detail = || format!("bytes came while it starts, until {} ms", up.as_millis());
+                let log = &mut self.device.log;
+                log.repeated(at, EventKind::Violation, "not-ready", detail);
+                continue;
+            }
+            let line = self.device.description.line;
+            for (index, &byte) in bytes.iter().enumerate() {
+                self.byte(byte_end(at, line, index, bytes.len()), byte);
+            }
+        }
+        self.end_of_silence(now);
+    }
+
+    /// The line was quiet until `now`, if the last byte is so old.
+    fn end_of_silence(&mut self, now: Instant) {
+        let Some(at) = self.device.quiet_at.filter(|at| *at <= now) else {
+            return;
+        };
+        self.device.quiet_at = None;
+        if self.device.is_silence_framed() {
+            let bytes = core::mem::take(&mut self.device.silent);
+            return self.silent_frame(at, &bytes);
+        }
+        self.device.cutter.idle();
+        self.cut(at, &[]);
+    }
+
+    fn byte(&mut self, at: Instant, byte: u8) {
+        let device = &mut *self.device;
+        let started = device.description.line.byte_end(at, 1);
+        if device.description.is_half_duplex {
+            let is_waiting = !device.pending.is_empty();
+            if is_waiting || started < device.sending_until {
+                let detail = || match is_waiting {
+                    true => "bytes came before the reply to the last request".to_owned(),
+                    false => "bytes came while the device sends, and are lost".to_owned(),
+                };
+                return device.log.repeated(
+                    at,
+                    EventKind::Violation,
+                    "request-before-reply",
+                    detail,
+                );
+            }
+        }
+        device.quiet_at = Some(at + device.description.idle());
+        device.heard_at = at;
+        if device.is_silence_framed() {
+            // A frame that is too long stays wrong, whatever else comes.
+            if device.silent.len() <= crate::framing::FRAME_MAX {
+                device.silent.push(byte);
+            }
+            return;
+        }
+        self.cut(at, &[byte]);
+    }
+
+    /// A frame that a silence has ended.
+    fn silent_frame(&mut self, at: Instant, bytes: &[u8]) {
+        if bytes.is_empty() {
+            return;
+        }
+        let whole = self.device.description.frames.whole(bytes);
+        match whole {
+            Ok(frame) => self.frame(at, &frame),
+            Err(error) => self.bad(at, error, bytes),
+        }
+    }
+
+    /// Feeds the decoder.
+    fn cut(&mut self, at: Instant, bytes: &[u8]) {
+        let mut rest = bytes;
+        let mut first_error = None;
+        while let Some(outcome) = self.device.cutter.step(&mut rest) {
+            match outcome {
+                Ok(frame) => {
+                    if let Some(error) = first_error.take() {
+                        self.bad(at, error, &[]);
+                    }
+                    self.frame(at, &frame);
+                }
+                // The rest of a damaged frame makes errors of its own; the first one says why.
+                Err(error) => first_error = first_error.or(Some(error)),
+            }
+        }
+        if let Some(error) = first_error {
+            self.bad(at, error, &[]);
+        }
+    }
+
+    fn bad(&mut self, at: Instant, error: FrameError, bytes: &[u8]) {
+        let rule = match error {
+            FrameError::Checksum { .. } => "bad-checksum",
+            FrameError::Truncated { .. } => "frame-cut-off",
+            FrameError::Length { .. } => "bad-length",
+            _ => "bad-frame",
+        };
+        let detail = error.to_string();
+        match bytes {
+            [] => self
+                .device
+                .log
+                .repeated(at, EventKind::Violation, rule, || detail),
+            bytes => self.device.log.violation(at, rule, detail, bytes),
+        }
+        self.device.events.push_back((at, EventSpec::BadFrame));
+        self.run_events(at);
+    }
+
+    fn frame(&mut self, at: Instant, frame: &Frame) {
+        let device = &mut *self.device;
+        if at < device.busy_until {
+            let until = device.busy_until;
+            let detail = || format!("a frame came while the device is busy, until {until} s");
+            return device
+                .log
+                .repeated(at, EventKind::Violation, "too-fast", detail);
+        }
+        let watchdog = device.description.watchdog;
+        device.watchdog_at = watchdog.map(|time| at + time);
+        let Some(body) = device.description.body(frame) else {
+            return;
+        };
+        match device.is_modbus() {
+            true => self.modbus(at, &body),
+            false => self.message(at, frame, &body),
+        }
+    }
+}
+
+/// When the first of `count` bytes began.
+fn first_start(line: protocols::LineConfig, end: Instant, count: usize) -> Instant {
+    line.byte_end(end, count as u64)
+}

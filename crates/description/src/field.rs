@@ -1,0 +1,217 @@
+//! Fields: from bytes to values and back.
+
+mod decode;
+mod encode;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::expr::{Expr, Scope};
+use crate::number::Number;
+use crate::value::{Record, Value};
+
+pub(crate) use decode::{decode, number_value};
+pub(crate) use encode::{encode, example, number_bytes};
+
+/// Names of values.
+pub(crate) type Names = Arc<BTreeMap<i128, String>>;
+
+/// A field, ready to be used.
+#[derive(Clone, Debug)]
+pub(crate) struct Field {
+    pub(crate) name: Arc<str>,
+    pub(crate) kind: Kind,
+    pub(crate) constant: Option<Value>,
+    pub(crate) calc: Option<Expr>,
+    pub(crate) repeat: Option<Size>,
+    pub(crate) condition: Option<Expr>,
+    pub(crate) is_optional: bool,
+    /// Worth of a count, and value of count 0.
+    pub(crate) scale: Option<[f64; 2]>,
+    pub(crate) unit: String,
+    pub(crate) limits: Option<[f64; 2]>,
+    pub(crate) names: Option<Names>,
+    pub(crate) flags: Vec<String>,
+    pub(crate) about: String,
+    /// The field whose size or count this one is, if it is not given.
+    pub(crate) counts: Option<Arc<str>>,
+}
+
+/// What the bytes of a field are.
+#[derive(Clone, Debug)]
+pub(crate) enum Kind {
+    Number(Number),
+    /// Bits, highest first or lowest first.
+    Bits {
+        bits: u8,
+        is_low_first: bool,
+    },
+    /// Two decimal digits a byte.
+    Bcd(Size),
+    /// Decimal digits as text, with a sign if there is room.
+    Decimal(Size),
+    /// Hexadecimal digits as text.
+    Hex(Size),
+    Str(Size),
+    StrZ,
+    Bytes(Size),
+    /// Text or bytes behind their length.
+    Prefixed {
+        prefix: Number,
+        is_text: bool,
+    },
+    Pad(Size),
+    Group(Vec<Field>),
+    Switch {
+        on: Expr,
+        cases: Vec<(Value, Vec<Field>)>,
+        other: Option<Vec<Field>>,
+    },
+}
+
+/// How many.
+#[derive(Clone, Debug)]
+pub(crate) enum Size {
+    Fixed(usize),
+    Computed(Expr),
+    Rest,
+}
+
+/// Elements at most, whatever bytes say.
+pub(crate) const COUNT_MAX: usize = 4_096;
+
+impl Size {
+    /// The number, given what is left.
+    fn of(&self, scope: &dyn Scope, left: usize) -> Option<usize> {
+        match self {
+            Self::Fixed(size) => Some(*size),
+            Self::Rest => Some(left),
+            Self::Computed(expr) => {
+                let size = usize::try_from(expr.eval(scope).ok()?.as_int()?).ok()?;
+                (size <= COUNT_MAX).then_some(size)
+            }
+        }
+    }
+}
+
+/// Values of a group, and those around it.
+struct Nested<'a> {
+    own: &'a Record,
+    outer: &'a dyn Scope,
+}
+
+impl Scope for Nested<'_> {
+    fn value(&self, name: &str) -> Option<Value> {
+        let own = self.own.get(name).cloned();
+        own.or_else(|| self.outer.value(name))
+    }
+
+    fn registers(&self, address: i128, count: i128) -> Option<Vec<u8>> {
+        self.outer.registers(address, count)
+    }
+}
+
+impl Field {
+    /// The value of a count.
+    pub(crate) fn scaled(&self, value: Value) -> Value {
+        match (self.scale, value.as_f64()) {
+            (Some([scale, offset]), Some(count)) => Value::Float(count * scale + offset),
+            _ => value,
+        }
+    }
+
+    /// The count of a value.
+    pub(crate) fn unscaled(&self, value: Value) -> Value {
+        match (self.scale, value.as_f64()) {
+            (Some([scale, offset]), Some(value)) => Value::Float((value - offset) / scale),
+            _ => value,
+        }
+    }
+
+    /// The number whose name `value` is, or the value itself.
+    pub(crate) fn unnamed(&self, value: Value) -> Value {
+        if let (Value::Text(text), Some(names)) = (&value, &self.names)
+            && let Some((number, _)) = names.iter().find(|(_, name)| *name == text)
+        {
+            return Value::Int(*number);
+        }
+        value
+    }
+
+    /// Whether `value` is beyond the limits, and what they are.
+    pub(crate) fn beyond(&self, value: &Value) -> Option<[f64; 2]> {
+        let limits = self.limits?;
+        let [least, greatest] = limits;
+        let number = value.as_f64()?;
+        (!(least..=greatest).contains(&number)).then_some(limits)
+    }
+
+    /// The value in words, with its unit or its name.
+    pub(crate) fn words(&self, value: &Value) -> String {
+        if let Value::List(list) = value {
+            let all: Vec<_> = list.iter().map(|value| self.words(value)).collect();
+            return format!("[{}]", all.join(", "));
+        }
+        if let (Value::Record(record), Kind::Group(fields)) = (value, &self.kind) {
+            return format!("{{{}}}", words_of(fields, record));
+        }
+        if let (Some(names), Some(int)) = (&self.names, value.as_int())
+            && let Some(name) = names.get(&int)
+        {
+            return name.clone();
+        }
+        if !self.flags.is_empty()
+            && let Some(bits) = value.as_int()
+        {
+            let set = self.flags.iter().enumerate();
+            let set = set.filter(|(bit, name)| bits >> bit & 1 == 1 && !name.is_empty());
+            let set: Vec<_> = set.map(|(_, name)| name.as_str()).collect();
+            let known = self
+                .flags
+                .iter()
+                .enumerate()
+                .filter(|(_, name)| !name.is_empty());
+            let known = known.fold(0_i128, |all, (bit, _)| all | 1 << bit);
+            let rest = bits & !known;
+            let rest = if rest == 0 {
+                String::new()
+            } else {
+                format!(" +{rest:#x}")
+            };
+            return match set.is_empty() {
+                true if rest.is_empty() => "none".to_owned(),
+                _ => format!("{}{rest}", set.join("|")),
+            };
+        }
+        match self.unit.as_str() {
+            "" => value.to_string(),
+            unit => format!("{value} {unit}"),
+        }
+    }
+}
+
+/// Values in words, with the names of the fields.
+pub(crate) fn words_of(fields: &[Field], record: &Record) -> String {
+    let mut words = Vec::new();
+    for (name, value) in &record.0 {
+        if name.is_empty() {
+            continue;
+        }
+        let field = find(fields, name);
+        let said = field.map_or_else(|| value.to_string(), |field| field.words(value));
+        words.push(format!("{name} {said}"));
+    }
+    words.join(", ")
+}
+
+/// The field called `name`, also of the cases of a switch.
+pub(crate) fn find<'a>(fields: &'a [Field], name: &str) -> Option<&'a Field> {
+    fields.iter().find_map(|field| match &field.kind {
+        Kind::Switch { cases, other, .. } => {
+            let cases = cases.iter().map(|(_, fields)| fields).chain(other);
+            cases.into_iter().find_map(|fields| find(fields, name))
+        }
+        _ if &*field.name == name => Some(field),
+        _ => None,
+    })
+}

@@ -1,0 +1,207 @@
+//! Values of bytes.
+
+use super::{Field, Kind, Nested, Size};
+use crate::expr::Scope;
+use crate::framing::hex_bytes;
+use crate::number::{Number, NumberKind};
+use crate::value::{Record, Value};
+
+/// The values of `bytes` if they are these fields, all of them and nothing else.
+pub(crate) fn decode(fields: &[Field], bytes: &[u8], scope: &dyn Scope) -> Option<Record> {
+    let mut reader = Reader { bytes, bit: 0 };
+    let mut record = Record::default();
+    reader.fields(fields, &mut record, scope)?;
+    (reader.bytes.is_empty() && reader.bit == 0).then_some(record)
+}
+
+/// The value of a number of a register.
+pub(crate) fn number_value(number: Number, bytes: &[u8]) -> Value {
+    let bits = number.bits(bytes);
+    match number.kind {
+        NumberKind::Float => Value::Float(number.float(bits)),
+        _ => Value::Int(number.int(bits)),
+    }
+}
+
+struct Reader<'a> {
+    bytes: &'a [u8],
+    /// Bits of the first byte that were read.
+    bit: u8,
+}
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, len: usize) -> Option<&'a [u8]> {
+        if self.bit != 0 {
+            return None;
+        }
+        let (taken, rest) = self.bytes.split_at_checked(len)?;
+        self.bytes = rest;
+        Some(taken)
+    }
+
+    fn bits(&mut self, count: u8, is_low_first: bool) -> Option<u64> {
+        let mut value = 0_u64;
+        for place in 0..count {
+            let byte = *self.bytes.first()?;
+            let shift = if is_low_first { self.bit } else { 7 - self.bit };
+            let bit = u64::from(byte >> shift & 1);
+            value = if is_low_first {
+                value | bit << place
+            } else {
+                value << 1 | bit
+            };
+            self.bit += 1;
+            if self.bit == 8 {
+                self.bit = 0;
+                self.bytes = &self.bytes[1..];
+            }
+        }
+        Some(value)
+    }
+
+    fn fields(&mut self, fields: &[Field], record: &mut Record, outer: &dyn Scope) -> Option<()> {
+        for field in fields {
+            if field.is_optional && self.bytes.is_empty() {
+                return Some(());
+            }
+            let scope = Nested { own: record, outer };
+            if let Some(condition) = &field.condition
+                && !condition.eval(&scope).ok()?.is_true()
+            {
+                continue;
+            }
+            if let Kind::Switch { on, cases, other } = &field.kind {
+                let on = on.eval(&scope).ok()?;
+                let chosen = choose(&on, cases, other.as_deref())?;
+                self.fields(chosen, record, outer)?;
+                continue;
+            }
+            let value = match &field.repeat {
+                None => self.value(field, &scope)?,
+                Some(Size::Rest) => {
+                    let mut list = Vec::new();
+                    while !self.bytes.is_empty() {
+                        let left = self.bytes.len();
+                        list.push(self.value(field, &scope)?);
+                        if self.bytes.len() == left && self.bit == 0 {
+                            return None;
+                        }
+                    }
+                    Value::List(list)
+                }
+                Some(size) => {
+                    let count = size.of(&scope, 0)?;
+                    let list = (0..count).map(|_| self.value(field, &scope));
+                    Value::List(list.collect::<Option<_>>()?)
+                }
+            };
+            if let Some(constant) = &field.constant
+                && *constant != value
+            {
+                return None;
+            }
+            if !field.name.is_empty() && !matches!(field.kind, Kind::Pad(_)) {
+                record.0.push((field.name.clone(), value));
+            }
+        }
+        Some(())
+    }
+
+    fn value(&mut self, field: &Field, scope: &dyn Scope) -> Option<Value> {
+        let size = |reader: &Self, size: &Size| size.of(scope, reader.bytes.len());
+        let value = match &field.kind {
+            Kind::Number(number) => number_value(*number, self.take(number.bytes.into())?),
+            Kind::Bits { bits, is_low_first } => {
+                Value::Int(self.bits(*bits, *is_low_first)?.into())
+            }
+            Kind::Bcd(of) => {
+                let len = size(self, of)?;
+                let digits = self.take(len)?.iter().try_fold(0_i128, |value, &byte| {
+                    let (high, low) = (byte >> 4, byte & 15);
+                    let fits = high < 10 && low < 10;
+                    let digits = fits.then_some(i128::from(high * 10 + low))?;
+                    value.checked_mul(100)?.checked_add(digits)
+                });
+                Value::Int(digits?)
+            }
+            Kind::Decimal(of) => {
+                let len = size(self, of)?;
+                let text = core::str::from_utf8(self.take(len)?).ok()?;
+                let sound = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+                let digits = text.strip_prefix(['-', '+']).unwrap_or(text);
+                Value::Int(Some(text).filter(|_| sound(digits))?.parse().ok()?)
+            }
+            Kind::Hex(of) => {
+                let len = size(self, of)?;
+                let digits = self.take(len)?;
+                let padded = [&b"0"[..usize::from(len % 2 == 1)], digits].concat();
+                let bytes = hex_bytes(&padded).filter(|bytes| bytes.len() <= 8)?;
+                Value::Int(
+                    bytes
+                        .iter()
+                        .fold(0, |all, &byte| all << 8 | i128::from(byte)),
+                )
+            }
+            Kind::Str(of) => {
+                let len = size(self, of)?;
+                text_value(self.take(len)?, matches!(of, Size::Fixed(_)))
+            }
+            Kind::StrZ => {
+                let len = self.bytes.iter().position(|byte| *byte == 0)?;
+                let text = text_value(self.take(len)?, false);
+                self.take(1)?;
+                text
+            }
+            Kind::Bytes(of) => {
+                let len = size(self, of)?;
+                Value::Bytes(self.take(len)?.to_vec())
+            }
+            Kind::Prefixed { prefix, is_text } => {
+                let bytes = self.take(prefix.bytes.into())?;
+                let len = usize::try_from(prefix.int(prefix.bits(bytes))).ok()?;
+                let bytes = self.take(len)?;
+                match is_text {
+                    true => text_value(bytes, false),
+                    false => Value::Bytes(bytes.to_vec()),
+                }
+            }
+            Kind::Pad(of) => {
+                let len = size(self, of)?;
+                self.take(len)?;
+                return Some(Value::Bytes(Vec::new()));
+            }
+            Kind::Group(fields) => {
+                let mut record = Record::default();
+                self.fields(fields, &mut record, scope)?;
+                return Some(Value::Record(record));
+            }
+            Kind::Switch { .. } => return None,
+        };
+        Some(field.scaled(value))
+    }
+}
+
+/// Text of a byte a character, without the padding of a fixed size.
+fn text_value(bytes: &[u8], is_padded: bool) -> Value {
+    let padding = bytes
+        .iter()
+        .rev()
+        .take_while(|byte| is_padded && **byte == 0)
+        .count();
+    let text = &bytes[..bytes.len() - padding];
+    Value::Text(text.iter().map(|&byte| char::from(byte)).collect())
+}
+
+/// The fields of the case for `on`.
+pub(super) fn choose<'a>(
+    on: &Value,
+    cases: &'a [(Value, Vec<Field>)],
+    other: Option<&'a [Field]>,
+) -> Option<&'a [Field]> {
+    let fits = |case: &Value| match (case.as_int(), on.as_int()) {
+        (Some(case), Some(on)) => case == on,
+        _ => case == on,
+    };
+    let found = cases.iter().find(|(case, _)| fits(case));
+    found.map(|(_, fields)| &**fields).or(other)
+}

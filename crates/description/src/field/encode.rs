@@ -1,0 +1,454 @@
+//! Bytes of values.
+
+use super::decode::choose;
+use super::{Field, Kind, Nested, Size};
+use crate::expr::Scope;
+use crate::framing::hex_text;
+use crate::number::{Number, NumberKind};
+use crate::value::{Record, Value};
+
+/// The bytes of fields, and what of their values did not fit.
+#[derive(Debug, Default)]
+pub(crate) struct Encoding {
+    pub(crate) bytes: Vec<u8>,
+    /// Fields whose value was changed because it does not fit: name and value.
+    pub(crate) cut: Vec<(String, Value)>,
+    /// Expressions that could not be computed.
+    pub(crate) failed: Vec<String>,
+    bits: Vec<bool>,
+    is_low_first: bool,
+}
+
+/// Writes `fields` with the values of `scope`; what has none is 0 or empty.
+pub(crate) fn encode(fields: &[Field], scope: &dyn Scope) -> Encoding {
+    let mut encoding = Encoding::default();
+    encoding.fields(fields, &Record::default(), scope);
+    encoding.flush();
+    encoding
+}
+
+/// The bytes of a number of a register, and whether the value fits.
+pub(crate) fn number_bytes(number: Number, value: &Value) -> (Vec<u8>, bool) {
+    let mut out = Vec::new();
+    let fits = put_number(number, value, &mut out);
+    (out, fits)
+}
+
+fn put_number(number: Number, value: &Value, out: &mut Vec<u8>) -> bool {
+    if number.kind == NumberKind::Float {
+        let float = value.as_f64();
+        number.put(number.float_bits(float.unwrap_or(0.0)), out);
+        return float.is_some();
+    }
+    let wanted = value.as_int();
+    let [least, greatest] = number.range();
+    let int = wanted.unwrap_or(0).clamp(least, greatest);
+    let mask = u64::MAX >> (64 - 8 * u32::from(number.bytes));
+    let bits = u64::try_from(int & i128::from(mask)).unwrap_or(0);
+    number.put(bits, out);
+    wanted == Some(int)
+}
+
+impl Encoding {
+    fn fields(&mut self, fields: &[Field], own: &Record, outer: &dyn Scope) {
+        // What has been written, for expressions over earlier fields.
+        let mut written = own.clone();
+        for field in fields {
+            let scope = Nested {
+                own: &written,
+                outer,
+            };
+            if let Some(condition) = &field.condition {
+                match condition.eval(&scope) {
+                    Ok(value) if value.is_true() => {}
+                    Ok(_) => continue,
+                    Err(error) => {
+                        self.failed.push(format!("{}: {error}", field.name));
+                        continue;
+                    }
+                }
+            }
+            if let Kind::Switch { on, cases, other } = &field.kind {
+                let on = on.eval(&scope).unwrap_or(Value::Int(0));
+                if let Some(chosen) = choose(&on, cases, other.as_deref()) {
+                    self.fields(chosen, &written, outer);
+                }
+                continue;
+            }
+            let known = scope.value(&field.name).filter(|_| !field.name.is_empty());
+            if field.is_optional && known.is_none() && field.constant.is_none() {
+                return;
+            }
+            let value = self.value_of(field, fields, &scope);
+            match &field.repeat {
+                None => self.value(field, &value, &scope),
+                Some(size) => {
+                    let list = match &value {
+                        Value::List(list) => list.clone(),
+                        Value::Bytes(bytes) => {
+                            bytes.iter().map(|&byte| Value::Int(byte.into())).collect()
+                        }
+                        one if known.is_some() => vec![one.clone()],
+                        _ => Vec::new(),
+                    };
+                    let count = match size {
+                        Size::Rest => list.len(),
+                        size => size.of(&scope, 0).unwrap_or(list.len()),
+                    };
+                    if count != list.len() && known.is_some() {
+                        self.cut
+                            .push((field.name.to_string(), Value::List(list.clone())));
+                    }
+                    let nothing = Value::Int(0);
+                    for index in 0..count {
+                        self.value(field, list.get(index).unwrap_or(&nothing), &scope);
+                    }
+                }
+            }
+            if !field.name.is_empty() {
+                written.set(&field.name, value);
+            }
+        }
+    }
+
+    /// What `field` is to hold.
+    fn value_of(&mut self, field: &Field, fields: &[Field], scope: &dyn Scope) -> Value {
+        if let Some(constant) = &field.constant {
+            return constant.clone();
+        }
+        if let Some(calc) = &field.calc {
+            return calc.eval(scope).unwrap_or_else(|error| {
+                self.failed.push(format!("{}: {error}", field.name));
+                Value::Int(0)
+            });
+        }
+        if let Some(counted) = &field.counts
+            && let Some(of) = fields.iter().find(|other| other.name == *counted)
+        {
+            let value = self.value_of(of, fields, scope);
+            let len = match &value {
+                Value::List(list) => list.len(),
+                Value::Bytes(bytes) => bytes.len(),
+                Value::Text(text) => text.chars().count(),
+                _ => 0,
+            };
+            return Value::Int(i128::try_from(len).unwrap_or(0));
+        }
+        let value = scope.value(&field.name).filter(|_| !field.name.is_empty());
+        value.map_or(Value::Int(0), |value| field.unnamed(value))
+    }
+
+    fn value(&mut self, field: &Field, value: &Value, scope: &dyn Scope) {
+        let raw = field.unscaled(value.clone());
+        if let Kind::Bits { bits, is_low_first } = &field.kind {
+            return self.put_bits(field, &raw, *bits, *is_low_first);
+        }
+        self.flush();
+        let is_given = *value != Value::Int(0);
+        let fits = match &field.kind {
+            Kind::Number(number) => put_number(*number, &raw, &mut self.bytes),
+            Kind::Bcd(size) => {
+                let len = size.of(scope, 0).unwrap_or(1);
+                let (digits, fits) = digits(raw.as_int(), 2 * len);
+                let pairs = digits.as_bytes().chunks(2);
+                let bytes = pairs.map(|pair| (pair[0] - b'0') << 4 | (pair[1] - b'0'));
+                self.bytes.extend(bytes);
+                fits
+            }
+            Kind::Decimal(size) => {
+                let len = size.of(scope, 0).unwrap_or(1);
+                let int = raw.as_int().unwrap_or(0);
+                let (text, fits) = match int < 0 && len > 1 {
+                    true => {
+                        let (digits, fits) = digits(Some(-int), len - 1);
+                        (format!("-{digits}"), fits)
+                    }
+                    false => digits(raw.as_int(), len),
+                };
+                self.bytes.extend(text.bytes());
+                fits
+            }
+            Kind::Hex(size) => {
+                let len = size.of(scope, 0).unwrap_or(2);
+                let int = raw.as_int().unwrap_or(0).max(0);
+                let all = hex_text(&int.to_be_bytes());
+                let kept = &all[all.len().saturating_sub(len)..];
+                self.bytes.extend_from_slice(kept);
+                raw.as_int().is_some_and(|int| int >= 0)
+                    && all[..all.len() - kept.len()]
+                        .iter()
+                        .all(|digit| *digit == b'0')
+            }
+            Kind::Str(size) | Kind::Bytes(size) => {
+                let bytes = plain_bytes(&raw);
+                let len = match size {
+                    Size::Rest => bytes.len(),
+                    size => size.of(scope, 0).unwrap_or(bytes.len()),
+                };
+                let kept = bytes.len().min(len);
+                self.bytes.extend_from_slice(&bytes[..kept]);
+                self.bytes.resize(self.bytes.len() + len - kept, 0);
+                let is_text = matches!(field.kind, Kind::Str(_));
+                kept == bytes.len() && (is_text || kept == len || !is_given)
+            }
+            Kind::StrZ => {
+                let bytes = plain_bytes(&raw);
+                let end = bytes.iter().position(|byte| *byte == 0);
+                let kept = end.unwrap_or(bytes.len());
+                self.bytes.extend_from_slice(&bytes[..kept]);
+                self.bytes.push(0);
+                end.is_none()
+            }
+            Kind::Prefixed { prefix, .. } => {
+                let bytes = plain_bytes(&raw);
+                let [_, most] = prefix.range();
+                let kept = bytes.len().min(usize::try_from(most).unwrap_or(usize::MAX));
+                let len = Value::Int(i128::try_from(kept).unwrap_or(0));
+                put_number(*prefix, &len, &mut self.bytes);
+                self.bytes.extend_from_slice(&bytes[..kept]);
+                kept == bytes.len()
+            }
+            Kind::Pad(size) => {
+                let len = size.of(scope, 0).unwrap_or(0);
+                self.bytes.resize(self.bytes.len() + len, 0);
+                true
+            }
+            Kind::Group(fields) => {
+                let nothing = Record::default();
+                let own = match &raw {
+                    Value::Record(record) => record,
+                    _ => &nothing,
+                };
+                self.fields(fields, own, scope);
+                true
+            }
+            Kind::Bits { .. } | Kind::Switch { .. } => true,
+        };
+        if !fits {
+            self.cut.push((field.name.to_string(), value.clone()));
+        }
+    }
+
+    fn put_bits(&mut self, field: &Field, raw: &Value, count: u8, is_low_first: bool) {
+        let wanted = raw.as_int().unwrap_or(0);
+        let most = (1_i128 << count) - 1;
+        let int = wanted.clamp(0, most);
+        if int != wanted {
+            self.cut.push((field.name.to_string(), raw.clone()));
+        }
+        self.is_low_first = is_low_first;
+        let bit = |place: u8| int >> place & 1 == 1;
+        match is_low_first {
+            true => self.bits.extend((0..count).map(bit)),
+            false => self.bits.extend((0..count).rev().map(bit)),
+        }
+        while self.bits.len() >= 8 {
+            let rest = self.bits.split_off(8);
+            self.flush();
+            self.bits = rest;
+        }
+    }
+
+    /// Writes the bits that wait, as a byte.
+    fn flush(&mut self) {
+        if self.bits.is_empty() {
+            return;
+        }
+        let bits = core::mem::take(&mut self.bits);
+        let byte = bits.iter().enumerate().fold(0_u8, |byte, (place, &bit)| {
+            let shift = if self.is_low_first { place } else { 7 - place };
+            byte | u8::from(bit) << shift
+        });
+        self.bytes.push(byte);
+    }
+}
+
+fn plain_bytes(value: &Value) -> Vec<u8> {
+    match value {
+        Value::Bytes(bytes) => bytes.clone(),
+        // A byte a character, as it is read.
+        Value::Text(text) => text
+            .chars()
+            .map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?'))
+            .collect(),
+        Value::List(list) => {
+            let byte = |value: &Value| u8::try_from(value.as_int()?).ok();
+            list.iter().map(|value| byte(value).unwrap_or(0)).collect()
+        }
+        Value::Int(0) => Vec::new(),
+        other => other.to_string().into_bytes(),
+    }
+}
+
+/// The last `len` decimal digits, and whether those are all.
+fn digits(value: Option<i128>, len: usize) -> (String, bool) {
+    let wanted = value.unwrap_or(0);
+    let text = format!("{:0len$}", wanted.max(0));
+    let fits = value.is_some_and(|value| value >= 0) && text.len() == len;
+    (text[text.len() - len..].to_owned(), fits)
+}
+
+/// Values that the fields can have, chosen by `choice(n)`, a number below `n`: what is encoded from
+/// them is decoded to the same.
+pub(crate) fn example(fields: &[Field], choice: &mut dyn FnMut(u64) -> u64) -> Record {
+    let mut record = Record::default();
+    examples(fields, choice, &mut record);
+    record
+}
+
+fn examples(fields: &[Field], choice: &mut dyn FnMut(u64) -> u64, record: &mut Record) {
+    for field in fields {
+        if let Some(condition) = &field.condition {
+            let scope = Nested {
+                own: record,
+                outer: &crate::expr::Nothing,
+            };
+            if !condition.eval(&scope).is_ok_and(|value| value.is_true()) {
+                continue;
+            }
+        }
+        if let Kind::Switch { on, cases, other } = &field.kind {
+            let chosen = on.eval(&Nested {
+                own: record,
+                outer: &crate::expr::Nothing,
+            });
+            let on = chosen.unwrap_or(Value::Int(0));
+            if let Some(chosen) = choose(&on, cases, other.as_deref()) {
+                let chosen = chosen.to_vec();
+                examples(&chosen, choice, record);
+            }
+            continue;
+        }
+        if field.counts.is_some() || field.calc.is_some() || field.name.is_empty() {
+            continue;
+        }
+        let value = match (&field.constant, &field.repeat) {
+            (Some(constant), _) => constant.clone(),
+            (None, None) => one_example(field, choice, record),
+            (None, Some(size)) => {
+                let scope = Nested {
+                    own: record,
+                    outer: &crate::expr::Nothing,
+                };
+                let count = match size {
+                    Size::Fixed(count) => *count,
+                    size => match size.of(&scope, 0) {
+                        Some(count) if !matches!(size, Size::Rest) => count,
+                        _ => usize::try_from(choice(5)).unwrap_or(0),
+                    },
+                };
+                Value::List(
+                    (0..count)
+                        .map(|_| one_example(field, choice, record))
+                        .collect(),
+                )
+            }
+        };
+        record.0.push((field.name.clone(), value));
+    }
+}
+
+fn one_example(field: &Field, choice: &mut dyn FnMut(u64) -> u64, record: &Record) -> Value {
+    let scope = Nested {
+        own: record,
+        outer: &crate::expr::Nothing,
+    };
+    let size = |size: &Size, choice: &mut dyn FnMut(u64) -> u64| match size {
+        Size::Fixed(size) => *size,
+        Size::Rest => usize::try_from(choice(9)).unwrap_or(0),
+        computed => computed
+            .of(&scope, 0)
+            .unwrap_or_else(|| usize::try_from(choice(9)).unwrap_or(0)),
+    };
+    let text = |len: usize, choice: &mut dyn FnMut(u64) -> u64| {
+        let letter = |_| char::from(b'a' + u8::try_from(choice(26)).unwrap_or(0));
+        Value::Text((0..len).map(letter).collect())
+    };
+    if let Some(names) = &field.names
+        && let Some(number) = names
+            .keys()
+            .nth(usize::try_from(choice(names.len() as u64)).unwrap_or(0))
+    {
+        return Value::Int(*number);
+    }
+    let raw = match &field.kind {
+        Kind::Number(number) => {
+            // The bits of any number, but none that is equal to nothing.
+            let bits = choice(u64::MAX) >> (64 - 8 * u32::from(number.bytes));
+            match number.kind {
+                NumberKind::Float => {
+                    let float = number.float(bits);
+                    Value::Float(if float.is_finite() { float } else { 1.5 })
+                }
+                _ => Value::Int(number.int(bits)),
+            }
+        }
+        Kind::Bits { bits, .. } => Value::Int((choice(u64::MAX) >> (64 - u32::from(*bits))).into()),
+        Kind::Bcd(of) => {
+            let len = u32::try_from(size(of, choice).min(8)).unwrap_or(1);
+            Value::Int(choice(100_u64.checked_pow(len).unwrap_or(u64::MAX)).into())
+        }
+        Kind::Decimal(of) => {
+            let len = u32::try_from(size(of, choice).min(18)).unwrap_or(1);
+            Value::Int(choice(10_u64.pow(len)).into())
+        }
+        Kind::Hex(of) => {
+            let len = u32::try_from(size(of, choice).min(15)).unwrap_or(1);
+            Value::Int(choice(16_u64.pow(len)).into())
+        }
+        Kind::Str(of) => {
+            let len = size(of, choice);
+            text(len, choice)
+        }
+        Kind::StrZ => {
+            let len = usize::try_from(choice(9)).unwrap_or(0);
+            text(len, choice)
+        }
+        Kind::Prefixed { is_text, .. } => {
+            let len = usize::try_from(choice(9)).unwrap_or(0);
+            match is_text {
+                true => text(len, choice),
+                false => Value::Bytes((0..len).map(|_| byte(choice)).collect()),
+            }
+        }
+        Kind::Bytes(of) => {
+            let len = size(of, choice);
+            Value::Bytes((0..len).map(|_| byte(choice)).collect())
+        }
+        Kind::Pad(_) => Value::Bytes(Vec::new()),
+        Kind::Group(fields) => return Value::Record(example(fields, choice)),
+        Kind::Switch { .. } => Value::Int(0),
+    };
+    let value = field.scaled(raw.clone());
+    match field.beyond(&value) {
+        Some([least, greatest]) => within(field, least, greatest, choice),
+        None => value,
+    }
+}
+
+/// A value that the field can have and that lies within limits.
+fn within(field: &Field, least: f64, greatest: f64, choice: &mut dyn FnMut(u64) -> u64) -> Value {
+    #[expect(clippy::cast_precision_loss, reason = "at most 1000")]
+    let share = choice(1_001) as f64 / 1_000.0;
+    let wanted = Value::Float(least + (greatest - least) * share);
+    let count = field.unscaled(wanted);
+    match (&field.kind, count.as_f64()) {
+        (Kind::Number(number), Some(count)) if number.kind == NumberKind::Float => {
+            let bits = number.float_bits(count);
+            field.scaled(Value::Float(number.float(bits)))
+        }
+        (_, Some(count)) => {
+            let down = Value::Float(count.floor()).as_int().unwrap_or(0);
+            let value = field.scaled(Value::Int(down));
+            match field.beyond(&value) {
+                Some(_) => field.scaled(Value::Int(down + 1)),
+                None => value,
+            }
+        }
+        _ => count,
+    }
+}
+
+fn byte(choice: &mut dyn FnMut(u64) -> u64) -> u8 {
+    u8::try_from(choice(256)).unwrap_or(0)
+}

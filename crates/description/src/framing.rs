@@ -1,0 +1,327 @@
+//! How frames are cut out of bytes, and made of a body.
+//!
+//! A frame's *content* is what is left of its bytes once markers and stuffing are gone; the *body*
+//! is the content without sync bytes, length field and checksums: what messages see.
+
+mod cut;
+mod judge;
+
+use core::time::Duration;
+use std::borrow::Cow;
+
+use protocols::FrameError;
+
+use crate::checksum::Algorithm;
+use crate::expr::Expr;
+use crate::number::Number;
+use crate::schema::wire::Stuffing;
+
+pub(crate) use cut::{hex_bytes, hex_text};
+pub use judge::{Cutter, Frame, Frames, cutter};
+
+/// Most bytes of a frame.
+pub(crate) const FRAME_MAX: usize = 2_000;
+
+/// A frame format.
+#[derive(Clone, Debug)]
+pub(crate) struct Framing {
+    pub(crate) name: String,
+    pub(crate) cut: Cut,
+    /// First bytes of the content.
+    pub(crate) sync: Vec<u8>,
+    /// Whether content is written as hexadecimal digits.
+    pub(crate) is_hex: bool,
+    pub(crate) checks: Vec<Check>,
+    /// Bytes of the content that are no body, each with its length, in order, not at the end.
+    pub(crate) holes: Vec<(usize, usize)>,
+    /// Bytes at the end of the content that are no body.
+    pub(crate) trailer: usize,
+    /// Last bytes of the content of a frame whose length is known.
+    pub(crate) end: Vec<u8>,
+    /// Most bytes on the wire.
+    pub(crate) max: usize,
+    /// Pause that ends a half-received frame.
+    pub(crate) idle: Duration,
+}
+
+/// Where a frame ends.
+#[derive(Clone, Debug)]
+pub(crate) enum Cut {
+    Marked {
+        start: Vec<u8>,
+        end: Vec<u8>,
+        stuffing: Stuffing,
+        tail: usize,
+    },
+    Length(Length),
+    Fixed(usize),
+    /// An expression over the first bytes.
+    Sized {
+        head: usize,
+        size: Expr,
+    },
+    /// By one byte.
+    Table {
+        at: usize,
+        sizes: Box<[u16; 256]>,
+    },
+    /// A silence; where lengths follow from the bytes, they are given.
+    Silence {
+        lengths: Option<Lengths>,
+    },
+}
+
+/// Lengths that a frame that begins with these bytes may have, in rising order; empty if it needs
+/// more bytes, `None` if there is no telling.
+pub(crate) type Lengths = fn(&[u8]) -> Option<Vec<usize>>;
+
+/// A length field.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Length {
+    pub(crate) at: usize,
+    pub(crate) number: Number,
+    /// Bytes of the frame are value * unit + base.
+    pub(crate) unit: i64,
+    pub(crate) base: i64,
+    pub(crate) mask: u64,
+}
+
+/// A checksum of a frame.
+#[derive(Clone, Debug)]
+pub(crate) struct Check {
+    pub(crate) algorithm: Algorithm,
+    /// Bytes of its value.
+    pub(crate) width: u8,
+    pub(crate) is_little: bool,
+    pub(crate) is_hex: bool,
+    pub(crate) separator: Vec<u8>,
+    pub(crate) extra: Vec<u8>,
+    pub(crate) from: i64,
+    pub(crate) to: Option<i64>,
+    /// Place of its separator; less than 0 from the end.
+    pub(crate) at: i64,
+}
+
+/// Counts from the end if less than 0.
+fn place(at: i64, len: usize) -> Option<usize> {
+    let from_start = if at < 0 {
+        at + i64::try_from(len).ok()?
+    } else {
+        at
+    };
+    usize::try_from(from_start).ok().filter(|at| *at <= len)
+}
+
+impl Check {
+    /// Bytes that its value takes in the content.
+    pub(crate) fn value_len(&self) -> usize {
+        usize::from(self.width) * if self.is_hex { 2 } else { 1 }
+    }
+
+    /// Bytes that it takes in the content.
+    pub(crate) fn len(&self) -> usize {
+        self.separator.len() + self.value_len()
+    }
+
+    /// The value that `content` should have, and where it is written.
+    fn expected(&self, content: &[u8]) -> Option<(u128, usize)> {
+        let at = place(self.at, content.len())?;
+        let from = place(self.from, content.len())?;
+        let to = self.to.map_or(Some(at), |to| place(to, content.len()))?;
+        let covered = content.get(from..to)?;
+        let value = if self.extra.is_empty() {
+            self.algorithm.compute(covered, self.width)
+        } else {
+            self.algorithm
+                .compute(&[covered, &self.extra].concat(), self.width)
+        };
+        Some((value, at + self.separator.len()))
+    }
+
+    /// Whether it holds.
+    fn holds(&self, content: &[u8]) -> Result<(), FrameError> {
+        let cut_off = FrameError::Truncated {
+            found: u32::try_from(content.len()).unwrap_or(u32::MAX),
+        };
+        let (expected, at) = self.expected(content).ok_or(cut_off)?;
+        let separator = content.get(at - self.separator.len()..at);
+        let written = content.get(at..at + self.value_len()).ok_or(cut_off)?;
+        let found = self
+            .read(written)
+            .filter(|_| separator == Some(&*self.separator));
+        let low = |value: u128| u32::try_from(value & 0xffff_ffff).unwrap_or(0);
+        match found {
+            Some(found) if found == expected => Ok(()),
+            found => {
+                let (expected, found) = (low(expected), low(found.unwrap_or(0)));
+                Err(FrameError::Checksum { expected, found })
+            }
+        }
+    }
+
+    fn read(&self, written: &[u8]) -> Option<u128> {
+        let mut bytes = if self.is_hex {
+            hex_bytes(written)?
+        } else {
+            written.to_vec()
+        };
+        if self.is_little {
+            bytes.reverse();
+        }
+        Some(
+            bytes
+                .iter()
+                .fold(0, |value, &byte| value << 8 | u128::from(byte)),
+        )
+    }
+
+    /// Writes it.
+    fn fill(&self, content: &mut [u8]) -> Option<()> {
+        let (value, at) = self.expected(content)?;
+        let all = value.to_be_bytes();
+        let mut bytes = all[16 - usize::from(self.width)..].to_vec();
+        if self.is_little {
+            bytes.reverse();
+        }
+        let written = if self.is_hex { hex_text(&bytes) } else { bytes };
+        let first = at - self.separator.len();
+        content.get_mut(first..at)?.copy_from_slice(&self.separator);
+        content
+            .get_mut(at..at + written.len())?
+            .copy_from_slice(&written);
+        Some(())
+    }
+}
+
+impl Framing {
+    /// The body of a frame.
+    pub(crate) fn body<'a>(&self, frame: &'a [u8]) -> Option<Cow<'a, [u8]>> {
+        let content = self.content(frame).ok()?;
+        let len = content.len().checked_sub(self.trailer)?;
+        if self.holes.is_empty() {
+            return Some(match content {
+                Cow::Borrowed(content) => Cow::Borrowed(&content[..len]),
+                Cow::Owned(mut content) => {
+                    content.truncate(len);
+                    Cow::Owned(content)
+                }
+            });
+        }
+        let mut body = Vec::with_capacity(len);
+        let mut at = 0;
+        for &(hole, hole_len) in &self.holes {
+            body.extend_from_slice(content.get(at..hole.min(len))?);
+            at = hole + hole_len;
+        }
+        body.extend_from_slice(content.get(at..len)?);
+        Some(Cow::Owned(body))
+    }
+
+    /// The frame of a body; `None` if it is too long, or the frame's length says otherwise.
+    pub(crate) fn frame(&self, body: &[u8]) -> Option<Vec<u8>> {
+        let holes: usize = self.holes.iter().map(|(_, len)| len).sum();
+        let mut content = Vec::with_capacity(body.len() + holes + self.trailer);
+        let mut rest = body;
+        for &(hole, len) in &self.holes {
+            let taken = hole.checked_sub(content.len())?;
+            content.extend_from_slice(rest.get(..taken)?);
+            rest = &rest[taken..];
+            content.resize(content.len() + len, 0);
+        }
+        content.extend_from_slice(rest);
+        content.resize(content.len() + self.trailer, 0);
+        content
+            .get_mut(..self.sync.len())?
+            .copy_from_slice(&self.sync);
+        let len = content.len();
+        content[len - self.end.len()..].copy_from_slice(&self.end);
+        self.finish(&mut content)?;
+        let wire = self.wire(content);
+        (wire.len() <= self.max).then_some(wire)
+    }
+
+    /// Writes length and checksums into `content`.
+    fn finish(&self, content: &mut [u8]) -> Option<()> {
+        let len = i64::try_from(content.len()).ok()?;
+        match &self.cut {
+            Cut::Length(length) => {
+                let counted = len - length.base;
+                let value = counted.checked_div(length.unit)?;
+                let value = u64::try_from(value)
+                    .ok()
+                    .filter(|_| counted % length.unit == 0)?;
+                let Length {
+                    at, number, mask, ..
+                } = *length;
+                let places = content.get_mut(at..at + usize::from(number.bytes))?;
+                let shift = mask.trailing_zeros();
+                let value = value.checked_shl(shift).filter(|bits| bits & !mask == 0)?;
+                let mut bytes = Vec::new();
+                number.put(number.bits(places) & !mask | value, &mut bytes);
+                places.copy_from_slice(&bytes);
+            }
+            Cut::Fixed(size) if *size != content.len() => return None,
+            Cut::Table { at, sizes } => {
+                let byte = content.get(*at).copied()?;
+                if usize::from(sizes[usize::from(byte)]) != content.len() {
+                    return None;
+                }
+            }
+            Cut::Sized { head, size } => {
+                let said = content
+                    .get(..*head)
+                    .and_then(|head| judge::size_of(size, head));
+                said.filter(|said| *said == content.len())?;
+            }
+            _ => {}
+        }
+        for check in &self.checks {
+            check.fill(content)?;
+        }
+        Some(())
+    }
+
+    /// Makes length and checksums fit a damaged frame again, as far as there is room.
+    pub(crate) fn repair(&self, frame: &mut [u8]) {
+        let Ok(content) = self.content(frame) else {
+            return;
+        };
+        let mut content = content.into_owned();
+        if self.finish(&mut content).is_some() {
+            let wire = self.wire(content);
+            if wire.len() == frame.len() {
+                frame.copy_from_slice(&wire);
+            }
+        }
+    }
+
+    /// Inverts the last checksum of a frame, if it has one.
+    pub(crate) fn spoil(&self, frame: &mut Vec<u8>) {
+        let Some(check) = self.checks.last() else {
+            return;
+        };
+        let Ok(content) = self.content(frame) else {
+            return;
+        };
+        let mut content = content.into_owned();
+        let at = place(check.at, content.len()).map(|at| at + check.separator.len());
+        let Some(at) = at.filter(|at| at + check.value_len() <= content.len()) else {
+            return;
+        };
+        for byte in &mut content[at..at + check.value_len()] {
+            *byte = match (*byte, check.is_hex) {
+                (b'0', true) => b'1',
+                (_, true) => b'0',
+                (byte, false) => !byte,
+            };
+        }
+        *frame = self.wire(content);
+    }
+
+    /// Whether all checksums hold.
+    fn checked(&self, content: &[u8]) -> Result<(), FrameError> {
+        self.checks
+            .iter()
+            .try_for_each(|check| check.holds(content))
+    }
+}

@@ -1,0 +1,329 @@
+//! What bytes are: the described formats behind the machine that serves all decoders.
+
+use std::sync::Arc;
+
+use protocols::{Candidate, Decoder, Format, FrameError};
+
+use super::{Cut, FRAME_MAX, Framing, Length, Lengths};
+use crate::expr::{Expr, Scope};
+use crate::schema::wire::Stuffing;
+use crate::value::Value;
+
+/// The frame formats of a description.
+#[derive(Clone, Debug)]
+pub struct Frames(pub(crate) Arc<Vec<Framing>>);
+
+/// A frame whose checksums hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frame {
+    /// Which of the formats it has.
+    pub format: usize,
+    /// All its bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// The decoder of a description's frames.
+pub type Cutter = Decoder<Frames, { FRAME_MAX + 48 }>;
+
+/// An empty decoder.
+pub fn cutter(frames: Frames) -> Cutter {
+    Decoder::with_format(frames)
+}
+
+impl Frames {
+    /// The first format that wants the bytes. One that still waits keeps later ones from being
+    /// asked, so that the pieces in which bytes come make no difference.
+    fn verdict(&self, bytes: &[u8], is_last: bool) -> (usize, Candidate) {
+        let mut rejected = None;
+        for (index, framing) in self.0.iter().enumerate() {
+            match framing.judge(bytes, is_last) {
+                Candidate::Noise => {}
+                Candidate::Rejected(error) => {
+                    rejected.get_or_insert((index, Candidate::Rejected(error)));
+                }
+                Candidate::Incomplete if is_last => {
+                    let found = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+                    let error = FrameError::Truncated { found };
+                    rejected.get_or_insert((index, Candidate::Rejected(error)));
+                }
+                found => return (index, found),
+            }
+        }
+        rejected.unwrap_or((0, Candidate::Noise))
+    }
+}
+
+impl Frames {
+    /// Whether a silence ends frames.
+    pub(crate) fn ends_with_silence(&self) -> bool {
+        self.0
+            .iter()
+            .any(|framing| matches!(framing.cut, Cut::Silence { .. }))
+    }
+
+    /// The frame that all of `bytes` are, as a silence ended them.
+    pub(crate) fn whole(&self, bytes: &[u8]) -> Result<Frame, FrameError> {
+        let cut_off = FrameError::Truncated {
+            found: len_u32(bytes.len()),
+        };
+        let framing = self.0.first().ok_or(cut_off)?;
+        if bytes.len() <= framing.trailer {
+            return Err(cut_off);
+        }
+        if bytes.len() > framing.max {
+            let (max, found) = (len_u32(framing.max), len_u32(bytes.len()));
+            return Err(FrameError::Length { max, found });
+        }
+        match framing.whole(bytes) {
+            Candidate::Rejected(error) => Err(error),
+            _ => Ok(Frame {
+                format: 0,
+                bytes: bytes.to_vec(),
+            }),
+        }
+    }
+
+    /// Inverts the last checksum of a frame of a format.
+    pub(crate) fn spoil(&self, format: usize, frame: &mut Vec<u8>) {
+        if let Some(framing) = self.0.get(format) {
+            framing.spoil(frame);
+        }
+    }
+}
+
+impl Format for Frames {
+    type Frame = Frame;
+
+    fn judge(&self, bytes: &[u8]) -> Candidate {
+        self.verdict(bytes, false).1
+    }
+
+    fn judge_last(&self, bytes: &[u8]) -> Candidate {
+        self.verdict(bytes, true).1
+    }
+
+    fn frame(&self, bytes: &[u8]) -> Frame {
+        let (format, _) = self.verdict(bytes, true);
+        let bytes = bytes.to_vec();
+        Frame { format, bytes }
+    }
+}
+
+/// The first bytes of a frame as `b0`, `b1`, ..
+struct Head<'a>(&'a [u8]);
+
+impl Scope for Head<'_> {
+    fn value(&self, name: &str) -> Option<Value> {
+        let at: usize = name.strip_prefix('b')?.parse().ok()?;
+        self.0.get(at).map(|&byte| Value::Int(byte.into()))
+    }
+}
+
+/// The size of a frame by an expression over its head.
+pub(super) fn size_of(size: &Expr, head: &[u8]) -> Option<usize> {
+    let size = size.eval(&Head(head)).ok()?.as_int()?;
+    usize::try_from(size)
+        .ok()
+        .filter(|size| (1..=FRAME_MAX).contains(size))
+}
+
+fn len_u32(bytes: usize) -> u32 {
+    u32::try_from(bytes).unwrap_or(u32::MAX)
+}
+
+impl Framing {
+    /// Judges `bytes` from their first one; `is_last` if no more will come.
+    pub(super) fn judge(&self, bytes: &[u8], is_last: bool) -> Candidate {
+        if let Cut::Marked { .. } = self.cut {
+            return self.judge_marked(bytes);
+        }
+        let seen = self.sync.len().min(bytes.len());
+        if bytes[..seen] != self.sync[..seen] {
+            return Candidate::Noise;
+        }
+        let too_long = |found: usize| {
+            Candidate::Rejected(FrameError::Length {
+                max: len_u32(self.max),
+                found: len_u32(found),
+            })
+        };
+        let size = match &self.cut {
+            Cut::Marked { .. } => return Candidate::Noise,
+            Cut::Fixed(size) => *size,
+            Cut::Length(length) => match length.size(bytes) {
+                None => return Candidate::Incomplete,
+                Some(size) => match usize::try_from(size) {
+                    Ok(size) if size >= self.least() => size,
+                    _ => return too_long(usize::try_from(size).unwrap_or(0)),
+                },
+            },
+            Cut::Sized { head, size } => match bytes.get(..*head) {
+                None => return Candidate::Incomplete,
+                Some(head) => match size_of(size, head) {
+                    Some(size) if size >= self.least() => size,
+                    _ => return Candidate::Noise,
+                },
+            },
+            Cut::Table { at, sizes } => match bytes.get(*at) {
+                None => return Candidate::Incomplete,
+                Some(&byte) => match usize::from(sizes[usize::from(byte)]) {
+                    0 => return Candidate::Noise,
+                    size => size,
+                },
+            },
+            Cut::Silence { lengths } => return self.judge_silence(bytes, is_last, *lengths),
+        };
+        if size > self.max {
+            return too_long(size);
+        }
+        match bytes.get(..size) {
+            None => Candidate::Incomplete,
+            Some(frame) => self.whole(frame),
+        }
+    }
+
+    /// Least bytes of the content.
+    fn least(&self) -> usize {
+        let holes: usize = self.holes.iter().map(|(_, len)| len).sum();
+        (holes + self.trailer).max(1)
+    }
+
+    /// Judges a frame that has its length.
+    fn whole(&self, frame: &[u8]) -> Candidate {
+        if !frame.ends_with(&self.end) {
+            let found = frame.last().copied().unwrap_or(0).into();
+            let at = len_u32(frame.len().saturating_sub(1));
+            return Candidate::Rejected(FrameError::Implausible { at, found });
+        }
+        match self.checked(frame) {
+            Ok(()) => Candidate::Complete(frame.len()),
+            Err(error) => Candidate::Rejected(error),
+        }
+    }
+
+    fn judge_silence(&self, bytes: &[u8], is_last: bool, lengths: Option<Lengths>) -> Candidate {
+        let known = lengths.and_then(|lengths| lengths(bytes));
+        if let Some(known) = known {
+            if known.is_empty() {
+                return Candidate::Incomplete;
+            }
+            let fitting = known.iter().filter_map(|len| bytes.get(..*len));
+            for frame in fitting {
+                if let found @ Candidate::Complete(_) = self.whole(frame) {
+                    return found;
+                }
+            }
+            return match known.iter().any(|len| *len > bytes.len()) {
+                true => Candidate::Incomplete,
+                false => known
+                    .first()
+                    .and_then(|len| bytes.get(..*len))
+                    .map_or(Candidate::Noise, |frame| self.whole(frame)),
+            };
+        }
+        // Without lengths only the silence ends a frame.
+        if is_last {
+            return match self.whole(bytes) {
+                Candidate::Rejected(_) if bytes.len() < self.least() => Candidate::Noise,
+                found => found,
+            };
+        }
+        if bytes.len() >= self.max {
+            let (max, found) = (len_u32(self.max), len_u32(bytes.len()));
+            return Candidate::Rejected(FrameError::Length { max, found });
+        }
+        Candidate::Incomplete
+    }
+
+    fn judge_marked(&self, bytes: &[u8]) -> Candidate {
+        let Cut::Marked {
+            start,
+            end,
+            stuffing,
+            tail,
+        } = &self.cut
+        else {
+            return Candidate::Noise;
+        };
+        let seen = start.len().min(bytes.len());
+        let has_start = bytes[..seen] == start[..seen];
+        // Two frames may share the marker between them.
+        let may_lack_start = start == end;
+        if !has_start && !may_lack_start {
+            return Candidate::Noise;
+        }
+        if has_start && seen < start.len() {
+            return Candidate::Incomplete;
+        }
+        let from = if has_start { start.len() } else { 0 };
+        let reject = |error| match has_start {
+            true => Candidate::Rejected(error),
+            // It was no candidate in the first place.
+            false => Candidate::Noise,
+        };
+        let inner = &bytes[from..];
+        let is_line = start.is_empty() && *stuffing == Stuffing::None;
+        if is_line && inner.first().is_some_and(|byte| b"\r\n".contains(byte)) && !self.is_text(end)
+        {
+            return Candidate::Noise;
+        }
+        let Some(found) = find(inner, end) else {
+            let found = len_u32(bytes.len());
+            return match bytes.len() >= self.max {
+                true => reject(FrameError::Length {
+                    max: len_u32(self.max),
+                    found,
+                }),
+                false => Candidate::Incomplete,
+            };
+        };
+        let len = from + found + end.len() + tail;
+        if len > self.max {
+            let (max, found) = (len_u32(self.max), len_u32(len));
+            return reject(FrameError::Length { max, found });
+        }
+        if found == 0 && *tail == 0 {
+            return Candidate::Noise;
+        }
+        let Some(frame) = bytes.get(..len) else {
+            return Candidate::Incomplete;
+        };
+        let content = match self.content(frame) {
+            Ok(content) => content,
+            Err(_) if *stuffing == Stuffing::Cobs => return Candidate::Noise,
+            Err(error) => return reject(error),
+        };
+        if content.len() < self.least() {
+            let found = len_u32(content.len());
+            return reject(FrameError::Truncated { found });
+        }
+        match self.checked(&content) {
+            Ok(()) => Candidate::Complete(len),
+            Err(error) => reject(error),
+        }
+    }
+
+    /// Whether an end marker has no line ends in it: then line ends may begin a frame.
+    fn is_text(&self, end: &[u8]) -> bool {
+        !end.iter().any(|byte| b"\r\n".contains(byte))
+    }
+}
+
+/// Where `wanted` begins in `bytes`.
+fn find(bytes: &[u8], wanted: &[u8]) -> Option<usize> {
+    match wanted {
+        [] => None,
+        [one] => bytes.iter().position(|byte| byte == one),
+        more => bytes.windows(more.len()).position(|part| part == more),
+    }
+}
+
+impl Length {
+    /// The frame's size, as the field says; `None` if it has not come yet.
+    fn size(&self, bytes: &[u8]) -> Option<i64> {
+        let field = bytes.get(self.at..self.at + usize::from(self.number.bytes))?;
+        let value = (self.number.bits(field) & self.mask) >> self.mask.trailing_zeros();
+        let value = i64::try_from(value).unwrap_or(i64::MAX);
+        Some(value.saturating_mul(self.unit).saturating_add(self.base))
+    }
+}

@@ -1,0 +1,51 @@
+//! Serial devices described by data.
+//!
+//! A [`Description`] is read from a TOML file: line, frames, checksums, messages, state, registers
+//! and behaviour. One description gives a device to be emulated ([`Described`]), a decoder with
+//! words for every field ([`Description::cutter`], [`Description::words`]), and the rules that a
+//! driver must keep. It is pure: no clock, no I/O, no randomness but the named streams of
+//! [`emulators::rng`].
+//!
+//! | module | is |
+//! |---|---|
+//! | [`schema`] | what a file may say |
+//! | [`error`] | what is wrong with a file |
+//! | [`expr`] | expressions over fields and variables |
+//! | [`checksum`] | algorithms by name |
+//! | [`number`] | numbers as bytes |
+//! | [`value`] | what fields and variables hold |
+//! | [`description`] | a description that was found sound |
+//! | [`device`] | the device that it describes |
+//! | [`wire`] | several devices on one wire |
+//! | [`shipped`] | the descriptions that come with the tool |
+
+mod behaviour;
+pub mod checksum;
+mod compile;
+pub mod description;
+pub mod device;
+pub mod error;
+pub mod expr;
+mod field;
+mod framing;
+mod message;
+mod modbus;
+pub mod number;
+mod pattern;
+mod registers;
+pub mod schema;
+pub mod shipped;
+pub mod span;
+mod state;
+pub mod value;
+pub mod wire;
+
+pub use compile::Files;
+pub use description::{Description, Protocol};
+pub use device::{Described, Place};
+pub use error::{DescriptionError, Problem};
+pub use framing::{Cutter, Frame, Frames};
+pub use message::Message;
+pub use schema::json_schema;
+pub use schema::message::From;
+pub use value::{Record, Value};

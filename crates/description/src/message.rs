@@ -1,0 +1,144 @@
+//! Messages: what the body of a frame means.
+
+use std::sync::Arc;
+
+use crate::expr::{Nothing, Scope};
+use crate::field::{self, Field};
+use crate::pattern::{self, Piece};
+use crate::schema::message::From;
+use crate::value::{Record, Value};
+
+/// A message, ready to be used.
+#[derive(Clone, Debug)]
+pub struct Message {
+    pub(crate) name: Arc<str>,
+    pub(crate) about: String,
+    pub(crate) from: From,
+    /// Index of its frame format.
+    pub(crate) frame: usize,
+    pub(crate) layout: Layout,
+}
+
+/// What a body consists of.
+#[derive(Clone, Debug)]
+pub(crate) enum Layout {
+    Fields(Vec<Field>),
+    Text {
+        pieces: Vec<Piece>,
+        fields: Vec<Field>,
+    },
+}
+
+/// The bytes of a message, and what was wrong with its values.
+#[derive(Debug, Default)]
+pub(crate) struct Written {
+    pub(crate) bytes: Vec<u8>,
+    pub(crate) cut: Vec<(String, Value)>,
+    pub(crate) failed: Vec<String>,
+}
+
+impl Message {
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What it is for.
+    pub fn about(&self) -> &str {
+        &self.about
+    }
+
+    /// Who sends it.
+    pub const fn from(&self) -> From {
+        self.from
+    }
+
+    /// Whether the end `from` sends it.
+    pub(crate) fn is_from(&self, from: From) -> bool {
+        self.from == from || self.from == From::Both || from == From::Both
+    }
+
+    pub(crate) fn fields(&self) -> &[Field] {
+        match &self.layout {
+            Layout::Fields(fields) | Layout::Text { fields, .. } => fields,
+        }
+    }
+
+    /// The names of its fields.
+    pub(crate) fn names(&self) -> Vec<&str> {
+        match &self.layout {
+            Layout::Fields(fields) => names_of(fields),
+            Layout::Text { pieces, .. } => {
+                let names = pieces.iter().filter_map(|piece| match piece {
+                    Piece::Hole(hole) => Some(hole.name.as_str()),
+                    Piece::Words(_) => None,
+                });
+                names.collect()
+            }
+        }
+    }
+
+    /// The values of a body, if it is this message.
+    pub fn decode(&self, body: &[u8]) -> Option<Record> {
+        match &self.layout {
+            Layout::Fields(fields) => field::decode(fields, body, &Nothing),
+            Layout::Text { pieces, fields } => {
+                let text: String = body.iter().map(|&byte| char::from(byte)).collect();
+                pattern::decode(pieces, fields, &text)
+            }
+        }
+    }
+
+    /// The body with the values of `scope`.
+    pub(crate) fn encode(&self, scope: &dyn Scope) -> Written {
+        match &self.layout {
+            Layout::Fields(fields) => {
+                let encoding = field::encode(fields, scope);
+                Written {
+                    bytes: encoding.bytes,
+                    cut: encoding.cut,
+                    failed: encoding.failed,
+                }
+            }
+            Layout::Text { pieces, fields } => {
+                let mut failed = Vec::new();
+                let text = pattern::encode(pieces, fields, scope, &mut failed);
+                let byte = |c: char| u8::try_from(u32::from(c)).unwrap_or(b'?');
+                let bytes = text.chars().map(byte).collect();
+                Written {
+                    bytes,
+                    cut: Vec::new(),
+                    failed,
+                }
+            }
+        }
+    }
+
+    /// Values that it can have, chosen by `choice(n)`, a number below `n`.
+    pub fn example(&self, choice: &mut dyn FnMut(u64) -> u64) -> Record {
+        match &self.layout {
+            Layout::Fields(fields) => field::example(fields, choice),
+            Layout::Text { pieces, fields } => pattern::example(pieces, fields, choice),
+        }
+    }
+
+    /// Values in words: `reading: voltage 230.1 V, relay on`.
+    pub fn words(&self, values: &Record) -> String {
+        let words = field::words_of(self.fields(), values);
+        match words.is_empty() {
+            true => self.name.to_string(),
+            false => format!("{}: {words}", self.name),
+        }
+    }
+}
+
+fn names_of(fields: &[Field]) -> Vec<&str> {
+    let names = fields.iter().flat_map(|field| match &field.kind {
+        field::Kind::Switch { cases, other, .. } => {
+            let cases = cases.iter().map(|(_, fields)| fields).chain(other);
+            cases.flat_map(|fields| names_of(fields)).collect()
+        }
+        _ => vec![&*field.name],
+    });
+    names.filter(|name| !name.is_empty()).collect()
+}

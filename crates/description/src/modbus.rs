@@ -1,0 +1,321 @@
+//! Modbus: requests to a table of registers, by the application protocol specification V1.1b3, and
+//! frames of the serial line specification V1.02.
+
+use crate::registers::{Refusal, Registers, Table};
+use crate::value::Value;
+
+/// Exception codes.
+const ILLEGAL_FUNCTION: u8 = 1;
+const ILLEGAL_ADDRESS: u8 = 2;
+const ILLEGAL_VALUE: u8 = 3;
+
+/// Most registers and bits of a request (sections 6.1 to 6.17).
+const READ_BITS_MAX: u16 = 2_000;
+const READ_WORDS_MAX: u16 = 125;
+const WRITE_BITS_MAX: u16 = 1_968;
+const WRITE_WORDS_MAX: u16 = 123;
+const EXCHANGE_WORDS_MAX: u16 = 121;
+
+/// What a request comes to.
+#[derive(Debug)]
+pub(crate) struct Answer {
+    /// The response without address and checksum.
+    pub(crate) response: Vec<u8>,
+    /// Variables that change.
+    pub(crate) changes: Vec<(usize, Value)>,
+    /// What the driver did wrong.
+    pub(crate) wrong: Option<Wrong>,
+}
+
+/// What a driver did wrong.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Wrong {
+    Function(u8),
+    Register(Refusal),
+    /// Lengths and counts that contradict each other or the specification.
+    Malformed(String),
+}
+
+type Values<'a> = &'a dyn Fn(usize) -> Value;
+
+fn word(bytes: &[u8], at: usize) -> Option<u16> {
+    Some(u16::from_be_bytes([*bytes.get(at)?, *bytes.get(at + 1)?]))
+}
+
+/// The answer of `registers` to a request without address and checksum.
+pub(crate) fn answer(registers: &Registers, request: &[u8], values: Values<'_>) -> Answer {
+    let function = request.first().copied().unwrap_or(0);
+    match respond(registers, request, values) {
+        Ok((body, changes)) => Answer {
+            response: [&[function][..], &body].concat(),
+            changes,
+            wrong: None,
+        },
+        Err(wrong) => {
+            let code = match &wrong {
+                Wrong::Function(_) => ILLEGAL_FUNCTION,
+                Wrong::Register(Refusal::OutOfRange(..)) | Wrong::Malformed(_) => ILLEGAL_VALUE,
+                Wrong::Register(_) => ILLEGAL_ADDRESS,
+            };
+            Answer {
+                response: vec![function | 0x80, code],
+                changes: Vec::new(),
+                wrong: Some(wrong),
+            }
+        }
+    }
+}
+
+type Response = (Vec<u8>, Vec<(usize, Value)>);
+
+fn respond(registers: &Registers, request: &[u8], values: Values<'_>) -> Result<Response, Wrong> {
+    let function = request.first().copied().unwrap_or(0);
+    let is_known = registers.functions.is_empty() || registers.functions.contains(&function);
+    let table = match function {
+        1 | 5 | 15 => &registers.coils,
+        2 => &registers.discrete,
+        3 | 6 | 16 | 22 | 23 => &registers.holding,
+        4 => &registers.input,
+        _ => return Err(Wrong::Function(function)),
+    };
+    if !is_known || table.is_empty() {
+        return Err(Wrong::Function(function));
+    }
+    let field = |at: usize| {
+        let cut_off =
+            || Wrong::Malformed(format!("function {function} with {} bytes", request.len()));
+        word(request, at).ok_or_else(cut_off)
+    };
+    let exact = |len: usize| match request.len() == len {
+        true => Ok(()),
+        false => {
+            let found = request.len();
+            let detail = format!("function {function} with {found} bytes, expected {len}");
+            Err(Wrong::Malformed(detail))
+        }
+    };
+    let counted = |count: u16, most: u16| match (1..=most).contains(&count) {
+        true => Ok(count),
+        false => Err(Wrong::Malformed(format!(
+            "function {function} for {count} registers, expected 1 to {most}"
+        ))),
+    };
+    let at = field(1)?;
+    match function {
+        1 | 2 => {
+            exact(5)?;
+            let count = counted(field(3)?, READ_BITS_MAX)?;
+            let bits = read(table, at, count, values)?;
+            Ok((prefixed(&pack(&bits)), Vec::new()))
+        }
+        3 | 4 => {
+            exact(5)?;
+            let count = counted(field(3)?, READ_WORDS_MAX)?;
+            Ok((prefixed(&read(table, at, count, values)?), Vec::new()))
+        }
+        5 => {
+            exact(5)?;
+            let value = match field(3)? {
+                0xFF00 => 1,
+                0 => 0,
+                other => {
+                    let detail = format!("coil set to {other:#06x}, expected 0xff00 or 0x0000");
+                    return Err(Wrong::Malformed(detail));
+                }
+            };
+            let changes = write(table, at, &[value], values)?;
+            Ok((request[1..5].to_vec(), changes))
+        }
+        6 => {
+            exact(5)?;
+            let changes = write(table, at, &request[3..5], values)?;
+            Ok((request[1..5].to_vec(), changes))
+        }
+        15 => {
+            let count = counted(field(3)?, WRITE_BITS_MAX)?;
+            let len = usize::from(count).div_ceil(8);
+            exact(6 + len)?;
+            byte_count(request[5], len)?;
+            let bits = (0..usize::from(count)).map(|bit| request[6 + bit / 8] >> (bit % 8) & 1);
+            let changes = write(table, at, &bits.collect::<Vec<_>>(), values)?;
+            Ok((request[1..5].to_vec(), changes))
+        }
+        16 => {
+            let count = counted(field(3)?, WRITE_WORDS_MAX)?;
+            exact(6 + 2 * usize::from(count))?;
+            byte_count(request[5], 2 * usize::from(count))?;
+            let changes = write(table, at, &request[6..], values)?;
+            Ok((request[1..5].to_vec(), changes))
+        }
+        22 => {
+            exact(7)?;
+            let (and, or) = (field(3)?, field(5)?);
+            let old = read(table, at, 1, values)?;
+            let old = word(&old, 0).unwrap_or(0);
+            let new = (old & and) | (or & !and);
+            let changes = write(table, at, &new.to_be_bytes(), values)?;
+            Ok((request[1..7].to_vec(), changes))
+        }
+        _ => {
+            let count = counted(field(3)?, READ_WORDS_MAX)?;
+            let (to, written) = (field(5)?, counted(field(7)?, EXCHANGE_WORDS_MAX)?);
+            exact(10 + 2 * usize::from(written))?;
+            byte_count(request[9], 2 * usize::from(written))?;
+            // The write comes first (section 6.17).
+            let changes = write(table, to, &request[10..], values)?;
+            let changed = |variable: usize| {
+                let new = changes
+                    .iter()
+                    .rev()
+                    .find(|(changed, _)| *changed == variable);
+                new.map_or_else(|| values(variable), |(_, value)| value.clone())
+            };
+            let bytes = read(table, at, count, &changed)?;
+            Ok((prefixed(&bytes), changes))
+        }
+    }
+}
+
+fn byte_count(found: u8, expected: usize) -> Result<(), Wrong> {
+    match usize::from(found) == expected {
+        true => Ok(()),
+        false => Err(Wrong::Malformed(format!(
+            "byte count is {found}, expected {expected}"
+        ))),
+    }
+}
+
+fn prefixed(bytes: &[u8]) -> Vec<u8> {
+    let len = u8::try_from(bytes.len()).unwrap_or(u8::MAX);
+    [&[len][..], bytes].concat()
+}
+
+fn read(table: &Table, at: u16, count: u16, values: Values<'_>) -> Result<Vec<u8>, Wrong> {
+    table
+        .read(at.into(), count.into(), values)
+        .map_err(Wrong::Register)
+}
+
+fn write(
+    table: &Table,
+    at: u16,
+    bytes: &[u8],
+    values: Values<'_>,
+) -> Result<Vec<(usize, Value)>, Wrong> {
+    table
+        .write(at.into(), bytes, values)
+        .map_err(Wrong::Register)
+}
+
+/// Bits as bytes, the first one lowest.
+fn pack(bits: &[u8]) -> Vec<u8> {
+    let bytes = bits.chunks(8).map(|bits| {
+        let bits = bits.iter().enumerate();
+        bits.fold(0, |byte, (place, bit)| byte | (bit & 1) << place)
+    });
+    bytes.collect()
+}
+
+/// Lengths that a frame with address and CRC may have, as a request or a response, in rising order;
+/// empty if that takes more bytes, `None` for functions that are not known.
+pub(crate) fn lengths(bytes: &[u8]) -> Option<Vec<usize>> {
+    let Some(&function) = bytes.get(1) else {
+        return Some(Vec::new());
+    };
+    let count = |at: usize| bytes.get(at).copied().map(usize::from);
+    let both = |request: Option<usize>, response: Option<usize>| match (request, response) {
+        (Some(a), Some(b)) => vec![a.min(b), a.max(b)],
+        (None, Some(one)) | (Some(one), None) => vec![one],
+        (None, None) => Vec::new(),
+    };
+    match function {
+        1..=4 => match count(2) {
+            None => Some(Vec::new()),
+            Some(count) => Some(both(Some(8), Some(5 + count))),
+        },
+        5 | 6 => Some(vec![8]),
+        15 | 16 => match count(6) {
+            None => Some(Vec::new()),
+            Some(count) => Some(both(Some(9 + count), Some(8))),
+        },
+        22 => Some(vec![10]),
+        23 => match (count(2), count(10)) {
+            (None, _) => Some(Vec::new()),
+            // The shortest request, so that a response that does not hold waits for its count.
+            (Some(response), None) => Some(vec![5 + response, 15]),
+            (Some(response), Some(request)) => Some(both(Some(13 + request), Some(5 + response))),
+        },
+        0x81..=0x97 => Some(vec![5]),
+        _ => None,
+    }
+}
+
+const FUNCTIONS: [(u8, &str); 10] = [
+    (1, "read coils"),
+    (2, "read discrete inputs"),
+    (3, "read holding registers"),
+    (4, "read input registers"),
+    (5, "write coil"),
+    (6, "write register"),
+    (15, "write coils"),
+    (16, "write registers"),
+    (22, "mask register"),
+    (23, "exchange registers"),
+];
+
+/// The name of a function.
+pub(crate) fn function_name(function: u8) -> &'static str {
+    let known = FUNCTIONS.iter().find(|(code, _)| *code == function & 0x7F);
+    known.map_or("unknown function", |(_, name)| name)
+}
+
+/// A frame's body, with its address, in words.
+pub(crate) fn words(body: &[u8]) -> String {
+    let [address, function, rest @ ..] = body else {
+        return "too short for Modbus".to_owned();
+    };
+    let name = function_name(*function);
+    let values = |bytes: &[u8]| {
+        let words = bytes.chunks(2).map(|pair| match pair {
+            [high, low] => u16::from_be_bytes([*high, *low]).to_string(),
+            one => format!("{one:02X?}"),
+        });
+        words.collect::<Vec<_>>().join(" ")
+    };
+    let said = match (function, rest) {
+        (0x80.., [code, ..]) => {
+            let what = match *code {
+                ILLEGAL_FUNCTION => "illegal function",
+                ILLEGAL_ADDRESS => "illegal data address",
+                ILLEGAL_VALUE => "illegal data value",
+                4 => "device failure",
+                5 => "acknowledge",
+                6 => "busy",
+                _ => "unknown",
+            };
+            format!("refused {name}: {what} ({code})")
+        }
+        (1..=4, [count, bytes @ ..]) if usize::from(*count) == bytes.len() => match function {
+            1 | 2 => format!("{name}: {bytes:02X?}"),
+            _ => format!("{name}: {}", values(bytes)),
+        },
+        (1..=4, [a, b, c, d]) => {
+            let (at, count) = (u16::from_be_bytes([*a, *b]), u16::from_be_bytes([*c, *d]));
+            format!("{name} {at}, {count} of them")
+        }
+        (5 | 6, [a, b, c, d]) => {
+            let (at, value) = (u16::from_be_bytes([*a, *b]), u16::from_be_bytes([*c, *d]));
+            format!("{name} {at} = {value}")
+        }
+        (15 | 16, [a, b, c, d, rest @ ..]) => {
+            let (at, count) = (u16::from_be_bytes([*a, *b]), u16::from_be_bytes([*c, *d]));
+            match rest {
+                [] => format!("{name} {at}, {count} of them: done"),
+                [_, bytes @ ..] if *function == 16 => format!("{name} {at} = {}", values(bytes)),
+                [_, bytes @ ..] => format!("{name} {at}, {count} of them = {bytes:02X?}"),
+            }
+        }
+        (_, rest) => format!("{name}: {rest:02X?}"),
+    };
+    format!("device {address}: {said}")
+}

@@ -1,0 +1,208 @@
+//! A table of registers: values at addresses, read and written in pieces.
+
+use crate::field::number_bytes;
+use crate::number::Number;
+use crate::value::Value;
+
+/// Tables of registers.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Registers {
+    pub(crate) coils: Table,
+    pub(crate) discrete: Table,
+    pub(crate) input: Table,
+    pub(crate) holding: Table,
+    pub(crate) bytes: Table,
+    /// Function codes that are known; empty for all.
+    pub(crate) functions: Vec<u8>,
+}
+
+/// One table.
+#[derive(Clone, Debug)]
+pub(crate) struct Table {
+    /// In the order of addresses, none over another.
+    pub(crate) cells: Vec<Cell>,
+    /// Bytes of an address.
+    pub(crate) unit: usize,
+    /// Whether addresses without a register read 0 and take writes.
+    pub(crate) has_gaps: bool,
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        Self {
+            cells: Vec::new(),
+            unit: 2,
+            has_gaps: false,
+        }
+    }
+}
+
+/// A register.
+#[derive(Clone, Debug)]
+pub(crate) struct Cell {
+    pub(crate) at: u32,
+    /// Addresses that it takes.
+    pub(crate) len: u32,
+    pub(crate) variable: usize,
+    pub(crate) kind: CellKind,
+    pub(crate) is_writable: bool,
+    pub(crate) scale: Option<[f64; 2]>,
+    pub(crate) limits: Option<[f64; 2]>,
+}
+
+/// What the bytes of a register are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum CellKind {
+    Bit,
+    Number(Number),
+    /// Text of so many bytes.
+    Text(usize),
+}
+
+/// Why a register is not read or written.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Refusal {
+    /// No register at this address.
+    Unknown(u32),
+    /// Only the device changes this variable.
+    ReadOnly(usize),
+    /// The value is beyond the limits of this variable.
+    OutOfRange(usize, Value, [f64; 2]),
+}
+
+type Values<'a> = &'a dyn Fn(usize) -> Value;
+
+impl Cell {
+    /// Its bytes, as on the wire.
+    fn bytes(&self, value: &Value) -> Vec<u8> {
+        let raw = match (self.scale, value.as_f64()) {
+            (Some([scale, offset]), Some(value)) => Value::Float((value - offset) / scale),
+            _ => value.clone(),
+        };
+        match self.kind {
+            CellKind::Bit => vec![u8::from(raw.is_true())],
+            CellKind::Number(number) => number_bytes(number, &raw).0,
+            CellKind::Text(len) => {
+                let text = match &raw {
+                    Value::Text(text) => text.clone().into_bytes(),
+                    other => other.to_string().into_bytes(),
+                };
+                let mut bytes = text[..text.len().min(len)].to_vec();
+                bytes.resize(len, 0);
+                bytes
+            }
+        }
+    }
+
+    /// The value of its bytes.
+    fn value(&self, bytes: &[u8]) -> Value {
+        let raw = match self.kind {
+            CellKind::Bit => return Value::Bool(bytes.first().is_some_and(|byte| *byte != 0)),
+            CellKind::Number(number) => {
+                let len = usize::from(number.bytes);
+                crate::field::number_value(number, &bytes[..len])
+            }
+            CellKind::Text(_) => {
+                let text: String = bytes.iter().map(|&byte| char::from(byte)).collect();
+                return Value::Text(text.trim_end_matches('\0').to_owned());
+            }
+        };
+        match (self.scale, raw.as_f64()) {
+            (Some([scale, offset]), Some(count)) => Value::Float(count * scale + offset),
+            _ => raw,
+        }
+    }
+}
+
+impl Registers {
+    /// Address of a variable.
+    pub(crate) fn address_of(&self, variable: usize) -> Option<u32> {
+        let tables = [
+            &self.coils,
+            &self.discrete,
+            &self.input,
+            &self.holding,
+            &self.bytes,
+        ];
+        let mut cells = tables.into_iter().flat_map(|table| &table.cells);
+        cells
+            .find(|cell| cell.variable == variable)
+            .map(|cell| cell.at)
+    }
+}
+
+impl Table {
+    /// Whether it has no register.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.cells.is_empty()
+    }
+
+    fn cell_at(&self, at: u32) -> Option<&Cell> {
+        let behind = self.cells.partition_point(|cell| cell.at <= at);
+        let cell = self.cells.get(behind.checked_sub(1)?)?;
+        (at - cell.at < cell.len).then_some(cell)
+    }
+
+    /// Bytes of `count` addresses from `at` on.
+    pub(crate) fn read(&self, at: u32, count: u32, values: Values<'_>) -> Result<Vec<u8>, Refusal> {
+        let mut out = Vec::with_capacity(count as usize * self.unit);
+        let end = u64::from(at) + u64::from(count);
+        let mut place = at;
+        while u64::from(place) < end {
+            let Some(cell) = self.cell_at(place) else {
+                if !self.has_gaps {
+                    return Err(Refusal::Unknown(place));
+                }
+                out.resize(out.len() + self.unit, 0);
+                place += 1;
+                continue;
+            };
+            let bytes = cell.bytes(&values(cell.variable));
+            let first = (place - cell.at) as usize * self.unit;
+            let left = usize::try_from(end - u64::from(place)).unwrap_or(usize::MAX);
+            let last = (first + left.saturating_mul(self.unit)).min(bytes.len());
+            out.extend_from_slice(&bytes[first..last]);
+            place = cell.at + cell.len;
+        }
+        Ok(out)
+    }
+
+    /// What writing `bytes` from `at` on changes: variables and their values, all or nothing.
+    pub(crate) fn write(
+        &self,
+        at: u32,
+        bytes: &[u8],
+        values: Values<'_>,
+    ) -> Result<Vec<(usize, Value)>, Refusal> {
+        let mut changes = Vec::new();
+        let mut rest = bytes;
+        let mut place = at;
+        while !rest.is_empty() {
+            let Some(cell) = self.cell_at(place) else {
+                if !self.has_gaps {
+                    return Err(Refusal::Unknown(place));
+                }
+                rest = &rest[self.unit.min(rest.len())..];
+                place = place.wrapping_add(1);
+                continue;
+            };
+            if !cell.is_writable {
+                return Err(Refusal::ReadOnly(cell.variable));
+            }
+            let mut whole = cell.bytes(&values(cell.variable));
+            let first = (place - cell.at) as usize * self.unit;
+            let taken = rest.len().min(whole.len() - first);
+            whole[first..first + taken].copy_from_slice(&rest[..taken]);
+            let value = cell.value(&whole);
+            if let (Some(limits), Some(found)) = (cell.limits, value.as_f64())
+                && !(limits[0]..=limits[1]).contains(&found)
+            {
+                return Err(Refusal::OutOfRange(cell.variable, value, limits));
+            }
+            changes.push((cell.variable, value));
+            rest = &rest[taken..];
+            place = cell.at + cell.len;
+        }
+        Ok(changes)
+    }
+}

@@ -1,0 +1,312 @@
+//! Variables of a device: where their values come from, what they may be.
+
+mod recording;
+
+use core::f64::consts::TAU;
+use core::time::Duration;
+use std::sync::Arc;
+
+use emulators::rng::Rng;
+use emulators::world::World;
+use protocols::Instant;
+
+use crate::expr::{Expr, Scope};
+use crate::field::Names;
+use crate::schema::state::WorldQuantity;
+use crate::value::Value;
+
+pub(crate) use recording::Recording;
+
+/// A variable, ready to be used.
+#[derive(Clone, Debug)]
+pub(crate) struct Variable {
+    pub(crate) name: Arc<str>,
+    pub(crate) initial: Value,
+    pub(crate) unit: String,
+    pub(crate) limits: Option<[f64; 2]>,
+    pub(crate) names: Option<Names>,
+    pub(crate) source: Source,
+    pub(crate) safe: Option<Value>,
+    pub(crate) keeps: bool,
+    pub(crate) about: String,
+}
+
+/// Where a value comes from.
+#[derive(Clone, Debug)]
+pub(crate) enum Source {
+    Stored,
+    Counter(Duration),
+    Ramp {
+        from: f64,
+        to: f64,
+        period: Duration,
+    },
+    Sine {
+        mean: f64,
+        amplitude: f64,
+        period: Duration,
+    },
+    Noise {
+        mean: f64,
+        deviation: f64,
+        period: Duration,
+    },
+    Recorded {
+        recording: Arc<Recording>,
+        repeats: bool,
+    },
+    World(WorldQuantity),
+    Computed(Expr),
+}
+
+/// Distance beyond which a ray sees nothing, metres.
+const RANGE_MAX_M: f64 = 10.0;
+
+/// Values of the variables.
+#[derive(Clone, Debug)]
+pub(crate) struct State {
+    known: Arc<Vec<Variable>>,
+    values: Vec<Value>,
+    began: Instant,
+    seed: u64,
+    name: String,
+    /// What faults do to values.
+    pub(crate) overlays: Vec<Overlay>,
+}
+
+/// What a fault does to the value of a variable.
+#[derive(Clone, Debug)]
+pub(crate) struct Overlay {
+    pub(crate) variable: usize,
+    pub(crate) change: Change,
+}
+
+/// What becomes of a value.
+#[derive(Clone, Debug)]
+pub(crate) enum Change {
+    Frozen(Value),
+    Factor(f64),
+    Computed { expr: Expr, figure: f64 },
+}
+
+/// The state at a time in a world, as expressions see it.
+pub(crate) struct Reading<'a> {
+    pub(crate) state: &'a State,
+    pub(crate) now: Instant,
+    pub(crate) world: &'a World,
+}
+
+impl Scope for Reading<'_> {
+    fn value(&self, name: &str) -> Option<Value> {
+        let index = self.state.find(name)?;
+        Some(self.state.read(index, self.now, self.world))
+    }
+}
+
+/// What a fault's expression sees besides: the value as it would be, and the scenario's figure.
+struct Faulty<'a> {
+    reading: Reading<'a>,
+    value: &'a Value,
+    figure: f64,
+}
+
+impl Scope for Faulty<'_> {
+    fn value(&self, name: &str) -> Option<Value> {
+        match name {
+            "self" => Some(self.value.clone()),
+            "factor" => Some(Value::Float(self.figure)),
+            name => self.reading.value(name),
+        }
+    }
+}
+
+impl Variable {
+    /// Whether only the device changes it.
+    pub(crate) const fn is_measured(&self) -> bool {
+        !matches!(self.source, Source::Stored)
+    }
+
+    /// The value in words.
+    pub(crate) fn words(&self, value: &Value) -> String {
+        let named = self.names.as_ref().zip(value.as_int());
+        if let Some(name) = named.and_then(|(names, int)| names.get(&int)) {
+            return name.clone();
+        }
+        match self.unit.as_str() {
+            "" => value.to_string(),
+            unit => format!("{value} {unit}"),
+        }
+    }
+}
+
+impl State {
+    /// The values at the start of a run; `seed` and `name` choose the noise.
+    pub(crate) fn new(known: Arc<Vec<Variable>>, seed: u64, name: &str) -> Self {
+        Self {
+            values: known
+                .iter()
+                .map(|variable| variable.initial.clone())
+                .collect(),
+            known,
+            began: Instant::ZERO,
+            seed,
+            name: name.to_owned(),
+            overlays: Vec::new(),
+        }
+    }
+
+    /// Index of the variable called `name`; `state.` may stand before it.
+    pub(crate) fn find(&self, name: &str) -> Option<usize> {
+        let name = name.strip_prefix("state.").unwrap_or(name);
+        self.known
+            .iter()
+            .position(|variable| &*variable.name == name)
+    }
+
+    /// The device starts again.
+    pub(crate) fn restart(&mut self, now: Instant) {
+        for (value, variable) in self.values.iter_mut().zip(self.known.iter()) {
+            if !variable.keeps {
+                value.clone_from(&variable.initial);
+            }
+        }
+        self.began = now;
+    }
+
+    /// The driver is silent; whether a value changed.
+    pub(crate) fn make_safe(&mut self) -> bool {
+        let mut is_changed = false;
+        for (value, variable) in self.values.iter_mut().zip(self.known.iter()) {
+            if let Some(safe) = variable.safe.as_ref().filter(|safe| *safe != value) {
+                value.clone_from(safe);
+                is_changed = true;
+            }
+        }
+        is_changed
+    }
+
+    /// Stores a value; `false` if it is beyond the limits, of which the nearer one is stored then.
+    pub(crate) fn write(&mut self, index: usize, value: Value) -> bool {
+        let variable = &self.known[index];
+        let (value, fits) = match (variable.limits, value.as_f64()) {
+            (Some([least, _]), Some(found)) if found < least => (limit(&value, least), false),
+            (Some([_, most]), Some(found)) if found > most => (limit(&value, most), false),
+            _ => (value, true),
+        };
+        self.values[index] = value;
+        fits
+    }
+
+    /// The value at `now`, with what faults do to it.
+    pub(crate) fn read(&self, index: usize, now: Instant, world: &World) -> Value {
+        let mut value = self.sound(index, now, world);
+        for overlay in self
+            .overlays
+            .iter()
+            .filter(|overlay| overlay.variable == index)
+        {
+            value = match &overlay.change {
+                Change::Frozen(value) => value.clone(),
+                Change::Factor(factor) => match &value {
+                    Value::Int(_) => {
+                        let changed = value.as_f64().unwrap_or(0.0) * factor;
+                        Value::Int(Value::Float(changed).as_int().unwrap_or(0))
+                    }
+                    Value::Float(float) => Value::Float(float * factor),
+                    other => other.clone(),
+                },
+                Change::Computed { expr, figure } => {
+                    // A fault sees the sound values, not those of other faults: no circle.
+                    let mut plain = self.clone();
+                    plain.overlays.clear();
+                    let reading = Reading {
+                        state: &plain,
+                        now,
+                        world,
+                    };
+                    let scope = Faulty {
+                        reading,
+                        value: &value,
+                        figure: *figure,
+                    };
+                    expr.eval(&scope).unwrap_or_else(|_| value.clone())
+                }
+            };
+        }
+        value
+    }
+
+    fn sound(&self, index: usize, now: Instant, world: &World) -> Value {
+        let variable = &self.known[index];
+        let elapsed = now - self.began;
+        let periods = |period: Duration| elapsed.as_nanos() / period.as_nanos().max(1);
+        let phase = |period: Duration| {
+            let period = period.as_nanos().max(1);
+            #[expect(clippy::cast_precision_loss, reason = "a share of a period")]
+            let share = (elapsed.as_nanos() % period) as f64 / period as f64;
+            share
+        };
+        match &variable.source {
+            Source::Stored => self.values[index].clone(),
+            Source::Counter(period) => {
+                let counts = i128::try_from(periods(*period)).unwrap_or(i128::MAX);
+                let first = self.values[index].as_int().unwrap_or(0);
+                Value::Int(first.saturating_add(counts))
+            }
+            Source::Ramp { from, to, period } => Value::Float(from + (to - from) * phase(*period)),
+            Source::Sine {
+                mean,
+                amplitude,
+                period,
+            } => Value::Float(mean + amplitude * libm::sin(TAU * phase(*period))),
+            Source::Noise {
+                mean,
+                deviation,
+                period,
+            } => {
+                // Each period has a stream of its own, so that how often it is read changes nothing.
+                let name = format!("{}.{}.{}", self.name, variable.name, periods(*period));
+                let draw = Rng::stream(self.seed, &name).gauss();
+                Value::Float(mean + deviation * draw)
+            }
+            Source::Recorded { recording, repeats } => {
+                Value::Float(recording.at(elapsed.as_secs_f64(), *repeats))
+            }
+            Source::World(quantity) => of_world(*quantity, world),
+            Source::Computed(expr) => {
+                let reading = Reading {
+                    state: self,
+                    now,
+                    world,
+                };
+                expr.eval(&reading).unwrap_or(Value::Int(0))
+            }
+        }
+    }
+}
+
+/// A limit as a value of the same kind.
+fn limit(value: &Value, limit: f64) -> Value {
+    match value {
+        Value::Float(_) => Value::Float(limit),
+        _ => Value::Int(Value::Float(limit).as_int().unwrap_or(0)),
+    }
+}
+
+fn of_world(quantity: WorldQuantity, world: &World) -> Value {
+    let pose = world.pose();
+    match quantity {
+        WorldQuantity::XM => Value::Float(pose.x),
+        WorldQuantity::YM => Value::Float(pose.y),
+        WorldQuantity::HeadingDeg => Value::Float(pose.theta.to_degrees()),
+        WorldQuantity::SpeedMS => Value::Float(world.speed()),
+        WorldQuantity::TurnRateDegS => Value::Float(world.turn_rate().to_degrees()),
+        WorldQuantity::RangeM => {
+            let hit = world.cast_ray(pose.point(), pose.theta, RANGE_MAX_M);
+            Value::Float(hit.map_or(RANGE_MAX_M, |hit| hit.distance))
+        }
+        WorldQuantity::Contacts => {
+            Value::Int(i128::try_from(world.contact_count()).unwrap_or(i128::MAX))
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! A column of figures over time, from a CSV file.
+
+/// Times in seconds and figures, in rising order of time.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Recording(Vec<(f64, f64)>);
+
+impl Recording {
+    /// Reads the column `column` of `text`, whose first line names the columns and whose first
+    /// column is the time in seconds.
+    ///
+    /// # Errors
+    /// If there is no such column, or a cell is no number; with the line.
+    pub(crate) fn parse(text: &str, column: &str) -> Result<Self, String> {
+        let mut lines = (1..)
+            .zip(text.lines())
+            .filter(|(_, line)| !line.trim().is_empty());
+        let (_, head) = lines
+            .next()
+            .ok_or("the file is empty, expected a line with names")?;
+        let names: Vec<_> = head.split(',').map(str::trim).collect();
+        let at = names.iter().skip(1).position(|name| *name == column);
+        let at = 1 + at.ok_or_else(|| {
+            let names = names.get(1..).unwrap_or_default().join(", ");
+            format!("there is no column \"{column}\", expected one of {names}")
+        })?;
+        let mut points: Vec<(f64, f64)> = Vec::new();
+        for (number, line) in lines {
+            let cells: Vec<_> = line.split(',').map(str::trim).collect();
+            let cell = |at: usize| {
+                let text = cells.get(at).copied().unwrap_or_default();
+                let figure = text.parse::<f64>().ok().filter(|figure| figure.is_finite());
+                figure.ok_or_else(|| format!("line {number}: \"{text}\" is no number"))
+            };
+            let point = (cell(0)?, cell(at)?);
+            if points.last().is_some_and(|(before, _)| *before >= point.0) {
+                return Err(format!(
+                    "line {number}: time {} is not later than before",
+                    point.0
+                ));
+            }
+            points.push(point);
+        }
+        match points.is_empty() {
+            true => Err("there is no line of figures".to_owned()),
+            false => Ok(Self(points)),
+        }
+    }
+
+    /// The figure at a time: the last one before it.
+    pub(crate) fn at(&self, seconds: f64, repeats: bool) -> f64 {
+        let (first, last) = (self.0[0], self.0[self.0.len() - 1]);
+        let seconds = match repeats && last.0 > first.0 {
+            true => first.0 + (seconds - first.0).rem_euclid(last.0 - first.0),
+            false => seconds,
+        };
+        let behind = self.0.partition_point(|(at, _)| *at <= seconds);
+        self.0[behind.saturating_sub(1)].1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_column_is_read_and_held_until_the_next_line() {
+        let text = "time,u,i\n0,1.5,2\n1.0,2.5,3\n\n2,3.5,4\n";
+        let recording = Recording::parse(text, "i").expect("sound");
+        let read = |seconds, repeats| recording.at(seconds, repeats);
+        assert_eq!(
+            [read(0.5, false), read(1.0, false), read(9.0, false)],
+            [2.0, 3.0, 4.0]
+        );
+        // Two seconds are one round.
+        assert_eq!([read(2.5, true), read(3.5, true)], [2.0, 3.0]);
+        let error = |text, column| Recording::parse(text, column).expect_err("wrong");
+        assert_eq!(
+            error("time,u\n0,1", "x"),
+            "there is no column \"x\", expected one of u"
+        );
+        assert_eq!(error("time,u\n0,a", "u"), "line 2: \"a\" is no number");
+        assert_eq!(
+            error("time,u\n0,1\n0,2", "u"),
+            "line 3: time 0 is not later than before"
+        );
+        assert_eq!(error("time,u\n", "u"), "there is no line of figures");
+    }
+}

@@ -1,0 +1,175 @@
+//! Several devices on one wire, as on RS-485: all hear the driver, each answers for itself.
+
+use emulators::device::{Device, Event, earliest};
+use emulators::world::World;
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::compile::COMMON_FAULTS;
+use crate::device::Described;
+use crate::value::Value;
+
+/// Devices that share a line; one is a device of its own.
+#[derive(Clone)]
+pub struct Wire {
+    units: Vec<(String, Described)>,
+    fault_names: &'static [&'static str],
+    /// The device whose frame is being sent: another one waits for its end.
+    sender: Option<usize>,
+}
+
+/// Why devices cannot share a wire.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WireError(pub String);
+
+impl Wire {
+    /// Devices with their names on one wire.
+    ///
+    /// # Errors
+    /// If there is none, or two of them have another line, the same name or the same address.
+    pub fn new(units: Vec<(String, Described)>) -> Result<Self, WireError> {
+        let Some((_, first)) = units.first() else {
+            return Err(WireError(
+                "is empty, expected at least one device".to_owned(),
+            ));
+        };
+        for (index, (name, unit)) in units.iter().enumerate() {
+            let before = &units[..index];
+            if unit.line_config(Described::UART) != first.line_config(Described::UART) {
+                let message = format!("\"{name}\" has another line than \"{}\"", units[0].0);
+                return Err(WireError(format!(
+                    "{message}, expected one rate and format"
+                )));
+            }
+            if before.iter().any(|(other, _)| other == name) {
+                let message = format!("\"{name}\" is there twice, expected a name for each");
+                return Err(WireError(message));
+            }
+            let twin = before
+                .iter()
+                .find(|(_, other)| other.address() == unit.address());
+            if let Some((other, _)) = twin {
+                let address = unit.address();
+                return Err(WireError(format!(
+                    "\"{name}\" and \"{other}\" have the address {address}, expected one for each"
+                )));
+            }
+        }
+        let fault_names = match &units[..] {
+            [(_, only)] => only.known_faults(),
+            many => names_of_faults(many),
+        };
+        Ok(Self {
+            units,
+            fault_names,
+            sender: None,
+        })
+    }
+
+    /// Its devices with their names.
+    pub fn units(&self) -> impl Iterator<Item = (&str, &Described)> {
+        self.units.iter().map(|(name, unit)| (name.as_str(), unit))
+    }
+
+    /// Values of all variables: address of the register, name, value, value in words.
+    pub fn values(&self, now: Instant, world: &World) -> Vec<(Option<u32>, String, Value, String)> {
+        let is_single = self.units.len() == 1;
+        let rows = self.units.iter().flat_map(|(unit, device)| {
+            let rows = device.values(now, world).into_iter();
+            rows.map(move |(at, name, value, words)| match is_single {
+                true => (at, name, value, words),
+                false => (at, format!("{unit}.{name}"), value, words),
+            })
+        });
+        rows.collect()
+    }
+}
+
+/// `off` and its like of all devices at once, and every fault of one as `NAME.FAULT`, for as long as
+/// the process lives: a rig asks for them so.
+fn names_of_faults(units: &[(String, Described)]) -> &'static [&'static str] {
+    let single = units.iter().flat_map(|(name, unit)| {
+        let faults = unit.known_faults().iter();
+        faults.map(move |fault| crate::compile::forever(&format!("{name}.{fault}")))
+    });
+    let names: Vec<&'static str> = COMMON_FAULTS.into_iter().chain(single).collect();
+    Vec::leak(names)
+}
+
+impl Device for Wire {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        for (_, unit) in &mut self.units {
+            unit.receive(port, now, bytes);
+        }
+    }
+
+    fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        for (_, unit) in &mut self.units {
+            unit.line_event(port, now, event);
+        }
+    }
+
+    fn poll(&mut self, now: Instant, world: &mut World) {
+        for (_, unit) in &mut self.units {
+            unit.poll(now, world);
+        }
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        let ready = |units: &[(String, Described)], at: &usize| units[*at].1.may_send(port);
+        let sender = self.sender.filter(|at| ready(&self.units, at));
+        let next = || (0..self.units.len()).find(|at| ready(&self.units, at));
+        self.sender = sender.or_else(next);
+        match self.sender {
+            Some(at) => self.units[at].1.transmit(port, buf),
+            None => 0,
+        }
+    }
+
+    fn may_send(&self, port: Port) -> bool {
+        self.units.iter().any(|(_, unit)| unit.may_send(port))
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        earliest(self.units.iter().map(|(_, unit)| unit.poll_at()))
+    }
+
+    fn line_config(&self, port: Port) -> LineConfig {
+        self.units[0].1.line_config(port)
+    }
+
+    fn known_faults(&self) -> &'static [&'static str] {
+        self.fault_names
+    }
+
+    fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
+        let is_single = self.units.len() == 1;
+        for (name, unit) in &mut self.units {
+            let own = fault
+                .strip_prefix(name.as_str())
+                .and_then(|rest| rest.strip_prefix('.'));
+            match own {
+                Some(own) if !is_single => unit.set_fault(now, own, figure, begins),
+                _ if is_single || COMMON_FAULTS.contains(&fault) => {
+                    unit.set_fault(now, fault, figure, begins);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        let is_single = self.units.len() == 1;
+        let mut all = Vec::new();
+        for (name, unit) in &mut self.units {
+            all.extend(unit.take_events().into_iter().map(|event| match is_single {
+                true => event,
+                false => Event {
+                    detail: format!("{name}: {}", event.detail),
+                    ..event
+                },
+            }));
+        }
+        all.sort_by_key(|event| event.at);
+        all
+    }
+}

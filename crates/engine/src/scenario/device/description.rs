@@ -1,0 +1,121 @@
+//! `description`: a device that a file describes, or several of them on one wire.
+
+mod codec;
+mod load;
+mod spec;
+
+use core::any::Any;
+
+use ::description::value::Value;
+use ::description::wire::Wire;
+use ::description::{Described, Place};
+use emulators::device::Device as _;
+use schemars::{Schema, SchemaGenerator};
+use toml::de::ValueDeserializer;
+
+use super::{
+    BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
+};
+use crate::rig::Rig;
+use crate::scenario::ScenarioError;
+
+pub use codec::codec_of;
+pub use load::{LoadError, load};
+pub use spec::{DescriptionSpec, UnitSpec};
+
+const EXAMPLE: &str = "[device]\nmeter = { description = \"modbus-meter\" }\n";
+
+/// The kind `description`.
+pub(super) const DESCRIPTION: &dyn DeviceKind = &DescriptionKind;
+
+struct DescriptionKind;
+
+impl DeviceKind for DescriptionKind {
+    fn name(&self) -> &'static str {
+        "description"
+    }
+
+    fn about(&self) -> &'static str {
+        "Device that a file describes, or several on one wire"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
+    }
+
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        schema_of::<DescriptionSpec>(generator)
+    }
+
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
+        read_settings::<DescriptionSpec>(settings)
+    }
+
+    fn rows(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {
+        let device = rig.device::<Wire>(name);
+        let values = device.map(|device| device.values(rig.now(), &rig.world));
+        let rows = values.unwrap_or_default().into_iter();
+        let rows = rows.filter_map(|(address, name, value, words)| {
+            let value = match &value {
+                Value::Text(_) | Value::Bytes(_) | Value::List(_) | Value::Record(_) => None,
+                number => number.as_int().and_then(|int| i64::try_from(int).ok()),
+            };
+            // A row holds whole numbers; a fraction is told by the words beside the name.
+            let name = match words.parse::<i64>() {
+                Ok(_) => name,
+                Err(_) => format!("{name} ({words})"),
+            };
+            Some(ValueRow {
+                address,
+                name,
+                value: value?,
+            })
+        });
+        rows.collect()
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
+        let spec: &DescriptionSpec = context.settings()?;
+        let (source, key) = (context.source, context.key());
+        let at = || source.find(context.name);
+        let is_alone = spec.0.len() == 1;
+        let mut units: Vec<(String, Described)> = Vec::new();
+        let mut codec = None;
+        for unit in &spec.0 {
+            let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
+            let description = load(&unit.file, base).map_err(|error| match error {
+                LoadError::Description(error) => ScenarioError::Description(error),
+                LoadError::Read(message) => source.invalid(at(), key.clone(), message),
+            })?;
+            codec.get_or_insert_with(|| codec_of(&description));
+            let name = unit
+                .name
+                .clone()
+                .unwrap_or_else(|| description.name().to_owned());
+            let place = Place {
+                name: match is_alone {
+                    true => context.name.to_owned(),
+                    false => format!("{}.{name}", context.name),
+                },
+                seed: context.seed,
+                address: unit.address,
+                is_alone,
+            };
+            units.push((name, Described::new(description, place)));
+        }
+        let device = Wire::new(units).map_err(|error| source.invalid(at(), key, error.0))?;
+        let line = device.line_config(Described::UART);
+        let port = PortInfo::uart("uart", Described::UART, line, "your own program");
+        let port = codec.map_or(port, |codec| port.speaking(codec));
+        Ok(Built {
+            device: Box::new(device),
+            ports: vec![port],
+        })
+    }
+}
+
+/// The device of a node, if it is a described one.
+pub fn wire_of(device: &dyn crate::rig::AnyDevice) -> Option<&Wire> {
+    let device: &dyn Any = device;
+    device.downcast_ref()
+}

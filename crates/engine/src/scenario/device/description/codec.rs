@@ -1,0 +1,95 @@
+//! A described device's frames as a row of the table of wire formats.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ::description::{Cutter, Description, Frame};
+use protocols::{Decode as _, FrameError};
+
+use crate::codec::wire::Choices;
+use crate::codec::{self, AnyDecoder, Codec, OwnFormat};
+
+struct Described(Arc<Description>);
+
+struct Reader {
+    description: Arc<Description>,
+    cutter: Cutter,
+    last: Option<Frame>,
+}
+
+impl AnyDecoder for Reader {
+    fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>> {
+        let outcome = self.cutter.step(input)?;
+        Some(outcome.map(|frame| self.last.insert(frame).bytes.len()))
+    }
+
+    fn words(&self) -> String {
+        let frame = self.last.as_ref();
+        frame
+            .map(|frame| self.description.words(frame))
+            .unwrap_or_default()
+    }
+
+    fn idle(&mut self) {
+        self.cutter.idle();
+    }
+
+    fn pending(&self) -> usize {
+        self.cutter.pending()
+    }
+}
+
+impl OwnFormat for Described {
+    fn decoder(&self) -> Box<dyn AnyDecoder> {
+        Box::new(Reader {
+            description: self.0.clone(),
+            cutter: self.0.cutter(),
+            last: None,
+        })
+    }
+
+    fn repair(&self, frame: &mut [u8]) {
+        self.0.repair(frame);
+    }
+
+    fn build(&self, choices: &mut Choices<'_>, out: &mut Vec<u8>) {
+        let messages = self.0.messages();
+        if messages.is_empty() {
+            let body: Vec<u8> = choices.take(6).to_vec();
+            return out.extend(self.0.frame_of(0, &body).unwrap_or_default());
+        }
+        let message = &messages[choices.below(messages.len())];
+        let values = message.example(&mut |below| {
+            let drawn = u64::from(choices.word()) << 16 | u64::from(choices.word());
+            let drawn = drawn << 32 | u64::from(choices.word());
+            drawn % below.max(1)
+        });
+        out.extend(self.0.frame(message, &values).unwrap_or_default());
+    }
+}
+
+/// Rows that were made, each with the description that it is of.
+static ROWS: Mutex<Vec<(Arc<Description>, &'static Codec)>> = Mutex::new(Vec::new());
+
+/// The row of a description. It is made once and stays for as long as the process lives, as all rows
+/// do; where another one has its name, a number is put behind it.
+pub fn codec_of(description: &Arc<Description>) -> &'static Codec {
+    let mut rows = ROWS.lock().unwrap_or_else(PoisonError::into_inner);
+    let is_same = |other: &Arc<Description>| other.is_same(description);
+    if let Some((_, row)) = rows.iter().find(|(other, _)| is_same(other)) {
+        return row;
+    }
+    let format: &'static Described = Box::leak(Box::new(Described(description.clone())));
+    let about: &'static str = description.about().to_owned().leak();
+    for number in 1_u32.. {
+        let name = match number {
+            1 => description.name().to_owned(),
+            number => format!("{}-{number}", description.name()),
+        };
+        let row = Codec::own(name.leak(), about, format).with_idle(description.idle());
+        if let Ok(row) = codec::register(row) {
+            rows.push((description.clone(), row));
+            return row;
+        }
+    }
+    unreachable!("there are more numbers than rows")
+}

@@ -1,0 +1,50 @@
+//! Descriptions by name or file.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use ::description::{Description, DescriptionError, shipped};
+
+/// Why there is no description.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// It cannot be read; what was expected.
+    #[error("{0}")]
+    Read(String),
+    /// It is read, and wrong.
+    #[error(transparent)]
+    Description(#[from] DescriptionError),
+}
+
+/// Reads the description `name`: one that comes with the tool, or a file that ends with `.toml`, from
+/// the folder `base` on.
+///
+/// # Errors
+/// If there is none, or something is wrong with it.
+pub fn load(name: &str, base: &Path) -> Result<Arc<Description>, LoadError> {
+    if !name.ends_with(".toml") {
+        let nothing = |file: &str| Err(format!("cannot read {file}: there is no folder"));
+        let text = shipped::text(name).ok_or_else(|| {
+            let known: Vec<_> = shipped::ALL.iter().map(|(name, _)| *name).collect();
+            LoadError::Read(format!(
+                "there is no description \"{name}\", expected one of {}, or a file that ends with \
+                 .toml",
+                known.join(", ")
+            ))
+        })?;
+        return Ok(Description::parse(&format!("<{name}>"), text, &nothing)?);
+    }
+    let path = base.join(name);
+    let read = |path: &Path| {
+        std::fs::read_to_string(path)
+            .map_err(|error| format!("cannot read {}: {error}", path.display()))
+    };
+    let text = read(&path).map_err(LoadError::Read)?;
+    let folder = path.parent().unwrap_or(base);
+    let beside = |file: &str| read(&folder.join(file));
+    Ok(Description::parse(
+        &path.display().to_string(),
+        &text,
+        &beside,
+    )?)
+}
