@@ -1,15 +1,56 @@
 #!/usr/bin/env bash
-# Every check of this repository, cheapest first; the first that fails ends the run.
+# The checks of this repository. The first that fails ends the run.
 #
-# usage: bash tests/run.sh
+# usage: bash tests/run.sh [--all] [--since REV]
 #
-# Needs Debian 12 and Rust 1.95 by rustup; installs what else is missing. From nothing it takes
-# some twenty minutes on two cores, most of them spent compiling.
+#   (nothing)     the checks of each landing: format, all tests of the workspace, lints, docs,
+#                 examples, the package for Python, the demo
+#   --since REV   also the proofs whose files changed since REV
+#   --all         also all proofs: bare metal, portable builds, coverage, a release beside other
+#                 builds, simulated microcontrollers, clients of other languages, a robot in a crate
+#                 of its own
+#
+# What neither runs, because it takes longer or needs a cluster: tests/mutants.sh,
+# tests/browser/run.sh, tests/slurm/run.sh, tests/kubernetes/run.sh, tests/ci/run.sh,
+# tests/exec/many.sh, tests/exec/generated.sh, tests/fuzz_programs/run.sh, tests/large/prove.sh.
+#
+# Needs Debian 12 and Rust 1.95 by rustup; installs what else is missing.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-started=$SECONDS
-step() { printf '\n== [%4d s] %s\n' $((SECONDS - started)) "$*"; }
+all=false since=
+while [[ $# -gt 0 ]]; do
+    case $1 in
+    --all) all=true ;;
+    --since)
+        since=${2:?tests/run.sh: --since needs a revision}
+        git rev-parse --quiet --verify "$since^{commit}" >/dev/null || {
+            echo "tests/run.sh: --since $since: unknown revision" >&2
+            exit 2
+        }
+        shift
+        ;;
+    *)
+        sed -n '2,/^set/{/^#/s/^# \{0,1\}//p}' "$0" >&2
+        exit 2
+        ;;
+    esac
+    shift
+done
+
+# Steps and their seconds, for the table at the end.
+steps=() seconds=()
+begun=$SECONDS
+step() {
+    finish_step
+    steps+=("$*")
+    begun=$SECONDS
+    printf '\n== [%4d s] %s\n' "$SECONDS" "$*"
+}
+finish_step() { [[ ${#steps[@]} -eq ${#seconds[@]} ]] || seconds+=($((SECONDS - begun))); }
+
+# proof PATH..: whether the proof of these paths is to run.
+proof() { $all || { [[ -n $since ]] && ! git diff --quiet "$since" -- "$@"; }; }
 
 # apt PACKAGE..: what this machine lacks. As root in a container there is no sudo, and no need.
 install() {
@@ -25,30 +66,36 @@ command -v cargo >/dev/null || {
     echo "tests/run.sh: cargo is missing; install Rust 1.95 with rustup" >&2
     exit 1
 }
-command -v cc >/dev/null && command -v readelf >/dev/null || install gcc libc6-dev binutils
+missing=()
+command -v cc >/dev/null && command -v readelf >/dev/null || missing+=(gcc libc6-dev binutils)
 # Judges our captures; without it CI fails and others skip that test, saying so.
-command -v tshark >/dev/null || install tshark
+command -v tshark >/dev/null || missing+=(tshark)
 # A page that no browser has shown is not tested; CI fails without one.
 command -v chromium >/dev/null && command -v chromedriver >/dev/null ||
-    install chromium chromium-driver
+    missing+=(chromium chromium-driver)
 # Write the dumps that the importers are tested with.
 for tool in socat jpnevulator sigrok-cli tio; do
-    command -v "$tool" >/dev/null || install "$tool"
+    command -v "$tool" >/dev/null || missing+=("$tool")
 done
-# Compile and simulate sketches for an ATmega2560, whose chips are ours.
-command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] ||
-    install gcc-avr avr-libc arduino-core-avr libsimavr-dev libelf-dev
-# Drives the model car.
-command -v oscsend >/dev/null || install liblo-tools
-# Reads what the instrumented replay of the corpus writes.
-command -v llvm-cov-19 >/dev/null || install llvm-19
+if proof emulators protocols tests/simavr; then
+    # Compile and simulate sketches for an ATmega2560, whose chips are ours.
+    command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] ||
+        missing+=(gcc-avr avr-libc arduino-core-avr libsimavr-dev libelf-dev)
+fi
+if proof protocols emulators crates tests/osc_clients; then
+    # Drives the model car.
+    command -v oscsend >/dev/null || missing+=(liblo-tools)
+fi
+if proof protocols fuzz tests/corpus tests/coverage.sh; then
+    # Reads what the instrumented replay of the corpus writes.
+    command -v llvm-cov-19 >/dev/null || missing+=(llvm-19)
+fi
+python3 -c 'import venv, ensurepip' 2>/dev/null || missing+=(python3-venv)
+[[ ${#missing[@]} -eq 0 ]] || install "${missing[@]}"
 # Read what is exported; pip has them, Debian 12 does not.
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 [[ -x $target/tools/bin/evo_ape ]] || {
-    python3 -m venv "$target/tools" 2>/dev/null || {
-        install python3-venv
-        python3 -m venv "$target/tools"
-    }
+    python3 -m venv "$target/tools"
     "$target/tools/bin/pip" install -q mcap==1.6.0 evo==1.38.1
 }
 cargo fmt --version >/dev/null 2>&1 || rustup component add rustfmt
@@ -63,47 +110,33 @@ rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src
     fuzz/src/lib.rs fuzz/src/bin/corpus.rs \
     fuzz/fuzz_targets/*.rs
 
-step "bare metal: no std, no heap, 128 KiB"
-bash tests/bare_metal/prove.sh
-
-step "the mapper is the same in every build"
-bash tests/every_build/prove.sh
-
-step "coverage of the decoders by the corpus"
-bash tests/coverage.sh
-
 step "compiling the tests"
 cargo test --locked --workspace --no-run
 
 # The tests wait for ports and browsers half of their time. What only needs the processor is done
 # then, and gives way. (Not at idle priority: whoever gets no turn at all may hold a lock.)
-lints_and_builds() {
+lints_and_docs() {
     renice -n 10 "$BASHPID"
-    step "lints"
     cargo clippy --locked --workspace --all-targets -- -D warnings
+    # The demo alone, and the library of a test in another crate.
+    cargo clippy --locked --no-default-features --features demo -- -D warnings
+    cargo clippy --locked --no-default-features --lib -- -D warnings
     cargo clippy --locked -p hilrig-firmware --features host,large -- -D warnings
     # The coverage-guided targets, on stable. Nothing is linked, so libFuzzer's C++ is not
     # compiled: it is said to be there already.
     CUSTOM_LIBFUZZER_PATH=/dev/null CARGO_TARGET_DIR=$target \
         cargo clippy --locked --manifest-path fuzz/Cargo.toml --all-targets -- -D warnings
-    step "docs"
     RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
-    step "compiling the robot in a crate of its own"
-    CARGO_TARGET_DIR=$target cargo test --locked --manifest-path tests/outside/Cargo.toml --no-run
-    step "compiling a release"
-    # Without the page and MCAP, which have no part in it and take two minutes to compile.
-    cargo build --locked --release --no-default-features 2> >(tee "$target/demo.log" >&2)
-    ! grep -A9 '^warning: ' "$target/demo.log"
 }
 beside=$target/beside.log
 # A process group of its own, which ends with this script.
 set -m
-(lints_and_builds) >"$beside" 2>&1 &
+(lints_and_docs) >"$beside" 2>&1 &
 builds=$!
 set +m
 trap 'kill -- -"$builds" 2>/dev/null || true' EXIT
 
-step "tests"
+step "tests, and lints and docs beside them"
 # The same cases on every run: a check that is red today and green tomorrow judges nobody's change.
 # Other cases: PROPTEST_RNG_SEED=N bash tests/run.sh, and `hilrig fuzz` for as long as one likes.
 PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1} cargo test --locked --workspace
@@ -119,36 +152,62 @@ built=$target/debug
 step "the package for Python, and the programs of the docs"
 CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash python/run.sh
 
-step "the model car, driven by what pip and Debian give"
-CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/osc_clients/run.sh
+step "the demo"
+"$built/hilrig" demo --out "$target/demo/tests"
 
-step "chips on the bus of a simulated microcontroller"
-CARGO_TARGET_DIR=$target bash tests/simavr/run.sh
-
-step "what was linted and compiled beside the tests"
+step "what is left of lints and docs"
 status=0
 wait "$builds" || status=$?
 trap - EXIT
 cat "$beside"
 [[ $status -eq 0 ]] || exit "$status"
 
-# With nothing beside them: these clients read for minutes without a pause, and must not be late.
-step "the lidar and the telemetry, judged by what pip and cargo give"
-CARGO_TARGET_DIR=$target HILRIG=$built/hilrig TELEMETRY=$built/examples/telemetry \
-    bash tests/lidar_clients/run.sh
-
-step "a robot in a crate of its own"
-CARGO_TARGET_DIR=$target bash tests/outside/run.sh
-
-step "the demo: the builds of the tests, of a release and of a fresh clone give the same bytes"
-"$target"/debug/hilrig demo --out target/demo/tests >/dev/null 2>&1
-"$target"/release/hilrig demo --out target/demo/release >/dev/null 2>&1
-# Takes the place of the tests' build, which nobody needs any more.
-cargo run --locked --no-default-features -- demo --out target/demo/clone
-for build in tests release; do
-    for file in case.toml map.pgm; do
-        cmp "target/demo/$build/$file" "target/demo/clone/$file"
+if proof protocols firmware_core tests/bare_metal; then
+    step "bare metal: no std, no heap, 128 KiB"
+    bash tests/bare_metal/prove.sh
+fi
+if proof firmware_core tests/every_build; then
+    step "the mapper is the same in every build"
+    bash tests/every_build/prove.sh
+fi
+if proof protocols fuzz tests/corpus tests/coverage.sh; then
+    step "coverage of the decoders by the corpus"
+    bash tests/coverage.sh
+fi
+if proof protocols emulators crates tests/osc_clients; then
+    step "the model car, driven by what pip and Debian give"
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/osc_clients/run.sh
+fi
+if proof emulators protocols tests/simavr; then
+    step "chips on the bus of a simulated microcontroller"
+    CARGO_TARGET_DIR=$target bash tests/simavr/run.sh
+fi
+if proof protocols emulators crates tests/lidar_clients; then
+    step "the lidar and the telemetry, judged by what pip and cargo give"
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig TELEMETRY=$built/examples/telemetry \
+        bash tests/lidar_clients/run.sh
+fi
+if proof crates src tests/outside; then
+    step "a robot in a crate of its own"
+    CARGO_TARGET_DIR=$target bash tests/outside/run.sh
+fi
+if proof protocols emulators firmware_core crates src; then
+    step "a release"
+    cargo build --locked --release 2> >(tee "$target/release.log" >&2)
+    ! grep -A9 '^warning: ' "$target/release.log"
+    step "the demo: the builds of the tests, of a release and of a fresh clone give the same bytes"
+    "$target"/release/hilrig demo --out "$target/demo/release" >/dev/null 2>&1
+    # Takes the place of the tests' build, which nobody needs any more.
+    cargo demo --out "$target/demo/clone"
+    for build in tests release; do
+        for file in case.toml map.pgm; do
+            cmp "$target/demo/$build/$file" "$target/demo/clone/$file"
+        done
     done
-done
+fi
 
-step "all checks passed"
+finish_step
+printf '\n%8s  %s\n' seconds step
+for i in "${!steps[@]}"; do printf '%8d  %s\n' "${seconds[i]}" "${steps[i]}"; done
+printf '%8d  %s\n' "$SECONDS" "all checks passed"
+$all || echo "not run: the proofs of --all (bash tests/run.sh --help)"
