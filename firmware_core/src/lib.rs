@@ -16,6 +16,7 @@ pub mod base_link;
 pub mod cell_map;
 #[cfg(feature = "host")]
 pub mod costmap;
+#[cfg(feature = "rescue")]
 pub mod display;
 pub mod fifo;
 #[cfg(feature = "host")]

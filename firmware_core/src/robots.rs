@@ -1,5 +1,6 @@
 //! One program per robot, built from the shared modules.
 
 pub mod apollo13;
+#[cfg(feature = "rescue")]
 pub mod rescue;
 pub mod yellow;

@@ -11,6 +11,7 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
+#[cfg(feature = "pictures")]
 mod png;
 mod pnm;
 
@@ -52,6 +53,11 @@ impl Pixel for [u8; 3] {
     fn from_rgb(rgb: Self) -> Self {
         rgb
     }
+}
+
+/// Eight bits of sixteen, to the nearest, so that white stays white.
+fn narrow(wide: u16) -> u8 {
+    u8::try_from((u32::from(wide) + 128) / 257).expect("65535 becomes 255")
 }
 
 /// A file that holds no picture, or none that is wanted.
@@ -152,12 +158,18 @@ impl<P: Pixel> Picture<P> {
         let mut file = BufReader::new(File::open(path).map_err(PictureError::Open)?);
         match file.fill_buf().map_err(PictureError::Open)? {
             [b'P', b'2' | b'3' | b'5' | b'6', ..] => pnm::read(file, pixels_max),
+            #[cfg(feature = "pictures")]
             [0x89, b'P', b'N', b'G', ..] => png::read(file, pixels_max),
+            #[cfg(not(feature = "pictures"))]
+            [0x89, b'P', b'N', b'G', ..] => Err(PictureError::Form(
+                "a PNG file, which needs hilrig's feature \"pictures\"; convert it to PGM".to_owned(),
+            )),
             _ => Err(PictureError::Form("neither PNG nor PGM nor PPM".to_owned())),
         }
     }
 }
 
+#[cfg(feature = "pictures")]
 impl Picture {
     /// Writes a PNG file.
     ///

@@ -294,7 +294,7 @@ impl Rig {
 
     /// The same, to be told what to do later: it is polled when it wants to be, not before, as if
     /// it had known from the start.
-    pub(crate) fn device_to_plan<T: Device + Any>(&mut self, name: &str) -> Option<&mut T> {
+    pub fn device_to_plan<T: Device + Any>(&mut self, name: &str) -> Option<&mut T> {
         let mut nodes = self.nodes.iter_mut();
         nodes.find(|node| node.name == name)?.device_mut()
     }

@@ -3,6 +3,7 @@
 //! A robot is a row of the registry: [`Robot`]. Scenarios name it; another crate adds its own with
 //! [`register`]. What an observer may ask of it travels with the rig as its [`Instruments`].
 
+#[cfg(feature = "robots")]
 mod apollo13;
 pub mod axis;
 pub mod checker;
@@ -10,9 +11,12 @@ pub(crate) mod custom;
 pub mod instruments;
 mod kept_map;
 pub mod overlay;
+#[cfg(feature = "robots")]
 pub mod rescue;
+#[cfg(feature = "robots")]
 mod script;
 pub mod station;
+#[cfg(feature = "robots")]
 mod yellow;
 
 use std::collections::BTreeMap;
@@ -122,8 +126,11 @@ impl Named for dyn Robot {
 }
 
 static ROBOTS: Registry<dyn Robot> = Registry::new(&[
+    #[cfg(feature = "robots")]
     &rescue::RescueRobot,
+    #[cfg(feature = "robots")]
     &yellow::YellowRobot,
+    #[cfg(feature = "robots")]
     &apollo13::ApolloRobot,
     &custom::CustomRobot,
     &custom::Bare,

@@ -4,7 +4,7 @@ use std::io::{self, BufRead, Seek, Write};
 
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Limits, Transformations};
 
-use super::{Picture, PictureError, Pixel, sized};
+use super::{Picture, PictureError, Pixel, narrow, sized};
 
 /// What the decoder may take for chunks beside the pixels, bytes.
 const SIDE_BYTES_MAX: usize = 64 << 20;
@@ -47,11 +47,6 @@ pub(super) fn read<P: Pixel>(
         height,
         pixels: pixels.collect(),
     })
-}
-
-/// Eight bits of sixteen, to the nearest, so that white stays white.
-pub(super) fn narrow(wide: u16) -> u8 {
-    u8::try_from((u32::from(wide) + 128) / 257).expect("65535 becomes 255")
 }
 
 pub(super) fn write(picture: &Picture, file: impl Write) -> io::Result<()> {

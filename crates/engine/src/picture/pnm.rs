@@ -7,7 +7,7 @@
 
 use std::io::{BufRead, Bytes, Read};
 
-use super::{Picture, PictureError, Pixel, png::narrow, sized};
+use super::{Picture, PictureError, Pixel, narrow, sized};
 
 /// Digits and white space of the longest number: 4294967295.
 const DIGITS_MAX: usize = 10;

@@ -16,7 +16,7 @@ pub const HAND_OFF: Duration = Duration::from_millis(1000);
 
 /// A mode with a place and a heading behind its name, metres and degrees: its name and the figures,
 /// as [`PlaceAct`] has it.
-pub(super) fn with_pose(mode: &str) -> Option<(&str, [f32; 3])> {
+pub fn with_pose(mode: &str) -> Option<(&str, [f32; 3])> {
     let mut words = mode.split_whitespace();
     let name = words.next()?;
     let figures: Vec<f32> = words.map(|word| word.parse().ok()).collect::<Option<_>>()?;
@@ -66,7 +66,7 @@ impl Gesture {
     ///
     /// # Errors
     /// A sentence, if there is no such place.
-    pub(super) fn on(self, places: &[[f64; 2]]) -> Result<Action, String> {
+    pub fn on(self, places: &[[f64; 2]]) -> Result<Action, String> {
         let mut places = places.to_vec();
         let metres = |at: [i32; 2]| at.map(|mm| f64::from(mm) / 1_000.0);
         let gone = || "the list of places has changed meanwhile".to_owned();
