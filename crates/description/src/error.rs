@@ -79,6 +79,7 @@ impl<'a> Places<'a> {
         let mut key = String::new();
         key_at(&self.root, at, String::new(), &mut key);
         let message = error.message().trim().replace('\n', "; ");
+        let message = message.replace("wanted ", "expected ");
         self.note(Problem {
             line: self.line(at),
             key,

@@ -69,7 +69,7 @@ pub(crate) fn pieces(text: &str) -> Result<Vec<Piece>, String> {
                 .strip_prefix('{')
                 .and_then(|inner| inner.split_once('}'));
             let (hole, after) =
-                inner.ok_or_else(|| format!("\"{text}\" has a brace without its other one"))?;
+                inner.ok_or_else(|| format!("\"{text}\" has a brace without its other one, expected {{{{ and }}}} for braces"))?;
             if !words.is_empty() {
                 pieces.push(Piece::Words(core::mem::take(&mut words)));
             }
@@ -441,8 +441,14 @@ mod tests {
     #[test]
     fn a_text_that_cannot_be_is_refused() {
         for (text, expected) in [
-            ("{a", "has a brace without its other one"),
-            ("a}", "has a brace without its other one"),
+            (
+                "{a",
+                "has a brace without its other one, expected {{{{ and }}}} for braces",
+            ),
+            (
+                "a}",
+                "has a brace without its other one, expected {{{{ and }}}} for braces",
+            ),
             ("{}", "expected a name of letters"),
             ("{a:q}", "expected a format such as d"),
             ("{a:99999999999999999999d}", "expected a format such as d"),

@@ -270,7 +270,12 @@ impl Compiler<'_> {
             let expr = self.request_expr(&key, &plain.expression(), request);
             match self.variable(name) {
                 Some(index) if self.variables[index].is_measured() => {
-                    self.wrong(&key, format!("{name} has a source and cannot be set"));
+                    self.wrong(
+                        &key,
+                        format!(
+                            "{name} has a source and cannot be set, expected a stored variable"
+                        ),
+                    );
                 }
                 Some(index) => all.push((index, expr)),
                 None => {

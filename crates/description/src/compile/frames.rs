@@ -90,7 +90,7 @@ impl Compiler<'_> {
         if is_marked && !sync.is_empty() {
             self.wrong(
                 format!("{key}.sync"),
-                "the end is marked: say \"start\" instead",
+                "the end is marked, expected \"start\" instead",
             );
         }
         let end = match (&cut, &spec.end) {

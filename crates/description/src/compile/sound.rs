@@ -37,7 +37,8 @@ impl Compiler<'_> {
                 || (taken.contains(&Trigger::AnyMessage)
                     && matches!(on.trigger, Trigger::Message(_)));
             if is_taken {
-                let message = "is never reached: an earlier entry without \"when\" takes all of it";
+                let message = "is never reached: an earlier entry without \"when\" takes all of it, expected \
+                    this one before it";
                 self.wrong(format!("on[{index}]"), message);
             }
             if on.deed.when.is_none() {
@@ -95,7 +96,7 @@ impl Compiler<'_> {
             let is_pure = message.encode(&Nothing).failed.is_empty();
             return is_pure.then(|| {
                 format!(
-                    "cannot be read as it is written: {} becomes {body:02X?}",
+                    "cannot be read as it is written, expected other fields: {} becomes {body:02X?}",
                     crate::value::Value::Record(values.clone())
                 )
             });
@@ -104,14 +105,14 @@ impl Compiler<'_> {
         match framing.frame(body) {
             None => Some(format!(
                 "does not fit its frame: {} bytes of body, at most {} of frame, or another size \
-                 than the frame says",
+                 than the frame says; expected another \"max\" or size",
                 body.len(),
                 framing.max
             )),
             Some(frame) => match framing.body(&frame).as_deref() == Some(body) {
                 true => None,
                 false => Some(format!(
-                    "cannot be told from its frame: it has the bytes of the frame's end within, \
+                    "comes back from its frame as other bytes, expected another frame: \
                      {frame:02X?}"
                 )),
             },

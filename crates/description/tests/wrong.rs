@@ -1,0 +1,230 @@
+//! Wrong descriptions: every part of sound ones is changed in turn, and whatever is refused says
+//! file, line, key and what was expected. None panics.
+
+use description::{Description, DescriptionError, shipped};
+use toml::{Table, Value};
+
+const EVERYTHING: &str = include_str!("data/everything.toml");
+
+fn parse(text: &str) -> Result<(), DescriptionError> {
+    let csv = |file: &str| match file {
+        "log.csv" => Ok("t,u\n0,1\n1,2\n".to_owned()),
+        other => Err(format!("cannot read {other}: there is no such file")),
+    };
+    Description::parse("wrong.toml", text, &csv).map(drop)
+}
+
+/// Ways to spoil a value.
+fn spoilt(value: &Value) -> Vec<Value> {
+    let mut others = vec![
+        Value::String("?! {".to_owned()),
+        Value::String(String::new()),
+        Value::Integer(-77_777),
+        Value::Integer(i64::MAX),
+        Value::Float(f64::NAN),
+        Value::Boolean(true),
+        Value::Array(Vec::new()),
+        Value::Array(vec![Value::Integer(999)]),
+        Value::Table(Table::new()),
+    ];
+    if let Value::String(text) = value {
+        others.push(Value::String(format!("{text}x")));
+        others.push(Value::String(format!("{text} +")));
+    }
+    if let Value::Integer(number) = value {
+        others.push(Value::Integer(number.wrapping_mul(1_000)));
+        others.push(Value::Integer(0));
+    }
+    others
+}
+
+/// All tables that differ from `table` in one place.
+fn mutants(table: &Table) -> Vec<Table> {
+    let mut all = Vec::new();
+    for (key, value) in table {
+        let with = |value: Value| {
+            let mut other = table.clone();
+            other.insert(key.clone(), value);
+            other
+        };
+        let mut without = table.clone();
+        without.remove(key);
+        let mut renamed = without.clone();
+        renamed.insert(format!("{key}_x"), value.clone());
+        all.extend([without, renamed]);
+        all.extend(spoilt(value).into_iter().map(with));
+        all.extend(mutants_of(value).into_iter().map(with));
+    }
+    all
+}
+
+fn mutants_of(value: &Value) -> Vec<Value> {
+    match value {
+        Value::Table(table) => mutants(table).into_iter().map(Value::Table).collect(),
+        Value::Array(list) => {
+            let mut all = Vec::new();
+            for (index, value) in list.iter().enumerate() {
+                let with = |value: Value| {
+                    let mut other = list.clone();
+                    other[index] = value;
+                    Value::Array(other)
+                };
+                let mut twice = list.clone();
+                twice.push(value.clone());
+                all.push(Value::Array(twice));
+                all.extend(mutants_of(value).into_iter().map(with));
+            }
+            all
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Words of which a message has at least one: what was expected, or what to do.
+const FIXES: [&str; 6] = [
+    "expected",
+    "missing field",
+    "choose",
+    "leave",
+    "no ",
+    "twice",
+];
+
+/// What an error does not say.
+fn untold(text: &str, error: &DescriptionError) -> Vec<String> {
+    let lines = text.lines().count();
+    let mut untold = Vec::new();
+    for problem in &error.problems {
+        let line = text.lines().nth(problem.line - 1).unwrap_or_default();
+        let mut names = problem.key.split(['.', '[']);
+        let has_line = (1..=lines).contains(&problem.line);
+        // The line has the key, or a table begins there.
+        let is_there = names.any(|name| line.contains(name)) || line.contains('[');
+        let has_key = !problem.key.is_empty() || problem.message.contains('`');
+        let is_clear = FIXES.iter().any(|fix| problem.message.contains(fix));
+        if !(has_line && is_there && has_key && is_clear && error.file == "wrong.toml") {
+            untold.push(format!("{problem:?}: {line}"));
+        }
+    }
+    untold
+}
+
+#[test]
+fn what_is_wrong_is_told_with_file_line_and_key() {
+    assert_eq!(parse(EVERYTHING), Ok(()));
+    let texts = shipped::ALL
+        .iter()
+        .map(|(_, text)| *text)
+        .chain([EVERYTHING]);
+    let (mut refused, mut tried) = (0_u32, 0_u32);
+    let mut wrong = std::collections::BTreeSet::new();
+    for text in texts {
+        let table: Table = text.parse().expect("TOML");
+        for mutant in mutants(&table) {
+            tried += 1;
+            let text = toml::to_string(&mutant).expect("a table");
+            if let Err(error) = parse(&text) {
+                refused += 1;
+                assert!(!error.problems.is_empty());
+                wrong.extend(untold(&text, &error));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    println!("{refused} of {tried} changed descriptions are refused");
+    assert!(refused > 200 && tried > refused);
+}
+
+/// Text that is cut off anywhere is refused or sound, and never more.
+#[test]
+fn a_file_that_is_cut_off_is_no_panic() {
+    for text in [EVERYTHING, shipped::ALL[1].1] {
+        for end in (0..text.len())
+            .step_by(7)
+            .filter(|end| text.is_char_boundary(*end))
+        {
+            if let Err(error) = parse(&text[..end]) {
+                assert!(
+                    error.problems.iter().all(|problem| problem.line >= 1),
+                    "{error}"
+                );
+            }
+        }
+    }
+}
+
+fn error_of(change: impl Fn(&mut Table), text: &str) -> String {
+    let mut table: Table = text.parse().expect("TOML");
+    change(&mut table);
+    let text = toml::to_string(&table).expect("a table");
+    parse(&text).expect_err("wrong").to_string()
+}
+
+/// What a description as a whole must be.
+#[test]
+fn descriptions_that_cannot_be_are_refused_with_the_reason() {
+    let meter = shipped::text("modbus-meter").expect("shipped");
+    let overlap = parse(&meter.replace(
+        "{ at = 2, name = \"current\"",
+        "{ at = 1, name = \"current\"",
+    ));
+    let overlap = overlap.expect_err("overlap").to_string();
+    assert!(
+        overlap.contains(":20: registers.input[1].at: 1 is taken: voltage has 0 to 1"),
+        "{overlap}"
+    );
+
+    let sensor = shipped::text("cobs-sensor").expect("shipped");
+    let silent = error_of(|table| drop(table.remove("on")), sensor);
+    assert!(silent.contains("can never answer"), "{silent}");
+
+    let alike = sensor
+        .replace("type = \"u8\", value = 2", "type = \"u8\", value = 1")
+        .replace(
+            "{ name = \"percent\", type = \"f32\", limits = [0, 100] }",
+            "",
+        )
+        .replace("heater = \"percent\"", "heater = 1");
+    let ambiguous = parse(&alike);
+    let ambiguous = ambiguous.expect_err("ambiguous").to_string();
+    assert!(
+        ambiguous.contains("is ambiguous: all of it is taken for \"read\""),
+        "{ambiguous}"
+    );
+
+    let circular = parse(&meter.replace("initial = 0.95", "value = \"power\""));
+    let circular = circular.expect_err("circular").to_string();
+    assert!(circular.contains("is computed from itself"), "{circular}");
+
+    let unread = parse(&meter.replace("10 * load", "10 * lod"))
+        .expect_err("unknown")
+        .to_string();
+    assert!(
+        unread.contains("there is no value \"lod\", expected one of: load, relay"),
+        "{unread}"
+    );
+}
+
+/// All problems of a file are told at once.
+#[test]
+fn all_problems_are_told_at_once() {
+    let meter = shipped::text("modbus-meter").expect("shipped");
+    let text = meter
+        .replace("baud = 9600", "baud = 96")
+        .replace("\"f32\"", "\"f33\"");
+    let error = parse(&text).expect_err("wrong");
+    let keys: Vec<_> = error
+        .problems
+        .iter()
+        .map(|problem| problem.key.as_str())
+        .collect();
+    assert_eq!(
+        keys,
+        [
+            "line.baud",
+            "registers.input[0].type",
+            "registers.input[1].type",
+            "registers.input[2].type"
+        ]
+    );
+}
