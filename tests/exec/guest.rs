@@ -43,7 +43,7 @@ fn end(name: &str, child: Child) -> Ended {
     ended_in(&folder(name), output)
 }
 
-fn run(name: &str, command: &str, files: &[(&str, &str)], more: &[&str]) -> Ended {
+pub(crate) fn run(name: &str, command: &str, files: &[(&str, &str)], more: &[&str]) -> Ended {
     end(name, start(name, command, files, more))
 }
 
@@ -112,7 +112,12 @@ fn a_python_program_with_a_reader_thread_is_the_same_twice() {
 }
 
 /// Whether a compiler is there; says loudly if not.
-fn compiled(name: &str, compiler: &str, source: &str, flags: &[&str]) -> Option<PathBuf> {
+pub(crate) fn compiled(
+    name: &str,
+    compiler: &str,
+    source: &str,
+    flags: &[&str],
+) -> Option<PathBuf> {
     let folder = folder(&format!("{name}-build"));
     fs::create_dir_all(&folder).expect("a fresh folder");
     let file = folder.join(if compiler == "c++" {
@@ -298,6 +303,41 @@ while True:
         "{}",
         ended.log
     );
+}
+
+/// Two ways of waiting by asking: for how much there is, and a clock between; reads that find nothing.
+/// Of 2 s each takes some thousand stops, where each call of 1 us would make a million; bytes are
+/// seen when they come: a line each 100 ms.
+#[test]
+fn a_program_that_asks_over_and_over_waits() {
+    let program = "\
+import fcntl, struct, termios
+os.set_blocking(fd, False)
+begin = time.time()
+got = b''
+while time.time() - begin < 1:
+    there, = struct.unpack('i', fcntl.ioctl(fd, termios.FIONREAD, bytes(4)))
+    if there >= 8:
+        got += os.read(fd, there)
+begin = time.time()
+while time.time() - begin < 1:
+    try:
+        got += os.read(fd, 100)
+    except BlockingIOError:
+        pass
+print('lines', 16 < got.count(b'mm') < 22, flush=True)
+time.sleep(60)
+";
+    let program = format!("{BEGIN}{program}");
+    let files = [("program.py", program.as_str())];
+    let ended = run("asks", "exec python3 program.py", &files, &[]);
+    assert!(ended.log.contains("lines True"), "{}", ended.log);
+    let stops = ended.said.lines().find_map(|line| {
+        let (count, _) = line.trim().split_once(" stopped calls")?;
+        count.parse().ok()
+    });
+    let stops: u32 = stops.unwrap_or_else(|| panic!("no count: {}", ended.said));
+    assert!(stops < 30_000, "{stops}");
 }
 
 /// What the supervisor does not do for a program is named once, however often it is asked: io_uring

@@ -14,6 +14,8 @@ mod generated;
 mod guest;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod lines;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod probes;
 mod signals;
 mod support;
 mod verdicts;

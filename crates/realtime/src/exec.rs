@@ -40,6 +40,8 @@ pub use verdict::{alive, childless};
 
 /// The variable by which a program is told where its ports are.
 pub const PORTS_VARIABLE: &str = "HILRIG_DIR";
+/// What the variables begin with that name ports in `/dev`.
+pub(crate) const TERMINAL_VARIABLE: &str = "HILRIG_TTY_";
 /// Rig time for which a run goes on when its program is gone: the devices must notice that.
 pub(crate) const SETTLE: Duration = Duration::from_secs(2);
 
@@ -350,8 +352,17 @@ pub(crate) fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(Stri
     for seat in seats.iter().filter(|seat| seat.is_terminal) {
         let path = seat.transport.path().into();
         env.push((port_variable(&seat.end.name), path));
+        env.extend(terminal_of(&seat.end.name, seat.transport.path()));
     }
     env
+}
+
+/// The variable by which a program is told the name of a port in `/dev`, and that name: some accept
+/// no other.
+pub(crate) fn terminal_of(name: &str, path: &Path) -> Option<(String, OsString)> {
+    let terminal = path.canonicalize().ok()?;
+    let name = name.to_ascii_uppercase().replace('-', "_");
+    (terminal != path).then(|| (format!("{TERMINAL_VARIABLE}{name}"), terminal.into()))
 }
 
 /// The variable by which a program is told where the port `name` is.

@@ -18,11 +18,19 @@
 
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod call;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod clock_page;
 mod error;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod high_signals;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod inject;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod launch;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod lines;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod links;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod memory;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]

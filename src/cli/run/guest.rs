@@ -54,7 +54,11 @@ pub(super) fn judged_guest(
             is_checked: false,
         };
         let second = play((scenario, source), &second, place, &again, stop)?;
-        let check = same(&played, &second);
+        let check = same(
+            &played,
+            &second,
+            [out, &again].map(|folder| folder.join(LOG)),
+        );
         played.outcome.checks.push(check);
         let _ = std::fs::remove_dir_all(&again);
     }
@@ -65,20 +69,29 @@ pub(super) fn judged_guest(
         is_doubtful: false,
     };
     let ran = write_results(ran, out)?;
+    println!("  {}", played.spent);
     for note in &played.notes {
         println!("  leaves virtual time: {note}");
     }
     if !ran.outcome.passed() {
-        show_words(&played.said, &out.join("program.log"));
+        show_words(&played.said, &out.join(LOG));
     }
     finish_capture(played.recorded, out)?;
     Ok(ran)
 }
 
-/// Whether two runs were the same.
-fn same(first: &Played, second: &Played) -> Check {
+/// What the program says, in a result folder.
+const LOG: &str = "program.log";
+
+/// Whether two runs were the same: bytes on the lines, and what the program said.
+fn same(first: &Played, second: &Played, logs: [PathBuf; 2]) -> Check {
     let hashes = [&first.outcome.trace_hash, &second.outcome.trace_hash];
     let parts = first.calls.part_from(&second.calls);
+    let [one, other] = logs.map(|log| std::fs::read(log).unwrap_or_default());
+    if let Some(words) = other_words(&one, &other).filter(|_| hashes[0] == hashes[1]) {
+        let detail = format!("the same bytes, but the program says something else: {words}");
+        return Check::new("deterministic", false, detail);
+    }
     let detail = match (&parts, hashes[0] == hashes[1]) {
         (None, true) => format!("twice the same bytes, {} calls", first.calls.count()),
         (Some(parts), true) => format!("the same bytes, but other calls: {parts}"),
@@ -88,6 +101,30 @@ fn same(first: &Played, second: &Played) -> Check {
         }
     };
     Check::new("deterministic", hashes[0] == hashes[1], detail)
+}
+
+/// Where what a program said in two runs parts.
+fn other_words(one: &[u8], other: &[u8]) -> Option<String> {
+    let lines = |text: &[u8]| -> Vec<String> {
+        let text = String::from_utf8_lossy(text);
+        text.lines().map(str::to_owned).collect()
+    };
+    if one == other {
+        return None;
+    }
+    let [one, other] = [lines(one), lines(other)];
+    let at = one.iter().zip(&other).position(|(one, other)| one != other);
+    let at = at.unwrap_or(one.len().min(other.len()));
+    let said = |lines: &[String]| {
+        let line = lines.get(at);
+        line.map_or_else(|| "nothing".to_owned(), |line| format!("{line:?}"))
+    };
+    Some(format!(
+        "line {} is {}, then {}",
+        at + 1,
+        said(&one),
+        said(&other)
+    ))
 }
 
 /// Runs it once; what is written while it runs goes to `out`.
@@ -110,7 +147,7 @@ fn play(
         capture::about(run.scenario()),
         &mut run,
     )?;
-    let log: PathBuf = out.join("program.log");
+    let log: PathBuf = out.join(LOG);
     let (foreign, trace) = (guest.foreign.clone(), guest.trace.as_deref());
     let mut trial = Trial::start(run, seats, dir, foreign, trace, &log)?;
     let clock = WallClock::start();
@@ -126,4 +163,18 @@ fn play(
     turned?;
     played.outcome.checks.extend(was_cut);
     Ok(played)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_line_that_differs_is_named() {
+        assert_eq!(other_words(b"a\nb\n", b"a\nb\n"), None);
+        let words = other_words(b"a\nb\n", b"a\nc\n");
+        assert_eq!(words.as_deref(), Some("line 2 is \"b\", then \"c\""));
+        let words = other_words(b"a\n", b"a\nc\n");
+        assert_eq!(words.as_deref(), Some("line 2 is nothing, then \"c\""));
+    }
 }

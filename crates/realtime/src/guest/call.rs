@@ -52,14 +52,15 @@ impl Call {
         ptrace::setregs(tid, registers)
     }
 
-    /// The kernel does the call with `value` as its argument `index`, 0 to 3.
+    /// The kernel does the call with `value` as its argument `index`, 0 to 4.
     pub(super) fn with(&self, tid: Pid, index: usize, value: u64) -> nix::Result<()> {
         let mut registers = self.registers;
         match index {
             0 => registers.rdi = value,
             1 => registers.rsi = value,
             2 => registers.rdx = value,
-            _ => registers.r10 = value,
+            3 => registers.r10 = value,
+            _ => registers.r8 = value,
         }
         ptrace::setregs(tid, registers)
     }
@@ -107,6 +108,19 @@ impl Call {
         ptrace::setregs(tid, registers)
     }
 
+    /// After a wait in the kernel that was cut short by a stop of ours: a call that the kernel would
+    /// not make again by itself is made again.
+    pub(super) fn again_if_cut_short(&self, tid: Pid) {
+        if self.number >= 0 && self.result() == -i64::from(libc::EINTR) {
+            let _ = self.again(tid);
+        }
+    }
+
+    /// Whether it is the same call as `other`: number and arguments.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        self.number == other.number && self.args == other.args
+    }
+
     /// Where the thread's next instruction is.
     pub(super) const fn instruction(&self) -> u64 {
         self.registers.rip
@@ -133,7 +147,7 @@ impl Call {
 }
 
 /// Names of the calls that people meet in messages.
-const NAMES: [(i64, &str); 67] = [
+const NAMES: &[(i64, &str)] = &[
     (libc::SYS_read, "read"),
     (libc::SYS_write, "write"),
     (libc::SYS_readv, "readv"),
@@ -201,6 +215,52 @@ const NAMES: [(i64, &str); 67] = [
     (libc::SYS_clone3, "clone3"),
     (libc::SYS_signalfd, "signalfd"),
     (libc::SYS_signalfd4, "signalfd4"),
+    (libc::SYS_semctl, "semctl"),
+    (libc::SYS_msgctl, "msgctl"),
+    (libc::SYS_msgsnd, "msgsnd"),
+    (libc::SYS_mq_timedsend, "mq_timedsend"),
+    (libc::SYS_mq_open, "mq_open"),
+    (libc::SYS_clone, "clone"),
+    (libc::SYS_pread64, "pread64"),
+    (libc::SYS_pwrite64, "pwrite64"),
+    (libc::SYS_preadv, "preadv"),
+    (libc::SYS_pwritev, "pwritev"),
+    (libc::SYS_preadv2, "preadv2"),
+    (libc::SYS_pwritev2, "pwritev2"),
+    (libc::SYS_recvmmsg, "recvmmsg"),
+    (libc::SYS_sendmmsg, "sendmmsg"),
+    (libc::SYS_splice, "splice"),
+    (libc::SYS_tee, "tee"),
+    (libc::SYS_vmsplice, "vmsplice"),
+    (libc::SYS_sendfile, "sendfile"),
+    (libc::SYS_copy_file_range, "copy_file_range"),
+    (libc::SYS_fsync, "fsync"),
+    (libc::SYS_fdatasync, "fdatasync"),
+    (libc::SYS_ptrace, "ptrace"),
+    (libc::SYS_rt_sigqueueinfo, "rt_sigqueueinfo"),
+    (libc::SYS_rt_tgsigqueueinfo, "rt_tgsigqueueinfo"),
+    (libc::SYS_userfaultfd, "userfaultfd"),
+    (libc::SYS_getrusage, "getrusage"),
+    (libc::SYS_sysinfo, "sysinfo"),
+    (libc::SYS_adjtimex, "adjtimex"),
+    (libc::SYS_clock_adjtime, "clock_adjtime"),
+    (libc::SYS_settimeofday, "settimeofday"),
+    (libc::SYS_arch_prctl, "arch_prctl"),
+    (libc::SYS_prctl, "prctl"),
+    (libc::SYS_mmap, "mmap"),
+    (libc::SYS_close, "close"),
+    (libc::SYS_vfork, "vfork"),
+    (libc::SYS_fork, "fork"),
+    (libc::SYS_sigaltstack, "sigaltstack"),
+    (libc::SYS_restart_syscall, "restart_syscall"),
+    (libc::SYS_uname, "uname"),
+    (libc::SYS_stat, "stat"),
+    (libc::SYS_fstat, "fstat"),
+    (libc::SYS_lstat, "lstat"),
+    (libc::SYS_newfstatat, "newfstatat"),
+    (libc::SYS_statx, "statx"),
+    (libc::SYS_prlimit64, "prlimit64"),
+    (libc::SYS_sched_setaffinity, "sched_setaffinity"),
 ];
 
 /// The name of a call, or its number.

@@ -34,6 +34,8 @@ pub struct Played {
     pub said: String,
     /// What left virtual time.
     pub notes: Vec<String>,
+    /// What the program's calls were, in words.
+    pub spent: String,
     /// What was decided, call by call.
     pub calls: Calls,
 }

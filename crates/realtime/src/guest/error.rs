@@ -43,6 +43,13 @@ pub enum GuestError {
     /// A thread computes on and on.
     #[error("{0} computes without a call for {secs:.0} s of wall time", secs = .1.as_secs_f64())]
     Spins(String, Duration),
+    /// Virtual time stands.
+    #[error(
+        "virtual time stood for {secs} s of wall time: {0}; a --call-cost above 0 lets it go on \
+         with each call",
+        secs = .1.as_secs()
+    )]
+    Stands(String, Duration),
     /// The trace cannot be written.
     #[error("--trace-calls {}: {source}", .path.display())]
     Trace {

@@ -21,11 +21,15 @@ use nix::libc;
 use nix::sys::personality::{self, Persona};
 use nix::sys::ptrace;
 use nix::sys::signal::{SigSet, Signal, raise};
+use nix::unistd::Pid;
 use rustix::process::{TimeStampCounterReadability, set_time_stamp_counter_readability};
 use seccompiler::{
     BpfProgram, SeccompAction, SeccompCmpArgLen, SeccompCmpOp, SeccompCondition, SeccompFilter,
     SeccompRule, TargetArch,
 };
+
+use super::call::Call;
+use super::memory::Memory;
 
 /// The hidden command.
 pub const VERB: &str = "__guest";
@@ -47,14 +51,20 @@ const LINES: [u64; 10] = [
 /// Requests that `libc` does not know for this system.
 pub(super) const TIOCMIWAIT: u64 = 0x545C;
 pub(super) const TIOCGICOUNT: u64 = 0x545D;
+/// The filter's instruction that ends it with a verdict.
+const RETURN: u16 = 0x06;
 /// Exit code of a launcher that was not allowed to be traced.
 pub(super) const NOT_TRACED: i32 = 125;
 /// Exit code of a launcher that could not put on the filter, or find the shell.
 pub(super) const NOT_LAUNCHED: i32 = 126;
+/// A flag of clone: whoever traces the parent is not told of the child.
+pub(super) const CLONE_UNTRACED: u64 = 0x0080_0000;
+/// What the filter says of a call that a 32-bit program would make.
+pub(super) const OTHER_ARCHITECTURE: u8 = 1;
 pub(super) const NOT_LAUNCHED_CODE: u8 = 126;
 
 /// The calls at which a program is stopped.
-const STOPPED: [i64; 69] = [
+const STOPPED: &[i64] = &[
     libc::SYS_clock_gettime,
     libc::SYS_clock_getres,
     libc::SYS_clock_settime,
@@ -87,6 +97,16 @@ const STOPPED: [i64; 69] = [
     libc::SYS_connect,
     libc::SYS_open,
     libc::SYS_openat,
+    libc::SYS_openat2,
+    libc::SYS_readlink,
+    libc::SYS_readlinkat,
+    libc::SYS_bind,
+    libc::SYS_getsockname,
+    libc::SYS_adjtimex,
+    libc::SYS_clock_adjtime,
+    libc::SYS_settimeofday,
+    libc::SYS_getrusage,
+    libc::SYS_sysinfo,
     libc::SYS_ioctl,
     libc::SYS_wait4,
     libc::SYS_waitid,
@@ -118,7 +138,11 @@ const STOPPED: [i64; 69] = [
     libc::SYS_getrandom,
     libc::SYS_semop,
     libc::SYS_semtimedop,
+    libc::SYS_semctl,
+    libc::SYS_msgsnd,
     libc::SYS_msgrcv,
+    libc::SYS_msgctl,
+    libc::SYS_clone3,
     libc::SYS_mq_timedreceive,
     libc::SYS_mq_timedsend,
     libc::SYS_io_uring_setup,
@@ -126,10 +150,22 @@ const STOPPED: [i64; 69] = [
     libc::SYS_io_getevents,
 ];
 
+/// Variables by which libraries do without the chance that the processor itself gives (RDRAND,
+/// RDSEED), which no supervisor sees: those of OpenSSL (OPENSSL_ia32cap(3)) and of Qt.
+const WITHOUT_CHANCE: [(&str, &str); 2] = [
+    ("OPENSSL_ia32cap", "~0x4000000000000000:~0x40000"),
+    ("QT_NO_CPU_FEATURE", "rdrnd rdseed"),
+];
+
 /// Starts the launcher of `command`, `env` being added to its environment; what the program says
 /// goes to `mouth`. It stops before it does anything.
 pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> io::Result<Child> {
     let mut launcher = Command::new(std::env::current_exe()?);
+    for (name, value) in WITHOUT_CHANCE {
+        if std::env::var_os(name).is_none() {
+            launcher.env(name, value);
+        }
+    }
     launcher
         .args([VERB, command])
         .envs(env.iter().map(|(name, value)| (name, value)))
@@ -218,7 +254,36 @@ fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
     let command = u64::from(libc::F_SETLKW.unsigned_abs());
     let waits = SeccompCondition::new(1, len, eq, command)?;
     rules.insert(libc::SYS_fcntl, vec![SeccompRule::new(vec![waits])?]);
+    rules.extend(about_children()?);
     Ok(rules)
+}
+
+/// A child is not to be hidden: it would leave the supervision.
+pub(super) fn show_child(tid: Pid, call: &Call) {
+    let flags = match call.number {
+        libc::SYS_clone => Ok(call.args[0]),
+        _ => Memory(tid).u64(call.args[0]),
+    };
+    let Some(flags) = flags.ok().filter(|flags| flags & CLONE_UNTRACED != 0) else {
+        return;
+    };
+    let flags = flags & !CLONE_UNTRACED;
+    let _ = match call.number {
+        libc::SYS_clone => call.with(tid, 0, flags),
+        _ => Memory(tid).write(call.args[0], &flags.to_ne_bytes()),
+    };
+}
+
+/// Children that are to be hidden from whoever traces their parent.
+fn about_children() -> Result<Rules, seccompiler::BackendError> {
+    let is_hidden = SeccompCmpOp::MaskedEq(CLONE_UNTRACED);
+    let hides = SeccompCondition::new(0, SeccompCmpArgLen::Qword, is_hidden, CLONE_UNTRACED)?;
+    // The flags of the newer call are in memory, where no filter sees them.
+    Ok([
+        (libc::SYS_clone, vec![SeccompRule::new(vec![hides])?]),
+        (libc::SYS_clone3, Vec::new()),
+    ]
+    .into())
 }
 
 fn about_lines() -> Result<Rules, seccompiler::BackendError> {
@@ -227,7 +292,10 @@ fn about_lines() -> Result<Rules, seccompiler::BackendError> {
         SeccompRule::new(vec![is])
     });
     let rules: Result<Vec<SeccompRule>, _> = rules.collect();
-    Ok([(libc::SYS_ioctl, rules?)].into())
+    let mut all = about_children()?;
+    all.insert(libc::SYS_ioctl, rules?);
+    all.extend([libc::SYS_readlink, libc::SYS_readlinkat].map(|number| (number, Vec::new())));
+    Ok(all)
 }
 
 fn put_on_filter(
@@ -239,6 +307,14 @@ fn put_on_filter(
         SeccompAction::Trace(0),
         TargetArch::x86_64,
     )?;
-    let program: BpfProgram = filter.try_into()?;
+    let mut program: BpfProgram = filter.try_into()?;
+    // It would kill the process without a word.
+    let kill = u32::from(SeccompAction::KillProcess);
+    let told = u32::from(SeccompAction::Trace(OTHER_ARCHITECTURE.into()));
+    for step in &mut program {
+        if step.code == RETURN && step.k == kill {
+            step.k = told;
+        }
+    }
     seccompiler::apply_filter(&program)
 }

@@ -9,7 +9,7 @@
 mod waiters;
 
 use core::time::Duration;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ffi::OsString;
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
@@ -26,11 +26,13 @@ use rustix::process::WaitOptions;
 use serde_json::{Value, json};
 
 use super::call::Call;
+use super::high_signals::{Delivered, deliver};
+use super::links::Link;
 use super::memory::Memory;
-use super::news::{is_death, wait};
+use super::news::{group_of, is_death, is_stop, wait};
 use super::{GuestError, launch};
 use crate::control;
-use crate::exec::{PORTS_VARIABLE, port_variable};
+use crate::exec::{PORTS_VARIABLE, port_variable, terminal_of};
 use crate::process::LINES_VARIABLE;
 use waiters::Waiter;
 
@@ -66,6 +68,9 @@ pub fn run_with_lines(dir: &Path, command: &[OsString], speaks: Stdio) -> Result
         lines: BTreeMap::new(),
         known: BTreeSet::new(),
         waiters: BTreeMap::new(),
+        halted: BTreeSet::new(),
+        fatal: BTreeMap::new(),
+        ended: VecDeque::new(),
     };
     let mut env = vec![
         (PORTS_VARIABLE.to_owned(), dir.into()),
@@ -73,6 +78,7 @@ pub fn run_with_lines(dir: &Path, command: &[OsString], speaks: Stdio) -> Result
     ];
     for name in tracer.ports.values() {
         env.push((port_variable(name), dir.join(name).into()));
+        env.extend(terminal_of(name, &dir.join(name)));
     }
     // The program is in this group too: it is its answer to such a signal that counts.
     let _ = launch::requests_to_end().thread_block();
@@ -168,6 +174,12 @@ struct Tracer {
     known: BTreeSet<i32>,
     /// Threads that wait for a line to change.
     waiters: BTreeMap<i32, Waiter>,
+    /// Threads that a signal has stopped.
+    halted: BTreeSet<i32>,
+    /// Processes that are killed in place of a signal beyond 31, and which.
+    fatal: BTreeMap<i32, i32>,
+    /// Ends of threads that came while something was done with them.
+    ended: VecDeque<(i32, i32)>,
 }
 
 impl Tracer {
@@ -181,7 +193,8 @@ impl Tracer {
             | Options::PTRACE_O_TRACECLONE
             | Options::PTRACE_O_TRACEFORK
             | Options::PTRACE_O_TRACEVFORK
-            | Options::PTRACE_O_TRACEEXEC;
+            | Options::PTRACE_O_TRACEEXEC
+            | Options::PTRACE_O_TRACESYSGOOD;
         let pid = Pid::from_raw(root);
         ptrace::setoptions(pid, options).map_err(|_| GuestError::NotTraced)?;
         self.known.insert(root);
@@ -190,8 +203,10 @@ impl Tracer {
             if is_death(status) {
                 self.known.remove(&tid);
                 self.waiters.remove(&tid);
+                self.halted.remove(&tid);
+                let fatal = self.fatal.remove(&tid);
                 if tid == root {
-                    return Ok(status);
+                    return Ok(fatal.unwrap_or(status));
                 }
                 continue;
             }
@@ -207,7 +222,15 @@ impl Tracer {
                 }
                 // A thread begins with a stop that nobody sent.
                 0 if is_new && signal == libc::SIGSTOP => None,
-                0 => Signal::try_from(signal).ok(),
+                0 if is_stop(signal) && ptrace::getsiginfo(pid).is_err() => {
+                    // It stands until it has a signal that lets it go on.
+                    self.halted.insert(tid);
+                    continue;
+                }
+                0 => match Signal::try_from(signal) {
+                    Ok(signal) => Some(signal),
+                    Err(_) => self.high_signal(pid, signal),
+                },
                 _ => None,
             };
             let _ = ptrace::cont(pid, passed);
@@ -215,11 +238,43 @@ impl Tracer {
         Ok(0)
     }
 
+    /// Passes a signal beyond 31 on; the one with which the thread is to go on.
+    fn high_signal(&mut self, pid: Pid, signal: i32) -> Option<Signal> {
+        let process = group_of(pid.as_raw()).unwrap_or(pid.as_raw());
+        match deliver(process, pid, signal, None) {
+            Delivered::Fatal => {
+                self.fatal.insert(process, signal);
+                Some(Signal::SIGKILL)
+            }
+            Delivered::Ended(status) => {
+                self.ended.push_back((pid.as_raw(), status));
+                None
+            }
+            Delivered::Goes | Delivered::Refused => None,
+        }
+    }
+
     /// Answers a call about a line, if it is one of a port; whether the thread has to wait.
     fn called(&mut self, pid: Pid) -> bool {
         let Ok(call) = Call::of(pid) else {
             return false;
         };
+        if ptrace::getevent(pid) == Ok(launch::OTHER_ARCHITECTURE.into()) {
+            return false;
+        }
+        if matches!(call.number, libc::SYS_clone | libc::SYS_clone3) {
+            launch::show_child(pid, &call);
+            return false;
+        }
+        if matches!(call.number, libc::SYS_readlink | libc::SYS_readlinkat) {
+            let link = Link::of(pid, &call);
+            if let Some((device, text)) = link.unlisted_terminal()
+                && self.ports.contains_key(&device)
+            {
+                link.answer(pid, &call, &text);
+            }
+            return false;
+        }
         let [fd, request, argument, ..] = call.args;
         let device = std::fs::metadata(format!("/proc/{pid}/fd/{fd}"));
         let device = device.map_or(0, |data| data.rdev());

@@ -27,3 +27,18 @@ pub(super) fn wait(pid: Option<Pid>, more: WaitOptions) -> Option<(i32, i32)> {
 pub(super) const fn is_death(status: i32) -> bool {
     status & 0xFF != 0x7F
 }
+
+/// Whether this signal stops processes.
+pub(super) const fn is_stop(signal: i32) -> bool {
+    matches!(
+        signal,
+        libc::SIGSTOP | libc::SIGTSTP | libc::SIGTTIN | libc::SIGTTOU
+    )
+}
+
+/// The process of a thread.
+pub(super) fn group_of(tid: i32) -> Option<i32> {
+    let status = std::fs::read_to_string(format!("/proc/{tid}/status")).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("Tgid:"))?;
+    line.trim().parse().ok()
+}

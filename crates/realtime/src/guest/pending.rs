@@ -6,6 +6,9 @@ use std::io::Read as _;
 /// Signals that do nothing unless somebody handles them: SIGCHLD, SIGCONT, SIGURG, SIGWINCH.
 const MILD: u64 = 1 << 16 | 1 << 17 | 1 << 22 | 1 << 27;
 
+/// Signals that let a stopped process go on: SIGKILL, SIGCONT.
+const CONTINUES: u64 = 1 << 8 | 1 << 17;
+
 /// More than the system has to say of a thread.
 const STATUS_MAX: usize = 8192;
 
@@ -34,6 +37,16 @@ impl Pending {
             ignored: mask("SigIgn:"),
             caught: mask("SigCgt:"),
         }
+    }
+
+    /// Whether one of them lets a stopped process go on.
+    pub(super) const fn continues(&self) -> bool {
+        (self.own | self.common) & CONTINUES != 0
+    }
+
+    /// Whether a handler would be called for these.
+    pub(super) const fn are_handled(&self, signals: u64) -> bool {
+        self.caught & !self.blocked & signals == signals
     }
 
     /// Those that do nothing while `held` are held back.

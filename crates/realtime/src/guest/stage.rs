@@ -177,6 +177,22 @@ impl Stage {
         }
     }
 
+    /// When something happens at the rig next, in the program's time: until then a look at a clock is
+    /// nobody else's business. `None`: never.
+    pub(super) fn quiet_until(&self) -> Option<Instant> {
+        if self.is_touched {
+            return Some(self.now);
+        }
+        let rig_now = self.rig_time(self.now)?;
+        let next = self.run.rig.next_event()?;
+        Some(self.now + (next - rig_now))
+    }
+
+    /// The program's own clocks have come to `now`, before anything happened.
+    pub(super) fn has_counted(&mut self, now: Instant) {
+        self.now = self.now.max(now);
+    }
+
     /// A call has taken `cost`.
     pub(super) fn pass(&mut self, cost: Duration) -> Result<(), TransportError> {
         self.now += cost;
@@ -317,6 +333,12 @@ impl Stage {
         self.slots
             .iter()
             .position(|slot| slot.device == device && device != 0)
+    }
+
+    /// Where the client finds a port.
+    pub(super) fn path_of(&self, port: usize) -> Option<String> {
+        let place = self.realtime.places().nth(port)?;
+        Some(place.path.to_string_lossy().into_owned())
     }
 
     /// Bytes of a client that may be written now.

@@ -6,16 +6,25 @@ mod dispatch;
 mod fifos;
 mod files;
 mod futex;
+mod high;
+mod idle;
+mod lent;
 mod locks;
+mod pi_futex;
 mod pipes;
 mod polls;
 mod ports;
 mod posix_timers;
+mod queues;
 mod signal_files;
 mod signals;
+mod spent;
+mod steps;
+mod stops;
 mod streams;
 mod terminals;
 mod timers;
+mod told;
 mod waits;
 
 use core::time::Duration;
@@ -23,7 +32,6 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
 
 use nix::errno::Errno;
-use nix::libc;
 use nix::sys::ptrace::{self, Options};
 use nix::sys::signal::Signal;
 use nix::unistd::Pid;
@@ -32,7 +40,7 @@ use rustix::event::PollFlags;
 use rustix::process::WaitOptions;
 
 use super::GuestError;
-use super::call::Call;
+use super::call::{self, Call};
 use super::memory::Memory;
 use super::news::{is_death, wait};
 use super::stage::Stage;
@@ -102,8 +110,21 @@ pub(super) struct Supervisor {
     is_signalled: bool,
     /// The program has made files from which it reads signals.
     has_signal_files: bool,
+    /// A queue or semaphore of System V may have changed.
+    has_queues_changed: bool,
+    /// The program has opened a file that the supervisor answers.
+    has_told_files: bool,
+    /// Processes that were killed in place of a signal beyond 31, and which.
+    fatal: BTreeMap<i32, i32>,
+    /// It has given a socket a network port of its own choice.
+    has_bound: bool,
     /// Named pipes that are being opened from both sides.
     meetings: Vec<Meeting>,
+    /// Looks at clocks that were no calls, and calls by their numbers.
+    pub(super) looks: u64,
+    pub(super) spent: BTreeMap<i64, u64>,
+    /// Virtual time that has passed while a thread asked for the same over and over.
+    pub(super) idled: Duration,
     watchdog: Watchdog,
     pub(super) calls: Calls,
     notes: Vec<String>,
@@ -149,8 +170,15 @@ impl Supervisor {
             is_changed: false,
             is_signalled: false,
             has_signal_files: false,
+            has_queues_changed: false,
+            has_told_files: false,
+            fatal: BTreeMap::new(),
+            has_bound: false,
             meetings: Vec::new(),
-            watchdog: Watchdog::start(),
+            looks: 0,
+            spent: BTreeMap::new(),
+            idled: Duration::ZERO,
+            watchdog: Watchdog::start(root.as_raw(), settings.supervision.spin_max),
             notes: Vec::new(),
             root_status: None,
             trouble: None,
@@ -207,6 +235,16 @@ impl Supervisor {
     /// # Errors
     /// If a real port went away, or the program cannot be supervised any more.
     pub(super) fn turn(&mut self) -> Result<(), GuestError> {
+        self.watchdog.begin_turn(self.stage.now());
+        let done = self.take_turn();
+        self.watchdog.end_turn();
+        done
+    }
+
+    fn take_turn(&mut self) -> Result<(), GuestError> {
+        if let Some(stood) = self.watchdog.stood() {
+            return Err(GuestError::Stands(self.last_calls(), stood));
+        }
         self.stage.carry()?;
         self.is_changed |= self.stage.take_delivered();
         if core::mem::take(&mut self.is_signalled) {
@@ -272,10 +310,10 @@ impl Supervisor {
 
     /// Those who wait for files try once more, in the order in which they began to wait.
     fn retry_files(&mut self) {
-        let waiting = self
-            .threads
-            .values()
-            .filter(|thread| thread.waits_for_files());
+        let has_queues_changed = core::mem::take(&mut self.has_queues_changed);
+        let waiting = self.threads.values().filter(|thread| {
+            thread.waits_for_files() || has_queues_changed && thread.waits_for_queue()
+        });
         let mut order: Vec<(u64, i32)> = waiting
             .map(|thread| (thread.blocked_at, thread.tid.as_raw()))
             .collect();
@@ -298,190 +336,26 @@ impl Supervisor {
         }
     }
 
-    fn run_thread(&mut self, tid: i32) {
-        let Some(thread) = self.threads.get_mut(&tid) else {
-            return;
-        };
-        let State::Ready(next) = core::mem::replace(&mut thread.state, State::Running) else {
-            return;
-        };
-        thread.slice = 0;
-        let group = thread.process;
-        self.watchdog.watch(tid, group);
-        let mut current = tid;
-        let mut flow = match next {
-            Next::Go(signal) => Flow::Goes(signal),
-            Next::Attempt => self.attempt(tid),
-            Next::Stopped(status) => self.handle(tid, status),
-        };
-        while let Flow::Goes(signal) = flow {
-            if ptrace::cont(Pid::from_raw(current), signal).is_err() {
-                // It was killed meanwhile: the news of it come now.
-                self.watchdog.count();
-            }
-            let Some((pid, status)) = self.wait_for(current) else {
-                self.forget(current);
-                break;
-            };
-            current = pid;
-            self.watchdog.count();
-            flow = self.handle(current, status);
-        }
-        self.watchdog.rest();
-    }
-
-    /// The next news of `tid`; of others it is noted. `None` if there is no such thread.
-    fn wait_for(&mut self, tid: i32) -> Option<(i32, i32)> {
-        loop {
-            let (pid, status) = wait(None, WaitOptions::empty())?;
-            let is_exec = status >> 16 == libc::PTRACE_EVENT_EXEC;
-            if pid == tid || is_exec && self.same_process(pid, tid) {
-                return Some((pid, status));
-            }
-            self.note_other(pid, status);
-            // The end of another thread of its process may have been its own.
-            self.threads.get(&tid)?;
-        }
-    }
-
-    fn same_process(&self, one: i32, other: i32) -> bool {
-        let process = |tid: i32| self.threads.get(&tid).map(|thread| thread.process);
-        process(one).is_some() && process(one) == process(other)
-    }
-
-    /// News of a thread that nobody waits for just now.
-    fn note_other(&mut self, pid: i32, status: i32) {
-        let Some(thread) = self.threads.get(&pid) else {
-            if !is_death(status) {
-                self.early.insert(pid);
-            }
-            return;
-        };
-        if is_death(status) {
-            self.died(pid, status);
-        } else if matches!(thread.state, State::Outside) {
-            self.ready(pid, Next::Stopped(status));
-        }
-    }
-
-    /// Takes note of threads that come back into virtual time, without waiting.
-    fn hear_outside(&mut self) {
-        let is_out = |thread: &Thread| matches!(thread.state, State::Outside | State::Ended);
-        if !self.threads.values().any(is_out) {
-            return;
-        }
-        while let Some((pid, status)) = wait(None, WaitOptions::NOHANG) {
-            self.note_other(pid, status);
-        }
-    }
-
-    fn handle(&mut self, tid: i32, status: i32) -> Flow {
-        if is_death(status) {
-            self.died(tid, status);
-            return Flow::Stays;
-        }
-        let signal = (status >> 8) & 0xFF;
-        match status >> 16 {
-            libc::PTRACE_EVENT_SECCOMP => self.called(tid),
-            event @ (libc::PTRACE_EVENT_FORK
-            | libc::PTRACE_EVENT_VFORK
-            | libc::PTRACE_EVENT_CLONE) => self.cloned(tid, event),
-            libc::PTRACE_EVENT_EXEC => self.execed(tid),
-            0 if signal == libc::SIGSTOP => self.kicked(tid),
-            0 if signal == libc::SIGSEGV && self.reads_counter(tid) => Flow::Goes(None),
-            0 if signal & 0x80 == 0 => {
-                if Signal::try_from(signal).is_err() {
-                    self.note(format!("signal {signal} is not passed on"));
-                }
-                Flow::Goes(Signal::try_from(signal).ok())
-            }
-            _ => Flow::Goes(None),
-        }
-    }
-
-    fn called(&mut self, tid: i32) -> Flow {
-        if !self.is_launched {
-            return Flow::Goes(None);
-        }
-        let Ok(call) = Call::of(Pid::from_raw(tid)) else {
-            return Flow::Goes(None);
-        };
-        if let Err(error) = self.stage.carry_touched() {
-            self.trouble = Some(error.into());
-        }
-        if let Err(error) = self.stage.pass(self.settings.supervision.call_cost) {
-            self.trouble = Some(error.into());
-        }
-        self.calls.count += 1;
-        self.end_meeting(tid);
-        let now = self.stage.now();
-        let Some(thread) = self.threads.get_mut(&tid) else {
-            return Flow::Goes(None);
-        };
-        thread.call = Some(call);
-        thread.entered = now;
-        thread.progress = 0;
-        thread.lines_before = None;
-        thread.opens = None;
-        thread.is_woken = false;
-        thread.slice += 1;
-        let is_tired = thread.slice >= SLICE;
-        let flow = self.attempt(tid);
-        if !is_tired || matches!(flow, Flow::Stays) {
-            return flow;
-        }
-        self.breathe(tid)
-    }
-
-    /// A thread that calls and calls lets others run now and then.
-    fn breathe(&mut self, tid: i32) -> Flow {
-        if let Err(error) = self.stage.carry() {
-            self.trouble = Some(error.into());
-        }
-        self.expire();
-        self.retry_files();
-        self.ready(tid, Next::Go(None));
-        Flow::Stays
-    }
-
-    /// Tries to do the call at which `tid` stands.
-    fn attempt(&mut self, tid: i32) -> Flow {
-        let Some(call) = self.threads.get(&tid).and_then(|thread| thread.call) else {
-            return Flow::Goes(None);
-        };
-        let outcome = self.outcome(tid, &call);
-        let pid = Pid::from_raw(tid);
-        self.record(tid, &call, &outcome);
-        match outcome {
-            Outcome::Answer(result) => {
-                let _ = call.answer(pid, result);
-                Flow::Goes(None)
-            }
-            Outcome::Kernel => Flow::Goes(None),
-            Outcome::Yield(result) => {
-                let _ = call.answer(pid, result);
-                self.ready(tid, Next::Go(None));
-                Flow::Stays
-            }
-            Outcome::Leave(state) => {
-                let _ = ptrace::cont(pid, None);
-                self.set_state(tid, state);
-                Flow::Stays
-            }
-            Outcome::Block(wait) => {
-                self.blocks += 1;
-                if let Some(thread) = self.threads.get_mut(&tid) {
-                    thread.blocked_at = self.blocks;
-                    thread.state = State::Blocked(wait);
-                }
-                Flow::Stays
-            }
-        }
-    }
-
     fn set_state(&mut self, tid: i32, state: State) {
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.state = state;
+        }
+    }
+
+    /// The calls at which threads are that do not wait in virtual time.
+    fn last_calls(&self) -> String {
+        let busy = self.threads.values().filter(|thread| !thread.is_blocked());
+        let names: Vec<String> = busy
+            .map(|thread| {
+                let call = thread.outside.or(thread.call);
+                let call =
+                    call.map_or_else(|| "no call yet".to_owned(), |it| call::name(it.number));
+                format!("thread {} at {call}", thread.index)
+            })
+            .collect();
+        match names.is_empty() {
+            true => "all threads wait".to_owned(),
+            false => names.join(", "),
         }
     }
 

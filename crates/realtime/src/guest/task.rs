@@ -1,5 +1,6 @@
 //! Threads and processes of a foreign program, as the supervisor knows them.
 
+use core::time::Duration;
 use std::collections::BTreeMap;
 use std::os::fd::OwnedFd;
 
@@ -9,6 +10,7 @@ use nix::unistd::Pid;
 use protocols::Instant;
 
 use super::call::Call;
+use super::clock_page::ClockPage;
 
 /// How a thread goes on.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +34,8 @@ pub(super) enum On {
     Files,
     /// Bytes that leave a port.
     Line,
+    /// A queue or a semaphore of System V, which has no file.
+    Queue,
     /// A child that ends.
     Child,
 }
@@ -71,6 +75,8 @@ pub(super) enum State {
     Blocked(Wait),
     /// It is in the kernel, and virtual time does not count there.
     Outside,
+    /// It was stopped by a signal, until one comes that lets it go on.
+    Halted,
     /// The first thread of a process has ended, others have not.
     Ended,
 }
@@ -86,8 +92,12 @@ pub(super) struct Thread {
     pub(super) state: State,
     /// The call at which it stands, or made last.
     pub(super) call: Option<Call>,
+    /// The call in which it waits outside of virtual time.
+    pub(super) outside: Option<Call>,
     /// When it made that call.
     pub(super) entered: Instant,
+    /// Wall time for which it has computed since then.
+    pub(super) computed: Duration,
     /// Counts all beginnings of waits.
     pub(super) blocked_at: u64,
     pub(super) is_woken: bool,
@@ -100,8 +110,22 @@ pub(super) struct Thread {
     /// How often the lines of a port had changed when it began to wait for them.
     pub(super) lines_before: Option<[u32; 4]>,
     pub(super) slice: u32,
+    /// What it asks for over and over.
+    pub(super) idle: Option<Idle>,
     /// The thread that waits in the kernel until this one has become another program.
     pub(super) vfork_parent: Option<i32>,
+}
+
+/// Calls that a thread makes again and again, each time with the same answer that is of no use, and
+/// nothing else but looks at clocks.
+#[derive(Clone, Debug)]
+pub(super) struct Idle {
+    /// Number and arguments of each of them, and what came of it.
+    pub(super) seen: Vec<((i64, [u64; 3]), i64)>,
+    /// How many there were in a row.
+    pub(super) count: u32,
+    /// When the first one was made.
+    pub(super) since: Instant,
 }
 
 /// One side of a named pipe: device and number of the file, and which side.
@@ -130,6 +154,10 @@ impl Thread {
     pub(super) fn waits_for_files(&self) -> bool {
         let on = self.wait().map(|wait| wait.on);
         matches!(on, Some(On::Files | On::Line))
+    }
+
+    pub(super) fn waits_for_queue(&self) -> bool {
+        self.wait().is_some_and(|wait| wait.on == On::Queue)
     }
 
     /// Whether it waits for bytes to leave.
@@ -169,6 +197,8 @@ pub(super) struct PosixTimer {
     pub(super) timer: Timer,
     /// It has expired, and nobody has taken its signal.
     pub(super) is_due: bool,
+    /// The kernel has its signal for some thread.
+    pub(super) is_sent: bool,
     pub(super) overrun: i64,
 }
 
@@ -177,6 +207,8 @@ pub(super) struct PosixTimer {
 pub(super) struct Process {
     /// By which its files can be had.
     pub(super) handle: Option<OwnedFd>,
+    /// Its clocks that are no calls.
+    pub(super) clocks: Option<ClockPage>,
     pub(super) random: Rng,
     /// Signals, as bits, whose handlers ask for interrupted calls to be made again.
     pub(super) restarts: u64,
@@ -185,6 +217,8 @@ pub(super) struct Process {
     pub(super) posix_timers: BTreeMap<i32, PosixTimer>,
     /// All its threads are about to end.
     pub(super) is_dying: bool,
+    /// The signal beyond 31 by which it ends.
+    pub(super) fatal: Option<i32>,
 }
 
 impl Process {

@@ -23,6 +23,8 @@ pub(super) struct Record {
     pub(super) thread: u32,
     /// Its number.
     pub(super) number: i64,
+    /// Looks at a clock that were no calls, in its place; 0: it is one.
+    pub(super) looks: u32,
     /// What the supervisor answered; nothing if the kernel did.
     pub(super) result: Option<i64>,
 }
@@ -30,6 +32,9 @@ pub(super) struct Record {
 impl fmt::Display for Record {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { at, thread, .. } = self;
+        if self.looks > 0 {
+            return write!(f, "{at} thread {thread} {} looks at a clock", self.looks);
+        }
         write!(f, "{at} thread {thread} {}", call::name(self.number))?;
         match self.result {
             Some(result) => write!(f, " = {result}"),
@@ -110,6 +115,7 @@ mod tests {
                 at: Instant::from_micros(index as u64),
                 thread: 0,
                 number: nix::libc::SYS_read,
+                looks: 0,
                 result: Some(result),
             });
         }

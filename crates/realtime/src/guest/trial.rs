@@ -2,6 +2,7 @@
 //! real time.
 
 use core::time::Duration;
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::MetadataExt as _;
@@ -21,7 +22,8 @@ use super::trace::Calls;
 use super::{GuestError, launch};
 use crate::clock::{Clock as _, SimClock, WallClock};
 use crate::exec::{
-    ExecError, Foreign, SETTLE, Seat, add_checks, alive, childless, environment, ports_of,
+    ExecError, Foreign, SETTLE, Seat, TERMINAL_VARIABLE, add_checks, alive, childless, environment,
+    ports_of,
 };
 use crate::process::LINES_VARIABLE;
 use crate::process::words::{Words, listen};
@@ -37,6 +39,8 @@ const TOGETHER: Duration = Duration::from_millis(100);
 const PATIENCE_CHILDREN: Duration = Duration::from_secs(1);
 /// The same in wall time.
 const PATIENCE_WALL: Duration = Duration::from_secs(5);
+/// Length of a terminal's number with the slashes before it.
+const NUMBER_LEN: usize = 7;
 /// How long its last words may be on their way.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
@@ -68,6 +72,8 @@ pub struct Played {
     pub said: String,
     /// What left virtual time.
     pub notes: Vec<String>,
+    /// What the program's calls were, in words.
+    pub spent: String,
     /// What was decided, call by call.
     pub calls: Calls,
 }
@@ -90,6 +96,12 @@ impl Trial {
         let ports = ports_of(&seats, &foreign)?;
         let mut env = environment(&seats, &dir, &run);
         env.push((LINES_VARIABLE.to_owned(), dir.path().into()));
+        for (_, value) in env
+            .iter_mut()
+            .filter(|(name, _)| name.starts_with(TERMINAL_VARIABLE))
+        {
+            *value = of_fixed_length(value).into();
+        }
         let mut realtime = Realtime::new(SimClock::default());
         for seat in seats {
             realtime.serve(seat.end, seat.transport);
@@ -144,7 +156,9 @@ impl Trial {
     /// If a real port went away, or the program cannot be supervised.
     pub fn turn(&mut self) -> Result<(), GuestError> {
         match self.supervisor.turn() {
-            Err(error @ GuestError::Spins(..)) => self.spins = Some(error.to_string()),
+            Err(error @ (GuestError::Spins(..) | GuestError::Stands(..))) => {
+                self.spins = Some(error.to_string())
+            }
             done => done?,
         }
         let stage = &self.supervisor.stage;
@@ -218,8 +232,10 @@ impl Trial {
     /// Ends the program and judges what there is.
     pub fn end(mut self) -> Played {
         let is_over = self.supervisor.stage.run.is_over();
+        self.supervisor.note_halted();
         let farewell = self.finish();
         let notes = self.supervisor.notes().to_vec();
+        let spent = self.supervisor.spent_on();
         let Supervisor { stage, calls, .. } = self.supervisor;
         let Stage {
             mut run,
@@ -247,6 +263,7 @@ impl Trial {
             recorded,
             said: farewell.said,
             notes,
+            spent,
             calls,
         }
     }
@@ -346,6 +363,14 @@ impl Trial {
             clock.sleep_until(clock.now() + Duration::from_millis(1));
         }
     }
+}
+
+/// The path of a terminal with so many slashes that its length does not depend on the number that the
+/// system has given it: the program's memory is laid out behind its variables.
+fn of_fixed_length(path: &OsStr) -> String {
+    let path = path.to_string_lossy();
+    let (folder, number) = path.rsplit_once('/').unwrap_or_default();
+    format!("{folder}{number:/>NUMBER_LEN$}")
 }
 
 /// Keeps this thread, and whom it starts, on the processor on which it is: one of them runs at a

@@ -9,6 +9,7 @@ use std::fs;
 use std::sync::Arc;
 use std::thread;
 
+use protocols::Instant;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::clock::{Clock, WallClock};
@@ -19,15 +20,18 @@ const EVERY: Duration = Duration::from_millis(50);
 const SLEEPS: u32 = 2;
 /// The same for one that waits for a disk.
 const FETCHES: u32 = 200;
-/// The same for one that computes.
-const COMPUTES: u32 = 20;
+/// Wall time after which one that computes is stopped, to hear of others.
+const COMPUTES: Duration = Duration::from_secs(1);
+/// So many times as long as a thread may compute virtual time may stand.
+const STANDS: u32 = 3;
+const STANDS_MIN: Duration = Duration::from_secs(30);
 
 /// Why a thread was stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kick {
     /// It waits in the kernel.
     Sleeps,
-    /// It has computed for this long without a call.
+    /// It has computed for this long without a call, since it was let go on.
     Computes(Duration),
 }
 
@@ -38,9 +42,15 @@ struct Shared {
     process: AtomicI32,
     /// Counts what it does.
     steps: AtomicU64,
-    /// Looks since its last step when it was stopped; 0: it was not.
+    /// Milliseconds since its last step when it was stopped, and one more; 0: it was not.
     kicked: AtomicU32,
     sleeps: AtomicBool,
+    /// Virtual time, nanoseconds; how often that was told, and whether the supervisor is at work.
+    now: AtomicU64,
+    turns: AtomicU64,
+    is_at_work: AtomicBool,
+    /// Seconds for which that stood; 0: it goes on.
+    stood: AtomicU32,
     is_over: AtomicBool,
 }
 
@@ -52,13 +62,14 @@ pub(super) struct Watchdog {
 }
 
 impl Watchdog {
-    pub(super) fn start() -> Self {
+    /// Over a program whose first process is `root`, and whose threads may compute for so long.
+    pub(super) fn start(root: i32, spin_max: Duration) -> Self {
         let shared = Arc::<Shared>::default();
         let watching = Arc::clone(&shared);
         // Without it nothing is lost but the name of who hangs.
         let _ = thread::Builder::new()
             .name("watchdog".to_owned())
-            .spawn(move || watch(&watching));
+            .spawn(move || watch(&watching, root, spin_max));
         let clock = WallClock::start();
         Self { shared, clock }
     }
@@ -75,6 +86,26 @@ impl Watchdog {
         self.shared.steps.fetch_add(1, Ordering::Relaxed);
     }
 
+    /// The supervisor begins to work, and virtual time is this.
+    pub(super) fn begin_turn(&self, now: Instant) {
+        self.shared.turns.fetch_add(1, Ordering::Relaxed);
+        self.shared.is_at_work.store(true, Ordering::Relaxed);
+        let nanos = (now - Instant::ZERO).as_nanos();
+        let nanos = u64::try_from(nanos).unwrap_or(u64::MAX);
+        self.shared.now.store(nanos, Ordering::Relaxed);
+    }
+
+    /// It does something else now.
+    pub(super) fn end_turn(&self) {
+        self.shared.is_at_work.store(false, Ordering::Relaxed);
+    }
+
+    /// For how long virtual time stood, if that was too long.
+    pub(super) fn stood(&self) -> Option<Duration> {
+        let seconds = self.shared.stood.load(Ordering::Relaxed);
+        (seconds > 0).then(|| Duration::from_secs(seconds.into()))
+    }
+
     /// Nobody runs.
     pub(super) fn rest(&self) {
         self.shared.tid.store(0, Ordering::Relaxed);
@@ -82,11 +113,12 @@ impl Watchdog {
 
     /// Why the thread was stopped, if it was.
     pub(super) fn take_kick(&self) -> Option<Kick> {
-        let looks = self.shared.kicked.swap(0, Ordering::Relaxed);
+        let millis = self.shared.kicked.swap(0, Ordering::Relaxed);
         let sleeps = self.shared.sleeps.load(Ordering::Relaxed);
-        (looks > 0).then_some(match sleeps {
+        let millis = millis.checked_sub(1)?;
+        Some(match sleeps {
             true => Kick::Sleeps,
-            false => Kick::Computes(EVERY * looks),
+            false => Kick::Computes(Duration::from_millis(millis.into())),
         })
     }
 
@@ -102,43 +134,60 @@ impl Drop for Watchdog {
     }
 }
 
-fn watch(shared: &Shared) {
+fn watch(shared: &Shared, root: i32, spin_max: Duration) {
     let clock = WallClock::start();
+    let patience = (spin_max * STANDS).max(STANDS_MIN);
     let (mut steps, mut looks) = (0, 0);
     // What it was seen to do in all of them.
     let mut seen = None;
-    // Those of a thread that computes: that it was stopped in between does not count.
-    let mut computed = 0;
+    let (mut since, mut time, mut turns, mut moved_at) = (clock.now(), 0, 0, clock.now());
     while !shared.is_over.load(Ordering::Relaxed) {
         clock.sleep_until(clock.now() + EVERY);
-        let tid = shared.tid.load(Ordering::Relaxed);
-        let now = shared.steps.load(Ordering::Relaxed);
-        // A stop by ourselves and going on after it are two steps.
-        if tid == 0 || now > steps + 2 {
-            computed = 0;
+        let wall = clock.now();
+        if core::mem::replace(&mut time, shared.now.load(Ordering::Relaxed)) != time {
+            moved_at = wall;
         }
+        // Between two turns nobody lets it go on.
+        let has_turned =
+            core::mem::replace(&mut turns, shared.turns.load(Ordering::Relaxed)) != turns;
+        if !has_turned && !shared.is_at_work.load(Ordering::Relaxed) {
+            moved_at = wall;
+        }
+        let tid = shared.tid.load(Ordering::Relaxed);
+        let process = shared.process.load(Ordering::Relaxed);
+        if wall - moved_at >= patience {
+            let seconds = u32::try_from((wall - moved_at).as_secs()).unwrap_or(u32::MAX);
+            shared.stood.store(seconds, Ordering::Relaxed);
+            // Whatever is waited for, it comes to its end.
+            for pid in [process, root].into_iter().filter_map(Pid::from_raw) {
+                let _ = kill_process(pid, Signal::KILL);
+            }
+            return;
+        }
+        let now = shared.steps.load(Ordering::Relaxed);
         if tid == 0 || now != steps {
-            (steps, looks) = (now, 0);
+            (steps, looks, since) = (now, 0, wall);
             continue;
         }
-        let process = shared.process.load(Ordering::Relaxed);
         let state = state(process, tid);
         if core::mem::replace(&mut seen, state) != state {
-            looks = 0;
+            (looks, since) = (0, wall);
         }
         looks += 1;
-        let (sleeps, limit) = match state {
-            Some('S') => (true, SLEEPS),
+        let (sleeps, is_enough) = match state {
+            Some('S') => (true, looks >= SLEEPS),
             // For a disk, which on a busy machine takes its time.
-            Some('D') => (true, FETCHES),
-            Some('R') => (false, COMPUTES),
+            Some('D') => (true, looks >= FETCHES),
+            Some('R') => (false, wall - since >= spin_max.min(COMPUTES)),
             _ => continue,
         };
-        if looks >= limit {
-            computed = if sleeps { 0 } else { computed + looks };
+        if is_enough {
+            let millis = u32::try_from((wall - since).as_millis()).unwrap_or(u32::MAX);
             shared.sleeps.store(sleeps, Ordering::Relaxed);
-            shared.kicked.store(computed.max(1), Ordering::Relaxed);
-            looks = 0;
+            shared
+                .kicked
+                .store(millis.saturating_add(1), Ordering::Relaxed);
+            (looks, since) = (0, wall);
             if let Some(pid) = Pid::from_raw(process) {
                 let _ = kill_process(pid, Signal::STOP);
             }

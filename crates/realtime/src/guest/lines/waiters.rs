@@ -10,7 +10,7 @@ use rustix::process::WaitOptions;
 use serde_json::json;
 
 use super::super::call::Call;
-use super::super::news::wait;
+use super::super::news::{group_of, wait};
 use super::super::pending::Pending;
 use super::{RI, Tracer};
 use crate::clock::{Clock as _, WallClock};
@@ -49,15 +49,32 @@ impl Waiter {
 impl Tracer {
     /// The next news of anybody. As long as somebody waits for a line the rig is asked for it.
     pub(super) fn next_news(&mut self) -> Option<(i32, i32)> {
-        while !self.waiters.is_empty() {
+        if let Some(news) = self.ended.pop_front() {
+            return Some(news);
+        }
+        while !self.waiters.is_empty() || !self.halted.is_empty() {
             if let Some(news) = wait(None, WaitOptions::NOHANG) {
                 return Some(news);
             }
             self.look_at_lines();
+            self.look_at_halted();
             let clock = WallClock::start();
             clock.sleep_until(clock.now() + ASK_EVERY);
         }
         wait(None, WaitOptions::empty())
+    }
+
+    /// Whoever was stopped by a signal goes on when there is one for that.
+    fn look_at_halted(&mut self) {
+        let goes_on = |&tid: &i32| {
+            let process = group_of(tid).unwrap_or(tid);
+            Pending::of(process, tid).continues()
+        };
+        let going: Vec<i32> = self.halted.iter().copied().filter(goes_on).collect();
+        for tid in going {
+            self.halted.remove(&tid);
+            let _ = ptrace::cont(Pid::from_raw(tid), None);
+        }
     }
 
     fn look_at_lines(&mut self) {

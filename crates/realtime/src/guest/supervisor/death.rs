@@ -1,5 +1,6 @@
 //! Threads and processes that begin, become other programs, and end.
 
+use core::time::Duration;
 use std::collections::BTreeMap;
 
 use emulators::rng::Rng;
@@ -9,6 +10,9 @@ use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 
 use super::{Call, Flow, GuestError, Memory, Next, On, State, Supervisor, is_death, wait};
+use crate::guest::clock_page::ClockPage;
+use crate::guest::inject::{Hands, NotMade};
+use crate::guest::news::group_of;
 use crate::guest::task::{Process, Thread, Timer};
 
 /// Entries of the table that the kernel leaves a new program.
@@ -27,12 +31,14 @@ impl Supervisor {
             *processes += 1;
             let process = Process {
                 handle: None,
+                clocks: None,
                 random: Rng::stream(self.settings.seed, &stream),
                 restarts: 0,
                 alarm: Timer::default(),
                 timers: BTreeMap::new(),
                 posix_timers: BTreeMap::new(),
                 is_dying: false,
+                fatal: None,
             };
             self.processes.insert(pid, process);
         }
@@ -42,7 +48,9 @@ impl Supervisor {
             process: pid,
             state: State::Ready(Next::Go(None)),
             call: None,
+            outside: None,
             entered: self.stage.now(),
+            computed: Duration::ZERO,
             blocked_at: 0,
             is_woken: false,
             is_at_end: false,
@@ -50,6 +58,7 @@ impl Supervisor {
             lines_before: None,
             opens: None,
             slice: 0,
+            idle: None,
             vfork_parent,
         };
         *threads += 1;
@@ -73,6 +82,12 @@ impl Supervisor {
         let group = Pid::from_raw(group_of(new).unwrap_or(new));
         let is_vfork = event == libc::PTRACE_EVENT_VFORK;
         self.add_thread(pid, group, is_vfork.then_some(tid));
+        let parent = self.threads.get(&tid).map(|thread| thread.process);
+        let clocks = parent.and_then(|pid| self.processes.get(&pid)?.clocks);
+        if let Some(process) = self.processes.get_mut(&group.as_raw()) {
+            // Its memory is a copy, or the same.
+            process.clocks = process.clocks.or(clocks);
+        }
         if !is_vfork {
             return Flow::Goes(None);
         }
@@ -125,18 +140,60 @@ impl Supervisor {
         self.set_state(tid, State::Running);
         if let Some(process) = self.processes.get_mut(&tid) {
             process.restarts = 0;
+            process.clocks = None;
             process.timers.clear();
             process.posix_timers.clear();
         }
         if let Err(error) = refuse(tid) {
             self.trouble = Some(error);
         }
-        self.hide_clock_page(tid);
+        if takes_chance_from_processor(tid) {
+            self.note(
+                "std::random_device takes chance from the processor (RDRAND): it differs each time"
+                    .to_owned(),
+            );
+        }
+        let flow = self.put_clock_page(tid);
         self.release(parent);
+        flow
+    }
+
+    /// Puts the page of ours in the place of the kernel's, or else hides that one.
+    fn put_clock_page(&mut self, tid: i32) -> Flow {
+        let pid = Pid::from_raw(tid);
+        // Up to the end of the call.
+        let at_end = ptrace::syscall(pid, None).ok();
+        let status = at_end.and_then(|()| wait(Some(pid), WaitOptions::empty()));
+        match status {
+            Some((_, status)) if is_death(status) => {
+                self.died(tid, status);
+                return Flow::Stays;
+            }
+            Some(_) => {}
+            None => return Flow::Goes(None),
+        }
+        let Ok(registers) = ptrace::getregs(pid) else {
+            return Flow::Goes(None);
+        };
+        let put = Hands::of(pid, registers).and_then(|mut hands| {
+            let page = ClockPage::put(pid, &mut hands);
+            hands.send_again(tid)?;
+            page
+        });
+        if let Err(NotMade::Ended(status)) = put {
+            self.died(tid, status);
+            return Flow::Stays;
+        }
+        let _ = ptrace::setregs(pid, registers);
+        let page = put.ok();
+        if let Some(process) = self.processes.get_mut(&tid) {
+            process.clocks = page;
+        }
+        self.hide_clock_page(tid, page);
         Flow::Goes(None)
     }
 
-    fn hide_clock_page(&mut self, tid: i32) {
+    fn hide_clock_page(&mut self, tid: i32, page: Option<ClockPage>) {
         let pid = Pid::from_raw(tid);
         let memory = Memory(pid);
         let Ok(call) = Call::of(pid) else { return };
@@ -158,7 +215,12 @@ impl Supervisor {
             };
             match key {
                 0 => return,
-                AT_SYSINFO_EHDR => drop(memory.write(at, &AT_IGNORE.to_ne_bytes())),
+                AT_SYSINFO_EHDR => {
+                    let _ = match page {
+                        Some(page) => memory.write(at + 8, &page.place.to_ne_bytes()),
+                        None => memory.write(at, &AT_IGNORE.to_ne_bytes()),
+                    };
+                }
                 AT_RANDOM => drop(memory.write(value, &chance)),
                 _ => {}
             }
@@ -219,13 +281,22 @@ impl Supervisor {
         if tid != thread.process {
             return;
         }
-        self.processes.remove(&tid);
+        let fatal = self.processes.remove(&tid).and_then(|it| it.fatal);
         self.threads.retain(|_, other| other.process != tid);
+        self.fatal.extend(fatal.map(|signal| (tid, signal)));
         if tid == self.root.as_raw() {
-            self.root_status = Some(status);
+            self.root_status = Some(fatal.unwrap_or(status));
         }
+        // What it had of semaphores the kernel may have given back.
+        self.has_queues_changed = true;
         self.stage.touch();
         self.is_signalled = true;
+        self.wake_parents();
+        self.release(thread.vfork_parent);
+    }
+
+    /// Those who wait for their children look again.
+    pub(super) fn wake_parents(&mut self) {
         let parents = self
             .threads
             .values()
@@ -238,20 +309,12 @@ impl Supervisor {
             self.set_at_end(parent, false);
             self.ready(parent, Next::Go(None));
         }
-        self.release(thread.vfork_parent);
     }
 
     /// A thread of which there are no news any more.
     pub(super) fn forget(&mut self, tid: i32) {
         self.buried(tid, 0);
     }
-}
-
-/// The process of a thread.
-fn group_of(tid: i32) -> Option<i32> {
-    let status = std::fs::read_to_string(format!("/proc/{tid}/status")).ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("Tgid:"))?;
-    line.trim().parse().ok()
 }
 
 /// Programs that cannot be supervised.
@@ -272,4 +335,22 @@ fn refuse(pid: i32) -> Result<(), GuestError> {
         Ok(()) if head[4] != 2 => Err(GuestError::OtherArchitecture(name)),
         _ => Ok(()),
     }
+}
+
+/// As much of a program as is looked through for the names that it needs.
+const NAMES_MAX: u64 = 1 << 20;
+/// The C++ library's source of chance, which asks the processor first.
+const RANDOM_DEVICE: &[u8] = b"_ZNSt13random_device";
+
+/// Whether a program uses it.
+fn takes_chance_from_processor(pid: i32) -> bool {
+    use std::io::Read as _;
+
+    let mut head = Vec::new();
+    let program = std::fs::File::open(format!("/proc/{pid}/exe"));
+    let read = program.and_then(|file| file.take(NAMES_MAX).read_to_end(&mut head));
+    read.is_ok()
+        && head
+            .windows(RANDOM_DEVICE.len())
+            .any(|word| word == RANDOM_DEVICE)
 }

@@ -1,14 +1,12 @@
-//! Which call is answered where, and what becomes of a thread that makes none.
+//! Which call is answered where.
 
 use nix::libc;
-use nix::sys::ptrace;
 use nix::unistd::Pid;
 
-use super::{Flow, Memory, Next, Outcome, State, Supervisor, Wait};
-use crate::guest::GuestError;
+use super::{Memory, Outcome, Supervisor, Wait};
 use crate::guest::call::{self, Call};
+use crate::guest::launch::show_child;
 use crate::guest::trace::Record;
-use crate::guest::watchdog::Kick;
 
 impl Supervisor {
     pub(super) fn record(&mut self, tid: i32, call: &Call, outcome: &Outcome) {
@@ -22,6 +20,7 @@ impl Supervisor {
             at: self.stage.now(),
             thread,
             number: call.number,
+            looks: 0,
             result,
         });
     }
@@ -57,7 +56,7 @@ impl Supervisor {
             libc::SYS_write | libc::SYS_writev | libc::SYS_sendto | libc::SYS_sendmsg => {
                 self.write(tid, call)
             }
-            libc::SYS_open | libc::SYS_openat => Ok(self.open(tid, call)),
+            libc::SYS_open | libc::SYS_openat | libc::SYS_openat2 => Ok(self.open(tid, call)),
             libc::SYS_ioctl => self.ioctl(tid, call),
             libc::SYS_alarm | libc::SYS_setitimer | libc::SYS_getitimer => {
                 self.interval_timer(tid, call)
@@ -71,9 +70,30 @@ impl Supervisor {
             | libc::SYS_timer_getoverrun
             | libc::SYS_timer_delete => self.posix_timer(tid, call),
             libc::SYS_fcntl | libc::SYS_flock => self.lock_file(tid, call),
+            libc::SYS_adjtimex
+            | libc::SYS_clock_adjtime
+            | libc::SYS_settimeofday
+            | libc::SYS_getrusage
+            | libc::SYS_sysinfo => self.tell(tid, call),
+            libc::SYS_mq_timedreceive | libc::SYS_mq_timedsend => self.message(tid, call),
+            libc::SYS_msgrcv | libc::SYS_msgsnd | libc::SYS_semop | libc::SYS_semtimedop => {
+                self.queue(tid, call)
+            }
             _ => Ok(self.about_processes(tid, call)),
         };
         done.unwrap_or_else(Outcome::from)
+    }
+
+    /// Whether a call is one that has nothing to do with time and costs none: the kernel does it.
+    pub(super) fn is_for_free(&mut self, tid: i32, call: &Call) -> bool {
+        match call.number {
+            libc::SYS_msgctl | libc::SYS_semctl => self.has_queues_changed = true,
+            libc::SYS_clone | libc::SYS_clone3 => show_child(Pid::from_raw(tid), call),
+            libc::SYS_readlink | libc::SYS_readlinkat => self.read_link(tid, call),
+            libc::SYS_bind | libc::SYS_getsockname => self.names_socket(tid, call),
+            _ => return false,
+        }
+        true
     }
 
     /// Calls about processes and signals, and what is not handled.
@@ -114,36 +134,6 @@ impl Supervisor {
             }
         }
     }
-
-    /// Whoever watches over wall time has stopped the thread, or somebody wants it stopped.
-    pub(super) fn kicked(&mut self, tid: i32) -> Flow {
-        let number = self.threads.get(&tid).and_then(|thread| thread.call);
-        // One that was found asleep may have gone on before the stop reached it.
-        let is_in_call = Call::of(Pid::from_raw(tid)).is_ok_and(|call| call.number >= 0);
-        match self.watchdog.take_kick() {
-            Some(Kick::Sleeps) if !is_in_call => Flow::Goes(None),
-            Some(Kick::Sleeps) => {
-                let name = number.map_or_else(|| "a call".to_owned(), |it| call::name(it.number));
-                self.note(format!("waits in the kernel, last seen at {name}"));
-                let _ = ptrace::cont(Pid::from_raw(tid), None);
-                self.set_state(tid, State::Outside);
-                Flow::Stays
-            }
-            Some(Kick::Computes(wall)) if wall >= self.settings.supervision.spin_max => {
-                let name = thread_name(tid);
-                self.trouble = Some(GuestError::Spins(name, wall));
-                self.ready(tid, Next::Go(None));
-                Flow::Stays
-            }
-            Some(Kick::Computes(_)) => {
-                // Whoever wants to end the run is heard; others who can run may be what it waits
-                // for.
-                self.ready(tid, Next::Go(None));
-                Flow::Stays
-            }
-            None => Flow::Goes(None),
-        }
-    }
 }
 
 /// Whether a socket is connected to somebody on this machine.
@@ -161,10 +151,4 @@ fn is_near(tid: i32, call: &Call) -> bool {
             libc::AF_INET6 => own[..15].iter().all(|&byte| byte == 0),
             _ => true,
         }
-}
-
-/// The name of a thread, as the system lists it.
-fn thread_name(tid: i32) -> String {
-    let name = std::fs::read_to_string(format!("/proc/{tid}/comm")).unwrap_or_default();
-    format!("{} ({tid})", name.trim())
 }

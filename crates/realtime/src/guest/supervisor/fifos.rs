@@ -8,9 +8,10 @@ use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
 use nix::libc;
+use nix::unistd::Pid;
 
 use super::clocks::low_i32;
-use super::{Next, On, Outcome, Supervisor, Wait};
+use super::{Memory, Next, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::guest::task::FifoSide;
 
@@ -26,7 +27,9 @@ impl Supervisor {
     pub(super) fn open_fifo(&mut self, tid: i32, call: &Call, path: &str) -> Outcome {
         let flags = match call.number {
             libc::SYS_open => call.args[1],
-            _ => call.args[2],
+            libc::SYS_openat => call.args[2],
+            // The first of what it is told in memory.
+            _ => Memory(Pid::from_raw(tid)).u64(call.args[2]).unwrap_or(0),
         };
         let flags = low_i32(flags);
         let mode = flags & libc::O_ACCMODE;
@@ -86,7 +89,9 @@ impl Supervisor {
         let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
         let folder = low_i32(call.args[0]);
         let from = match call.number {
-            libc::SYS_openat if folder != libc::AT_FDCWD => format!("fd/{folder}"),
+            libc::SYS_openat | libc::SYS_openat2 if folder != libc::AT_FDCWD => {
+                format!("fd/{folder}")
+            }
             _ => "cwd".to_owned(),
         };
         Path::new(&format!("/proc/{process}/{from}")).join(path)

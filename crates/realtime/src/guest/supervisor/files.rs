@@ -17,6 +17,8 @@ pub(super) enum Kind {
     Prompt,
     /// A port of the rig.
     Port(usize),
+    /// One that the supervisor answers.
+    Told(usize),
     /// The system's source of chance.
     Chance,
     /// What the program says: heard in wall time.
@@ -76,7 +78,8 @@ impl Supervisor {
             rustix::fs::minor(stat.st_rdev),
         );
         match FileType::from_raw_mode(stat.st_mode) {
-            FileType::RegularFile | FileType::Directory | FileType::BlockDevice => Kind::Prompt,
+            FileType::RegularFile => self.told_file(fd).map_or(Kind::Prompt, Kind::Told),
+            FileType::Directory | FileType::BlockDevice => Kind::Prompt,
             FileType::CharacterDevice => match self.stage.port_of(stat.st_rdev) {
                 Some(port) => Kind::Port(port),
                 None if major == 1 && matches!(minor, 8 | 9) => Kind::Chance,
@@ -97,16 +100,7 @@ impl Supervisor {
             _ => call.args[1],
         };
         let path = Memory(Pid::from_raw(tid)).text(address);
-        let tells = [
-            "/proc/uptime",
-            "/proc/loadavg",
-            "/proc/stat",
-            "/dev/rtc",
-            "/dev/ptp",
-        ];
-        if tells.iter().any(|known| path.starts_with(known)) {
-            self.note(format!("reads {path}"));
-        }
+        self.looks_into(&path);
         self.stage.touch();
         self.open_fifo(tid, call, &path)
     }

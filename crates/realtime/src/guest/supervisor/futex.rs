@@ -7,11 +7,12 @@ use nix::libc;
 use nix::unistd::Pid;
 
 use super::clocks::{low_i32, nanos};
+use super::pi_futex::is_pi;
 use super::{Memory, Next, On, Outcome, State, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::guest::task::FutexKey;
 
-const ALL: u32 = u32::MAX;
+pub(super) const ALL: u32 = u32::MAX;
 
 impl Supervisor {
     pub(super) fn futex(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
@@ -32,6 +33,9 @@ impl Supervisor {
             libc::FUTEX_REQUEUE | libc::FUTEX_CMP_REQUEUE => {
                 self.futex_requeue(tid, call, key, command == libc::FUTEX_CMP_REQUEUE)
             }
+            libc::FUTEX_LOCK_PI | libc::FUTEX_LOCK_PI2 => self.pi_lock(tid, call, key, true),
+            libc::FUTEX_TRYLOCK_PI => self.pi_lock(tid, call, key, false),
+            libc::FUTEX_UNLOCK_PI => self.pi_unlock(tid, call, key),
             _ => {
                 self.note(format!("futex operation {command} is done by the kernel"));
                 Ok(Outcome::Kernel)
@@ -80,7 +84,7 @@ impl Supervisor {
     }
 
     /// Who waits for `key`, oldest first.
-    fn futex_waiters(&self, key: FutexKey, bits: u32) -> Vec<i32> {
+    pub(super) fn futex_waiters(&self, key: FutexKey, bits: u32) -> Vec<i32> {
         let mut waiters: Vec<(u64, i32)> = Vec::new();
         for thread in self.threads.values() {
             if let State::Blocked(Wait {
@@ -108,7 +112,7 @@ impl Supervisor {
         Outcome::Answer(count)
     }
 
-    fn wake(&mut self, tid: i32) {
+    pub(super) fn wake(&mut self, tid: i32) {
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.is_woken = true;
         }
@@ -162,7 +166,9 @@ impl Supervisor {
             else {
                 continue;
             };
-            let Some(call) = thread.call else { continue };
+            let Some(call) = thread.call.filter(|call| !is_pi(call)) else {
+                continue;
+            };
             let [address, _, value, ..] = call.args;
             let [a, b, c, d, ..] = value.to_le_bytes();
             let found = Memory(thread.tid).u32(address);
@@ -174,6 +180,7 @@ impl Supervisor {
         for (_, tid) in waiters {
             self.wake(tid);
         }
+        self.pi_after_death();
     }
 
     fn futex_key(&self, tid: i32, address: u64, is_own: bool) -> Result<FutexKey, Errno> {

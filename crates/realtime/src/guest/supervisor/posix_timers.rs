@@ -1,18 +1,20 @@
 //! timer_create and its like: timers of a process that send a signal when their virtual time has
 //! come.
 //!
-//! Signals up to 31 are sent by the kernel. Those beyond can only be waited for (sigwaitinfo),
-//! which is how the C library runs its timers that call a function in a thread of its own.
+//! Whoever waits for the signal (sigwaitinfo) is given it by the supervisor: so the C library runs
+//! its timers that call a function in a thread of its own. Others get it from the kernel.
 
 use nix::errno::Errno;
 use nix::libc;
 use nix::unistd::Pid;
 use rustix::process::{Signal, kill_process};
+use rustix_libc_wrappers::process::SignalExt as _;
 
 use super::clocks::low_i32;
 use super::timers::expirations;
 use super::{Memory, Next, Outcome, Supervisor};
 use crate::guest::call::Call;
+use crate::guest::pending::Pending;
 use crate::guest::task::{PosixTimer, Timer};
 
 /// Most timers of a process.
@@ -78,6 +80,7 @@ impl Supervisor {
             thread: None,
             timer: Timer::default(),
             is_due: false,
+            is_sent: false,
             overrun: 0,
         };
         if event != 0 {
@@ -103,17 +106,24 @@ impl Supervisor {
         let now = self.stage.now();
         let (mut sent, mut waited) = (false, false);
         for (&pid, process) in &mut self.processes {
+            let rustix_pid = rustix::process::Pid::from_raw(pid);
             for timer in process.posix_timers.values_mut() {
                 let count = expirations(&mut timer.timer, now);
                 if count == 0 || timer.signal == 0 {
                     continue;
                 }
                 timer.overrun = i64::try_from(count - 1).unwrap_or(i64::MAX);
-                let signal = Signal::from_named_raw(timer.signal);
-                let pid = rustix::process::Pid::from_raw(pid);
-                match (signal.filter(|_| timer.thread.is_none()), pid) {
+                let bit = u32::try_from(timer.signal - 1).ok();
+                let bit = bit.and_then(|bit| 1_u64.checked_shl(bit)).unwrap_or(0);
+                let is_low =
+                    Signal::from_named_raw(timer.signal).is_some() && timer.thread.is_none();
+                // None of the C library's own, which it waits for.
+                let signal = Signal::from_raw(timer.signal);
+                let signal = signal.filter(|_| is_low || Pending::of(pid, pid).are_handled(bit));
+                match (signal, rustix_pid) {
                     (Some(signal), Some(pid)) => {
                         let _ = kill_process(pid, signal);
+                        timer.is_sent = true;
                         sent = true;
                     }
                     _ => {
@@ -163,16 +173,31 @@ impl Supervisor {
             return Ok(None);
         };
         timer.is_due = false;
-        let mut info = [0; SIGINFO];
-        let overrun = i32::try_from(timer.overrun).unwrap_or(i32::MAX);
-        info[..4].copy_from_slice(&timer.signal.to_ne_bytes());
-        info[8..12].copy_from_slice(&SI_TIMER.to_ne_bytes());
-        info[16..20].copy_from_slice(&id.to_ne_bytes());
-        info[20..24].copy_from_slice(&overrun.to_ne_bytes());
-        info[24..32].copy_from_slice(&timer.value.to_ne_bytes());
+        let (signal, info) = (timer.signal, told_by(*id, timer));
         if call.args[1] != 0 {
             Memory(Pid::from_raw(tid)).write(call.args[1], &info)?;
         }
-        Ok(Some(Outcome::Answer(timer.signal.into())))
+        Ok(Some(Outcome::Answer(signal.into())))
     }
+
+    /// What a handler is told of this signal, if a timer has sent it.
+    pub(super) fn told_by_timer(&mut self, pid: i32, signal: i32) -> Option<[u8; SIGINFO]> {
+        let process = self.processes.get_mut(&pid)?;
+        let mut timers = process.posix_timers.iter_mut();
+        let (id, timer) = timers.find(|(_, it)| it.is_sent && it.signal == signal)?;
+        timer.is_sent = false;
+        Some(told_by(*id, timer))
+    }
+}
+
+/// What is told of a timer's signal, as the kernel does.
+fn told_by(id: i32, timer: &PosixTimer) -> [u8; SIGINFO] {
+    let mut info = [0; SIGINFO];
+    let overrun = i32::try_from(timer.overrun).unwrap_or(i32::MAX);
+    info[..4].copy_from_slice(&timer.signal.to_ne_bytes());
+    info[8..12].copy_from_slice(&SI_TIMER.to_ne_bytes());
+    info[16..20].copy_from_slice(&id.to_ne_bytes());
+    info[20..24].copy_from_slice(&overrun.to_ne_bytes());
+    info[24..32].copy_from_slice(&timer.value.to_ne_bytes());
+    info
 }

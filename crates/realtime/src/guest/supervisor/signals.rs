@@ -9,6 +9,7 @@ use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 
 use super::clocks::{low_i32, timespec};
+use super::pi_futex::is_pi;
 use super::{Memory, Next, On, Outcome, State, Supervisor, Wait, is_death, wait};
 use crate::guest::call::Call;
 use crate::guest::pending::Pending;
@@ -24,6 +25,7 @@ impl Supervisor {
 
     /// Interrupts the waits of threads that have a signal.
     pub(super) fn look_for_signals(&mut self) {
+        self.look_for_continuation();
         let blocked = self
             .threads
             .values()
@@ -159,7 +161,7 @@ impl Supervisor {
             .processes
             .get(&thread.process)
             .map_or(0, |it| it.restarts);
-        let is_again = signals & !restarts == 0 && is_restarted(&call);
+        let is_again = is_pi(&call) || signals & !restarts == 0 && is_restarted(&call);
         let pid = Pid::from_raw(tid);
         let left = thread.deadline().map_or(Duration::ZERO, |at| at - now);
         tell_rest_of_sleep(Memory(pid), &call, left);

@@ -20,6 +20,7 @@ impl Supervisor {
         match file.kind {
             Kind::Prompt | Kind::Mouth => Ok(Outcome::Kernel),
             Kind::Port(port) => self.read_port(tid, call, &file, port),
+            Kind::Told(which) => self.read_told(tid, call, &file, which),
             Kind::Chance => {
                 let total = lens(&buffers(tid, call)?);
                 let bytes = self.chance(tid, total.min(1 << 20));
@@ -30,7 +31,12 @@ impl Supervisor {
                 if let Some(outcome) = self.read_timer(tid, call, &file) {
                     return outcome;
                 }
-                self.when_ready(tid, &file, PollFlags::IN, waits_by_flag(call))
+                let waits = waits_by_flag(call) && !file.never_waits();
+                // Asked over and over, it is to be seen that it is of no use.
+                if !waits && is_plain_receive(call) && file.readiness(PollFlags::IN).is_empty() {
+                    return Err(Errno::EAGAIN);
+                }
+                self.when_ready(tid, &file, PollFlags::IN, waits)
             }
             Kind::Signals(signals) => Ok(self.read_signals(tid, &file, signals)),
         }
@@ -42,7 +48,9 @@ impl Supervisor {
             return Ok(Outcome::Kernel);
         };
         match file.kind {
-            Kind::Prompt | Kind::Mouth | Kind::Chance | Kind::Signals(_) => Ok(Outcome::Kernel),
+            Kind::Prompt | Kind::Told(_) | Kind::Mouth | Kind::Chance | Kind::Signals(_) => {
+                Ok(Outcome::Kernel)
+            }
             Kind::Port(port) => self.write_port(tid, call, &file, port),
             Kind::Stream => self.write_stream(tid, call, &file),
         }
@@ -84,6 +92,17 @@ pub(super) fn waits_by_flag(call: &Call) -> bool {
         _ => 0,
     };
     low_i32(flags) & libc::MSG_DONTWAIT == 0
+}
+
+/// Whether a call takes a connection, or what has come at a socket, and nothing else.
+fn is_plain_receive(call: &Call) -> bool {
+    let flags = match call.number {
+        libc::SYS_accept | libc::SYS_accept4 => return true,
+        libc::SYS_recvfrom => call.args[3],
+        libc::SYS_recvmsg => call.args[2],
+        _ => return false,
+    };
+    low_i32(flags) & !(libc::MSG_DONTWAIT | libc::MSG_PEEK | libc::MSG_NOSIGNAL) == 0
 }
 
 /// The buffers of a call that reads or writes: address and length.

@@ -29,12 +29,17 @@ impl Supervisor {
         let Some((Kind::Port(port), file)) = file.map(|file| (file.kind, file)) else {
             return Ok(Outcome::Kernel);
         };
-        self.stage.touch();
+        if !only_asks(request) {
+            self.stage.touch();
+        }
         let memory = Memory(Pid::from_raw(tid));
         match request {
             libc::FIONREAD => {
                 self.stage.settle(port, &file.fd);
-                Ok(Outcome::Kernel)
+                let there = rustix::io::ioctl_fionread(&file.fd).unwrap_or(0);
+                let there = i32::try_from(there).unwrap_or(i32::MAX);
+                memory.write(argument, &there.to_ne_bytes())?;
+                Ok(Outcome::Answer(0))
             }
             libc::TIOCOUTQ => {
                 let waiting = i32::try_from(self.stage.backlog(port)).unwrap_or(i32::MAX);
@@ -122,6 +127,14 @@ impl Supervisor {
         }
         Ok(Outcome::Answer(0))
     }
+}
+
+/// Whether a request changes nothing at a port.
+const fn only_asks(request: u64) -> bool {
+    matches!(
+        request,
+        libc::FIONREAD | libc::TIOCOUTQ | libc::TIOCMGET | TIOCMIWAIT | TIOCGICOUNT
+    )
 }
 
 /// Whether a request may be one that a port answers in its own way.

@@ -7,6 +7,9 @@ use nix::unistd::Pid;
 use super::{Memory, On, Outcome, Supervisor, Wait, is_death};
 use crate::guest::call::Call;
 
+/// Bytes of what is told of a child's use of the processor.
+const RUSAGE: usize = 144;
+
 impl Supervisor {
     pub(super) fn wait_for_child(&mut self, tid: i32, call: &Call) -> Outcome {
         let pid = Pid::from_raw(tid);
@@ -16,7 +19,12 @@ impl Supervisor {
         };
         let nohang = u64::from(libc::WNOHANG.unsigned_abs());
         let options = call.args[index];
-        if options & nohang != 0 {
+        let usage = match call.number {
+            libc::SYS_wait4 => call.args[3],
+            _ => call.args[4],
+        };
+        let is_hasty = options & nohang != 0;
+        if is_hasty && usage == 0 && self.fatal.is_empty() {
             return Outcome::Kernel;
         }
         if call.number == libc::SYS_waitid && place != 0 {
@@ -40,7 +48,18 @@ impl Supervisor {
             libc::SYS_wait4 => end.result() == 0,
             _ => end.result() == 0 && Memory(pid).u32(place).is_ok_and(|signal| signal == 0),
         };
-        if !is_nobody {
+        if !is_nobody && usage != 0 {
+            // Processor time of the system's.
+            let _ = Memory(pid).write(usage, &[0; RUSAGE]);
+        }
+        if let Ok(child) = i32::try_from(end.result())
+            && let Some(signal) = self.fatal.remove(&child)
+            && call.number == libc::SYS_wait4
+            && place != 0
+        {
+            let _ = Memory(pid).write(place, &signal.to_ne_bytes());
+        }
+        if !is_nobody || is_hasty {
             // The rest of the way is the program's; its option is given back.
             let _ = end.with_result(pid, index, options, end.result());
             return Outcome::Kernel;

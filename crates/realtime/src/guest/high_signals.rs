@@ -1,0 +1,237 @@
+//! Signals from 32 to 64, for a thread that has stopped at one.
+//!
+//! By safe means a supervisor can pass on signals up to 31 only. So one of these is lent: while all
+//! others are held back it is given the handler of the real one, the kernel makes the frame of that
+//! handler, with its stack, its floating point registers and all that is told of the signal, and
+//! number and masks in it are put right before the thread goes on.
+//!
+//! ```text
+//!  stop at 35        SIGSTKFLT gets the handler of 35; sent; stop; goes on by one step
+//!  handler(16, ..)   16 -> 35, masks of before and of 35, SIGSTKFLT gets its own handler back
+//!  handler(35, ..)   goes on
+//! ```
+
+use nix::libc;
+use nix::sys::ptrace;
+use nix::sys::signal::Signal;
+use nix::unistd::Pid;
+
+use super::inject::{Hands, NotMade};
+use super::memory::Memory;
+use super::pending::Pending;
+
+/// The signal that is lent: nobody sends it.
+const LENT: Signal = Signal::SIGSTKFLT;
+/// Below its stack pointer a program keeps this to itself.
+const RED_ZONE: u64 = 128;
+/// What the kernel takes of masks.
+const MASK_LEN: u64 = 8;
+const SIG_SETMASK: u64 = 2;
+const SIG_DFL: u64 = 0;
+const SIG_IGN: u64 = 1;
+const SA_SIGINFO: u64 = 4;
+const SA_NODEFER: u64 = 0x4000_0000;
+const SA_RESETHAND: u64 = 0x8000_0000;
+/// Where in what a handler is given of its thread the mask is that comes back after it.
+const CONTEXT_MASK: u64 = 296;
+/// Results by which the kernel notes how an interrupted call goes on.
+const ERESTARTSYS: i64 = -512;
+const ERESTARTNOINTR: i64 = -513;
+const ERESTARTNOHAND: i64 = -514;
+const ERESTART_RESTARTBLOCK: i64 = -516;
+/// Bytes that are borrowed below the stack, and what is where.
+const SCRATCH: usize = 128;
+const NEW_MASK: u64 = 0;
+const OLD_MASK: u64 = 8;
+const ITS_ACTION: u64 = 16;
+const LENT_ACTION: u64 = 48;
+const OLD_ACTION: u64 = 80;
+
+/// What became of the thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Delivered {
+    /// It can go on, at the handler or where it was.
+    Goes,
+    /// It has to be killed: nobody handles the signal.
+    Fatal,
+    /// It has ended meanwhile, with this status.
+    Ended(i32),
+    /// The signal cannot be delivered.
+    Refused,
+}
+
+/// What a program has set for a signal, as the kernel keeps it.
+#[derive(Clone, Copy, Debug)]
+struct Action {
+    handler: u64,
+    flags: u64,
+    restorer: u64,
+    mask: u64,
+}
+
+impl Action {
+    fn read(memory: Memory, place: u64) -> Result<Self, NotMade> {
+        let word = |index: u64| memory.u64(place + 8 * index);
+        Ok(Self {
+            handler: word(0)?,
+            flags: word(1)?,
+            restorer: word(2)?,
+            mask: word(3)?,
+        })
+    }
+
+    fn bytes(self) -> [u8; 32] {
+        let words = [self.handler, self.flags, self.restorer, self.mask];
+        let mut bytes = [0; 32];
+        for (to, word) in bytes.chunks_exact_mut(8).zip(words) {
+            to.copy_from_slice(&word.to_ne_bytes());
+        }
+        bytes
+    }
+}
+
+/// Borrowed memory below a thread's stack.
+struct Scratch {
+    memory: Memory,
+    place: u64,
+    before: [u8; SCRATCH],
+}
+
+impl Scratch {
+    fn borrow(tid: Pid, stack: u64) -> Result<Self, NotMade> {
+        let memory = Memory(tid);
+        let place = (stack - RED_ZONE - SCRATCH as u64) & !15;
+        let mut before = [0; SCRATCH];
+        memory.read(place, &mut before)?;
+        Ok(Self {
+            memory,
+            place,
+            before,
+        })
+    }
+
+    fn give_back(&self) {
+        let _ = self.memory.write(self.place, &self.before);
+    }
+}
+
+/// The kernel's bit of a signal.
+const fn bit(signal: i32) -> u64 {
+    1 << (signal - 1)
+}
+
+/// Delivers `signal` to the thread `tid` of `process`, which has stopped at it. `told` is what its
+/// handler is told of it, if not what the kernel knows.
+pub(super) fn deliver(process: i32, tid: Pid, signal: i32, told: Option<&[u8]>) -> Delivered {
+    match try_to(process, tid, signal, told) {
+        Ok(delivered) => delivered,
+        Err(NotMade::Ended(status)) => Delivered::Ended(status),
+        Err(NotMade::Refused) => Delivered::Refused,
+    }
+}
+
+fn try_to(process: i32, tid: Pid, signal: i32, told: Option<&[u8]>) -> Result<Delivered, NotMade> {
+    let memory = Memory(tid);
+    let registers = ptrace::getregs(tid)?;
+    let mut info = ptrace::getsiginfo(tid)?;
+    // While a call waits with a mask of its own this is that one.
+    let held = Pending::of(process, tid.as_raw()).blocked;
+    let mut hands = Hands::of(tid, registers)?;
+    let [of, thread] = [process, tid.as_raw()].map(|id| u64::from(id.cast_unsigned()));
+    let [number, lent] = [signal, LENT as i32].map(|id| u64::from(id.cast_unsigned()));
+
+    let scratch = Scratch::borrow(tid, registers.rsp)?;
+    let at = scratch.place;
+    let asked = [number, 0, at + ITS_ACTION, MASK_LEN];
+    hands.call(libc::SYS_rt_sigaction, &asked)?;
+    let action = Action::read(memory, at + ITS_ACTION)?;
+    if matches!(action.handler, SIG_DFL | SIG_IGN) {
+        scratch.give_back();
+        hands.send_again(process)?;
+        ptrace::setregs(tid, undisturbed(registers))?;
+        return Ok(match action.handler {
+            SIG_DFL => Delivered::Fatal,
+            _ => Delivered::Goes,
+        });
+    }
+    let is_held_back = action.flags & SA_NODEFER == 0;
+    let own = if is_held_back { bit(signal) } else { 0 };
+    let substitute = Action {
+        flags: action.flags | SA_NODEFER,
+        ..action
+    };
+    memory.write(at + NEW_MASK, &(!bit(LENT as i32)).to_ne_bytes())?;
+    memory.write(at + LENT_ACTION, &substitute.bytes())?;
+    let masks = [SIG_SETMASK, at + NEW_MASK, at + OLD_MASK, MASK_LEN];
+    hands.call(libc::SYS_rt_sigprocmask, &masks)?;
+    let lends = [lent, at + LENT_ACTION, at + OLD_ACTION, MASK_LEN];
+    hands.call(libc::SYS_rt_sigaction, &lends)?;
+    let old_mask = memory.u64(at + OLD_MASK)?;
+    let old_action = Action::read(memory, at + OLD_ACTION)?;
+    hands.call(libc::SYS_tgkill, &[of, thread, lent])?;
+    hands.stop_at(LENT)?;
+    scratch.give_back();
+
+    // How a call goes on that was interrupted is the kernel's business again.
+    ptrace::setregs(tid, registers)?;
+    info.si_signo = LENT as i32;
+    ptrace::setsiginfo(tid, &info)?;
+    ptrace::step(tid, LENT)?;
+    hands.next_stop()?;
+    let mut begun = ptrace::getregs(tid)?;
+    if begun.rip != action.handler {
+        // No room for its frame: the program is told as ever.
+        return Ok(Delivered::Goes);
+    }
+    if action.flags & SA_SIGINFO != 0 {
+        match told {
+            Some(told) => memory.write(begun.rsi, told)?,
+            None => memory.write(begun.rsi, &signal.to_ne_bytes())?,
+        }
+    }
+    memory.write(begun.rdx + CONTEXT_MASK, &old_mask.to_ne_bytes())?;
+    begun.rdi = number;
+    begun.orig_rax = u64::MAX;
+
+    hands.become_like(begun);
+    let scratch = Scratch::borrow(tid, begun.rsp)?;
+    let at = scratch.place;
+    memory.write(at + OLD_ACTION, &old_action.bytes())?;
+    hands.call(
+        libc::SYS_rt_sigaction,
+        &[lent, at + OLD_ACTION, 0, MASK_LEN],
+    )?;
+    if action.flags & SA_RESETHAND != 0 {
+        let default = Action {
+            handler: SIG_DFL,
+            ..action
+        };
+        memory.write(at + LENT_ACTION, &default.bytes())?;
+        let resets = [number, at + LENT_ACTION, 0, MASK_LEN];
+        hands.call(libc::SYS_rt_sigaction, &resets)?;
+    }
+    hands.send_again(process)?;
+    let mask = held | action.mask | own;
+    memory.write(at + NEW_MASK, &mask.to_ne_bytes())?;
+    let masks = [SIG_SETMASK, at + NEW_MASK, 0, MASK_LEN];
+    hands.call(libc::SYS_rt_sigprocmask, &masks)?;
+    scratch.give_back();
+    ptrace::setregs(tid, begun)?;
+    Ok(Delivered::Goes)
+}
+
+/// The registers of a thread whose call is made again as if no signal had come.
+const fn undisturbed(registers: libc::user_regs_struct) -> libc::user_regs_struct {
+    let mut next = registers;
+    if registers.orig_rax.cast_signed() < 0 {
+        return next;
+    }
+    next.rax = match registers.rax.cast_signed() {
+        ERESTARTSYS | ERESTARTNOINTR | ERESTARTNOHAND => registers.orig_rax,
+        ERESTART_RESTARTBLOCK => libc::SYS_restart_syscall.cast_unsigned(),
+        _ => return next,
+    };
+    next.rip -= 2;
+    next.orig_rax = u64::MAX;
+    next
+}

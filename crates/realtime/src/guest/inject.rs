@@ -1,0 +1,153 @@
+//! Calls that a stopped thread makes for its supervisor, at a call instruction of the kernel's own
+//! page; its registers are put back by the caller.
+
+use nix::libc;
+use nix::sys::ptrace;
+use nix::sys::signal::Signal;
+use nix::unistd::Pid;
+use rustix::process::WaitOptions;
+
+use super::memory::Memory;
+use super::news::{is_death, wait};
+
+/// The instruction that makes a call.
+const SYSCALL: [u8; 2] = [0x0F, 0x05];
+/// Stop at the beginning or the end of a call, with `PTRACE_O_TRACESYSGOOD`.
+const CALL_STOP: i32 = libc::SIGTRAP | 0x80;
+
+/// Why a thread did not make a call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum NotMade {
+    /// It has ended, with this status.
+    Ended(i32),
+    /// It cannot be made to.
+    Refused,
+}
+
+impl From<nix::Error> for NotMade {
+    fn from(_: nix::Error) -> Self {
+        Self::Refused
+    }
+}
+
+/// A stopped thread that makes calls. It may stand at a signal, or at the end of a call.
+pub(super) struct Hands {
+    tid: Pid,
+    registers: libc::user_regs_struct,
+    /// Where there is a call instruction.
+    place: u64,
+    /// Signals that came in between: they are to be sent again.
+    deferred: Vec<i32>,
+}
+
+impl Hands {
+    /// Those of `tid`, whose registers are `registers`.
+    pub(super) fn of(tid: Pid, registers: libc::user_regs_struct) -> Result<Self, NotMade> {
+        let place = call_instruction(tid, &registers).ok_or(NotMade::Refused)?;
+        Ok(Self {
+            tid,
+            registers,
+            place,
+            deferred: Vec::new(),
+        })
+    }
+
+    /// Makes a call; what the kernel answered.
+    pub(super) fn call(&mut self, number: i64, args: &[u64]) -> Result<i64, NotMade> {
+        let arg = |index: usize| args.get(index).copied().unwrap_or(0);
+        let mut registers = self.registers;
+        registers.rip = self.place;
+        registers.rax = number.cast_unsigned();
+        registers.orig_rax = u64::MAX;
+        registers.rdi = arg(0);
+        registers.rsi = arg(1);
+        registers.rdx = arg(2);
+        registers.r10 = arg(3);
+        registers.r8 = arg(4);
+        registers.r9 = arg(5);
+        ptrace::setregs(self.tid, registers)?;
+        let mut is_inside = false;
+        loop {
+            ptrace::syscall(self.tid, None)?;
+            let status = self.next_stop()?;
+            let signal = (status >> 8) & 0xFF;
+            match (status >> 16, signal) {
+                (0, CALL_STOP) if is_inside => break,
+                (0, CALL_STOP) => is_inside = true,
+                (0, signal) => self.defer(signal),
+                // The filter stops it as well.
+                _ => {}
+            }
+        }
+        Ok(ptrace::getregs(self.tid)?.rax.cast_signed())
+    }
+
+    /// The status of its next stop.
+    pub(super) fn next_stop(&self) -> Result<i32, NotMade> {
+        match wait(Some(self.tid), WaitOptions::empty()) {
+            Some((_, status)) if is_death(status) => Err(NotMade::Ended(status)),
+            Some((_, status)) => Ok(status),
+            None => Err(NotMade::Refused),
+        }
+    }
+
+    /// A signal that came in between.
+    fn defer(&mut self, signal: i32) {
+        // The watch over wall time stops threads, and looks again later.
+        if signal != libc::SIGSTOP {
+            self.deferred.push(signal);
+        }
+    }
+
+    /// Lets the thread go on until it has stopped at `signal`.
+    pub(super) fn stop_at(&mut self, signal: Signal) -> Result<(), NotMade> {
+        loop {
+            ptrace::cont(self.tid, None)?;
+            let status = self.next_stop()?;
+            match (status >> 16, (status >> 8) & 0xFF) {
+                (0, found) if found == signal as i32 => return Ok(()),
+                (0, found) => self.defer(found),
+                _ => {}
+            }
+        }
+    }
+
+    /// Sends those signals again that came in between.
+    pub(super) fn send_again(&mut self, process: i32) -> Result<(), NotMade> {
+        let ids = [process, self.tid.as_raw()].map(|id| u64::from(id.cast_unsigned()));
+        for signal in core::mem::take(&mut self.deferred) {
+            let signal = u64::from(signal.cast_unsigned());
+            self.call(libc::SYS_tgkill, &[ids[0], ids[1], signal])?;
+        }
+        Ok(())
+    }
+
+    /// From now on its registers are these.
+    pub(super) const fn become_like(&mut self, registers: libc::user_regs_struct) {
+        self.registers = registers;
+    }
+}
+
+/// Where a thread finds an instruction that makes a call.
+fn call_instruction(tid: Pid, registers: &libc::user_regs_struct) -> Option<u64> {
+    let last = registers.rip.wrapping_sub(SYSCALL.len() as u64);
+    let mut code = [0; 2];
+    if Memory(tid).read(last, &mut code).is_ok() && code == SYSCALL {
+        return Some(last);
+    }
+    let (from, page) = kernel_page(tid)?;
+    let at = page.windows(2).position(|code| code == SYSCALL)?;
+    Some(from + at as u64)
+}
+
+/// The kernel's own page in the memory of `tid`: where it is, and what is in it.
+pub(super) fn kernel_page(tid: Pid) -> Option<(u64, Vec<u8>)> {
+    let maps = std::fs::read_to_string(format!("/proc/{tid}/maps")).ok()?;
+    let line = maps.lines().find(|line| line.ends_with("[vdso]"))?;
+    let (from, to) = line.split_once(' ')?.0.split_once('-')?;
+    let from = u64::from_str_radix(from, 16).ok()?;
+    let to = u64::from_str_radix(to, 16).ok()?;
+    let mut page = vec![0; usize::try_from(to.checked_sub(from)?).ok()?];
+    Memory(tid).read(from, &mut page).ok()?;
+    Some((from, page))
+}

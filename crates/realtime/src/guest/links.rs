@@ -1,0 +1,54 @@
+//! Links that name ports: libraries look up a port's driver before they open it (libserialport and
+//! whoever uses it, as sigrok), and a terminal of this kind has none.
+
+use std::os::unix::fs::MetadataExt as _;
+
+use nix::libc;
+use nix::unistd::Pid;
+
+use super::call::Call;
+use super::memory::Memory;
+
+/// Where the system lists its terminals.
+const CLASS: &str = "/sys/class/tty/";
+/// What such an entry leads to, but for its name.
+const DRIVER: &str = "../../devices/virtual/tty/";
+
+/// What a thread asks of a link.
+pub(super) struct Link {
+    pub(super) path: String,
+    place: u64,
+    len: u64,
+}
+
+impl Link {
+    /// The link that `call`, readlink or readlinkat, asks for.
+    pub(super) fn of(tid: Pid, call: &Call) -> Self {
+        let [path, place, len] = match call.number {
+            libc::SYS_readlink => [call.args[0], call.args[1], call.args[2]],
+            _ => [call.args[1], call.args[2], call.args[3]],
+        };
+        let path = Memory(tid).text(path);
+        Self { path, place, len }
+    }
+
+    /// If it is the entry of a terminal that the system does not list: the terminal's device, and
+    /// what the entry leads to.
+    pub(super) fn unlisted_terminal(&self) -> Option<(u64, String)> {
+        let name = self.path.strip_prefix(CLASS)?;
+        let device = std::fs::metadata(format!("/dev/{name}")).ok()?.rdev();
+        let is_listed = std::fs::symlink_metadata(&self.path).is_ok();
+        (!is_listed).then(|| (device, format!("{DRIVER}{}", name.replace('/', ""))))
+    }
+
+    /// The thread is given this.
+    pub(super) fn answer(&self, tid: Pid, call: &Call, text: &str) {
+        let len = text.len().min(usize::try_from(self.len).unwrap_or(0));
+        if Memory(tid)
+            .write(self.place, &text.as_bytes()[..len])
+            .is_ok()
+        {
+            let _ = call.answer(tid, i64::try_from(len).unwrap_or(0));
+        }
+    }
+}

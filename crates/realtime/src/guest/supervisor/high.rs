@@ -1,0 +1,39 @@
+//! Signals beyond 31 reach the program, those of its timers with what a timer tells.
+
+use nix::sys::signal::Signal;
+use nix::unistd::Pid;
+
+use super::{Flow, Supervisor};
+use crate::guest::high_signals::{Delivered, deliver};
+
+impl Supervisor {
+    /// The thread stands at this signal.
+    pub(super) fn high_signal(&mut self, tid: i32, signal: i32) -> Flow {
+        let Some(process) = self.threads.get(&tid).map(|thread| thread.process) else {
+            return Flow::Goes(None);
+        };
+        let told = self.told_by_timer(process, signal);
+        match deliver(
+            process,
+            Pid::from_raw(tid),
+            signal,
+            told.as_ref().map(|told| &told[..]),
+        ) {
+            Delivered::Goes => Flow::Goes(None),
+            Delivered::Fatal => {
+                if let Some(process) = self.processes.get_mut(&process) {
+                    process.fatal = Some(signal);
+                }
+                Flow::Goes(Some(Signal::SIGKILL))
+            }
+            Delivered::Ended(status) => {
+                self.died(tid, status);
+                Flow::Stays
+            }
+            Delivered::Refused => {
+                self.note(format!("signal {signal} could not be passed on"));
+                Flow::Goes(None)
+            }
+        }
+    }
+}

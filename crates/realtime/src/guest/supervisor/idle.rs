@@ -1,0 +1,144 @@
+//! Waiting by asking over and over: a thread that makes the same fruitless calls in a row, with
+//! nothing but looks at clocks between them, waits. Each further one takes longer, a fraction of the
+//! wait so far, but never past what happens next: so the wait ends when it would have, and costs
+//! hundreds of stops in place of millions.
+
+use core::time::Duration;
+
+use nix::errno::Errno;
+use nix::libc;
+use nix::unistd::Pid;
+
+use super::{Flow, Memory, Next, Outcome, Supervisor};
+use crate::guest::call::Call;
+use crate::guest::task::Idle;
+
+/// So many fruitless calls in a row take no longer than others.
+const FREE: u32 = 8;
+/// Then each takes this part of the time since the first, and at most so long.
+const PART: u32 = 4;
+const LONGEST: Duration = Duration::from_millis(1);
+/// Most different calls of which a wait is made up.
+const KINDS_MAX: usize = 8;
+
+/// What a call has to do with waiting.
+enum Sign {
+    /// It was of no use, and this was the answer.
+    Fruitless(i64),
+    /// Neither this nor that.
+    Neutral,
+    /// Something has happened.
+    Fruitful,
+}
+
+const fn key(call: &Call) -> (i64, [u64; 3]) {
+    let [first, second, third, ..] = call.args;
+    (call.number, [first, second, third])
+}
+
+impl Supervisor {
+    /// Before a call of `tid`: if it waits by such calls others come first, or time passes. Whether
+    /// it may make its call now.
+    pub(super) fn idle_away(&mut self, tid: i32, call: &Call) -> Option<Flow> {
+        let idle = self.threads.get(&tid)?.idle.as_ref()?;
+        let is_known = idle.seen.iter().any(|(seen, _)| *seen == key(call));
+        if idle.count < FREE || !is_known {
+            return None;
+        }
+        if !self.queue.is_empty() {
+            self.ready(tid, Next::Attempt);
+            return Some(Flow::Stays);
+        }
+        let now = self.stage.now();
+        let until = now + ((now - idle.since) / PART).min(LONGEST);
+        let deadline = self.next_deadline().map_or(until, |at| at.min(until));
+        if let Err(error) = self.stage.leap(Some(deadline), false) {
+            self.trouble = Some(error.into());
+        }
+        self.idled += self.stage.now() - now;
+        self.expire();
+        if self.stage.take_delivered() {
+            self.retry_files();
+        }
+        None
+    }
+
+    /// After a call of `tid`.
+    pub(super) fn note_idle(&mut self, tid: i32, call: &Call, outcome: &Outcome) {
+        let now = self.stage.now();
+        let sign = self.sign_of(tid, call, outcome);
+        let Some(thread) = self.threads.get_mut(&tid) else {
+            return;
+        };
+        let answer = match sign {
+            Sign::Neutral => return,
+            Sign::Fruitful => {
+                thread.idle = None;
+                return;
+            }
+            Sign::Fruitless(answer) => answer,
+        };
+        let idle = thread.idle.get_or_insert_with(|| Idle {
+            seen: Vec::new(),
+            count: 0,
+            since: now,
+        });
+        let known = idle.seen.iter().find(|(seen, _)| *seen == key(call));
+        let is_same = known.map(|(_, known)| *known == answer);
+        let is_full = idle.seen.len() >= KINDS_MAX;
+        match is_same {
+            Some(true) => {}
+            None if !is_full => idle.seen.push((key(call), answer)),
+            // Another answer is news: the wait begins anew.
+            _ => {
+                idle.seen = vec![(key(call), answer)];
+                (idle.count, idle.since) = (0, now);
+            }
+        }
+        idle.count = idle.count.saturating_add(1);
+    }
+
+    fn sign_of(&self, tid: i32, call: &Call, outcome: &Outcome) -> Sign {
+        let again = -i64::from(Errno::EAGAIN as i32);
+        match (call.number, outcome) {
+            (
+                libc::SYS_clock_gettime
+                | libc::SYS_gettimeofday
+                | libc::SYS_time
+                | libc::SYS_times
+                | libc::SYS_clock_getres,
+                _,
+            ) => Sign::Neutral,
+            (
+                libc::SYS_poll
+                | libc::SYS_ppoll
+                | libc::SYS_select
+                | libc::SYS_pselect6
+                | libc::SYS_epoll_wait
+                | libc::SYS_epoll_pwait
+                | libc::SYS_epoll_pwait2
+                | libc::SYS_nanosleep
+                | libc::SYS_clock_nanosleep,
+                Outcome::Answer(0),
+            ) => Sign::Fruitless(0),
+            (libc::SYS_sched_yield, _) => Sign::Fruitless(0),
+            (
+                libc::SYS_read
+                | libc::SYS_readv
+                | libc::SYS_recvfrom
+                | libc::SYS_recvmsg
+                | libc::SYS_accept
+                | libc::SYS_accept4,
+                &Outcome::Answer(answer),
+            ) if answer == 0 || answer == again => Sign::Fruitless(answer),
+            (libc::SYS_ioctl, Outcome::Answer(0)) => match call.args[1] {
+                libc::FIONREAD | libc::TIOCOUTQ | libc::TIOCMGET => {
+                    let answer = Memory(Pid::from_raw(tid)).u32(call.args[2]);
+                    answer.map_or(Sign::Fruitful, |answer| Sign::Fruitless(answer.into()))
+                }
+                _ => Sign::Fruitful,
+            },
+            _ => Sign::Fruitful,
+        }
+    }
+}

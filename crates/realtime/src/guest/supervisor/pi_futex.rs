@@ -1,0 +1,142 @@
+//! Locks that hand their priority on (PTHREAD_PRIO_INHERIT): the word in memory names the owner, and
+//! the supervisor hands it on, oldest waiter first; all threads have the same priority here.
+
+use nix::errno::Errno;
+use nix::libc;
+use nix::unistd::Pid;
+
+use super::clocks::{low_i32, nanos};
+use super::futex::ALL;
+use super::{Memory, On, Outcome, State, Supervisor, Wait};
+use crate::guest::call::Call;
+use crate::guest::task::FutexKey;
+
+/// Bits of the word: somebody waits; the owner has ended; who it is.
+const WAITERS: u32 = 0x8000_0000;
+const OWNER_DIED: u32 = 0x4000_0000;
+const OWNER: u32 = 0x3FFF_FFFF;
+
+/// Whether a futex's operation is of such a lock.
+pub(super) fn is_pi(call: &Call) -> bool {
+    let command = command(low_i32(call.args[1]));
+    call.number == libc::SYS_futex && matches!(command, libc::FUTEX_LOCK_PI | libc::FUTEX_LOCK_PI2)
+}
+
+/// What is to be done, without the flags.
+pub(super) const fn command(operation: i32) -> i32 {
+    operation & !(libc::FUTEX_PRIVATE_FLAG | libc::FUTEX_CLOCK_REALTIME)
+}
+
+impl Supervisor {
+    /// FUTEX_LOCK_PI, FUTEX_LOCK_PI2, FUTEX_TRYLOCK_PI.
+    pub(super) fn pi_lock(
+        &mut self,
+        tid: i32,
+        call: &Call,
+        key: FutexKey,
+        waits: bool,
+    ) -> Result<Outcome, Errno> {
+        let [address, operation, _, timeout, ..] = call.args;
+        let thread = self.threads.get(&tid).ok_or(Errno::ESRCH)?;
+        if thread.is_woken {
+            return Ok(Outcome::Answer(0));
+        }
+        let memory = Memory(Pid::from_raw(tid));
+        let word = memory.u32(address)?;
+        let owner = (word & OWNER).cast_signed();
+        if owner == 0 {
+            self.pi_give(key, tid, address, word & OWNER_DIED)?;
+            return Ok(Outcome::Answer(0));
+        }
+        if owner == tid {
+            return Err(Errno::EDEADLK);
+        }
+        if !self.threads.contains_key(&owner) {
+            return Err(Errno::ESRCH);
+        }
+        if !waits {
+            return Err(Errno::EAGAIN);
+        }
+        let operation = low_i32(operation);
+        let is_first = command(operation) == libc::FUTEX_LOCK_PI;
+        let is_calendar = is_first || operation & libc::FUTEX_CLOCK_REALTIME != 0;
+        let deadline = match timeout {
+            0 => None,
+            timeout => {
+                let at = nanos(memory.pair(timeout)?)?;
+                Some(Self::instant_of(i64::from(!is_calendar), at))
+            }
+        };
+        if deadline.is_some_and(|at| self.stage.now() >= at) {
+            return Err(Errno::ETIMEDOUT);
+        }
+        memory.write(address, &(word | WAITERS).to_ne_bytes())?;
+        Ok(Outcome::Block(Wait {
+            on: On::Futex(key, ALL),
+            deadline,
+        }))
+    }
+
+    /// FUTEX_UNLOCK_PI.
+    pub(super) fn pi_unlock(
+        &mut self,
+        tid: i32,
+        call: &Call,
+        key: FutexKey,
+    ) -> Result<Outcome, Errno> {
+        let address = call.args[0];
+        let memory = Memory(Pid::from_raw(tid));
+        if (memory.u32(address)? & OWNER).cast_signed() != tid {
+            return Err(Errno::EPERM);
+        }
+        match self.futex_waiters(key, ALL).first() {
+            Some(&next) => self.pi_hand_on(key, next, 0)?,
+            None => memory.write(address, &0_u32.to_ne_bytes())?,
+        }
+        Ok(Outcome::Answer(0))
+    }
+
+    /// The lock is that of `tid` from now on.
+    fn pi_give(&self, key: FutexKey, tid: i32, address: u64, more: u32) -> Result<(), Errno> {
+        let waiters = self.futex_waiters(key, ALL);
+        let others = waiters.iter().any(|&waiter| waiter != tid);
+        let word = tid.cast_unsigned() | more | if others { WAITERS } else { 0 };
+        Memory(Pid::from_raw(tid)).write(address, &word.to_ne_bytes())
+    }
+
+    /// The lock is that of `next`, which waited for it.
+    fn pi_hand_on(&mut self, key: FutexKey, next: i32, more: u32) -> Result<(), Errno> {
+        let call = self.threads.get(&next).and_then(|thread| thread.call);
+        let address = call.ok_or(Errno::ESRCH)?.args[0];
+        self.pi_give(key, next, address, more)?;
+        self.wake(next);
+        Ok(())
+    }
+
+    /// A thread has ended: locks that it had go to the oldest of those who wait for them.
+    pub(super) fn pi_after_death(&mut self) {
+        let mut waiters: Vec<(u64, i32, FutexKey)> = Vec::new();
+        for thread in self.threads.values() {
+            if let State::Blocked(Wait {
+                on: On::Futex(key, _),
+                ..
+            }) = thread.state
+                && thread.call.is_some_and(|call| is_pi(&call))
+            {
+                waiters.push((thread.blocked_at, thread.tid.as_raw(), key));
+            }
+        }
+        waiters.sort_unstable_by_key(|&(at, ..)| at);
+        let mut given: Vec<FutexKey> = Vec::new();
+        for (_, tid, key) in waiters {
+            let call = self.threads.get(&tid).and_then(|thread| thread.call);
+            let word = call.map(|call| Memory(Pid::from_raw(tid)).u32(call.args[0]));
+            let Some(Ok(word)) = word else { continue };
+            let owner = (word & OWNER).cast_signed();
+            let is_gone = owner == 0 || !self.threads.contains_key(&owner);
+            if is_gone && !given.contains(&key) && self.pi_hand_on(key, tid, OWNER_DIED).is_ok() {
+                given.push(key);
+            }
+        }
+    }
+}

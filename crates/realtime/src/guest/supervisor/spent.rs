@@ -1,0 +1,37 @@
+//! What a program's calls were, for those who wonder why it is slow.
+
+use super::Supervisor;
+use crate::guest::call;
+
+/// Most kinds of calls that are named.
+const NAMED: usize = 3;
+
+impl Supervisor {
+    /// Calls, looks at clocks, and time that passed while the program asked over and over.
+    pub(in crate::guest) fn spent_on(&self) -> String {
+        let stops: u64 = self.spent.values().sum();
+        let mut kinds: Vec<(u64, i64)> = self
+            .spent
+            .iter()
+            .map(|(&number, &count)| (count, number))
+            .collect();
+        kinds.sort_unstable_by(|one, other| other.cmp(one));
+        let names: Vec<String> = kinds
+            .iter()
+            .take(NAMED)
+            .map(|&(count, number)| format!("{} {count}", call::name(number)))
+            .collect();
+        let mut text = format!("{stops} stopped calls");
+        if !names.is_empty() {
+            text += &format!(" ({})", names.join(", "));
+        }
+        if self.looks > 0 {
+            text += &format!(", {} looks at clocks without a stop", self.looks);
+        }
+        if !self.idled.is_zero() {
+            let seconds = self.idled.as_secs_f64();
+            text += &format!(", {seconds:.3} s passed while it asked for the same over and over");
+        }
+        text
+    }
+}

@@ -1,0 +1,223 @@
+//! One thread at a time: it runs up to its next stop, which is looked at, and goes on or waits.
+
+use core::time::Duration;
+
+use nix::libc;
+use nix::sys::ptrace;
+use nix::sys::signal::Signal;
+use nix::unistd::Pid;
+use rustix::process::WaitOptions;
+
+use super::{Flow, Next, Outcome, SLICE, State, Supervisor, Thread, is_death, wait};
+use crate::guest::call::Call;
+use crate::guest::launch;
+use crate::guest::news::is_stop;
+
+impl Supervisor {
+    pub(super) fn run_thread(&mut self, tid: i32) {
+        let Some(thread) = self.threads.get_mut(&tid) else {
+            return;
+        };
+        let State::Ready(next) = core::mem::replace(&mut thread.state, State::Running) else {
+            return;
+        };
+        thread.slice = 0;
+        let group = thread.process;
+        self.watchdog.watch(tid, group);
+        let mut current = tid;
+        let mut flow = match next {
+            Next::Go(signal) => Flow::Goes(signal),
+            Next::Attempt => self.attempt(tid),
+            Next::Stopped(status) => self.handle(tid, status),
+        };
+        while let Flow::Goes(signal) = flow {
+            self.lend_time(current);
+            if ptrace::cont(Pid::from_raw(current), signal).is_err() {
+                // It was killed meanwhile: the news of it come now.
+                self.watchdog.count();
+            }
+            let Some((pid, status)) = self.wait_for(current) else {
+                self.forget(current);
+                break;
+            };
+            current = pid;
+            self.watchdog.count();
+            self.take_time(current);
+            flow = self.handle(current, status);
+        }
+        self.watchdog.rest();
+    }
+
+    /// The next news of `tid`; of others it is noted. `None` if there is no such thread.
+    pub(super) fn wait_for(&mut self, tid: i32) -> Option<(i32, i32)> {
+        loop {
+            let (pid, status) = wait(None, WaitOptions::empty())?;
+            let is_exec = status >> 16 == libc::PTRACE_EVENT_EXEC;
+            if pid == tid || is_exec && self.same_process(pid, tid) {
+                return Some((pid, status));
+            }
+            self.note_other(pid, status);
+            // The end of another thread of its process may have been its own.
+            self.threads.get(&tid)?;
+        }
+    }
+
+    pub(super) fn same_process(&self, one: i32, other: i32) -> bool {
+        let process = |tid: i32| self.threads.get(&tid).map(|thread| thread.process);
+        process(one).is_some() && process(one) == process(other)
+    }
+
+    /// News of a thread that nobody waits for just now.
+    pub(super) fn note_other(&mut self, pid: i32, status: i32) {
+        let Some(thread) = self.threads.get(&pid) else {
+            if !is_death(status) {
+                self.early.insert(pid);
+            }
+            return;
+        };
+        if is_death(status) {
+            self.died(pid, status);
+        } else if matches!(thread.state, State::Outside) {
+            // A stop of ours has cut its call short, and the kernel makes it once more.
+            let is_same = |one: &Call| Call::of(Pid::from_raw(pid)).is_ok_and(|it| it.is_like(one));
+            if status >> 16 == libc::PTRACE_EVENT_SECCOMP
+                && thread.outside.is_some_and(|it| is_same(&it))
+            {
+                let _ = ptrace::cont(Pid::from_raw(pid), None);
+                return;
+            }
+            self.ready(pid, Next::Stopped(status));
+        }
+    }
+
+    /// Takes note of threads that come back into virtual time, without waiting.
+    pub(super) fn hear_outside(&mut self) {
+        let is_out =
+            |thread: &Thread| matches!(thread.state, State::Outside | State::Ended | State::Halted);
+        if !self.threads.values().any(is_out) {
+            return;
+        }
+        while let Some((pid, status)) = wait(None, WaitOptions::NOHANG) {
+            self.note_other(pid, status);
+        }
+    }
+
+    pub(super) fn handle(&mut self, tid: i32, status: i32) -> Flow {
+        if is_death(status) {
+            self.died(tid, status);
+            return Flow::Stays;
+        }
+        let signal = (status >> 8) & 0xFF;
+        match status >> 16 {
+            libc::PTRACE_EVENT_SECCOMP => self.called(tid),
+            event @ (libc::PTRACE_EVENT_FORK
+            | libc::PTRACE_EVENT_VFORK
+            | libc::PTRACE_EVENT_CLONE) => self.cloned(tid, event),
+            libc::PTRACE_EVENT_EXEC => self.execed(tid),
+            0 if signal == libc::SIGSTOP => self.kicked(tid),
+            0 if is_stop(signal) => self.stopped(tid, signal),
+            0 if signal == libc::SIGSEGV && self.reads_counter(tid) => Flow::Goes(None),
+            0 if signal & 0x80 == 0 => match Signal::try_from(signal) {
+                Ok(signal) => Flow::Goes(Some(signal)),
+                Err(_) => self.high_signal(tid, signal),
+            },
+            _ => Flow::Goes(None),
+        }
+    }
+
+    pub(super) fn called(&mut self, tid: i32) -> Flow {
+        if !self.is_launched {
+            return Flow::Goes(None);
+        }
+        let Ok(call) = Call::of(Pid::from_raw(tid)) else {
+            return Flow::Goes(None);
+        };
+        if ptrace::getevent(Pid::from_raw(tid)) == Ok(launch::OTHER_ARCHITECTURE.into()) {
+            self.note("makes calls as a 32-bit program does (int 0x80)".to_owned());
+            return Flow::Goes(None);
+        }
+        if self.is_for_free(tid, &call) {
+            return Flow::Goes(None);
+        }
+        if let Err(error) = self.stage.carry_touched() {
+            self.trouble = Some(error.into());
+        }
+        if let Err(error) = self.stage.pass(self.settings.supervision.call_cost) {
+            self.trouble = Some(error.into());
+        }
+        self.calls.count += 1;
+        self.end_meeting(tid);
+        let now = self.stage.now();
+        let Some(thread) = self.threads.get_mut(&tid) else {
+            return Flow::Goes(None);
+        };
+        thread.call = Some(call);
+        thread.outside = None;
+        thread.is_at_end = false;
+        thread.computed = Duration::ZERO;
+        thread.entered = now;
+        thread.progress = 0;
+        thread.lines_before = None;
+        thread.opens = None;
+        thread.is_woken = false;
+        thread.slice += 1;
+        let is_tired = thread.slice >= SLICE;
+        *self.spent.entry(call.number).or_default() += 1;
+        if let Some(flow) = self.idle_away(tid, &call) {
+            return flow;
+        }
+        let flow = self.attempt(tid);
+        if !is_tired || matches!(flow, Flow::Stays) {
+            return flow;
+        }
+        self.breathe(tid)
+    }
+
+    /// A thread that calls and calls lets others run now and then.
+    pub(super) fn breathe(&mut self, tid: i32) -> Flow {
+        if let Err(error) = self.stage.carry() {
+            self.trouble = Some(error.into());
+        }
+        self.expire();
+        self.retry_files();
+        self.ready(tid, Next::Go(None));
+        Flow::Stays
+    }
+
+    /// Tries to do the call at which `tid` stands.
+    pub(super) fn attempt(&mut self, tid: i32) -> Flow {
+        let Some(call) = self.threads.get(&tid).and_then(|thread| thread.call) else {
+            return Flow::Goes(None);
+        };
+        let outcome = self.outcome(tid, &call);
+        let pid = Pid::from_raw(tid);
+        self.record(tid, &call, &outcome);
+        self.note_idle(tid, &call, &outcome);
+        match outcome {
+            Outcome::Answer(result) => {
+                let _ = call.answer(pid, result);
+                Flow::Goes(None)
+            }
+            Outcome::Kernel => Flow::Goes(None),
+            Outcome::Yield(result) => {
+                let _ = call.answer(pid, result);
+                self.ready(tid, Next::Go(None));
+                Flow::Stays
+            }
+            Outcome::Leave(state) => {
+                self.keep_time(tid);
+                let _ = ptrace::cont(pid, None);
+                self.set_state(tid, state);
+                Flow::Stays
+            }
+            Outcome::Block(wait) => {
+                self.blocks += 1;
+                if let Some(thread) = self.threads.get_mut(&tid) {
+                    thread.blocked_at = self.blocks;
+                    thread.state = State::Blocked(wait);
+                }
+                Flow::Stays
+            }
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! What the system tells of time, of processor time and of chance besides its clocks: told in virtual
+//! time and from the run's seed, or named.
+
+use emulators::rng::Rng;
+use nix::errno::Errno;
+use nix::libc;
+use nix::unistd::Pid;
+use rustix::fs::{SeekFrom, seek, tell};
+use rustix::net::sockopt;
+
+use super::clocks::{low_i32, timespec};
+use super::files::{File, Kind};
+use super::streams::{buffers, lens, scatter};
+use super::{Memory, Outcome, Supervisor};
+use crate::guest::call::Call;
+use crate::guest::links::Link;
+
+const SECOND: i64 = 1_000_000_000;
+/// Lengths of what calls fill, and where the times are in it.
+const TIMEX: usize = 208;
+const TIMEX_TIME: usize = 72;
+const TIMEX_TICK: usize = 88;
+const RUSAGE: usize = 144;
+const SYSINFO: usize = 112;
+/// Memory of the machine as it is told: 8 GiB, half of it free.
+const MEMORY: u64 = 8 << 30;
+
+/// Files that are answered by the supervisor.
+const TOLD: [&str; 5] = [
+    "/proc/uptime",
+    "/proc/loadavg",
+    "/proc/sys/kernel/random/uuid",
+    "/proc/sys/kernel/random/boot_id",
+    "/proc/sys/kernel/random/entropy_avail",
+];
+/// Files that tell of the world outside, by their beginnings.
+const OUTSIDE: [&str; 17] = [
+    "/proc/stat",
+    "/proc/meminfo",
+    "/proc/vmstat",
+    "/proc/interrupts",
+    "/proc/softirqs",
+    "/proc/diskstats",
+    "/proc/timer_list",
+    "/proc/schedstat",
+    "/proc/pressure",
+    "/proc/net/",
+    "/dev/rtc",
+    "/dev/ptp",
+    "/dev/hwrng",
+    "/dev/cpu/",
+    "/sys/class/rtc",
+    "/sys/class/thermal",
+    "/sys/class/hwmon",
+];
+/// The same in the folder of a process.
+const OUTSIDE_OF_PROCESS: [&str; 7] = [
+    "stat",
+    "status",
+    "statm",
+    "sched",
+    "schedstat",
+    "io",
+    "timers",
+];
+
+/// Whether a file tells of the world outside.
+fn is_outside(path: &str) -> bool {
+    let of_process = path
+        .strip_prefix("/proc/")
+        .and_then(|rest| rest.split_once('/'));
+    let is_process = |name: &str| {
+        name == "self" || name == "thread-self" || name.bytes().all(|byte| byte.is_ascii_digit())
+    };
+    OUTSIDE.iter().any(|known| path.starts_with(known))
+        || of_process.is_some_and(|(process, name)| {
+            let name = name.rsplit('/').next().unwrap_or(name);
+            is_process(process) && OUTSIDE_OF_PROCESS.contains(&name)
+        })
+}
+
+impl Supervisor {
+    /// adjtimex, clock_adjtime, settimeofday, getrusage, sysinfo.
+    pub(super) fn tell(&self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let memory = Memory(Pid::from_raw(tid));
+        let [first, second, ..] = call.args;
+        match call.number {
+            libc::SYS_adjtimex | libc::SYS_clock_adjtime => {
+                let place = if call.number == libc::SYS_adjtimex {
+                    first
+                } else {
+                    second
+                };
+                if memory.u32(place)? != 0 {
+                    return Err(Errno::EPERM);
+                }
+                let mut timex = [0; TIMEX];
+                let [seconds, nanos] = timespec(self.shown(libc::CLOCK_REALTIME.into()));
+                let words = [
+                    (TIMEX_TIME, seconds),
+                    (TIMEX_TIME + 8, nanos / 1_000),
+                    (TIMEX_TICK, 10_000),
+                ];
+                for (at, word) in words {
+                    timex[at..at + 8].copy_from_slice(&word.to_ne_bytes());
+                }
+                memory.write(place, &timex)?;
+            }
+            libc::SYS_getrusage => {
+                let mut usage = [0; RUSAGE];
+                let [seconds, nanos] = timespec(self.shown(libc::CLOCK_PROCESS_CPUTIME_ID.into()));
+                usage[..8].copy_from_slice(&seconds.to_ne_bytes());
+                usage[8..16].copy_from_slice(&(nanos / 1_000).to_ne_bytes());
+                memory.write(second, &usage)?;
+            }
+            libc::SYS_sysinfo => {
+                let mut info = [0; SYSINFO];
+                let uptime = self.shown(libc::CLOCK_BOOTTIME.into()) / SECOND;
+                info[..8].copy_from_slice(&uptime.to_ne_bytes());
+                info[32..40].copy_from_slice(&MEMORY.to_ne_bytes());
+                info[40..48].copy_from_slice(&(MEMORY / 2).to_ne_bytes());
+                info[80..82].copy_from_slice(&1_u16.to_ne_bytes());
+                info[104..108].copy_from_slice(&1_u32.to_ne_bytes());
+                memory.write(first, &info)?;
+            }
+            _ => return Err(Errno::EPERM),
+        }
+        Ok(Outcome::Answer(0))
+    }
+
+    /// The program opens a file: one that tells of the world outside is answered, or named.
+    pub(super) fn looks_into(&mut self, path: &str) {
+        if TOLD.contains(&path) {
+            self.has_told_files = true;
+        } else if is_outside(path) {
+            self.note(format!("reads {path}"));
+        }
+    }
+
+    /// Which of the files that are answered this is.
+    pub(super) fn told_file(&self, fd: &impl std::os::fd::AsRawFd) -> Option<usize> {
+        if !self.has_told_files {
+            return None;
+        }
+        let path = std::fs::read_link(format!("/proc/self/fd/{}", fd.as_raw_fd())).ok()?;
+        TOLD.iter()
+            .position(|told| path == std::path::Path::new(told))
+    }
+
+    /// A read of such a file.
+    pub(super) fn read_told(
+        &mut self,
+        tid: i32,
+        call: &Call,
+        file: &File,
+        which: usize,
+    ) -> Result<Outcome, Errno> {
+        let errno = |errno: rustix::io::Errno| Errno::from_i32(errno.raw_os_error());
+        if tell(&file.fd).map_err(errno)? > 0 {
+            return Ok(Outcome::Answer(0));
+        }
+        let text = match which {
+            0 => {
+                let hundredths = self.shown(libc::CLOCK_BOOTTIME.into()) / (SECOND / 100);
+                format!("{}.{:02} 0.00\n", hundredths / 100, hundredths % 100)
+            }
+            1 => "0.00 0.00 0.00 1/1 1\n".to_owned(),
+            2 => uuid(&self.chance(tid, 16)),
+            3 => {
+                let mut random = Rng::stream(self.settings.seed, "guest.boot");
+                let words = [random.next_u64(), random.next_u64()].map(u64::to_le_bytes);
+                uuid(words.as_flattened())
+            }
+            _ => "256\n".to_owned(),
+        };
+        let buffers = buffers(tid, call)?;
+        let len = text.len().min(lens(&buffers));
+        scatter(tid, &buffers, &text.as_bytes()[..len])?;
+        seek(&file.fd, SeekFrom::Start(text.len() as u64)).map_err(errno)?;
+        Ok(Outcome::Answer(i64::try_from(len).unwrap_or(0)))
+    }
+
+    /// readlink of what is behind a file descriptor: a port is the one that the program was given.
+    /// The number of its terminal is the system's.
+    pub(super) fn read_link(&mut self, tid: i32, call: &Call) {
+        let pid = Pid::from_raw(tid);
+        let link = Link::of(pid, call);
+        if let Some((device, text)) = link.unlisted_terminal() {
+            if self.stage.port_of(device).is_some() {
+                link.answer(pid, call, &text);
+            }
+            return;
+        }
+        let Some(fd) = link.path.strip_prefix("/proc/").and_then(|rest| {
+            let (process, rest) = rest.split_once('/')?;
+            let is_own =
+                process == "self" || process == "thread-self" || process == tid.to_string();
+            rest.strip_prefix("fd/").filter(|_| is_own)?.parse().ok()
+        }) else {
+            return;
+        };
+        let Some(Kind::Port(port)) = self.file(tid, fd).map(|file| file.kind) else {
+            return;
+        };
+        if let Some(name) = self.stage.path_of(port) {
+            link.answer(pid, call, &name);
+        }
+    }
+
+    /// bind, getsockname: a port that the system chooses is chance.
+    pub(super) fn names_socket(&mut self, tid: i32, call: &Call) {
+        let Some(file) = self.file(tid, low_i32(call.args[0])) else {
+            return;
+        };
+        let domain = sockopt::socket_domain(&file.fd);
+        if !matches!(
+            domain,
+            Ok(rustix::net::AddressFamily::INET | rustix::net::AddressFamily::INET6)
+        ) {
+            return;
+        }
+        let mut address = [0; 4];
+        let is_bind = call.number == libc::SYS_bind;
+        let asked = Memory(Pid::from_raw(tid)).read(call.args[1], &mut address);
+        if is_bind && asked.is_ok() && address[2..] != [0, 0] {
+            self.has_bound = true;
+        } else if is_bind || !self.has_bound {
+            self.note(
+                "is given a free network port by the system, another one each time".to_owned(),
+            );
+        }
+    }
+}
+
+/// Sixteen bytes of chance as the kernel writes them.
+fn uuid(bytes: &[u8]) -> String {
+    let mut hex = String::new();
+    for (index, &byte) in bytes.iter().take(16).enumerate() {
+        let byte = match index {
+            6 => byte & 0x0F | 0x40,
+            8 => byte & 0x3F | 0x80,
+            _ => byte,
+        };
+        if matches!(index, 4 | 6 | 8 | 10) {
+            hex.push('-');
+        }
+        hex += &format!("{byte:02x}");
+    }
+    hex + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_uuid_is_one_of_version_4() {
+        assert_eq!(uuid(&[0xFF; 16]), "ffffffff-ffff-4fff-bfff-ffffffffffff\n");
+        assert_eq!(uuid(&[0; 16]), "00000000-0000-4000-8000-000000000000\n");
+    }
+
+    #[test]
+    fn files_of_processes_tell_of_the_world_outside() {
+        for path in [
+            "/proc/self/stat",
+            "/proc/17/status",
+            "/proc/self/task/18/stat",
+            "/proc/stat",
+        ] {
+            assert!(is_outside(path), "{path}");
+        }
+        for path in [
+            "/proc/self/maps",
+            "/proc/sys/kernel/stat",
+            "/etc/stat",
+            "/proc/cpuinfo",
+        ] {
+            assert!(!is_outside(path), "{path}");
+        }
+    }
+}
