@@ -16,7 +16,7 @@ rm -f "$out"/*.profraw
 (
     cd fuzz
     CARGO_TARGET_DIR=$out RUSTFLAGS="-Cinstrument-coverage" LLVM_PROFILE_FILE=$out/%p.profraw \
-        cargo build --locked --quiet --no-default-features --bin corpus
+        cargo build --locked --quiet --no-default-features --features robots --bin corpus
 )
 LLVM_PROFILE_FILE=$out/replay-%p.profraw "$out/debug/corpus" replay tests/corpus
 llvm-profdata-19 merge -sparse "$out"/replay-*.profraw -o "$out/replay.profdata"

@@ -3,4 +3,5 @@
 pub mod apollo13;
 #[cfg(feature = "rescue")]
 pub mod rescue;
+#[cfg(feature = "yellow")]
 pub mod yellow;

@@ -37,6 +37,7 @@ pub mod perception;
 pub mod peripherals;
 pub mod rle;
 pub mod rplidar;
+#[cfg(feature = "telemetry")]
 pub mod telemetry;
 mod time;
 pub mod tty;

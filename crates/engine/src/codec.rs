@@ -39,6 +39,7 @@ mod peripherals;
 mod row;
 mod rplidar;
 mod stream;
+#[cfg(feature = "robots")]
 mod telemetry;
 pub mod wire;
 pub mod words;
@@ -58,6 +59,7 @@ pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
 pub use row::{Answers, AnyDecoder, Codec, IDLE, OtherOrder, OwnFormat};
 pub use rplidar::{RPLIDAR, Rplidar};
 pub use stream::{BAD_MAX, Count, Counter, Stream, Stretch, What};
+#[cfg(feature = "robots")]
 pub use telemetry::{TELEMETRY, Telemetry};
 pub use xv11::{XV11, Xv11};
 pub use xv11_turn::{XV11_TURN, Xv11Turns};
@@ -73,6 +75,7 @@ static CODECS: Registry<Codec> = Registry::new(&[
     &PCUI,
     &PANEL,
     &RPLIDAR,
+    #[cfg(feature = "robots")]
     &TELEMETRY,
     &PERIPHERALS,
     &CAR_BOARD,
