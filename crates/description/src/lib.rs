@@ -24,6 +24,7 @@ pub mod checksum;
 mod compile;
 pub mod description;
 pub mod device;
+mod document;
 pub mod error;
 pub mod expr;
 mod field;

@@ -1,0 +1,235 @@
+//! What a described device does, over the description that has everything, and devices on one wire.
+
+use core::time::Duration;
+use std::sync::Arc;
+
+use description::wire::Wire;
+use description::{Described, Description, From, Place, Record, Value, shipped};
+use emulators::device::{Device, next_poll};
+use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+use protocols::{Decode as _, Instant};
+
+const EVERYTHING: &str = include_str!("data/everything.toml");
+
+fn described(text: &str) -> Arc<Description> {
+    let csv = |_: &str| Ok("t,u\n0,1\n1,2\n".to_owned());
+    Description::parse("test.toml", text, &csv).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn unit(description: &Arc<Description>, name: &str, address: u32) -> (String, Described) {
+    let place = Place {
+        name: name.to_owned(),
+        seed: 1,
+        address: Some(address),
+        is_alone: false,
+    };
+    (name.to_owned(), Described::new(description.clone(), place))
+}
+
+/// A driver at the far end of an ideal line.
+struct Driver {
+    wire: Wire,
+    description: Arc<Description>,
+    world: World,
+    now: Instant,
+}
+
+impl Driver {
+    fn new(text: &str, addresses: &[u32]) -> Self {
+        let description = described(text);
+        let units = addresses
+            .iter()
+            .map(|at| unit(&description, &format!("d{at}"), *at));
+        let wire = Wire::new(units.collect()).expect("devices");
+        let scene = Scene::new::<Shape>([], vec![]).expect("nothing");
+        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free");
+        let now = Instant::ZERO;
+        Self {
+            wire,
+            description,
+            world,
+            now,
+        }
+    }
+
+    fn listen(&mut self, millis: u64) -> Vec<u8> {
+        let end = self.now + Duration::from_millis(millis);
+        let mut out = Vec::new();
+        while self.now < end {
+            self.now = next_poll(&self.wire, self.now, end);
+            self.wire.poll(self.now, &mut self.world);
+            let mut buf = [0; 512];
+            let len = self.wire.transmit(Described::UART, &mut buf);
+            out.extend_from_slice(&buf[..len]);
+        }
+        out
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        let line = self.description.line();
+        self.now = self.now + line.bytes_time(bytes.len() as u64);
+        self.wire.receive(Described::UART, self.now, bytes);
+    }
+
+    /// What the device says within 60 ms, in words.
+    fn say(&mut self, message: &str, fields: &[(&str, Value)]) -> Vec<String> {
+        let known = self.description.messages().iter();
+        let message = known
+            .into_iter()
+            .find(|known| known.name() == message)
+            .expect("a message");
+        let mut values = Record::default();
+        for (name, value) in fields {
+            values.set(name, value.clone());
+        }
+        let frame = self.description.frame(message, &values).expect("fits");
+        self.send(&frame);
+        self.words(60)
+    }
+
+    fn words(&mut self, millis: u64) -> Vec<String> {
+        let bytes = self.listen(millis);
+        let mut cutter = self.description.cutter();
+        let frames: Vec<_> = cutter.push(&bytes).flatten().collect();
+        let words = frames.iter().map(|frame| {
+            let (message, values) = self
+                .description
+                .message(frame, From::Device)
+                .expect("known");
+            message.words(&values)
+        });
+        words.collect()
+    }
+
+    fn rules(&mut self) -> Vec<&'static str> {
+        self.wire
+            .take_events()
+            .into_iter()
+            .map(|event| event.rule)
+            .collect()
+    }
+}
+
+fn int(value: i128) -> Value {
+    Value::Int(value)
+}
+
+/// Every kind of entry once: a start, a refusal, registers read and written, a mode with a periodic
+/// report, a delay, a bad frame, an unexpected message, a watchdog.
+#[test]
+fn a_device_does_what_its_description_says() {
+    let mut driver = Driver::new(EVERYTHING, &[5]);
+    // 10 ms of start, then the report of [[after]] 5 ms later, with the text that it gives.
+    assert_eq!(driver.words(14), [""; 0]);
+    assert_eq!(
+        driver.words(10),
+        ["report: level 1.5 bar, mode 0, label \"hello\""]
+    );
+    // 1060 is 0x0424, low byte first; the flags are those of the calculation.
+    let read = |start, count| [("start", int(start)), ("count", int(count))];
+    assert_eq!(
+        driver.say("read", &read(0, 2)),
+        ["data: flags ready, count 2, bytes [24 04]"]
+    );
+    assert_eq!(driver.say("read", &read(0, 17)), ["error: code 7"]);
+    assert_eq!(driver.rules(), ["out-of-range", "too-many"]);
+    // A goal of 100 counts, 50 degrees; then one beyond its limits, and a register that is none.
+    let write = |start, data: &[u8]| [("start", int(start)), ("data", Value::Bytes(data.to_vec()))];
+    assert_eq!(
+        driver.say("write", &write(8, &[100, 0, 0, 0])),
+        ["error: code 0"]
+    );
+    assert_eq!(
+        driver.say("read", &read(8, 4)),
+        ["data: flags ready, count 4, bytes [64 00 00 00]"]
+    );
+    assert_eq!(
+        driver.say("write", &write(8, &[0, 0, 1, 0])),
+        ["error: code 2"]
+    );
+    assert_eq!(driver.say("write", &write(0, &[1])), ["error: code 2"]);
+    assert_eq!(driver.say("write", &write(4, &[1])), ["error: code 2"]);
+    assert_eq!(driver.rules(), ["write-read-only", "unknown-register"]);
+    // Mode 1 reports 50 ms later, and each second from 110 ms on.
+    assert_eq!(
+        driver.say("set_mode", &[("to", int(1))]),
+        ["report: level 1.5 bar, mode 1, label \"plain\""]
+    );
+    // The watchdog made the level safe in the meantime.
+    let words = driver.words(1_200);
+    assert_eq!(words, ["report: level 0 bar, mode 1, label \"plain\""]);
+    // The second value beyond its limits within a second is told with its count.
+    assert_eq!(driver.rules(), ["made-safe", "out-of-range"]);
+    // A bad checksum of the header.
+    driver.send(&[0xFF, 0xFE, 1, 0, 9, 0]);
+    assert_eq!(driver.words(40), ["error: code 1"]);
+    assert_eq!(driver.rules(), ["bad-checksum"]);
+}
+
+/// Three devices on one wire, one of them without supply: its requests are not answered, the others
+/// go on.
+#[test]
+fn devices_share_a_wire() {
+    let meter = shipped::text("modbus-meter").expect("shipped");
+    let mut driver = Driver::new(meter, &[1, 2, 3]);
+    let ask = |driver: &mut Driver, address: u8| {
+        let frame = driver
+            .description
+            .frame_of(0, &[address, 4, 0, 10, 0, 2])
+            .expect("fits");
+        driver.send(&frame);
+        driver.listen(100)
+    };
+    for address in [1, 2, 3] {
+        assert_eq!(ask(&mut driver, address)[..3], [address, 4, 4]);
+    }
+    assert!(driver.wire.known_faults().contains(&"d2.off"));
+    let now = driver.now;
+    driver.wire.set_fault(now, "d2.off", None, true);
+    assert!(ask(&mut driver, 2).is_empty());
+    assert_eq!(ask(&mut driver, 3)[0], 3);
+    driver.wire.set_fault(driver.now, "d2.off", None, false);
+    assert_eq!(ask(&mut driver, 2)[0], 2);
+    assert!(ask(&mut driver, 9).is_empty());
+
+    let description = described(meter);
+    let twins = [unit(&description, "a", 1), unit(&description, "b", 1)];
+    let error = Wire::new(twins.into()).err().expect("twins").0;
+    assert_eq!(
+        error,
+        "\"b\" and \"a\" have the address 1, expected one for each"
+    );
+}
+
+/// Modbus ASCII: the request of the serial line specification's kind, its LRC by hand: the sum of
+/// 01 04 00 0A 00 02 is 0x11, and 0x100 - 0x11 is 0xEF.
+#[test]
+fn a_modbus_device_speaks_ascii() {
+    let meter = shipped::text("modbus-meter").expect("shipped");
+    let ascii = meter
+        .replace("modbus-rtu", "modbus-ascii")
+        .replace("baud = 9600", "baud = 9600\nformat = \"7E1\"");
+    let mut driver = Driver::new(&ascii, &[1]);
+    driver.send(b":0104000A0002EF\r\n");
+    // 0x01352907; the sum of 01 04 04 01 35 29 07 is 0x6F.
+    assert_eq!(driver.listen(100), b":0104040135290791\r\n");
+    driver.send(b":0104000A0002EE\r\n");
+    assert!(driver.listen(100).is_empty());
+    assert_eq!(driver.rules(), ["bad-checksum"]);
+}
+
+/// A copy of a device goes on as the device does: what checkpoints need.
+#[test]
+fn a_copy_goes_on_alike() {
+    let mut driver = Driver::new(EVERYTHING, &[5]);
+    driver.listen(300);
+    let mut copy = Driver {
+        wire: driver.wire.clone(),
+        description: driver.description.clone(),
+        world: driver.world.clone(),
+        now: driver.now,
+    };
+    let sent = driver.say("set_mode", &[("to", int(1))]);
+    assert_eq!(copy.say("set_mode", &[("to", int(1))]), sent);
+    assert_eq!(copy.listen(3_000), driver.listen(3_000));
+}
