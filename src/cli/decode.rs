@@ -2,7 +2,7 @@ mod follow;
 pub(super) mod source;
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -14,6 +14,7 @@ use crate::capture::decode::diagnose::{Damage, Line, diagnose};
 use crate::capture::decode::transcript::{Entry, Sum, Transcript};
 use crate::codec::{self, Codec};
 use crate::scenario::Span;
+use crate::scenario::device::description;
 use source::{Lane, Source, lanes};
 
 /// Print the frames of a capture, or of a dump of raw bytes, one a line.
@@ -26,6 +27,7 @@ use source::{Lane, Source, lanes};
 #[command(after_long_help = "Examples:\n  \
     hilrig decode hilrig-out/rescue-flat-1/capture.pcapng --link base\n  \
     hilrig decode dump.bin --protocol xv11\n  \
+    hilrig decode dump.bin --description gps\n  \
     hilrig decode dump.bin --summary    # figures of the whole, instead of the frames\n  \
     hilrig decode dump.bin --diagnose   # what is wrong with all of it, instead of the frames\n  \
     hilrig decode field.pcapng --follow # while hilrig up --capture field.pcapng writes it")]
@@ -36,6 +38,10 @@ pub(super) struct DecodeArgs {
     /// Protocol of the bytes [default: the one with the most sound frames, for each line]
     #[arg(long, value_parser = codec_parser())]
     protocol: Option<&'static Codec>,
+    /// Description of the device whose frames they are: one that comes with the tool, by its name,
+    /// or a file that ends with .toml
+    #[arg(long, value_name = "NAME|FILE", conflicts_with = "protocol")]
+    description: Option<String>,
     /// Only this link of a capture
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
@@ -62,7 +68,12 @@ fn codec_parser() -> impl TypedValueParser<Value = &'static Codec> {
         .map(|name| codec::find(&name).expect("rows are never taken out of the table"))
 }
 
-pub(super) fn run(args: DecodeArgs) -> Result<Verdict, CliError> {
+pub(super) fn run(mut args: DecodeArgs) -> Result<Verdict, CliError> {
+    if let Some(name) = &args.description {
+        let loaded = description::load(name, Path::new(""));
+        let loaded = loaded.map_err(|error| CliError::Usage(format!("--description: {error}")))?;
+        args.protocol = Some(description::codec_of(&loaded));
+    }
     if out::is_json() {
         return document(&args);
     }

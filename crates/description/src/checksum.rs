@@ -15,8 +15,11 @@ pub use engine::Polynomial;
 #[derive(Clone, Debug)]
 pub struct Algorithm(Arc<Engine>);
 
+/// A sum: its names, and what makes it, with the bytes of its result.
+type Sum = (&'static [&'static str], fn() -> (Engine, u8));
+
 /// Sums, with their other names.
-const SUMS: [(&[&str], fn() -> (Engine, u8)); 15] = [
+const SUMS: [Sum; 15] = [
     (&["SUM", "SUM8"], || (Engine::Sum, 1)),
     (&["SUM16"], || (Engine::Sum, 2)),
     (&["SUM24"], || (Engine::Sum, 3)),

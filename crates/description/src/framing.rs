@@ -17,7 +17,8 @@ use crate::number::Number;
 use crate::schema::wire::Stuffing;
 
 pub(crate) use cut::{hex_bytes, hex_text};
-pub use judge::{Cutter, Frame, Frames, cutter};
+pub(crate) use judge::cutter;
+pub use judge::{Cutter, Frame, Frames};
 
 /// Most bytes of a frame.
 pub(crate) const FRAME_MAX: usize = 2_000;

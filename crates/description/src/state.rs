@@ -305,8 +305,6 @@ fn of_world(quantity: WorldQuantity, world: &World) -> Value {
             let hit = world.cast_ray(pose.point(), pose.theta, RANGE_MAX_M);
             Value::Float(hit.map_or(RANGE_MAX_M, |hit| hit.distance))
         }
-        WorldQuantity::Contacts => {
-            Value::Int(i128::try_from(world.contact_count()).unwrap_or(i128::MAX))
-        }
+        WorldQuantity::Contacts => Value::Int(world.contact_count().into()),
     }
 }

@@ -145,7 +145,7 @@ impl Compiler<'_> {
                 self.wrong(format!("{key}.type"), message);
                 Kind::Str(Size::Rest)
             };
-            self.common(&key, spec, kind, &mut Vec::new())
+            self.common(&key, spec, kind, &[])
         });
         fields.collect()
     }
@@ -214,14 +214,14 @@ impl Compiler<'_> {
             };
             match next {
                 Some((more, is_low_first)) => {
-                    if order.is_some_and(|order| order != is_low_first) && bits % 8 != 0 {
+                    if order.is_some_and(|order| order != is_low_first) && !bits.is_multiple_of(8) {
                         let message = "has another order than the bits before it in the same byte";
                         self.wrong(format!("{key}[{index}].type"), message);
                     }
                     order = Some(is_low_first);
                     bits += more;
                 }
-                None if bits % 8 != 0 => {
+                None if !bits.is_multiple_of(8) => {
                     let message = format!("begins within a byte: the bits before it are {bits}");
                     self.wrong(format!("{key}[{index}]"), message);
                     bits = 0;
@@ -229,23 +229,17 @@ impl Compiler<'_> {
                 None => (bits, order) = (0, None),
             }
         }
-        if bits % 8 != 0 {
+        if !bits.is_multiple_of(8) {
             let message = format!("its last bits are {bits}, expected whole bytes");
             self.wrong(key, message);
         }
     }
 
-    fn common(
-        &mut self,
-        key: &str,
-        spec: &FieldSpec,
-        kind: Kind,
-        known: &mut Vec<String>,
-    ) -> Field {
+    fn common(&mut self, key: &str, spec: &FieldSpec, kind: Kind, known: &[String]) -> Field {
         let names = self.names(key, spec.names.as_deref());
         let scale = self.scale(key, spec.scale, spec.offset);
         self.check_limits(key, spec.limits);
-        let earlier = known.clone();
+        let earlier = known.to_vec();
         let constant = spec
             .value
             .as_ref()

@@ -26,7 +26,7 @@ pub struct Frame {
 pub type Cutter = Decoder<Frames, { FRAME_MAX + 48 }>;
 
 /// An empty decoder.
-pub fn cutter(frames: Frames) -> Cutter {
+pub(crate) fn cutter(frames: Frames) -> Cutter {
     Decoder::with_format(frames)
 }
 
