@@ -59,7 +59,7 @@ impl Reference {
 
     fn tick(&mut self, now: Instant) {
         loop {
-            let silent_at = (!self.text.is_empty()).then(|| self.last + SECOND);
+            let silent_at = (!self.text.is_empty()).then(|| self.last + SECOND / 2);
             let Some(at) =
                 earliest([silent_at, self.connect_at, self.give_up_at]).filter(|&at| at <= now)
             else {
