@@ -162,7 +162,8 @@ impl<P: Pixel> Picture<P> {
             [0x89, b'P', b'N', b'G', ..] => png::read(file, pixels_max),
             #[cfg(not(feature = "pictures"))]
             [0x89, b'P', b'N', b'G', ..] => Err(PictureError::Form(
-                "a PNG file, which needs hilrig's feature \"pictures\"; convert it to PGM".to_owned(),
+                "a PNG file, which needs hilrig's feature \"pictures\"; convert it to PGM"
+                    .to_owned(),
             )),
             _ => Err(PictureError::Form("neither PNG nor PGM nor PPM".to_owned())),
         }
