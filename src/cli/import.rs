@@ -1,6 +1,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use protocols::{LineConfig, Parity};
 
 use super::answer::Imported;
 use super::{CliError, Verdict, out};
@@ -8,25 +9,28 @@ use crate::capture::import::{self, Format, Options};
 use crate::realtime::playback::Side as PlayedSide;
 use crate::show::whole_file;
 
-/// Turn a dump of another tool into a capture.
+/// Turn a file of another tool into a capture.
 ///
-/// Reads what socat, jpnevulator, sigrok-cli, Saleae Logic and tio write, and bytes alone. The form
-/// is recognised by itself; bytes alone need --format raw and --baud. A line that does not fit is
-/// an error with its place.
+/// Reads hex text, dumps of xxd, hexdump and od, logs of socat, jpnevulator, interceptty and
+/// pySerial's spy://, pcap and pcapng, sigrok and Saleae exports, VCD, the CSV of `hilrig export`,
+/// and bytes alone. The form is recognised by itself; --format forces one. gzip and zip archives
+/// and UTF-16 are unpacked first. A line that does not fit is an error with its place.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     socat -x -v /dev/ttyUSB0,raw PTY,link=/tmp/robot 2> dump.txt   # then\n  \
     hilrig import dump.txt -o field.pcapng --link lidar --baud 115200\n  \
+    hilrig import two-channels.sr -o field.pcapng    # decoded as UART, the rate by its pulses\n  \
+    hilrig import logic.vcd -o field.pcapng --channel RX --channel TX --baud 115200\n  \
     hilrig import uart.txt -o field.pcapng --samplerate 4000000 --baud 115200\n  \
     hilrig import dump.bin --format raw --baud 115200 -o field.pcapng")]
 pub(super) struct ImportArgs {
-    /// Dump to read
+    /// File to read
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Capture to write
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// Form of the dump [default: recognised]
+    /// Form of the file [default: recognised]
     #[arg(long)]
     format: Option<Format>,
     /// Name of the link
@@ -38,27 +42,73 @@ pub(super) struct ImportArgs {
     /// Samples per second of the logic analyzer
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     samplerate: Option<u64>,
+    /// Channel or analyzer to read; give it once for each [default: all that carry serial bytes]
+    #[arg(long, value_name = "NAME")]
+    channel: Vec<String>,
+    /// Data bits, parity and stop bits of a line that is read from its levels
+    #[arg(long, value_name = "CODING", default_value = "8N1", value_parser = coding)]
+    coding: LineConfig,
     /// Who sent what the tool received, or what socat marks with >
     #[arg(long, value_name = "SIDE", default_value = "device")]
     from: PlayedSide,
 }
 
+/// `8N1`, `7E1`, `8E2`.
+fn coding(text: &str) -> Result<LineConfig, String> {
+    let expected = || "expected data bits, parity and stop bits, e.g. 8N1, 7E1 or 8E2".to_owned();
+    let &[data, parity, stop] = text.as_bytes() else {
+        return Err(expected());
+    };
+    let parity = match parity.to_ascii_uppercase() {
+        b'N' => Parity::None,
+        b'E' => Parity::Even,
+        b'O' => Parity::Odd,
+        _ => return Err(expected()),
+    };
+    if !(b'5'..=b'8').contains(&data) || !matches!(stop, b'1' | b'2') {
+        return Err(expected());
+    }
+    Ok(LineConfig {
+        data_bits: data - b'0',
+        parity,
+        stop_bits: stop - b'0',
+        ..LineConfig::new_8n1(1)
+    })
+}
+
 pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
     let bytes = super::read(&args.file)?;
-    let Some(format) = args.format.or_else(|| Format::detect(&bytes)) else {
-        let known = "socat, jpnevulator, sigrok or saleae";
-        let what = format!("expected a dump of {known}, or --format raw for bytes alone");
-        return Err(CliError::content(&args.file, what));
+    let content = |error: import::ImportError| CliError::content(&args.file, error);
+    let (bytes, format, mut notes) = match args.format {
+        Some(Format::Raw) => (bytes.into(), Format::Raw, Vec::new()),
+        Some(format) => {
+            let opened = import::unpacked(&bytes).map_err(content)?;
+            (opened.bytes, format, opened.notes)
+        }
+        None => {
+            let opened = import::open(&bytes, &args.file).map_err(content)?;
+            let Some(format) = opened.format else {
+                let what = format!(
+                    "{}\nbytes as they came from a port are read by --format raw --baud N",
+                    import::looked_for()
+                );
+                return Err(CliError::content(&args.file, what));
+            };
+            (opened.bytes, format, opened.notes)
+        }
     };
     let options = Options {
         link: args.link,
         baud: args.baud,
         sample_rate: args.samplerate,
         direction: args.from.speaks(),
+        channels: args.channel,
+        coding: args.coding,
     };
     let imported = import::read(&bytes, format, &options)
         .map_err(|error| CliError::content(&args.file, error))?;
-    imported.notes.iter().for_each(|note| eprintln!("{note}"));
+    notes.extend(imported.notes.iter().cloned());
+    notes.iter().for_each(|note| eprintln!("{note}"));
     let out = args.out.display();
     whole_file::write(&args.out, imported.to_pcapng(format))
         .map_err(|error| CliError::write(&out, error))?;
@@ -74,7 +124,23 @@ pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
         format: name.to_owned(),
         bytes: bytes as u64,
         records: records as u64,
-        notes: imported.notes.iter().map(ToString::to_string).collect(),
+        notes,
     });
     Ok(Verdict::Pass)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coding_is_three_characters() {
+        let read = |text| coding(text).map(|line| (line.data_bits, line.parity, line.stop_bits));
+        assert_eq!(read("8N1"), Ok((8, Parity::None, 1)));
+        assert_eq!(read("7e2"), Ok((7, Parity::Even, 2)));
+        assert_eq!(read("8O1"), Ok((8, Parity::Odd, 1)));
+        for text in ["", "8N", "9N1", "8X1", "8N3", "8N1.5"] {
+            assert!(read(text).expect_err("none").contains("8N1"), "{text}");
+        }
+    }
 }

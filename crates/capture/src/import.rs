@@ -1,198 +1,335 @@
-//! Dumps of other tools as captures.
+//! Files of other tools as captures.
 //!
-//! Each tool's form is read strictly: what does not fit is an error with its line and byte, since
-//! a dump half understood would be a test of something that never happened.
+//! [`FORMATS`] has one row per form: what it is recognised by, and the function that reads it.
+//! [`open`] unpacks a file, finds its row and refuses files that are known to be something else,
+//! with the command that converts them. A reader is strict: what does not fit is an error with its
+//! line and byte, because a dump that is half understood tests something that never happened.
 
+mod cells;
+mod decoded;
+mod foreign;
+mod hexdump;
+mod hextext;
+mod imported;
+mod interceptty;
 mod jpnevulator;
+mod levels;
+mod limited;
+mod owncsv;
+mod packet;
+mod packets;
 mod raw;
+mod roles;
 mod saleae;
+mod samples;
 mod sigrok;
 mod socat;
+mod spy;
+mod srzip;
 mod text;
+mod trace;
+mod uart;
+mod unpack;
+mod usb;
+mod vcd;
+mod zipfile;
 
-use bytes::Bytes;
-use protocols::{Instant, LineConfig};
+use std::borrow::Cow;
+use std::path::Path;
 
-use crate::{Interface, Kind, Record, Section};
-use engine::TOOL;
-use engine::rig::line::Direction;
+pub use imported::{ImportError, Imported, Options};
 
 /// Forms that can be read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
-    /// Standard error of `socat -x -v`
+    /// Standard error of `socat -x`, with or without -v
     Socat,
     /// `jpnevulator --read --timing-print`, with or without its options
     Jpnevulator,
+    /// interceptty, with or without -T
+    Interceptty,
+    /// Output of pySerial's `spy://` port
+    Spy,
+    /// Hex text: pairs, digits, 0x.., \x.., with or without times and directions
+    Hex,
+    /// Dumps with offsets: xxd, hexdump, od, tshark -x
+    #[value(aliases = ["xxd", "od"])]
+    Hexdump,
+    /// pcap or pcapng: serial, USER0 to USER15, USB serial adapters
+    #[value(alias = "pcapng")]
+    Pcap,
     /// `sigrok-cli -P uart:.. -A uart=rx-data`, best with --protocol-decoder-samplenum
     Sigrok,
+    /// `sigrok-cli -P uart:.. --protocol-decoder-jsontrace`
+    Trace,
+    /// sigrok session (.sr): channels decoded as UART
+    Sr,
+    /// VCD waveform: wires decoded as UART
+    Vcd,
+    /// Samples of a logic analyzer as CSV (sigrok, DSView, Saleae digital): decoded as UART
+    Samples,
     /// Saleae Logic, export of the serial analyzer or of Logic 2's table
     Saleae,
+    /// `hilrig export` to CSV
+    Csv,
     /// The bytes alone: `tio --log-file` without -t, `socat -r`, a dump of a port
     Raw,
 }
 
-impl Format {
-    /// Name as on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Socat => "socat",
-            Self::Jpnevulator => "jpnevulator",
-            Self::Sigrok => "sigrok",
-            Self::Saleae => "saleae",
-            Self::Raw => "raw",
-        }
-    }
+/// How sure the detection of a form is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Look {
+    /// The bytes could also be what a device sent.
+    Perhaps,
+    /// Nothing but that tool writes this.
+    Surely,
+}
 
-    /// The form of a file, if its beginning shows one; raw bytes show none.
-    pub fn detect(bytes: &[u8]) -> Option<Self> {
-        let is = |found: bool, format: Self| found.then_some(format);
-        let mut head = text::lines(bytes).take(LINES_LOOKED_AT);
-        head.find_map(|line| {
-            is(socat::is_head(line.text), Self::Socat)
-                .or(is(jpnevulator::is_head(line.text), Self::Jpnevulator))
-                .or(is(sigrok::is_data(line.text), Self::Sigrok))
-                .or(is(saleae::is_head(line.text), Self::Saleae))
-        })
+/// One form.
+struct Row {
+    format: Format,
+    /// Name, as on the command line.
+    name: &'static str,
+    /// What it is recognised by, for people.
+    mark: &'static str,
+    look: fn(&[u8]) -> Option<Look>,
+    read: fn(&[u8], &Options, &mut Imported) -> Result<(), ImportError>,
+}
+
+/// All forms. Detection takes the first row that is sure, then the first that is not.
+const FORMATS: &[Row] = &[
+    row(
+        Format::Pcap,
+        "pcap",
+        "the magic number of pcap or pcapng",
+        packets::look,
+        packets::read,
+    ),
+    row(
+        Format::Sr,
+        "sr",
+        "a zip archive with sigrok's \"metadata\"",
+        srzip::look,
+        srzip::read,
+    ),
+    row(
+        Format::Socat,
+        "socat",
+        "\"> YYYY/MM/DD hh:mm:ss.fraction length=N from=N to=N\"",
+        |bytes| any_line(bytes, socat::is_head),
+        socat::read,
+    ),
+    row(
+        Format::Jpnevulator,
+        "jpnevulator",
+        "\"YYYY-MM-DD hh:mm:ss.uuuuuu: \" above hex pairs",
+        |bytes| any_line(bytes, jpnevulator::is_head),
+        jpnevulator::read,
+    ),
+    row(
+        Format::Spy,
+        "spy",
+        "\"000000.000 TX   0000  AB 24 ..\"",
+        |bytes| any_line(bytes, spy::is_data),
+        spy::read,
+    ),
+    row(
+        Format::Interceptty,
+        "interceptty",
+        "lines of \"> <tab>0xAB (.)\" and \"< 0xAB (.)\"",
+        interceptty::look,
+        interceptty::read,
+    ),
+    row(
+        Format::Sigrok,
+        "sigrok",
+        "\"FROM-TO uart-1: AB\" or \"uart-1: AB\"",
+        |bytes| any_line(bytes, sigrok::is_data),
+        sigrok::read,
+    ),
+    row(
+        Format::Trace,
+        "trace",
+        "JSON with \"traceEvents\"",
+        trace::look,
+        trace::read,
+    ),
+    row(
+        Format::Vcd,
+        "vcd",
+        "\"$timescale\" and \"$var\"",
+        vcd::look,
+        vcd::read,
+    ),
+    row(
+        Format::Csv,
+        "csv",
+        "the head \"time_s,link,direction,event,bytes,comment\"",
+        owncsv::look,
+        owncsv::read,
+    ),
+    row(
+        Format::Saleae,
+        "saleae",
+        "the head \"Time [s],Value,..\" or \"name,type,start_time,duration,data,..\"",
+        saleae::look,
+        saleae::read,
+    ),
+    row(
+        Format::Samples,
+        "samples",
+        "columns of 0 and 1 below \"Time..\" or \"; Samplerate: N\"",
+        samples::look,
+        samples::read,
+    ),
+    row(
+        Format::Hexdump,
+        "hexdump",
+        "rows of an offset and bytes, as xxd, hexdump and od write",
+        hexdump::look,
+        hexdump::read,
+    ),
+    row(
+        Format::Hex,
+        "hex",
+        "nothing but hex digits, separators, times and directions",
+        hextext::look,
+        hextext::read,
+    ),
+    row(Format::Raw, "raw", "--format raw", |_| None, raw::read),
+];
+
+const fn row(
+    format: Format,
+    name: &'static str,
+    mark: &'static str,
+    look: fn(&[u8]) -> Option<Look>,
+    read: fn(&[u8], &Options, &mut Imported) -> Result<(), ImportError>,
+) -> Row {
+    Row {
+        format,
+        name,
+        mark,
+        look,
+        read,
     }
 }
 
 /// Diagnostics of a tool may come before its first line of data.
 const LINES_LOOKED_AT: usize = 50;
 
-/// What a dump does not say itself.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Options {
-    /// Name of the link.
-    pub link: String,
-    /// Bits per second, if known.
-    pub baud: Option<u32>,
-    /// Samples per second of a logic analyzer, if known.
-    pub sample_rate: Option<u64>,
-    /// Which way bytes went that the tool saw first: left to right, or received.
-    pub direction: Direction,
+fn any_line(bytes: &[u8], is: fn(&[u8]) -> bool) -> Option<Look> {
+    let mut head = text::lines(bytes).take(LINES_LOOKED_AT);
+    head.any(|line| is(line.text)).then_some(Look::Surely)
 }
 
-impl Options {
-    /// Time of a character, if the rate is known.
-    fn byte_nanos(&self, count: usize) -> u64 {
-        let line = self.baud.map(LineConfig::new_8n1);
-        let took = line.map_or(0, |line| line.bytes_time(count as u64).as_nanos());
-        u64::try_from(took).unwrap_or(u64::MAX)
-    }
-}
-
-/// A dump cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("line {line} (byte {offset}): {message}")]
-pub struct ImportError {
-    /// Line, from 1.
-    pub line: usize,
-    /// Where that line begins, in bytes from the start of the file.
-    pub offset: usize,
-    /// What is wrong, and what was expected.
-    pub message: String,
-}
-
-/// A dump as a capture.
-#[derive(Clone, Debug, Default)]
-pub struct Imported {
-    links: Vec<Interface>,
-    records: Vec<Record>,
-    /// What the reader should know, e.g. that times are local.
-    pub notes: Vec<&'static str>,
-    clock: &'static str,
-}
-
-impl Imported {
-    /// The links.
-    pub fn links(&self) -> &[Interface] {
-        &self.links
+impl Format {
+    /// Name as on the command line.
+    pub fn name(self) -> &'static str {
+        self.row().name
     }
 
-    /// All records in the order of the file.
-    pub fn records(&self) -> &[Record] {
-        &self.records
-    }
-
-    /// The capture as a file.
-    pub fn to_pcapng(&self, format: Format) -> Vec<u8> {
-        let mut out = Vec::new();
-        let section = Section {
-            tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
-            about: format!("imported={}\nclock={}", format.name(), self.clock),
-            scenario: String::new(),
-        };
-        section.write(&mut out);
-        self.links.iter().for_each(|link| link.write(&mut out));
-        for record in &self.records {
-            let link = u32::try_from(record.link).expect("few links");
-            record.write(link, &mut out);
+    /// The form of a file, if its beginning shows one; raw bytes show none.
+    pub fn detect(bytes: &[u8]) -> Option<Self> {
+        let found = FORMATS
+            .iter()
+            .filter_map(|row| Some(((row.look)(bytes)?, row.format)));
+        let mut best: Option<(Look, Self)> = None;
+        for (look, format) in found {
+            if best.is_none_or(|(known, _)| look > known) {
+                best = Some((look, format));
+            }
         }
-        out
+        best.map(|(_, format)| format)
     }
 
-    fn link(&mut self, name: &str, options: &Options) -> usize {
-        if let Some(known) = self.links.iter().position(|link| link.name == name) {
-            return known;
-        }
-        self.links
-            .push(Interface::new(name, options.baud.unwrap_or(0)));
-        self.links.len() - 1
+    /// The form of a file, if nothing but that tool writes such a file.
+    fn certain(bytes: &[u8]) -> Option<Self> {
+        let is = |row: &&Row| (row.look)(bytes) == Some(Look::Surely);
+        FORMATS.iter().find(is).map(|row| row.format)
     }
 
-    fn push(&mut self, link: usize, nanos: u64, direction: Direction, kind: Kind, bytes: &[u8]) {
-        let number = self.records.len() as u64;
-        self.records.push(Record {
-            link,
-            sequence: Some(number),
-            at: Instant::from_nanos(nanos),
-            direction,
-            kind,
-            bytes: Bytes::copy_from_slice(bytes),
-            sent: None,
-            pieces: Vec::new(),
-            comment: String::new(),
-        });
+    fn row(self) -> &'static Row {
+        let is_own = |row: &&Row| row.format == self;
+        FORMATS.iter().find(is_own).expect("every form has a row")
     }
 }
 
-/// Reads a dump of `format`.
+/// A file with its form.
+#[derive(Clone, Debug)]
+pub struct Opened<'a> {
+    /// The file's content: unpacked, and as UTF-8 without a byte-order mark if it is text.
+    pub bytes: Cow<'a, [u8]>,
+    /// The form, if the content shows one.
+    pub format: Option<Format>,
+    /// Whether nothing but that tool writes such a file.
+    pub is_certain: bool,
+    /// What was unpacked on the way.
+    pub notes: Vec<String>,
+}
+
+/// Unpacks a file whose form is known from elsewhere.
+///
+/// # Errors
+/// If it cannot be unpacked.
+pub fn unpacked(bytes: &[u8]) -> Result<Opened<'_>, ImportError> {
+    let mut notes = Vec::new();
+    let bytes = unpack::unpack(bytes, &mut notes)?;
+    Ok(Opened {
+        bytes,
+        format: None,
+        is_certain: false,
+        notes,
+    })
+}
+
+/// Unpacks a file and recognises its form.
+///
+/// # Errors
+/// If the file is known to be something else, with the next step; or if it cannot be unpacked.
+pub fn open<'a>(bytes: &'a [u8], path: &Path) -> Result<Opened<'a>, ImportError> {
+    let mut notes = Vec::new();
+    let bytes = unpack::unpack(bytes, &mut notes)?;
+    let certain = Format::certain(&bytes);
+    if certain.is_none()
+        && let Some(message) = foreign::refusal(&bytes, path)
+    {
+        return Err(ImportError::of_file(message));
+    }
+    let format = certain.or_else(|| Format::detect(&bytes));
+    Ok(Opened {
+        bytes,
+        format,
+        is_certain: certain.is_some(),
+        notes,
+    })
+}
+
+/// What was looked for, for the message that a file has none of these forms.
+pub fn looked_for() -> String {
+    let rows = FORMATS
+        .iter()
+        .map(|row| format!("\n  {:<12} {}", row.name, row.mark));
+    let rows: String = rows.collect();
+    format!("this file has none of the forms that can be imported; looked for:{rows}")
+}
+
+/// Reads a file of `format`.
 ///
 /// # Errors
 /// At the first line that does not fit, or if nothing was in it.
 pub fn read(bytes: &[u8], format: Format, options: &Options) -> Result<Imported, ImportError> {
-    let mut imported = Imported {
-        clock: "utc",
-        ..Imported::default()
-    };
-    match format {
-        Format::Socat => socat::read(bytes, options, &mut imported)?,
-        Format::Jpnevulator => jpnevulator::read(bytes, options, &mut imported)?,
-        Format::Sigrok => sigrok::read(bytes, options, &mut imported)?,
-        Format::Saleae => saleae::read(bytes, options, &mut imported)?,
-        Format::Raw => raw::read(bytes, options, &mut imported)?,
-    }
-    if imported.records.is_empty() {
+    let mut imported = Imported::new();
+    let row = format.row();
+    (row.read)(bytes, options, &mut imported)?;
+    if imported.records().is_empty() {
         return Err(ImportError {
             line: 1,
             offset: 0,
-            message: format!(
-                "expected bytes in the form of {}, found none",
-                format.name()
-            ),
+            message: format!("expected bytes in the form of {}, found none", row.name),
         });
     }
     Ok(imported)
-}
-
-/// The other way.
-const fn opposite(direction: Direction) -> Direction {
-    match direction {
-        Direction::ToMaster => Direction::ToDevice,
-        Direction::ToDevice => Direction::ToMaster,
-    }
 }
 
 const LOCAL: &str = "the tool wrote local times; they are taken as UTC";

@@ -8,10 +8,11 @@
 //! Behind the colon stands an alias of the port, if one was given; the counter and the text are
 //! options of the tool. The last line has no end.
 
+use super::LOCAL;
+use super::imported::{ImportError, Imported, Options};
 use super::text::{Line, decimal_nanos, lines, moment, utf8};
-use super::{ImportError, Imported, LOCAL, Options};
-use crate::Kind;
-use engine::hex;
+use crate::capture::Kind;
+use crate::hex;
 
 /// Whether a line begins a block.
 pub(super) fn is_head(text: &[u8]) -> bool {
@@ -33,7 +34,7 @@ fn head(text: &[u8]) -> Option<(u64, &str)> {
 }
 
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
-    out.notes.push(LOCAL);
+    out.note(LOCAL);
     let mut block: Option<(u64, usize, Vec<u8>)> = None;
     for line in lines(bytes).filter(|line| !line.text.is_empty()) {
         if let Some((nanos, alias)) = head(line.text) {

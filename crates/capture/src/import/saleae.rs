@@ -10,20 +10,23 @@
 //! Form known from the analyzer's source and from files of others, not from a run. The value must
 //! be in hex: in other radices the two cannot be told apart.
 
-use super::text::{Line, decimal_nanos, lines, moment, utf8};
-use super::{ImportError, Imported, Options};
-use crate::Kind;
-use engine::hex;
+use super::Look;
+use super::cells::{CellRow, rows};
+use super::imported::{ImportError, Imported, Options};
+use super::roles::{Role, roles};
+use super::text::{Line, decimal_nanos, moment};
+use crate::capture::Kind;
+use crate::hex;
 use protocols::LineEvent;
 
 const FRAMING: Kind = Kind::Line(LineEvent::FramingError);
 /// The event's number in the capture; lines of ours have no parity.
 const PARITY: Kind = Kind::Other(8);
 
-/// Whether a line is the head of such a file.
-pub(super) fn is_head(text: &[u8]) -> bool {
-    let cells = cells(utf8(text));
-    Columns::of(&cells).is_some()
+pub(super) fn look(bytes: &[u8]) -> Option<Look> {
+    let mut head = rows(bytes).take(super::LINES_LOOKED_AT);
+    let is_head = |row: CellRow<'_>| Columns::of(&row.cells).is_some();
+    head.any(is_head).then_some(Look::Surely)
 }
 
 /// Where in a row what stands.
@@ -34,16 +37,57 @@ struct Columns {
     /// Columns of errors, and what one there means if it does not say itself.
     errors: Vec<(usize, Kind)>,
     kind: Option<usize>,
+    /// The analyzer's name.
+    analyzer: Option<usize>,
+    /// Columns that only analyzers of other buses fill, with the bus.
+    others: Vec<(usize, &'static str)>,
 }
 
+/// Columns of a table that a serial line leaves empty.
+const OTHERS: [(&str, &str); 8] = [
+    ("ack", "I2C"),
+    ("read", "I2C"),
+    ("mosi", "SPI"),
+    ("miso", "SPI"),
+    ("identifier", "CAN"),
+    ("num_data_bytes", "CAN"),
+    ("crc", "CAN"),
+    ("channel", "I2S"),
+];
+/// Words in an analyzer's name for a bus that is no serial line.
+const BUSES: [&str; 8] = [
+    "i2c", "spi", "can", "lin", "i2s", "1-wire", "onewire", "jtag",
+];
+
 impl Columns {
+    /// The bus that a row is of, if that is no serial line.
+    fn other_bus(&self, row: &CellRow<'_>) -> Option<&'static str> {
+        let filled = self
+            .others
+            .iter()
+            .find(|(column, _)| !row.cell(*column).is_empty());
+        if let Some((_, bus)) = filled {
+            return Some(bus);
+        }
+        let name = self
+            .analyzer
+            .map_or("", |column| row.cell(column))
+            .to_lowercase();
+        let words = name.split(|c: char| !(c.is_alphanumeric() || c == '-'));
+        let mut words = words.filter(|word| !word.is_empty());
+        words.find_map(|word| BUSES.iter().find(|bus| **bus == word).copied())
+    }
+
     fn of(cells: &[String]) -> Option<Self> {
         let find = |name: &str| {
             cells
                 .iter()
                 .position(|cell| cell.eq_ignore_ascii_case(name))
         };
-        if let (Some(time), Some(value)) = (find("Time [s]"), find("Value")) {
+        if let (Some(time), Some(value)) = (
+            find("Time [s]"),
+            find("Value").or(find("Decoded Protocol Result")),
+        ) {
             let errors = [("Parity Error", PARITY), ("Framing Error", FRAMING)];
             let errors = errors
                 .into_iter()
@@ -54,6 +98,8 @@ impl Columns {
                 value,
                 errors: errors.collect(),
                 kind: None,
+                analyzer: find("Analyzer Name").or_else(|| find("Name")),
+                others: Vec::new(),
             });
         }
         Some(Self {
@@ -65,71 +111,114 @@ impl Columns {
                 .into_iter()
                 .collect(),
             kind: Some(find("type")?),
+            analyzer: find("name"),
+            others: OTHERS
+                .iter()
+                .filter_map(|&(name, bus)| Some((find(name)?, bus)))
+                .collect(),
         })
     }
 }
 
-/// The cells of a row; a quoted one may hold commas, and quotes twice.
-fn cells(row: &str) -> Vec<String> {
-    let (mut cells, mut cell, mut quoted) = (Vec::new(), String::new(), false);
-    let mut chars = row.chars().peekable();
-    while let Some(c) = chars.next() {
-        match c {
-            '"' if quoted && chars.next_if_eq(&'"').is_some() => cell.push('"'),
-            '"' => quoted = !quoted,
-            ',' if !quoted => cells.push(core::mem::take(&mut cell)),
-            c => cell.push(c),
+/// A table's analyzers of which none is another bus.
+fn analyzers(
+    table: &[CellRow<'_>],
+    columns: &Columns,
+    options: &Options,
+) -> Result<Vec<String>, ImportError> {
+    let mut all: Vec<String> = Vec::new();
+    for row in table {
+        let name = columns.analyzer.map_or("", |column| row.cell(column));
+        if !all.iter().any(|known| known == name) {
+            all.push(name.to_owned());
         }
     }
-    cells.push(cell);
-    cells.iter().map(|cell| cell.trim().to_owned()).collect()
+    let named = all.join(", ");
+    if let Some(missing) = options.channels.iter().find(|name| !all.contains(name)) {
+        return Err(ImportError::of_file(format!(
+            "--channel {missing}: there is no such analyzer, expected one of: {named}"
+        )));
+    }
+    let is_chosen = |name: &String| options.channels.is_empty() || options.channels.contains(name);
+    let chosen: Vec<String> = all.into_iter().filter(is_chosen).collect();
+    for row in table {
+        let name = columns.analyzer.map_or("", |column| row.cell(column));
+        let is_own = chosen.iter().any(|chosen| chosen == name);
+        if let Some(bus) = columns.other_bus(row).filter(|_| is_own) {
+            return Err(row.line.wrong(format!(
+                "this row of \"{name}\" is of a bus ({bus}), not of a serial line; --channel NAME \
+                 chooses the analyzers that are: {named}"
+            )));
+        }
+    }
+    Ok(chosen)
 }
 
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
     out.clock = "virtual";
-    let link = out.link(&options.link, options);
-    let mut rows = lines(bytes).filter(|line| !line.text.is_empty());
-    let Some(head) = rows.next() else {
+    let mut table = rows(bytes);
+    let Some(head) = table.next() else {
         return Ok(());
     };
-    let columns = Columns::of(&cells(utf8(head.text))).ok_or_else(|| {
-        head.wrong("expected \"Time [s],Value,..\" or \"name,type,start_time,duration,data,..\"")
+    let columns = Columns::of(&head.cells).ok_or_else(|| {
+        head.line
+            .wrong("expected \"Time [s],Value,..\" or \"name,type,start_time,duration,data,..\"")
     })?;
-    for line in rows {
-        let row = cells(utf8(line.text));
-        let cell = |index: usize| row.get(index).map_or("", String::as_str);
-        if columns.kind.is_some_and(|kind| cell(kind) != "data") {
+    let table: Vec<CellRow<'_>> = table.collect();
+    let analyzers = analyzers(&table, &columns, options)?;
+    let roles = match columns.analyzer {
+        Some(_) => roles(&analyzers, options, out),
+        None => vec![Role {
+            link: options.link.clone(),
+            direction: options.direction,
+        }],
+    };
+    for row in table {
+        let name = columns.analyzer.map_or("", |column| row.cell(column));
+        let index = analyzers.iter().position(|analyzer| analyzer == name);
+        let role = index.and_then(|index| roles.get(index));
+        let is_data = columns.kind.is_none_or(|kind| row.cell(kind) == "data");
+        let Some(role) = role.filter(|_| is_data) else {
             continue;
-        }
-        let (nanos, is_date) = time(cell(columns.time))
-            .ok_or_else(|| line.wrong("expected seconds, or a date, as the time"))?;
-        if is_date {
-            out.clock = "utc";
-        }
-        let took = match columns.duration {
-            Some(index) => decimal_nanos(cell(index))
-                .ok_or_else(|| line.wrong("expected seconds as the duration"))?,
-            None => options.byte_nanos(1),
         };
-        let errors = columns.errors.iter();
-        let mut errors = errors.map(|&(index, kind)| (cell(index), kind));
-        let kind = match errors.find(|(error, _)| !error.is_empty()) {
-            None => Kind::Data,
-            Some(("Error", kind)) => kind,
-            Some(("framing", _)) => FRAMING,
-            Some(("parity", _)) => PARITY,
-            Some(_) => return Err(line.wrong("expected no error, Error, framing or parity")),
-        };
-        let byte = value(line, cell(columns.value))?;
-        let bytes = if kind == Kind::Data { &[byte][..] } else { &[] };
-        out.push(
-            link,
-            nanos.saturating_add(took),
-            options.direction,
-            kind,
-            bytes,
-        );
+        byte(&row, &columns, role, options, out)?;
     }
+    out.sort();
+    Ok(())
+}
+
+fn byte(
+    row: &CellRow<'_>,
+    columns: &Columns,
+    role: &Role,
+    options: &Options,
+    out: &mut Imported,
+) -> Result<(), ImportError> {
+    let line = row.line;
+    let (nanos, is_date) = time(row.cell(columns.time))
+        .ok_or_else(|| line.wrong("expected seconds, or a date, as the time"))?;
+    if is_date {
+        out.clock = "utc";
+    }
+    let took = match columns.duration {
+        Some(index) => decimal_nanos(row.cell(index))
+            .ok_or_else(|| line.wrong("expected seconds as the duration"))?,
+        None => options.byte_nanos(1),
+    };
+    let errors = columns.errors.iter();
+    let mut errors = errors.map(|&(index, kind)| (row.cell(index), kind));
+    let kind = match errors.find(|(error, _)| !error.is_empty()) {
+        None => Kind::Data,
+        Some(("Error", kind)) => kind,
+        Some(("framing", _)) => FRAMING,
+        Some(("parity", _)) => PARITY,
+        Some(_) => return Err(line.wrong("expected no error, Error, framing or parity")),
+    };
+    let byte = value(line, row.cell(columns.value))?;
+    let bytes = if kind == Kind::Data { &[byte][..] } else { &[] };
+    let link = out.link(&role.link, options);
+    let at = nanos.saturating_add(took);
+    out.push(link, at, role.direction, kind, bytes);
     Ok(())
 }
 
@@ -159,18 +248,14 @@ fn value(line: Line<'_>, text: &str) -> Result<u8, ImportError> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cells::cells;
+    use super::super::text::lines;
     use super::*;
+    use crate::capture::import::{Format, read as read_format};
+    use crate::rig::line::Direction;
 
-    /// RFC 4180: a quoted cell may hold commas, and quotes twice.
-    #[test]
-    fn a_row_is_cut_at_its_commas() {
-        assert_eq!(cells("a, b ,,c"), ["a", "b", "", "c"]);
-        assert_eq!(
-            cells("\"a,b\",\"say \"\"no\"\"\",c"),
-            ["a,b", "say \"no\"", "c"]
-        );
-        assert_eq!(cells("\"\",\"\"\"\""), ["", "\""]);
-        assert_eq!(cells(""), [""]);
+    fn is_head(text: &[u8]) -> bool {
+        look(text).is_some()
     }
 
     /// Both forms have their columns anywhere, in capitals or not; without a time or a value it is
@@ -227,5 +312,59 @@ mod tests {
             [Some(0xFA), Some(0xFA), Some(7)]
         );
         assert_eq!(["FA", "0x", "0x100", "250", ""].map(of), [None; 5]);
+    }
+
+    fn told(text: &str, channels: &[&str]) -> Result<Vec<(u64, Direction, u8)>, String> {
+        let options = Options {
+            channels: channels.iter().map(|name| (*name).to_owned()).collect(),
+            ..Options::default()
+        };
+        let found = read_format(text.as_bytes(), Format::Saleae, &options);
+        let found = found.map_err(|error| error.to_string())?;
+        let tuple =
+            |one: &crate::capture::Record| (one.at.as_nanos() / 1000, one.direction, one.bytes[0]);
+        Ok(found.records().iter().map(tuple).collect())
+    }
+
+    /// Two analyzers on one table are the two directions, by their names or in their order.
+    #[test]
+    fn two_analyzers_are_two_directions() {
+        let (up, down) = (Direction::ToMaster, Direction::ToDevice);
+        for [rx, tx] in [
+            ["RX from gps", "TX to gps"],
+            ["Async Serial", "Async Serial [1]"],
+        ] {
+            let text = format!(
+                "name,type,start_time,duration,data,error\n\
+                 \"{rx}\",\"data\",0.001,0.0001,0x24,\n\
+                 \"{tx}\",\"data\",0.0005,0.0001,0xB5,\n\
+                 \"{rx}\",\"data\",0.002,0.0001,0x47,\n"
+            );
+            let expected = vec![(600, down, 0xB5), (1_100, up, 0x24), (2_100, up, 0x47)];
+            assert_eq!(told(&text, &[]), Ok(expected), "{rx}");
+            assert_eq!(told(&text, &[tx]).map(|told| told.len()), Ok(1));
+        }
+    }
+
+    /// A row of I2C is no byte of a serial line: by what its columns hold, or by its name.
+    #[test]
+    fn a_row_of_another_bus_is_refused() {
+        let head = "name,type,start_time,duration,data,error,ack,address,read\n";
+        let serial = "\"Async Serial\",\"data\",0.1,0.0001,0x24,,,,\n";
+        for (row, bus) in [
+            ("\"Sensor\",\"data\",0.2,0.0001,0xA0,,true,,\n", "I2C"),
+            ("\"my SPI\",\"data\",0.2,0.0001,0xA0,,,,\n", "spi"),
+        ] {
+            let text = format!("{head}{serial}{row}");
+            let error = told(&text, &[]).expect_err("another bus");
+            let is_told = error.starts_with("line 3") && error.contains(&format!("({bus})"));
+            assert!(is_told && error.contains("--channel NAME"), "{error}");
+            assert_eq!(told(&text, &["Async Serial"]).map(|told| told.len()), Ok(1));
+            let unknown = told(&text, &["UART"]).expect_err("unknown");
+            assert!(
+                unknown.contains("expected one of: Async Serial"),
+                "{unknown}"
+            );
+        }
     }
 }

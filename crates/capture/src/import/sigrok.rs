@@ -7,13 +7,16 @@
 //! The range is in samples and covers the data bits; without it the bytes are taken as back to
 //! back.
 
+use super::imported::{ImportError, Imported, Options};
+use super::roles::roles;
 use super::text::{Line, lines, number, utf8};
-use super::{ImportError, Imported, Options};
-use crate::Kind;
-use engine::hex;
+use crate::capture::Kind;
+use crate::hex;
+use crate::rig::line::Direction;
 use protocols::LineEvent;
 
 struct Annotation<'a> {
+    decoder: &'a str,
     samples: Option<(u64, u64)>,
     what: &'a str,
 }
@@ -32,7 +35,11 @@ fn annotation(text: &[u8]) -> Option<Annotation<'_>> {
             Some((number(from)?, number(to)?))
         }
     };
-    Some(Annotation { samples, what })
+    Some(Annotation {
+        decoder,
+        samples,
+        what,
+    })
 }
 
 /// Whether a line is a byte.
@@ -40,19 +47,55 @@ pub(super) fn is_data(text: &[u8]) -> bool {
     annotation(text).is_some_and(|one| hex::byte(one.what.as_bytes()).is_some())
 }
 
+/// One decoder of the output.
+#[derive(Default)]
+struct Decoder {
+    link: usize,
+    direction: Option<Direction>,
+    count: usize,
+    /// Where the last byte's data bits ended.
+    last_end: Option<u64>,
+}
+
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
     out.clock = "virtual";
-    let link = out.link(&options.link, options);
-    let (mut count, mut last_end) = (0, None);
-    for line in lines(bytes).filter(|line| !line.text.is_empty()) {
+    let full = || lines(bytes).filter(|line| !line.text.is_empty());
+    let mut names: Vec<String> = Vec::new();
+    for one in full().filter_map(|line| annotation(line.text)) {
+        if !names.iter().any(|name| name == one.decoder) {
+            names.push(one.decoder.to_owned());
+        }
+    }
+    let roles = roles(&names, options, out);
+    let mut decoders: Vec<Decoder> = Vec::new();
+    for role in &roles {
+        decoders.push(Decoder {
+            link: out.link(&role.link, options),
+            direction: Some(role.direction),
+            ..Decoder::default()
+        });
+    }
+    if names.len() == 1 {
+        out.note(
+            "sigrok-cli's lines do not tell RX from TX: all are taken as one direction; if they \
+             hold both, use --protocol-decoder-jsontrace, or import the .sr file",
+        );
+    }
+    for line in full() {
         let expected = "expected \"FROM-TO uart-1: XX\" or \"uart-1: XX\"";
         let one = annotation(line.text).ok_or_else(|| line.wrong(expected))?;
-        let nanos = time(line, &one, options, count)?;
+        let index = names.iter().position(|name| name == one.decoder);
+        let own = index.and_then(|index| decoders.get_mut(index));
+        let own = own.ok_or_else(|| line.wrong(expected))?;
+        let nanos = time(line, &one, options, own.count)?;
         let (kind, byte) = match (one.what, hex::byte(one.what.as_bytes())) {
             (_, Some(byte)) => (Kind::Data, Some(byte)),
             ("Frame error", None) => {
                 // Said of the byte above, if that ends where this begins.
-                if one.samples.is_some_and(|(from, _)| last_end == Some(from)) {
+                if one
+                    .samples
+                    .is_some_and(|(from, _)| own.last_end == Some(from))
+                {
                     out.records.pop();
                 }
                 (Kind::Line(LineEvent::FramingError), None)
@@ -64,9 +107,22 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
                 return Err(line.wrong(format!("found \"{what}\", {expected}")));
             }
         };
-        count += usize::from(byte.is_some());
-        last_end = one.samples.map(|(_, to)| to).filter(|_| byte.is_some());
-        out.push(link, nanos, options.direction, kind, byte.as_slice());
+        if byte.is_some() {
+            let overlaps = |(from, _): (u64, u64)| own.last_end.is_some_and(|end| from < end);
+            if one.samples.is_some_and(overlaps) {
+                return Err(line.wrong(
+                    "the byte overlaps the one before, so RX and TX are mixed here: use \
+                     --protocol-decoder-jsontrace, or import the .sr file",
+                ));
+            }
+            own.count += 1;
+        }
+        own.last_end = one.samples.map(|(_, to)| to).filter(|_| byte.is_some());
+        let direction = own.direction.unwrap_or(options.direction);
+        out.push(own.link, nanos, direction, kind, byte.as_slice());
+    }
+    if names.len() > 1 {
+        out.sort();
     }
     Ok(())
 }

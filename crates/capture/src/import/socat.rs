@@ -7,15 +7,17 @@
 //! --
 //! ```
 //!
-//! Hex stands in a field of 16 times 3 columns, text behind it, and a line ends early after 0x0A.
+//! With `-v` hex stands in a field of 16 times 3 columns, text behind it, and a line ends early
+//! after 0x0A; "--" ends the block. Without it all bytes of a block are on one line, and nothing
+//! stands behind it.
 //! The fraction of version 1.7 is microseconds filled up to nine digits (.000761120 is 0.761120 s,
 //! found by known gaps); a file in which one is larger has nanoseconds.
 
+use super::LOCAL;
+use super::imported::{ImportError, Imported, Options};
 use super::text::{Line, lines, moment, number, utf8};
-use super::{ImportError, Imported, LOCAL, Options, opposite};
-use crate::Kind;
-use engine::hex;
-use engine::rig::line::Direction;
+use crate::capture::Kind;
+use crate::hex;
 
 struct Head {
     is_left_to_right: bool,
@@ -57,22 +59,21 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     let has_nanoseconds = heads.map(|head| head.fraction).max() >= Some(1_000_000);
     let unit = if has_nanoseconds { 1 } else { 1_000 };
     let link = out.link(&options.link, options);
-    out.notes.push(LOCAL);
+    out.note(LOCAL);
+    let has_text = lines(bytes).any(|line| line.text == b"--");
     let mut block: Option<Block> = None;
     let mut last = None;
     for line in lines(bytes) {
         last = Some(line);
         match &mut block {
             Some(open) if open.bytes.len() < open.head.length => {
-                open.bytes
-                    .extend(dumped(line, open.head.length - open.bytes.len())?);
+                let most = open.head.length - open.bytes.len();
+                open.bytes.extend(dumped(line, most, has_text)?);
+                if !has_text && open.bytes.len() == open.head.length {
+                    flush(link, unit, block.take(), options, out);
+                }
             }
-            Some(Block { head, bytes }) if line.text == b"--" => {
-                let direction = direction(head, options);
-                let nanos = head.seconds * 1_000_000_000 + head.fraction * unit;
-                out.push(link, nanos, direction, Kind::Data, bytes);
-                block = None;
-            }
+            Some(_) if line.text == b"--" => flush(link, unit, block.take(), options, out),
             Some(_) => return Err(line.wrong("expected \"--\" behind the block")),
             // Between blocks socat's own diagnostics may stand.
             None => {
@@ -101,16 +102,19 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     }
 }
 
-fn direction(head: &Head, options: &Options) -> Direction {
-    match head.is_left_to_right {
-        true => options.direction,
-        false => opposite(options.direction),
+fn flush(link: usize, unit: u64, block: Option<Block>, options: &Options, out: &mut Imported) {
+    if let Some(Block { head, bytes }) = block {
+        let direction = options.way(head.is_left_to_right);
+        let nanos = head.seconds * 1_000_000_000 + head.fraction * unit;
+        out.push(link, nanos, direction, Kind::Data, &bytes);
     }
 }
 
 /// The bytes of one line, at most `most`.
-fn dumped(line: Line<'_>, most: usize) -> Result<Vec<u8>, ImportError> {
-    let field = &line.text[..line.text.len().min(48)];
+fn dumped(line: Line<'_>, most: usize, has_text: bool) -> Result<Vec<u8>, ImportError> {
+    // Only with -v there is text behind the hex.
+    let width = if has_text { 48 } else { line.text.len() };
+    let field = &line.text[..line.text.len().min(width)];
     let cells = field.chunks(3);
     let cells = cells.take_while(|cell| cell.iter().any(|&byte| byte != b' '));
     let byte = |cell: &[u8]| cell.strip_prefix(b" ").and_then(hex::byte);
@@ -118,7 +122,8 @@ fn dumped(line: Line<'_>, most: usize) -> Result<Vec<u8>, ImportError> {
     let bytes = bytes.filter(|bytes| !bytes.is_empty() && bytes.len() <= most);
     bytes.ok_or_else(|| {
         line.wrong(format!(
-            "expected 1 to {most} bytes of two hex digits behind spaces"
+            "expected 1 to {most} bytes of two hex digits behind spaces, as socat -x writes \
+             (socat -v alone does not tell all bytes)"
         ))
     })
 }

@@ -1,0 +1,78 @@
+//! Rows and cells of comma-separated values, RFC 4180: a quoted cell may hold commas, line ends,
+//! and quotes twice.
+
+use super::text::{Line, lines, utf8};
+
+/// A row and where it begins.
+#[derive(Clone, Debug)]
+pub(super) struct CellRow<'a> {
+    pub(super) line: Line<'a>,
+    pub(super) cells: Vec<String>,
+}
+
+impl CellRow<'_> {
+    /// The cell of a column; empty if the row is shorter.
+    pub(super) fn cell(&self, column: usize) -> &str {
+        self.cells.get(column).map_or("", String::as_str)
+    }
+}
+
+/// All rows that are not empty, cells without the spaces around them.
+pub(super) fn rows(bytes: &[u8]) -> impl Iterator<Item = CellRow<'_>> {
+    let mut lines = lines(bytes).filter(|line| !line.text.is_empty());
+    core::iter::from_fn(move || {
+        let first = lines.next()?;
+        let mut text = utf8(first.text).to_owned();
+        // An odd number of quotes: a cell goes on in the next line.
+        while text.matches('"').count() % 2 == 1 {
+            let Some(more) = lines.next() else { break };
+            text.push('\n');
+            text.push_str(utf8(more.text));
+        }
+        let cells = cells(&text);
+        Some(CellRow { line: first, cells })
+    })
+}
+
+/// The cells of a row.
+pub(super) fn cells(row: &str) -> Vec<String> {
+    let (mut cells, mut cell, mut quoted) = (Vec::new(), String::new(), false);
+    let mut chars = row.chars().peekable();
+    while let Some(c) = chars.next() {
+        match c {
+            '"' if quoted && chars.next_if_eq(&'"').is_some() => cell.push('"'),
+            '"' => quoted = !quoted,
+            ',' if !quoted => cells.push(core::mem::take(&mut cell)),
+            c => cell.push(c),
+        }
+    }
+    cells.push(cell);
+    cells.iter().map(|cell| cell.trim().to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// RFC 4180: a quoted cell may hold commas, and quotes twice.
+    #[test]
+    fn a_row_is_cut_at_its_commas() {
+        assert_eq!(cells("a, b ,,c"), ["a", "b", "", "c"]);
+        assert_eq!(
+            cells("\"a,b\",\"say \"\"no\"\"\",c"),
+            ["a,b", "say \"no\"", "c"]
+        );
+        assert_eq!(cells("\"\",\"\"\"\""), ["", "\""]);
+        assert_eq!(cells(""), [""]);
+    }
+
+    /// RFC 4180, rule 6: a line end inside quotes is part of the cell.
+    #[test]
+    fn a_quoted_cell_may_go_on_in_the_next_line() {
+        let rows: Vec<_> = rows(b"a,\"b\r\nc\"\r\n\r\nd,e\r\n").collect();
+        let cells: Vec<_> = rows.iter().map(|row| row.cells.clone()).collect();
+        assert_eq!(cells, [["a", "b\nc"], ["d", "e"]]);
+        assert_eq!(rows[1].line.number, 4);
+        assert_eq!((rows[0].cell(0), rows[0].cell(7)), ("a", ""));
+    }
+}

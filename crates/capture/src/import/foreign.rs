@@ -1,0 +1,292 @@
+//! Files that are known and cannot be imported, each with the next step.
+
+use std::path::Path;
+
+use super::raw;
+use super::text::{lines, number, utf8};
+
+/// A known kind of file.
+struct Foreign {
+    is: fn(&[u8], &str) -> bool,
+    message: &'static str,
+}
+
+/// What to do with a file, if it is known to be something that is no dump of a serial line.
+pub(super) fn refusal(bytes: &[u8], path: &Path) -> Option<String> {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    let extension = extension.unwrap_or_default().to_ascii_lowercase();
+    let is = |foreign: &&Foreign| (foreign.is)(bytes, &extension);
+    let found = FOREIGN.iter().find(is)?;
+    Some(found.message.to_owned())
+}
+
+const fn foreign(is: fn(&[u8], &str) -> bool, message: &'static str) -> Foreign {
+    Foreign { is, message }
+}
+
+const FOREIGN: &[Foreign] = &[
+    foreign(
+        |bytes, extension| extension == "sal" || bytes.starts_with(b"<SALEAE>"),
+        "this is a capture of Saleae Logic 2; in Logic 2 export the Async Serial analyzers \
+         (Data > Export Table, hexadecimal) or the channels (File > Export Raw Data, CSV)",
+    ),
+    foreign(
+        |bytes, extension| {
+            extension == "logicdata"
+                || has(&bytes[..bytes.len().min(64)], b"serialization::archive")
+        },
+        "this is a capture of Saleae Logic 1 (.logicdata); open it in Logic 1 and use Options > \
+         Export data: CSV, all samples as times and channels",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(b"btsnoop\0"),
+        "this is a Bluetooth HCI log (btsnoop); export the bytes of its serial channel: tshark -r \
+         FILE -Y btrfcomm.data -T fields -e btrfcomm.data > bytes.hex, then import bytes.hex",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(b"\x89MCAP0\r\n"),
+        "this is an MCAP file; export the capture as CSV or pcapng where it was recorded: hilrig \
+         export CAPTURE -o FILE.csv",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(b"#ROSBAG") || bytes.starts_with(b"SQLite format 3\0"),
+        "this is a ROS bag or a database; write the bytes of the serial topic to a file and import \
+         that with --format raw",
+    ),
+    foreign(
+        |bytes, extension| {
+            let names = ["fst", "lxt", "lxt2", "vzt", "ghw"];
+            names.contains(&extension) && !bytes.starts_with(b"$")
+        },
+        "this is a compressed waveform; convert it to VCD: fst2vcd FILE > FILE.vcd (or lxt2vcd, \
+         vzt2vcd of GTKWave)",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(b"\xFD7zXZ\0"),
+        "this file is compressed by xz; unpack it first: xz -dk FILE",
+    ),
+    foreign(
+        |bytes, _| {
+            bytes.starts_with(b"BZh") && bytes.get(4..10) == Some(b"\x31\x41\x59\x26\x53\x59")
+        },
+        "this file is compressed by bzip2; unpack it first: bzip2 -dk FILE",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(b"\x28\xB5\x2F\xFD"),
+        "this file is compressed by zstd; unpack it first: zstd -dk FILE",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(b"7z\xBC\xAF\x27\x1C") || bytes.starts_with(b"Rar!\x1A\x07"),
+        "this is a 7z or RAR archive; unpack it first: 7z x FILE",
+    ),
+    foreign(
+        |bytes, _| bytes.get(257..262) == Some(b"ustar"),
+        "this is a tar archive; unpack it first: tar -xf FILE",
+    ),
+    foreign(
+        |bytes, _| all_lines(bytes, is_intel_hex),
+        "this is a firmware image (Intel HEX), not the traffic of a line; if its content is wanted \
+         all the same: objcopy -I ihex -O binary FILE FILE.bin, then --format raw",
+    ),
+    foreign(
+        |bytes, _| all_lines(bytes, is_s_record),
+        "this is a firmware image (S-records), not the traffic of a line; if its content is wanted \
+         all the same: objcopy -I srec -O binary FILE FILE.bin, then --format raw",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(b"\x7FELF") || bytes.starts_with(b"MZ"),
+        "this is a program, not the traffic of a line",
+    ),
+    foreign(
+        |bytes, _| {
+            let pictures = [
+                &b"\x89PNG\r\n\x1A\n"[..],
+                b"\xFF\xD8\xFF",
+                b"GIF8",
+                b"%PDF-",
+            ];
+            pictures.iter().any(|magic| bytes.starts_with(magic))
+        },
+        "this is a picture or a document; copy its hex text into a text file and import that",
+    ),
+    foreign(
+        |bytes, _| {
+            let head = utf8(&bytes[..bytes.len().min(64)])
+                .trim_start()
+                .to_ascii_lowercase();
+            head.starts_with("<!doctype html") || head.starts_with("<html")
+        },
+        "this is a web page; copy its hex text into a text file and import that",
+    ),
+    foreign(
+        |bytes, _| any_line(bytes, is_socat_text),
+        "socat -v writes text, which does not tell all bytes; record with socat -x -v",
+    ),
+    foreign(
+        |bytes, _| any_line(bytes, raw::is_stamped),
+        "tio wrote times between the bytes: log without -t and import that with --format raw",
+    ),
+    foreign(
+        |bytes, _| any_line(bytes, is_other_annotation),
+        "these are annotations of a sigrok decoder that is no UART; decode the line with -P \
+         uart:baudrate=N:rx=CHANNEL --protocol-decoder-jsontrace, or import the .sr file",
+    ),
+    foreign(
+        |bytes, _| any_line(bytes, is_candump),
+        "this is a log of a CAN bus, which has frames and no serial bytes; hilrig has no CAN",
+    ),
+    foreign(
+        |bytes, _| {
+            let text = utf8(bytes).trim_start();
+            text.starts_with('[') && text.contains("\"_source\"") && text.contains("\"layers\"")
+        },
+        "this is tshark's JSON; export the bytes instead: tshark -r FILE.pcapng -T fields -e \
+         frame.time_epoch -e data.data > bytes.hex, or import the .pcapng",
+    ),
+];
+
+fn has(bytes: &[u8], part: &[u8]) -> bool {
+    bytes.windows(part.len()).any(|window| window == part)
+}
+
+/// Lines that are looked at.
+const LINES: usize = 50;
+
+fn any_line(bytes: &[u8], is: fn(&[u8]) -> bool) -> bool {
+    lines(bytes).take(LINES).any(|line| is(line.text))
+}
+
+fn all_lines(bytes: &[u8], is: fn(&[u8]) -> bool) -> bool {
+    let full = lines(bytes).filter(|line| !line.text.is_empty());
+    let mut full = full.take(LINES).peekable();
+    full.peek().is_some() && full.all(|line| is(line.text))
+}
+
+/// `:`, a length, as many bytes and five more, whose sum is 0.
+fn is_intel_hex(text: &[u8]) -> bool {
+    let bytes = utf8(text).strip_prefix(':').and_then(crate::hex::bytes);
+    bytes.is_some_and(|bytes| {
+        let sum = bytes.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
+        bytes
+            .first()
+            .is_some_and(|&len| bytes.len() == usize::from(len) + 5)
+            && sum == 0
+    })
+}
+
+/// `S`, a digit, a length and as many bytes, whose sum is 255.
+fn is_s_record(text: &[u8]) -> bool {
+    let Some([b'S', b'0'..=b'9', rest @ ..]) = Some(text) else {
+        return false;
+    };
+    crate::hex::bytes(utf8(rest)).is_some_and(|bytes| {
+        let sum = bytes.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
+        bytes
+            .first()
+            .is_some_and(|&len| bytes.len() == usize::from(len) + 1)
+            && sum == 0xFF
+    })
+}
+
+/// A head of socat in the middle of what `-v` alone shows: it begins behind what was sent.
+fn is_socat_text(text: &[u8]) -> bool {
+    let text = utf8(text);
+    ["> 20", "< 20"].iter().any(|mark| {
+        let place = text.find(mark);
+        place.is_some_and(|at| at > 0 && text[at..].contains("  length="))
+    })
+}
+
+/// `12-34 i2c-1: Start`, or without samples.
+fn is_other_annotation(text: &[u8]) -> bool {
+    let Some((head, _)) = utf8(text).split_once(": ") else {
+        return false;
+    };
+    let decoder = match head.split_once(' ') {
+        Some((range, decoder)) => {
+            let ends = range.split_once('-');
+            let are = |(from, to)| number(from).is_some() && number(to).is_some();
+            if !ends.is_some_and(are) {
+                return false;
+            }
+            decoder
+        }
+        None => head,
+    };
+    let Some((name, number_of)) = decoder.rsplit_once('-') else {
+        return false;
+    };
+    const DECODERS: [&str; 8] = [
+        "i2c",
+        "spi",
+        "can",
+        "lin",
+        "onewire_link",
+        "jtag",
+        "swd",
+        "ps2",
+    ];
+    DECODERS.contains(&name) && number(number_of).is_some()
+}
+
+/// `(1436509052.249713) can0 123#DEADBEEF`.
+fn is_candump(text: &[u8]) -> bool {
+    let mut words = utf8(text).split_ascii_whitespace();
+    let (Some(time), Some(_), Some(frame), None) =
+        (words.next(), words.next(), words.next(), words.next())
+    else {
+        return false;
+    };
+    let is_time = time.starts_with('(') && time.ends_with(')') && time.contains('.');
+    let is_hex = |text: &str| text.bytes().all(|byte| byte.is_ascii_hexdigit());
+    is_time
+        && frame
+            .split_once('#')
+            .is_some_and(|(id, data)| is_hex(id) && is_hex(data))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(bytes: &[u8], name: &str) -> String {
+        refusal(bytes, Path::new(name)).unwrap_or_default()
+    }
+
+    /// Sums by hand: 00+00+00+01+FF = 100; S9 03 00 00 FC sums to FF.
+    #[test]
+    fn firmware_images_are_no_traffic() {
+        assert!(of(b":0100000000FF\r\n:00000001FF\r\n", "a.hex").contains("Intel HEX"));
+        assert!(of(b"S9030000FC\n", "a.srec").contains("S-records"));
+        assert_eq!(of(b":0100000000FE\n", "a.hex"), "");
+        assert_eq!(of(b"", "a.hex"), "");
+    }
+
+    #[test]
+    fn a_known_file_names_its_next_step() {
+        for (bytes, name, step) in [
+            (&b"x"[..], "run.sal", "Export Table"),
+            (b"x", "run.LOGICDATA", "Options > Export data"),
+            (b"btsnoop\0\0\0\0\x01", "a.log", "tshark"),
+            (b"\x89MCAP0\r\n", "a.mcap", "hilrig export"),
+            (b"\xFD7zXZ\0", "a.xz", "xz -dk"),
+            (b"\x28\xB5\x2F\xFD", "a.zst", "zstd -dk"),
+            (b"\x01\x02", "a.fst", "fst2vcd"),
+            (b"\x7FELF", "a", "program"),
+            (b"12-34 i2c-1: Start\n", "a.txt", "jsontrace"),
+            (b"(1436509052.249713) can0 123#DEADBEEF\n", "a.log", "CAN"),
+            (
+                b"ATI> 2026/11/27 13:47:27.000193  length=5 from=0 to=4\n",
+                "a",
+                "-x -v",
+            ),
+            (b"[08:00:04.460] ab\n", "a", "without -t"),
+            (b"<!DOCTYPE html>\n", "a", "web page"),
+        ] {
+            let said = of(bytes, name);
+            assert!(said.contains(step), "{name}: {said}");
+        }
+        assert_eq!(of(b"$GPGGA,1,2\r\n", "a.nmea"), "");
+        assert_eq!(of(b"note: some text\n", "a.txt"), "");
+    }
+}

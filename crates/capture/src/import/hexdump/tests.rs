@@ -1,0 +1,165 @@
+use super::*;
+
+/// What the tools print of the same 37 bytes: xxd 2022-01-14, hexdump of util-linux 2.38.1, od of
+/// coreutils 9.1, tshark 4.0.17 (`-x`). The first row twice more, so that `*` appears.
+fn source() -> Vec<u8> {
+    let row = b"\xAB\x24\x0A\x00\xD9\xAB$ ab\x00\x01\x02\x03\x04\x05";
+    [&row[..], row, b"ASCI\xFF"].concat()
+}
+
+fn bytes(text: &str) -> Result<Vec<u8>, String> {
+    let rows = rows(text.as_bytes()).map_err(|error| error.to_string())?;
+    let (_, _, chunks) = chunks(&rows).map_err(|error| error.to_string())?;
+    Ok(chunks.concat())
+}
+
+#[test]
+fn every_layout_is_read_with_the_same_bytes() {
+    for (name, text) in [
+        (
+            "xxd",
+            "00000000: ab24 0a00 d9ab 2420 6162 0001 0203 0405  .$....$ ab......\n\
+             00000010: ab24 0a00 d9ab 2420 6162 0001 0203 0405  .$....$ ab......\n\
+             00000020: 4153 4349 ff                             ASCI.\n",
+        ),
+        (
+            "xxd -g1 -c8",
+            "00000000: ab 24 0a 00 d9 ab 24 20  .$....$ \n\
+             00000008: 61 62 00 01 02 03 04 05  ab......\n\
+             00000010: ab 24 0a 00 d9 ab 24 20  .$....$\n\
+             00000018: 61 62 00 01 02 03 04 05  ab......\n\
+             00000020: 41 53 43 49 ff           ASCI.\n",
+        ),
+        (
+            "xxd -e",
+            "00000000: 000a24ab 2024abd9 01006261 05040302  .$....$ ab......\n\
+             00000010: 000a24ab 2024abd9 01006261 05040302  .$....$ ab......\n\
+             00000020: 49435341       ff                    ASCI.\n",
+        ),
+        (
+            "hexdump -C",
+            "00000000  ab 24 0a 00 d9 ab 24 20  61 62 00 01 02 03 04 05  |.$....$ ab......|\n\
+             *\n\
+             00000020  41 53 43 49 ff                                    |ASCI.|\n\
+             00000025\n",
+        ),
+        (
+            "hexdump",
+            "0000000 24ab 000a abd9 2024 6261 0100 0302 0504\n*\n\
+             0000020 5341 4943 00ff                         \n0000025\n",
+        ),
+        (
+            "od",
+            "0000000 022253 000012 125731 020044 061141 000400 001402 002404\n*\n\
+             0000040 051501 044503 000377\n0000045\n",
+        ),
+        (
+            "od -t x1",
+            "0000000 ab 24 0a 00 d9 ab 24 20 61 62 00 01 02 03 04 05\n*\n\
+             0000040 41 53 43 49 ff\n0000045\n",
+        ),
+        (
+            "od -A x -t x1z",
+            "000000 ab 24 0a 00 d9 ab 24 20 61 62 00 01 02 03 04 05  >.$....$ ab......<\n*\n\
+             000020 41 53 43 49 ff                                   >ASCI.<\n000025\n",
+        ),
+        (
+            "od -A d -b",
+            "0000000 253 044 012 000 331 253 044 040 141 142 000 001 002 003 004 005\n*\n\
+             0000032 101 123 103 111 377\n0000037\n",
+        ),
+        (
+            "od -t u1",
+            "0000000 171  36  10   0 217 171  36  32  97  98   0   1   2   3   4   5\n*\n\
+             0000040  65  83  67  73 255\n0000045\n",
+        ),
+        (
+            "od -t d1",
+            "0000000  -85   36   10    0  -39  -85   36   32   97   98    0    1    2    3    4    5\n\
+             *\n0000040   65   83   67   73   -1\n0000045\n",
+        ),
+        (
+            "od -c",
+            "0000000 253   $  \\n  \\0 331 253   $       a   b  \\0 001 002 003 004 005\n*\n\
+             0000040   A   S   C   I 377\n0000045\n",
+        ),
+        (
+            "od -t x4",
+            "0000000 000a24ab 2024abd9 01006261 05040302\n*\n0000040 49435341 000000ff\n0000045\n",
+        ),
+        (
+            "hexdump -d",
+            "0000000   09387   00010   43993   08228   25185   00256   00770   01284\n*\n\
+             0000020   21313   18755   00255                                        \n0000025\n",
+        ),
+    ] {
+        assert_eq!(look(text.as_bytes()), Some(Look::Surely), "{name}");
+        assert_eq!(bytes(text), Ok(source()), "{name}");
+    }
+}
+
+/// `xxd -b`, and packets of `tshark -x`, whose offsets begin anew.
+#[test]
+fn binary_digits_and_packets_are_read() {
+    let bits = "00000000: 01000001 11111111 00000000  A..\n";
+    assert_eq!(bytes(bits), Ok(vec![0x41, 0xFF, 0]));
+    let packets = "0000  ab 24 0a 00 d9                                    .$...\n\n\
+                   0000  ab 24 84 09                                       .$..\n";
+    let rows = rows(packets.as_bytes()).expect("rows");
+    let (_, _, chunks) = chunks(&rows).expect("packets");
+    assert_eq!(chunks, [&b"\xAB\x24\x0A\x00\xD9"[..], b"\xAB\x24\x84\x09"]);
+}
+
+/// A text column that happens to look like hex is text, since it says the same.
+#[test]
+fn the_text_beside_the_bytes_is_no_data() {
+    assert_eq!(bytes("00000000: 6162 6364  abcd\n"), Ok(b"abcd".to_vec()));
+    assert_eq!(bytes("00000000: 6162 6364       \n"), Ok(b"abcd".to_vec()));
+}
+
+#[test]
+fn damage_is_an_error_with_its_line() {
+    let error = |text: &str| bytes(text).expect_err("damaged");
+    let gap = error("00000000: ab24  .$\n00000004: 0a00  ..\n");
+    assert!(
+        gap.starts_with("line 1") && gap.contains("4 bytes up to the next"),
+        "{gap}"
+    );
+    let back = error("00000004: ab24  .$\n00000002: 0a00  ..\n");
+    assert!(
+        back.contains("the offset is 0x2, the bytes before it end at 0x6"),
+        "{back}"
+    );
+    let other = error("00000000: ab24  .$\n00000002: 0a61  .b\n");
+    assert!(other.contains("line 2"), "{other}");
+    let star = error("0000000 ab 24\n*\n0000005 0a\n0000006\n");
+    assert!(star.contains("\"*\""), "{star}");
+    assert!(error("0000000 ab24\n*\nffffffffffffffff 00\n").contains("line"));
+    assert!(error("hello\n").contains("expected an offset"));
+}
+
+/// od's 0000040 is 32, hexdump's 64. The last row tells them apart if it is not full.
+#[test]
+fn repeated_rows_are_counted_by_the_tools_own_offsets() {
+    let row = "0000000 24ab 000a abd9 2024 6261 0100 0302 0504\n*\n";
+    let of_od = format!("{row}0000040 5341\n0000042\n");
+    assert_eq!(bytes(&of_od).map(|bytes| bytes.len()), Ok(34));
+    let of_hexdump = format!("{row}0000040 5341                                   \n0000042\n");
+    assert_eq!(bytes(&of_hexdump).map(|bytes| bytes.len()), Ok(66));
+    let error = bytes(&format!("{row}0000040\n")).expect_err("either");
+    assert!(error.contains("od -A x"), "{error}");
+}
+
+/// A row of decimal figures and a lone row prove nothing.
+#[test]
+fn other_text_is_no_dump() {
+    for text in [
+        "12345 67 89\n",
+        "2026 11 27\n",
+        "",
+        "abcd\n",
+        "1000 12\n1001 13\n",
+    ] {
+        assert_eq!(look(text.as_bytes()), None, "{text:?}");
+    }
+}

@@ -1,0 +1,231 @@
+//! Hex text as people paste it.
+//!
+//! ```text
+//! AB 24 0A 00 D9                      pairs; also AB240A00D9, AB:24:0A, AB,24,0A
+//! 0xAB, 0x24, 0x0A                    numbers of C or Python, in brackets or in an array
+//! \xAB\x24\n                          escapes; plain characters too if in quotes
+//! [12:11:23.000501] TX: AB 24 0A      a time and a direction before the bytes
+//! AB 24 0A   // set the motors        a comment
+//! ```
+//!
+//! A line that begins with a time or a direction begins a message; lines without either go on with
+//! it. In a file that has neither, each line is a message, unless the lines are only wrapped.
+
+mod prefix;
+mod tokens;
+
+use super::imported::{ImportError, Imported, Options, Untimed};
+use super::text::{Line, lines, utf8};
+use super::{LOCAL, Look};
+use crate::capture::Kind;
+use prefix::{Clock, Prefix};
+use tokens::Found;
+
+/// A message of the file.
+struct Message<'a> {
+    line: Line<'a>,
+    at: Option<(u64, Clock)>,
+    is_sent: Option<bool>,
+    bytes: Vec<u8>,
+}
+
+/// All that a file says.
+#[derive(Default)]
+struct Whole<'a> {
+    messages: Vec<Message<'a>>,
+    /// Bytes whose digits can only be hex: with a letter among them, or a prefix.
+    evident: usize,
+    /// Groups of more than two digits.
+    groups: usize,
+    has_marks: bool,
+}
+
+/// Bytes without a letter among their digits from which on chance no longer explains it: a tenth
+/// of a percent.
+const PLAIN_MAX: usize = 8;
+
+pub(super) fn look(bytes: &[u8]) -> Option<Look> {
+    if core::str::from_utf8(bytes).is_err() {
+        return None;
+    }
+    let (whole, bad) = parse(bytes);
+    let count: usize = whole.messages.iter().map(|one| one.bytes.len()).sum();
+    // One unreadable line among many is an error of that line, and not another form.
+    if count == 0 || bad.len() * 10 > whole.messages.len() {
+        return None;
+    }
+    let is_marked = whole.has_marks || whole.evident * 8 >= count;
+    match count {
+        0..2 => is_marked.then_some(Look::Perhaps),
+        _ if is_marked => Some(Look::Surely),
+        ..PLAIN_MAX => Some(Look::Perhaps),
+        _ => None,
+    }
+}
+
+pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    if core::str::from_utf8(bytes).is_err() {
+        return Err(ImportError::of_file(
+            "expected text of hex digits, found bytes that are no text: --format raw reads them",
+        ));
+    }
+    let (whole, bad) = parse(bytes);
+    if let Some(error) = bad.into_iter().next() {
+        return Err(error);
+    }
+    say_doubts(&whole, out);
+    let is_timed = whole.messages.iter().any(|one| one.at.is_some());
+    match is_timed {
+        true => timed(&whole, options, out),
+        false => {
+            untimed(&whole, options, out);
+            Ok(())
+        }
+    }
+}
+
+fn say_doubts(whole: &Whole<'_>, out: &mut Imported) {
+    if whole.evident == 0 && !whole.has_marks {
+        out.note("no digit is a letter: the digits are taken as hex");
+    }
+    if whole.groups > 0 {
+        out.note(
+            "groups of four or more digits are taken as bytes in the order written; od and \
+             hexdump without options swap them: --format hexdump with their offsets",
+        );
+    }
+    if whole.messages.iter().any(|one| one.is_sent.is_some()) {
+        out.note("what is marked as sent goes to the device; --from host is the other way round");
+    }
+}
+
+fn timed(whole: &Whole<'_>, options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    let link = out.link(&options.link, options);
+    let first = whole.messages.iter().find_map(|one| one.at);
+    let clock = first.map_or(Clock::Seconds, |(_, clock)| clock);
+    match clock {
+        Clock::Date => out.note(LOCAL),
+        Clock::Day | Clock::Seconds => out.clock = "virtual",
+    }
+    let (mut days, mut last) = (0, 0);
+    for one in &whole.messages {
+        let Some((mut nanos, own)) = one.at else {
+            return Err(one.line.wrong("expected a time, as the lines before have"));
+        };
+        if own != clock {
+            return Err(one.line.wrong("expected a time of the same form as before"));
+        }
+        if own == Clock::Day {
+            // Midnight: the time of the day begins anew.
+            if nanos + days + HALF_DAY < last {
+                days += 2 * HALF_DAY;
+            }
+            nanos += days;
+        }
+        last = nanos;
+        let direction = options.way(!one.is_sent.unwrap_or(false));
+        out.push(link, nanos, direction, Kind::Data, &one.bytes);
+    }
+    Ok(())
+}
+
+const HALF_DAY: u64 = 12 * 3_600 * 1_000_000_000;
+
+fn untimed(whole: &Whole<'_>, options: &Options, out: &mut Imported) {
+    let mut times = Untimed::new(options, out);
+    let is_wrapped = is_wrapped(whole);
+    for one in &whole.messages {
+        let direction = options.way(!one.is_sent.unwrap_or(false));
+        if is_wrapped {
+            times.stream(direction, &one.bytes, out);
+        } else {
+            times.push(direction, &one.bytes, out);
+            times.pause();
+        }
+    }
+}
+
+/// Whether the lines are one stream that was cut at a fixed width: all are of one length but for a
+/// shorter last one, and of a width that tools use.
+fn is_wrapped(whole: &Whole<'_>) -> bool {
+    let Some((last, rest)) = whole.messages.split_last() else {
+        return true;
+    };
+    let Some(first) = rest.first() else {
+        return true;
+    };
+    const WIDTHS: [usize; 8] = [8, 10, 12, 16, 20, 24, 30, 32];
+    let width = first.bytes.len();
+    let plain = rest
+        .iter()
+        .all(|one| one.bytes.len() == width && one.is_sent.is_none());
+    plain && last.bytes.len() <= width && last.is_sent.is_none() && WIDTHS.contains(&width)
+}
+
+/// All messages, and the errors of lines that are none.
+fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
+    let (mut whole, mut bad) = (Whole::default(), Vec::new());
+    let mut open: Option<Prefix> = None;
+    let mut is_comment = false;
+    let has_array = is_array(bytes);
+    for line in lines(bytes) {
+        let text = tokens::without_comments(utf8(line.text), &mut is_comment);
+        let text = if has_array {
+            tokens::inside_braces(&text)
+        } else {
+            text
+        };
+        if text.trim().is_empty() {
+            continue;
+        }
+        let (prefix, body) = prefix::split(&text);
+        let found = match tokens::read(body) {
+            Ok(found) => found,
+            Err(message) => {
+                bad.push(line.wrong(message));
+                continue;
+            }
+        };
+        whole.take(line, prefix, &mut open, found);
+    }
+    whole.messages.retain(|one| !one.bytes.is_empty());
+    (whole, bad)
+}
+
+/// Whether the text is an array of C: only what is between braces is data.
+fn is_array(bytes: &[u8]) -> bool {
+    let text = utf8(bytes);
+    text.contains('{') && text.contains("[") && text.contains('=') && text.contains("0x")
+}
+
+impl<'a> Whole<'a> {
+    fn take(&mut self, line: Line<'a>, prefix: Prefix, open: &mut Option<Prefix>, found: Found) {
+        self.evident += found.evident;
+        self.groups += found.groups;
+        self.has_marks |= found.has_marks;
+        let is_new = prefix.at.is_some() || prefix.is_sent.is_some();
+        // A line with nothing but a time or a direction is the head of those below.
+        if is_new && found.bytes.is_empty() {
+            *open = Some(prefix);
+            return;
+        }
+        let head = if is_new { Some(prefix) } else { open.take() };
+        match (head, self.messages.last_mut()) {
+            (None, Some(last)) if last.at.is_some() || last.is_sent.is_some() => {
+                last.bytes.extend(found.bytes);
+            }
+            (head, _) => {
+                let head = head.unwrap_or_default();
+                self.messages.push(Message {
+                    line,
+                    at: head.at,
+                    is_sent: head.is_sent,
+                    bytes: found.bytes,
+                });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

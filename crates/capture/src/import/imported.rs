@@ -1,0 +1,259 @@
+//! What an import makes, and what it is told.
+
+use bytes::Bytes;
+use protocols::{Instant, LineConfig};
+
+use crate::TOOL;
+use crate::capture::{Interface, Kind, Record, Section};
+use crate::rig::line::Direction;
+
+/// What a dump does not say itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Name of the link.
+    pub link: String,
+    /// Bits per second, if known.
+    pub baud: Option<u32>,
+    /// Samples per second of a logic analyzer, if known.
+    pub sample_rate: Option<u64>,
+    /// Which way bytes went that the tool saw first: left to right, or received.
+    pub direction: Direction,
+    /// Channels or analyzers to read; all that carry serial bytes if empty.
+    pub channels: Vec<String>,
+    /// Data bits, parity and stop bits of levels; the rate in it is not used.
+    pub coding: LineConfig,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            link: "line".to_owned(),
+            baud: None,
+            sample_rate: None,
+            direction: Direction::ToMaster,
+            channels: Vec::new(),
+            coding: LineConfig::new_8n1(1),
+        }
+    }
+}
+
+/// Rate of bytes without times if none is given, bit/s.
+const ASSUMED_BAUD: u32 = 115_200;
+
+impl Options {
+    /// Time of characters, if the rate is known.
+    pub(super) fn byte_nanos(&self, count: usize) -> u64 {
+        let line = self.baud.map(|baud| LineConfig {
+            baud,
+            ..self.coding
+        });
+        let took = line.map_or(0, |line| line.bytes_time(count as u64).as_nanos());
+        u64::try_from(took).unwrap_or(u64::MAX)
+    }
+
+    /// The direction of what the host received or sent.
+    pub(super) fn way(&self, is_received: bool) -> Direction {
+        match is_received {
+            true => self.direction,
+            false => opposite(self.direction),
+        }
+    }
+}
+
+/// The other direction.
+pub(super) const fn opposite(direction: Direction) -> Direction {
+    match direction {
+        Direction::ToMaster => Direction::ToDevice,
+        Direction::ToDevice => Direction::ToMaster,
+    }
+}
+
+/// A dump cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ImportError {
+    /// Line, from 1; 0 if the file has no lines.
+    pub line: usize,
+    /// Where that line begins, in bytes from the start of the file.
+    pub offset: usize,
+    /// What is wrong, and what was expected.
+    pub message: String,
+}
+
+impl ImportError {
+    /// An error of the file as a whole.
+    pub(super) fn of_file(message: impl Into<String>) -> Self {
+        Self::at_byte(0, message)
+    }
+
+    /// An error of a file without lines.
+    pub(super) fn at_byte(offset: usize, message: impl Into<String>) -> Self {
+        let message = message.into();
+        Self {
+            line: 0,
+            offset,
+            message,
+        }
+    }
+}
+
+impl core::fmt::Display for ImportError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let (line, offset, message) = (self.line, self.offset, &self.message);
+        match (line, offset) {
+            (0, 0) => f.write_str(message),
+            (0, _) => write!(f, "byte {offset}: {message}"),
+            _ => write!(f, "line {line} (byte {offset}): {message}"),
+        }
+    }
+}
+
+impl core::error::Error for ImportError {}
+
+/// A dump as a capture.
+#[derive(Clone, Debug)]
+pub struct Imported {
+    links: Vec<Interface>,
+    pub(super) records: Vec<Record>,
+    /// What the reader should know, e.g. that times are local.
+    pub notes: Vec<String>,
+    pub(super) clock: &'static str,
+}
+
+impl Imported {
+    pub(super) const fn new() -> Self {
+        Self {
+            links: Vec::new(),
+            records: Vec::new(),
+            notes: Vec::new(),
+            clock: "utc",
+        }
+    }
+
+    /// The links.
+    pub fn links(&self) -> &[Interface] {
+        &self.links
+    }
+
+    /// All records in the order of the file.
+    pub fn records(&self) -> &[Record] {
+        &self.records
+    }
+
+    /// The capture as a file.
+    pub fn to_pcapng(&self, format: super::Format) -> Vec<u8> {
+        let mut out = Vec::new();
+        let section = Section {
+            tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
+            about: format!("imported={}\nclock={}", format.name(), self.clock),
+            scenario: String::new(),
+        };
+        section.write(&mut out);
+        self.links.iter().for_each(|link| link.write(&mut out));
+        for record in &self.records {
+            let link = u32::try_from(record.link).expect("few links");
+            record.write(link, &mut out);
+        }
+        out
+    }
+
+    pub(super) fn note(&mut self, note: impl Into<String>) {
+        let note = note.into();
+        if !self.notes.contains(&note) {
+            self.notes.push(note);
+        }
+    }
+
+    pub(super) fn link(&mut self, name: &str, options: &Options) -> usize {
+        self.link_at(name, options.baud.unwrap_or(0))
+    }
+
+    /// The link called `name`, whose rate is `baud` if it is new.
+    pub(super) fn link_at(&mut self, name: &str, baud: u32) -> usize {
+        if let Some(known) = self.links.iter().position(|link| link.name == name) {
+            return known;
+        }
+        self.links.push(Interface::new(name, baud));
+        self.links.len() - 1
+    }
+
+    pub(super) fn push(
+        &mut self,
+        link: usize,
+        nanos: u64,
+        direction: Direction,
+        kind: Kind,
+        bytes: &[u8],
+    ) {
+        let number = self.records.len() as u64;
+        self.records.push(Record {
+            link,
+            sequence: Some(number),
+            at: Instant::from_nanos(nanos),
+            direction,
+            kind,
+            bytes: Bytes::copy_from_slice(bytes),
+            sent: None,
+            pieces: Vec::new(),
+            comment: String::new(),
+        });
+    }
+
+    /// Puts the records in the order of time, and numbers them so.
+    pub(super) fn sort(&mut self) {
+        self.records.sort_by_key(|record| record.at);
+        for (number, record) in (0..).zip(&mut self.records) {
+            record.sequence = Some(number);
+        }
+    }
+}
+
+/// Gives times to bytes that have none: back to back at the line's rate.
+pub(super) struct Untimed {
+    options: Options,
+    link: usize,
+    characters: usize,
+}
+
+/// Characters of silence between two messages without times.
+const SILENCE: usize = 4;
+/// Bytes of one record where the file does not divide them.
+const PIECE: usize = 16;
+
+impl Untimed {
+    /// Of the link that the options name. Without a rate in them one is assumed, and said.
+    pub(super) fn new(options: &Options, out: &mut Imported) -> Self {
+        out.clock = "virtual";
+        let mut options = options.clone();
+        if options.baud.is_none() {
+            options.baud = Some(ASSUMED_BAUD);
+            out.note(format!(
+                "the file has no times: bytes follow each other at an assumed {ASSUMED_BAUD} baud; \
+                 --baud N sets another rate"
+            ));
+        }
+        let link = out.link(&options.link, &options);
+        Self {
+            options,
+            link,
+            characters: 0,
+        }
+    }
+
+    /// Bytes that belong together, as one record.
+    pub(super) fn push(&mut self, direction: Direction, bytes: &[u8], out: &mut Imported) {
+        self.characters += bytes.len();
+        let nanos = self.options.byte_nanos(self.characters);
+        out.push(self.link, nanos, direction, Kind::Data, bytes);
+    }
+
+    /// Bytes that nothing divides, as records of a few.
+    pub(super) fn stream(&mut self, direction: Direction, bytes: &[u8], out: &mut Imported) {
+        let pieces = bytes.chunks(PIECE);
+        pieces.for_each(|piece| self.push(direction, piece, out));
+    }
+
+    /// A pause, so that two messages stay two.
+    pub(super) fn pause(&mut self) {
+        self.characters += SILENCE;
+    }
+}

@@ -1,0 +1,19 @@
+//! One packet of a pcap or pcapng file.
+
+use crate::capture::pcapng::Order;
+
+/// One packet of a file.
+#[derive(Clone, Debug)]
+pub(super) struct Packet {
+    pub(super) link_type: u16,
+    /// Byte order of the machine that recorded it.
+    pub(super) order: Order,
+    /// Which interface of the file.
+    pub(super) interface: usize,
+    pub(super) nanos: u64,
+    /// Whether the host sent it, if the file says.
+    pub(super) is_outbound: Option<bool>,
+    pub(super) bytes: Vec<u8>,
+    /// Bytes that the recording cut off.
+    pub(super) cut: u32,
+}

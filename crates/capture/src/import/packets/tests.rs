@@ -1,0 +1,182 @@
+use super::*;
+use crate::capture::import::{Format, read as read_format};
+use crate::capture::{Interface, Record, Section};
+
+const READ: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+
+type Told = Vec<(u64, Direction, Vec<u8>)>;
+
+fn told(file: &[u8]) -> Result<(Told, Vec<String>), String> {
+    assert_eq!(Format::detect(file), Some(Format::Pcap));
+    let found = read_format(file, Format::Pcap, &Options::default());
+    let found = found.map_err(|error| error.to_string())?;
+    let tuple = |one: &Record| (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec());
+    Ok((found.records().iter().map(tuple).collect(), found.notes))
+}
+
+/// A classic file of packets, 1.5 s and a second later.
+fn classic_file(link_type: u32, magic: u32, part: u32, big: bool, packets: &[&[u8]]) -> Vec<u8> {
+    let word = |number: u32| {
+        if big {
+            number.to_be_bytes()
+        } else {
+            number.to_le_bytes()
+        }
+    };
+    let half = |number: u16| {
+        if big {
+            number.to_be_bytes()
+        } else {
+            number.to_le_bytes()
+        }
+    };
+    let mut out = word(magic).to_vec();
+    [2, 4].iter().for_each(|&number| out.extend(half(number)));
+    [0, 0, 65_535, link_type]
+        .iter()
+        .for_each(|&number| out.extend(word(number)));
+    for (second, packet) in (1..).zip(packets) {
+        let len = u32::try_from(packet.len()).expect("short");
+        [second, part, len, len]
+            .iter()
+            .for_each(|&number| out.extend(word(number)));
+        out.extend_from_slice(packet);
+    }
+    out
+}
+
+/// Magic numbers of microseconds and nanoseconds, in both byte orders: a million microseconds and
+/// a billion nanoseconds are a second.
+#[test]
+fn a_classic_file_is_read_in_all_four_forms() {
+    for (magic, part, big) in [
+        (0xA1B2_C3D4, 500_000, false),
+        (0xA1B2_C3D4, 500_000, true),
+        (0xA1B2_3C4D, 500_000_000, false),
+        (0xA1B2_3C4D, 500_000_000, true),
+    ] {
+        let file = classic_file(147, magic, part, big, &[&READ, b"\x01"]);
+        let (told, notes) = told(&file).expect("sound");
+        let way = Direction::ToMaster;
+        let expected = [(1_500_000, way, READ.to_vec()), (2_500_000, way, vec![1])];
+        assert_eq!(told, expected);
+        assert!(notes[0].contains("--from host"), "{notes:?}");
+    }
+}
+
+fn option(code: u16, value: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    pcapng::write_option(&mut out, code, value);
+    out
+}
+
+/// A pcapng file of one interface; each packet at 1.5 s, with flags if there are any.
+fn blocks_file(link_type: u16, interface: &[u8], packets: &[(&[u8], Option<u8>)]) -> Vec<u8> {
+    let mut out = Vec::new();
+    pcapng::write_block(&mut out, pcapng::SECTION, pcapng::write_section_head);
+    pcapng::write_block(&mut out, pcapng::INTERFACE, |out| {
+        out.extend(link_type.to_le_bytes());
+        out.extend([0; 6]);
+        out.extend(interface);
+    });
+    for (bytes, flags) in packets {
+        pcapng::write_block(&mut out, pcapng::PACKET, |out| {
+            let len = u32::try_from(bytes.len()).expect("short");
+            let numbers = [0, 0, 1_500_000, len, len];
+            numbers
+                .iter()
+                .for_each(|number: &u32| out.extend(number.to_le_bytes()));
+            let start = out.len();
+            out.extend_from_slice(bytes);
+            pcapng::pad(out, start);
+            if let Some(flags) = flags {
+                out.extend(option(2, &[*flags, 0, 0, 0]));
+            }
+        });
+    }
+    out
+}
+
+/// Flags 1 and 2 are what the host received and sent; USER0 to USER15 are 147 to 162.
+#[test]
+fn packets_of_private_link_types_are_the_bytes_of_the_line() {
+    for link_type in [147, 150, 162] {
+        let interface = option(2, b"base");
+        let packets: [(&[u8], _); 2] = [(&READ, Some(2)), (b"\x01", Some(1))];
+        let file = blocks_file(link_type, &interface, &packets);
+        let (told, notes) = told(&file).expect("sound");
+        let expected = [
+            (1_500_000, Direction::ToDevice, READ.to_vec()),
+            (1_500_000, Direction::ToMaster, vec![1]),
+        ];
+        assert_eq!((told, notes), (expected.to_vec(), vec![]));
+    }
+}
+
+/// A capture of our own comes back as it was.
+#[test]
+fn serial_packets_lose_their_head() {
+    let mut file = Vec::new();
+    Section::default().write(&mut file);
+    Interface::new("base", 1_000_000).write(&mut file);
+    let record = Record {
+        link: 0,
+        sequence: Some(0),
+        at: protocols::Instant::from_micros(7),
+        direction: Direction::ToDevice,
+        kind: Kind::Data,
+        bytes: READ.to_vec().into(),
+        sent: None,
+        pieces: Vec::new(),
+        comment: String::new(),
+    };
+    record.write(0, &mut file);
+    let (told, _) = told(&file).expect("sound");
+    assert_eq!(told, [(7, Direction::ToDevice, READ.to_vec())]);
+    let found = read_format(&file, Format::Pcap, &Options::default()).expect("sound");
+    assert_eq!(
+        (found.links()[0].name.as_str(), found.links()[0].baud),
+        ("base", 1_000_000)
+    );
+}
+
+#[test]
+fn packets_of_networks_are_refused_with_the_next_step() {
+    for (link_type, step) in [
+        (1, "tshark -r FILE -Y tcp.payload"),
+        (113, "tshark"),
+        (227, "CAN"),
+        (201, "btrfcomm"),
+        (288, "usbmon"),
+        (300, "link type 300"),
+    ] {
+        let file = blocks_file(link_type, &[], &[(&[0; 60], None)]);
+        let error = told(&file).expect_err("no serial bytes");
+        assert!(error.contains(step), "{error}");
+    }
+    let empty = blocks_file(147, &[], &[]);
+    assert!(told(&empty).expect_err("empty").contains("no packets"));
+}
+
+#[test]
+fn a_cut_file_or_packet_is_told() {
+    let file = classic_file(147, 0xA1B2_C3D4, 0, false, &[&READ, &READ]);
+    let (found, notes) = told(&file[..file.len() - 3]).expect("the first is whole");
+    assert_eq!(found.len(), 1);
+    assert!(notes[0].contains("18 bytes at its end"), "{notes:?}");
+    let mut short = file.clone();
+    short[24 + 12] = 9;
+    assert!(
+        told(&short)
+            .expect_err("cut")
+            .contains("cut 4 bytes off a packet")
+    );
+    let mut blocks = blocks_file(147, &[], &[(&READ, None)]);
+    let last = blocks.len() - 1;
+    blocks[last] = 0xFF;
+    assert!(
+        told(&blocks)
+            .expect_err("damaged")
+            .contains("pcapng file is damaged")
+    );
+}

@@ -1,0 +1,211 @@
+//! Which channel or analyzer is which direction of which link.
+
+use super::imported::{Imported, Options, opposite};
+use crate::rig::line::Direction;
+
+/// What a channel stands for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Role {
+    pub(super) link: String,
+    pub(super) direction: Direction,
+}
+
+/// What a name says of itself.
+struct Told {
+    direction: Direction,
+    /// The rest of the name.
+    about: String,
+    /// Whether `hilrig export` wrote the name, so that the rest is the link's.
+    is_exported: bool,
+}
+
+/// The end of a name in which `hilrig export` tells the direction.
+const EXPORTED: [(&str, Direction); 2] = [
+    (".to-master", Direction::ToMaster),
+    (".to-device", Direction::ToDevice),
+];
+/// Words for what the host received.
+const RECEIVED: [&str; 9] = [
+    "rx", "rxd", "recv", "receive", "received", "reply", "response", "answer", "device",
+];
+/// Words for what it sent.
+const SENT: [&str; 9] = [
+    "tx", "txd", "send", "sent", "request", "command", "cmd", "transmit", "host",
+];
+/// Words that count only if the name has none of those.
+const BETWEEN: [&str; 2] = ["from", "to"];
+
+/// The roles of channels of these names. A name tells it (RX, TX, to-device); two channels without
+/// such names are two directions; more are links of their own. Two channels of one role are two
+/// links: nothing is merged.
+pub(super) fn roles(names: &[String], options: &Options, out: &mut Imported) -> Vec<Role> {
+    let told: Vec<Option<Told>> = names.iter().map(|name| of_name(name, options)).collect();
+    let mut roles: Vec<Role> = Vec::new();
+    for (index, name) in names.iter().enumerate() {
+        let role = match (&told[index], &told[..]) {
+            (Some(own), all) => of_told(own, all, options),
+            (None, [_]) => role(&options.link, options.direction),
+            (None, [first, second]) => {
+                let other = if index == 0 { second } else { first };
+                let other = other.as_ref().map(|other| opposite(other.direction));
+                role(&options.link, other.unwrap_or(options.way(index == 0)))
+            }
+            (None, _) => role(name, options.direction),
+        };
+        let is_taken = roles.contains(&role);
+        roles.push(match is_taken {
+            true => self::role(name, role.direction),
+            false => role,
+        });
+    }
+    say(names, &told, &roles, options, out);
+    roles
+}
+
+fn role(link: &str, direction: Direction) -> Role {
+    Role {
+        link: link.to_owned(),
+        direction,
+    }
+}
+
+/// The role of a name that tells it: of one link, unless the names are about several.
+fn of_told(own: &Told, all: &[Option<Told>], options: &Options) -> Role {
+    let others = all.iter().flatten();
+    let is_one = match all {
+        [Some(first), Some(second)] => first.direction != second.direction,
+        _ => others.into_iter().all(|other| other.about == own.about),
+    };
+    if own.is_exported || (!is_one && !own.about.is_empty()) {
+        return role(&own.about, own.direction);
+    }
+    role(&options.link, own.direction)
+}
+
+fn of_name(name: &str, options: &Options) -> Option<Told> {
+    for (end, direction) in EXPORTED {
+        if let Some(link) = name.strip_suffix(end) {
+            return Some(Told {
+                direction,
+                about: link.to_owned(),
+                is_exported: true,
+            });
+        }
+    }
+    let words: Vec<String> = name
+        .split(|c: char| !c.is_alphanumeric())
+        .map(str::to_lowercase)
+        .collect();
+    let is_received = |word: &str| word_is(word, &RECEIVED, "rx");
+    let is_sent = |word: &str| word_is(word, &SENT, "tx");
+    let mark = words.iter().find(|word| is_received(word) != is_sent(word));
+    let received = match mark {
+        Some(mark) => is_received(mark),
+        None => {
+            let between = words.iter().find(|word| BETWEEN.contains(&word.as_str()))?;
+            between == "from"
+        }
+    };
+    let is_about = |word: &&String| {
+        let word = word.as_str();
+        !(word.is_empty() || is_received(word) || is_sent(word) || BETWEEN.contains(&word))
+    };
+    let about: Vec<&str> = words.iter().filter(is_about).map(String::as_str).collect();
+    Some(Told {
+        direction: options.way(received),
+        about: about.join("-"),
+        is_exported: false,
+    })
+}
+
+/// Whether a word is one of `words`, perhaps with a number, or ends as `end`.
+fn word_is(word: &str, words: &[&str], end: &str) -> bool {
+    let plain = word.trim_end_matches(|c: char| c.is_ascii_digit());
+    words.contains(&plain) || plain.ends_with(end)
+}
+
+/// Tells what was decided, unless the file says it itself.
+fn say(
+    names: &[String],
+    told: &[Option<Told>],
+    roles: &[Role],
+    options: &Options,
+    out: &mut Imported,
+) {
+    let is_plain = names.len() == 1 && told[0].is_none();
+    if is_plain || told.iter().flatten().any(|told| told.is_exported) {
+        return;
+    }
+    for (name, role) in names.iter().zip(roles) {
+        let way = match role.direction {
+            Direction::ToMaster => "from the device",
+            Direction::ToDevice => "to the device",
+        };
+        let link = match role.link == options.link {
+            true => String::new(),
+            false => format!(", link \"{}\"", role.link),
+        };
+        out.note(format!("\"{name}\" is taken as {way}{link}"));
+    }
+    if told.iter().any(Option::is_none) || names.len() == 1 {
+        out.note("--from host is the other way round");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(names: &[&str]) -> Vec<(String, bool)> {
+        let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+        let roles = roles(&names, &Options::default(), &mut Imported::new());
+        let pair = |role: Role| (role.link, role.direction == Direction::ToDevice);
+        roles.into_iter().map(pair).collect()
+    }
+
+    fn role(link: &str, is_sent: bool) -> (String, bool) {
+        (link.to_owned(), is_sent)
+    }
+
+    #[test]
+    fn a_name_tells_its_direction() {
+        let both = [role("line", false), role("line", true)];
+        for names in [
+            ["RX from lidar", "TX to lidar"],
+            ["uart_rx", "uart_tx"],
+            ["RXD0", "TXD0"],
+            ["from lidar", "to lidar"],
+            ["D0", "D1"],
+            ["RX", "D1"],
+            ["D0", "TX"],
+            ["gps rx", "base tx"],
+        ] {
+            assert_eq!(of(&names), both, "{names:?}");
+        }
+        assert_eq!(of(&["TX", "RX"]), [role("line", true), role("line", false)]);
+        assert_eq!(of(&["D3"]), [role("line", false)]);
+        assert_eq!(of(&["TX"]), [role("line", true)]);
+    }
+
+    #[test]
+    fn nothing_is_merged() {
+        let four = of(&["RX gps", "TX gps", "RX base", "TX base"]);
+        let expected = [
+            role("gps", false),
+            role("gps", true),
+            role("base", false),
+            role("base", true),
+        ];
+        assert_eq!(four, expected);
+        assert_eq!(of(&["a", "b", "c"]).len(), 3);
+        assert_eq!(of(&["a", "b", "c"])[2], role("c", false));
+        assert_eq!(of(&["RX", "RX"])[1], role("RX", false));
+        let exported = of(&["lidar.to-master", "lidar.to-device", "base.to-master"]);
+        let expected = [
+            role("lidar", false),
+            role("lidar", true),
+            role("base", false),
+        ];
+        assert_eq!(exported, expected);
+    }
+}

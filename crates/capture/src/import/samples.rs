@@ -1,0 +1,260 @@
+//! Levels of a logic analyzer as CSV: sigrok, DSView, Saleae's digital export.
+//!
+//! ```text
+//! ; Channels (2/2): RX, TX            sigrok-cli -O csv: a row a sample
+//! ; Samplerate: 1 MHz
+//! logic,logic
+//! 1,1
+//! Time [s],RX,TX                      Saleae: a row a change, with its time
+//! 0.000000000,1,1
+//! ```
+
+use super::Look;
+use super::cells::{CellRow, cells, rows};
+use super::imported::{ImportError, Imported, Options};
+use super::levels::{self, Channel, sample_nanos, sample_rate};
+use super::text::{Line, decimal_nanos, lines, utf8};
+use super::uart::Levels;
+
+/// What stands above the rows.
+#[derive(Default)]
+struct Head {
+    rate: Option<u64>,
+    names: Vec<String>,
+    /// Nanoseconds of a unit of the first column, if that is the time.
+    time: Option<u64>,
+    /// Where the first row of levels begins in the file.
+    rows_at: usize,
+    has_mark: bool,
+}
+
+/// Lines that a head may have.
+const HEAD_MAX: usize = 40;
+
+fn head(bytes: &[u8]) -> Option<Head> {
+    let mut head = Head::default();
+    let full = lines(bytes).filter(|line| !line.text.is_empty());
+    for line in full.take(HEAD_MAX) {
+        let text = utf8(line.text);
+        if let Some(comment) = text.strip_prefix(';') {
+            head.comment(comment);
+            continue;
+        }
+        let rate = text.strip_prefix("META samplerate:");
+        if let Some(rate) = rate {
+            head.rate = sample_rate(rate);
+            head.has_mark = true;
+            continue;
+        }
+        let cells = cells(text);
+        if cells
+            .iter()
+            .skip(usize::from(head.time.is_some()))
+            .all(|cell| level(cell).is_some())
+        {
+            head.rows_at = line.offset;
+            let count = cells.len() - usize::from(head.time.is_some());
+            if head.names.len() != count {
+                head.names = (0..count).map(|index| format!("channel {index}")).collect();
+            }
+            return (count > 0).then_some(head);
+        }
+        // The names of the columns; sigrok writes their kinds.
+        let named = match time_unit(&cells[0]) {
+            Some(unit) => {
+                head.time = Some(unit);
+                head.has_mark = true;
+                &cells[1..]
+            }
+            None => &cells[..],
+        };
+        let is_kinds = named.iter().all(|cell| cell == "logic");
+        head.has_mark |= is_kinds;
+        if named.iter().any(|cell| cell.contains("analog")) {
+            return None;
+        }
+        if !is_kinds {
+            head.names = named.to_vec();
+        }
+    }
+    None
+}
+
+impl Head {
+    fn comment(&mut self, text: &str) {
+        let Some((key, value)) = text.split_once(':') else {
+            return;
+        };
+        let key = key.trim().to_ascii_lowercase();
+        if key.starts_with("channels") {
+            self.names = value
+                .split(',')
+                .map(|name| name.trim().to_owned())
+                .collect();
+            self.has_mark = true;
+        } else if key.starts_with("sample rate") || key.starts_with("samplerate") {
+            self.rate = sample_rate(value);
+            self.has_mark = true;
+        }
+    }
+}
+
+/// Nanoseconds of the unit of a time's column, by its name.
+fn time_unit(name: &str) -> Option<u64> {
+    let name = name.to_ascii_lowercase();
+    let unit = name.strip_prefix("time")?.trim();
+    let unit = unit.trim_matches(['[', ']', '(', ')']);
+    Some(match unit {
+        "" | "s" => 1_000_000_000,
+        "ms" => 1_000_000,
+        "us" => 1_000,
+        "ns" => 1,
+        _ => return None,
+    })
+}
+
+fn level(cell: &str) -> Option<bool> {
+    match cell {
+        "0" => Some(false),
+        "1" => Some(true),
+        _ => None,
+    }
+}
+
+pub(super) fn look(bytes: &[u8]) -> Option<Look> {
+    let head = head(bytes)?;
+    head.has_mark.then_some(Look::Surely)
+}
+
+pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    let head = head(bytes).ok_or_else(|| {
+        ImportError::of_file("expected columns of 0 and 1 below a head, as sigrok and Saleae write")
+    })?;
+    let mut channels: Vec<Channel> = Vec::new();
+    let rate = options.sample_rate.or(head.rate);
+    let mut count = 0;
+    for row in rows(bytes).skip_while(|row| row.line.offset < head.rows_at) {
+        if row.cells[0].starts_with("META") {
+            continue;
+        }
+        let nanos = match (head.time, rate) {
+            (Some(unit), _) => time(&row, unit)?,
+            (None, Some(rate)) => sample_nanos(count, rate),
+            (None, None) => {
+                let expected = "the samples have no time: expected --samplerate";
+                return Err(row.line.wrong(expected));
+            }
+        };
+        count += 1;
+        let first = usize::from(head.time.is_some());
+        for (index, name) in head.names.iter().enumerate() {
+            let level = level(row.cell(first + index)).ok_or_else(|| wrong(row.line, &row))?;
+            if channels.len() == index {
+                let name = name.clone();
+                let levels = Levels {
+                    first: level,
+                    ..Levels::default()
+                };
+                channels.push(Channel { name, levels });
+            }
+            channels[index].levels.set(nanos, level);
+        }
+    }
+    levels::read(channels, options, out)
+}
+
+fn wrong(line: Line<'_>, row: &CellRow<'_>) -> ImportError {
+    let found = row.cells.join(",");
+    line.wrong(format!(
+        "found \"{}\", expected 0 or 1 in each column",
+        found.escape_default()
+    ))
+}
+
+/// The time of a row. Saleae's first row may lie before the trigger.
+fn time(row: &CellRow<'_>, unit: u64) -> Result<u64, ImportError> {
+    let cell = row.cell(0);
+    let plain = cell.strip_prefix('-').map_or(cell, |_| "0");
+    let units = decimal_nanos(plain).ok_or_else(|| row.line.wrong("expected a time"))?;
+    Ok(units / (1_000_000_000 / unit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::import::{Format, read as read_format};
+    use crate::rig::line::Direction;
+
+    fn told(text: &str, baud: u32) -> Result<Vec<(u64, Direction, Vec<u8>)>, String> {
+        let options = Options {
+            baud: Some(baud),
+            ..Options::default()
+        };
+        let found = read_format(text.as_bytes(), Format::Samples, &options);
+        let found = found.map_err(|error| error.to_string())?;
+        let tuple = |one: &crate::capture::Record| {
+            (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec())
+        };
+        Ok(found.records().iter().map(tuple).collect())
+    }
+
+    /// 0x41 on TX at 1 Mbaud from 10 us on, as Saleae's export has it: a row a change.
+    #[test]
+    fn changes_with_times_are_read() {
+        let text = "Time [s],RX,TX\r\n0.000000000,1,1\r\n0.000010000,1,0\r\n0.000011000,1,1\r\n\
+                    0.000012000,1,0\r\n0.000017000,1,1\r\n0.000018000,1,0\r\n0.000019000,1,1\r\n\
+                    0.000100000,1,1\r\n";
+        assert_eq!(Format::detect(text.as_bytes()), Some(Format::Samples));
+        assert_eq!(
+            told(text, 1_000_000),
+            Ok(vec![(20, Direction::ToDevice, vec![0x41])])
+        );
+    }
+
+    /// The same sample by sample, as sigrok-cli 0.7.2 writes it: 1 us each.
+    #[test]
+    fn samples_at_a_rate_are_read() {
+        let mut text = "; CSV generated by libsigrok 0.5.2\n; Channels (1/1): RX\n\
+                        ; Samplerate: 1 MHz\nlogic\n"
+            .to_owned();
+        let levels = "1".repeat(10) + "0100000101" + &"1".repeat(30);
+        levels.chars().for_each(|level| text.extend([level, '\n']));
+        assert_eq!(Format::detect(text.as_bytes()), Some(Format::Samples));
+        assert_eq!(
+            told(&text, 1_000_000),
+            Ok(vec![(20, Direction::ToMaster, vec![0x41])])
+        );
+        let no_rate = text.replace("; Samplerate: 1 MHz\n", "");
+        assert!(
+            told(&no_rate, 1_000_000)
+                .expect_err("no rate")
+                .contains("--samplerate")
+        );
+        let damaged = text.replacen("1\n0\n", "1\n2\n", 1);
+        assert!(
+            told(&damaged, 1_000_000)
+                .expect_err("two")
+                .contains("expected 0 or 1")
+        );
+        // 115,200 baud does not fit bits of 1 us.
+        let wrong = told(&text, 115_200).expect_err("another rate");
+        assert!(wrong.contains("is no UART at 115200 baud"), "{wrong}");
+    }
+
+    #[test]
+    fn other_tables_are_none() {
+        for text in [
+            "Time [s],Value\n0.1,0xFA\n",
+            "a,b\n1,0\n",
+            "1,0\n",
+            "",
+            "Time,A\n0,analog\n",
+        ] {
+            assert_eq!(
+                Format::detect(text.as_bytes()),
+                Format::detect(text.as_bytes())
+            );
+            assert_eq!(look(text.as_bytes()), None, "{text:?}");
+        }
+    }
+}

@@ -1,0 +1,333 @@
+//! A UART read from the level of a line over time.
+
+use protocols::{LineConfig, LineEvent, Parity};
+
+/// A level that changes: the time of each change in nanoseconds, and the level from there on.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Levels {
+    /// The level before the first change.
+    pub(super) first: bool,
+    /// Times of the changes, each to the other level.
+    pub(super) changes: Vec<u64>,
+    /// When the recording ends.
+    pub(super) end: u64,
+}
+
+impl Levels {
+    /// Takes the level at `at`; equal ones change nothing.
+    pub(super) fn set(&mut self, at: u64, level: bool) {
+        if self.last() != level {
+            self.changes.push(at);
+        }
+        self.end = self.end.max(at);
+    }
+
+    fn last(&self) -> bool {
+        self.first ^ !self.changes.len().is_multiple_of(2)
+    }
+
+    /// Lengths of the pulses between changes.
+    fn pulses(&self) -> Vec<u64> {
+        self.changes
+            .windows(2)
+            .map(|pair| pair[1] - pair[0])
+            .collect()
+    }
+
+    /// The same, upside down.
+    pub(super) fn inverted(mut self) -> Self {
+        self.first = !self.first;
+        self
+    }
+}
+
+/// What was read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Read {
+    /// A character.
+    Byte(u8),
+    /// A character that is wrong, or none.
+    Event(LineEvent),
+}
+
+/// Rates that adapters and devices use, bit/s, the slowest first.
+const RATES: [u32; 34] = [
+    50, 75, 110, 134, 150, 200, 300, 600, 1_200, 1_800, 2_400, 4_800, 9_600, 14_400, 19_200,
+    28_800, 31_250, 38_400, 57_600, 74_880, 76_800, 100_000, 115_200, 128_000, 153_600, 230_400,
+    250_000, 256_000, 420_000, 460_800, 500_000, 576_000, 921_600, 1_000_000,
+];
+/// Faster ones.
+const FAST_RATES: [u32; 7] = [
+    1_152_000, 1_500_000, 2_000_000, 2_500_000, 3_000_000, 3_500_000, 4_000_000,
+];
+/// Fewest pulses from which a rate can be told.
+const PULSES_MIN: usize = 6;
+
+/// The rate of a line: the slowest at which nearly all pulses are whole numbers of bits, and nearly
+/// all characters have their stop bit.
+pub(super) fn rate(levels: &Levels, coding: LineConfig) -> Option<u32> {
+    let pulses = levels.pulses();
+    if pulses.len() < PULSES_MIN {
+        return None;
+    }
+    let rates = RATES.iter().chain(&FAST_RATES).copied();
+    rates.filter(|&baud| fits(&pulses, baud)).find(|&baud| {
+        let line = LineConfig { baud, ..coding };
+        let read = characters(levels, line);
+        let bytes = read
+            .iter()
+            .filter(|(_, read)| matches!(read, Read::Byte(_)))
+            .count();
+        bytes > 0 && (read.len() - bytes) * 20 <= read.len()
+    })
+}
+
+/// Whether nearly all pulses inside of characters are whole numbers of bits at `baud`.
+fn fits(pulses: &[u64], baud: u32) -> bool {
+    const NANOS: f64 = 1e9;
+    let bit = NANOS / f64::from(baud);
+    #[expect(clippy::cast_precision_loss, reason = "a deviation is judged")]
+    let bits: Vec<f64> = pulses.iter().map(|&pulse| pulse as f64 / bit).collect();
+    // Longer ones have silence in them.
+    let inside: Vec<f64> = bits.into_iter().filter(|&bits| bits < 9.5).collect();
+    if inside.len() < PULSES_MIN {
+        return false;
+    }
+    let is_whole = |&&bits: &&f64| bits >= 0.7 && (bits - bits.round()).abs() < 0.22;
+    let whole = inside.iter().filter(is_whole).count();
+    // Single bits must occur, and not alone: pulses of one length are a clock or a servo's signal.
+    let singles = inside.iter().filter(|&&bits| bits < 1.5).count();
+    let is_mixed = singles * 20 >= inside.len() && singles < inside.len();
+    whole * 20 >= inside.len() * 19 && is_mixed
+}
+
+/// Why a line cannot be a UART at its rate, if it cannot: too few of its pulses are whole numbers
+/// of bits, or too many characters lack their stop bit.
+pub(super) fn doubt(levels: &Levels, line: LineConfig, read: &[(u64, Read)]) -> Option<String> {
+    let is_bad = |read: &Read| *read == Read::Event(LineEvent::FramingError);
+    let bad = read.iter().filter(|(_, read)| is_bad(read)).count();
+    if bad * 5 > read.len() {
+        let count = read.len();
+        return Some(format!("{bad} of {count} characters have no stop bit"));
+    }
+    let bit = 1_000_000_000 / u64::from(line.baud.max(1));
+    let pulses = levels.pulses();
+    let short = pulses.iter().filter(|&&pulse| pulse * 2 < bit).count();
+    (short * 5 > pulses.len()).then(|| {
+        let count = pulses.len();
+        format!("{short} of {count} pulses are shorter than half a bit")
+    })
+}
+
+/// All characters and events, each with the time at which its last stop bit ends. Idle is high.
+pub(super) fn characters(levels: &Levels, line: LineConfig) -> Vec<(u64, Read)> {
+    let mut out = Vec::new();
+    let mut cursor = Cursor { levels, passed: 0 };
+    let bit = |bits2: u64| bits2 * 500_000_000 / u64::from(line.baud.max(1));
+    let data_bits = u64::from(line.data_bits);
+    let has_parity = line.parity != Parity::None;
+    let stop_at = 1 + data_bits + u64::from(has_parity);
+    let mut from = 0;
+    while let Some(start) = cursor.falls_at(from) {
+        // A pulse shorter than half a bit is no start bit.
+        if cursor.level_at(start + bit(1)) {
+            from = start + bit(1);
+            continue;
+        }
+        let mut level = |bits: u64| cursor.level_at(start + bit(2 * bits + 1));
+        let mut byte = 0_u8;
+        for index in 0..data_bits {
+            byte |= u8::from(level(1 + index)) << index;
+        }
+        let parity = has_parity.then(|| level(1 + data_bits));
+        let has_stop = level(stop_at);
+        let end = start + bit(2 * (stop_at + u64::from(line.stop_bits)));
+        if start + bit(2 * stop_at + 1) > levels.end {
+            return out;
+        }
+        if !has_stop {
+            let is_break = byte == 0 && parity != Some(true);
+            let event = if is_break {
+                LineEvent::Break
+            } else {
+                LineEvent::FramingError
+            };
+            out.push((end, Read::Event(event)));
+            // The next start bit begins when the line was idle again.
+            from = cursor
+                .rises_at(start + bit(2 * stop_at + 1))
+                .unwrap_or(u64::MAX);
+            continue;
+        }
+        let is_odd = byte.count_ones() % 2 == 1;
+        let is_sound = match (line.parity, parity) {
+            (Parity::Even, Some(bit)) => bit == is_odd,
+            (Parity::Odd, Some(bit)) => bit != is_odd,
+            _ => true,
+        };
+        let read = match is_sound {
+            true => Read::Byte(byte),
+            false => Read::Event(LineEvent::ParityError),
+        };
+        out.push((end, read));
+        from = start + bit(2 * stop_at + 1);
+    }
+    out
+}
+
+/// A place in the changes that only goes forward.
+struct Cursor<'a> {
+    levels: &'a Levels,
+    passed: usize,
+}
+
+impl Cursor<'_> {
+    fn level_at(&mut self, at: u64) -> bool {
+        let changes = &self.levels.changes;
+        while changes.get(self.passed).is_some_and(|&change| change <= at) {
+            self.passed += 1;
+        }
+        self.levels.first ^ !self.passed.is_multiple_of(2)
+    }
+
+    /// The next change to low at or behind `from`.
+    fn falls_at(&mut self, from: u64) -> Option<u64> {
+        self.changes_to(false, from)
+    }
+
+    fn rises_at(&mut self, from: u64) -> Option<u64> {
+        self.changes_to(true, from)
+    }
+
+    fn changes_to(&mut self, level: bool, from: u64) -> Option<u64> {
+        let changes = &self.levels.changes;
+        while changes
+            .get(self.passed)
+            .is_some_and(|&change| change < from)
+        {
+            self.passed += 1;
+        }
+        // The change at an even index leaves the first level.
+        let is_wanted = |index: usize| (self.levels.first ^ index.is_multiple_of(2)) == level;
+        let next = if is_wanted(self.passed) {
+            self.passed
+        } else {
+            self.passed + 1
+        };
+        changes.get(next).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Levels of bytes back to back from `start` on, a bit lasting `bit` ns.
+    fn levels(bytes: &[u8], start: u64, bit: u64) -> Levels {
+        let mut levels = Levels {
+            first: true,
+            ..Levels::default()
+        };
+        let mut at = start;
+        for &byte in bytes {
+            let bits = (0..8).map(|index| byte >> index & 1 == 1);
+            for level in core::iter::once(false).chain(bits).chain([true]) {
+                levels.set(at, level);
+                at += bit;
+            }
+        }
+        levels.end = at + 20 * bit;
+        levels
+    }
+
+    fn bytes(read: &[(u64, Read)]) -> Vec<u8> {
+        let byte = |(_, read): &(u64, Read)| match read {
+            Read::Byte(byte) => Some(*byte),
+            Read::Event(_) => None,
+        };
+        read.iter().filter_map(byte).collect()
+    }
+
+    /// A bit of 10 us is 100,000 baud; the first byte ends ten bits behind its start.
+    #[test]
+    fn bytes_are_read_with_the_end_of_their_stop_bit() {
+        let sent = [0xAB, 0x24, 0x0A, 0x00, 0xD9, 0xFF];
+        let levels = levels(&sent, 50_000, 10_000);
+        let read = characters(&levels, LineConfig::new_8n1(100_000));
+        assert_eq!(bytes(&read), sent);
+        assert_eq!(read[0].0, 150_000);
+        assert_eq!(rate(&levels, LineConfig::new_8n1(1)), Some(100_000));
+    }
+
+    /// Samples of 1 us at 115,200 baud: a bit is 8 or 9 of them.
+    #[test]
+    fn a_rate_is_told_from_coarse_samples() {
+        let exact = levels(b"the quick brown fox", 20_000, 8_680);
+        let round = |at: &u64| at.div_ceil(1_000) * 1_000;
+        let coarse = Levels {
+            changes: exact.changes.iter().map(round).collect(),
+            ..exact
+        };
+        assert_eq!(rate(&coarse, LineConfig::new_8n1(1)), Some(115_200));
+        let read = characters(&coarse, LineConfig::new_8n1(115_200));
+        assert_eq!(bytes(&read), b"the quick brown fox");
+    }
+
+    #[test]
+    fn every_usual_rate_is_told() {
+        for baud in [
+            1_200, 9_600, 19_200, 57_600, 230_400, 460_800, 921_600, 3_000_000,
+        ] {
+            let levels = levels(
+                b"\x55\x00\x12\xF0hello\xFF\x01",
+                1_000_000,
+                1_000_000_000 / baud,
+            );
+            let found = rate(&levels, LineConfig::new_8n1(1)).map(u64::from);
+            assert_eq!(found, Some(baud));
+        }
+    }
+
+    /// Nothing but a square wave or nothing at all tells no rate.
+    #[test]
+    fn what_is_no_uart_has_no_rate() {
+        assert_eq!(rate(&Levels::default(), LineConfig::new_8n1(1)), None);
+        let pwm = Levels {
+            first: true,
+            changes: (0..400)
+                .map(|at| at / 2 * 20_000_000 + at % 2 * 1_500_000)
+                .collect(),
+            end: 5_000_000_000,
+        };
+        assert_eq!(rate(&pwm, LineConfig::new_8n1(1)), None);
+    }
+
+    /// 0x55 with a low stop bit is a framing error, a long low a break; then reading goes on. With
+    /// parity: 0x03 has two ones, so its even parity bit is 0.
+    #[test]
+    fn wrong_characters_are_events() {
+        let mut levels = levels(&[0x55], 10_000, 10_000);
+        levels.set(100_000, false);
+        levels.set(150_000, true);
+        levels.set(300_000, false);
+        levels.set(900_000, true);
+        levels.end = 2_000_000;
+        let read = characters(&levels, LineConfig::new_8n1(100_000));
+        let events: Vec<Read> = read.iter().map(|(_, read)| *read).collect();
+        let expected = [LineEvent::FramingError, LineEvent::Break].map(Read::Event);
+        assert_eq!(events, expected);
+        let even = LineConfig {
+            parity: Parity::Even,
+            ..LineConfig::new_8n1(100_000)
+        };
+        let mut levels = Levels {
+            first: true,
+            changes: vec![10_000, 20_000, 40_000, 110_000],
+            end: 500_000,
+        };
+        assert_eq!(characters(&levels, even), [(120_000, Read::Byte(3))]);
+        levels.changes = vec![10_000, 20_000, 40_000, 100_000];
+        let wrong = [(120_000, Read::Event(LineEvent::ParityError))];
+        assert_eq!(characters(&levels, even), wrong);
+    }
+}

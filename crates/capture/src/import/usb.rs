@@ -1,0 +1,472 @@
+//! Bulk transfers of USB serial adapters, as usbmon of Linux and USBPcap of Windows record them.
+//!
+//! A transfer to the adapter is told when it is submitted, one from it when it completes. CDC-ACM,
+//! CP210x, CH340 and PL2303 send the bytes alone; FTDI puts two bytes of status before each packet.
+//! The rate is in the control transfers, if the recording has them.
+
+use std::collections::BTreeMap;
+
+use super::imported::{ImportError, Imported, Options};
+use super::packet::Packet;
+use crate::capture::Kind;
+use crate::capture::pcapng::Order;
+
+/// Link types: usbmon with 48 and with 64 bytes of head, USBPcap.
+pub(super) const LINUX: u16 = 189;
+pub(super) const LINUX_MMAPPED: u16 = 220;
+pub(super) const USBPCAP: u16 = 249;
+
+/// Bus and address of a device.
+type Address = (u16, u16);
+
+/// What kind of transfer it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Transfer {
+    Control,
+    Bulk,
+    Other,
+}
+
+/// One transfer of a recording.
+#[derive(Clone, Debug)]
+struct Urb<'a> {
+    nanos: u64,
+    address: Address,
+    endpoint: u8,
+    transfer: Transfer,
+    is_in: bool,
+    is_complete: bool,
+    setup: Option<[u8; 8]>,
+    data: &'a [u8],
+}
+
+/// What is known of a device.
+#[derive(Clone, Copy, Debug, Default)]
+struct Device {
+    vendor: Option<u16>,
+    /// Bytes of a packet, by the release number of an FTDI chip.
+    packet: Option<usize>,
+    baud: Option<u32>,
+}
+
+pub(super) fn read<'a>(
+    packets: impl Iterator<Item = &'a Packet>,
+    options: &Options,
+    out: &mut Imported,
+) -> Result<(), ImportError> {
+    let urbs: Vec<Urb<'_>> = packets.filter_map(urb).collect();
+    let mut devices: BTreeMap<Address, Device> = BTreeMap::new();
+    // The last setup of each device, which its completion does not repeat.
+    let mut asked: BTreeMap<Address, [u8; 8]> = BTreeMap::new();
+    for urb in urbs.iter().filter(|urb| urb.transfer == Transfer::Control) {
+        let device = devices.entry(urb.address).or_default();
+        if let Some(setup) = urb.setup {
+            asked.insert(urb.address, setup);
+        }
+        if let Some(setup) = asked.get(&urb.address) {
+            device.learn(*setup, urb.data);
+        }
+    }
+    let is_data = |urb: &&Urb<'_>| {
+        urb.transfer == Transfer::Bulk && urb.is_in == urb.is_complete && !urb.data.is_empty()
+    };
+    let mut lines: BTreeMap<Address, Vec<&Urb<'_>>> = BTreeMap::new();
+    for urb in urbs.iter().filter(is_data) {
+        lines.entry(urb.address).or_default().push(urb);
+    }
+    if lines.is_empty() && !urbs.is_empty() {
+        return Err(ImportError::of_file(
+            "the USB transfers hold no bulk data: record while the serial port is in use",
+        ));
+    }
+    let chosen = chosen(&lines, options)?;
+    let is_one = chosen.len() == 1;
+    for address in chosen {
+        let urbs = &lines[&address];
+        let device = devices.get(&address).copied().unwrap_or_default();
+        let name = if is_one {
+            options.link.clone()
+        } else {
+            name_of(address)
+        };
+        line(&name, urbs, device, options, out)?;
+    }
+    Ok(())
+}
+
+fn name_of((bus, address): Address) -> String {
+    format!("usb-{bus}.{address}")
+}
+
+/// The devices that the options name, or all that move bulk data.
+fn chosen(
+    lines: &BTreeMap<Address, Vec<&Urb<'_>>>,
+    options: &Options,
+) -> Result<Vec<Address>, ImportError> {
+    if options.channels.is_empty() {
+        return Ok(lines.keys().copied().collect());
+    }
+    let find = |wanted: &String| {
+        let known = lines
+            .keys()
+            .copied()
+            .find(|address| name_of(*address) == *wanted);
+        known.ok_or_else(|| {
+            let all: Vec<String> = lines.keys().copied().map(name_of).collect();
+            ImportError::of_file(format!(
+                "--channel {wanted}: there is no such device, expected one of: {}",
+                all.join(", ")
+            ))
+        })
+    };
+    options.channels.iter().map(find).collect()
+}
+
+fn line(
+    name: &str,
+    urbs: &[&Urb<'_>],
+    device: Device,
+    options: &Options,
+    out: &mut Imported,
+) -> Result<(), ImportError> {
+    let is_storage = |urb: &&&Urb<'_>| urb.data.starts_with(b"USBC") && urb.data.len() == 31;
+    if urbs.iter().any(|urb| is_storage(&urb)) {
+        return Err(ImportError::of_file(format!(
+            "{name} is a USB disk, not a serial adapter; --channel usb-BUS.DEVICE chooses one"
+        )));
+    }
+    let mut endpoints: Vec<(bool, u8)> = urbs.iter().map(|urb| (urb.is_in, urb.endpoint)).collect();
+    endpoints.sort_unstable();
+    endpoints.dedup();
+    let pairs = endpoints.iter().filter(|(is_in, _)| *is_in).count();
+    let baud = options.baud.or(device.baud);
+    let status = status_packet(urbs, device);
+    if let Some(packet) = status {
+        out.note(format!(
+            "{name}: an FTDI adapter, two bytes of status in {packet} are left out"
+        ));
+    }
+    let mut inputs = Vec::new();
+    for urb in urbs {
+        // A device with several lines has a pair of endpoints for each.
+        let link = match pairs > 1 {
+            true => format!("{name}-{}", line_of(&endpoints, urb)),
+            false => name.to_owned(),
+        };
+        let link = out.link_at(&link, baud.unwrap_or(0));
+        let direction = options.way(urb.is_in);
+        inputs.clear();
+        match status {
+            Some(packet) if urb.is_in => {
+                let packets = urb.data.chunks(packet);
+                packets.for_each(|packet| inputs.extend(packet.get(2..).unwrap_or_default()));
+            }
+            _ => inputs.extend_from_slice(urb.data),
+        }
+        if !inputs.is_empty() {
+            out.push(link, urb.nanos, direction, Kind::Data, &inputs);
+        }
+    }
+    Ok(())
+}
+
+/// Number of the line among the endpoints of its direction.
+fn line_of(endpoints: &[(bool, u8)], urb: &Urb<'_>) -> usize {
+    let own = endpoints.iter().filter(|(is_in, _)| *is_in == urb.is_in);
+    own.take_while(|(_, endpoint)| *endpoint != urb.endpoint)
+        .count()
+}
+
+/// Bytes of a packet that begins with two bytes of status, if the device is of FTDI: by its vendor,
+/// or because all that it sends looks so, most of all the empty answers.
+fn status_packet(urbs: &[&Urb<'_>], device: Device) -> Option<usize> {
+    const FTDI: u16 = 0x0403;
+    let is_status = |data: &[u8]| matches!(data, [first, second, ..] if first & 0x0F <= 2 && second & 0x1E == 0);
+    let inputs = || urbs.iter().filter(|urb| urb.is_in);
+    let is_ftdi = match device.vendor {
+        Some(vendor) => vendor == FTDI,
+        None => {
+            let empty = inputs().filter(|urb| urb.data.len() == 2).count();
+            empty >= 3 && inputs().all(|urb| is_status(urb.data))
+        }
+    };
+    if !is_ftdi {
+        return None;
+    }
+    let looks = |size: usize| inputs().all(|urb| urb.data.chunks(size).all(is_status));
+    let known = device.packet.unwrap_or(64);
+    Some(if looks(known) || !looks(512) {
+        known
+    } else {
+        512
+    })
+}
+
+impl Device {
+    /// Takes what a control transfer tells.
+    fn learn(&mut self, setup: [u8; 8], data: &[u8]) {
+        let word = |at: usize| u16::from_le_bytes([setup[at], setup[at + 1]]);
+        let number = |data: &[u8]| Some(u32::from_le_bytes(*data.first_chunk::<4>()?));
+        match (setup[0], setup[1]) {
+            // The descriptor of the device: vendor, product, release.
+            (0x80, 6) if word(2) == 0x0100 && data.len() >= 14 => {
+                self.vendor = Some(u16::from_le_bytes([data[8], data[9]]));
+                let release = u16::from_le_bytes([data[12], data[13]]);
+                let is_fast = matches!(release, 0x0700 | 0x0800 | 0x0900);
+                self.packet = Some(if is_fast { 512 } else { 64 });
+            }
+            // Line coding of CDC-ACM and PL2303; rate of a CP210x.
+            (0x21, 0x20) if data.len() == 7 => self.baud = number(data).or(self.baud),
+            (0x41, 0x1E) if data.len() == 4 => self.baud = number(data).or(self.baud),
+            // Divisor of an FTDI chip: 3 MHz by the whole and eighths.
+            (0x40, 3) => self.baud = ftdi_baud(word(2), word(4)).or(self.baud),
+            _ => {}
+        }
+    }
+}
+
+fn ftdi_baud(value: u16, index: u16) -> Option<u32> {
+    // Eighths of the divisor by their code.
+    const EIGHTHS: [u32; 8] = [0, 4, 2, 1, 3, 5, 6, 7];
+    let code = usize::from(value >> 14 | (index & 1) << 2);
+    let whole = u32::from(value & 0x3FFF);
+    match (whole, EIGHTHS[code]) {
+        (0, 0) => Some(3_000_000),
+        (1, 0) => Some(2_000_000),
+        (0, _) => None,
+        (whole, eighths) => Some(24_000_000 / (whole * 8 + eighths)),
+    }
+}
+
+/// The transfer of a packet; none if its head is damaged.
+fn urb(packet: &Packet) -> Option<Urb<'_>> {
+    match packet.link_type {
+        LINUX => usbmon(packet, 48),
+        LINUX_MMAPPED => usbmon(packet, 64),
+        USBPCAP => usbpcap(packet),
+        _ => None,
+    }
+}
+
+/// The head that the kernel's documentation of usbmon gives, in the byte order of its machine.
+fn usbmon(packet: &Packet, head_len: usize) -> Option<Urb<'_>> {
+    let (head, data) = packet.bytes.split_at_checked(head_len)?;
+    let order = packet.order;
+    let is_submitted = match head[8] {
+        b'S' => true,
+        b'C' => false,
+        _ => return None,
+    };
+    let transfer = match head[9] {
+        2 => Transfer::Control,
+        3 => Transfer::Bulk,
+        _ => Transfer::Other,
+    };
+    let len = usize::try_from(order.u32_at(head, 36)?).ok()?;
+    Some(Urb {
+        nanos: packet.nanos,
+        address: (order.u16_at(head, 12)?, u16::from(head[11])),
+        endpoint: head[10] & 0x7F,
+        transfer,
+        is_in: head[10] & 0x80 != 0,
+        is_complete: !is_submitted,
+        setup: if is_submitted && head[14] == 0 {
+            head[40..].first_chunk().copied()
+        } else {
+            None
+        },
+        data: &data[..len.min(data.len())],
+    })
+}
+
+/// USBPcap's head, little-endian, whose length it tells itself.
+fn usbpcap(packet: &Packet) -> Option<Urb<'_>> {
+    let bytes = &packet.bytes;
+    let little = Order::Little;
+    let head_len = usize::from(little.u16_at(bytes, 0)?);
+    let (head, data) = bytes
+        .split_at_checked(head_len)
+        .filter(|(head, _)| head.len() >= 27)?;
+    let transfer = match head[22] {
+        2 => Transfer::Control,
+        3 => Transfer::Bulk,
+        _ => Transfer::Other,
+    };
+    let is_setup = transfer == Transfer::Control && head.get(27) == Some(&0);
+    let setup = if is_setup {
+        data.first_chunk::<8>().copied()
+    } else {
+        None
+    };
+    Some(Urb {
+        nanos: packet.nanos,
+        address: (little.u16_at(head, 17)?, little.u16_at(head, 19)?),
+        endpoint: head[21] & 0x7F,
+        transfer,
+        is_in: head[21] & 0x80 != 0,
+        is_complete: head[16] & 1 == 1,
+        setup,
+        data: if is_setup {
+            data.get(8..).unwrap_or_default()
+        } else {
+            data
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::import::{Format, read as read_format};
+    use crate::rig::line::Direction;
+
+    /// A packet of usbmon, 64 bytes of head as the kernel's documentation lays it out.
+    fn packet(
+        event: u8,
+        transfer: u8,
+        endpoint: u8,
+        setup: Option<[u8; 8]>,
+        data: &[u8],
+    ) -> Vec<u8> {
+        let mut head = [0; 64];
+        head[8..12].copy_from_slice(&[event, transfer, endpoint, 7]);
+        head[12] = 1;
+        head[14] = if setup.is_some() { 0 } else { b'-' };
+        let len = u32::try_from(data.len()).expect("short").to_le_bytes();
+        head[32..36].copy_from_slice(&len);
+        head[36..40].copy_from_slice(&len);
+        head[40..48].copy_from_slice(&setup.unwrap_or_default());
+        [&head[..], data].concat()
+    }
+
+    fn file(link_type: u32, packets: &[Vec<u8>]) -> Vec<u8> {
+        let words = [0xA1B2_C3D4, 0x0004_0002, 0, 0, 65_535, link_type];
+        let mut out: Vec<u8> = words
+            .iter()
+            .flat_map(|word: &u32| word.to_le_bytes())
+            .collect();
+        for (second, packet) in (1_u32..).zip(packets) {
+            let len = u32::try_from(packet.len()).expect("short");
+            out.extend(
+                [second, 0, len, len]
+                    .iter()
+                    .flat_map(|word| word.to_le_bytes()),
+            );
+            out.extend(packet);
+        }
+        out
+    }
+
+    fn told(file: &[u8]) -> (Vec<(u64, Direction, Vec<u8>)>, u32) {
+        let found = read_format(file, Format::Pcap, &Options::default()).expect("sound");
+        let tuple =
+            |one: &crate::capture::Record| (one.at.as_millis(), one.direction, one.bytes.to_vec());
+        (
+            found.records().iter().map(tuple).collect(),
+            found.links()[0].baud,
+        )
+    }
+
+    const SUBMIT: u8 = b'S';
+    const COMPLETE: u8 = b'C';
+
+    /// CDC-ACM: line coding of 115,200 baud (0x0001C200), a request out, its answer in. What is
+    /// submitted to be filled and what completes after sending hold no bytes of the line.
+    #[test]
+    fn a_cdc_adapter_has_plain_bytes_and_tells_its_rate() {
+        let coding = [0x21, 0x20, 0, 0, 0, 0, 7, 0];
+        let rate = [0x00, 0xC2, 0x01, 0x00, 0, 0, 8];
+        let packets = [
+            packet(SUBMIT, 2, 0, Some(coding), &rate),
+            packet(SUBMIT, 3, 0x02, None, b"AT\r"),
+            packet(COMPLETE, 3, 0x02, None, b""),
+            packet(SUBMIT, 3, 0x81, None, b""),
+            packet(COMPLETE, 3, 0x81, None, b"OK\r\n"),
+        ];
+        let expected = vec![
+            (2_000, Direction::ToDevice, b"AT\r".to_vec()),
+            (5_000, Direction::ToMaster, b"OK\r\n".to_vec()),
+        ];
+        assert_eq!(
+            told(&file(LINUX_MMAPPED.into(), &packets)),
+            (expected.clone(), 115_200)
+        );
+        let short: Vec<Vec<u8>> = packets
+            .iter()
+            .map(|one| [&one[..48], &one[64..]].concat())
+            .collect();
+        assert_eq!(told(&file(LINUX.into(), &short)), (expected, 115_200));
+    }
+
+    /// FTDI: vendor 0x0403 of an FT232R, release 0x0600, so packets of 64 bytes; divisor 26 is
+    /// 115,384 baud, what the chip makes of 115,200. Two bytes of status stand before 62 of data.
+    #[test]
+    fn an_ftdi_adapter_has_status_before_each_packet() {
+        let mut descriptor = [0; 18];
+        descriptor[8..14].copy_from_slice(&[0x03, 0x04, 0x01, 0x60, 0x00, 0x06]);
+        let ask = [0x80, 6, 0, 1, 0, 0, 18, 0];
+        let long: Vec<u8> = [&[1, 0x60][..], &[7; 62], &[1, 0x60], &[8; 3]].concat();
+        let packets = [
+            packet(SUBMIT, 2, 0x80, Some(ask), b""),
+            packet(COMPLETE, 2, 0x80, None, &descriptor),
+            packet(SUBMIT, 2, 0, Some([0x40, 3, 26, 0, 0, 0, 0, 0]), b""),
+            packet(COMPLETE, 3, 0x81, None, &[1, 0x60]),
+            packet(COMPLETE, 3, 0x81, None, &long),
+        ];
+        let bytes = [&[7; 62][..], &[8; 3]].concat();
+        let expected = (vec![(5_000, Direction::ToMaster, bytes)], 115_384);
+        assert_eq!(told(&file(LINUX_MMAPPED.into(), &packets)), expected);
+    }
+
+    /// Without the descriptor the empty answers tell it.
+    #[test]
+    fn an_ftdi_adapter_is_known_by_its_empty_answers() {
+        let mut packets = vec![packet(COMPLETE, 3, 0x81, None, &[1, 0x60]); 3];
+        packets.push(packet(COMPLETE, 3, 0x81, None, &[1, 0x60, 0xAB]));
+        let expected = vec![(4_000, Direction::ToMaster, vec![0xAB])];
+        assert_eq!(told(&file(LINUX_MMAPPED.into(), &packets)).0, expected);
+        // Three answers that are data are no status.
+        let data = [packet(COMPLETE, 3, 0x81, None, b"AB")];
+        assert_eq!(told(&file(LINUX_MMAPPED.into(), &data)).0[0].2, b"AB");
+    }
+
+    /// USBPcap: 27 bytes of head, all little-endian; bit 0 of byte 16 tells that it completed.
+    #[test]
+    fn usbpcap_is_read() {
+        let of = |is_complete: u8, endpoint: u8, data: &[u8]| {
+            let mut head = [0; 27];
+            head[0] = 27;
+            head[16] = is_complete;
+            head[17] = 1;
+            head[19] = 5;
+            head[21] = endpoint;
+            head[22] = 3;
+            [&head[..], data].concat()
+        };
+        let packets = [
+            of(0, 0x02, b"AT"),
+            of(1, 0x02, b""),
+            of(0, 0x81, b""),
+            of(1, 0x81, b"OK"),
+        ];
+        let expected = vec![
+            (1_000, Direction::ToDevice, b"AT".to_vec()),
+            (4_000, Direction::ToMaster, b"OK".to_vec()),
+        ];
+        assert_eq!(told(&file(USBPCAP.into(), &packets)).0, expected);
+    }
+
+    #[test]
+    fn a_disk_is_no_serial_adapter() {
+        let command = [&b"USBC"[..], &[0; 27]].concat();
+        let disk = file(
+            LINUX_MMAPPED.into(),
+            &[packet(SUBMIT, 3, 2, None, &command)],
+        );
+        let error = read_format(&disk, Format::Pcap, &Options::default()).expect_err("a disk");
+        assert!(error.to_string().contains("USB disk"), "{error}");
+        let nothing = file(LINUX_MMAPPED.into(), &[packet(SUBMIT, 1, 0x83, None, b"")]);
+        let error = read_format(&nothing, Format::Pcap, &Options::default()).expect_err("nothing");
+        assert!(error.to_string().contains("no bulk data"), "{error}");
+    }
+}
