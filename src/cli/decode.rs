@@ -11,8 +11,11 @@ use protocols::Instant;
 use super::answer::{Decoded, EntryDecoded, LineDecoded};
 use super::{CliError, Verdict, out};
 use crate::capture::decode::diagnose::{Damage, Line, diagnose};
-use crate::capture::decode::transcript::{Entry, Sum, Transcript};
+use crate::capture::decode::profile::Profile;
+use crate::capture::decode::transcript::{Entry, Known, Sum, Transcript};
+use crate::capture::import::Format;
 use crate::codec::{self, Codec};
+use crate::rig::line::Direction;
 use crate::scenario::Span;
 use crate::scenario::device::description;
 use source::{Lane, Source, lanes};
@@ -20,14 +23,16 @@ use source::{Lane, Source, lanes};
 /// Print the frames of a capture, or of a dump of raw bytes, one a line.
 ///
 /// A line is the time, the link and direction, the place of the first byte on that line, and what
-/// the bytes mean; bytes of no frame are BAD, with the reasons. All links are merged in the order
-/// of time. The lines are data and go to standard output; what is said of the whole goes to
+/// the bytes mean; bytes of no frame are BAD, with the reasons. A protocol is named only if the
+/// bytes prove it, or --as says it; bytes of an unknown one are DATA, as they came together. Files
+/// of other tools are read as `hilrig import` reads them. All links are merged in the order of time. The lines are data and go to standard output; what is said of the whole goes to
 /// standard error.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig decode hilrig-out/rescue-flat-1/capture.pcapng --link base\n  \
-    hilrig decode dump.bin --protocol xv11\n  \
+    hilrig decode dump.bin --as xv11\n  \
     hilrig decode dump.bin --description gps\n  \
+    hilrig decode dump.hex            # also xxd, socat -x, .sr, VCD and what else import reads\n  \
     hilrig decode dump.bin --summary    # figures of the whole, instead of the frames\n  \
     hilrig decode dump.bin --diagnose   # what is wrong with all of it, instead of the frames\n  \
     hilrig decode field.pcapng --follow # while hilrig up --capture field.pcapng writes it")]
@@ -35,13 +40,16 @@ pub(super) struct DecodeArgs {
     /// A pcapng capture, or bytes as they came from a port
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Protocol of the bytes [default: the one with the most sound frames, for each line]
-    #[arg(long, value_parser = codec_parser())]
+    /// Protocol of the bytes [default: for each line the one that its bytes prove, if one]
+    #[arg(long, visible_alias = "as", value_parser = codec_parser())]
     protocol: Option<&'static Codec>,
     /// Description of the device whose frames they are: one that comes with the tool, by its name,
     /// or a file that ends with .toml
     #[arg(long, value_name = "NAME|FILE", conflicts_with = "protocol")]
     description: Option<String>,
+    /// Form of a file that is no capture; raw: the bytes of a line as they are [default: recognised]
+    #[arg(long, conflicts_with = "follow")]
+    format: Option<Format>,
     /// Only this link of a capture
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
@@ -102,14 +110,16 @@ fn document(args: &DecodeArgs) -> Result<Verdict, CliError> {
         let error = "--follow: has no end at which --json could print, expected one of them";
         return Err(CliError::Usage(error.to_owned()));
     }
-    let source = Source::read(&args.file)?;
+    let source = Source::read(&args.file, args.format)?;
     source.check_link(args.link.as_deref(), &args.file)?;
+    let known = source.known(&args.file);
     let mut decoded = Decoded::default();
     if !args.summary && !args.diagnose {
-        decoded.entries = entries(args, &source);
+        decoded.entries = entries(args, &source, &known);
     }
     let lanes = lanes(&source.capture, |name| is_wanted(args, name));
-    decoded.lines = lanes.iter().map(|lane| line(args, lane, &lanes)).collect();
+    let line = |lane| line(args, &known, lane, &lanes);
+    decoded.lines = lanes.iter().map(line).collect();
     out::answer(&decoded);
     Ok(Verdict::Pass)
 }
@@ -119,9 +129,9 @@ fn is_wanted(args: &DecodeArgs, link: &str) -> bool {
 }
 
 /// What passed the lines.
-fn entries(args: &DecodeArgs, source: &Source) -> Vec<EntryDecoded> {
+fn entries(args: &DecodeArgs, source: &Source, known: &[Known]) -> Vec<EntryDecoded> {
     let links = &source.capture.links;
-    let mut transcript = Transcript::new(protocol(args, source));
+    let mut transcript = Transcript::new(protocol(args, source)).knowing(known.to_vec());
     let mut entries: Vec<Entry> = Vec::new();
     for record in &source.capture.records {
         if is_wanted(args, &links[record.link].name) {
@@ -141,8 +151,8 @@ fn entries(args: &DecodeArgs, source: &Source) -> Vec<EntryDecoded> {
 }
 
 /// A line as a whole.
-fn line(args: &DecodeArgs, lane: &Lane, lanes: &[Lane]) -> LineDecoded {
-    let codec = args.protocol.or_else(|| codec::guess(&lane.bytes));
+fn line(args: &DecodeArgs, known: &[Known], lane: &Lane, lanes: &[Lane]) -> LineDecoded {
+    let codec = codec_of(args, known, lane);
     let damages = match args.diagnose {
         true => damages(args, lane, lanes),
         false => Vec::new(),
@@ -157,13 +167,27 @@ fn line(args: &DecodeArgs, lane: &Lane, lanes: &[Lane]) -> LineDecoded {
     }
 }
 
+/// The protocol of a line: the one that was named, or that of the capture's scenario if the line
+/// has frames of it, or the one that the bytes prove.
+fn codec_of(args: &DecodeArgs, known: &[Known], lane: &Lane) -> Option<&'static Codec> {
+    let is_own = |known: &&Known| lane.is_of(&known.link, known.direction);
+    let expected = || {
+        let codec = known.iter().find(is_own)?.codec?;
+        (codec.framed(&lane.bytes) > 0).then_some(codec)
+    };
+    let expected = args.protocol.or_else(expected);
+    expected.or_else(|| codec::guess(&lane.bytes))
+}
+
 /// The protocol of all bytes, if it is one: the one that was named, or that of a dump, of which all
 /// is known, so all of it says what it is.
 fn protocol(args: &DecodeArgs, source: &Source) -> Option<&'static Codec> {
     let of_dump = || {
-        let dump = source.capture.records.first();
-        let dump = dump.filter(|_| source.start.is_none())?;
-        codec::guess(&dump.bytes)
+        let [dump] = &source.capture.records[..] else {
+            return None;
+        };
+        let codec = codec::guess(&dump.bytes);
+        codec.filter(|_| source.start.is_none())
     };
     args.protocol.or_else(of_dump)
 }
@@ -186,14 +210,15 @@ impl From<CliError> for Failure {
 }
 
 fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
-    let source = Source::read(&args.file)?;
+    let source = Source::read(&args.file, args.format)?;
     source.check_link(args.link.as_deref(), &args.file)?;
+    let known = source.known(&args.file);
     let wanted = |name: &str| is_wanted(args, name);
     if args.diagnose || args.summary {
         let lanes = lanes(&source.capture, wanted);
         return match args.diagnose {
             true => print_damages(args, &lanes, out),
-            false => print_sums(args, &lanes, out),
+            false => print_sums(args, &source, &known, &lanes, out),
         };
     }
     let names: Vec<&str> = source
@@ -202,7 +227,7 @@ fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
         .iter()
         .map(|link| &*link.name)
         .collect();
-    let mut transcript = Transcript::new(protocol(args, &source));
+    let mut transcript = Transcript::new(protocol(args, &source)).knowing(known.clone());
     for record in &source.capture.records {
         let link = &source.capture.links[record.link];
         if wanted(&link.name) {
@@ -218,9 +243,12 @@ fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
     out.flush()?;
     for sum in transcript.sums() {
         say_sum(&sum, names[sum.link]);
+        if sum.codec.is_none() {
+            eprintln!("{}", profile(&source, sum.link, sum.direction));
+        }
     }
     for lane in lanes(&source.capture, wanted) {
-        let codec = args.protocol.or_else(|| codec::guess(&lane.bytes));
+        let codec = codec_of(args, &known, &lane);
         if let Some(figures) = codec.and_then(|codec| codec.figures(&lane.bytes)) {
             eprintln!("{figures}");
         }
@@ -250,16 +278,30 @@ fn say_sum(sum: &Sum, name: &str) {
             "{name} {direction}: {bytes} bytes of {}, {framed} of them in sound frames",
             codec.name()
         ),
-        None => eprintln!("{name} {direction}: {bytes} bytes, no frame of any known protocol"),
+        None => eprintln!("{name} {direction}: {bytes} bytes, {UNKNOWN}"),
     }
 }
 
-fn print_sums(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
+const UNKNOWN: &str = "of no known protocol (--as PROTOCOL forces one)";
+
+/// What can be told of a line of an unknown protocol.
+fn profile(source: &Source, link: usize, direction: Direction) -> Profile {
+    let capture = &source.capture;
+    Profile::of(&capture.records, link, &capture.links[link], direction)
+}
+
+fn print_sums(
+    args: &DecodeArgs,
+    source: &Source,
+    known: &[Known],
+    lanes: &[Lane],
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
     for lane in lanes {
         let (name, len) = (&lane.name, lane.bytes.len());
-        let codec = args.protocol.or_else(|| codec::guess(&lane.bytes));
-        let Some(codec) = codec else {
-            writeln!(out, "{name}: {len} bytes, no frame of any known protocol")?;
+        let Some(codec) = codec_of(args, known, lane) else {
+            writeln!(out, "{name}: {len} bytes, {UNKNOWN}")?;
+            writeln!(out, "{}", profile(source, lane.link, lane.direction))?;
             continue;
         };
         let framed = codec.framed(&lane.bytes);
@@ -273,6 +315,21 @@ fn print_sums(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<
         }
     }
     Ok(())
+}
+
+/// What a line of text is, if it is text of no known protocol: perhaps a log about a line and not
+/// its bytes.
+fn text_words(bytes: &[u8]) -> Option<String> {
+    let is_text = |byte: &&u8| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t');
+    let text = bytes.iter().filter(is_text).count();
+    if bytes.is_empty() || text * 20 < bytes.len() * 19 || codec::guess(bytes).is_some() {
+        return None;
+    }
+    let lines = bytes.iter().filter(|byte| **byte == b'\n').count();
+    Some(format!(
+        "this is text, {lines} lines, of no known protocol; if it is a log of another tool and not \
+         the line's own bytes, see hilrig import"
+    ))
 }
 
 /// What was done to all bytes of a line.
@@ -292,6 +349,11 @@ fn print_damages(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Resu
         let name = &lane.name;
         if damages.is_empty() {
             writeln!(out, "{name}: no systematic damage found")?;
+        }
+        if args.protocol.is_none()
+            && let Some(what) = text_words(&lane.bytes)
+        {
+            writeln!(out, "{name}: {what}")?;
         }
         for damage in damages {
             writeln!(out, "{name}: {damage}")?;

@@ -101,7 +101,7 @@ pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
 
 /// What the lidar sent: all of a file of bytes; of a capture the line with the most of it.
 fn lidar_bytes(path: &Path) -> Result<Vec<u8>, CliError> {
-    let source = Source::read(path)?;
+    let source = Source::read(path, None)?;
     let lanes = lanes(&source.capture, |_| true);
     let framed = |lane: &Lane| [&XV11, &XV11_TURN].map(|row| row.framed(&lane.bytes));
     let best = lanes

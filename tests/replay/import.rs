@@ -173,7 +173,7 @@ fn options() -> Options {
         link: "line".to_owned(),
         baud: Some(115_200),
         sample_rate: Some(1_000_000),
-        direction: Direction::ToMaster,
+        ..Options::default()
     }
 }
 
@@ -236,31 +236,56 @@ fn an_error_in_a_dump_is_told_with_its_line_and_byte() {
         error
     };
     let head = "> 2026/11/21 07:58:48.000761120  length=3 from=0 to=2\n";
-    insta::assert_snapshot!(says(&format!("{head} fa a0 zz\n--\n"), &[]), @r#"error: d.txt: line 2 (byte 54): expected 1 to 3 bytes of two hex digits behind spaces"#);
+    insta::assert_snapshot!(says(&format!("{head} fa a0 zz\n--\n"), &[]), @r#"error: d.txt: line 2 (byte 54): expected 1 to 3 bytes of two hex digits behind spaces, as socat -x writes (socat -v alone does not tell all bytes)"#);
     insta::assert_snapshot!(says(&format!("{head} fa a0\n"), &[]), @r#"error: d.txt: line 2 (byte 54): the last block ends after 2 of 3 bytes"#);
     insta::assert_snapshot!(says("2026-11-21 07:58:50.596918: A\nFA A\n", &[]), @r#"error: d.txt: line 2 (byte 30): expected up to 16 bytes of two hex digits with a space between"#);
     insta::assert_snapshot!(says("uart-1: FA\nuart-1: \u{e9}\n", &["--baud", "9600"]), @r#"error: d.txt: line 2 (byte 11): found "\u{e9}", expected two hex digits: choose -A uart=rx-data"#);
     insta::assert_snapshot!(says("Time [s],Value\n0.1,250\n", &[]), @r#"error: d.txt: line 2 (byte 15): found value "250", expected hex as 0xFA: export in hexadecimal"#);
     insta::assert_snapshot!(says("[08:00:04.460] ab\n", &["--format", "raw"]), @r#"error: d.txt: line 1 (byte 0): tio wrote times between the bytes: expected its log without -t"#);
-    insta::assert_snapshot!(says("ab", &["--format", "raw"]), @r#"error: d.txt: line 1 (byte 0): bytes without time: expected --baud to tell how long they took"#);
-    insta::assert_snapshot!(says("hello", &[]), @r#"error: d.txt: expected a dump of socat, jpnevulator, sigrok or saleae, or --format raw for bytes alone"#);
+    let unknown = says("hello", &[]);
+    assert!(
+        unknown.starts_with("error: d.txt: this file has none of the forms"),
+        "{unknown}"
+    );
+    for form in ["socat", "hexdump", "saleae", "--format raw --baud N"] {
+        assert!(unknown.contains(form), "{form}: {unknown}");
+    }
 }
 
-const FORMATS: [Format; 5] = [
+const FORMATS: [Format; 15] = [
     Format::Socat,
     Format::Jpnevulator,
+    Format::Interceptty,
+    Format::Spy,
+    Format::Hex,
+    Format::Hexdump,
+    Format::Pcap,
     Format::Sigrok,
+    Format::Trace,
+    Format::Sr,
+    Format::Vcd,
+    Format::Samples,
     Format::Saleae,
+    Format::Csv,
     Format::Raw,
 ];
 
 /// One sound dump of each form, to be damaged.
-const SOUND: [&str; 5] = [
+const SOUND: [&str; 14] = [
     "> 2026/11/21 07:58:48.000761120  length=4 from=0 to=3\n fa a0 0a   ...\n 41   A\n--\n",
     "2026-11-21 07:58:50.596918: A\n00000000\tFA A0 0A 41\t...A\n",
     "5313-6147 uart-1: FA\n6148-6150 uart-1: Frame error\nuart-1: 0A\n",
     "name,type,start_time,duration,data,error\n\"a\",\"data\",2026-11-21T07:58:50.5,1e-5,0xFA,\n",
     "[08:00:04.460] ab",
+    "AB 24 0A 00 D9\n[0.5] TX: \\xAB\\x24\n",
+    "00000000: ab24 0a00 d9ab 2420 6162  .$....$ ab\n*\n00000020: 41  A\n",
+    "0000000 022253 000012 125731\n*\n0000014 051501\n0000016\n",
+    "000000.000 TX   0000  AB 24 0A 00 D9      .$...\n000000.061 RTS  inactive\n",
+    "[07:58 50.596918]< 41(A):54(T)\n< 0xab (.)\n> \t0x24 ($)\n",
+    "{\"traceEvents\": [{\"ph\": \"E\", \"ts\": 5.0, \"pid\": \"uart-1\", \"tid\": \"TX\", \"name\": \"AB\"}]}",
+    "$timescale 1 us $end $var wire 1 ! RX $end $enddefinitions $end\n#0 1!\n#5 0!\n#99 1!\n",
+    "; Samplerate: 1 MHz\nlogic\n1\n0\n0\n1\nTime [s],RX\n0.1,1\n0.2,0\n",
+    "time_s,link,direction,event,bytes,comment\r\n1.0,a,to-master,data,FAA0,\"b\nc\"\r\n",
 ];
 
 /// A dump of any content is records, or an error with a place inside it.
@@ -271,6 +296,8 @@ fn judge(bytes: &[u8]) -> Result<(), TestCaseError> {
                 let again = Capture::of(&imported.to_pcapng(format));
                 prop_assert_eq!(&again.records, imported.records());
             }
+            // A file without lines has a place in bytes, if any.
+            Err(error) if error.line == 0 => prop_assert!(error.offset <= bytes.len(), "{error}"),
             Err(error) => {
                 prop_assert!(error.line >= 1 && error.offset <= bytes.len(), "{}", error);
                 let before = &bytes[..error.offset];
@@ -294,7 +321,7 @@ proptest! {
     /// Mostly sound, which gets deeper than noise.
     #[test]
     fn no_damaged_dump_panics_an_importer(
-        which in 0_usize..5,
+        which in 0_usize..14,
         edits in prop::collection::vec((0_usize..200, 0_u8..4, any::<u8>()), 1..8),
     ) {
         let mut bytes = SOUND[which].repeat(2).into_bytes();

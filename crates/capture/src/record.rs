@@ -121,6 +121,11 @@ impl Interface {
         }
     }
 
+    /// Whether its packets are those of a serial line in this tool's form.
+    pub fn is_serial(&self) -> bool {
+        self.link_type == LINK_TYPE
+    }
+
     /// Appends its block.
     pub fn write(&self, out: &mut Vec<u8>) {
         pcapng::write_block(out, pcapng::INTERFACE, |out| {

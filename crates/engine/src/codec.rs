@@ -28,6 +28,7 @@
 
 mod bus;
 mod car_board;
+mod evidence;
 mod lidar;
 mod lua;
 mod odometer;
@@ -46,8 +47,9 @@ pub mod words;
 mod xv11;
 mod xv11_turn;
 
-pub use bus::{Avr, BUS, BUS_HIGH_FIRST, HighFirst, LowFirst, bus};
+pub use bus::{Avr, BUS, BUS_HIGH_FIRST, HighFirst, LowFirst, NamedRegister, RegisterNames, bus};
 pub use car_board::{CAR_BOARD, CAR_COMMAND, CarBoard, CarCommand, Pair, PairFormat};
+pub use evidence::{Evidence, Floor};
 pub use lidar::{Lidar, Ranges};
 pub use lua::{Lua, LuaField, field};
 pub use odometer::{Line, LineFormat, ODOMETER, Odometer};
@@ -111,7 +113,8 @@ pub fn register(codec: Codec) -> Result<&'static Codec, NameTaken> {
     CODECS.register(Box::new(codec))
 }
 
-/// The row with the most bytes of `bytes` in sound frames, if any has a frame.
+/// The row with the most bytes of `bytes` in sound frames, of those that the bytes speak enough
+/// for: see [`Evidence`].
 pub fn guess(bytes: &[u8]) -> Option<&'static Codec> {
     best(bytes).map(|(codec, _)| codec)
 }
@@ -120,9 +123,10 @@ pub fn guess(bytes: &[u8]) -> Option<&'static Codec> {
 pub fn best(bytes: &[u8]) -> Option<(&'static Codec, u64)> {
     let mut best = None;
     for codec in all() {
-        let score = codec.framed(bytes);
-        let is_believed = score * 100 >= u64::from(codec.least_share()) * bytes.len() as u64;
-        if is_believed && score > best.map_or(0, |(_, best)| best) {
+        let evidence = Evidence::of(codec, bytes);
+        let score = evidence.framed;
+        let is_better = score > best.map_or(0, |(_, best)| best);
+        if is_better && evidence.is_enough(codec.floor()) {
             best = Some((codec, score));
         }
     }

@@ -5,8 +5,13 @@ use std::path::Path;
 use protocols::{Instant, LineEvent};
 
 use super::CliError;
-use crate::capture::{Capture, Interface, Kind, Record};
+use crate::capture::decode::transcript::Known;
+use crate::capture::import::{self, Format, Imported, Options};
+use crate::capture::{Capture, Interface, Kind, Record, replay};
+use crate::codec::{NamedRegister, RegisterNames};
 use crate::rig::line::Direction;
+use crate::run::Run;
+use crate::scenario::{RegistersSpec, Scenario, WidthSpec};
 
 /// How a capture begins.
 pub(in crate::cli) const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
@@ -19,13 +24,22 @@ pub(in crate::cli) struct Source {
 }
 
 impl Source {
-    pub(in crate::cli) fn read(path: &Path) -> Result<Self, CliError> {
+    /// Reads a capture, a file of another tool, or raw bytes; `format` forces one of the forms of
+    /// `hilrig import`.
+    pub(in crate::cli) fn read(path: &Path, format: Option<Format>) -> Result<Self, CliError> {
         let name = path.display();
         let bytes = crate::cli::read(path)?;
-        if !bytes.starts_with(&PCAPNG) {
+        if format == Some(Format::Raw) {
             return Ok(Self::raw(bytes));
         }
+        if !bytes.starts_with(&PCAPNG) || format.is_some_and(|format| format != Format::Pcap) {
+            return Self::of_dump(bytes, path, format);
+        }
         let capture = Capture::of(&bytes);
+        // Packets of another tool's link type are imported, or refused with a word.
+        if capture.links.iter().any(|link| !link.is_serial()) {
+            return Self::of_dump(bytes, path, Some(Format::Pcap));
+        }
         if let Some(error) = capture.broken {
             eprintln!("{name} is broken {error}; what is before it follows");
         } else if capture.cut > 0 {
@@ -35,6 +49,63 @@ impl Source {
         let start = capture.sections.first().map(|section| section.start());
         let start = start.or(Some(Instant::ZERO));
         Ok(Self { capture, start })
+    }
+
+    /// A file of another tool as `hilrig import` reads it; raw bytes if it shows no form.
+    fn of_dump(bytes: Vec<u8>, path: &Path, format: Option<Format>) -> Result<Self, CliError> {
+        let wrong = |error: import::ImportError| {
+            let raw = "if these are the bytes of the line themselves: --format raw";
+            CliError::content(path, format!("{error}\n{raw}"))
+        };
+        let opened = match format {
+            Some(_) => import::unpacked(&bytes).map_err(wrong)?,
+            None => import::open(&bytes, path).map_err(wrong)?,
+        };
+        let certain = opened.format.filter(|_| opened.is_certain);
+        let Some(format) = format.or(certain) else {
+            return Ok(Self::raw(opened.bytes.into_owned()));
+        };
+        let imported = import::read(&opened.bytes, format, &Options::default()).map_err(wrong)?;
+        let (path, form) = (path.display(), format.name());
+        eprintln!("{path} is read as {form}; --format raw reads its bytes as they are");
+        let notes = opened.notes.iter().chain(&imported.notes);
+        notes.for_each(|note| eprintln!("{note}"));
+        Ok(Self::imported(&imported, format))
+    }
+
+    fn imported(imported: &Imported, format: Format) -> Self {
+        let first = imported.records().iter().map(|record| record.at).min();
+        Self {
+            capture: Capture::of(&imported.to_pcapng(format)),
+            start: first.filter(|_| imported.is_timed()),
+        }
+    }
+
+    /// What the scenario in the capture says of its links: which format each carries, and the
+    /// names of registers. Nothing if there is none, or if it cannot be set up any more.
+    pub(in crate::cli) fn known(&self, path: &Path) -> Vec<Known> {
+        let Ok(Some((scenario, source))) = replay::scenario_of(&self.capture, path) else {
+            return Vec::new();
+        };
+        let names: Vec<(String, RegisterNames)> = registers(&scenario);
+        let run = Run::new(scenario, &source, None).ok();
+        let mut known = Vec::new();
+        for link in &self.capture.links {
+            for direction in [Direction::ToMaster, Direction::ToDevice] {
+                let codec = run.as_ref().and_then(|run| {
+                    let instruments = run.instruments();
+                    instruments.codec_towards(&run.rig, &link.name, direction)
+                });
+                let own = names.iter().find(|(name, _)| *name == link.name);
+                known.push(Known {
+                    link: link.name.clone(),
+                    direction,
+                    codec,
+                    names: own.map(|(_, names)| names.clone()),
+                });
+            }
+        }
+        known
     }
 
     /// Bytes without time, as a capture of one link.
@@ -67,6 +138,34 @@ impl Source {
     }
 }
 
+/// The registers of slaves that a scenario describes, by the names of their links.
+fn registers(scenario: &Scenario) -> Vec<(String, RegisterNames)> {
+    let own = scenario.device.iter();
+    let own = own.filter_map(|(name, spec)| Some((name, spec.settings::<RegistersSpec>()?)));
+    own.map(|(name, spec)| {
+        let named = spec.register.iter().map(|register| {
+            let register = register.get_ref();
+            let (bytes, is_signed) = match register.width {
+                WidthSpec::U8 => (1, false),
+                WidthSpec::I8 => (1, true),
+                WidthSpec::U16 => (2, false),
+                WidthSpec::I16 => (2, true),
+                WidthSpec::U32 => (4, false),
+                WidthSpec::I32 => (4, true),
+            };
+            NamedRegister {
+                address: register.address,
+                bytes,
+                is_signed,
+                name: register.name.clone(),
+                unit: String::new(),
+            }
+        });
+        (name.clone(), RegisterNames::new(named))
+    })
+    .collect()
+}
+
 pub(in crate::cli) fn raw_link() -> Interface {
     Interface::new("raw", 0)
 }
@@ -87,14 +186,20 @@ pub(in crate::cli) fn raw_record(bytes: Vec<u8>) -> Record {
 
 /// One direction of a link, as a whole.
 pub(in crate::cli) struct Lane {
-    link: usize,
-    direction: Direction,
+    pub(in crate::cli) link: usize,
+    pub(in crate::cli) direction: Direction,
+    link_name: String,
     pub(in crate::cli) name: String,
     pub(in crate::cli) bytes: Vec<u8>,
     pub(in crate::cli) framing_errors: u64,
 }
 
 impl Lane {
+    /// Whether it is this direction of the link of this name.
+    pub(in crate::cli) fn is_of(&self, link: &str, direction: Direction) -> bool {
+        self.link_name == link && self.direction == direction
+    }
+
     pub(in crate::cli) fn is_opposite(&self, other: &Self) -> bool {
         self.link == other.link && self.direction != other.direction
     }
@@ -111,6 +216,7 @@ pub(in crate::cli) fn lanes(capture: &Capture, wanted: impl Fn(&str) -> bool) ->
             lanes.push(Lane {
                 link,
                 direction,
+                link_name: interface.name.clone(),
                 name: format!("{} {}", interface.name, direction.name()),
                 bytes: Vec::new(),
                 framing_errors: 0,

@@ -9,9 +9,10 @@ use std::collections::VecDeque;
 
 use protocols::{FrameError, Instant, LineConfig};
 
-use crate::{Interface, Kind, Record};
-use engine::codec::{self, Codec, IDLE, PCUI, Stream, Stretch, What, words};
-use engine::rig::line::Direction;
+use crate::capture::{Interface, Kind, Record};
+use crate::codec::{self, Codec, IDLE, RegisterNames, Stream, Stretch, What, words};
+use crate::hex;
+use crate::rig::line::Direction;
 
 /// How long a line waits at least for earlier ones: a record tells of bytes that came before it. On
 /// slower lines than 57600 baud a few may come late.
@@ -24,6 +25,8 @@ const GUESS_MAX: usize = 4096;
 const GUESS_FIRST: usize = 64;
 /// Fewest of its bytes in sound frames for a protocol to be believed at once.
 const GUESS_MIN: u64 = 44;
+/// Most bytes of an unknown protocol that are told at once.
+const CHUNK_MAX: usize = 256;
 /// Shortest run of printable bytes among bad ones that is shown as text.
 const TEXT_MIN: usize = 4;
 
@@ -51,6 +54,8 @@ pub enum Said {
     Text(String),
     /// Bytes that are neither, and why those that looked like a frame were none.
     Bad(Vec<u8>, Vec<FrameError>),
+    /// Bytes of a line whose protocol is unknown, as they came together.
+    Data(Vec<u8>),
     /// The line told something besides bytes, or a fault struck, in words.
     Event(String),
 }
@@ -60,6 +65,11 @@ impl core::fmt::Display for Said {
         match self {
             Self::Frame(words) | Self::Text(words) => f.write_str(words),
             Self::Event(words) => write!(f, "EVENT {words}"),
+            Self::Data(bytes) => {
+                let shown = hex::pairs(&bytes[..bytes.len().min(32)]);
+                let more = if bytes.len() > 32 { " .." } else { "" };
+                write!(f, "DATA {} bytes {shown}{more}", bytes.len())
+            }
             Self::Bad(bytes, errors) => {
                 let shown = bytes[..bytes.len().min(32)].escape_ascii();
                 let more = if bytes.len() > 32 { ".." } else { "" };
@@ -72,9 +82,19 @@ impl core::fmt::Display for Said {
 
 /// One direction of a link.
 struct Lane {
+    /// What it should carry.
+    expected: Option<&'static Codec>,
+    /// Names of its registers.
+    names: Option<RegisterNames>,
     link: usize,
     direction: Direction,
     rate: LineConfig,
+    /// Silence that divides the bytes of an unknown protocol.
+    silence: Duration,
+    /// Places at which the other direction spoke.
+    turns: VecDeque<u64>,
+    /// The last bytes that were told without a protocol.
+    unknown: VecDeque<u8>,
     /// None until the bytes have shown it.
     stream: Option<Stream>,
     codec: Option<&'static Codec>,
@@ -88,9 +108,23 @@ struct Lane {
     framed: u64,
 }
 
+/// What is known of one direction of a link before its bytes are seen.
+#[derive(Clone, Debug)]
+pub struct Known {
+    /// Name of the link.
+    pub link: String,
+    /// Which way.
+    pub direction: Direction,
+    /// What it carries, if it carries frames of it at all.
+    pub codec: Option<&'static Codec>,
+    /// Names of its registers, if it is a register bus.
+    pub names: Option<RegisterNames>,
+}
+
 /// Turns records into lines.
 #[derive(Default)]
 pub struct Transcript {
+    known: Vec<Known>,
     lanes: Vec<Lane>,
     waiting: VecDeque<Entry>,
     codec: Option<&'static Codec>,
@@ -120,6 +154,14 @@ impl Transcript {
         }
     }
 
+    /// All lanes of which something is known carry that, if they have frames of it; the others
+    /// what their bytes show.
+    #[must_use]
+    pub fn knowing(mut self, known: Vec<Known>) -> Self {
+        self.known = known;
+        self
+    }
+
     /// Takes the next record of `link`.
     pub fn record(&mut self, record: &Record, link: &Interface) {
         let now = record.at;
@@ -130,6 +172,7 @@ impl Transcript {
             }
         }
         let index = self.lane(record, link);
+        self.turn(index, record);
         let place = self.lanes[index].end();
         let event = match record.kind {
             Kind::Data | Kind::Line(_) => words::one_line(&record.comment),
@@ -183,10 +226,17 @@ impl Transcript {
         if let Some(index) = self.lanes.iter().position(is_own) {
             return index;
         }
+        let mut known = self.known.iter();
+        let known = known.rfind(|known| known.link == link.name && known.direction == direction);
         self.lanes.push(Lane {
+            expected: known.and_then(|known| known.codec),
+            names: known.and_then(|known| known.names.clone()),
             link: link_index,
             direction,
             rate: LineConfig::new_8n1(link.baud.max(1)),
+            silence: silence(link.baud),
+            turns: VecDeque::new(),
+            unknown: VecDeque::new(),
             stream: self.codec.map(Stream::new),
             codec: self.codec,
             look_at: GUESS_FIRST,
@@ -196,6 +246,18 @@ impl Transcript {
             framed: 0,
         });
         self.lanes.len() - 1
+    }
+
+    /// What the other direction of the link said before ends there.
+    fn turn(&mut self, index: usize, record: &Record) {
+        let own = self.lanes[index].direction;
+        let others = self.lanes.iter_mut();
+        for other in others.filter(|lane| lane.link == record.link && lane.direction != own) {
+            let end = other.end();
+            if record.kind == Kind::Data && other.stream.is_none() && end > other.told {
+                other.turns.push_back(end);
+            }
+        }
     }
 
     fn feed(&mut self, index: usize, at: Instant, bytes: &[u8]) {
@@ -219,7 +281,7 @@ impl Transcript {
             if lane.stream.is_some() || lane.untold.len() < len {
                 return;
             }
-            let best = codec::best(&lane.untold.make_contiguous()[..len]);
+            let best = lane.best(len);
             let fewest = if len < GUESS_MAX { GUESS_MIN } else { 1 };
             if best.is_some_and(|(_, framed)| framed >= fewest) {
                 lane.codec = best.map(|(codec, _)| codec);
@@ -234,13 +296,16 @@ impl Transcript {
     }
 
     /// The first `len` untold bytes are told as what they are by now; without a protocol as text
-    /// or bad, which says nothing of what comes later.
+    /// or data, which says nothing of what comes later.
     fn decide(&mut self, index: usize, len: usize) {
         let lane = &mut self.lanes[index];
+        let Some(codec) = lane.codec else {
+            self.tell_unknown(index, len);
+            return;
+        };
         let idle = lane.idle();
         let held = &lane.untold.make_contiguous()[..len];
-        // Of what is no format at all, PCUI complains least: nothing has its eight bytes by chance.
-        let mut stream = Stream::new(lane.codec.unwrap_or(&PCUI));
+        let mut stream = Stream::new(codec);
         let mut found = Vec::new();
         let (mut start, mut last) = (0, None);
         for &(end, at) in &lane.times {
@@ -255,13 +320,24 @@ impl Transcript {
             found.extend(stream.push(&held[start..until.min(len)]));
             start = until.min(len);
         }
-        if lane.codec.is_some() {
-            lane.stream = Some(stream);
-        } else {
-            found.extend(stream.idle());
-            lane.look_at = GUESS_FIRST;
-        }
+        lane.stream = Some(stream);
         self.told(index, found);
+    }
+
+    /// Tells the first `len` untold bytes of a lane without a protocol, as they came together: in
+    /// pieces that end with a silence, or where the other direction spoke.
+    fn tell_unknown(&mut self, index: usize, len: usize) {
+        let lane = &mut self.lanes[index];
+        lane.look_at = GUESS_FIRST;
+        for chunk in lane.chunks(len) {
+            let lane = &mut self.lanes[index];
+            let place = lane.told;
+            let (at, bytes) = lane.take(chunk);
+            lane.unknown.extend(&bytes);
+            let surplus = lane.unknown.len().saturating_sub(GUESS_MAX);
+            lane.unknown.drain(..surplus);
+            self.report_bad(index, (at, place), &bytes, None);
+        }
     }
 
     /// The lane fell quiet.
@@ -271,8 +347,8 @@ impl Transcript {
             return;
         }
         if lane.stream.is_none() {
-            lane.codec = codec::guess(lane.untold.make_contiguous());
             let all = lane.untold.len();
+            lane.codec = lane.best(all).map(|(codec, _)| codec);
             self.decide(index, all);
         }
         let found = self.lanes[index].stream.as_mut().map(Stream::idle);
@@ -288,27 +364,35 @@ impl Transcript {
             let (at, bytes) = lane.take(len);
             match what {
                 What::Frame(words) => {
-                    self.lanes[index].framed += len as u64;
+                    let lane = &mut self.lanes[index];
+                    lane.framed += len as u64;
+                    let named = lane.names.as_ref().and_then(|names| names.words(&bytes));
+                    let words = named.unwrap_or(words);
                     self.report(index, at, place, Said::Frame(words));
                 }
-                What::Bad(errors) => self.report_bad(index, (at, place), &bytes, errors),
+                What::Bad(errors) => self.report_bad(index, (at, place), &bytes, Some(errors)),
             }
         }
     }
 
-    /// Bad bytes, and the text among them.
+    /// Bytes of no frame, and the text among them; with the errors of a protocol that is known.
     fn report_bad(
         &mut self,
         index: usize,
         (at, place): (Instant, u64),
         bytes: &[u8],
-        errors: Vec<FrameError>,
+        mut errors: Option<Vec<FrameError>>,
     ) {
+        let is_known = errors.is_some();
         let is_text = |byte: u8| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t');
         let runs: Vec<&[u8]> = bytes.chunk_by(|a, b| is_text(*a) == is_text(*b)).collect();
         let shown_as_text =
             |run: &[u8]| is_text(run[0]) && (run.len() >= TEXT_MIN || run.len() == bytes.len());
-        let (mut start, mut errors) = (0, Some(errors));
+        let mut said = |bytes: &[u8]| match is_known {
+            true => Said::Bad(bytes.to_vec(), errors.take().unwrap_or_default()),
+            false => Said::Data(bytes.to_vec()),
+        };
+        let mut start = 0;
         let mut bad = 0..0;
         for run in runs {
             let own = start..start + run.len();
@@ -318,10 +402,7 @@ impl Transcript {
                 continue;
             }
             if !bad.is_empty() {
-                let said = Said::Bad(
-                    bytes[bad.clone()].to_vec(),
-                    errors.take().unwrap_or_default(),
-                );
+                let said = said(&bytes[bad.clone()]);
                 self.report(index, at, place + bad.start as u64, said);
             }
             bad = own.end..own.end;
@@ -329,10 +410,7 @@ impl Transcript {
             self.report(index, at, place + own.start as u64, said);
         }
         if !bad.is_empty() {
-            let said = Said::Bad(
-                bytes[bad.clone()].to_vec(),
-                errors.take().unwrap_or_default(),
-            );
+            let said = said(&bytes[bad.clone()]);
             self.report(index, at, place + bad.start as u64, said);
         }
     }
@@ -354,7 +432,73 @@ impl Transcript {
     }
 }
 
+/// Silence that divides messages of an unknown protocol: three characters; 2 ms at an unknown
+/// rate.
+pub(crate) fn silence(baud: u32) -> Duration {
+    match baud {
+        0 => Duration::from_millis(2),
+        baud => LineConfig::new_8n1(baud).bytes_time(3),
+    }
+}
+
 impl Lane {
+    /// The protocol of the first `len` untold bytes, seen together with what was told before
+    /// without one, so that many tries need as much evidence as many bytes.
+    fn best(&mut self, len: usize) -> Option<(&'static Codec, u64)> {
+        let untold = &self.untold.make_contiguous()[..len];
+        if let Some(expected) = self.expected
+            && let framed = expected.framed(untold)
+            && framed > 0
+        {
+            return Some((expected, framed));
+        }
+        if self.unknown.is_empty() {
+            return codec::best(untold);
+        }
+        let mut all: Vec<u8> = self.unknown.iter().copied().collect();
+        all.extend(untold);
+        let (codec, _) = codec::best(&all)?;
+        let framed = codec.framed(untold);
+        (framed > 0).then_some((codec, framed))
+    }
+
+    /// Lengths of the pieces in which the first `len` untold bytes came.
+    fn chunks(&mut self, len: usize) -> Vec<usize> {
+        let mut ends = Vec::new();
+        let mut last: Option<(usize, Instant)> = None;
+        for &(end, at) in &self.times {
+            let end = usize::try_from(end.saturating_sub(self.told)).unwrap_or(usize::MAX);
+            let end = end.min(len);
+            if let Some((before, was)) = last {
+                // At an unknown rate a piece begins when it ends.
+                let begins = match self.rate.baud {
+                    1 => at,
+                    _ => self.rate.byte_end(at, (end - before) as u64),
+                };
+                let is_turn = self.turns.contains(&(self.told + before as u64));
+                if is_turn || (begins > was && begins - was > self.silence) {
+                    ends.push(before);
+                }
+            }
+            last = Some((end, at));
+            if end == len {
+                break;
+            }
+        }
+        ends.push(len);
+        let end = self.told + len as u64;
+        self.turns.retain(|&turn| turn > end);
+        let (mut chunks, mut start) = (Vec::new(), 0);
+        for end in ends {
+            while end > start {
+                let chunk = (end - start).min(CHUNK_MAX);
+                chunks.push(chunk);
+                start += chunk;
+            }
+        }
+        chunks
+    }
+
     /// Silence after which a frame that was begun is given up.
     fn idle(&self) -> Duration {
         self.codec.map_or(IDLE, Codec::idle)
@@ -420,24 +564,24 @@ mod tests {
         assert_eq!(
             said(b"\x01\x02help\x03"),
             [
-                line(0, "BAD 2 bytes \"\\x01\\x02\""),
+                line(0, "DATA 2 bytes 01 02"),
                 line(2, "text \"help\""),
-                line(6, "BAD 1 bytes \"\\x03\""),
+                line(6, "DATA 1 bytes 03"),
             ]
         );
         assert_eq!(
             said(b"\x01sos\x02"),
-            [line(0, "BAD 5 bytes \"\\x01sos\\x02\"")]
+            [line(0, "DATA 5 bytes 01 73 6F 73 02")]
         );
         assert_eq!(said(b"sos"), [line(0, "text \"sos\"")]);
         assert_eq!(
             said(b"help\x01"),
-            [line(0, "text \"help\""), line(4, "BAD 1 bytes \"\\x01\""),]
+            [line(0, "text \"help\""), line(4, "DATA 1 bytes 01"),]
         );
         assert_eq!(
             said(b"\x01ab\t~ \r\n"),
             [
-                line(0, "BAD 1 bytes \"\\x01\""),
+                line(0, "DATA 1 bytes 01"),
                 line(1, "text \"ab\\t~ \\r\\n\""),
             ]
         );
@@ -515,9 +659,9 @@ mod tests {
             said(b"help\x01more\x02"),
             [
                 line(0, "text \"help\""),
-                line(4, "BAD 1 bytes \"\\x01\""),
+                line(4, "DATA 1 bytes 01"),
                 line(5, "text \"more\""),
-                line(9, "BAD 1 bytes \"\\x02\""),
+                line(9, "DATA 1 bytes 02"),
             ]
         );
     }
@@ -537,8 +681,7 @@ mod tests {
         assert_eq!([4_094, 1].map(&mut told), [4_096, 8_192]);
     }
 
-    /// One frame of five bytes among 64 may be chance: it is believed when nothing better is found
-    /// in 4096.
+    /// One frame of five bytes among 64 or 4096 may be chance; two are none.
     #[test]
     fn a_single_frame_is_not_believed_at_once() {
         use protocols::avr::{ChecksumOrder, Frame};
@@ -553,7 +696,42 @@ mod tests {
         let first = [frame.as_bytes(), &[2; 59]].concat();
         assert_eq!(framed(&first), (false, 0));
         assert_eq!(framed(&[2; 4_031]), (false, 0));
-        assert_eq!(framed(&[2; 1]), (true, 5));
+        assert_eq!(framed(&[2; 1]), (false, 0));
+        let two = [frame.as_bytes(), frame.as_bytes(), &[2; 54]].concat();
+        framed(&two);
+        let all: Vec<_> = transcript.finish().collect();
+        let frames = all.iter().filter(|one| matches!(one.said, Said::Frame(_)));
+        assert_eq!(frames.count(), 2);
+    }
+
+    /// Three requests and answers of an unknown protocol: each is told by itself, with its own time
+    /// and place. At 9,600 baud a character takes 1.04 ms, so 4 ms of silence divide.
+    #[test]
+    fn requests_and_answers_of_an_unknown_protocol_stay_apart() {
+        let mut transcript = Transcript::new(None);
+        let link = Interface::new("x", 9_600);
+        for turn in 0..3 {
+            let request = Record {
+                direction: Direction::ToDevice,
+                ..record(10 + 30 * turn, &[1, 3, 0], "")
+            };
+            transcript.record(&request, &link);
+            transcript.record(&record(20 + 30 * turn, &[1, 3], ""), &link);
+            transcript.record(&record(27 + 30 * turn, &[0xC9, 0xC8], ""), &link);
+        }
+        let told = |one: Entry| (one.at.as_millis(), one.place, one.said.to_string());
+        let all: Vec<_> = transcript.finish().map(told).collect();
+        let line = |at, place, words: &str| (at, place, words.to_owned());
+        assert_eq!(
+            all[..4],
+            [
+                line(10, 0, "DATA 3 bytes 01 03 00"),
+                line(20, 0, "DATA 2 bytes 01 03"),
+                line(27, 2, "DATA 2 bytes C9 C8"),
+                line(40, 3, "DATA 3 bytes 01 03 00"),
+            ]
+        );
+        assert_eq!(all.len(), 9);
     }
 
     /// A frame that comes in two pieces within its protocol's idle time is one.

@@ -117,6 +117,7 @@ pub struct Imported {
     /// What the reader should know, e.g. that times are local.
     pub notes: Vec<String>,
     pub(super) clock: &'static str,
+    is_untimed: bool,
 }
 
 impl Imported {
@@ -126,7 +127,13 @@ impl Imported {
             records: Vec::new(),
             notes: Vec::new(),
             clock: "utc",
+            is_untimed: false,
         }
+    }
+
+    /// Whether the file has times; without them bytes stand back to back.
+    pub const fn is_timed(&self) -> bool {
+        !self.is_untimed
     }
 
     /// The links.
@@ -223,6 +230,7 @@ impl Untimed {
     /// Of the link that the options name. Without a rate in them one is assumed, and said.
     pub(super) fn new(options: &Options, out: &mut Imported) -> Self {
         out.clock = "virtual";
+        out.is_untimed = true;
         let mut options = options.clone();
         if options.baud.is_none() {
             options.baud = Some(ASSUMED_BAUD);

@@ -3,6 +3,7 @@
 use core::fmt::Write as _;
 use core::marker::PhantomData;
 
+use protocols::Decode as _;
 use protocols::avr::{self, ChecksumOrder, ERROR_REGISTER, registers};
 
 use super::lua::{Lua, LuaField, field};
@@ -164,73 +165,169 @@ impl<O: Order> Wire for Avr<O> {
     }
 }
 
-/// A frame of the register bus, by the names of its registers.
+/// A register of a slave: where it begins, its bytes, how they are read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedRegister {
+    /// Its first address.
+    pub address: u8,
+    /// Bytes of its value, 1, 2 or 4, the lowest first.
+    pub bytes: u8,
+    /// Whether the value has a sign.
+    pub is_signed: bool,
+    /// Its name.
+    pub name: String,
+    /// Unit of the value; empty if it has none.
+    pub unit: String,
+}
+
+/// The registers of one slave, for words with its own names.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RegisterNames(Vec<NamedRegister>);
+
+impl RegisterNames {
+    /// Of these registers, in any order.
+    pub fn new(registers: impl IntoIterator<Item = NamedRegister>) -> Self {
+        Self(registers.into_iter().collect())
+    }
+
+    /// Those of the AVR base.
+    fn of_the_base() -> Self {
+        use registers::Width;
+        let all = registers::TABLE.iter().map(|register| NamedRegister {
+            address: register.address,
+            bytes: register.width.bytes(),
+            is_signed: register.width != Width::U8,
+            name: register.name.to_owned(),
+            unit: register.unit.to_owned(),
+        });
+        Self::new(all)
+    }
+
+    /// The register that an address is part of.
+    fn at(&self, address: u8) -> Option<&NamedRegister> {
+        let holds = |register: &&NamedRegister| {
+            let end = u16::from(register.address) + u16::from(register.bytes);
+            (u16::from(register.address)..end).contains(&address.into())
+        };
+        self.0.iter().find(holds)
+    }
+
+    /// The words of a sound frame of the bus; none if `bytes` are no frame.
+    pub fn words(&self, bytes: &[u8]) -> Option<String> {
+        [ChecksumOrder::LowFirst, ChecksumOrder::HighFirst]
+            .into_iter()
+            .find_map(|order| {
+                let frame = avr::Decoder::new(order).push(bytes).find_map(Result::ok)?;
+                (frame.as_bytes() == bytes).then(|| self.frame_words(&frame))
+            })
+    }
+
+    fn frame_words(&self, frame: &avr::Frame) -> String {
+        let (register, count) = (frame.register(), frame.count());
+        if frame.is_write() {
+            return format!("{register}:{}", self.values(register, frame.data()));
+        }
+        if count == 0 && register == ERROR_REGISTER {
+            return "error".to_owned();
+        }
+        if count == 0 {
+            return format!("acknowledge {register}{}", self.names(register, 1));
+        }
+        format!(
+            "read {count} from {register}:{}",
+            self.names(register, count)
+        )
+    }
+
+    /// Names of the values that begin or end among `count` registers from `first` on.
+    fn names(&self, first: u8, count: u8) -> String {
+        let last = u16::from(first) + u16::from(count);
+        let (mut out, mut at) = (String::new(), u16::from(first));
+        while at < last {
+            let address = u8::try_from(at).ok();
+            let Some(register) = address.and_then(|address| self.at(address)) else {
+                at += 1;
+                continue;
+            };
+            write!(out, " {}", register.name).expect(TAKES_ALL);
+            at = u16::from(register.address) + u16::from(register.bytes);
+        }
+        out
+    }
+
+    /// `data` as the values of the registers from `first` on; what is no whole value as bytes.
+    fn values(&self, first: u8, mut data: &[u8]) -> String {
+        let (mut out, mut at) = (String::new(), first);
+        while let [byte, rest @ ..] = data {
+            let known = self.at(at).filter(|register| register.address == at);
+            let len = known.map_or(1, |register| usize::from(register.bytes));
+            let (Some(register), true) = (known, len <= data.len()) else {
+                write!(out, " {byte:02X}").expect(TAKES_ALL);
+                (data, at) = (rest, at.wrapping_add(1));
+                continue;
+            };
+            let value = register.value(&data[..len]);
+            let gap = if register.unit.is_empty() { "" } else { " " };
+            write!(out, " {}={value}{gap}{}", register.name, register.unit).expect(TAKES_ALL);
+            data = &data[len..];
+            at = at.wrapping_add(register.bytes);
+        }
+        out
+    }
+}
+
+impl NamedRegister {
+    fn value(&self, data: &[u8]) -> i64 {
+        let bits = 8 * u32::from(self.bytes);
+        let value = data
+            .iter()
+            .rev()
+            .fold(0_i64, |value, &byte| value << 8 | i64::from(byte));
+        match self.is_signed && value >> (bits - 1) & 1 == 1 {
+            true => value - (1 << bits),
+            false => value,
+        }
+    }
+}
+
+/// A frame of the register bus, by the names of the base's registers.
 fn words(frame: &avr::Frame) -> String {
-    let (register, count) = (frame.register(), frame.count());
-    if frame.is_write() {
-        return format!("{register}:{}", values(register, frame.data()));
-    }
-    if count == 0 && register == ERROR_REGISTER {
-        return "error".to_owned();
-    }
-    if count == 0 {
-        return format!("acknowledge {register}{}", names(register, 1));
-    }
-    format!("read {count} from {register}:{}", names(register, count))
-}
-
-/// Names of the values that begin or end among `count` registers from `first` on.
-fn names(first: u8, count: u8) -> String {
-    let last = u16::from(first) + u16::from(count);
-    let (mut out, mut at) = (String::new(), u16::from(first));
-    while at < last {
-        let Some(register) = u8::try_from(at).ok().and_then(registers::at) else {
-            return out;
-        };
-        write!(out, " {}", register.name).expect(TAKES_ALL);
-        at = u16::from(register.address) + u16::from(register.width.bytes());
-    }
-    out
-}
-
-/// `data` as the values of the registers from `first` on; what is no whole value as bytes.
-fn values(first: u8, mut data: &[u8]) -> String {
-    use registers::Width;
-    let (mut out, mut at) = (String::new(), first);
-    while let [byte, rest @ ..] = data {
-        let known = registers::at(at).filter(|register| register.address == at);
-        let len = known.map_or(1, |register| usize::from(register.width.bytes()));
-        let (Some(register), true) = (known, len <= data.len()) else {
-            write!(out, " {byte:02X}").expect(TAKES_ALL);
-            (data, at) = (rest, at.wrapping_add(1));
-            continue;
-        };
-        let value = match register.width {
-            Width::U8 => i64::from(*byte),
-            Width::I8 => i64::from(byte.cast_signed()),
-            Width::I16 => i64::from(i16::from_le_bytes([data[0], data[1]])),
-            Width::I32 => i64::from(i32::from_le_bytes([data[0], data[1], data[2], data[3]])),
-        };
-        let gap = if register.unit.is_empty() { "" } else { " " };
-        write!(out, " {}={value}{gap}{}", register.name, register.unit).expect(TAKES_ALL);
-        data = &data[len..];
-        at = at.wrapping_add(register.width.bytes());
-    }
-    out
+    use std::sync::LazyLock;
+    static BASE: LazyLock<RegisterNames> = LazyLock::new(RegisterNames::of_the_base);
+    BASE.frame_words(frame)
 }
 
 const TAKES_ALL: &str = "a string takes everything";
 
 #[cfg(test)]
 mod tests {
-    use protocols::Decode as _;
-
     use super::*;
 
     fn of_bus(bytes: &[u8]) -> String {
         let mut decoder = avr::Decoder::new(ChecksumOrder::HighFirst);
         let frame = decoder.push(bytes).find_map(Result::ok);
         words(&frame.expect("sound"))
+    }
+
+    /// A slave of one's own: 286461187 is 0x11131B03, sums by hand. No name of the base appears.
+    #[test]
+    fn another_slave_has_its_own_names() {
+        let register = |address, bytes, is_signed, name: &str| NamedRegister {
+            address,
+            bytes,
+            is_signed,
+            name: name.to_owned(),
+            unit: String::new(),
+        };
+        let names = RegisterNames::new([register(0, 4, false, "a"), register(8, 1, true, "w")]);
+        let of = |bytes: &[u8]| names.words(bytes).unwrap_or_default();
+        assert_eq!(of(&[0xAB, 0, 4, 0xAF, 0]), "read 4 from 0: a");
+        let answer = [0xAB, 0, 0x84, 0x03, 0x1B, 0x13, 0x11, 0x71, 0x01];
+        assert_eq!(of(&answer), "0: a=286464771");
+        assert_eq!(of(&[0xAB, 8, 0x81, 0xFF, 0x02, 0x33]), "8: w=-1");
+        assert_eq!(of(&[0xAB, 5, 5, 0xB5, 0]), "read 5 from 5: w");
+        assert_eq!(of(&[0xAB, 50, 1, 0xDE, 0]), "read 1 from 50:");
+        assert_eq!(names.words(&[0xAB, 0]), None);
     }
 
     /// Vectors of the fielded firmware, register names of its map.

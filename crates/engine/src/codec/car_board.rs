@@ -10,6 +10,7 @@ use protocols::car_board::{
 };
 use protocols::{Candidate, Decoder, Format, FrameError};
 
+use super::evidence::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};
@@ -18,6 +19,11 @@ use super::wire::{Broken, Choices, Wire, made_again};
 pub static CAR_BOARD: Codec =
     Codec::of::<CarBoard>("Sensors of a model car's board: ultrasound, line, hall, battery")
         .with_idle(IDLE_GAP)
+        .with_floor(Floor {
+            check_bits: 24,
+            share: 50,
+            ..Floor::CHECKED
+        })
         .with_lua(Lua {
             source: SOURCE,
             judge: "judge_car_board",
@@ -29,7 +35,11 @@ pub static CAR_BOARD: Codec =
 pub static CAR_COMMAND: Codec =
     Codec::of::<CarCommand>("Commands to a model car's board: a motor byte, a steering byte")
         .with_idle(PAIR_GAP)
-        .with_least_share(50)
+        .with_floor(Floor {
+            check_bits: 4,
+            frames: 6,
+            ..Floor::UNCHECKED
+        })
         .with_lua(Lua {
             source: SOURCE,
             judge: "judge_car_command",

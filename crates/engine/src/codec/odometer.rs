@@ -10,20 +10,24 @@ use protocols::odometer::{
 };
 use protocols::{Candidate, Decoder, Format, FrameError};
 
+use super::evidence::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Choices, Wire};
 
 /// Lines of an odometer.
-pub static ODOMETER: Codec = Codec::of::<Odometer>(
-    "Lines of a microcontroller with wheel encoder and gyroscope",
-)
-.with_lua(Lua {
-    source: include_str!("lua/odometer.lua"),
-    judge: "judge_odometer",
-    tell: "tell_odometer",
-    fields: &FIELDS,
-});
+pub static ODOMETER: Codec =
+    Codec::of::<Odometer>("Lines of a microcontroller with wheel encoder and gyroscope")
+        .with_floor(Floor {
+            check_bits: 32,
+            ..Floor::CHECKED
+        })
+        .with_lua(Lua {
+            source: include_str!("lua/odometer.lua"),
+            judge: "judge_odometer",
+            tell: "tell_odometer",
+            fields: &FIELDS,
+        });
 
 const FIELDS: [LuaField; 6] = [
     field(

@@ -11,6 +11,7 @@ use core::time::Duration;
 
 use protocols::{Candidate, Decoder, Format, FrameError};
 
+use super::evidence::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Choices, Wire};
@@ -18,6 +19,10 @@ use super::wire::{Choices, Wire};
 /// Messages of Open Sound Control.
 pub static OSC: Codec = Codec::of::<Osc>("Messages of Open Sound Control, no bundles")
     .with_idle(GAP)
+    .with_floor(Floor {
+        check_bits: 32,
+        ..Floor::CHECKED
+    })
     .with_lua(Lua {
         source: include_str!("lua/osc.lua"),
         judge: "judge_osc",

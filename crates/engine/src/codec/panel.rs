@@ -3,6 +3,7 @@
 use protocols::Decode;
 use protocols::panel::{self, Command, Contact, HEADER_LEN, Window};
 
+use super::evidence::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec};
 use super::wire::{Broken, Choices, Wire, made_again};
@@ -14,6 +15,10 @@ pub static PANEL: Codec = Codec::of::<Panel>("Touch panel: drawing commands and 
         kind: |frame| &frame[1..2],
         head: HEADER_LEN,
         ..Answers::PLAIN
+    })
+    .with_floor(Floor {
+        check_bits: 28,
+        ..Floor::CHECKED
     })
     .with_lua(Lua {
         source: include_str!("lua/panel.lua"),
@@ -110,6 +115,10 @@ impl Wire for Panel {
             }
         }
         (bytes.get(end..end + 2)? == sum.to_be_bytes()).then_some(end + 2)
+    }
+
+    fn is_plausible(frame: &panel::Frame) -> bool {
+        frame.command().is_some() || frame.pen().is_some()
     }
 
     fn kind(frame: &panel::Frame) -> u64 {

@@ -7,6 +7,7 @@ use protocols::pcui::message::MapRow;
 use protocols::pcui::{self, Message};
 use protocols::{Decode, rle};
 
+use super::evidence::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec, OtherOrder};
 use super::wire::{Broken, Choices, Wire, made_again};
@@ -20,6 +21,10 @@ pub static PCUI: Codec = Codec::of::<Pcui>("Messages between robot and PC")
         ..Answers::PLAIN
     })
     .with_other_order(OtherOrder::Wrong(other_order))
+    .with_floor(Floor {
+        check_bits: 64,
+        ..Floor::CHECKED
+    })
     .with_lua(Lua {
         source: include_str!("lua/pcui.lua"),
         judge: "judge_pcui",

@@ -8,6 +8,7 @@ use core::time::Duration;
 use protocols::perception::{DepthRow, MESSAGE_MAX, Marker, Message, Scan, VALUES_MAX};
 use protocols::{Candidate, Decoder, Format, FrameError};
 
+use super::evidence::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};
@@ -15,7 +16,10 @@ use super::wire::{Broken, Choices, Wire, made_again};
 /// Messages of a camera.
 pub static PERCEPTION: Codec = Codec::of::<Perception>("Rows of depths, scans and markers")
     .with_idle(GAP)
-    .with_least_share(50)
+    .with_floor(Floor {
+        frames: 3,
+        ..Floor::UNCHECKED
+    })
     .with_round(1024)
     .with_lua(Lua {
         source: include_str!("lua/perception.lua"),
@@ -184,6 +188,21 @@ impl Wire for Perception {
             _ => return None,
         };
         (bytes.len() >= len).then_some(len)
+    }
+
+    /// No camera measures beyond thirty metres, and a row or scan has several values.
+    fn is_plausible(Told(bytes): &Told) -> bool {
+        const FAR_MM: u16 = 30_000;
+        let are = |values: Vec<u16>| values.len() >= 4 && values.iter().all(|&mm| mm <= FAR_MM);
+        match Message::decode(bytes) {
+            Ok(Message::DepthRow(row)) => are(row.depths_mm().collect()),
+            Ok(Message::Scan(scan)) => are(scan.ranges_mm().collect()),
+            Ok(Message::Marker(marker)) => marker
+                .place_mm
+                .iter()
+                .all(|mm| mm.unsigned_abs() <= FAR_MM.into()),
+            Err(_) => false,
+        }
     }
 
     fn means_itself(Told(bytes): &Told) -> Result<(), Broken> {

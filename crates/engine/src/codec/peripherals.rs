@@ -6,6 +6,7 @@ use protocols::peripherals::{
 };
 use protocols::{Candidate, Decode as _, Decoder, Format};
 
+use super::evidence::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};
@@ -13,6 +14,10 @@ use super::wire::{Broken, Choices, Wire, made_again};
 /// Samples one way, outputs the other.
 pub static PERIPHERALS: Codec =
     Codec::of::<Peripherals>("Timers, PWM and ADC of a motor board, sampled each millisecond")
+        .with_floor(Floor {
+            check_bits: 16,
+            ..Floor::UNCHECKED
+        })
         .with_lua(Lua {
             source: include_str!("lua/peripherals.lua"),
             judge: "judge_peripherals",
@@ -185,6 +190,10 @@ impl Wire for Peripherals {
         };
         let rest = bytes.get(1..len)?;
         rest.iter().all(|byte| *byte < 128).then_some(len)
+    }
+
+    fn is_plausible(frame: &BoardFrame) -> bool {
+        frame.meaning.encode() == frame.bytes
     }
 
     /// Values that no hardware has are cut to what is possible, so it is the meaning that must be

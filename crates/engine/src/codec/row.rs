@@ -4,6 +4,7 @@ use core::time::Duration;
 
 use protocols::{Decode, FrameError};
 
+use super::evidence::Floor;
 use super::lua::Lua;
 use super::wire::{Choices, Target, Wire};
 use crate::registry::Named;
@@ -19,7 +20,7 @@ pub struct Codec {
     format: Format,
     target: Target,
     idle: Duration,
-    least_share: u8,
+    floor: Floor,
     answers: Answers,
     other_order: Option<OtherOrder>,
     figures: Option<fn(&[u8]) -> String>,
@@ -128,7 +129,7 @@ impl Codec {
             },
             target,
             idle: IDLE,
-            least_share: 0,
+            floor: Floor::CHECKED,
             answers: Answers::PLAIN,
             other_order: None,
             figures: None,
@@ -162,11 +163,11 @@ impl Codec {
         self
     }
 
-    /// The row for a format whose frames are short and unchecked, so that any bytes have some: it
-    /// is only guessed if at least so much of the bytes is in frames, per cent.
+    /// The row with what it needs before bytes are taken for it; if a frame has no checksum, that
+    /// is much more than [`Floor::CHECKED`].
     #[must_use]
-    pub const fn with_least_share(mut self, percent: u8) -> Self {
-        self.least_share = percent;
+    pub const fn with_floor(mut self, floor: Floor) -> Self {
+        self.floor = floor;
         self
     }
 
@@ -220,7 +221,12 @@ impl Codec {
 
     /// Share of bytes in frames below which it is not guessed, per cent.
     pub const fn least_share(&self) -> u8 {
-        self.least_share
+        self.floor.share
+    }
+
+    /// What it needs before bytes are taken for it.
+    pub const fn floor(&self) -> &Floor {
+        &self.floor
     }
 
     /// How answers are told apart.
@@ -281,6 +287,15 @@ impl Codec {
 
     /// Places of the sound frames in `bytes`.
     pub fn frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
+        self.frames_if(bytes, |_| true)
+    }
+
+    /// Places of the sound frames in `bytes` whose values can be.
+    pub fn plausible_frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
+        self.frames_if(bytes, |decoder| decoder.is_plausible())
+    }
+
+    fn frames_if(&self, bytes: &[u8], is: fn(&dyn AnyDecoder) -> bool) -> Vec<Range<u64>> {
         let mut decoder = self.decoder();
         let (mut frames, mut rest) = (Vec::new(), bytes);
         for is_over in [false, true] {
@@ -288,7 +303,9 @@ impl Codec {
                 decoder.idle();
             }
             while let Some(outcome) = decoder.step(&mut rest) {
-                if let Ok(len) = outcome {
+                if let Ok(len) = outcome
+                    && is(&*decoder)
+                {
                     let end = (bytes.len() - rest.len() - decoder.pending()) as u64;
                     frames.push(end - len as u64..end);
                 }
@@ -332,6 +349,8 @@ pub trait AnyDecoder {
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>>;
     /// The frame that the last step found, in words.
     fn words(&self) -> String;
+    /// Whether its values can be.
+    fn is_plausible(&self) -> bool;
     /// As [`Decode::idle`].
     fn idle(&mut self);
     /// As [`Decode::pending`].
@@ -379,6 +398,10 @@ impl<W: Wire> AnyDecoder for Erased<W> {
 
     fn words(&self) -> String {
         self.last.as_ref().map(W::words).unwrap_or_default()
+    }
+
+    fn is_plausible(&self) -> bool {
+        self.last.as_ref().is_some_and(W::is_plausible)
     }
 
     fn idle(&mut self) {

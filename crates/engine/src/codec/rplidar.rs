@@ -8,6 +8,7 @@ use protocols::rplidar::{
     Frame, NODE_LEN, Node, PAYLOAD_MAX, Reply, Request, START, Status, kind,
 };
 
+use super::evidence::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec};
 use super::wire::{Broken, Choices, Wire, made_again};
@@ -22,6 +23,11 @@ pub static RPLIDAR: Codec = Codec::of::<Rplidar>("RPLIDAR lidar, requests, answe
         // Requests: what the sensor answers.
         likely: &[(0, 1)],
         ..Answers::PLAIN
+    })
+    .with_floor(Floor {
+        check_bits: 16,
+        share: 30,
+        ..Floor::CHECKED
     })
     .with_lua(Lua {
         source: include_str!("lua/rplidar.lua"),
@@ -132,6 +138,14 @@ impl Wire for Rplidar {
     fn unmistakable_at(bytes: &[u8]) -> Option<usize> {
         let len = answer_at(bytes)?;
         is_known(bytes).then_some(len)
+    }
+
+    fn is_plausible(frame: &Frame) -> bool {
+        match frame {
+            Frame::Answer(answer) => answer.reply() != Reply::Unknown,
+            Frame::Request(request) => request.command().is_some(),
+            _ => true,
+        }
     }
 
     fn kind(frame: &Frame) -> u64 {

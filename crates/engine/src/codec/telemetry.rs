@@ -95,6 +95,10 @@ impl Wire for Telemetry {
         words::of(frame.frame.payload())
     }
 
+    fn is_plausible(frame: &Escaped) -> bool {
+        words::is_message(frame.frame.payload())
+    }
+
     fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>) {
         let len = match choices.byte() {
             most @ 0..240 => usize::from(most % 24),

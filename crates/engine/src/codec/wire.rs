@@ -67,6 +67,13 @@ pub trait Wire {
         Ok(())
     }
 
+    /// Whether the values of a sound frame can be: what no device sends is no evidence that the
+    /// bytes are of this format.
+    fn is_plausible(frame: &<Self::Decoder as Decode>::Frame) -> bool {
+        let _ = frame;
+        true
+    }
+
     /// Which kind of frame it is, below 2^32: frames of a kind are alike to a fuzzer.
     fn kind(frame: &<Self::Decoder as Decode>::Frame) -> u64 {
         Self::bytes(frame).len() as u64

@@ -4,6 +4,7 @@ use core::fmt::Write as _;
 
 use protocols::xv11::{self, RawReading, Reading, SpeedWord};
 
+use super::evidence::Floor;
 use super::lidar::Lidar;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec, OtherOrder};
@@ -17,6 +18,10 @@ pub static XV11: Codec = Codec::of::<Xv11>("XV-11 lidar, frames of four readings
     })
     .with_other_order(OtherOrder::Wrong(other_order))
     .with_figures(|bytes| Lidar::of_packets(bytes).to_string())
+    .with_floor(Floor {
+        check_bits: 24,
+        ..Floor::CHECKED
+    })
     .with_lua(Lua {
         source: LUA,
         judge: "judge_xv11",

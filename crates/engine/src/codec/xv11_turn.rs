@@ -2,6 +2,7 @@
 
 use protocols::xv11::{RawReading, Reading, turn};
 
+use super::evidence::Floor;
 use super::lidar::Lidar;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec};
@@ -19,6 +20,10 @@ pub static XV11_TURN: Codec =
             ..Answers::PLAIN
         })
         .with_figures(|bytes| Lidar::of_turns(bytes).to_string())
+        .with_floor(Floor {
+            check_bits: 40,
+            ..Floor::CHECKED
+        })
         .with_lua(Lua {
             source: xv11::LUA,
             judge: "judge_turn",

@@ -29,6 +29,15 @@ pub(super) fn of(payload: &[u8]) -> String {
     }
 }
 
+/// Whether a payload is a message of either side.
+pub(super) fn is_message(payload: &[u8]) -> bool {
+    let told = Telemetry::decode(payload).ok();
+    let command = || Telecommand::decode(payload).ok();
+    !payload.is_empty()
+        && (told.is_some_and(|told| is_whole(payload, |out| told.encode(out)))
+            || command().is_some_and(|command| is_whole(payload, |out| command.encode(out))))
+}
+
 /// Whether a message, written again, has all that the payload has.
 fn is_whole(payload: &[u8], encode: impl FnOnce(&mut [u8]) -> Result<usize, MessageError>) -> bool {
     let mut out = [0; PAYLOAD_MAX];

@@ -1,0 +1,293 @@
+//! What can be told of a line whose protocol is unknown: in which pieces its bytes come, what
+//! answers what, how pieces begin and end.
+
+use core::fmt;
+use core::time::Duration;
+use std::collections::BTreeMap;
+
+use protocols::{Instant, LineConfig};
+
+use super::transcript::silence;
+use crate::capture::{Interface, Kind, Record};
+use crate::hex;
+use crate::rig::line::Direction;
+
+/// Bytes that came together.
+struct Piece {
+    direction: Direction,
+    begins: Instant,
+    ends: Instant,
+    bytes: Vec<u8>,
+}
+
+/// Least, middle and greatest of some values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread<T> {
+    /// The least.
+    pub least: T,
+    /// The one in the middle.
+    pub median: T,
+    /// The greatest.
+    pub most: T,
+}
+
+impl<T: Copy + Ord> Spread<T> {
+    fn of(mut values: Vec<T>) -> Option<Self> {
+        values.sort_unstable();
+        Some(Self {
+            least: *values.first()?,
+            median: values[values.len() / 2],
+            most: *values.last()?,
+        })
+    }
+}
+
+/// A beginning or end that many pieces share.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Shared {
+    /// The bytes.
+    pub bytes: Vec<u8>,
+    /// Pieces that have them.
+    pub count: usize,
+}
+
+/// One direction of a link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    /// Pieces that a silence or the other direction divides.
+    pub pieces: usize,
+    /// Their lengths.
+    pub lengths: Option<Spread<usize>>,
+    /// The length that most of them have.
+    pub usual: Option<usize>,
+    /// Times between their beginnings.
+    pub periods: Option<Spread<Duration>>,
+    /// From a piece of the other direction to the one that follows it; and how many do.
+    pub answers: Option<(usize, Spread<Duration>)>,
+    /// Bits a byte, if bytes were drawn by how often they occur.
+    pub entropy: f64,
+    /// Bytes that can be printed, per cent.
+    pub printable: usize,
+    /// How pieces begin.
+    pub begins: Option<Shared>,
+    /// How pieces end: a candidate for a terminator.
+    pub ends: Option<Shared>,
+}
+
+impl Profile {
+    /// Of `direction` of the link with this index.
+    pub fn of(records: &[Record], index: usize, link: &Interface, direction: Direction) -> Self {
+        let all = pieces(records, index, link);
+        let own: Vec<&Piece> = all
+            .iter()
+            .filter(|piece| piece.direction == direction)
+            .collect();
+        let begins = own.windows(2).map(|pair| pair[1].begins - pair[0].begins);
+        let answers = all
+            .windows(2)
+            .filter(|pair| pair[0].direction != direction && pair[1].direction == direction);
+        let answers: Vec<Duration> = answers.map(|pair| pair[1].begins - pair[0].ends).collect();
+        let bytes: Vec<u8> = own
+            .iter()
+            .flat_map(|piece| piece.bytes.iter().copied())
+            .collect();
+        let lengths = own.iter().map(|piece| piece.bytes.len());
+        let printable = bytes
+            .iter()
+            .filter(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n'));
+        Self {
+            pieces: own.len(),
+            lengths: Spread::of(lengths.clone().collect()),
+            usual: most_common(lengths)
+                .filter(|(_, count)| *count > 1)
+                .map(|(length, _)| length),
+            periods: Spread::of(begins.collect()),
+            answers: Spread::of(answers.clone()).map(|spread| (answers.len(), spread)),
+            entropy: entropy(&bytes),
+            printable: printable.count() * 100 / bytes.len().max(1),
+            begins: shared(&own, |bytes, len| bytes.get(..len)),
+            ends: shared(&own, |bytes, len| {
+                bytes.get(bytes.len().checked_sub(len)?..)
+            }),
+        }
+    }
+}
+
+/// The pieces of both directions of a link.
+fn pieces(records: &[Record], index: usize, link: &Interface) -> Vec<Piece> {
+    let rate = LineConfig::new_8n1(link.baud.max(1));
+    let silence = silence(link.baud);
+    let mut pieces: Vec<Piece> = Vec::new();
+    let own = records
+        .iter()
+        .filter(|record| record.link == index && record.kind == Kind::Data);
+    for record in own {
+        for (at, bytes) in record.chunks(rate) {
+            if bytes.is_empty() {
+                continue;
+            }
+            // At an unknown rate a piece begins when it ends.
+            let begins = match link.baud {
+                0 => at,
+                _ => rate.byte_end(at, bytes.len() as u64),
+            };
+            let goes_on = pieces.last().is_some_and(|last| {
+                last.direction == record.direction
+                    && (begins <= last.ends || begins - last.ends <= silence)
+            });
+            match pieces.last_mut().filter(|_| goes_on) {
+                Some(last) => {
+                    last.bytes.extend_from_slice(bytes);
+                    last.ends = at;
+                }
+                None => pieces.push(Piece {
+                    direction: record.direction,
+                    begins,
+                    ends: at,
+                    bytes: bytes.to_vec(),
+                }),
+            }
+        }
+    }
+    pieces
+}
+
+fn most_common<T: Ord>(values: impl Iterator<Item = T>) -> Option<(T, usize)> {
+    let mut counts: BTreeMap<T, usize> = BTreeMap::new();
+    values.for_each(|value| *counts.entry(value).or_default() += 1);
+    counts.into_iter().max_by_key(|(_, count)| *count)
+}
+
+/// The longest beginning or end, of up to four bytes, that half of the pieces share.
+fn shared(own: &[&Piece], part: fn(&[u8], usize) -> Option<&[u8]>) -> Option<Shared> {
+    (1..=4).rev().find_map(|len| {
+        let parts = own.iter().filter(|piece| piece.bytes.len() > len);
+        let (bytes, count) = most_common(parts.filter_map(|piece| part(&piece.bytes, len)))?;
+        let bytes = bytes.to_vec();
+        (count >= 3 && count * 2 >= own.len()).then_some(Shared { bytes, count })
+    })
+}
+
+fn entropy(bytes: &[u8]) -> f64 {
+    let mut counts = [0_u32; 256];
+    bytes
+        .iter()
+        .for_each(|&byte| counts[usize::from(byte)] += 1);
+    let all = bytes.len().max(1) as f64;
+    let shares = counts
+        .iter()
+        .filter(|count| **count > 0)
+        .map(|&count| f64::from(count) / all);
+    let sum: f64 = shares.map(|share| share * libm::log2(share)).sum();
+    // No minus before a zero.
+    if sum == 0.0 { 0.0 } else { -sum }
+}
+
+fn millis(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}
+
+impl fmt::Display for Profile {
+    /// Lines without an end, each indented.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (count, entropy, printable) = (self.pieces, self.entropy, self.printable);
+        write!(f, "  {count} pieces")?;
+        if let Some(Spread { least, most, .. }) = self.lengths {
+            write!(f, " of {least} to {most} bytes")?;
+        }
+        if let Some(usual) = self.usual {
+            write!(f, ", most often {usual}")?;
+        }
+        if let Some(Spread {
+            least,
+            median,
+            most,
+        }) = self.periods
+        {
+            let [least, median, most] = [least, median, most].map(millis);
+            write!(f, "; one each {median:.3} ms ({least:.3} to {most:.3})")?;
+        }
+        if let Some((
+            count,
+            Spread {
+                least,
+                median,
+                most,
+            },
+        )) = self.answers
+        {
+            let [least, median, most] = [least, median, most].map(millis);
+            write!(
+                f,
+                "\n  {count} follow the other direction, {median:.3} ms later ({least:.3} to \
+                 {most:.3})"
+            )?;
+        }
+        write!(
+            f,
+            "\n  {entropy:.2} bits of entropy a byte, {printable} % printable"
+        )?;
+        for (what, shared) in [("begin with", &self.begins), ("end with", &self.ends)] {
+            if let Some(Shared { bytes, count }) = shared {
+                let (pairs, all) = (hex::pairs(bytes), self.pieces);
+                write!(f, "\n  {count} of {all} pieces {what} {pairs}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten requests of three bytes, each answered by two pieces 5 ms later; at 9,600 baud a
+    /// character takes 1.04 ms. Two values equally often are one bit.
+    #[test]
+    fn requests_and_answers_are_told_by_their_times() {
+        let record = |millis: u64, direction, bytes: &[u8]| Record {
+            link: 0,
+            sequence: None,
+            at: Instant::from_millis(millis),
+            direction,
+            kind: Kind::Data,
+            bytes: bytes.to_vec().into(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: String::new(),
+        };
+        let mut records = Vec::new();
+        for turn in 0..10 {
+            let at = 100 * turn + 10;
+            records.push(record(at, Direction::ToDevice, &[0xC1, 3, 0]));
+            records.push(record(at + 6, Direction::ToMaster, &[0xC1]));
+            records.push(record(at + 7, Direction::ToMaster, &[0x0D]));
+        }
+        let link = Interface::new("x", 9_600);
+        let answers = Profile::of(&records, 0, &link, Direction::ToMaster);
+        assert_eq!((answers.pieces, answers.usual), (10, Some(2)));
+        let (count, spread) = answers.answers.expect("answers");
+        assert_eq!(count, 10);
+        assert!((4..=6).contains(&spread.median.as_millis()), "{spread:?}");
+        assert!((answers.entropy - 1.0).abs() < 1e-9);
+        let begins = answers.begins.clone().expect("all begin alike");
+        assert_eq!((begins.bytes, begins.count), (vec![0xC1], 10));
+        let period = answers.periods.expect("several").median;
+        assert_eq!(period, Duration::from_millis(100));
+        let requests = Profile::of(&records, 0, &link, Direction::ToDevice);
+        assert_eq!(requests.lengths.map(|spread| spread.most), Some(3));
+        let said = requests.to_string();
+        assert!(
+            said.contains("10 pieces of 3 to 3 bytes, most often 3"),
+            "{said}"
+        );
+        assert!(said.contains("10 of 10 pieces begin with C1 03"), "{said}");
+    }
+
+    #[test]
+    fn nothing_has_no_profile_to_speak_of() {
+        let link = Interface::new("x", 0);
+        let said = Profile::of(&[], 0, &link, Direction::ToMaster).to_string();
+        assert!(said.starts_with("  0 pieces\n  0.00 bits"), "{said}");
+    }
+}

@@ -1,0 +1,131 @@
+//! How much bytes speak for a format, and how much must before they are taken for it.
+//!
+//! Every format has frames in some foreign bytes. A checksum makes that rare, so few frames prove
+//! it; a format without one must explain nearly all bytes, with many frames one behind the other.
+
+use super::row::Codec;
+
+/// What a format needs before bytes are taken for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Floor {
+    /// Bits of a frame that other bytes meet by chance only: start, length, checksum, values that
+    /// cannot be.
+    pub check_bits: u8,
+    /// Least share of the bytes that is in frames, per cent.
+    pub share: u8,
+    /// Fewest frames.
+    pub frames: u16,
+    /// Least share of the frames that begin where one ends, per cent.
+    pub joined: u8,
+}
+
+impl Floor {
+    /// A format with a checksum: one frame is enough if nothing is beside it, two elsewhere.
+    pub const CHECKED: Self = Self {
+        check_bits: 18,
+        share: 0,
+        frames: 1,
+        joined: 0,
+    };
+
+    /// A format without a checksum.
+    pub const UNCHECKED: Self = Self {
+        check_bits: 8,
+        share: 75,
+        frames: 4,
+        joined: 75,
+    };
+}
+
+/// What bytes show of a format.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Evidence {
+    /// Bytes in all.
+    pub bytes: u64,
+    /// Bytes in sound frames whose values can be.
+    pub framed: u64,
+    /// Such frames.
+    pub frames: u64,
+    /// Frames that begin where another one ends.
+    pub joined: u64,
+}
+
+impl Evidence {
+    /// What `bytes` show of `codec`.
+    pub fn of(codec: &Codec, bytes: &[u8]) -> Self {
+        let mut evidence = Self {
+            bytes: bytes.len() as u64,
+            ..Self::default()
+        };
+        let mut last_end = None;
+        for frame in codec.plausible_frames(bytes) {
+            evidence.frames += 1;
+            evidence.framed += frame.end - frame.start;
+            evidence.joined += u64::from(last_end == Some(frame.start));
+            last_end = Some(frame.end);
+        }
+        evidence
+    }
+
+    /// Whether that is enough. Chance has as many tries as there are bytes, so more bytes need more
+    /// bits; bytes that are explained nearly all need fewer.
+    pub fn is_enough(&self, floor: &Floor) -> bool {
+        if self.frames < u64::from(floor.frames).max(1) {
+            return false;
+        }
+        let share = self.framed * 100 / self.bytes.max(1);
+        let follow = (self.frames - 1) * u64::from(floor.joined);
+        if share < u64::from(floor.share) || self.joined * 100 < follow {
+            return false;
+        }
+        const EXPLAINED: u64 = 90;
+        let surprise = if share >= EXPLAINED { 10 } else { 20 };
+        let tries = u64::from(u64::BITS - self.bytes.leading_zeros());
+        self.frames * u64::from(floor.check_bits) >= tries + surprise
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{BUS, CAR_COMMAND, PERIPHERALS};
+    use super::*;
+
+    /// The golden read of ten registers, low byte first: 0xAB + 0x24 + 0x0A = 0xD9.
+    const READ: [u8; 5] = [0xAB, 0x24, 0x0A, 0xD9, 0x00];
+
+    fn is_enough(codec: &Codec, bytes: &[u8]) -> bool {
+        Evidence::of(codec, bytes).is_enough(codec.floor())
+    }
+
+    #[test]
+    fn a_frame_proves_a_checked_format_if_little_is_beside_it() {
+        assert!(is_enough(&BUS, &READ));
+        let among = |frames: usize, others: usize| [READ.repeat(frames), vec![2; others]].concat();
+        assert!(!is_enough(&BUS, &among(1, 60)));
+        assert!(is_enough(&BUS, &among(2, 2_000)));
+        assert!(!is_enough(&BUS, &[2; 64]));
+        assert!(!is_enough(&BUS, &[]));
+    }
+
+    /// Pairs of a motor and a steering byte: many, one behind the other, and little else.
+    #[test]
+    fn an_unchecked_format_must_explain_nearly_all() {
+        let pair = [0x8C, 0x3A];
+        assert!(is_enough(&CAR_COMMAND, &pair.repeat(8)));
+        assert!(!is_enough(&CAR_COMMAND, &pair.repeat(3)));
+        let apart: Vec<u8> = (0..50).flat_map(|_| [0x8C, 0x3A, 0xFF]).collect();
+        assert!(!is_enough(&CAR_COMMAND, &apart));
+        let damaged = [pair.repeat(20), vec![0xFF; 6], pair.repeat(20)].concat();
+        assert!(is_enough(&CAR_COMMAND, &damaged));
+    }
+
+    /// Twelve bytes of a sample whose counters have more bits than the hardware's are no evidence.
+    #[test]
+    fn values_that_cannot_be_are_no_evidence() {
+        let frame = [
+            0x80, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F,
+        ];
+        let evidence = Evidence::of(&PERIPHERALS, &frame.repeat(20));
+        assert_eq!((evidence.frames, evidence.bytes), (0, 240));
+    }
+}
