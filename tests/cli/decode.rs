@@ -123,6 +123,110 @@ fn a_capture_is_told_frame_by_frame_in_the_order_of_time() {
     assert_eq!(text(&only.stdout).lines().count(), 2);
 }
 
+/// Files of other tools are read as what they are, or refused with a word; --format raw reads them
+/// as bytes.
+#[test]
+fn files_of_other_tools_are_decoded_as_what_they_are() {
+    let session = Session::new("decode-foreign");
+    let write = |name: &str, bytes: &[u8]| {
+        fs::write(session.folder.join(name), bytes).expect("writable");
+    };
+    let read = "read 10 from 36: encoder_left";
+    let packets = |link_type: u8| {
+        let mut file = b"\xD4\xC3\xB2\xA1\x02\0\x04\0\0\0\0\0\0\0\0\0\xFF\xFF\0\0".to_vec();
+        file.extend([link_type, 0, 0, 0]);
+        file.extend([1, 0, 0, 0, 0, 0, 0, 0, 5, 0, 0, 0, 5, 0, 0, 0]);
+        file.extend(READ);
+        file
+    };
+    write("a.hex", b"AB 24 0A 00 D9\n");
+    write("a.xxd", b"00000000: ab24 0a00 d9   .$...\n");
+    write("user0.pcap", &packets(147));
+    write("ethernet.pcap", &packets(1));
+    for (name, form) in [
+        ("a.hex", "hex"),
+        ("a.xxd", "hexdump"),
+        ("user0.pcap", "pcap"),
+    ] {
+        let output = session.hilrig(&["decode", name]);
+        let said = text(&output.stdout);
+        assert!(said.contains(read), "{name}: {said}");
+        let error = text(&output.stderr);
+        assert!(
+            error.contains(&format!("{name} is read as {form}")),
+            "{error}"
+        );
+    }
+    let output = session.hilrig(&["decode", "a.hex", "--format", "raw"]);
+    assert!(
+        text(&output.stdout).contains("text \"AB 24"),
+        "{}",
+        text(&output.stdout)
+    );
+    let output = session.hilrig(&["decode", "ethernet.pcap"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        text(&output.stderr).contains("Ethernet"),
+        "{}",
+        text(&output.stderr)
+    );
+    write("log.txt", b"motor: idle\nmotor: on\n");
+    let output = session.hilrig(&["decode", "log.txt", "--diagnose"]);
+    assert!(
+        text(&output.stdout).contains("this is text, 2 lines"),
+        "{}",
+        text(&output.stdout)
+    );
+}
+
+/// Bytes of an unknown protocol are told as they came, with what can be told of the line; --as
+/// takes them for a known one.
+#[test]
+fn an_unknown_protocol_is_not_taken_for_a_known_one() {
+    let session = Session::new("decode-unknown");
+    let pairs = b"\x8C\x3A\xFE".repeat(30);
+    fs::write(session.folder.join("d.bin"), &pairs).expect("writable");
+    let output = session.hilrig(&["decode", "d.bin"]);
+    assert!(
+        text(&output.stdout).contains("@0 DATA 90 bytes 8C 3A FE"),
+        "{}",
+        text(&output.stdout)
+    );
+    let error = text(&output.stderr);
+    assert!(
+        error.contains("of no known protocol") && error.contains("entropy"),
+        "{error}"
+    );
+    let output = session.hilrig(&["decode", "d.bin", "--as", "car-command", "--summary"]);
+    assert!(text(&output.stdout).contains("90 bytes of car-command, 60 of them"));
+    let output = session.hilrig(&["decode", "d.bin", "--summary"]);
+    assert!(text(&output.stdout).contains("1 pieces of 90 to 90 bytes"));
+}
+
+/// A slave that the capture's own scenario describes has its own names.
+#[test]
+fn an_own_slave_is_decoded_with_its_own_names() {
+    let session = Session::new("decode-own-slave");
+    let scenario = "schema = 1\nname = \"own\"\nrobot = \"none\"\nduration = \"1s\"\n\
+                    [device.grip.registers]\nbaud = 115200\nregister = [\n\
+                    { address = 36, name = \"force\", width = \"i16\", initial = 7 },\n\
+                    { address = 46, name = \"grip-to\", width = \"u8\", access = \"write\" },\n]\n";
+    let mut out = Vec::new();
+    let section = Section {
+        scenario: scenario.to_owned(),
+        ..Section::default()
+    };
+    section.write(&mut out);
+    Interface::new("grip", 115_200).write(&mut out);
+    record(0, 1_000, Direction::ToDevice, &READ).write(0, &mut out);
+    record(0, 2_000, Direction::ToDevice, &WRITE).write(0, &mut out);
+    fs::write(session.folder.join("c.pcapng"), out).expect("writable");
+    let output = session.hilrig(&["decode", "c.pcapng"]);
+    let said = text(&output.stdout);
+    assert!(said.contains("read 10 from 36: force\n"), "{said}");
+    assert!(said.contains("46: grip-to=20 EC 00\n"), "{said}");
+}
+
 #[test]
 fn a_wrong_link_a_missing_file_and_a_wrong_protocol_are_named() {
     let session = Session::new("decode-errors");

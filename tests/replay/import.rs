@@ -168,6 +168,269 @@ fn what_sigrok_decoded_is_imported_with_its_times() {
     assert_eq!(no_rate.2, expected);
 }
 
+/// `program` with `arguments`, run in `folder`; what it printed is `dump.txt` there.
+fn dumped(folder: &Path, program: &str, arguments: &[&str]) {
+    let mut tool = Command::new(program);
+    tool.args(arguments).current_dir(folder);
+    fs::write(folder.join("dump.txt"), printed(&mut tool)).expect("writable");
+}
+
+/// Dumps of a file in every layout that these tools have, in archives and encodings of Windows.
+#[test]
+fn what_dump_tools_wrote_is_imported() {
+    let folder = folder("dumps");
+    let bytes = [&sample()[..], &[7; 64], b"tail\xFF"].concat();
+    fs::write(folder.join("src.bin"), &bytes).expect("writable");
+    let rows: [(&str, &[&str]); 20] = [
+        ("xxd", &["src.bin"]),
+        ("xxd", &["-g1", "-u", "-c", "8", "src.bin"]),
+        ("xxd", &["-e", "src.bin"]),
+        ("xxd", &["-b", "src.bin"]),
+        ("xxd", &["-p", "src.bin"]),
+        ("xxd", &["-i", "src.bin"]),
+        ("hexdump", &["-C", "src.bin"]),
+        ("hexdump", &["src.bin"]),
+        ("hexdump", &["-b", "src.bin"]),
+        ("hexdump", &["-c", "src.bin"]),
+        ("hexdump", &["-d", "src.bin"]),
+        ("hexdump", &["-o", "src.bin"]),
+        ("od", &["src.bin"]),
+        ("od", &["-t", "x1", "src.bin"]),
+        ("od", &["-A", "x", "-t", "x1z", "src.bin"]),
+        ("od", &["-c", "src.bin"]),
+        ("od", &["-t", "u1", "src.bin"]),
+        ("od", &["-t", "d1", "src.bin"]),
+        ("od", &["-t", "x4", "src.bin"]),
+        ("od", &["-A", "n", "-v", "-t", "x1", "src.bin"]),
+    ];
+    for (program, arguments) in rows.into_iter().filter(|(program, _)| has(program)) {
+        dumped(&folder, program, arguments);
+        let found = imported(&folder, "dump.txt", &[]);
+        assert_eq!(found, [bytes.clone(), vec![]], "{program} {arguments:?}");
+        let text = fs::read_to_string(folder.join("dump.txt")).expect("text");
+        let windows = text.replace('\n', "\r\n");
+        let wide = windows.encode_utf16().flat_map(u16::to_le_bytes);
+        let wide: Vec<u8> = [0xFF, 0xFE].into_iter().chain(wide).collect();
+        for text in [
+            windows.clone().into_bytes(),
+            [b"\xEF\xBB\xBF", windows.as_bytes()].concat(),
+            wide,
+        ] {
+            fs::write(folder.join("dump.txt"), text).expect("writable");
+            assert_eq!(
+                imported(&folder, "dump.txt", &[])[0],
+                bytes,
+                "{program} {arguments:?}"
+            );
+        }
+        if has("zip") && has("gzip") {
+            let _ = fs::remove_file(folder.join("d.zip"));
+            printed(
+                Command::new("zip")
+                    .args(["-q", "d.zip", "dump.txt"])
+                    .current_dir(&folder),
+            );
+            assert_eq!(imported(&folder, "d.zip", &[])[0], bytes, "zip");
+            printed(
+                Command::new("gzip")
+                    .args(["-kf", "dump.txt"])
+                    .current_dir(&folder),
+            );
+            assert_eq!(imported(&folder, "dump.txt.gz", &[])[0], bytes, "gzip");
+        }
+    }
+}
+
+/// Packets that Wireshark's tools made, of private link types; those of a network are refused.
+#[test]
+fn what_wireshark_wrote_is_imported() {
+    if !has("text2pcap") || !has("od") {
+        return;
+    }
+    let folder = folder("wireshark");
+    fs::write(folder.join("src.bin"), sample()).expect("writable");
+    dumped(&folder, "od", &["-A", "x", "-t", "x1", "-v", "src.bin"]);
+    for (link_type, kind) in [("147", "pcap"), ("162", "pcapng")] {
+        let mut tool = Command::new("text2pcap");
+        tool.args(["-q", "-F", kind, "-l", link_type, "dump.txt", "packets"]);
+        printed(tool.current_dir(&folder));
+        assert_eq!(imported(&folder, "packets", &[]), [sample(), vec![]]);
+        let (status, said, _) = hilrig(&folder, &["decode", "packets", "--summary"]);
+        assert_eq!((status.code(), said.is_empty()), (Some(0), false));
+    }
+    let mut tool = Command::new("text2pcap");
+    printed(
+        tool.args(["-q", "-l", "1", "dump.txt", "packets"])
+            .current_dir(&folder),
+    );
+    for verb in [
+        &["import", "packets", "-o", "x.pcapng"][..],
+        &["decode", "packets"],
+    ] {
+        let (status, _, error) = hilrig(&folder, verb);
+        assert_eq!(status.code(), Some(2));
+        assert!(
+            error.contains("Ethernet") && error.contains("tshark -r FILE"),
+            "{error}"
+        );
+    }
+}
+
+/// Two lines of a logic analyzer: as sigrok's own session, as VCD, as CSV, as a trace. The rate is
+/// told by the pulses; sample 40 + 80 of 921,600 a second ends the first byte.
+#[test]
+fn what_a_logic_analyzer_saw_is_imported_with_both_directions() {
+    if !has("sigrok-cli") {
+        return;
+    }
+    let folder = folder("levels");
+    let [rx, tx] = [b"lidar: 42 mm\n".to_vec(), b"start\n".to_vec()];
+    let with_stop = |bytes: &[u8]| bytes.iter().map(|&byte| (byte, 1)).collect::<Vec<_>>();
+    let (rx_levels, tx_levels) = (samples(&with_stop(&rx)), samples(&with_stop(&tx)));
+    let levels = rx_levels
+        .iter()
+        .zip(tx_levels.iter().chain(core::iter::repeat(&1)));
+    let levels: Vec<u8> = levels.map(|(rx, tx)| rx | tx << 1).collect();
+    fs::write(folder.join("logic.bin"), levels).expect("writable");
+    let sigrok = |arguments: &[&str]| {
+        printed(
+            Command::new("sigrok-cli")
+                .args(arguments)
+                .current_dir(&folder),
+        )
+    };
+    let raw = "binary:numchannels=2:samplerate=921600";
+    sigrok(&["-I", raw, "-i", "logic.bin", "-o", "two.sr"]);
+    let write = |name: &str, arguments: &[&str]| {
+        let all = [&["-i", "two.sr"][..], arguments].concat();
+        fs::write(folder.join(name), sigrok(&all)).expect("writable");
+    };
+    write("two.vcd", &["-O", "vcd"]);
+    write("two.csv", &["-O", "csv"]);
+    let decoder = [
+        "-P",
+        "uart:baudrate=115200:rx=0:tx=1",
+        "-A",
+        "uart=rx-data:tx-data",
+    ];
+    write(
+        "two.json",
+        &[&decoder[..], &["--protocol-decoder-jsontrace"]].concat(),
+    );
+    for file in ["two.sr", "two.vcd", "two.csv", "two.json"] {
+        assert_eq!(
+            imported(&folder, file, &[]),
+            [rx.clone(), tx.clone()],
+            "{file}"
+        );
+        let capture = Capture::read(&folder.join("out.pcapng")).expect("written");
+        let first = capture.records[0].at.as_nanos();
+        assert!(first.abs_diff(130_208) <= 5_000, "{file}: {first}");
+    }
+    let channel = ["--channel", "1", "--from", "host"];
+    assert_eq!(
+        imported(&folder, "two.sr", &channel),
+        [vec![], tx],
+        "one channel"
+    );
+    let (status, _, error) = hilrig(&folder, &["import", "two.sr", "-o", "x", "--baud", "9600"]);
+    assert_eq!(status.code(), Some(2));
+    assert!(error.contains("is no UART at 9600 baud"), "{error}");
+}
+
+/// socat without -v, and what -v alone cannot tell.
+#[test]
+fn what_socat_dumped_in_hex_alone_is_imported() {
+    if !has("socat") {
+        return;
+    }
+    let folder = folder("socat-x");
+    for (option, is_read) in [("-x", true), ("-v", false)] {
+        let dump = File::create(folder.join("dump.txt")).expect("fresh");
+        let mut socat = Command::new("socat");
+        socat.args([option, "-", "SYSTEM:cat"]).stderr(dump);
+        let mut child = socat
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("there");
+        let mut input = child.stdin.take().expect("piped");
+        input.write_all(&sample()).expect("it reads");
+        drop(input);
+        assert!(child.wait().expect("our own child").success());
+        if is_read {
+            assert_eq!(imported(&folder, "dump.txt", &[]), [sample(), sample()]);
+            continue;
+        }
+        let (status, _, error) = hilrig(&folder, &["import", "dump.txt", "-o", "x.pcapng"]);
+        assert_eq!(status.code(), Some(2));
+        assert!(error.contains("socat -x"), "{error}");
+    }
+}
+
+/// A capture goes out as CSV and VCD and comes back with its bytes and directions.
+#[test]
+fn what_we_export_we_import() {
+    let folder = folder("own-forms");
+    let hex = "0.001 TX: AB 24 0A 00 D9\n0.002 RX: AB 24 84 09 09 00 01 0A 0D\n0.004 TX: 41 42\n";
+    fs::write(folder.join("a.hex"), hex).expect("writable");
+    let more = ["--baud", "115200", "--link", "base"];
+    let before = imported(&folder, "a.hex", &more);
+    fs::rename(folder.join("out.pcapng"), folder.join("a.pcapng")).expect("there");
+    for file in ["b.csv", "b.vcd"] {
+        let (status, _, error) = hilrig(&folder, &["export", "a.pcapng", "-o", file]);
+        assert_eq!(status.code(), Some(0), "{error}");
+        assert_eq!(
+            imported(&folder, file, &["--baud", "115200"]),
+            before,
+            "{file}"
+        );
+        let capture = Capture::read(&folder.join("out.pcapng")).expect("written");
+        assert_eq!(capture.links[0].name, "base", "{file}");
+    }
+}
+
+/// Files that are known to be something else, and broken ones: each with its next step, and no
+/// capture is left behind.
+#[test]
+fn foreign_and_broken_files_are_refused_with_the_next_step() {
+    let folder = folder("foreign");
+    let saleae = "name,type,start_time,duration,data,error,ack,address,read\n\
+                  \"I2C\",\"data\",0.0002,8e-05,0xA0,,true,,\n";
+    for (name, content, step) in [
+        ("a.sal", &b"PK\x05\x06"[..], "Export Table"),
+        (
+            "a.logicdata",
+            b"\x16\0\0\0serialization::archive",
+            "Export data",
+        ),
+        ("a.hex", b":0100000000FF\n:00000001FF\n", "objcopy"),
+        ("a.xz", b"\xFD7zXZ\0abc", "xz -dk"),
+        ("a.csv", saleae.as_bytes(), "--channel NAME"),
+        ("b.txt", b"12-34 i2c-1: Start\n", "jsontrace"),
+        (
+            "c.txt",
+            b"00000000: ab24  .$\n00000004: 0a00  ..\n",
+            "--format",
+        ),
+        ("d.zip", b"PK\x03\x04cut", "copy it again"),
+        (
+            "e.vcd",
+            b"$timescale 1 us $end $var wire 8 ! bus $end $enddefinitions $end",
+            "one bit",
+        ),
+        ("f.json", b"{\"traceEvents\": [", "trace of sigrok-cli"),
+        ("g.log", b"motor started at last\n", "--format raw"),
+        ("h.pcap", b"\xD4\xC3\xB2\xA1\x02\0\x04\0", "no packets"),
+    ] {
+        fs::write(folder.join(name), content).expect("writable");
+        let (status, _, error) = hilrig(&folder, &["import", name, "-o", "x.pcapng"]);
+        assert_eq!(status.code(), Some(2), "{name}");
+        assert!(error.contains(step), "{name}: {error}");
+        assert!(!folder.join("x.pcapng").exists(), "{name}");
+    }
+}
+
 fn options() -> Options {
     Options {
         link: "line".to_owned(),

@@ -8,6 +8,7 @@ mod avr;
 mod car_board;
 mod corpus;
 mod decode;
+mod foreign;
 mod garbage;
 mod hc06;
 mod laws;

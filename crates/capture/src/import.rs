@@ -40,7 +40,8 @@ use std::path::Path;
 pub use imported::{ImportError, Imported, Options};
 
 /// Forms that can be read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Format {
     /// Standard error of `socat -x`, with or without -v
     Socat,
@@ -53,10 +54,10 @@ pub enum Format {
     /// Hex text: pairs, digits, 0x.., \x.., with or without times and directions
     Hex,
     /// Dumps with offsets: xxd, hexdump, od, tshark -x
-    #[value(aliases = ["xxd", "od"])]
+    #[cfg_attr(feature = "clap", value(aliases = ["xxd", "od"]))]
     Hexdump,
     /// pcap or pcapng: serial, USER0 to USER15, USB serial adapters
-    #[value(alias = "pcapng")]
+    #[cfg_attr(feature = "clap", value(alias = "pcapng"))]
     Pcap,
     /// `sigrok-cli -P uart:.. -A uart=rx-data`, best with --protocol-decoder-samplenum
     Sigrok,

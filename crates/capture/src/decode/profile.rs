@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 use protocols::{Instant, LineConfig};
 
 use super::transcript::silence;
-use crate::capture::{Interface, Kind, Record};
-use crate::hex;
-use crate::rig::line::Direction;
+use crate::{Interface, Kind, Record};
+use engine::hex;
+use engine::rig::line::Direction;
 
 /// Bytes that came together.
 struct Piece {

@@ -9,10 +9,10 @@ use std::collections::VecDeque;
 
 use protocols::{FrameError, Instant, LineConfig};
 
-use crate::capture::{Interface, Kind, Record};
-use crate::codec::{self, Codec, IDLE, RegisterNames, Stream, Stretch, What, words};
-use crate::hex;
-use crate::rig::line::Direction;
+use crate::{Interface, Kind, Record};
+use engine::codec::{self, Codec, IDLE, RegisterNames, Stream, Stretch, What, words};
+use engine::hex;
+use engine::rig::line::Direction;
 
 /// How long a line waits at least for earlier ones: a record tells of bytes that came before it. On
 /// slower lines than 57600 baud a few may come late.
@@ -25,6 +25,8 @@ const GUESS_MAX: usize = 4096;
 const GUESS_FIRST: usize = 64;
 /// Fewest of its bytes in sound frames for a protocol to be believed at once.
 const GUESS_MIN: u64 = 44;
+/// Bytes that were told without a protocol and are looked at again together with the next ones.
+const UNKNOWN_MAX: usize = 512;
 /// Most bytes of an unknown protocol that are told at once.
 const CHUNK_MAX: usize = 256;
 /// Shortest run of printable bytes among bad ones that is shown as text.
@@ -334,7 +336,7 @@ impl Transcript {
             let place = lane.told;
             let (at, bytes) = lane.take(chunk);
             lane.unknown.extend(&bytes);
-            let surplus = lane.unknown.len().saturating_sub(GUESS_MAX);
+            let surplus = lane.unknown.len().saturating_sub(UNKNOWN_MAX);
             lane.unknown.drain(..surplus);
             self.report_bad(index, (at, place), &bytes, None);
         }

@@ -164,7 +164,7 @@ fn all_lines(bytes: &[u8], is: fn(&[u8]) -> bool) -> bool {
 
 /// `:`, a length, as many bytes and five more, whose sum is 0.
 fn is_intel_hex(text: &[u8]) -> bool {
-    let bytes = utf8(text).strip_prefix(':').and_then(crate::hex::bytes);
+    let bytes = utf8(text).strip_prefix(':').and_then(engine::hex::bytes);
     bytes.is_some_and(|bytes| {
         let sum = bytes.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
         bytes
@@ -179,7 +179,7 @@ fn is_s_record(text: &[u8]) -> bool {
     let Some([b'S', b'0'..=b'9', rest @ ..]) = Some(text) else {
         return false;
     };
-    crate::hex::bytes(utf8(rest)).is_some_and(|bytes| {
+    engine::hex::bytes(utf8(rest)).is_some_and(|bytes| {
         let sum = bytes.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
         bytes
             .first()

@@ -17,7 +17,7 @@ mod tokens;
 use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::{Line, lines, utf8};
 use super::{LOCAL, Look};
-use crate::capture::Kind;
+use crate::Kind;
 use prefix::{Clock, Prefix};
 use tokens::Found;
 

@@ -3,9 +3,9 @@
 use bytes::Bytes;
 use protocols::{Instant, LineConfig};
 
-use crate::TOOL;
-use crate::capture::{Interface, Kind, Record, Section};
-use crate::rig::line::Direction;
+use crate::{Interface, Kind, Record, Section};
+use engine::TOOL;
+use engine::rig::line::Direction;
 
 /// What a dump does not say itself.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -11,8 +11,8 @@
 use super::Look;
 use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::{decimal_nanos, lines, moment};
-use crate::capture::Kind;
-use crate::hex;
+use crate::Kind;
+use engine::hex;
 
 struct Row {
     /// Since midnight; none for a row that goes on, or without -T.
@@ -137,8 +137,8 @@ fn timed(rows: &[Row], options: &Options, out: &mut Imported) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::import::{Format, read as read_format};
-    use crate::rig::line::Direction;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
 
     fn told(text: &str) -> Vec<(u64, Direction, Vec<u8>)> {
         assert_eq!(Format::detect(text.as_bytes()), Some(Format::Interceptty));
@@ -147,9 +147,8 @@ mod tests {
             ..Options::default()
         };
         let found = read_format(text.as_bytes(), Format::Interceptty, &options).expect("sound");
-        let tuple = |one: &crate::capture::Record| {
-            (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec())
-        };
+        let tuple =
+            |one: &crate::Record| (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec());
         found.records().iter().map(tuple).collect()
     }
 

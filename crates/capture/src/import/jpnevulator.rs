@@ -11,8 +11,8 @@
 use super::LOCAL;
 use super::imported::{ImportError, Imported, Options};
 use super::text::{Line, decimal_nanos, lines, moment, utf8};
-use crate::capture::Kind;
-use crate::hex;
+use crate::Kind;
+use engine::hex;
 
 /// Whether a line begins a block.
 pub(super) fn is_head(text: &[u8]) -> bool {

@@ -5,7 +5,7 @@ use protocols::LineConfig;
 use super::imported::{ImportError, Imported, Options};
 use super::roles::roles;
 use super::uart::{Levels, Read, characters, doubt, rate};
-use crate::capture::Kind;
+use crate::Kind;
 
 /// One channel of a recording.
 #[derive(Clone, Debug)]

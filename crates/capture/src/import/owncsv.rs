@@ -6,9 +6,9 @@ use super::Look;
 use super::cells::{CellRow, rows};
 use super::imported::{ImportError, Imported, Options};
 use super::text::decimal_nanos;
-use crate::capture::{Kind, event_words};
-use crate::hex;
-use crate::rig::line::Direction;
+use crate::{Kind, event_words};
+use engine::hex;
+use engine::rig::line::Direction;
 
 const HEAD: [&str; 6] = ["time_s", "link", "direction", "event", "bytes", "comment"];
 
@@ -78,7 +78,7 @@ fn kind(words: &str) -> Option<Kind> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::import::{Format, read as read_format};
+    use crate::import::{Format, read as read_format};
 
     /// As `hilrig export` writes it: a comment may have lines and commas of its own.
     #[test]

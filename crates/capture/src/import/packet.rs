@@ -1,6 +1,6 @@
 //! One packet of a pcap or pcapng file.
 
-use crate::capture::pcapng::Order;
+use crate::pcapng::Order;
 
 /// One packet of a file.
 #[derive(Clone, Debug)]

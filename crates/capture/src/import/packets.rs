@@ -17,9 +17,9 @@ use super::Look;
 use super::imported::{ImportError, Imported, Options};
 use super::packet::Packet;
 use super::usb;
-use crate::capture::Kind;
-use crate::capture::pcapng::{self, Block, Blocks, Order};
-use crate::rig::line::Direction;
+use crate::Kind;
+use crate::pcapng::{self, Block, Blocks, Order};
+use engine::rig::line::Direction;
 
 /// What one interface is called, and its rate.
 #[derive(Clone, Debug, Default)]

@@ -1,7 +1,7 @@
 //! Which channel or analyzer is which direction of which link.
 
 use super::imported::{Imported, Options, opposite};
-use crate::rig::line::Direction;
+use engine::rig::line::Direction;
 
 /// What a channel stands for.
 #[derive(Clone, Debug, PartialEq, Eq)]

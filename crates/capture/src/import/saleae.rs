@@ -15,8 +15,8 @@ use super::cells::{CellRow, rows};
 use super::imported::{ImportError, Imported, Options};
 use super::roles::{Role, roles};
 use super::text::{Line, decimal_nanos, moment};
-use crate::capture::Kind;
-use crate::hex;
+use crate::Kind;
+use engine::hex;
 use protocols::LineEvent;
 
 const FRAMING: Kind = Kind::Line(LineEvent::FramingError);
@@ -251,8 +251,8 @@ mod tests {
     use super::super::cells::cells;
     use super::super::text::lines;
     use super::*;
-    use crate::capture::import::{Format, read as read_format};
-    use crate::rig::line::Direction;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
 
     fn is_head(text: &[u8]) -> bool {
         look(text).is_some()
@@ -321,8 +321,7 @@ mod tests {
         };
         let found = read_format(text.as_bytes(), Format::Saleae, &options);
         let found = found.map_err(|error| error.to_string())?;
-        let tuple =
-            |one: &crate::capture::Record| (one.at.as_nanos() / 1000, one.direction, one.bytes[0]);
+        let tuple = |one: &crate::Record| (one.at.as_nanos() / 1000, one.direction, one.bytes[0]);
         Ok(found.records().iter().map(tuple).collect())
     }
 

@@ -182,8 +182,8 @@ fn time(row: &CellRow<'_>, unit: u64) -> Result<u64, ImportError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::import::{Format, read as read_format};
-    use crate::rig::line::Direction;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
 
     fn told(text: &str, baud: u32) -> Result<Vec<(u64, Direction, Vec<u8>)>, String> {
         let options = Options {
@@ -192,9 +192,8 @@ mod tests {
         };
         let found = read_format(text.as_bytes(), Format::Samples, &options);
         let found = found.map_err(|error| error.to_string())?;
-        let tuple = |one: &crate::capture::Record| {
-            (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec())
-        };
+        let tuple =
+            |one: &crate::Record| (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec());
         Ok(found.records().iter().map(tuple).collect())
     }
 

@@ -10,9 +10,9 @@
 use super::imported::{ImportError, Imported, Options};
 use super::roles::roles;
 use super::text::{Line, lines, number, utf8};
-use crate::capture::Kind;
-use crate::hex;
-use crate::rig::line::Direction;
+use crate::Kind;
+use engine::hex;
+use engine::rig::line::Direction;
 use protocols::LineEvent;
 
 struct Annotation<'a> {

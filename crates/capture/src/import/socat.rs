@@ -16,8 +16,8 @@
 use super::LOCAL;
 use super::imported::{ImportError, Imported, Options};
 use super::text::{Line, lines, moment, number, utf8};
-use crate::capture::Kind;
-use crate::hex;
+use crate::Kind;
+use engine::hex;
 
 struct Head {
     is_left_to_right: bool,

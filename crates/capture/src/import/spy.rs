@@ -10,8 +10,8 @@
 
 use super::imported::{ImportError, Imported, Options};
 use super::text::{decimal_nanos, lines, number, utf8};
-use crate::capture::Kind;
-use crate::hex;
+use crate::Kind;
+use engine::hex;
 
 struct Row<'a> {
     nanos: u64,
@@ -98,8 +98,8 @@ fn flush(link: usize, one: Option<(u64, bool, Vec<u8>)>, options: &Options, out:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::import::{Format, read as read_format};
-    use crate::rig::line::Direction;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
 
     /// pySerial 3.5 on a pseudo-terminal: `spy:///dev/pts/N?file=spy.txt&all`.
     const SPIED: &str = "\
@@ -114,8 +114,7 @@ mod tests {
         assert_eq!(Format::detect(SPIED.as_bytes()), Some(Format::Spy));
         let found = read_format(SPIED.as_bytes(), Format::Spy, &Options::default());
         let found = found.expect("sound");
-        let tuple =
-            |one: &crate::capture::Record| (one.at.as_millis(), one.direction, one.bytes.to_vec());
+        let tuple = |one: &crate::Record| (one.at.as_millis(), one.direction, one.bytes.to_vec());
         let told: Vec<_> = found.records().iter().map(tuple).collect();
         let received: Vec<u8> = (0..0x13).collect();
         let sent = vec![0xAB, 0x24, 0x0A, 0x00, 0xD9];

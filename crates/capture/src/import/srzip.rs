@@ -127,8 +127,8 @@ fn pieces(all: &[Entry], file: &str) -> Vec<String> {
 mod tests {
     use super::super::zipfile::stored;
     use super::*;
-    use crate::capture::import::{Format, read as read_format};
-    use crate::rig::line::Direction;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
 
     /// Samples of 1 us: the bits of a byte at 100,000 baud are ten samples long.
     fn samples(byte: u8) -> Vec<bool> {
@@ -154,9 +154,8 @@ mod tests {
             ..Options::default()
         };
         let found = read_format(file, Format::Sr, &options).map_err(|error| error.to_string())?;
-        let tuple = |one: &crate::capture::Record| {
-            (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec())
-        };
+        let tuple =
+            |one: &crate::Record| (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec());
         Ok(found.records().iter().map(tuple).collect())
     }
 

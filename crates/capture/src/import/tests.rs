@@ -3,8 +3,8 @@
 
 use super::imported::opposite;
 use super::*;
-use crate::capture::{Kind, Record};
-use crate::rig::line::Direction;
+use crate::{Kind, Record};
+use engine::rig::line::Direction;
 use protocols::LineEvent;
 
 const MS: u64 = 1_000_000;

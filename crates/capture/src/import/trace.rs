@@ -14,8 +14,8 @@ use super::Look;
 use super::imported::{ImportError, Imported, Options};
 use super::roles::roles;
 use super::text::utf8;
-use crate::capture::Kind;
-use crate::hex;
+use crate::Kind;
+use engine::hex;
 
 #[derive(Deserialize)]
 struct Trace {
@@ -143,8 +143,8 @@ fn nanos(micros: f64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::import::{Format, read as read_format};
-    use crate::rig::line::Direction;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
 
     /// As sigrok-cli 0.7.2 writes it.
     const TRACE: &str = "{\"traceEvents\": [\n\
@@ -160,9 +160,8 @@ mod tests {
         assert_eq!(Format::detect(TRACE.as_bytes()), Some(Format::Trace));
         let found = read_format(TRACE.as_bytes(), Format::Trace, &Options::default());
         let found = found.expect("sound");
-        let tuple = |one: &crate::capture::Record| {
-            (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec())
-        };
+        let tuple =
+            |one: &crate::Record| (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec());
         let told: Vec<_> = found.records().iter().map(tuple).collect();
         let expected = [
             (579, Direction::ToDevice, vec![0xAB]),

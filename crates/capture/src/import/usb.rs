@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 
 use super::imported::{ImportError, Imported, Options};
 use super::packet::Packet;
-use crate::capture::Kind;
-use crate::capture::pcapng::Order;
+use crate::Kind;
+use crate::pcapng::Order;
 
 /// Link types: usbmon with 48 and with 64 bytes of head, USBPcap.
 pub(super) const LINUX: u16 = 189;
@@ -317,8 +317,8 @@ fn usbpcap(packet: &Packet) -> Option<Urb<'_>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::import::{Format, read as read_format};
-    use crate::rig::line::Direction;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
 
     /// A packet of usbmon, 64 bytes of head as the kernel's documentation lays it out.
     fn packet(
@@ -359,8 +359,7 @@ mod tests {
 
     fn told(file: &[u8]) -> (Vec<(u64, Direction, Vec<u8>)>, u32) {
         let found = read_format(file, Format::Pcap, &Options::default()).expect("sound");
-        let tuple =
-            |one: &crate::capture::Record| (one.at.as_millis(), one.direction, one.bytes.to_vec());
+        let tuple = |one: &crate::Record| (one.at.as_millis(), one.direction, one.bytes.to_vec());
         (
             found.records().iter().map(tuple).collect(),
             found.links()[0].baud,

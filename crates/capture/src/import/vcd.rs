@@ -184,8 +184,8 @@ impl Wire {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::import::{Format, read as read_format};
-    use crate::rig::line::Direction;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
 
     /// 0x41 at 1 Mbaud from 10 us on, levels by hand: 0, 1 0 0 0 0 0 1 0, 1.
     const BYTE: &str = "#10 0!\n#11 1!\n#12 0!\n#17 1!\n#18 0!\n#19 1!\n#100\n";
@@ -205,9 +205,8 @@ mod tests {
         };
         let found = read_format(text.as_bytes(), Format::Vcd, &options);
         let found = found.map_err(|error| error.to_string())?;
-        let tuple = |one: &crate::capture::Record| {
-            (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec())
-        };
+        let tuple =
+            |one: &crate::Record| (one.at.as_nanos() / 1000, one.direction, one.bytes.to_vec());
         Ok(found.records().iter().map(tuple).collect())
     }
 

@@ -10,7 +10,7 @@ use flate2::Crc;
 use flate2::read::DeflateDecoder;
 
 use super::limited::limited;
-use crate::capture::pcapng::Order;
+use crate::pcapng::Order;
 
 /// Whether a file is such an archive.
 pub(super) fn is_zip(bytes: &[u8]) -> bool {
@@ -159,7 +159,7 @@ mod tests {
     /// A line of eight times "AB", deflated by `zip -X` of Info-ZIP 3.0.
     #[test]
     fn a_deflated_file_is_read() {
-        let file = crate::hex::bytes(DEFLATED).expect("digits");
+        let file = engine::hex::bytes(DEFLATED).expect("digits");
         let entries = entries(&file).expect("sound");
         let content = entries[0].content(&file);
         assert_eq!(content, Ok(b"AB AB AB AB AB AB AB AB\n".to_vec()));

@@ -1,6 +1,6 @@
 //! What offsets and cells of a dump may be.
 
-use crate::hex;
+use engine::hex;
 
 /// One layout of a tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

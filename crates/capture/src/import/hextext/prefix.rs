@@ -1,6 +1,6 @@
 //! Time and direction before the bytes of a line.
 
-use crate::capture::import::text::{decimal_nanos, moment};
+use crate::import::text::{decimal_nanos, moment};
 
 /// What a time counts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 use super::*;
-use crate::capture::import::{Format, read as read_format};
-use crate::rig::line::Direction;
+use crate::import::{Format, read as read_format};
+use engine::rig::line::Direction;
 
 /// The messages of a text: time in microseconds, whether to the device, bytes.
 fn told(text: &str) -> Result<Vec<(u64, bool, Vec<u8>)>, String> {

@@ -1,6 +1,6 @@
 //! Bytes of a line of hex text.
 
-use crate::hex;
+use engine::hex;
 
 /// What a line holds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

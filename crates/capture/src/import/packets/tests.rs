@@ -1,6 +1,6 @@
 use super::*;
-use crate::capture::import::{Format, read as read_format};
-use crate::capture::{Interface, Record, Section};
+use crate::import::{Format, read as read_format};
+use crate::{Interface, Record, Section};
 
 const READ: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
 
