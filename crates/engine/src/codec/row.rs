@@ -350,7 +350,9 @@ pub trait AnyDecoder {
     /// The frame that the last step found, in words.
     fn words(&self) -> String;
     /// Whether its values can be.
-    fn is_plausible(&self) -> bool;
+    fn is_plausible(&self) -> bool {
+        true
+    }
     /// As [`Decode::idle`].
     fn idle(&mut self);
     /// As [`Decode::pending`].
