@@ -325,7 +325,8 @@ fn what_a_logic_analyzer_saw_is_imported_with_both_directions() {
         );
         let capture = Capture::read(&folder.join("out.pcapng")).expect("written");
         let first = capture.records[0].at.as_nanos();
-        assert!(first.abs_diff(130_208) <= 5_000, "{file}: {first}");
+        // A trace tells where the data bits end, a bit earlier.
+        assert!(first.abs_diff(130_208) <= 9_000, "{file}: {first}");
     }
     let channel = ["--channel", "1", "--from", "host"];
     assert_eq!(

@@ -292,7 +292,8 @@ pub fn open<'a>(bytes: &'a [u8], path: &Path) -> Result<Opened<'a>, ImportError>
     let mut notes = Vec::new();
     let bytes = unpack::unpack(bytes, &mut notes)?;
     let certain = Format::certain(&bytes);
-    if certain.is_none()
+    // Firmware images and logs of other buses are hex text as well.
+    if certain.is_none_or(|format| format == Format::Hex)
         && let Some(message) = foreign::refusal(&bytes, path)
     {
         return Err(ImportError::of_file(message));

@@ -63,7 +63,12 @@ impl Source {
         };
         let certain = opened.format.filter(|_| opened.is_certain);
         let Some(format) = format.or(certain) else {
-            return Ok(Self::raw(opened.bytes.into_owned()));
+            // The line's bytes as they are, also where they look like a text's encoding.
+            let content = match opened.notes.is_empty() {
+                true => bytes.clone(),
+                false => opened.bytes.into_owned(),
+            };
+            return Ok(Self::raw(content));
         };
         let imported = import::read(&opened.bytes, format, &Options::default()).map_err(wrong)?;
         let (path, form) = (path.display(), format.name());
