@@ -25,8 +25,9 @@ use source::{Lane, Source, lanes};
 /// A line is the time, the link and direction, the place of the first byte on that line, and what
 /// the bytes mean; bytes of no frame are BAD, with the reasons. A protocol is named only if the
 /// bytes prove it, or --as says it; bytes of an unknown one are DATA, as they came together. Files
-/// of other tools are read as `hilrig import` reads them. All links are merged in the order of time. The lines are data and go to standard output; what is said of the whole goes to
-/// standard error.
+/// of other tools are read as `hilrig import` reads them. All links are merged in the order of
+/// time. The lines are data and go to standard output; what is said of the whole goes to standard
+/// error.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig decode hilrig-out/rescue-flat-1/capture.pcapng --link base\n  \
