@@ -211,8 +211,9 @@ mod tests {
     }
 
     /// By hand: 1+2+3 = 6, 256-6 = 250, 255-6 = 249, 1^2^3 = 0. NMEA: the sentence by which
-    /// Dale DePriest's page on NMEA data explains it. Fletcher-16, Fletcher-32 and Adler-32: the examples of their articles in
-    /// Wikipedia. RFC 1071 section 3 adds the same eight bytes up to 0xddf2.
+    /// Dale DePriest's page on NMEA data explains it. Fletcher-16, Fletcher-32 and Adler-32: the
+    /// examples of their articles in Wikipedia. RFC 1071 section 3 adds the same eight bytes up to
+    /// 0xddf2.
     #[test]
     fn sums_give_what_can_be_worked_out_by_hand() {
         let bytes = [1, 2, 3];

@@ -2,8 +2,10 @@
 //! be is refused with its reason.
 
 mod behave;
+mod checks;
 mod fields;
 mod frames;
+mod kinds;
 mod sound;
 mod values;
 
@@ -326,7 +328,7 @@ pub(crate) fn whole(text: &str) -> Option<i128> {
 /// Faults that every described device has.
 pub(crate) const COMMON_FAULTS: [&str; 6] = ["off", "restart", "stuck", "garbage", "wrong", "slow"];
 
-/// The names of all faults, for as long as the process lives: a rig asks for them so. Some bytes for
+/// The names of all faults, for as long as the process lives: a rig asks for them so. Bytes for
 /// each description that is read.
 fn fault_names(faults: &[crate::behaviour::Fault]) -> &'static [&'static str] {
     if faults.is_empty() {

@@ -264,7 +264,7 @@ impl State {
                 deviation,
                 period,
             } => {
-                // Each period has a stream of its own, so that how often it is read changes nothing.
+                // Each period has a stream of its own: how often it is read changes nothing.
                 let name = format!("{}.{}.{}", self.name, variable.name, periods(*period));
                 let draw = Rng::stream(self.seed, &name).gauss();
                 Value::Float(mean + deviation * draw)

@@ -84,8 +84,8 @@ impl Wire {
     }
 }
 
-/// `off` and its like of all devices at once, and every fault of one as `NAME.FAULT`, for as long as
-/// the process lives: a rig asks for them so.
+/// `off` and its like of all devices at once, and every fault of one as `NAME.FAULT`, for as long
+/// as the process lives: a rig asks for them so.
 fn names_of_faults(units: &[(String, Described)]) -> &'static [&'static str] {
     let single = units.iter().flat_map(|(name, unit)| {
         let faults = unit.known_faults().iter();

@@ -67,7 +67,7 @@ impl Driver {
 
     fn send(&mut self, bytes: &[u8]) {
         let line = self.description.line();
-        self.now = self.now + line.bytes_time(bytes.len() as u64);
+        self.now += line.bytes_time(bytes.len() as u64);
         self.wire.receive(Described::UART, self.now, bytes);
     }
 

@@ -75,12 +75,11 @@ impl Driver {
 
     /// What is answered to `request` within a tenth of a second.
     fn ask(&mut self, request: &[u8]) -> Vec<u8> {
-        self.now = self.now
-            + self
-                .device
-                .description()
-                .line()
-                .bytes_time(request.len() as u64);
+        self.now += self
+            .device
+            .description()
+            .line()
+            .bytes_time(request.len() as u64);
         self.device.receive(Described::UART, self.now, request);
         self.listen(Duration::from_millis(100))
     }

@@ -1,7 +1,7 @@
 //! Laws that every description keeps: what is encoded is decoded to the same, the pieces in which
 //! bytes come make no difference, and a damaged frame costs at most itself.
 //!
-//! Descriptions are generated: framing, checksums, byte orders and fields. Only checksums of 32 bits
+//! Descriptions are generated: framing, checksums, byte orders, fields. Only checksums of 32 bits
 //! and more are used where frames are damaged, as a shorter one holds by chance now and then.
 
 use std::sync::Arc;
@@ -209,7 +209,8 @@ proptest! {
         description in described(ALL),
         choices in vec(any::<u64>(), 40),
     ) {
-        for (message, (frame, values)) in description.messages().iter().zip(frames(&description, &choices)) {
+        let made = frames(&description, &choices);
+        for (message, (frame, values)) in description.messages().iter().zip(made) {
             let mut cutter = description.cutter();
             let found: Vec<_> = cutter.push(&frame).collect();
             let [Ok(found)] = &found[..] else {
@@ -231,7 +232,8 @@ proptest! {
         noise in vec(any::<u8>(), 0..12),
         sizes in vec(1..30_usize, 1..6),
     ) {
-        let frames: Vec<_> = frames(&description, &choices).into_iter().map(|(frame, _)| frame).collect();
+        let frames = frames(&description, &choices).into_iter();
+        let frames: Vec<_> = frames.map(|(frame, _)| frame).collect();
         let bytes = [noise.concat_with(&frames), noise].concat();
         let whole = found(&description, &bytes, &[bytes.len().max(1)]);
         prop_assert_eq!(found(&description, &bytes, &sizes), whole.clone());
@@ -246,7 +248,8 @@ proptest! {
         damage in 0..3_u8,
         value in 1..=255_u8,
     ) {
-        let frames: Vec<_> = frames(&description, &choices).into_iter().map(|(frame, _)| frame).collect();
+        let frames = frames(&description, &choices).into_iter();
+        let frames: Vec<_> = frames.map(|(frame, _)| frame).collect();
         let mut damaged = frames[0].clone();
         let at = place.index(damaged.len());
         match damage {

@@ -16,8 +16,8 @@ pub enum LoadError {
     Description(#[from] DescriptionError),
 }
 
-/// Reads the description `name`: one that comes with the tool, or a file that ends with `.toml`, from
-/// the folder `base` on.
+/// Reads the description `name`: one that comes with the tool, or a file that ends with `.toml`,
+/// from the folder `base` on.
 ///
 /// # Errors
 /// If there is none, or something is wrong with it.
