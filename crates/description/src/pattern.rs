@@ -443,11 +443,11 @@ mod tests {
         for (text, expected) in [
             (
                 "{a",
-                "has a brace without its other one, expected {{{{ and }}}} for braces",
+                "has a brace without its other one, expected {{ and }} for braces",
             ),
             (
                 "a}",
-                "has a brace without its other one, expected {{{{ and }}}} for braces",
+                "has a brace without its other one, expected {{ and }} for braces",
             ),
             ("{}", "expected a name of letters"),
             ("{a:q}", "expected a format such as d"),

@@ -5,7 +5,7 @@
 //! known to all of them once it is registered:
 //!
 //! ```no_run
-//! use hilrig::codec::{self, Codec, wire::Wire};
+//! use hilrig_engine::codec::{self, Codec, wire::Wire};
 //! # struct Gripper;
 //! # impl Wire for Gripper {
 //! #     type Decoder = protocols::pcui::Decoder;
@@ -17,10 +17,8 @@
 //! #     fn frame_at(_: &[u8]) -> Option<usize> { None }
 //! # }
 //! // struct Gripper; impl Wire for Gripper { .. }
-//! fn main() -> std::process::ExitCode {
-//!     codec::register(Codec::of::<Gripper>("Gripper of our own")).expect("a new name");
-//!     hilrig::cli::main()
-//! }
+//! // Then `hilrig::cli::main()` has it in all commands.
+//! codec::register(Codec::of::<Gripper>("Gripper of our own")).expect("a new name");
 //! ```
 //!
 //! The table is the process's: what is built in comes first, then what was registered, in that
@@ -29,6 +27,7 @@
 mod bus;
 mod car_board;
 mod evidence;
+mod floor;
 mod lidar;
 mod lua;
 mod odometer;
@@ -49,7 +48,8 @@ mod xv11_turn;
 
 pub use bus::{Avr, BUS, BUS_HIGH_FIRST, HighFirst, LowFirst, NamedRegister, RegisterNames, bus};
 pub use car_board::{CAR_BOARD, CAR_COMMAND, CarBoard, CarCommand, Pair, PairFormat};
-pub use evidence::{Evidence, Floor};
+pub use evidence::Evidence;
+pub use floor::Floor;
 pub use lidar::{Lidar, Ranges};
 pub use lua::{Lua, LuaField, field};
 pub use odometer::{Line, LineFormat, ODOMETER, Odometer};

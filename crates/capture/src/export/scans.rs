@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(measured, [(0, 1.0), (270, 1.5)]);
     }
 
-    /// A camera tells two scans of 30 ranges from straight ahead to the left, a degree apart.
+    /// A camera tells six scans of 30 ranges from straight ahead to the left, a degree apart.
     #[test]
     fn scans_of_a_camera_become_turns() {
         use protocols::perception;
@@ -203,14 +203,15 @@ mod tests {
             let len = perception::Scan::encode(0, 17_453, &[mm; 30], &mut message);
             message[..len].to_vec()
         };
-        let links = vec![passage([scan(1_000), scan(2_000)].iter())];
+        let sent: Vec<_> = (0..3).flat_map(|_| [scan(1_000), scan(2_000)]).collect();
+        let links = vec![passage(sent.iter())];
         let found = scans(&Recorded {
             links,
             ..Recorded::default()
         });
         let times: Vec<_> = found.iter().map(|scan| scan.at.as_millis()).collect();
-        assert_eq!(times, [0, 1]);
-        for (scan, range) in found.iter().zip([1.0, 2.0]) {
+        assert_eq!(times, [0, 1, 2, 3, 4, 5]);
+        for (scan, range) in found.iter().zip([1.0, 2.0].into_iter().cycle()) {
             let expected: Vec<_> = (0..360)
                 .map(|degree| (degree < 30).then_some(range))
                 .collect();

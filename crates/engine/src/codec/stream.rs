@@ -1,7 +1,7 @@
 //! One direction of a link, cut into frames and what is none.
 //!
 //! ```
-//! use hilrig::codec::{BUS_HIGH_FIRST, What};
+//! use hilrig_engine::codec::{BUS_HIGH_FIRST, What};
 //!
 //! // A stray byte, then the golden read of ten registers from 36 (field firmware b77a6df).
 //! let bytes = [0x55, 0xAB, 0x24, 0x0A, 0x00, 0xD9];

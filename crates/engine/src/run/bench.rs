@@ -13,7 +13,8 @@
 //!
 //! ```
 //! use std::io::Read as _;
-//! use hilrig::prelude::*;
+//! use hilrig_engine::run::bench::Bench;
+//! use hilrig_engine::scenario::Scenario;
 //!
 //! let (scenario, source) = Scenario::from_text(
 //!     r#"

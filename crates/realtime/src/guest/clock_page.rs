@@ -126,7 +126,7 @@ impl ClockPage {
 fn lead(image: &[u8], len: u64) -> Option<Vec<(usize, [u8; 5])>> {
     let word = |at: u64| {
         let at = usize::try_from(at).ok()?;
-        let bytes = image.get(at..at + 8)?;
+        let bytes = image.get(at..at.checked_add(8)?)?;
         Some(u64::from_le_bytes(bytes.try_into().ok()?))
     };
     let half = |at: u64| Some(word(at)? & 0xFFFF);
@@ -134,15 +134,19 @@ fn lead(image: &[u8], len: u64) -> Option<Vec<(usize, [u8; 5])>> {
     image
         .get(SECTIONS)
         .filter(|head| head.starts_with(b"\x7FELF\x02"))?;
+    let inside = |at: u64| (at < image.len() as u64).then_some(at);
     // Program headers: offset at 32, size at 54, count at 56.
-    let (headers, size, count) = (word(32)?, half(54)?, half(56)?);
+    let (headers, size, count) = (inside(word(32)?)?, half(54)?, half(56)?);
     let mut parts = (0..count).map(|index| headers + index * size);
     let dynamic = parts.find(|&part| low(part) == Some(DYNAMIC))?;
-    let table = word(dynamic + 16)?;
+    let table = inside(word(dynamic + 16)?)?;
     let entry = |kind: u64| {
         let mut entries = (0..64).map(|index| table + 16 * index);
         let found = entries.find(|&at| matches!(word(at), Some(it) if it == kind || it == 0))?;
-        word(found)?.eq(&kind).then(|| word(found + 8)).flatten()
+        word(found)?
+            .eq(&kind)
+            .then(|| inside(word(found + 8)?))
+            .flatten()
     };
     let (hash, names, symbols) = (entry(DT_HASH)?, entry(DT_STRTAB)?, entry(DT_SYMTAB)?);
     // The hash table's second number is that of symbols.
@@ -158,7 +162,7 @@ fn lead(image: &[u8], len: u64) -> Option<Vec<(usize, [u8; 5])>> {
         let (Some(&(_, ours)), true) = (ours, is_function) else {
             continue;
         };
-        let at = word(symbol + 8)?;
+        let at = inside(word(symbol + 8)?)?;
         let distance = i32::try_from((len + ours).checked_sub(at + 5)?).ok()?;
         let mut jump = [JUMP, 0, 0, 0, 0];
         jump[1..].copy_from_slice(&distance.to_le_bytes());
