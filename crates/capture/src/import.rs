@@ -1,6 +1,6 @@
 //! Files of other tools as captures.
 //!
-//! [`FORMATS`] has one row per form: what it is recognised by, and the function that reads it.
+//! `FORMATS` has one row per form: what it is recognised by, and the function that reads it.
 //! [`open`] unpacks a file, finds its row and refuses files that are known to be something else,
 //! with the command that converts them. A reader is strict: what does not fit is an error with its
 //! line and byte, because a dump that is half understood tests something that never happened.

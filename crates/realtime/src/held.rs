@@ -67,7 +67,7 @@ impl Held {
         end
     }
 
-    /// Goes at `speed`, seconds of the rig per second within [`SPEEDS`], now or when it goes next.
+    /// Goes at `speed`, seconds of the rig per second within `SPEEDS`, now or when it goes next.
     pub fn set_speed(&self, speed: f64) {
         self.set_anchor();
         self.speed.set(speed.clamp(SPEEDS[0], SPEEDS[1]));

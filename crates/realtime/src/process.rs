@@ -130,7 +130,7 @@ pub struct Process {
 
 impl Process {
     /// Starts `command` by the shell, `env` being added to its environment. With `log`, what it
-    /// says on standard output and standard error goes to that file, up to [`LOG_MAX`] bytes;
+    /// says on standard output and standard error goes to that file, up to `LOG_MAX` bytes;
     /// without, only its standard error is listened to.
     ///
     /// # Errors
