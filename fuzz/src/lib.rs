@@ -5,7 +5,7 @@ pub use rig::codec;
 pub(crate) use rig::{hex, registry};
 
 #[path = "../../crates/engine/src"]
-#[expect(dead_code, reason = "the rest of the rig needs more of them")]
+#[allow(dead_code, reason = "the rest of the rig needs more of them")]
 mod rig {
     pub mod codec;
     pub(crate) mod hex;
