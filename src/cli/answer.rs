@@ -71,6 +71,12 @@ fn files_or_text(generator: &mut SchemaGenerator) -> Schema {
     json_schema!({ "anyOf": forms })
 }
 
+/// Of the command that makes cases, and runs them.
+fn made_or_checked(generator: &mut SchemaGenerator) -> Schema {
+    let forms = [of::<CaseMade>(generator), of::<CaseChecked>(generator)];
+    json_schema!({ "anyOf": forms })
+}
+
 /// What the commands come to.
 const RESULTS: [(&str, Subschema); 27] = [
     ("demo", of::<Runs>),
@@ -83,7 +89,7 @@ const RESULTS: [(&str, Subschema); 27] = [
     ("link", of::<LinkEnded>),
     ("record", of::<RecordEnded>),
     ("replay", of::<ReplayEnded>),
-    ("case", of::<CaseMade>),
+    ("case", made_or_checked),
     ("import", of::<Imported>),
     ("export", of::<Exported>),
     ("decode", of::<Decoded>),
@@ -315,11 +321,29 @@ pub(super) struct ReplayEnded {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct CaseMade {
     pub(super) file: String,
-    /// What it comes to today.
+    /// What it comes to today; empty if it was not run.
     pub(super) checks: Vec<Check>,
-    pub(super) passes_today: bool,
+    /// Whether it is green today; null if it was not run.
+    pub(super) passes_today: Option<bool>,
     /// The command that runs it.
     pub(super) repeat: String,
+}
+
+/// A case that was run with some programs.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct CaseChecked {
+    pub(super) file: String,
+    /// The programs, in their order.
+    pub(super) programs: Vec<CaseTry>,
+}
+
+/// What a case came to with one program.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct CaseTry {
+    /// The shell command.
+    pub(super) command: String,
+    pub(super) is_green: bool,
+    pub(super) checks: Vec<Check>,
 }
 
 /// A dump that became a capture.

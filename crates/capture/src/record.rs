@@ -15,7 +15,7 @@ use engine::rig::line::Direction;
 /// Link type "RTAC serial".
 pub(crate) const LINK_TYPE: u16 = 250;
 /// Private options carry an enterprise number; this one is set aside for examples, as we have none.
-const ENTERPRISE: u32 = 32_473;
+pub(super) const ENTERPRISE: u32 = 32_473;
 /// Marks our option with the sequence number.
 const SEQUENCE: &[u8; 4] = b"hseq";
 /// The option with the sequence number, up to it: code, length, enterprise, mark.

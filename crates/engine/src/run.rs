@@ -153,6 +153,8 @@ pub struct Outcome {
     pub collided_at: Option<Instant>,
     /// Fingerprint of all bytes.
     pub trace_hash: String,
+    /// The command that repeats the run, if running the case alone does not.
+    pub again: Option<String>,
 }
 
 impl Outcome {
@@ -435,6 +437,7 @@ impl Run {
         let pose_error = score::pose_error(&self.pairs);
         let checks = self.checks_with(pose_error, wall_overlap);
         Outcome {
+            again: None,
             case: self.case(),
             seed: self.seed,
             checks,

@@ -200,6 +200,11 @@ impl Trial {
         self.has_begun
     }
 
+    /// How the program ended, and when, if it did.
+    pub const fn ended(&self) -> Option<(Ended, Instant)> {
+        self.ended
+    }
+
     /// Whether there is nothing more to see.
     pub fn is_over(&self) -> bool {
         let now = self.run.rig.now();
@@ -417,7 +422,7 @@ pub(crate) fn judge(
 ///
 /// # Errors
 /// If it cannot be wired, or the ports cannot be had.
-pub(crate) fn stage(
+pub fn stage(
     scenario: &Scenario,
     source: &Source,
     dir: &Path,

@@ -62,6 +62,7 @@ pub(super) fn judged_guest(
         played.outcome.checks.push(check);
         let _ = std::fs::remove_dir_all(&again);
     }
+    played.outcome.again.clone_from(&place.again);
     let ran = Ran {
         outcome: played.outcome,
         wall,
@@ -76,7 +77,8 @@ pub(super) fn judged_guest(
     if !ran.outcome.passed() {
         show_words(&played.said, &out.join(LOG));
     }
-    finish_capture(played.recorded, out)?;
+    let command = Some(&*guest.foreign.command);
+    finish_capture(played.recorded, out, &ran.outcome, command)?;
     Ok(ran)
 }
 

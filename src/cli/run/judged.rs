@@ -5,7 +5,7 @@ use std::path::Path;
 
 use protocols::Instant;
 
-use crate::capture::{self, Limits, Recording, Section};
+use crate::capture::{self, Conclusion, Limits, Recording, Section};
 use crate::cli::answer::RunEnded;
 use crate::cli::progress;
 use crate::cli::show::Show;
@@ -148,7 +148,7 @@ pub(in crate::cli) fn judged_run(
         is_doubtful: false,
     };
     let ran = write_results(ran, out)?;
-    finish_capture(recorded, out)?;
+    finish_capture(recorded, out, &ran.outcome, None)?;
     if matches!(pace, Clocking::Realtime(_)) {
         println!("  {}", realtime.lateness());
     }
@@ -215,12 +215,17 @@ pub(super) fn report_trouble(run: &mut Run) {
     }
 }
 
-/// What came of the capture in `out`.
-pub(super) fn finish_capture(recorded: std::io::Result<()>, out: &Path) -> Result<(), FolderError> {
-    recorded.map_err(|source| FolderError {
-        path: out.join("capture.pcapng"),
-        source,
-    })
+/// Says in the capture in `out` how its run ended, if all of it was written; `command` is that of
+/// the foreign program.
+pub(super) fn finish_capture(
+    recorded: std::io::Result<()>,
+    out: &Path,
+    outcome: &Outcome,
+    command: Option<&str>,
+) -> Result<(), FolderError> {
+    let path = out.join("capture.pcapng");
+    let concluded = recorded.and_then(|()| Conclusion::of(outcome, command).append(&path));
+    concluded.map_err(|source| FolderError { path, source })
 }
 
 /// Writes the result folder of a run and prints its verdicts.
