@@ -1,6 +1,7 @@
 //! The loop: lets one thread run until it blocks, then the next; when all are blocked, time moves.
 
 mod clocks;
+mod crash;
 mod death;
 mod dispatch;
 mod fifos;
@@ -109,6 +110,8 @@ pub(super) struct Supervisor {
     notes: Vec<String>,
     /// How the first process ended: the system's status.
     pub(super) root_status: Option<i32>,
+    /// Where the last fault was.
+    fault: Option<String>,
     pub(super) trouble: Option<GuestError>,
 }
 
@@ -153,6 +156,7 @@ impl Supervisor {
             watchdog: Watchdog::start(),
             notes: Vec::new(),
             root_status: None,
+            fault: None,
             trouble: None,
         };
         new.add_thread(root, root, None);
@@ -393,6 +397,7 @@ impl Supervisor {
                 if Signal::try_from(signal).is_err() {
                     self.note(format!("signal {signal} is not passed on"));
                 }
+                self.note_fault(tid, signal);
                 Flow::Goes(Signal::try_from(signal).ok())
             }
             _ => Flow::Goes(None),
