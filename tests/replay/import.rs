@@ -182,8 +182,7 @@ fn records(text: &str) -> Vec<(u64, Direction, Kind, Vec<u8>)> {
     let format = Format::detect(text.as_bytes()).expect("one of the known forms");
     let imported = read(text.as_bytes(), format, &options()).expect("sound");
     let records = imported.records().iter();
-    let tuple =
-        |r: &capture::Record| (r.at.as_nanos(), r.direction, r.kind, r.bytes.to_vec());
+    let tuple = |r: &capture::Record| (r.at.as_nanos(), r.direction, r.kind, r.bytes.to_vec());
     records.map(tuple).collect()
 }
 
