@@ -126,6 +126,11 @@ impl Trial {
         match *self {}
     }
 
+    /// Where the program was when a signal such as SIGSEGV came.
+    pub const fn fault(&self) -> Option<&str> {
+        match *self {}
+    }
+
     /// Who computes on and on.
     pub(crate) const fn spins(&self) -> Option<&str> {
         match *self {}

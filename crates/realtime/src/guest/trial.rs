@@ -215,6 +215,11 @@ impl Trial {
         self.ended.map(|(ended, _)| ended)
     }
 
+    /// Where the program was when a signal such as SIGSEGV came.
+    pub fn fault(&self) -> Option<&str> {
+        self.supervisor.fault()
+    }
+
     /// Who computes on and on.
     pub fn spins(&self) -> Option<&str> {
         self.spins.as_deref()
