@@ -48,7 +48,8 @@ pub(super) struct DecodeArgs {
     /// or a file that ends with .toml
     #[arg(long, value_name = "NAME|FILE", conflicts_with = "protocol")]
     description: Option<String>,
-    /// Form of a file that is no capture; raw: the bytes of a line as they are [default: recognised]
+    /// Form of a file that is no capture, raw for the line's bytes as they are [default:
+    /// recognised]
     #[arg(long, conflicts_with = "follow")]
     format: Option<Format>,
     /// Only this link of a capture

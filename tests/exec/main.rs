@@ -20,4 +20,6 @@ mod lines;
 mod probes;
 mod signals;
 mod support;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod terminals;
 mod verdicts;

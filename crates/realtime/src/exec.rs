@@ -27,7 +27,7 @@ use crate::control::Control;
 use crate::held::Held;
 use crate::process::{Ended, Patience, Process};
 use crate::transport::{Note, PortDir, Pty, Transport, TransportError};
-use crate::{LATE, Lateness, Realtime};
+use crate::{LATE, Lateness, PortReport, Realtime};
 use engine::robots::{self, Dut, OpenEnd, PcEnd, Wired};
 use engine::run::check::Check;
 use engine::run::{Outcome, Run};
@@ -133,6 +133,8 @@ pub struct ProgramEnd {
     pub said: String,
     /// How late the rig was.
     pub lateness: Lateness,
+    /// What passed each port.
+    pub reports: Vec<PortReport>,
 }
 
 impl Trial {
@@ -287,6 +289,7 @@ impl Trial {
         let is_over = self.run.is_over() || self.control.has_quit();
         let recorded = self.run.rig.finish_taps();
         let lateness = self.realtime.lateness().clone();
+        let reports = self.realtime.reports().collect();
         // The ports stay until the program has ended: it is not to be told that they went away.
         drop((self.realtime, self.control, self.dir));
         let mut outcome = self.run.judge();
@@ -303,6 +306,7 @@ impl Trial {
             seen: ProgramEnd {
                 said: farewell.said,
                 lateness,
+                reports,
             },
         }
     }

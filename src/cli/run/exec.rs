@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use protocols::Instant;
 
 use super::judged::{
-    Progress, Ran, Talk, cut_short, finish_capture, make_folder, record_to, report_trouble,
-    write_results,
+    Progress, Ran, Talk, cut_short, finish_capture, make_folder, print_losses, record_to,
+    report_trouble, write_results,
 };
 use crate::capture;
 use crate::cli::CliError;
@@ -78,6 +78,7 @@ pub(super) fn judged_exec(
     ran.doubt(&judged.seen.lateness);
     let ran = write_results(ran, out)?;
     println!("  {}", judged.seen.lateness);
+    print_losses(&judged.seen.reports);
     let passed = ran.outcome.passed();
     exec::print(&judged.seen, passed, &log);
     finish_capture(judged.recorded, out, &ran.outcome, Some(&command))?;

@@ -6,8 +6,8 @@ use protocols::Instant;
 
 use super::exec::{Placement, ports_in};
 use super::judged::{
-    Progress, Ran, Talk, cut_short, finish_capture, make_folder, record_to, report_trouble,
-    write_results,
+    Progress, Ran, Talk, cut_short, finish_capture, make_folder, print_losses, record_to,
+    report_trouble, write_results,
 };
 use crate::capture;
 use crate::cli::CliError;
@@ -71,6 +71,7 @@ pub(super) fn judged_guest(
     };
     let ran = write_results(ran, out)?;
     println!("  {}", played.spent);
+    print_losses(&played.reports);
     for note in &played.notes {
         println!("  leaves virtual time: {note}");
     }

@@ -12,7 +12,7 @@ use crate::cli::show::Show;
 use crate::cli::stop::{SIGTERM, Stop};
 use crate::cli::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
-use crate::realtime::{Lateness, Realtime, exec};
+use crate::realtime::{Lateness, PortReport, Realtime, exec};
 use crate::run::check::{Check, Status};
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
@@ -212,6 +212,14 @@ pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
 pub(super) fn report_trouble(run: &mut Run) {
     if let Some(trouble) = run.rig.take_tap_trouble() {
         eprintln!("  {trouble}");
+    }
+}
+
+/// Says which ports lost bytes because the program did not read them.
+pub(super) fn print_losses(reports: &[PortReport]) {
+    for report in reports.iter().filter(|report| report.lost.overrun > 0) {
+        let (name, lost) = (&report.name, report.lost.overrun);
+        println!("  port {name}: {lost} B lost because the program did not read");
     }
 }
 

@@ -35,7 +35,10 @@ const BYTES_MAX: usize = 64 << 20;
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     let rows = rows(bytes).ok()?;
     // A row alone or rows of few figures prove nothing: a device may send such lines.
-    let is_long = |row: &Row<'_>| matches!(row, Row::At(_, rest) if rest.split_ascii_whitespace().count() >= CELLS_MIN);
+    let is_long = |row: &Row<'_>| match row {
+        Row::At(_, rest) => rest.split_ascii_whitespace().count() >= CELLS_MIN,
+        Row::Again => false,
+    };
     let first = rows.first().map(|(_, row)| row)?;
     let is_marked = has_mark(first) || (rows.len() > 1 && is_long(first));
     let has_data = rows

@@ -58,7 +58,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     match count {
         0..2 => is_marked.then_some(Look::Perhaps),
         _ if is_marked => Some(Look::Surely),
-        ..PLAIN_MAX => Some(Look::Perhaps),
+        2..PLAIN_MAX => Some(Look::Perhaps),
         _ => None,
     }
 }

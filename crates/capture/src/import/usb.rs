@@ -181,7 +181,10 @@ fn line_of(endpoints: &[(bool, u8)], urb: &Urb<'_>) -> usize {
 /// or because all that it sends looks so, most of all the empty answers.
 fn status_packet(urbs: &[&Urb<'_>], device: Device) -> Option<usize> {
     const FTDI: u16 = 0x0403;
-    let is_status = |data: &[u8]| matches!(data, [first, second, ..] if first & 0x0F <= 2 && second & 0x1E == 0);
+    let is_status = |data: &[u8]| match data {
+        [first, second, ..] => first & 0x0F <= 2 && second & 0x1E == 0,
+        _ => false,
+    };
     let inputs = || urbs.iter().filter(|urb| urb.is_in);
     let is_ftdi = match device.vendor {
         Some(vendor) => vendor == FTDI,

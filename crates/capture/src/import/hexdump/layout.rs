@@ -60,8 +60,8 @@ const CELLS: [Cell; 11] = [
 ];
 
 /// All layouts of a dump whose offsets have so many digits, in groups of one kind of cell; the more
-/// usual first. od has seven digits, octal unless told otherwise; hexdump without -C has seven, too,
-/// but hex.
+/// usual first. od has seven digits, octal unless told otherwise; hexdump without -C has seven,
+/// too, but hex.
 pub(super) fn layouts(digits: usize) -> impl Iterator<Item = [Layout; 3]> {
     let radixes = if digits == 7 {
         [8, 10, 16]

@@ -214,6 +214,7 @@ impl Supervisor {
                 Flow::Stays
             }
             Outcome::Block(wait) => {
+                self.stage.end_fruitless();
                 self.blocks += 1;
                 if let Some(thread) = self.threads.get_mut(&tid) {
                     thread.blocked_at = self.blocks;
