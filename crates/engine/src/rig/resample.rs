@@ -286,7 +286,10 @@ mod tests {
             damage,
         };
         assert_eq!(marks(&[0x48, 0x69]), []);
-        assert_eq!(marks(&[0x61, 0x62, 0x00]), [mark(0xC6, MarkDamage::Framing)]);
+        assert_eq!(
+            marks(&[0x61, 0x62, 0x00]),
+            [mark(0xC6, MarkDamage::Framing)]
+        );
         assert_eq!(marks(&[0x03, 0x00, 0x01]), [mark(0, MarkDamage::Break)]);
     }
 

@@ -10,12 +10,12 @@ use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcseta
 use super::clocks::low_i32;
 use super::files::{File, Kind};
 use super::{Memory, On, Outcome, Supervisor, Wait};
+use crate::Traffic;
 use crate::guest::call::Call;
 use crate::guest::launch::{TIOCGICOUNT, TIOCGSERIAL, TIOCMIWAIT, TIOCSSERIAL};
 use crate::guest::settings::{
     errno_of, flushes, is_settings, read_back, serial, waits_until_sent, wanted,
 };
-use crate::Traffic;
 use crate::inputs::INPUTS;
 
 /// A request that `libc` does not know for this system.

@@ -8,7 +8,6 @@ use super::seeds::{Gathered, Spoken};
 use capture::Capture;
 use capture::import::{self, Format, Options};
 use engine::codec::wire::{Piece, Stream};
-use engine::rig::line::Direction;
 
 /// Most files of a folder, and most bytes of a file that is no capture.
 const FILES_MAX: usize = 10_000;
@@ -92,12 +91,7 @@ impl Corpus {
             return Ok(());
         }
         if let Some(format) = Format::detect(&bytes) {
-            let options = Options {
-                link: String::new(),
-                baud: None,
-                sample_rate: None,
-                direction: Direction::ToMaster,
-            };
+            let options = Options::default();
             let imported = import::read(&bytes, format, &options);
             let imported = imported.map_err(|error| content(error.to_string()))?;
             self.captures.push(Capture::of(&imported.to_pcapng(format)));
