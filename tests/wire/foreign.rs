@@ -87,7 +87,7 @@ fn ld06(n: usize) -> Vec<u8> {
 /// COIN-D4 and YDLIDAR: AA 55, kind, count, two angles, exclusive or, readings.
 fn aa55(n: usize) -> Vec<u8> {
     let mut out = vec![0xAA, 0x55, 0, 40];
-    out.extend((wave(n) * 11 | 1).to_le_bytes());
+    out.extend(((wave(n) * 11) | 1).to_le_bytes());
     out.extend((wave(n) * 11 + 761).to_le_bytes());
     let readings: Vec<u8> = (0..40)
         .flat_map(|at| (3_600 + wave(n + at)).to_le_bytes())
@@ -128,7 +128,7 @@ fn modbus(n: usize) -> Vec<u8> {
 fn mavlink(n: usize) -> Vec<u8> {
     let mut out = vec![0xFD, 28, 0, 0, low(n), 1, 1, 30, 0, 0];
     out.extend((n * 50).to_le_bytes().iter().take(4));
-    (0..6).for_each(|at| out.extend((wave(n + at) as f32 / 700.0).to_le_bytes()));
+    (0..6).for_each(|at| out.extend((f32::from(wave(n + at)) / 700.0).to_le_bytes()));
     out.extend(crc16(&out).to_le_bytes());
     out
 }
@@ -278,7 +278,7 @@ fn streams() -> Vec<(&'static str, Vec<u8>)> {
         (
             "seven bits behind a mark",
             many(400, |n| {
-                let mut out = vec![0x80 | low(n % 16), low(n & 0x7F), low(n * 3 & 0x7F), 0x80];
+                let mut out = vec![0x80 | low(n % 16), low(n & 0x7F), low((n * 3) & 0x7F), 0x80];
                 out.extend((0..11).map(|at| low((n + at) & 0x7F)));
                 out
             }),
