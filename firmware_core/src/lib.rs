@@ -16,7 +16,7 @@ pub mod base_link;
 pub mod cell_map;
 #[cfg(feature = "host")]
 pub mod costmap;
-#[cfg(feature = "rescue")]
+#[cfg(feature = "display")]
 pub mod display;
 pub mod fifo;
 #[cfg(feature = "host")]

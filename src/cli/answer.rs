@@ -3,10 +3,14 @@
 //! `hilrig schema --output` prints the JSON Schema of it, made of these types. New keys may come;
 //! [`FORMAT`] changes when one is taken away or means something else.
 
+mod case;
+
 use schemars::generate::{SchemaGenerator, SchemaSettings};
 use schemars::{JsonSchema, Schema, json_schema};
 use serde::Serialize;
 use serde_json::{Value, json};
+
+pub(super) use case::{CaseChecked, CaseMade, CaseTry};
 
 use super::{CliError, Verdict};
 use crate::TOOL;
@@ -315,35 +319,6 @@ pub(super) struct ReplayEnded {
     /// The first difference from the capture, with `--expect`.
     pub(super) divergence: Option<String>,
     pub(super) trace_hash: Option<String>,
-}
-
-/// A case that was made of a capture.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct CaseMade {
-    pub(super) file: String,
-    /// What it comes to today; empty if it was not run.
-    pub(super) checks: Vec<Check>,
-    /// Whether it is green today; null if it was not run.
-    pub(super) passes_today: Option<bool>,
-    /// The command that runs it.
-    pub(super) repeat: String,
-}
-
-/// A case that was run with some programs.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct CaseChecked {
-    pub(super) file: String,
-    /// The programs, in their order.
-    pub(super) programs: Vec<CaseTry>,
-}
-
-/// What a case came to with one program.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct CaseTry {
-    /// The shell command.
-    pub(super) command: String,
-    pub(super) is_green: bool,
-    pub(super) checks: Vec<Check>,
 }
 
 /// A dump that became a capture.

@@ -39,7 +39,8 @@ enum Command {
 /// any other capture the capture itself answers, as a conversation. --play chooses.
 ///
 /// With --exec the case is run at once, and the output says whether it is red or green today.
-/// `hilrig case check CASE --exec BROKEN --exec FIXED` compares programs; `hilrig run` runs the case.
+/// `hilrig case check CASE --exec BROKEN --exec FIXED` compares programs; `hilrig run` runs the
+/// case.
 ///
 /// The case of a robot's built-in program holds the bytes that reached it: it must not break the
 /// same rule, or hang, or fail the same check again; if nothing was wrong, it must send the same

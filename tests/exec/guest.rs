@@ -305,7 +305,8 @@ while True:
     );
 }
 
-/// Two ways of waiting by asking: for how much there is, and a clock between; reads that find nothing.
+/// Two ways of waiting by asking: for how much there is, and a clock between; reads that find
+/// nothing.
 /// Of 2 s each takes some thousand stops, where each call of 1 us would make a million; bytes are
 /// seen when they come: a line each 100 ms.
 #[test]

@@ -1,4 +1,5 @@
-//! What a port does as a terminal, in real and in virtual time: the table in `docs/pty.md` is what a
+//! What a port does as a terminal, in real and in virtual time: the table in `docs/pty.md` is what
+//! a
 //! program finds, row by row.
 
 use std::collections::BTreeMap;

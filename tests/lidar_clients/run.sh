@@ -31,7 +31,8 @@ cargo build --locked --quiet --manifest-path rust/Cargo.toml ||
 [[ -n ${HILRIG:-} ]] ||
     cargo build --locked --quiet --manifest-path ../../Cargo.toml --bin hilrig
 [[ -n ${TELEMETRY:-} ]] ||
-    cargo build --locked --quiet --manifest-path ../../Cargo.toml -p hilrig-protocols --example telemetry
+    cargo build --locked --quiet --manifest-path ../../Cargo.toml -p hilrig-protocols \
+        --example telemetry
 
 export HILRIG=${HILRIG:-$target/debug/hilrig} LIDAR_CLIENT_RS=$target/debug/lidar-client
 export TELEMETRY=${TELEMETRY:-$target/debug/examples/telemetry}

@@ -289,7 +289,14 @@ fn a_client_that_closes_early_ends_the_replay_with_a_word() {
     let to = format!("base=pty:{}", shown(&port));
     let words = ["replay", &shown(&file), "--to", &to, "--expect"];
     let replay = Running::start(&words);
-    drop(client(&port));
+    let client = client(&port);
+    // Long enough to be seen: nothing tells of a port that is open between two looks only.
+    let mut looks = 0;
+    wait_until("some looks", || {
+        looks += 1;
+        looks > 100
+    });
+    drop(client);
     let (status, said, told) = replay.end();
     assert_eq!(status.code(), Some(1), "{said}{told}");
     assert!(
@@ -303,7 +310,7 @@ fn a_client_that_closes_early_ends_the_replay_with_a_word() {
 
     // The directory can be taken again, and a client that asks has its conversation.
     let replay = Running::start(&words);
-    let mut client = client(&port);
+    let mut client = crate::support::client(&port);
     client.write_all(&request).expect("open");
     let mut heard = Vec::new();
     wait_until("the reply", || {
@@ -317,7 +324,13 @@ fn a_client_that_closes_early_ends_the_replay_with_a_word() {
     let chunks: Vec<_> = (0..9).map(|_| (Direction::ToMaster, &long[..])).collect();
     field(&file, "base", &chunks);
     let replay = Running::start(&["replay", &shown(&file), "--to", &to, "--by-time"]);
-    drop(crate::support::client(&port));
+    let client = crate::support::client(&port);
+    looks = 0;
+    wait_until("some looks", || {
+        looks += 1;
+        looks > 100
+    });
+    drop(client);
     let (status, said, told) = replay.end();
     assert_eq!(status.code(), Some(1), "{said}{told}");
     assert!(

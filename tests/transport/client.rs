@@ -39,7 +39,8 @@ fn the_client_of_other_tests_ends_only_when_its_port_does() {
     }
 }
 
-/// What it has heard, and which bug it has: `crash`, `hang`, `accept`, `meddle`, `patient` or another word for
+/// What it has heard, and which bug it has: `crash`, `hang`, `accept`, `meddle`, `patient` or
+/// another word for
 /// none.
 pub(crate) struct Client {
     bug: String,

@@ -11,7 +11,8 @@
 //! ends: the same values give the same result.
 //!
 //! Written here and not taken from a crate: `evalexpr` has been AGPL since version 12, `exmex`
-//! knows no text, `cel` no bits and no mixed numbers, and they cost 23 s (`exmex`), 54 s (`cel`) and
+//! knows no text, `cel` no bits and no mixed numbers, and they cost 23 s (`exmex`), 54 s (`cel`)
+//! and
 //! 69 s (`rhai`) of compiling on a busy machine with two cores.
 
 mod eval;

@@ -29,6 +29,7 @@
 mod bus;
 mod car_board;
 mod evidence;
+mod floor;
 mod lidar;
 mod lua;
 mod odometer;
@@ -49,7 +50,8 @@ mod xv11_turn;
 
 pub use bus::{Avr, BUS, BUS_HIGH_FIRST, HighFirst, LowFirst, NamedRegister, RegisterNames, bus};
 pub use car_board::{CAR_BOARD, CAR_COMMAND, CarBoard, CarCommand, Pair, PairFormat};
-pub use evidence::{Evidence, Floor};
+pub use evidence::Evidence;
+pub use floor::Floor;
 pub use lidar::{Lidar, Ranges};
 pub use lua::{Lua, LuaField, field};
 pub use odometer::{Line, LineFormat, ODOMETER, Odometer};

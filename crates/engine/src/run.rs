@@ -70,8 +70,7 @@ pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 use line_watch::LineWatches;
 use steps::Steps;
 
-/// Virtual time between two looks of the checkers. Each millisecond more would hide a shorter
-/// lapse, each less would cost a look; the shortest rule watched is tens of milliseconds.
+/// Virtual time between two looks of the checkers: shorter than the shortest rule, tens of ms.
 pub const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Virtual time between two points of the true way that is kept.
 const WAY_EVERY: u32 = 5;

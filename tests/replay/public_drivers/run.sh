@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Public drivers, used as pip gives them. A session of each with its device is captured; the capture is
+# Public drivers, used as pip gives them. A session of each with its device is captured; the capture
+# is
 # then the device: for the same driver at once, later and more slowly, in virtual time and in real
 # time. With the driver broken in one place the replay says where it parts, or, if the driver only
 # listens, the case of the capture with the sound driver as its reference does.

@@ -238,8 +238,9 @@ mod tests {
 
     const END: Instant = Instant::from_secs(10);
 
-    /// Whether a program talked to the end or fell silent, it must go on talking where it talked, and
-    /// nothing that it said is asked again. A link on which nothing was said to it is none of its own.
+    /// Whether a program talked to the end or fell silent, it must go on talking where it talked,
+    /// and nothing that it said is asked again. A link on which nothing was said to it is none of
+    /// its own.
     #[test]
     fn a_foreign_program_must_go_on_talking_where_it_talked() {
         let passage = |link: &str, last_ms, heard: &[u8]| Passage {

@@ -4,14 +4,17 @@
 //! or the line falls quiet, so lines wait a little before they are told; how long is a constant, so
 //! a long capture takes no more memory than a short one.
 
+mod entry;
+
 use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocols::{FrameError, Instant, LineConfig};
 
+pub use entry::{Entry, Said};
+
 use crate::{Interface, Kind, Record};
 use engine::codec::{self, Codec, IDLE, RegisterNames, Stream, Stretch, What, words};
-use engine::hex;
 use engine::rig::line::Direction;
 
 /// How long a line waits at least for earlier ones: a record tells of bytes that came before it. On
@@ -31,56 +34,6 @@ const UNKNOWN_MAX: usize = 512;
 const CHUNK_MAX: usize = 256;
 /// Shortest run of printable bytes among bad ones that is shown as text.
 const TEXT_MIN: usize = 4;
-
-/// One line of a transcript.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Entry {
-    /// When its last byte arrived, or the event happened.
-    pub at: Instant,
-    /// Index of the link.
-    pub link: usize,
-    /// Which way it went.
-    pub direction: Direction,
-    /// Place of its first byte among those of its line.
-    pub place: u64,
-    /// What it was.
-    pub said: Said,
-}
-
-/// What a line of a transcript is about.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Said {
-    /// A sound frame, in words.
-    Frame(String),
-    /// Printable bytes outside of frames, in words.
-    Text(String),
-    /// Bytes that are neither, and why those that looked like a frame were none.
-    Bad(Vec<u8>, Vec<FrameError>),
-    /// Bytes of a line whose protocol is unknown, as they came together.
-    Data(Vec<u8>),
-    /// The line told something besides bytes, or a fault struck, in words.
-    Event(String),
-}
-
-impl core::fmt::Display for Said {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Frame(words) | Self::Text(words) => f.write_str(words),
-            Self::Event(words) => write!(f, "EVENT {words}"),
-            Self::Data(bytes) => {
-                let shown = hex::pairs(&bytes[..bytes.len().min(32)]);
-                let more = if bytes.len() > 32 { " .." } else { "" };
-                write!(f, "DATA {} bytes {shown}{more}", bytes.len())
-            }
-            Self::Bad(bytes, errors) => {
-                let shown = bytes[..bytes.len().min(32)].escape_ascii();
-                let more = if bytes.len() > 32 { ".." } else { "" };
-                write!(f, "BAD {} bytes \"{shown}{more}\"", bytes.len())?;
-                errors.iter().try_for_each(|error| write!(f, "; {error}"))
-            }
-        }
-    }
-}
 
 /// One direction of a link.
 struct Lane {

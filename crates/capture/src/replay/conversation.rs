@@ -13,7 +13,8 @@
 //! again before anything was asked follow their own clock.
 //!
 //! So a program that starts later, is slower, asks in another order or asks twice has the same
-//! conversation. A request that the capture does not have is a [`Divergence`]; it is answered as the
+//! conversation. A request that the capture does not have is a [`Divergence`]; it is answered as
+//! the
 //! request that it is most like.
 //!
 //! A [`Conversation`] has the four verbs of every node, and no clock of its own.
@@ -133,7 +134,8 @@ impl fmt::Display for Tally {
 }
 
 impl Conversation {
-    /// The conversation of `passage` in the `session` of a capture. `is_on_line`: what it says takes
+    /// The conversation of `passage` in the `session` of a capture. `is_on_line`: what it says
+    /// takes
     /// its time on a line; else it is said when its last byte is complete.
     pub fn new(passage: &Passage, session: &Range<Instant>, is_on_line: bool) -> Self {
         let script = Script::of(passage, session);

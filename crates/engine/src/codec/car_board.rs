@@ -10,7 +10,7 @@ use protocols::car_board::{
 };
 use protocols::{Candidate, Decoder, Format, FrameError};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};

@@ -3,39 +3,8 @@
 //! Every format has frames in some foreign bytes. A checksum makes that rare, so few frames prove
 //! it; a format without one must explain nearly all bytes, with many frames one behind the other.
 
+use super::floor::Floor;
 use super::row::Codec;
-
-/// What a format needs before bytes are taken for it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Floor {
-    /// Bits of a frame that other bytes meet by chance only: start, length, checksum, values that
-    /// cannot be.
-    pub check_bits: u8,
-    /// Least share of the bytes that is in frames, per cent.
-    pub share: u8,
-    /// Fewest frames.
-    pub frames: u16,
-    /// Least share of the frames that begin where one ends, per cent.
-    pub joined: u8,
-}
-
-impl Floor {
-    /// A format with a checksum: one frame is enough if nothing is beside it, two elsewhere.
-    pub const CHECKED: Self = Self {
-        check_bits: 18,
-        share: 0,
-        frames: 1,
-        joined: 0,
-    };
-
-    /// A format without a checksum.
-    pub const UNCHECKED: Self = Self {
-        check_bits: 8,
-        share: 75,
-        frames: 4,
-        joined: 75,
-    };
-}
 
 /// What bytes show of a format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

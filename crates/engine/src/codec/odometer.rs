@@ -10,7 +10,7 @@ use protocols::odometer::{
 };
 use protocols::{Candidate, Decoder, Format, FrameError};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Choices, Wire};

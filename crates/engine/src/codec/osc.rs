@@ -11,7 +11,7 @@ use core::time::Duration;
 
 use protocols::{Candidate, Decoder, Format, FrameError};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Choices, Wire};

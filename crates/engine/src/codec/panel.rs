@@ -3,7 +3,7 @@
 use protocols::Decode;
 use protocols::panel::{self, Command, Contact, HEADER_LEN, Window};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec};
 use super::wire::{Broken, Choices, Wire, made_again};

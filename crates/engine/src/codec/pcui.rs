@@ -7,7 +7,7 @@ use protocols::pcui::message::MapRow;
 use protocols::pcui::{self, Message};
 use protocols::{Decode, rle};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec, OtherOrder};
 use super::wire::{Broken, Choices, Wire, made_again};

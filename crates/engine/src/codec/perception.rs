@@ -8,7 +8,7 @@ use core::time::Duration;
 use protocols::perception::{DepthRow, MESSAGE_MAX, Marker, Message, Scan, VALUES_MAX};
 use protocols::{Candidate, Decoder, Format, FrameError};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};

@@ -6,7 +6,7 @@ use protocols::peripherals::{
 };
 use protocols::{Candidate, Decode as _, Decoder, Format};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use protocols::{Decode, FrameError};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lua::Lua;
 use super::wire::{Choices, Target, Wire};
 use crate::registry::Named;

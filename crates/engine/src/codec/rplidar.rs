@@ -8,7 +8,7 @@ use protocols::rplidar::{
     Frame, NODE_LEN, Node, PAYLOAD_MAX, Reply, Request, START, Status, kind,
 };
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec};
 use super::wire::{Broken, Choices, Wire, made_again};

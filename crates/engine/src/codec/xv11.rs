@@ -4,7 +4,7 @@ use core::fmt::Write as _;
 
 use protocols::xv11::{self, RawReading, Reading, SpeedWord};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lidar::Lidar;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec, OtherOrder};

@@ -2,7 +2,7 @@
 
 use protocols::xv11::{RawReading, Reading, turn};
 
-use super::evidence::Floor;
+use super::floor::Floor;
 use super::lidar::Lidar;
 use super::lua::{Lua, LuaField, field};
 use super::row::{Answers, Codec};

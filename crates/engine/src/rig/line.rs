@@ -2,7 +2,7 @@
 //! another node.
 
 mod message;
-mod passage;
+pub(super) mod passage;
 
 use std::collections::VecDeque;
 

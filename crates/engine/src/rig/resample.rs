@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use protocols::{Instant, LineConfig, Parity};
 
-use super::line::{Mark, MarkDamage};
+use super::line::passage::{Mark, MarkDamage};
 
 /// Rebuilds the wave form of what was sent and samples it at the receiver's rate.
 ///

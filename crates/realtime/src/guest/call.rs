@@ -108,7 +108,8 @@ impl Call {
         ptrace::setregs(tid, registers)
     }
 
-    /// After a wait in the kernel that was cut short by a stop of ours: a call that the kernel would
+    /// After a wait in the kernel that was cut short by a stop of ours: a call that the kernel
+    /// would
     /// not make again by itself is made again.
     pub(super) fn again_if_cut_short(&self, tid: Pid) {
         if self.number >= 0 && self.result() == -i64::from(libc::EINTR) {

@@ -184,7 +184,8 @@ impl Stage {
         }
     }
 
-    /// When something happens at the rig next, in the program's time: until then a look at a clock is
+    /// When something happens at the rig next, in the program's time: until then a look at a clock
+    /// is
     /// nobody else's business. `None`: never.
     pub(super) fn quiet_until(&self) -> Option<Instant> {
         if self.is_touched {

@@ -376,7 +376,8 @@ impl Trial {
     }
 }
 
-/// The path of a terminal with so many slashes that its length does not depend on the number that the
+/// The path of a terminal with so many slashes that its length does not depend on the number that
+/// the
 /// system has given it: the program's memory is laid out behind its variables.
 fn of_fixed_length(path: &OsStr) -> String {
     let path = path.to_string_lossy();

@@ -53,7 +53,8 @@ const LONGER_PERCENT: u32 = 150;
 /// Share of a case by whose end all has gone wrong that does, per cent.
 const ADVERSITY_PERCENT: u32 = 80;
 
-/// `made` in the time of `base`, if it takes much longer: faults come as much sooner, and no goal is
+/// `made` in the time of `base`, if it takes much longer: faults come as much sooner, and no goal
+/// is
 /// expected, because there is no time to reach it after them.
 fn in_time_of(mut made: Scenario, base: &Scenario) -> Scenario {
     if made.duration.0 <= base.duration.0 * LONGER_PERCENT / 100 {

@@ -219,7 +219,8 @@ mod tests {
         assert_eq!(cut(&pieces, &[11]), [vec![0x80], vec![0x81]]);
     }
 
-    /// Frames of a range finder each 10 ms; the answer to a command comes at once behind one of them.
+    /// Frames of a range finder each 10 ms; the answer to a command comes at once behind one of
+    /// them.
     #[test]
     fn an_answer_within_a_stream_is_a_message_of_its_own() {
         let frame = b"YYabcdefg";

@@ -181,7 +181,8 @@ impl Requests {
             .is_some_and(|(next, _)| next.starts_with(heard))
     }
 
-    /// Takes note that the request of `exchange` was made. Whether that was right behind the last new
+    /// Takes note that the request of `exchange` was made. Whether that was right behind the last
+    /// new
     /// one; `None` if it was made before, which changes no place.
     pub(super) fn make(&mut self, exchange: usize, exchanges: &[Exchange]) -> Option<bool> {
         self.last = Some(exchange);

@@ -90,7 +90,8 @@ const STREAM_GAPS: u32 = 3;
 const TAIL: Duration = Duration::from_secs(1);
 /// Longest pause within an answer of several messages.
 const BURST_GAP: Duration = Duration::from_millis(20);
-/// Time from the opening to the first message of a capture that begins with it: how much earlier the
+/// Time from the opening to the first message of a capture that begins with it: how much earlier
+/// the
 /// port was opened it does not say, and many programs throw away what came before they were ready.
 const BEGINS_AFTER: Duration = Duration::from_millis(100);
 /// Messages from which on what follows a request is a stream that it has started.
@@ -107,7 +108,8 @@ enum Cause {
 }
 
 impl Script {
-    /// The conversation on `passage`; `session` is the time of the program's session in the capture.
+    /// The conversation on `passage`; `session` is the time of the program's session in the
+    /// capture.
     pub(super) fn of(passage: &Passage, session: &Range<Instant>) -> Self {
         let origin = session.start;
         let line = passage.line();

@@ -66,6 +66,7 @@ impl<'a> Page<'a> {
     fn table(&mut self, path: &str, header: &str, node: &'a Value, depth: usize) {
         let node = self.resolve(node);
         let Some(keys) = node["properties"].as_object() else {
+            self.forms(path, header, node);
             return;
         };
         match path {
@@ -98,6 +99,23 @@ impl<'a> Page<'a> {
             };
             self.tables_in(&inner, &keys[name], depth + 1);
         }
+    }
+
+    /// A kind of device whose settings are a value or a table; other values have no section.
+    fn forms(&mut self, path: &str, header: &str, node: &'a Value) {
+        let (Some(forms), Some(example)) = (node["anyOf"].as_array(), example(path)) else {
+            return;
+        };
+        self.line(&format!("\n## `{header}`\n"));
+        self.line(&sentence(node));
+        for form in forms {
+            let form = self.resolve(form);
+            if let Some(keys) = form["properties"].as_object() {
+                self.keys(form, keys);
+            }
+        }
+        let example = example.trim_end();
+        self.line(&format!("\n```toml\n{example}\n```"));
     }
 
     /// The tables that the value of a key consists of.

@@ -1,5 +1,6 @@
 //! Settings and queues of a port in real time: the kernel of a pseudo-terminal drops parity and
-//! character sizes, and knows nothing of a line that takes its time. They are kept here, and the rig
+//! character sizes, and knows nothing of a line that takes its time. They are kept here, and the
+//! rig
 //! is told.
 
 use std::os::fd::OwnedFd;

@@ -7,12 +7,22 @@ use nix::libc;
 use nix::unistd::Pid;
 
 use super::clocks::{low_i32, nanos};
-use super::pi_futex::is_pi;
 use super::{Memory, Next, On, Outcome, State, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::guest::task::FutexKey;
 
 pub(super) const ALL: u32 = u32::MAX;
+
+/// Whether a futex's operation is of such a lock.
+pub(super) fn is_pi(call: &Call) -> bool {
+    let command = command(low_i32(call.args[1]));
+    call.number == libc::SYS_futex && matches!(command, libc::FUTEX_LOCK_PI | libc::FUTEX_LOCK_PI2)
+}
+
+/// What is to be done, without the flags.
+pub(super) const fn command(operation: i32) -> i32 {
+    operation & !(libc::FUTEX_PRIVATE_FLAG | libc::FUTEX_CLOCK_REALTIME)
+}
 
 impl Supervisor {
     pub(super) fn futex(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {

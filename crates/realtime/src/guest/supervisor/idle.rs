@@ -1,5 +1,6 @@
 //! Waiting by asking over and over: a thread that makes the same fruitless calls in a row, with
-//! nothing but looks at clocks between them, waits. Each further one takes longer, a fraction of the
+//! nothing but looks at clocks between them, waits. Each further one takes longer, a fraction of
+//! the
 //! wait so far, but never past what happens next: so the wait ends when it would have, and costs
 //! hundreds of stops in place of millions.
 

@@ -1,4 +1,5 @@
-//! Locks that hand their priority on (PTHREAD_PRIO_INHERIT): the word in memory names the owner, and
+//! Locks that hand their priority on (PTHREAD_PRIO_INHERIT): the word in memory names the owner,
+//! and
 //! the supervisor hands it on, oldest waiter first; all threads have the same priority here.
 
 use nix::errno::Errno;
@@ -6,7 +7,7 @@ use nix::libc;
 use nix::unistd::Pid;
 
 use super::clocks::{low_i32, nanos};
-use super::futex::ALL;
+use super::futex::{ALL, command, is_pi};
 use super::{Memory, On, Outcome, State, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::guest::task::FutexKey;
@@ -15,17 +16,6 @@ use crate::guest::task::FutexKey;
 const WAITERS: u32 = 0x8000_0000;
 const OWNER_DIED: u32 = 0x4000_0000;
 const OWNER: u32 = 0x3FFF_FFFF;
-
-/// Whether a futex's operation is of such a lock.
-pub(super) fn is_pi(call: &Call) -> bool {
-    let command = command(low_i32(call.args[1]));
-    call.number == libc::SYS_futex && matches!(command, libc::FUTEX_LOCK_PI | libc::FUTEX_LOCK_PI2)
-}
-
-/// What is to be done, without the flags.
-pub(super) const fn command(operation: i32) -> i32 {
-    operation & !(libc::FUTEX_PRIVATE_FLAG | libc::FUTEX_CLOCK_REALTIME)
-}
 
 impl Supervisor {
     /// FUTEX_LOCK_PI, FUTEX_LOCK_PI2, FUTEX_TRYLOCK_PI.

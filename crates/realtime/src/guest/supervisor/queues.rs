@@ -1,4 +1,5 @@
-//! Queues and semaphores of POSIX and System V. Those of POSIX are files; the kernel is asked for the
+//! Queues and semaphores of POSIX and System V. Those of POSIX are files; the kernel is asked for
+//! the
 //! others without waiting, and again when one of them may have changed.
 
 use nix::errno::Errno;
@@ -111,7 +112,8 @@ impl Supervisor {
         }))
     }
 
-    /// The thread stands at its call, which is not to wait; how it was before. `None` if it does not
+    /// The thread stands at its call, which is not to wait; how it was before. `None` if it does
+    /// not
     /// anyway.
     fn ask_not_to_wait(&mut self, tid: i32, call: &Call) -> Result<Option<Asked>, Errno> {
         let pid = Pid::from_raw(tid);

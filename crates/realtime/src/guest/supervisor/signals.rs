@@ -9,7 +9,7 @@ use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 
 use super::clocks::{low_i32, timespec};
-use super::pi_futex::is_pi;
+use super::futex::is_pi;
 use super::{Memory, Next, On, Outcome, State, Supervisor, Wait, is_death, wait};
 use crate::guest::call::Call;
 use crate::guest::pending::Pending;

@@ -1,4 +1,5 @@
-//! What the system tells of time, of processor time and of chance besides its clocks: told in virtual
+//! What the system tells of time, of processor time and of chance besides its clocks: told in
+//! virtual
 //! time and from the run's seed, or named.
 
 use emulators::rng::Rng;

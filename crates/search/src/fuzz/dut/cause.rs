@@ -66,7 +66,8 @@ pub enum Cause {
 }
 
 impl Cause {
-    /// A crash, if a program that `ended` and `said` so much did not end by itself. `fault` is where
+    /// A crash, if a program that `ended` and `said` so much did not end by itself. `fault` is
+    /// where
     /// it was then, if that was seen.
     pub fn of_end(ended: Ended, said: &str, fault: Option<String>) -> Self {
         match ended {

@@ -103,7 +103,8 @@ impl<'a> Talk<'a> {
         Ok(true)
     }
 
-    /// Whether the frame after half of one and silence is lost, twice, though later ones are answered.
+    /// Whether the frame after half of one and silence is lost, twice, though later ones are
+    /// answered.
     fn loses_next(&self, live: &mut Session<'_>, raw: &Raw, cut: &[u8]) -> Result<bool, Halt> {
         let Some(asked) = raw.answered.first() else {
             return Ok(false);

@@ -9,7 +9,8 @@ pub(super) trait FrameFormat: core::fmt::Debug {
     /// The content of `frame`; `None` if that is no frame of this format.
     fn content(&self, frame: &[u8]) -> Option<Vec<u8>>;
 
-    /// The frame of `content`. Its checksum is changed by `off`, if it has one: 0 for a sound frame.
+    /// The frame of `content`. Its checksum is changed by `off`, if it has one: 0 for a sound
+    /// frame.
     fn frame(&self, content: &[u8], off: u64) -> Vec<u8>;
 
     /// Writes how long `content` is into it.
