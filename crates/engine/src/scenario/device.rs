@@ -42,7 +42,8 @@ pub use camera::{CAMERA, CameraSpec, MarkerSpec};
 pub use car_board::{CAR_BOARD, CarBoardSpec};
 pub use hc06::{HC06, Hc06Spec};
 pub use kind::{
-    BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
+    BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, needs_encoder, read_settings,
+    schema_of,
 };
 pub use mount::MountSpec;
 pub use mpu6050::{MPU6050, Mpu6050Spec};

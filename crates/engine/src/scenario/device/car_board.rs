@@ -10,7 +10,9 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
-use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use super::{
+    BuildContext, Built, DeviceKind, PortInfo, Settings, needs_encoder, read_settings, schema_of,
+};
 use crate::rig::AnyDevice;
 use crate::scenario::{ScenarioError, Span};
 
@@ -96,7 +98,8 @@ impl DeviceKind for CarBoardKind {
                 let span = context.source.find(context.name);
                 Err(context.source.invalid(span, context.key(), message))
             }
-            _ => Ok(()),
+            // The magnets of its hall sensor sit at a wheel.
+            _ => needs_encoder(context, world, &BoardConfig::default().encoder),
         }
     }
 

@@ -112,6 +112,32 @@ pub fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
     generator.subschema_for::<T>()
 }
 
+/// Checks that the chassis has the encoder that a device counts: without it the device would show
+/// a standstill for ever.
+///
+/// # Errors
+/// If it has not, with the names of those that there are.
+pub fn needs_encoder(
+    context: &BuildContext<'_>,
+    world: &World,
+    wanted: &str,
+) -> Result<(), ScenarioError> {
+    let names = world.encoders().iter().map(|encoder| &*encoder.name);
+    if names.clone().any(|name| name == wanted) {
+        return Ok(());
+    }
+    let known: Vec<_> = names.collect();
+    let message = match known.as_slice() {
+        [] => format!("counts the encoder \"{wanted}\", and the chassis has no encoder"),
+        known => {
+            let known = known.join("\", \"");
+            format!("counts the encoder \"{wanted}\", and the chassis has \"{known}\"")
+        }
+    };
+    let span = context.source.find(context.name);
+    Err(context.source.invalid(span, context.key(), message))
+}
+
 /// What a device is made from.
 #[derive(Clone, Copy, Debug)]
 pub struct BuildContext<'a> {
