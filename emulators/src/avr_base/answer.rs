@@ -129,10 +129,9 @@ impl AvrBase {
             .hold_request(register, request.bytes[2], [first, second]);
         match request.kind() {
             RequestKind::Write => {
-                if !self.is_measured() {
-                    for (&byte, index) in request.data().iter().zip(0..) {
-                        self.memory.store(index, byte);
-                    }
+                // A receiver without the fielded interrupt has not stored it yet.
+                for (&byte, index) in request.data().iter().zip(0..) {
+                    self.memory.store(index, byte);
                 }
                 if !self.memory.holds(request.data()) {
                     // The checksum is made of what the pointer leads to.
