@@ -273,8 +273,8 @@ mod tests {
         assert_eq!(found, [0xFE, 0xFF, 0x00, 0x01]);
     }
 
-    /// The power register, which reads 40 of a chip that sleeps, lies behind 6A: a read from there on
-    /// goes on with it.
+    /// The power register, which reads 40 of a chip that sleeps, lies behind 6A: a read from there
+    /// on goes on with it.
     #[test]
     fn a_read_goes_on_where_the_last_one_ended() {
         let chip = Mpu6050::new(Mpu6050Config::default(), 1, "test");
@@ -321,8 +321,8 @@ mod tests {
         assert_eq!(buf, [1, 2]);
     }
 
-    /// Messages that a terminal ran together, and one that it tore: each has its answer. A chip that
-    /// is not there acknowledges nothing, a message that begins with another byte is as ever.
+    /// Messages that a terminal ran together, and one that it tore: each has its answer. A chip
+    /// that is not there acknowledges nothing, a message that begins with another byte is as ever.
     #[test]
     fn f17_frames_keep_messages_apart() {
         let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();

@@ -11,10 +11,10 @@
 //! ```
 //!
 //! Every register that a master may write keeps what it was written, but for bits that clear
-//! themselves. x looks ahead, y to the left, z up. A sample is taken at the beginning of each read: the chip's
-//! own thousand a second are never older than what a master can tell apart. The gyroscope has white
-//! noise and a bias that walks; the walk begins anew when the body turns the other way, which makes
-//! an integrated heading climb slowly and start over (report, page 14).
+//! themselves. x looks ahead, y to the left, z up. A sample is taken at the beginning of each read:
+//! the chip's own thousand a second are never older than what a master can tell apart. The
+//! gyroscope has white noise and a bias that walks; the walk begins anew when the body turns the
+//! other way, which makes an integrated heading climb slowly and start over (report, page 14).
 //!
 //! A sample is ready each (1 + divider) / 8 kHz, or / 1 kHz with a filter of 1 to 6; reading the
 //! status clears it. Samples that went into the FIFO while nobody asked are all as the first look

@@ -2,8 +2,8 @@
 //! emulated sensor in the same room. Its accuracy is the figure: 50 % is a coin, 100 % a give-away.
 //!
 //! Windows of three turns; every second one teaches the classifier (nearest mean, each figure
-//! scaled by its own spread), the others are judged. The capture is not part of the project: without
-//! it the test says so and judges nothing.
+//! scaled by its own spread), the others are judged. The capture is not part of the project:
+//! without it the test says so and judges nothing.
 
 use emulators::xv11::Profile;
 use emulators::xv11::fidelity::hand_in_box;
@@ -18,9 +18,9 @@ const STEADY: usize = 117 * TURN;
 
 /// Groups of figures, and the accuracy that is allowed.
 ///
-/// Found: tooth speeds 50 %, codes 50 %, distances 84 %, strengths 99 %. Windows of one room are all
-/// alike in what its walls reflect, so that any difference of the mean gives them away; how the real
-/// walls were painted, nobody knows. So strengths are shown and not judged.
+/// Found: tooth speeds 50 %, codes 50 %, distances 84 %, strengths 99 %. Windows of one room are
+/// all alike in what its walls reflect, so that any difference of the mean gives them away; how the
+/// real walls were painted, nobody knows. So strengths are shown and not judged.
 const GROUPS: [(&str, Figures, f64); 4] = [
     ("tooth speeds", tooth_speeds, 0.65),
     ("distances", distances, 0.90),

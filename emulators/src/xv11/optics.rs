@@ -60,8 +60,8 @@ pub fn range_sigma_mm(distance_mm: f64) -> f64 {
 }
 
 /// The same of firmware 2.1: a part of the distance and a part of its square, through 0.66 mm at
-/// 225 mm and 14.0 mm at 2721 mm (B). It has 0.54 mm at 166 mm, 0.95 mm around 350 mm and 19.6 mm at
-/// 3113 mm.
+/// 225 mm and 14.0 mm at 2721 mm (B). It has 0.54 mm at 166 mm, 0.95 mm around 350 mm and 19.6 mm
+/// at 3113 mm.
 pub(super) fn range_sigma_21_mm(distance_mm: f64) -> f64 {
     (0.002_73 + 8.9e-7 * distance_mm) * distance_mm
 }

@@ -83,8 +83,8 @@ fn value(x: f64, y: f64, layer: u64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Along 200 walls of 0.5 m, a place each 8 mm: the deviation and the likeness of neighbours and
-    /// of places farther apart, as captured, and a roughness that neighbours do not share.
+    /// Along 200 walls of 0.5 m, a place each 8 mm: the deviation and the likeness of neighbours
+    /// and of places farther apart, as captured, and a roughness that neighbours do not share.
     #[test]
     fn f8_reflectivity_varies_smoothly_along_a_wall() {
         let walls: Vec<Vec<Place>> = (0..200)
