@@ -319,7 +319,7 @@ fn what_a_logic_analyzer_saw_is_imported_with_both_directions() {
     );
     for file in ["two.sr", "two.vcd", "two.csv", "two.json"] {
         assert_eq!(
-            imported(&folder, file, &[]),
+            imported(&folder, file, &["--baud", "115200"]),
             [rx.clone(), tx.clone()],
             "{file}"
         );
@@ -328,7 +328,7 @@ fn what_a_logic_analyzer_saw_is_imported_with_both_directions() {
         // A trace tells where the data bits end, a bit earlier.
         assert!(first.abs_diff(130_208) <= 9_000, "{file}: {first}");
     }
-    let channel = ["--channel", "1", "--from", "host"];
+    let channel = ["--channel", "1", "--from", "program", "--baud", "115200"];
     assert_eq!(
         imported(&folder, "two.sr", &channel),
         [vec![], tx],
