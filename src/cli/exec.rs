@@ -16,7 +16,8 @@ use crate::scenario::{Scenario, ScenarioError, Source, Span};
 pub(super) struct ExecArgs {
     /// Start this shell command on the rig's ports and judge it, in real time or virtual. Its
     /// environment has HILRIG_DIR (directory of the ports), HILRIG_PORT_<NAME> (each port),
-    /// HILRIG_TTY_<NAME> (the same in /dev), HILRIG_SEED and HILRIG_SCENARIO (the scenario as a file)
+    /// HILRIG_TTY_<NAME> (the same in /dev), HILRIG_SEED and HILRIG_SCENARIO (the scenario as a
+    /// file)
     #[arg(long, value_name = "CMD")]
     pub(super) exec: Option<String>,
     /// Time of the wall clock within which it must open its ports; rig time stands until then

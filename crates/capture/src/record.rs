@@ -18,7 +18,6 @@ pub(crate) const LINK_TYPE: u16 = 250;
 const ENTERPRISE: u32 = 32_473;
 /// Marks our option with the sequence number.
 const SEQUENCE: &[u8; 4] = b"hseq";
-/// The option with the sequence number, up to it: code, length, enterprise, mark.
 const SEQUENCE_HEAD: [u8; 12] = [0xAD, 0x0B, 16, 0, 0xD9, 0x7E, 0, 0, b'h', b's', b'e', b'q'];
 /// Marks our option with the bytes as sent.
 const SENT: &[u8; 4] = b"hsnt";
