@@ -3,10 +3,14 @@
 //! `hilrig schema --output` prints the JSON Schema of it, made of these types. New keys may come;
 //! [`FORMAT`] changes when one is taken away or means something else.
 
+mod case;
+
 use schemars::generate::{SchemaGenerator, SchemaSettings};
 use schemars::{JsonSchema, Schema, json_schema};
 use serde::Serialize;
 use serde_json::{Value, json};
+
+pub(super) use case::{CaseChecked, CaseMade, CaseTry};
 
 use super::{CliError, Verdict};
 use crate::TOOL;
@@ -71,6 +75,12 @@ fn files_or_text(generator: &mut SchemaGenerator) -> Schema {
     json_schema!({ "anyOf": forms })
 }
 
+/// Of the command that makes cases, and runs them.
+fn made_or_checked(generator: &mut SchemaGenerator) -> Schema {
+    let forms = [of::<CaseMade>(generator), of::<CaseChecked>(generator)];
+    json_schema!({ "anyOf": forms })
+}
+
 /// What the commands come to.
 const RESULTS: [(&str, Subschema); 27] = [
     ("demo", of::<Runs>),
@@ -83,7 +93,7 @@ const RESULTS: [(&str, Subschema); 27] = [
     ("link", of::<LinkEnded>),
     ("record", of::<RecordEnded>),
     ("replay", of::<ReplayEnded>),
-    ("case", of::<CaseMade>),
+    ("case", made_or_checked),
     ("import", of::<Imported>),
     ("export", of::<Exported>),
     ("decode", of::<Decoded>),
@@ -309,17 +319,6 @@ pub(super) struct ReplayEnded {
     /// The first difference from the capture, with `--expect`.
     pub(super) divergence: Option<String>,
     pub(super) trace_hash: Option<String>,
-}
-
-/// A case that was made of a capture.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct CaseMade {
-    pub(super) file: String,
-    /// What it comes to today.
-    pub(super) checks: Vec<Check>,
-    pub(super) passes_today: bool,
-    /// The command that runs it.
-    pub(super) repeat: String,
 }
 
 /// A dump that became a capture.

@@ -2,15 +2,16 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
-use super::answer::CaseMade;
-use super::exec::ExecArgs;
-use super::replay::judge_case;
+use super::answer::{CaseChecked, CaseMade, CaseTry};
+use super::exec::{ExecArgs, ManyExecArgs};
+use super::replay::{judge_case, sound_of, try_case};
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
-use crate::capture::Section;
-use crate::capture::case::{Case, Judgement};
+use crate::capture::case::{Case, CaseError, Judgement, Play, Rule};
 use crate::capture::replay::Recorded;
-use crate::scenario::{Source, Span};
+use crate::capture::{Capture, Section};
+use crate::run::check::Status;
+use crate::scenario::{Scenario, Source, Span};
 use crate::show::whole_file;
 
 /// Make regression tests from captures.
@@ -23,24 +24,43 @@ pub(super) struct CaseArgs {
 #[derive(Debug, Subcommand)]
 enum Command {
     From(From),
+    Check(CheckArgs),
 }
 
 /// Turn a capture into a regression test.
 ///
-/// The case holds the bytes that reached the program, and what is expected of it: if the captured
-/// program broke a rule of a device, that it does not again; if it stopped talking, that it talks
-/// to the end; if it failed a check of every run, that it passes; else that it sends the same
-/// bytes. `hilrig run` runs the case, with the robot's built-in program or with --exec CMD.
+/// A case never expects what a broken program did. What is right is given by --expect, or by a
+/// reference program (--sound). Every case of a program of your own expects that the program lives,
+/// reads its ports and goes on talking on the links where it talked; without --expect and --sound
+/// that is all.
 ///
-/// A dump of one direction says nothing of a program: its case tests the decoder. Expected are the
-/// frames that it finds today, the bytes outside of them, and the diagnosis.
+/// The capture of a run with --exec knows its scenario and its verdict: in its case the devices of
+/// the scenario answer and judge the program, and each check of the run must pass. In the case of
+/// any other capture the capture itself answers, as a conversation. --play chooses.
+///
+/// With --exec the case is run at once, and the output says whether it is red or green today.
+/// `hilrig case check CASE --exec BROKEN --exec FIXED` compares programs; `hilrig run` runs the
+/// case.
+///
+/// The case of a robot's built-in program holds the bytes that reached it: it must not break the
+/// same rule, or hang, or fail the same check again; if nothing was wrong, it must send the same
+/// bytes. A dump of one direction tests the decoder: the same frames and diagnosis are expected.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig case from hilrig-out/rescue-flat-1/capture.pcapng -o case.toml\n  \
+    hilrig case from field.pcapng --exec 'python3 driver.py' --virtual --expect prints=ready\n  \
     hilrig case from field.pcapng --scenario scenarios/rescue-flat.toml --until 20s \\\n    \
     -o tests/cases/stall.toml --test tests/stall.rs\n  \
-    hilrig case from field.pcapng --exec 'python3 my_robot.py'\n  \
-    hilrig run case.toml")]
+    hilrig case check case.toml --virtual --exec ./broken --exec ./fixed\n  \
+    hilrig run case.toml\n\n\
+    Rules for --expect:\n  \
+    no-crash, no-hang            always expected\n  \
+    talks, talks=LINK            sends to the end on all links where it talked, or on LINK\n  \
+    exits=CODE                   ends by itself with this exit code\n  \
+    prints=TEXT, never-prints=TEXT   a printed line has TEXT, or none has\n  \
+    sends=[LINK:]HEX, never-sends=[LINK:]HEX   bytes that it sends, or never sends\n  \
+    ignores-damage               sends the same, as soon, as without the damaged frames\n  \
+    recovers=TIME                no pause longer than TIME in what it sends")]
 struct From {
     /// Capture to take the bytes from
     #[arg(value_name = "FILE")]
@@ -54,6 +74,15 @@ struct From {
     /// Leave out what comes later than this after the beginning, e.g. 10s
     #[arg(long, value_name = "TIME")]
     until: Option<Span>,
+    /// What is right for the program; may be given several times
+    #[arg(long, value_name = "RULE")]
+    expect: Vec<Rule>,
+    /// Shell command of a reference program: the same lines and bytes are expected
+    #[arg(long, value_name = "CMD", requires = "exec")]
+    sound: Option<String>,
+    /// What answers a program of your own [default: the devices, for the capture of a judged run]
+    #[arg(long, value_name = "WHAT")]
+    play: Option<Play>,
     /// Write a Rust test that runs the case
     #[arg(long, value_name = "FILE")]
     test: Option<PathBuf>,
@@ -61,8 +90,32 @@ struct From {
     program: ExecArgs,
 }
 
+/// Run a case with several programs and say for each whether it is red or green.
+///
+/// The last program is the fixed one: the exit code is 0 if the case is green with it and red with
+/// all others.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig case check case.toml --virtual --exec ./broken --exec ./fixed")]
+struct CheckArgs {
+    /// The case
+    #[arg(value_name = "CASE")]
+    file: PathBuf,
+    #[command(flatten)]
+    programs: ManyExecArgs,
+    /// Folder for ports and program.log of each program
+    #[arg(long, value_name = "DIR", default_value = "hilrig-out/case-check")]
+    out: PathBuf,
+}
+
 pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
-    let Command::From(args) = args.command;
+    match args.command {
+        Command::From(args) => from(&args),
+        Command::Check(args) => check(&args),
+    }
+}
+
+fn from(args: &From) -> Result<Verdict, CliError> {
     let capture = super::replay::read(&args.file)?;
     let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
     let recorded = super::replay::shortened(&args.file, recorded);
@@ -71,32 +124,146 @@ pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
         .file_stem()
         .and_then(|stem| stem.to_str())
         .unwrap_or("case");
-    let (mut case, source) = match recorded.is_one_way() && args.program.exec.is_none() {
-        true => decoder_case(&args, stem, &recorded)?,
-        false => {
+    let is_own = |section: &Section| section.is_of_own_program();
+    let concluded = capture.conclusion.as_ref();
+    let is_foreign = args.program.exec.is_some()
+        || concluded.is_some_and(|one| one.is_foreign())
+        || !capture.sections.iter().all(is_own);
+    let is_asked = is_foreign && (args.program.exec.is_some() || concluded.is_some());
+    let (mut case, source) = match (recorded.is_one_way() && !is_asked, is_foreign) {
+        (true, _) => decoder_case(args, stem, &recorded)?,
+        (false, true) => foreign_case(args, stem, &capture, &recorded)?,
+        (false, false) => {
             let given = args.scenario.as_deref();
             let (scenario, source) = super::replay::robot(&capture, &args.file, given)?;
-            let mut case = Case::of(stem, &recorded, &scenario, &source)?;
-            let is_own = |section: &Section| section.is_of_own_program();
-            case.is_foreign |= !capture.sections.iter().all(is_own);
-            (case, source)
+            (Case::of(stem, &recorded, &scenario, &source)?, source)
         }
     };
     case.description = format!("made of {}", args.file.display());
+    let talking = case.expect.talks.clone();
+    for rule in &args.expect {
+        case.expect.add(rule.clone(), &talking);
+    }
+    if let Some(command) = &args.sound {
+        let stop = Stop::new(None)?;
+        let foreign = args.program.foreign_of(command);
+        let out = Path::new("hilrig-out").join(format!("{stem}-sound"));
+        let both = (case, source.clone());
+        let sound = sound_of(&both, &foreign, &out, &stop)?;
+        case = both.0;
+        case.expect.sound = Some(sound);
+    }
     write(&args.out, &case.to_toml())?;
     if let Some(path) = &args.test {
         write(path, &test(stem, &args.out))?;
     }
+    say_what_is_expected(args, &case, concluded.and_then(|one| one.failed()));
     let now = match args.program.foreign() {
         Some(foreign) if case.expect.decoder.is_empty() => {
             let out = Path::new("hilrig-out").join(stem);
-            let both = (case.clone(), source);
-            judge_case(&both, &foreign, &out, &Stop::new(None)?)?
+            print!("today: ");
+            Some(judge_case(
+                &(case.clone(), source),
+                &foreign,
+                &out,
+                &Stop::new(None)?,
+            )?)
         }
-        _ => case.run(&source)?,
+        _ => match case.run(&source) {
+            Err(CaseError::NeedsProgram { .. }) => {
+                println!("today: not run; --exec CMD runs a program");
+                None
+            }
+            now => {
+                let now = now?;
+                println!("today: {now}");
+                Some(now)
+            }
+        },
     };
-    report(&args, &case, &now);
+    report(args, now.as_ref());
     Ok(Verdict::Pass)
+}
+
+/// A case of a program of the user's own.
+fn foreign_case(
+    args: &From,
+    stem: &str,
+    capture: &Capture,
+    recorded: &Recorded,
+) -> Result<(Case, Source), CliError> {
+    let concluded = capture.conclusion.as_ref().filter(|one| one.is_foreign());
+    let given = args.scenario.as_deref();
+    let run = match (concluded, given) {
+        (Some(concluded), None) => {
+            let text = concluded.case.clone();
+            let parsed = Scenario::parse(&args.file, text);
+            Some(parsed.map_err(|error| CliError::content(&args.file, error))?)
+        }
+        (None, None) => super::replay::robot(capture, &args.file, None).ok(),
+        (_, Some(_)) => Some(super::replay::robot(capture, &args.file, given)?),
+    };
+    let play = args.play.unwrap_or(match concluded {
+        Some(_) if given.is_none() => Play::Devices,
+        _ => Play::Conversation,
+    });
+    match (play, run) {
+        (Play::Devices, Some((scenario, source))) => {
+            Ok((Case::of_run(stem, recorded, &scenario), source))
+        }
+        (Play::Devices, None) => {
+            let error = "does not say which devices answer: expected --scenario FILE";
+            Err(CliError::content(&args.file, error))
+        }
+        (Play::Conversation, run) => {
+            let (scenario, source) = match run {
+                Some((scenario, source)) => (Some(scenario), source),
+                None => (None, no_source(&args.out)),
+            };
+            Ok((Case::of_outsider(stem, recorded, scenario.as_ref()), source))
+        }
+    }
+}
+
+fn no_source(path: &Path) -> Source {
+    Source {
+        path: path.to_owned(),
+        text: String::new(),
+    }
+}
+
+fn check(args: &CheckArgs) -> Result<Verdict, CliError> {
+    let case = Case::read(&args.file)?;
+    let stop = Stop::new(None)?;
+    let mut tried = Vec::new();
+    for (number, foreign) in (1..).zip(args.programs.foreign()) {
+        let out = args.out.join(format!("{number}"));
+        let judgement = try_case(&case, &foreign, &out, &stop)?.judgement;
+        let is_green = judgement.passed();
+        let color = if is_green { "green" } else { "red" };
+        println!("{color}  {}", foreign.command);
+        let failed = |status| status == Status::Fail;
+        let failed = judgement.checks.iter().filter(|check| failed(check.status));
+        failed.for_each(|check| println!("  {check}"));
+        tried.push(CaseTry {
+            command: foreign.command,
+            is_green,
+            checks: judgement.checks,
+        });
+        if let Some(signal) = stop.signal() {
+            return Ok(Verdict::Interrupted(signal));
+        }
+    }
+    let is_green: Vec<bool> = tried.iter().map(|one| one.is_green).collect();
+    let verdict = match is_green.split_last() {
+        Some((true, others)) if !others.contains(&true) => Verdict::Pass,
+        _ => Verdict::Fail,
+    };
+    out::answer(&CaseChecked {
+        file: args.file.display().to_string(),
+        programs: tried,
+    });
+    Ok(verdict)
 }
 
 fn decoder_case(args: &From, stem: &str, recorded: &Recorded) -> Result<(Case, Source), CliError> {
@@ -105,21 +272,26 @@ fn decoder_case(args: &From, stem: &str, recorded: &Recorded) -> Result<(Case, S
                      or frames";
         CliError::content(&args.file, error)
     })?;
-    let source = Source {
-        path: args.out.clone(),
-        text: String::new(),
-    };
-    Ok((case, source))
+    Ok((case, no_source(&args.out)))
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {
     whole_file::write(path, text).map_err(|error| CliError::write(path.display(), error))
 }
 
-fn report(args: &From, case: &Case, now: &Judgement) {
+fn say_what_is_expected(args: &From, case: &Case, failed: Option<Vec<&str>>) {
     println!("{} expects:", args.out.display());
     if case.expect.same_outputs {
         println!("  the program sends the same bytes");
+    }
+    if case.play == Some(Play::Devices) {
+        println!("  the devices of the scenario answer, and each check of the run passes");
+        if let Some(failed) = failed {
+            println!("  in the captured run failed: {}", failed.join(", "));
+        }
+    }
+    if case.is_foreign {
+        println!("  the program lives and reads its ports to the end");
     }
     for link in &case.expect.talks {
         println!("  the program talks on {link} to the end");
@@ -130,19 +302,35 @@ fn report(args: &From, case: &Case, now: &Judgement) {
     for check in &case.expect.checks {
         println!("  passes: {check}");
     }
+    for words in case.expect.in_words() {
+        println!("  {words}");
+    }
     for decoded in &case.expect.decoder {
         let (link, direction, of) = (&decoded.link, &decoded.direction, &decoded.protocol);
         let lines = decoded.found.lines().count();
         println!("  the decoder of {of} finds the same in {link} {direction}: {lines} lines");
     }
-    println!("today: {now}");
+    let has_rules = !args.expect.is_empty() || args.sound.is_some();
+    if case.play == Some(Play::Conversation) && !has_rules {
+        println!(
+            "  no more than that: what is right, --expect RULE or --sound CMD says, \
+             e.g. --expect prints=TEXT"
+        );
+    }
+}
+
+fn report(args: &From, now: Option<&Judgement>) {
     let (out, exec) = (args.out.display(), args.program.repeat());
     let repeat = format!("hilrig run {out}{exec}");
+    let color = now.map(|now| if now.passed() { "green" } else { "red" });
+    if let (Some(color), true) = (color, args.program.exec.is_some()) {
+        println!("the case is {color} today");
+    }
     println!("run it with: {repeat}");
     out::answer(&CaseMade {
         file: out.to_string(),
-        checks: now.checks.clone(),
-        passes_today: now.passed(),
+        checks: now.map(|now| now.checks.clone()).unwrap_or_default(),
+        passes_today: now.map(Judgement::passed),
         repeat,
     });
 }

@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::CliError;
+use super::exec::quoted;
 use super::place::{self, NamedPort};
 use crate::realtime::exec::Seat;
 use crate::realtime::transport::{PortDir, Pty, Serial, Transport, Udp};
@@ -28,6 +29,18 @@ impl EndArgs {
     /// Whether any link is on a real port.
     pub(super) const fn is_given(&self) -> bool {
         !self.device_at.is_empty() || !self.dut_at.is_empty()
+    }
+
+    /// The options that say the same again, with a blank before them.
+    pub(super) fn repeat(&self) -> String {
+        let option = |name: &str, ports: &[NamedPort]| {
+            let words = ports.iter().map(|port| {
+                let place = format!("{}={}", port.name, port.path.display());
+                format!(" --{name} {}", quoted(&place))
+            });
+            words.collect::<String>()
+        };
+        option("device-at", &self.device_at) + &option("dut-at", &self.dut_at)
     }
 
     /// Opens or makes a port for each open end.

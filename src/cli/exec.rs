@@ -20,6 +20,24 @@ pub(super) struct ExecArgs {
     /// file)
     #[arg(long, value_name = "CMD")]
     pub(super) exec: Option<String>,
+    #[command(flatten)]
+    how: ExecHow,
+}
+
+/// Several programs, each of which is tried.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Somebody's program")]
+pub(super) struct ManyExecArgs {
+    /// Shell command of a program; given several times, the programs are tried in this order
+    #[arg(long, value_name = "CMD", required = true)]
+    pub(super) exec: Vec<String>,
+    #[command(flatten)]
+    how: ExecHow,
+}
+
+/// How a program is started and what it may do.
+#[derive(Debug, Args)]
+struct ExecHow {
     /// Time of the wall clock within which it must open its ports; rig time stands until then
     #[arg(long, value_name = "TIME", default_value = "10s", requires = "exec")]
     exec_wait: Span,
@@ -55,11 +73,11 @@ pub(super) struct ExecArgs {
     spin_max: Span,
 }
 
-impl ExecArgs {
-    /// The program, if there is one.
-    pub(super) fn foreign(&self) -> Option<Foreign> {
-        Some(Foreign {
-            command: self.exec.clone()?,
+impl ExecHow {
+    /// The program that `command` starts.
+    fn foreign(&self, command: String) -> Foreign {
+        Foreign {
+            command,
             wait: self.exec_wait.0,
             may_end: self.exec_may_end,
             needs: self.exec_needs.clone(),
@@ -68,20 +86,12 @@ impl ExecArgs {
                 call_cost: self.call_cost.0,
                 spin_max: self.spin_max.0,
             }),
-        })
+        }
     }
 
-    /// Whether the program is to be in virtual time.
-    pub(super) const fn is_virtual(&self) -> bool {
-        self.is_virtual
-    }
-
-    /// The options that say the same again, with a blank before them.
-    pub(super) fn repeat(&self) -> String {
-        let Some(command) = &self.exec else {
-            return String::new();
-        };
-        let mut words = format!(" --exec {}", quoted(command));
+    /// The options that say the same again, with a blank before each.
+    fn repeat(&self) -> String {
+        let mut words = String::new();
         if self.exec_wait.0 != Duration::from_secs(10) {
             words += &format!(" --exec-wait {}", self.exec_wait);
         }
@@ -99,8 +109,45 @@ impl ExecArgs {
             if self.call_cost.0 != Duration::from_micros(1) {
                 words += &format!(" --call-cost {}", self.call_cost);
             }
+            if self.spin_max.0 != Duration::from_secs(10) {
+                words += &format!(" --spin-max {}", self.spin_max);
+            }
         }
         words
+    }
+}
+
+impl ExecArgs {
+    /// The program, if there is one.
+    pub(super) fn foreign(&self) -> Option<Foreign> {
+        Some(self.how.foreign(self.exec.clone()?))
+    }
+
+    /// The same started by another command.
+    pub(super) fn foreign_of(&self, command: &str) -> Foreign {
+        self.how.foreign(command.to_owned())
+    }
+
+    /// Whether the program is to be in virtual time.
+    pub(super) const fn is_virtual(&self) -> bool {
+        self.how.is_virtual
+    }
+
+    /// The options that say the same again, with a blank before them.
+    pub(super) fn repeat(&self) -> String {
+        let Some(command) = &self.exec else {
+            return String::new();
+        };
+        format!(" --exec {}{}", quoted(command), self.how.repeat())
+    }
+}
+
+impl ManyExecArgs {
+    /// The programs.
+    pub(super) fn foreign(&self) -> impl Iterator<Item = Foreign> {
+        self.exec
+            .iter()
+            .map(|command| self.how.foreign(command.clone()))
     }
 }
 

@@ -50,7 +50,7 @@ pub(super) struct FuzzArgs {
     #[arg(long, value_name = "SCENARIO")]
     scenario: Option<PathBuf>,
     /// Fuzz the wire format of this link of the scenario instead, or a program on this link alone
-    #[arg(long, value_name = "LINK", requires = "scenario")]
+    #[arg(long, value_name = "LINK")]
     link: Option<String>,
     /// What of the scenario is made anew: some of world,mission,timing,faults, or all
     #[arg(
@@ -72,11 +72,12 @@ pub(super) struct FuzzArgs {
     /// Seed of all changes
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Cases at the same time [default: one for each processor]
+    /// Cases at the same time [default: one for each processor; with --exec 1]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
-    /// Inputs to begin with, beside a few valid ones: a folder of text files
-    #[arg(long, value_name = "DIR")]
+    /// Inputs to begin with, beside a few valid ones: a folder of text files; with --exec what
+    /// devices say: a capture, a dump of another tool, a file or a folder of frames
+    #[arg(long, value_name = "DIR|FILE")]
     corpus: Option<PathBuf>,
     /// Run one finding, a file or its folder, instead of looking for more
     #[arg(long, value_name = "FILE")]
@@ -106,11 +107,22 @@ pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
     if args.exec.is_wanted() {
         return exec::run(args);
     }
+    if args.link.is_some() && args.scenario.is_none() {
+        let text = "--link needs --scenario <SCENARIO>, or --exec with --corpus";
+        return Err(CliError::Usage(text.to_owned()));
+    }
     let subjects = subjects(args)?;
     fuzz::silence_panics();
     match &args.repeat {
         Some(file) => repeat(file, &subjects),
         None => look(args, &subjects),
+    }
+}
+
+impl FuzzArgs {
+    /// The port of a program without a scenario.
+    fn port(&self) -> &str {
+        self.link.as_deref().unwrap_or("port")
     }
 }
 

@@ -19,7 +19,7 @@ use super::{CliError, Verdict, out};
 use crate::capture::Capture;
 use crate::capture::divergence::Divergence;
 use crate::capture::replay::{
-    Recorded, Replay, Replayed, SILENCE_MAX, Silence, Voice, scenario_of,
+    Recorded, Replay, Replayed, SILENCE_MAX, Silence, Tally, Voice, scenario_of,
 };
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::playback::{Playback, ReplayPace, Side as PlayedSide, Socket};
@@ -27,18 +27,24 @@ use crate::run::check::{Check, Status};
 use crate::scenario::{Scenario, Source, Span};
 use engine::hex::pairs;
 
-pub(super) use exec::judge_case;
+pub(super) use exec::{judge_case, sound_of, try_case};
 
 /// Feed a capture back: into the robot's program in virtual time, or into ports.
 ///
-/// Without a port, the program is told what it was told, byte by byte at the recorded nanosecond;
-/// which robot it is, the capture of a run says itself. The checkers of every run judge it: exit
-/// code
-/// 1 if one fails. With ports the capture takes the part of
-/// the devices, or of the program. With --exec that program is somebody's: it is started on new
-/// ports, told what the captured one was told, and must live to the end. With --expect, what comes
-/// back is compared with the capture, and the first difference is told: time, link, byte, and its
-/// frame in words. A silence of all links longer than a minute is played as a minute, and told.
+/// Without a port, the built-in program of the robot receives the captured bytes at the recorded
+/// nanosecond. The capture of a run names the robot itself. The checkers of every run judge the
+/// program: exit code 1 if one fails.
+///
+/// With --to, --dir or --exec the capture is played as a conversation: it answers when the program
+/// has asked, as late after the request as it did in the capture. So a program may start later, be
+/// slower, ask in another order or ask again. Bytes that nobody asked for follow what caused them:
+/// the answer or message before them, or the opening of the port. With --by-time each byte comes at
+/// its recorded time instead.
+///
+/// --exec starts a program on new ports; it must live to the end. With --expect, the requests of
+/// the program are compared with the capture, and the first difference is reported: time, link,
+/// byte, and both frames in words. A silence of all links longer than a minute is played as a
+/// minute.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig replay hilrig-out/rescue-flat-1/capture.pcapng --expect\n  \
@@ -69,6 +75,9 @@ pub(super) struct ReplayArgs {
     /// Whose part the capture takes [default: program with --dir, else device]
     #[arg(long = "as", value_name = "SIDE", conflicts_with = "exec")]
     side: Option<PlayedSide>,
+    /// Play each byte at its recorded time, whatever the program asks
+    #[arg(long)]
+    by_time: bool,
     /// So many times as fast as recorded
     #[arg(long, value_name = "N", default_value = "1", value_parser = speed)]
     speed: f64,
@@ -271,7 +280,11 @@ fn sockets(
         if let Some(path) = path {
             let port = ports.open("--to", &path, passage.line())?;
             eprintln!("{}: {}", passage.link, port.path().display());
-            sockets.push(Socket::new(passage, side, port));
+            let is_by_time = args.by_time || args.step || side == PlayedSide::Program;
+            sockets.push(match is_by_time {
+                true => Socket::new(passage, side, port),
+                false => Socket::talking(passage, &recorded.session(), port),
+            });
         }
     }
     if sockets.is_empty() {
@@ -299,8 +312,13 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
         step: args.step,
         expect: args.expect,
     };
-    follow(how, &mut playback, &stop, &mut |_, _| true)?;
-    Ok(report(args, &Heard::of(&playback), &[]))
+    let trouble = follow(how, &mut playback, &stop, &mut |_, _| true)?;
+    let heard = Heard::of(&playback);
+    let verdict = report(args, &heard, &[]);
+    Ok(match trouble {
+        true => Verdict::Fail,
+        false => verdict,
+    })
 }
 
 /// What was played and heard.
@@ -310,6 +328,8 @@ struct Heard {
     /// Bytes sent and heard on each link.
     counts: Vec<(String, [u64; 2])>,
     divergence: Option<Divergence>,
+    /// How the conversation on each link went.
+    tallies: Vec<(String, Tally)>,
     trace_hash: Option<String>,
 }
 
@@ -319,6 +339,10 @@ impl Heard {
         let divergences = sockets.clone().filter_map(Socket::divergence);
         Self {
             now: playback.now(),
+            tallies: sockets
+                .clone()
+                .filter_map(|one| Some((one.link().to_owned(), one.talk()?.tally())))
+                .collect(),
             divergence: divergences.min_by_key(|divergence| divergence.at),
             counts: sockets
                 .map(|socket| (socket.link().to_owned(), socket.counts()))
@@ -337,22 +361,35 @@ struct How {
     expect: bool,
 }
 
-/// Plays on until all was said and heard, somebody wants to stop, or `goes_on` says no at a time of
-/// the clock.
+/// Wall time between two words about a client that does not read.
+const TROUBLE_EVERY: Duration = Duration::from_secs(5);
+
+/// Plays on until all was said and heard, a signal comes, or `goes_on` says no at a time of the
+/// clock. Whether the clients closed their ports before that.
 fn follow(
     How { step, expect }: How,
     playback: &mut Playback<WallClock>,
     stop: &Stop,
     goes_on: &mut dyn FnMut(&Playback<WallClock>, Instant) -> bool,
-) -> Result<(), CliError> {
+) -> Result<bool, CliError> {
     let lines = step.then(lines_of_stdin);
     let mut said = false;
     let mut answers_until = None;
+    let mut next_word = Instant::ZERO;
     while !stop.is_due(playback.clock().now()) {
         playback.turn()?;
         if let (Some(socket), false) = (playback.waits_for(), said) {
             said = true;
             eprintln!("waiting until somebody opens {}", socket.link());
+        }
+        if let Some(trouble) = playback.trouble()
+            && playback.clock().now() >= next_word
+        {
+            eprintln!("{trouble}");
+            next_word = playback.clock().now() + TROUBLE_EVERY;
+            if playback.is_left() {
+                return Ok(true);
+            }
         }
         if let Some(lines) = &lines
             && playback.waits_for().is_none()
@@ -368,11 +405,16 @@ fn follow(
             }
         }
         if !goes_on(playback, now) {
-            return Ok(());
+            return Ok(false);
         }
     }
+    let left = playback.sockets().iter().filter(|_| playback.is_left());
+    let troubles: Vec<String> = left.filter_map(Socket::trouble).collect();
+    for trouble in &troubles {
+        eprintln!("{trouble}");
+    }
     drain(playback, stop);
-    Ok(())
+    Ok(!troubles.is_empty())
 }
 
 /// What was played and heard, compared if that is wanted; `checks` were made of it.
@@ -380,6 +422,9 @@ fn report(args: &ReplayArgs, heard: &Heard, checks: &[Check]) -> Verdict {
     println!("played {} s", heard.now);
     for (link, [said, came]) in &heard.counts {
         println!("  {link}: {said} B sent, {came} B came back");
+    }
+    for (link, tally) in heard.tallies.iter().filter(|(_, tally)| tally.all > 0) {
+        println!("  {link}: {tally}");
     }
     if let Some(hash) = &heard.trace_hash {
         println!("  trace {hash}");
@@ -397,7 +442,13 @@ fn report(args: &ReplayArgs, heard: &Heard, checks: &[Check]) -> Verdict {
     if !args.expect {
         return Verdict::Pass;
     }
-    judge(first, "")
+    match (first, heard.tallies.is_empty()) {
+        (None, false) => {
+            println!("no divergence: the program asked what it asked in the capture");
+            Verdict::Pass
+        }
+        _ => judge(first, ""),
+    }
 }
 
 /// How long a client may take from its first reading to its last.

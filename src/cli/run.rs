@@ -101,8 +101,9 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
             Runnable::Scenario(scenario) => *scenario,
             Runnable::Case(case) => {
                 let judgement = one_case(&args, &case, &stop)?;
-                answers.runs.push(answer_of(&judgement));
-                ended.push(Ended::Case(judgement));
+                let repeat = format!("hilrig run {}{}", path.display(), args.program.repeat());
+                answers.runs.push(answer_of(&judgement, &repeat));
+                ended.push(Ended::Case(judgement, repeat));
                 continue;
             }
         };
@@ -110,7 +111,8 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         let out = folder_of(&args, &file.0.name, seed, several);
         let ran = one(&args, file, &out, &mut show, &stop)?;
         wall += ran.wall;
-        let (path, exec) = (path.display(), args.program.repeat());
+        let exec = args.program.repeat() + &args.ends.repeat();
+        let path = path.display();
         let repeat = format!("hilrig run {path} --seed {seed}{exec}");
         let repeat = Some(repeat).filter(|_| !ran.outcome.passed());
         if let Some(repeat) = &repeat {
@@ -146,7 +148,7 @@ fn folder_of(args: &RunArgs, name: &str, seed: u64, several: bool) -> PathBuf {
 }
 
 /// A case of bytes as it stands in the output of `--json`.
-fn answer_of(judgement: &Judgement) -> RunEnded {
+fn answer_of(judgement: &Judgement, repeat: &str) -> RunEnded {
     RunEnded {
         name: judgement.name.clone(),
         seed: None,
@@ -155,7 +157,7 @@ fn answer_of(judgement: &Judgement) -> RunEnded {
         metrics: None,
         trace_hash: None,
         folder: None,
-        repeat: None,
+        repeat: (!judgement.passed()).then(|| repeat.to_owned()),
     }
 }
 
@@ -181,7 +183,12 @@ fn one(
         };
         return judged_run(scenario, &source, args.seed, out, pace, Talk::Verdict, stop);
     };
+    let exec = args.program.repeat() + &args.ends.repeat();
     let place = Placement {
+        again: Some(format!(
+            "hilrig run {}{exec}",
+            out.join("case.toml").display()
+        )),
         out,
         dir: args.dir.as_deref(),
         ends: &args.ends,
@@ -282,25 +289,28 @@ impl Runnable {
 /// What was run.
 enum Ended {
     Run(Box<Ran>),
-    Case(Judgement),
+    /// And the command that repeats it.
+    Case(Judgement, String),
 }
 
 impl Ended {
     fn verdict(&self) -> Verdict {
         match self {
             Self::Run(ran) => ran.verdict(),
-            Self::Case(judgement) if judgement.passed() => Verdict::Pass,
-            Self::Case(_) => Verdict::Fail,
+            Self::Case(judgement, _) if judgement.passed() => Verdict::Pass,
+            Self::Case(..) => Verdict::Fail,
         }
     }
 
     fn suite(&self) -> Suite<'_> {
         match self {
             Self::Run(ran) => Suite::from(&ran.outcome),
-            Self::Case(Judgement { name, checks, .. }) => {
-                let seed = None;
-                Suite { name, seed, checks }
-            }
+            Self::Case(Judgement { name, checks, .. }, again) => Suite {
+                name,
+                seed: None,
+                checks,
+                again: Some(again),
+            },
         }
     }
 }

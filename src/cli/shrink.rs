@@ -1,3 +1,5 @@
+mod bytes;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -10,10 +12,11 @@ use super::run::{Clocking, Talk, judged_run};
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
 use crate::capture::Capture;
+use crate::capture::case::{Case, CaseError, Play};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
 use crate::run::Outcome;
-use crate::scenario::{Scenario, Source};
+use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::search::campaign::{self, Record};
 use crate::search::shrink::{self, Branches, Effort, Judged, Repair, Unit};
 use crate::show::folder::FolderError;
@@ -23,8 +26,10 @@ use crate::show::whole_file;
 ///
 /// A case keeps failing the same check, in the same manner (standing still, to and fro, pose lost)
 /// or, if devices complain, by the same rule; and what it fails for, faults or a thing in the way,
-/// stays in it: without that it passes. A capture keeps the first thing that is wrong with its
-/// bytes. With --while a command of yours decides instead: it gets the file as its last argument
+/// stays in it: without that it passes. A case of bytes, as `hilrig case from` writes it, keeps
+/// failing the same check with fewer bytes. A capture keeps the first thing that is wrong with its
+/// bytes; with --scenario or --exec it is shrunk as the case that `hilrig case from` makes of it.
+/// With --while a command of yours decides instead: it gets the file as its last argument
 /// and exits with 0 as long as the file is still bad.
 ///
 /// With --exec somebody's program is what fails: each try is a run in real time, 100 at most, and
@@ -35,6 +40,8 @@ use crate::show::whole_file;
 #[command(after_long_help = "Examples:\n  \
     hilrig shrink hilrig-out/rescue-flat-1/case.toml\n  \
     hilrig shrink capture.pcapng --while 'my-parser --crashes' --out small\n  \
+    hilrig shrink field.pcapng --scenario scenarios/rescue-flat.toml\n  \
+    hilrig shrink case.toml --exec 'python3 driver.py' --virtual\n  \
     hilrig shrink hilrig-out/rescue-flat-1/case.toml --exec './my-robot \"$HILRIG_DIR\"'")]
 pub(super) struct ShrinkArgs {
     /// A case or scenario (.toml), or a capture (.pcapng)
@@ -43,6 +50,9 @@ pub(super) struct ShrinkArgs {
     /// Shrink while this command exits with 0, given the file as last argument
     #[arg(long = "while", value_name = "CMD", conflicts_with = "exec")]
     command: Option<String>,
+    /// Scenario whose robot a capture is of: its program is what fails
+    #[arg(long, value_name = "FILE", conflicts_with = "command")]
+    scenario: Option<PathBuf>,
     /// Leave checksums as they are when the bytes of a frame are made plainer
     #[arg(long)]
     keep_checksums: bool,
@@ -61,12 +71,36 @@ const TRIES_EXEC: u32 = 100;
 pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     make_folder(&args.out)?;
     match args.file.extension().and_then(|name| name.to_str()) {
-        Some("pcapng") if args.program.exec.is_some() => {
-            let error = "--exec: expected a case or scenario, a capture is judged by its bytes";
-            Err(CliError::Usage(error.to_owned()))
+        Some("pcapng") if args.program.exec.is_some() || args.scenario.is_some() => {
+            bytes::of_capture(args)
         }
         Some("pcapng") => shrink_capture(args),
-        _ => shrink_case(args),
+        _ if args.scenario.is_some() => {
+            let error = "--scenario: expected a capture (.pcapng), a case says it itself";
+            Err(CliError::Usage(error.to_owned()))
+        }
+        _ => shrink_file(args),
+    }
+}
+
+/// A case or a scenario.
+fn shrink_file(args: &ShrinkArgs) -> Result<Verdict, CliError> {
+    let text = fs::read_to_string(&args.file).map_err(|source| ScenarioError::Read {
+        path: args.file.clone(),
+        source,
+    })?;
+    if !Case::is_meant(&text) {
+        let (scenario, source) = Scenario::parse(&args.file, text)?;
+        return shrink_case(args, scenario, &source);
+    }
+    let (case, source) = Case::parse(&args.file, text)?;
+    match (case.play, &case.scenario) {
+        (Some(Play::Devices), Some(_)) if args.program.exec.is_none() => {
+            let path = source.path;
+            Err(CliError::Case(CaseError::NeedsProgram { path }))
+        }
+        (Some(Play::Devices), Some(scenario)) => shrink_case(args, scenario.clone(), &source),
+        _ => bytes::of_case(args, case, source),
     }
 }
 
@@ -99,17 +133,20 @@ fn not_bad(file: &Path, what: &str) -> CliError {
     CliError::content(file, format!("{what}, expected something that fails"))
 }
 
-fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
-    let (scenario, source) = Scenario::read(&args.file)?;
+fn shrink_case(
+    args: &ShrinkArgs,
+    scenario: Scenario,
+    source: &Source,
+) -> Result<Verdict, CliError> {
     let (stop, clock) = (Stop::new(None)?, WallClock::start());
     let is_over = || stop.is_due(clock.now());
     let foreign = args.program.foreign();
     let (branches, record, outcome) = match &foreign {
-        Some(foreign) => match run_foreign(args, foreign, &scenario, &source, &is_over)? {
-            Some((record, outcome)) => (Branches::new(&source, ""), record, Some(outcome)),
+        Some(foreign) => match run_foreign(args, foreign, &scenario, source, &is_over)? {
+            Some((record, outcome)) => (Branches::new(source, ""), record, Some(outcome)),
             None => return Ok(Verdict::Interrupted(stop.signal().unwrap_or_default())),
         },
-        None => Branches::begin(&source, &scenario)?,
+        None => Branches::begin(source, &scenario)?,
     };
     // As the bytes that they hit, random faults can be left out one by one.
     let expanded = outcome.map_or_else(|| scenario.clone(), |outcome| outcome.case);
@@ -117,7 +154,7 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     let path = args.out.join("case.toml");
     let tries = if foreign.is_some() { TRIES_EXEC } else { TRIES };
     let mut effort = Effort::until(tries, &is_over);
-    let mut judge = judge(args, &source, branches, &cause, &path, &is_over);
+    let mut judge = judge(args, source, branches, &cause, &path, &is_over);
     let start = [expanded.clone(), scenario]
         .into_iter()
         .find(|case| judge(case) == Judged::FailsAlike);
@@ -133,7 +170,7 @@ fn shrink_case(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     if foreign.is_none() {
         let text = small.to_toml();
         let (pace, talk, stop) = (Clocking::Virtual, Talk::Verdict, Stop::new(None)?);
-        judged_run(small, &source, None, &args.out, pace, talk, &stop)?;
+        judged_run(small, source, None, &args.out, pace, talk, &stop)?;
         // The run left a case of its own, with its origin.
         put(&path, text.as_bytes())?;
     }

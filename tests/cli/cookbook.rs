@@ -114,6 +114,10 @@ fn every_recipe_does_what_the_page_says() {
             session.write(name, &format!("\n{}\n", block.lines.join("\n")));
             continue;
         }
+        // A session with programs that are the reader's own.
+        if block.language == "text" {
+            continue;
+        }
         assert_eq!(block.language, "console");
         recipes += 1;
         for (command, shown) in commands(&block.lines) {

@@ -207,7 +207,10 @@ fn every_command_on_a_page_has_its_options() {
             let words: Vec<&str> = line.split_whitespace().collect();
             let plain = words.iter().filter(|word| !word.starts_with('-'));
             let nested = plain.skip(1).find(|word| {
-                ["from", "merge", "xv11", "diff", "add", "list", "end"].contains(word)
+                [
+                    "from", "check", "merge", "xv11", "diff", "add", "list", "end",
+                ]
+                .contains(word)
             });
             let mut verbs = vec![words[0]];
             verbs.extend(nested.filter(|_| NESTED.contains(&words[0])));

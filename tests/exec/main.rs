@@ -6,6 +6,8 @@
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod board;
 mod commands;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod conversation;
 mod custom;
 mod endings;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
@@ -18,4 +20,6 @@ mod lines;
 mod probes;
 mod signals;
 mod support;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod terminals;
 mod verdicts;

@@ -204,6 +204,16 @@ fn a_fielded_defect_fails_the_case_until_it_is_switched_off() {
     assert_eq!(said.matches("\n  FAIL").count(), 1, "{said}");
     assert!(said.contains(&reason), "{reason}\n{said}");
 
+    // What `case from` wrote can be made smaller: the same check fails with fewer bytes.
+    let (status, said, told) = hilrig(&folder, &["shrink", "case.toml", "--out", "small"]);
+    assert_eq!(status.code(), Some(0), "{said}{told}");
+    assert!(said.starts_with("memory-intact\n") && said.contains(" lines of bytes left of "));
+    let (status, said, _) = hilrig(&folder, &["run", "small/case.toml"]);
+    assert_eq!(status.code(), Some(1), "{said}");
+    let lines = |file: &str| fs::read_to_string(folder.join(file)).map(|text| text.lines().count());
+    let [small, whole] = ["small/case.toml", "case.toml"].map(|file| lines(file).expect("written"));
+    assert!(small < whole, "{small} of {whole} lines");
+
     let text = fs::read_to_string(folder.join("case.toml")).expect("written");
     let mended = text.replacen("defects = [\"MA-01\"]", "defects = []", 1);
     assert_ne!(mended, text);

@@ -276,3 +276,65 @@ fn a_runs_capture_is_replayed_by_the_command() {
     let expected = "no divergence: the same bytes as in the capture, at most 0 ns apart in time";
     assert_eq!(last, Some(expected));
 }
+
+/// A client that opens the port, reads and closes it before all was said is told of, and ends the
+/// replay: its directory is free again. As a conversation, the request is missing; by time, bytes
+/// are left.
+#[test]
+fn a_client_that_closes_early_ends_the_replay_with_a_word() {
+    let folder = folder("closed");
+    let file = folder.join("field.pcapng");
+    let [request, _] = request_and_reply(&file);
+    let port = folder.join("ports/base");
+    let to = format!("base=pty:{}", shown(&port));
+    let words = ["replay", &shown(&file), "--to", &to, "--expect"];
+    let replay = Running::start(&words);
+    let client = client(&port);
+    // Long enough to be seen: nothing tells of a port that is open between two looks only.
+    let mut looks = 0;
+    wait_until("some looks", || {
+        looks += 1;
+        looks > 100
+    });
+    drop(client);
+    let (status, said, told) = replay.end();
+    assert_eq!(status.code(), Some(1), "{said}{told}");
+    assert!(
+        told.contains("base: the client closed the port; 0 of 1 requests"),
+        "{told}"
+    );
+    assert!(
+        said.contains("base: 0 of 1 requests were made\nDIVERGENCE"),
+        "{said}"
+    );
+
+    // The directory can be taken again, and a client that asks has its conversation.
+    let replay = Running::start(&words);
+    let mut client = crate::support::client(&port);
+    client.write_all(&request).expect("open");
+    let mut heard = Vec::new();
+    wait_until("the reply", || {
+        read_some(&mut client, &mut heard);
+        heard.len() >= request.len() + 2
+    });
+    let (status, said, told) = replay.end();
+    assert_eq!(status.code(), Some(0), "{said}{told}");
+
+    let long: Vec<u8> = vec![7; 3000];
+    let chunks: Vec<_> = (0..9).map(|_| (Direction::ToMaster, &long[..])).collect();
+    field(&file, "base", &chunks);
+    let replay = Running::start(&["replay", &shown(&file), "--to", &to, "--by-time"]);
+    let client = crate::support::client(&port);
+    looks = 0;
+    wait_until("some looks", || {
+        looks += 1;
+        looks > 100
+    });
+    drop(client);
+    let (status, said, told) = replay.end();
+    assert_eq!(status.code(), Some(1), "{said}{told}");
+    assert!(
+        told.contains("base: the client closed the port; "),
+        "{told}"
+    );
+}

@@ -39,7 +39,8 @@ fn the_client_of_other_tests_ends_only_when_its_port_does() {
     }
 }
 
-/// What it has heard, and which bug it has: `crash`, `hang`, `accept`, `meddle` or another word for
+/// What it has heard, and which bug it has: `crash`, `hang`, `accept`, `meddle`, `patient` or
+/// another word for
 /// none.
 pub(crate) struct Client {
     bug: String,
@@ -57,7 +58,9 @@ impl Client {
     /// What it answers to `bytes`; none of them: the line was idle.
     pub(crate) fn hears(&mut self, bytes: &[u8]) -> Vec<u8> {
         if bytes.is_empty() {
-            self.pending.clear();
+            if self.bug != "patient" {
+                self.pending.clear();
+            }
             if self.bug == "meddle" {
                 // A write to the first register, which the gripper calls its uptime.
                 return frame(0, &[1]);

@@ -116,6 +116,18 @@ fn an_accepted_damaged_frame_is_found_and_told_from_a_crash() {
     assert_eq!(names, ["01-accepts-corrupt-frame"], "{said}");
 }
 
+/// The client waits for the rest of a cut frame for ever, so that the next request is lost.
+#[test]
+fn a_missing_timeout_is_found_in_a_program_that_answers() {
+    let (out, names, said) = search("patient", &["--virtual", "--cases", "8", "--shrink", "2"]);
+    assert!(names.contains(&"01-no-timeout".to_owned()), "{said}");
+    let cause = read(&out.join("findings/01-no-timeout/cause.txt"));
+    assert!(
+        cause.contains("takes the next frame for the rest of it"),
+        "{cause}"
+    );
+}
+
 /// The sound client answers a bad checksum by the refusal of the bus, which is no acceptance.
 /// Two cases, then the same command goes on to the third.
 #[test]

@@ -8,6 +8,7 @@ mod control;
 mod control_api;
 mod directory;
 mod fuzz_dut;
+mod fuzz_learned;
 mod link;
 mod pc_port;
 mod processes;

@@ -220,3 +220,67 @@ fn a_port_that_a_client_took_for_itself_is_busy_for_the_next() {
     drop(first);
     assert!(TTYPort::open(&builder).is_ok());
 }
+
+/// A client that sleeps, then throws away what waits and reads on, as pyserial's
+/// `reset_input_buffer` does: the port was full, and no read ever told the rig that it is not any
+/// more.
+#[test]
+fn a_full_port_that_is_flushed_goes_on() {
+    let dir = fresh_dir("flushed");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let mut client = client(&port, LINE.baud);
+    assert_eq!(next_events(&mut port, 1), [Opened]);
+    for _ in 0..3 {
+        let (mut given, mut refused) = (0, 0);
+        while refused < 200 {
+            match port.write(&[7]) {
+                0 => refused += 1,
+                len => given += len,
+            }
+        }
+        assert!((4000..20_000).contains(&given), "{given}");
+        serialport::SerialPort::clear(&client, serialport::ClearBuffer::Input).expect("stays");
+        let mut went_on = 0;
+        wait_until(|| {
+            went_on += port.write(b"on");
+            went_on >= 2
+        });
+        assert!(client_reads(&mut client).ends_with(b"on"));
+    }
+}
+
+/// What a USB adapter does when it is pulled: its file hangs up, its name is gone, and what comes
+/// back is another port.
+#[test]
+fn an_unplugged_port_hangs_up_and_comes_back_as_another() {
+    let dir = fresh_dir("unplugged");
+    let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
+    let path = port.path().to_owned();
+    let mut first = client(&port, 9600);
+    first.write_all(b"x").expect("room");
+    assert_eq!(read_exactly(&mut port, 1), b"x");
+    assert_eq!(drain_events(&mut port), [Opened, BaudChanged(9600)]);
+    port.unplug();
+    assert_eq!(drain_events(&mut port), [Closed]);
+    assert!(!path.is_symlink());
+    // The end of input, and no output: not a time-out.
+    assert_eq!(
+        std::fs::File::open(&path).err().map(|e| e.kind()),
+        Some(std::io::ErrorKind::NotFound)
+    );
+    let failed = first.read(&mut [0; 4]).expect_err("hung up");
+    assert_ne!(failed.kind(), std::io::ErrorKind::TimedOut);
+    assert!(first.write(b"y").is_err());
+    assert_eq!(port.write(b"nobody"), 0);
+    assert_eq!(port.read(&mut [0; 4]).expect("it is only away"), 0);
+
+    port.plug(Some("lidar-1")).expect("a free name");
+    assert!(port.path().ends_with("lidar-1") && !path.is_symlink());
+    assert_eq!(drain_events(&mut port), [BaudChanged(LINE.baud)]);
+    let mut second = client(&port, LINE.baud);
+    assert_eq!(next_events(&mut port, 1), [Opened]);
+    assert_eq!(port.write(b"new"), 3);
+    assert_eq!(client_reads(&mut second), b"new");
+    assert!(first.write(b"y").is_err(), "the old file stays dead");
+    drop((port, dir));
+}

@@ -15,7 +15,10 @@
 
 mod bytes;
 mod decoder;
+mod expectation;
 mod foreign;
+mod rules;
+mod sound;
 
 use core::fmt;
 use core::time::Duration;
@@ -26,7 +29,7 @@ use protocols::{Instant, LineConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::divergence::Track;
-use crate::replay::{Arrival, Passage, Recorded, Replay, ReplayError, Replayed, Voice};
+use crate::replay::{Arrival, Passage, Recorded, Replay, ReplayError, Voice};
 use engine::TOOL;
 use engine::rig::Program;
 use engine::robots::{self, Dut, PcEnd};
@@ -34,6 +37,9 @@ use engine::run::check::{Check, Status};
 use engine::scenario::{Scenario, ScenarioError, Source};
 
 pub use decoder::Decoded;
+pub use expectation::Expectation;
+pub use rules::{Evidence, Rule};
+pub use sound::{Sound, SoundLink};
 
 /// The only version so far.
 pub const VERSION: u32 = 1;
@@ -59,6 +65,9 @@ pub struct Case {
     /// unless the case is run with somebody's program.
     #[serde(default, rename = "foreign", skip_serializing_if = "is_false")]
     pub is_foreign: bool,
+    /// What answers a foreign program; the robot's own program is played to by time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub play: Option<Play>,
     /// What must hold.
     pub expect: Expectation,
     /// The bytes.
@@ -69,30 +78,20 @@ pub struct Case {
     pub scenario: Option<Scenario>,
 }
 
+/// What answers a foreign program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum Play {
+    /// The devices of the scenario, which judge the program as in a run
+    Devices,
+    /// The capture, which answers as the devices did
+    Conversation,
+}
+
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
 const fn is_false(flag: &bool) -> bool {
     !*flag
-}
-
-/// What must hold when the bytes of a case are played to the program.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Expectation {
-    /// The program sends what it sent then, byte by byte.
-    #[serde(default)]
-    pub same_outputs: bool,
-    /// Links on which the program still sends within the last second.
-    #[serde(default)]
-    pub talks: Vec<String>,
-    /// Rules that the program must not break, as `device rule`, e.g. `base unknown-register`.
-    #[serde(default)]
-    pub never: Vec<String>,
-    /// Checks of every run that must pass, e.g. `memory-intact`.
-    #[serde(default)]
-    pub checks: Vec<String>,
-    /// What decoders make of the bytes.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub decoder: Vec<Decoded>,
 }
 
 /// What passed one link.
@@ -103,6 +102,9 @@ pub struct LinkBytes {
     pub name: String,
     /// Bits per second.
     pub baud: u32,
+    /// When the program opened the port, ns, as far as the capture says so.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub opened_ns: Vec<u64>,
     /// What reached the program.
     #[serde(default)]
     pub to_program: String,
@@ -140,6 +142,12 @@ pub enum CaseError {
     /// It cannot be played.
     #[error(transparent)]
     Replay(ReplayError),
+    /// It is of a program that is not built in.
+    #[error("{}: is of a program of your own, expected --exec CMD", .path.display())]
+    NeedsProgram {
+        /// The file.
+        path: PathBuf,
+    },
     /// It expects something of a program and has none.
     #[error("{}: expected a [scenario] that says whose program is meant", .path.display())]
     NoRobot {
@@ -211,7 +219,7 @@ impl Case {
         let wired = robots::wire(scenario, source, Dut::Internal, PcEnd::Scripted);
         let wired = wired.map_err(|error| CaseError::Replay(error.into()))?;
         if wired.rig.program().is_none() {
-            return Ok(Self::of_outsider(name, recorded, scenario));
+            return Ok(Self::of_outsider(name, recorded, Some(scenario)));
         }
         let replay = Replay::new(recorded, scenario, source, Voice::Capture);
         let judged = replay.map_err(CaseError::Replay)?.finish();
@@ -240,12 +248,13 @@ impl Case {
             tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
             end_ns: recorded.end.as_nanos(),
             is_foreign: false,
+            play: None,
             expect: Expectation {
                 same_outputs: never.is_empty() && !fell_silent && is_sound,
                 talks,
                 never: never.into_iter().collect(),
                 checks: checks.map(|check| check.name.clone()).collect(),
-                decoder: Vec::new(),
+                ..Expectation::default()
             },
             link: links.into_iter().map(LinkBytes::of).collect(),
             scenario: Some(scenario.clone()),
@@ -288,6 +297,16 @@ impl Case {
         source: &Source,
         program: impl FnOnce(Box<dyn Program>) -> Box<dyn Program>,
     ) -> Result<Judgement, CaseError> {
+        let has_program = |scenario: &Scenario| {
+            let wired = robots::wire(scenario, source, Dut::Internal, PcEnd::Scripted);
+            wired.is_ok_and(|wired| wired.rig.program().is_some())
+        };
+        if self.play == Some(Play::Devices)
+            || (self.is_foreign && !self.scenario.as_ref().is_some_and(has_program))
+        {
+            let path = source.path.clone();
+            return Err(CaseError::NeedsProgram { path });
+        }
         let recorded = self.recorded(&source.path)?;
         let decoded = self.expect.decoder.iter();
         let mut checks: Vec<Check> = decoded.flat_map(|one| one.judge(&recorded)).collect();
@@ -342,38 +361,11 @@ fn talks(sent: &Track) -> bool {
 }
 
 fn is_silent(sent: &Track, end: Instant) -> bool {
-    sent.end().is_none_or(|last| end - last > SILENCE)
+    is_silent_for(sent, end, SILENCE)
 }
 
-impl Expectation {
-    /// Whether anything is expected of a program.
-    fn needs_program(&self) -> bool {
-        let lists = [&self.talks, &self.never, &self.checks];
-        self.same_outputs || lists.iter().any(|list| !list.is_empty())
-    }
-
-    fn judge(&self, replayed: &Replayed, end: Instant) -> Vec<Check> {
-        let mut checks = self.judge_links(&replayed.links, end);
-        for forbidden in &self.never {
-            let mut broken = replayed
-                .violations
-                .iter()
-                .filter(|one| rule(one) == *forbidden);
-            let first = broken.next();
-            let detail = match first {
-                None => "not broken".to_owned(),
-                Some(first) => format!("broken {} times; first: {first}", 1 + broken.count()),
-            };
-            let name = format!("never-{}", forbidden.replace(' ', "-"));
-            checks.push(Check::new(&name, first.is_none(), detail));
-        }
-        for name in &self.checks {
-            let found = replayed.checks.iter().find(|check| check.name == *name);
-            let unknown = || Check::new(name, false, "expected the name of a check of every run");
-            checks.push(found.cloned().unwrap_or_else(unknown));
-        }
-        checks
-    }
+fn is_silent_for(sent: &Track, end: Instant, longest: Duration) -> bool {
+    sent.end().is_none_or(|last| end - last > longest)
 }
 
 /// How a case ended.
@@ -422,6 +414,7 @@ impl LinkBytes {
         Self {
             name: passage.link.clone(),
             baud: line.baud,
+            opened_ns: passage.opened.iter().map(|at| at.as_nanos()).collect(),
             to_program: bytes::write(&passage.arrivals, line),
             from_program: bytes::write(&sent.collect::<Vec<_>>(), line),
         }
@@ -443,6 +436,12 @@ impl LinkBytes {
             arrivals: read("to_program", &self.to_program)?,
             heard: Vec::new(),
             sent,
+            opened: self
+                .opened_ns
+                .iter()
+                .copied()
+                .map(Instant::from_nanos)
+                .collect(),
         })
     }
 }
@@ -556,6 +555,7 @@ mod tests {
             let link = LinkBytes {
                 name: "base".to_owned(),
                 baud,
+                opened_ns: Vec::new(),
                 to_program: "2000 AB".to_owned(),
                 from_program: "3000 CD".to_owned(),
             };

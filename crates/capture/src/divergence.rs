@@ -77,6 +77,37 @@ pub struct Divergence {
     pub got: Option<u8>,
     /// The frame that the byte belongs to, in words: as expected, and as it came.
     pub frames: [String; 2],
+    /// What else helps to find the place; may be empty.
+    pub note: String,
+}
+
+impl Divergence {
+    /// The difference between a message that was `expected` and the one that came; at least one of
+    /// them there is. `at`, `start`: when the last byte came, and the number of the first.
+    pub(crate) fn between(
+        (link, direction): (&str, Direction),
+        (at, start): (Instant, usize),
+        expected: Option<&[u8]>,
+        got: Option<&[u8]>,
+        codec: Option<&'static Codec>,
+    ) -> Self {
+        let [left, right] = [expected, got].map(Option::unwrap_or_default);
+        let pairs = left.iter().zip(right);
+        let same = pairs.take_while(|(left, right)| left == right).count();
+        Self {
+            link: link.to_owned(),
+            direction,
+            at,
+            byte: start + same,
+            expected: left.get(same).copied(),
+            got: right.get(same).copied(),
+            frames: [expected, got].map(|message| match message {
+                Some(message) => message_words(codec, message, same),
+                None => "nothing more".to_owned(),
+            }),
+            note: String::new(),
+        }
+    }
 }
 
 /// Compares what came on a line with what was expected.
@@ -99,6 +130,7 @@ pub fn compare(
         expected: expected.bytes.get(same).copied(),
         got: got.bytes.get(same).copied(),
         frames: [frame(expected), frame(got)],
+        note: String::new(),
     })
 }
 
@@ -108,6 +140,25 @@ const AROUND: usize = 4096;
 
 /// Longest text of a frame: a row of a map is longer.
 const WORDS_MAX: usize = 200;
+
+/// A whole message: as a frame, as text, or as bytes around `byte`.
+fn message_words(codec: Option<&'static Codec>, message: &[u8], byte: usize) -> String {
+    let place = byte.min(message.len().saturating_sub(1));
+    let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n');
+    match codec {
+        Some(_) => words(codec, message, place),
+        None if message.iter().all(is_text) => {
+            let text: String = message.iter().map(|&byte| char::from(byte)).collect();
+            let short: String = text.chars().take(WORDS_MAX).collect();
+            let more = if short.len() < text.len() { ".." } else { "" };
+            format!("text {short:?}{more}")
+        }
+        None => {
+            let (len, hex) = (message.len(), hex(message, place));
+            format!("{len} bytes: {hex}")
+        }
+    }
+}
 
 /// What `byte` of `bytes` is part of.
 fn words(codec: Option<&'static Codec>, bytes: &[u8], byte: usize) -> String {
@@ -160,7 +211,7 @@ fn hex(bytes: &[u8], byte: usize) -> String {
 }
 
 impl fmt::Display for Divergence {
-    /// Three lines: place and bytes, the frame as expected, the frame as it came.
+    /// Three lines: place and bytes, the frame as expected, the frame as it came; then the note.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let byte = |byte: Option<u8>| match byte {
             Some(byte) => format!("{byte:#04x}"),
@@ -174,7 +225,11 @@ impl fmt::Display for Divergence {
             self.at
         )?;
         let [as_expected, as_it_came] = &self.frames;
-        write!(f, "  expected: {as_expected}\n  got:      {as_it_came}")
+        write!(f, "  expected: {as_expected}\n  got:      {as_it_came}")?;
+        match &*self.note {
+            "" => Ok(()),
+            note => write!(f, "\n  {note}"),
+        }
     }
 }
 

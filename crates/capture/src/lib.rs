@@ -8,6 +8,7 @@
 //! Bytes on their way when the run ends reached nobody and are not in the file.
 
 pub mod case;
+mod conclusion;
 pub mod decode;
 pub mod divergence;
 pub mod export;
@@ -26,6 +27,7 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
+pub use conclusion::Conclusion;
 pub use files::{Existing, Limits};
 pub use join::event_words;
 use pcapng::{Block, BlockError, Blocks};
@@ -52,6 +54,7 @@ pub struct Reader {
     first: usize,
     skipped: u64,
     senseless: u64,
+    conclusion: Option<Conclusion>,
 }
 
 /// Most links of one section; further ones make no sense.
@@ -91,13 +94,21 @@ impl Reader {
                 interface.map(Item::Interface)
             }
             pcapng::PACKET => Record::read(block, &self.links, self.first).map(Item::Record),
-            _ => {
-                self.skipped += 1;
+            kind => {
+                match Conclusion::read(block).filter(|_| kind == pcapng::CUSTOM_BLOCK) {
+                    None => self.skipped += 1,
+                    read => self.conclusion = read,
+                }
                 return None;
             }
         };
         self.senseless += u64::from(item.is_none());
         item
+    }
+
+    /// How the run ended, as far as it was read.
+    pub const fn conclusion(&self) -> Option<&Conclusion> {
+        self.conclusion.as_ref()
     }
 
     /// Bytes at the end that are no whole block.
@@ -132,6 +143,8 @@ pub struct Capture {
     pub cut: usize,
     /// Blocks that were skipped, because unknown or senseless.
     pub skipped: u64,
+    /// How the run ended, if it is the capture of one that was judged.
+    pub conclusion: Option<Conclusion>,
 }
 
 impl Capture {
@@ -195,6 +208,7 @@ impl Capture {
         self.records.extend(next.records);
         self.skipped += next.skipped;
         (self.broken, self.cut) = (next.broken, next.cut);
+        self.conclusion = next.conclusion;
     }
 
     fn feed(&mut self, reader: &mut Reader, bytes: &[u8]) {
@@ -212,6 +226,7 @@ impl Capture {
     fn end(&mut self, reader: &Reader) {
         self.cut = reader.pending();
         self.skipped = reader.skipped() + reader.senseless();
+        self.conclusion = reader.conclusion().cloned();
     }
 }
 

@@ -16,6 +16,8 @@ pub(crate) const SECTION: u32 = 0x0A0D_0D0A;
 pub(crate) const INTERFACE: u32 = 1;
 /// One packet.
 pub(crate) const PACKET: u32 = 6;
+/// What one tool alone knows.
+pub(crate) const CUSTOM_BLOCK: u32 = 0x0BAD;
 /// Says the byte order of a section.
 const MAGIC: u32 = 0x1A2B_3C4D;
 /// Longest block that is believed. Ours stay below a kilobyte.

@@ -14,8 +14,8 @@ use engine::rig::line::Direction;
 
 /// Link type "RTAC serial".
 pub(crate) const LINK_TYPE: u16 = 250;
-/// Private options carry an enterprise number; this one is set aside for examples, as we have none.
-const ENTERPRISE: u32 = 32_473;
+/// Enterprise number of private options; this one is set aside for examples.
+pub(super) const ENTERPRISE: u32 = 32_473;
 /// Marks our option with the sequence number.
 const SEQUENCE: &[u8; 4] = b"hseq";
 const SEQUENCE_HEAD: [u8; 12] = [0xAD, 0x0B, 16, 0, 0xD9, 0x7E, 0, 0, b'h', b's', b'e', b'q'];

@@ -5,6 +5,8 @@
 //! it; what they would say to it is thrown away. So a program that is the same as in the captured
 //! run sends the same bytes at the same time, and the devices judge it as they did then.
 
+mod conversation;
+mod listen;
 mod rig;
 mod silence;
 
@@ -15,9 +17,8 @@ use std::rc::Rc;
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::divergence::{Divergence, Track, compare};
-use crate::{Capture, Kind, Record};
-use engine::rig::line::{Delivery, Direction};
-use engine::rig::trace::{Side, Tap};
+use crate::{Capture, Conclusion, Kind, Record, Section};
+use engine::rig::line::Direction;
 use engine::rig::{Logged, Program, Rig};
 use engine::robots::{self, Dut, Instruments, PcEnd, Wired};
 use engine::run::LOOK_EVERY;
@@ -25,7 +26,10 @@ use engine::run::check::Check;
 use engine::run::watch::Watchers;
 use engine::scenario::{PhasesSpec, Scenario, ScenarioError, Source};
 
-pub use rig::{Ear, StandIn};
+pub use conversation::{Conversation, Tally, are_over};
+pub use listen::Eavesdrop;
+use listen::Listener;
+pub use rig::{Ear, StandIn, Timing};
 pub use silence::{SILENCE_MAX, Silence, Silences};
 
 /// Why a capture cannot be replayed.
@@ -38,6 +42,9 @@ pub enum ReplayError {
     #[error("{0}")]
     Capture(String),
 }
+
+/// Idle time at the beginning of a capture that is played; the rest is left out.
+const IDLE_MAX: Duration = Duration::from_secs(2);
 
 /// What reaches the far end of a line at one moment.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,6 +68,8 @@ pub struct Passage {
     pub heard: Vec<Arrival>,
     /// What the program sent.
     pub sent: Track,
+    /// When the program opened the port, as far as the capture says so.
+    pub opened: Vec<Instant>,
 }
 
 /// What a capture says of each link, ready to be played; times begin with the run.
@@ -98,6 +107,7 @@ impl Recorded {
                 ..Passage::default()
             });
         }
+        let mut is_open = vec![false; this.links.len()];
         let mut records: Vec<&Record> = capture.records.iter().collect();
         records.sort_by_key(|record| record.at);
         for record in records {
@@ -107,8 +117,45 @@ impl Recorded {
             }
             this.end = this.end.max(shift(record.at));
             this.links[record.link].take(record, shift);
+            if let (Kind::Line(event), Direction::ToDevice) = (record.kind, record.direction) {
+                let is_open = &mut is_open[record.link];
+                let was_open = *is_open;
+                *is_open = (was_open || event == LineEvent::Opened) && event != LineEvent::Closed;
+                if *is_open && !was_open {
+                    this.links[record.link].opened.push(shift(record.at));
+                }
+            }
+        }
+        let start = capture
+            .sections
+            .first()
+            .map_or(Instant::ZERO, Section::start);
+        let lasted = capture.conclusion.as_ref().and_then(Conclusion::end);
+        if let Some(lasted) = lasted {
+            // A program that fell silent has a run behind its last byte.
+            let end = (start + (lasted - Instant::ZERO)) - zero;
+            let end = until.map_or(end, |until| until.min(end));
+            this.end = this.end.max(Instant::ZERO + end);
         }
         this
+    }
+
+    /// The session of the program: from [`origin`](Self::origin) to the end.
+    pub fn session(&self) -> core::ops::Range<Instant> {
+        self.origin()..self.end
+    }
+
+    /// When the session of the program begins: when it opened its first port, as far as the capture
+    /// says so; else at the first thing that happened, or a little before it where the capture's
+    /// clock begins with the session. Idle time before that is left out.
+    pub fn origin(&self) -> Instant {
+        let opened = self.links.iter().flat_map(|link| &link.opened);
+        if let Some(&opened) = opened.min() {
+            return opened;
+        }
+        let events = self.links.iter().flat_map(Passage::times);
+        let first = events.min().unwrap_or_default();
+        Instant::ZERO + (first - Instant::ZERO).saturating_sub(IDLE_MAX)
     }
 }
 
@@ -204,6 +251,30 @@ pub struct Played {
     pub expected: Track,
     /// What it sent now.
     pub got: Track,
+    /// How the conversation went, if it was one.
+    pub talk: Option<Talked>,
+}
+
+/// How a conversation went.
+#[derive(Clone, Debug)]
+pub struct Talked {
+    /// How its requests compare with those of the capture.
+    pub tally: Tally,
+    /// Bytes that the far end said.
+    pub said: u64,
+    /// The first request that the capture does not have, or one that was not made.
+    pub divergence: Option<Divergence>,
+}
+
+impl Talked {
+    /// How `talk` went so far.
+    pub fn of(talk: &Conversation) -> Self {
+        Self {
+            tally: talk.tally(),
+            said: talk.said(),
+            divergence: talk.divergence(),
+        }
+    }
 }
 
 impl Replayed {
@@ -230,7 +301,10 @@ impl Replayed {
 impl Played {
     /// The earliest difference on `links` between what was sent and what the capture says.
     pub fn first_divergence(links: &[Self]) -> Option<Divergence> {
-        let of = |one: &Self| compare(&one.link, Direction::ToDevice, &one.expected, &one.got);
+        let of = |one: &Self| match &one.talk {
+            Some(talk) => talk.divergence.clone(),
+            None => compare(&one.link, Direction::ToDevice, &one.expected, &one.got),
+        };
         let all = links.iter().filter_map(of);
         all.min_by_key(|divergence| divergence.at)
     }
@@ -371,6 +445,7 @@ impl Replay {
             link: passage.link.clone(),
             expected: passage.sent.clone(),
             got: core::mem::take(&mut sent[*link]),
+            talk: None,
         });
         let events = self.rig.events().iter();
         let heard = self
@@ -394,23 +469,6 @@ impl Replay {
 impl Feed {
     fn next_at(&self) -> Option<Instant> {
         self.arrivals.as_slice().first().map(|arrival| arrival.at)
-    }
-}
-
-/// Notes what the program sent, when it has arrived, as a capture does.
-struct Listener(Rc<RefCell<Vec<Track>>>);
-
-impl Tap for Listener {
-    fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
-
-    fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
-        if direction == Direction::ToDevice {
-            let sent = match delivery.original.as_deref() {
-                Some(original) => (original.at, &original.bytes),
-                None => (delivery.at, &delivery.bytes),
-            };
-            self.0.borrow_mut()[link].push(sent.0, sent.1);
-        }
     }
 }
 

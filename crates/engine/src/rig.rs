@@ -425,10 +425,11 @@ impl Rig {
         }
     }
 
-    /// How many bytes arrived at an outside end since somebody took them.
+    /// How many characters arrived at an outside end since somebody took them, damaged ones
+    /// included.
     pub fn output_len(&self, node: usize) -> usize {
         match &self.nodes[node].body {
-            Body::Outside(outside) => outside.from_rig.len(),
+            Body::Outside(outside) => outside.from_rig.len() + outside.marks.len(),
             _ => 0,
         }
     }
@@ -436,7 +437,10 @@ impl Rig {
     /// Takes what arrived at an outside end since the last call.
     pub fn take_output(&mut self, node: usize) -> Bytes {
         match &mut self.nodes[node].body {
-            Body::Outside(outside) => outside.from_rig.split().freeze(),
+            Body::Outside(outside) => {
+                outside.marks.clear();
+                outside.from_rig.split().freeze()
+            }
             _ => Bytes::new(),
         }
     }

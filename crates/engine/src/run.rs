@@ -154,6 +154,8 @@ pub struct Outcome {
     pub collided_at: Option<Instant>,
     /// Fingerprint of all bytes.
     pub trace_hash: String,
+    /// The command that repeats the run, if running the case alone does not.
+    pub again: Option<String>,
 }
 
 impl Outcome {
@@ -436,6 +438,7 @@ impl Run {
         let pose_error = score::pose_error(&self.pairs);
         let checks = self.checks_with(pose_error, wall_overlap);
         Outcome {
+            again: None,
             case: self.case(),
             seed: self.seed,
             checks,

@@ -47,6 +47,15 @@ impl Adapter {
         self.expires_at
     }
 
+    /// What it has, now, as one piece: its chip hands a damaged character over at once.
+    pub(super) fn pass_all(&mut self, now: Instant) -> Vec<Bytes> {
+        let mut pieces = self.pass(now, &[]);
+        if !self.gathered.is_empty() {
+            pieces.push(self.gathered.split().freeze());
+        }
+        pieces
+    }
+
     /// Takes what the line brought; what the client gets at `now`, each as one piece.
     pub(super) fn pass(&mut self, now: Instant, bytes: &[u8]) -> Vec<Bytes> {
         self.gathered.extend_from_slice(bytes);

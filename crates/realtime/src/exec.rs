@@ -27,7 +27,7 @@ use crate::control::Control;
 use crate::held::Held;
 use crate::process::{Ended, Patience, Process};
 use crate::transport::{Note, PortDir, Pty, Transport, TransportError};
-use crate::{LATE, Lateness, Realtime};
+use crate::{LATE, Lateness, PortReport, Realtime};
 use engine::robots::{self, Dut, OpenEnd, PcEnd, Wired};
 use engine::run::check::Check;
 use engine::run::{Outcome, Run};
@@ -133,6 +133,8 @@ pub struct ProgramEnd {
     pub said: String,
     /// How late the rig was.
     pub lateness: Lateness,
+    /// What passed each port.
+    pub reports: Vec<PortReport>,
 }
 
 impl Trial {
@@ -198,6 +200,11 @@ impl Trial {
     /// Whether rig time runs.
     pub const fn has_begun(&self) -> bool {
         self.has_begun
+    }
+
+    /// How the program ended, and when, if it did.
+    pub const fn ended(&self) -> Option<(Ended, Instant)> {
+        self.ended
     }
 
     /// Whether there is nothing more to see.
@@ -282,6 +289,7 @@ impl Trial {
         let is_over = self.run.is_over() || self.control.has_quit();
         let recorded = self.run.rig.finish_taps();
         let lateness = self.realtime.lateness().clone();
+        let reports = self.realtime.reports().collect();
         // The ports stay until the program has ended: it is not to be told that they went away.
         drop((self.realtime, self.control, self.dir));
         let mut outcome = self.run.judge();
@@ -298,6 +306,7 @@ impl Trial {
             seen: ProgramEnd {
                 said: farewell.said,
                 lateness,
+                reports,
             },
         }
     }
@@ -417,7 +426,7 @@ pub(crate) fn judge(
 ///
 /// # Errors
 /// If it cannot be wired, or the ports cannot be had.
-pub(crate) fn stage(
+pub fn stage(
     scenario: &Scenario,
     source: &Source,
     dir: &Path,

@@ -38,6 +38,8 @@ mod news;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod pending;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod settings;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod stage;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod supervisor;

@@ -22,8 +22,10 @@ pub mod guest;
 pub mod held;
 pub mod inputs;
 mod lateness;
+mod losses;
 mod place;
 pub mod playback;
+mod plug;
 mod port_report;
 pub mod process;
 mod spread;
@@ -38,7 +40,7 @@ use emulators::{Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::clock::Clock;
-use crate::transport::{PortEvent, Transport, TransportError, stirred, wait};
+use crate::transport::{PortEvent, Settings, Transport, TransportError, stirred, wait};
 use engine::rig::{Paced, PortRate, Rig};
 use engine::robots::OpenEnd;
 use engine::scenario::Scenario;
@@ -47,6 +49,7 @@ use adapter::Adapter;
 use inputs::Inputs;
 pub use lateness::LATE;
 pub use lateness::Lateness;
+use losses::Losses;
 pub use place::{Place, Sign, Traffic};
 pub use port_report::PortReport;
 use spread::Spread;
@@ -90,6 +93,8 @@ struct Port {
     baud: u32,
     adapter: Option<Adapter>,
     spread: Spread,
+    losses: Losses,
+    is_unplugged: bool,
     /// Modem lines that it may have to wait for.
     inputs: Option<Inputs>,
 }
@@ -118,6 +123,8 @@ impl<C: Clock> Realtime<C> {
             openings: 0,
             adapter: None,
             spread: Spread::default(),
+            losses: Losses::default(),
+            is_unplugged: false,
             inputs: None,
         });
     }
@@ -222,6 +229,7 @@ impl<C: Clock> Realtime<C> {
             }
         }
         for port in &mut self.ports {
+            port.carry_plug(paced)?;
             port.carry_out(paced.rig());
             port.hold_back(paced.rig());
         }
@@ -372,6 +380,9 @@ impl Port {
         // A packet of a network comes whole.
         let mut buf = [0; 2048];
         let node = self.end.node;
+        if let Some([input, control]) = paced.rig().terminal_modes(node) {
+            self.transport.tell(Settings::of_modes(input, control));
+        }
         let now = paced.rig().now();
         let due = self.spread.due(now);
         paced.rig().inject(node, &due);
@@ -421,25 +432,24 @@ impl Port {
             }
             return;
         }
+        let marks = rig.take_marks(self.end.node);
         let bytes = rig.take_output(self.end.node);
         let pieces = match &mut self.adapter {
-            Some(adapter) => adapter.pass(rig.now(), &bytes),
-            None if bytes.is_empty() => return,
+            Some(adapter) if marks.is_empty() => adapter.pass(rig.now(), &bytes),
+            // A damaged character has its place among the others.
+            Some(adapter) => {
+                for piece in adapter.pass_all(rig.now()) {
+                    self.traffic.to_client += self.transport.write(&piece) as u64;
+                }
+                vec![bytes]
+            }
+            None if bytes.is_empty() && marks.is_empty() => return,
             None => vec![bytes],
         };
         for piece in pieces {
-            self.traffic.to_client += self.transport.write(&piece) as u64;
+            self.traffic.to_client += self.transport.write_marked(&piece, &marks) as u64;
         }
-    }
-
-    /// A client with RTS/CTS flow control sends nothing while CTS is off, as its driver would not.
-    fn hold_back(&self, rig: &mut Rig) {
-        let inputs = self.inputs;
-        let must_wait = inputs.is_some_and(|inputs| !inputs.is_clear_to_send(rig));
-        rig.hold(
-            self.end.node,
-            must_wait && self.transport.has_flow_control(),
-        );
+        self.tell_losses(rig);
     }
 
     /// Tells the rig and the log what happened to the port.
@@ -469,16 +479,6 @@ impl Port {
                 }
                 self.judge_baud(rig);
             }
-        }
-    }
-
-    fn judge_baud(&self, rig: &mut Rig) {
-        let expected = self.end.line.baud;
-        let is_judged = self.is_open && self.end.rate == PortRate::OfLine;
-        if is_judged && self.baud != expected {
-            let baud = self.baud;
-            let detail = format!("client at {baud} baud, expected {expected}: it reads garbage");
-            self.log(rig, "wrong-baud", detail);
         }
     }
 

@@ -1,5 +1,6 @@
 //! A capture played into ports, in the place of a device or of a program.
 
+use core::ops::Range;
 use core::time::Duration;
 
 use protocols::Instant;
@@ -7,7 +8,7 @@ use protocols::Instant;
 use crate::clock::Clock;
 use crate::transport::{PortEvent, Transport, TransportError, wait};
 use capture::divergence::{Divergence, Track, compare};
-use capture::replay::{Passage, Played, Recorded};
+use capture::replay::{Conversation, Passage, Played, Recorded, Talked, are_over};
 use engine::rig::line::Direction;
 
 /// Whose part the capture takes.
@@ -47,14 +48,22 @@ pub enum ReplayPace {
     Stepped,
 }
 
+/// What is said at a port.
+enum Voice {
+    /// Pieces of the capture, each at its time.
+    Clock(std::vec::IntoIter<(Instant, Vec<u8>)>),
+    /// Answers of the capture to what the program asks.
+    Conversation(Box<Conversation>),
+}
+
 /// A link of the capture and the port that it is played into.
 pub struct Socket {
     link: String,
     side: Side,
     port: Box<dyn Transport>,
     is_open: bool,
-    /// What is said, piece by piece.
-    lines: std::vec::IntoIter<(Instant, Vec<u8>)>,
+    was_opened: bool,
+    voice: Voice,
     /// Said, and not taken by the port yet.
     pending: Vec<u8>,
     expected: Track,
@@ -63,7 +72,16 @@ pub struct Socket {
 }
 
 impl Socket {
-    /// Plays one `side` of `passage` into `port`.
+    /// Answers at `port` as the device did on `passage` in the `session` of a capture.
+    pub fn talking(passage: &Passage, session: &Range<Instant>, port: Box<dyn Transport>) -> Self {
+        let talk = Conversation::new(passage, session, false);
+        Self {
+            voice: Voice::Conversation(Box::new(talk)),
+            ..Self::new(passage, Side::Device, port)
+        }
+    }
+
+    /// Plays one `side` of `passage` into `port`, each piece at its time.
     pub fn new(passage: &Passage, side: Side, port: Box<dyn Transport>) -> Self {
         let mut answers = Track::default();
         for arrival in &passage.arrivals {
@@ -78,7 +96,8 @@ impl Socket {
             link: passage.link.clone(),
             side,
             is_open: false,
-            lines: pieces.collect::<Vec<_>>().into_iter(),
+            was_opened: false,
+            voice: Voice::Clock(pieces.collect::<Vec<_>>().into_iter()),
             pending: Vec::new(),
             expected: expected.clone(),
             got: Track::default(),
@@ -99,7 +118,49 @@ impl Socket {
 
     /// Where what was heard first differs from the capture.
     pub fn divergence(&self) -> Option<Divergence> {
-        compare(&self.link, self.side.hears(), &self.expected, &self.got)
+        match &self.voice {
+            Voice::Conversation(talk) => talk.divergence(),
+            Voice::Clock(_) => compare(&self.link, self.side.hears(), &self.expected, &self.got),
+        }
+    }
+
+    /// The conversation, if it is one.
+    pub fn talk(&self) -> Option<&Conversation> {
+        match &self.voice {
+            Voice::Conversation(talk) => Some(talk),
+            Voice::Clock(_) => None,
+        }
+    }
+
+    /// Bytes that the port has not taken, and bytes that are still to be said by time.
+    fn left(&self) -> usize {
+        let lines = match &self.voice {
+            Voice::Clock(lines) => lines.as_slice().iter().map(|(_, bytes)| bytes.len()).sum(),
+            Voice::Conversation(_) => 0,
+        };
+        self.pending.len() + lines
+    }
+
+    /// What is wrong with its client: it closed the port before all was said, or does not read.
+    pub fn trouble(&self) -> Option<String> {
+        let (link, left) = (&self.link, self.left());
+        let talk = self.talk().filter(|talk| !talk.is_done());
+        match (self.was_opened, self.is_open) {
+            (true, false) if left > 0 => Some(format!(
+                "{link}: the client closed the port; {left} bytes were not played"
+            )),
+            (true, false) => {
+                let tally = talk?.tally();
+                Some(format!("{link}: the client closed the port; {tally}"))
+            }
+            (true, true) if !self.pending.is_empty() => {
+                let waiting = self.pending.len();
+                Some(format!(
+                    "{link}: the client does not read; {waiting} bytes wait"
+                ))
+            }
+            _ => None,
+        }
     }
 
     /// What was heard, beside what the capture says.
@@ -108,11 +169,44 @@ impl Socket {
             link: self.link.clone(),
             expected: self.expected.clone(),
             got: self.got.clone(),
+            talk: self.talk().map(Talked::of),
         }
     }
 
     fn next_at(&self) -> Option<Instant> {
-        self.lines.as_slice().first().map(|&(at, _)| at)
+        match &self.voice {
+            Voice::Clock(lines) => lines.as_slice().first().map(|&(at, _)| at),
+            Voice::Conversation(talk) => talk.poll_at(),
+        }
+    }
+
+    /// The next piece that is said by time.
+    fn next_line(&mut self) -> Option<(Instant, Vec<u8>)> {
+        match &mut self.voice {
+            Voice::Clock(lines) => lines.next(),
+            Voice::Conversation(_) => None,
+        }
+    }
+
+    /// Gathers what is due at `now`.
+    fn gather(&mut self, now: Instant) {
+        if let Voice::Conversation(talk) = &mut self.voice {
+            talk.poll(now);
+            let mut buf = [0; PIECE_MAX];
+            while let len @ 1.. = talk.transmit(&mut buf) {
+                self.pending.extend_from_slice(&buf[..len]);
+            }
+            if self.was_closed() {
+                // As on a wire: nobody hears it.
+                self.pending.clear();
+            }
+            return;
+        }
+        while self.next_at().is_some_and(|at| at <= now)
+            && let Some((_, bytes)) = self.next_line()
+        {
+            self.pending.extend(bytes);
+        }
     }
 
     fn listen(&mut self, now: Instant) -> Result<(), TransportError> {
@@ -125,13 +219,26 @@ impl Socket {
                     PortEvent::Closed => false,
                     PortEvent::BaudChanged(_) => self.is_open,
                 };
+                self.was_opened |= self.is_open;
+                match &mut self.voice {
+                    Voice::Conversation(talk) if self.is_open => talk.open(now),
+                    Voice::Conversation(talk) => talk.close(),
+                    Voice::Clock(_) => {}
+                }
             }
             if len == 0 {
                 break;
             }
             self.got.push(now, &buf[..len]);
+            if let Voice::Conversation(talk) = &mut self.voice {
+                talk.receive(now, &buf[..len]);
+            }
         }
         Ok(())
+    }
+
+    const fn was_closed(&self) -> bool {
+        self.was_opened && !self.is_open
     }
 
     /// Hands over as much as the port takes; the rest waits, so that nothing is lost however fast
@@ -154,6 +261,8 @@ const READS_MAX: usize = 16;
 const PIECE_MAX: usize = 256;
 /// Bytes of a link that wait for a port before the capture is held up.
 const PENDING_MAX: usize = 1 << 16;
+/// Time of the clock for which a port may take nothing before that is trouble.
+const STUCK: Duration = Duration::from_secs(5);
 /// Longest wait: a port may have no way to wake us.
 const WAIT_MAX: Duration = Duration::from_millis(5);
 
@@ -172,23 +281,32 @@ pub struct Playback<C> {
     clock: C,
     pace: ReplayPace,
     sockets: Vec<Socket>,
-    /// The clock's time at which the capture begins; `None`: not all ports are open yet.
+    /// The clock's time at which the capture begins; `None`: the ports are not open yet.
     started: Option<Instant>,
-    /// Time of the capture.
+    /// Time of the capture; of a conversation, since its beginning.
     now: Instant,
     end: Instant,
+    /// When a port last took something, and how much all had taken then.
+    taken: (Instant, u64),
 }
 
 impl<C: Clock> Playback<C> {
-    /// Plays `recorded` into `sockets`, from when somebody has each of them open.
+    /// Plays `recorded` into `sockets`: by time from when each of them has been opened, as a
+    /// conversation from when one has.
     pub fn new(clock: C, recorded: &Recorded, sockets: Vec<Socket>, pace: ReplayPace) -> Self {
+        let is_talk = sockets.iter().any(|socket| socket.talk().is_some());
+        let end = match is_talk {
+            true => Instant::ZERO + (recorded.end - recorded.origin()),
+            false => recorded.end,
+        };
         Self {
             clock,
             pace,
             sockets,
             started: None,
             now: Instant::ZERO,
-            end: recorded.end,
+            end,
+            taken: (Instant::ZERO, 0),
         }
     }
 
@@ -207,25 +325,49 @@ impl<C: Clock> Playback<C> {
         &self.sockets
     }
 
-    /// A port that nobody has open yet, if that is what is waited for.
+    /// A port that has not been opened yet, if that is what is waited for.
     pub fn waits_for(&self) -> Option<&Socket> {
-        self.sockets
-            .iter()
-            .find(|socket| !socket.is_open)
-            .filter(|_| self.started.is_none())
+        self.unopened().filter(|_| self.started.is_none())
     }
 
-    /// Whether all was said and taken.
+    /// A port that was never opened.
+    pub fn unopened(&self) -> Option<&Socket> {
+        self.sockets.iter().find(|socket| !socket.was_opened)
+    }
+
+    /// Whether all was said and taken; of a conversation, whether it has come to its end.
     pub fn is_over(&self) -> bool {
+        let talks: Vec<&Conversation> = self.sockets.iter().filter_map(Socket::talk).collect();
+        let mut sockets = self.sockets.iter();
+        if !talks.is_empty() {
+            return self.started.is_some()
+                && sockets.all(|one| one.pending.is_empty())
+                && are_over(talks, self.now, self.end);
+        }
         let is_done = |one: &Socket| one.next_at().is_none() && one.pending.is_empty();
-        self.sockets.iter().all(is_done)
-            && (self.now >= self.end || self.pace == ReplayPace::Stepped)
+        sockets.all(is_done) && (self.now >= self.end || self.pace == ReplayPace::Stepped)
+    }
+
+    /// Why nothing goes on: for some time a port has taken nothing of what is due.
+    pub fn trouble(&self) -> Option<String> {
+        if self.clock.now() - self.taken.0 < STUCK || self.started.is_none() {
+            return None;
+        }
+        let waits = |one: &&Socket| !one.pending.is_empty();
+        let mut stuck = self.sockets.iter().filter(waits);
+        stuck.find_map(Socket::trouble)
+    }
+
+    /// Whether all clients have closed their ports.
+    pub fn is_left(&self) -> bool {
+        self.started.is_some() && self.sockets.iter().all(Socket::was_closed)
     }
 
     /// Whether all that the capture says was heard.
     pub fn has_heard_all(&self) -> bool {
         let has_all = |one: &Socket| one.got.bytes().len() >= one.expected.bytes().len();
-        self.sockets.iter().all(has_all)
+        let mut sockets = self.sockets.iter();
+        sockets.all(|one| one.talk().is_some() || has_all(one))
     }
 
     /// Says what is due, listens, and waits a little.
@@ -235,8 +377,14 @@ impl<C: Clock> Playback<C> {
     pub fn turn(&mut self) -> Result<(), PlaybackError> {
         self.listen()?;
         let clock = self.clock.now();
-        if self.started.is_none() && self.sockets.iter().all(|socket| socket.is_open) {
+        let mut sockets = self.sockets.iter();
+        let is_ready = match sockets.any(|socket| socket.talk().is_some() && socket.was_opened) {
+            true => true,
+            false => self.unopened().is_none(),
+        };
+        if self.started.is_none() && is_ready {
             self.started = Some(clock);
+            self.taken.0 = clock;
         }
         if let (Some(started), ReplayPace::Times(times)) = (self.started, self.pace)
             && self
@@ -245,14 +393,16 @@ impl<C: Clock> Playback<C> {
                 .all(|socket| socket.pending.len() < PENDING_MAX)
         {
             self.now = Instant::ZERO + (clock - started).mul_f64(times);
-            for socket in &mut self.sockets {
-                while socket.next_at().is_some_and(|at| at <= self.now) {
-                    let (_, bytes) = socket.lines.next().expect("was there");
-                    socket.pending.extend(bytes);
-                }
-            }
+            self.sockets
+                .iter_mut()
+                .for_each(|socket| socket.gather(self.now));
         }
         self.sockets.iter_mut().for_each(Socket::say);
+        let taken = self.sockets.iter().map(|socket| socket.said).sum();
+        let all_taken = self.sockets.iter().all(|socket| socket.pending.is_empty());
+        if taken != self.taken.1 || all_taken {
+            self.taken = (self.clock.now(), taken);
+        }
         self.wait();
         Ok(())
     }
@@ -265,7 +415,7 @@ impl<C: Clock> Playback<C> {
             .iter_mut()
             .filter(|socket| socket.next_at().is_some());
         let socket = due.min_by_key(|socket| socket.next_at())?;
-        let (at, bytes) = socket.lines.next()?;
+        let (at, bytes) = socket.next_line()?;
         socket.pending.extend_from_slice(&bytes);
         socket.say();
         self.now = at;

@@ -10,6 +10,7 @@ mod directory;
 mod memory;
 mod pty;
 mod serial;
+pub(crate) mod terminal;
 mod udp;
 mod watch;
 
@@ -21,10 +22,13 @@ use std::path::{Path, PathBuf};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
+use engine::rig::line::Mark;
+
 pub use directory::{Note, PortDir};
 pub use memory::Memory;
 pub use pty::Pty;
 pub use serial::Serial;
+pub use terminal::{Code, Settings, Terminal};
 pub use udp::Udp;
 
 /// One end of a byte pipe whose other end is outside the rig.
@@ -46,6 +50,48 @@ pub trait Transport {
     /// rest is lost, as on a UART, and counted in [`counters`](Self::counters): nobody keeps bytes
     /// for a far end that is closed or does not read.
     fn write(&mut self, bytes: &[u8]) -> usize;
+
+    /// The same where characters among them are damaged, `marks`: what the far end has of those is
+    /// up to its settings.
+    fn write_marked(&mut self, bytes: &[u8], _marks: &[Mark]) -> usize {
+        self.write(bytes)
+    }
+
+    /// The plug is pulled: the far end's files hang up, and its name is gone. Nothing where that
+    /// cannot be.
+    fn unplug(&mut self) {}
+
+    /// The plug is back: another port is there under the same name or under `name`, and nobody has
+    /// it open.
+    ///
+    /// # Errors
+    /// If there is none left, or the name is taken.
+    fn plug(&mut self, _name: Option<&str>) -> Result<(), TransportError> {
+        Ok(())
+    }
+
+    /// Counts the ports that there were here one after the other.
+    fn made(&self) -> u64 {
+        1
+    }
+
+    /// From now on all that a terminal does is done here, at the rig's own moments, and nothing by
+    /// the kernel.
+    fn model(&mut self) {}
+
+    /// The terminal of which all is done here.
+    fn terminal(&mut self) -> Option<&mut Terminal> {
+        None
+    }
+
+    /// The far end changes the settings of that terminal; how many bytes it can read because of
+    /// that.
+    fn set_terminal(&mut self, _settings: Settings) -> usize {
+        0
+    }
+
+    /// The far end's settings, where the kernel does not keep all of them.
+    fn tell(&mut self, _settings: Settings) {}
 
     /// What happened to the port, oldest first, each told once.
     fn next_event(&mut self) -> Option<PortEvent>;

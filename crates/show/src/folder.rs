@@ -162,6 +162,8 @@ pub struct Suite<'a> {
     pub seed: Option<u64>,
     /// All verdicts.
     pub checks: &'a [Check],
+    /// The command that repeats it.
+    pub again: Option<&'a str>,
 }
 
 impl<'a> From<&'a Outcome> for Suite<'a> {
@@ -170,6 +172,7 @@ impl<'a> From<&'a Outcome> for Suite<'a> {
             name: &outcome.case.name,
             seed: Some(outcome.seed),
             checks: &outcome.checks,
+            again: outcome.again.as_deref(),
         }
     }
 }
@@ -179,7 +182,13 @@ impl<'a> From<&'a Outcome> for Suite<'a> {
 pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) -> String {
     let mut report = Report::new(TOOL);
     report.set_time(wall);
-    for Suite { name, seed, checks } in suites {
+    for Suite {
+        name,
+        seed,
+        checks,
+        again,
+    } in suites
+    {
         let mut suite = TestSuite::new(match seed {
             Some(seed) => format!("{name} seed {seed}"),
             None => name.to_owned(),
@@ -195,6 +204,9 @@ pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) ->
                 Status::Fail => {
                     let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
                     status.set_message(check.detail.clone());
+                    if let Some(again) = again {
+                        status.set_description(format!("again: {again}"));
+                    }
                     status
                 }
             };

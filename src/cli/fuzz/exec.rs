@@ -1,5 +1,7 @@
 //! `hilrig fuzz --exec` and `--dut-dir`: somebody else's program or board.
 
+mod jobs;
+
 use core::cell::Cell;
 use core::time::Duration;
 use std::path::{Path, PathBuf};
@@ -15,7 +17,8 @@ use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Supervision;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::fuzz::dut::{
-    self, Finding, Harness, HarnessError, Progress, Search, Speech, TrialPlan, Whose,
+    self, Corpus, ErrorRule, Finding, Harness, HarnessError, Progress, Search, Speech, Spent,
+    TrialPlan, Whose,
 };
 
 /// Somebody else's program.
@@ -25,12 +28,12 @@ pub(super) struct ExecArgs {
     /// Fuzz the program that this shell command starts, anew for each case; its ports are in the
     /// directory $HILRIG_DIR
     #[arg(long, value_name = "CMD", conflicts_with_all = [
-        "dut_dir", "targets", "jobs", "corpus", "vary"
+        "dut_dir", "targets", "vary"
     ])]
     exec: Option<String>,
     /// Fuzz the program or board behind the ports in this directory, e.g. links to real ones; it is
     /// never started anew
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["targets", "jobs", "corpus", "vary"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["targets", "jobs", "vary"])]
     dut_dir: Option<PathBuf>,
     /// Directory in which the ports appear [default: OUT/ports]
     #[arg(long, value_name = "DIR", requires = "exec")]
@@ -50,6 +53,14 @@ pub(super) struct ExecArgs {
     /// Judge rules about time too: a program that this machine does not run in time breaks them
     #[arg(long)]
     strict: bool,
+    /// Which exits with an error are findings: a program that gets something altered may report an
+    /// error and end
+    #[arg(long, value_name = "WHEN", default_value = "unaltered")]
+    errors: ErrorRule,
+    /// Baud rate of the port, without a scenario [default: the program's]
+    #[arg(long, value_name = "N", requires = "exec", conflicts_with = "scenario",
+        value_parser = clap::value_parser!(u32).range(300..=4_000_000))]
+    baud: Option<u32>,
     /// Most cases to make a finding smaller
     #[arg(long, value_name = "N", default_value_t = 30, requires = "exec")]
     shrink: u32,
@@ -63,6 +74,9 @@ const PROGRESS: Duration = Duration::from_secs(2);
 const CALL_COST: Duration = Duration::from_micros(1);
 /// Least wall time for which a program may compute in one piece: the machine may be busy.
 const SPIN_MIN: Duration = Duration::from_secs(2);
+/// Name of the scenario of a program without one, and its line.
+const ONE_PORT: &str = "one-port";
+const BAUD: u32 = 115_200;
 /// Longest case: what a program is told in one is held in memory.
 const CASE_MAX: Duration = Duration::from_secs(3600);
 
@@ -112,6 +126,12 @@ impl ExecArgs {
         if self.exec.is_some() {
             words += &format!(" --start {}", self.start);
         }
+        if let Some(baud) = self.baud {
+            words += &format!(" --baud {baud}");
+        }
+        if self.errors != ErrorRule::default() {
+            words += &format!(" --errors {}", self.errors);
+        }
         words
     }
 }
@@ -124,21 +144,27 @@ pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
     }
     match &args.repeat {
         Some(folder) => repeat(args, folder),
-        None => search(args),
+        None => match args.jobs {
+            Some(jobs) if jobs.get() > 1 => jobs::search(args, jobs),
+            _ => search(args),
+        },
     }
 }
 
 fn harness<'a>(
     args: &FuzzArgs,
-    source: Source,
+    (scenario, source): (&Scenario, Source),
     goes_on: &'a dyn Fn() -> bool,
 ) -> Result<Harness<'a>, CliError> {
     let whose = args.exec.whose(&args.out)?;
+    let is_one_port = scenario.name == ONE_PORT;
     let times = [args.exec.alive.0, args.exec.start.0];
     let mut harness = Harness::new(whose, source, times, goes_on);
     if args.exec.exec.is_some() {
         harness.watch_coverage(&args.out)?;
     }
+    harness.is_any_rate = is_one_port && args.exec.baud.is_none();
+    harness.errors = args.exec.errors;
     harness.is_strict = args.exec.strict || args.exec.is_virtual;
     harness.supervision = args.exec.is_virtual.then_some(Supervision {
         call_cost: CALL_COST,
@@ -153,7 +179,7 @@ fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
     let (case, source, key) = Finding::read(folder)?;
     let (stop, clock) = (Stop::new(None)?, WallClock::start());
     let goes_on = || !stop.is_due(clock.now());
-    let harness = harness(args, source, &goes_on)?;
+    let harness = harness(args, (&case.scenario, source), &goes_on)?;
     let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
     let ends = harness.ends(&case.scenario, link)?;
     let speech = ends.into_iter().find(|(end, _)| Some(&*end.link) == link);
@@ -181,14 +207,24 @@ fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
 }
 
 fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
-    let path = args.scenario.as_ref().ok_or_else(|| {
-        let text = "--scenario is missing, expected the one whose devices the program is to meet";
-        CliError::Usage(text.to_owned())
-    })?;
-    let (scenario, source) = Scenario::read(path)?;
+    let (scenario, source) = match (&args.scenario, &args.corpus) {
+        (Some(path), _) => Scenario::read(path)?,
+        (None, Some(_)) if args.exec.exec.is_some() => one_port(args)?,
+        _ => {
+            let text = "--scenario is missing, expected the one whose devices the program is to \
+                        meet, or --corpus with what a device says to it";
+            return Err(CliError::Usage(text.to_owned()));
+        }
+    };
+    let corpus = args.corpus.as_deref().map(Corpus::read).transpose();
+    let link = match args.scenario {
+        Some(_) => args.link.clone(),
+        None => Some(args.port().to_owned()),
+    };
     let plan = TrialPlan {
         scenario,
-        link: args.link.clone(),
+        corpus: corpus.map_err(HarnessError::from)?,
+        link,
         seed: args.seed,
         lasting: args.exec.case.0,
         tries: args.exec.shrink,
@@ -209,7 +245,7 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         }
         !stop.is_due(now)
     };
-    let harness = harness(args, source, &goes_on)?;
+    let harness = harness(args, (&plan.scenario, source), &goes_on)?;
     let mut search = Search::new(&harness, plan, &done)?;
     let most = args.cases.unwrap_or(u64::MAX);
     while search.next() < most {
@@ -230,21 +266,50 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         targets: Vec::new(),
     });
     report(args, &search);
+    println!("{}", cost(args, harness.spent(), done.cases.get()));
     Ok(match search.findings().is_empty() {
         true => Verdict::Pass,
         false => Verdict::Fail,
     })
 }
 
+/// A scenario of one port, on which nobody speaks.
+fn one_port(args: &FuzzArgs) -> Result<(Scenario, Source), CliError> {
+    let (name, baud) = (args.port(), args.exec.baud.unwrap_or(BAUD));
+    let text = format!(
+        "schema = 1\nname = \"{ONE_PORT}\"\nrobot = \"none\"\nduration = \"60s\"\n\
+         [device.{name}.text]\nbaud = {baud}\ncommand = []\n"
+    );
+    Ok(Scenario::parse(Path::new("--link"), text)?)
+}
+
 fn in_words(progress: &Progress, time: Duration) -> String {
     let (cases, seconds) = (progress.cases.get(), time.as_secs_f64());
-    let rate = cases as f64 / seconds.max(1e-3);
+    let inputs = progress.inputs.get();
+    let rate = inputs as f64 / seconds.max(1e-3);
     let findings = progress.findings.get();
     let more = match progress.tries.get() {
         0 => String::new(),
         tries => format!("; a new one is run again and made smaller, {tries} tries"),
     };
-    format!("{seconds:.1} s: {cases} cases, {rate:.1}/s, {findings} findings{more}")
+    format!(
+        "{seconds:.1} s: {cases} cases with {inputs} inputs, {rate:.1} inputs/s, {findings} \
+         findings{more}"
+    )
+}
+
+/// Where the time went, and what makes a search faster.
+fn cost(args: &FuzzArgs, spent: Spent, cases: u64) -> String {
+    let share = |part: Duration| 100.0 * part.as_secs_f64() / spent.wall.as_secs_f64().max(1e-9);
+    let (starts, rig) = (share(spent.starts), spent.rig.as_secs_f64());
+    let each = spent.starts.as_secs_f64() * 1e3 / cases.max(1) as f64;
+    let mut text = format!("time: {starts:.0} % for starts of the program, {each:.0} ms each");
+    if args.exec.is_virtual {
+        text += &format!("; the rest for its calls, in {rig:.0} s of virtual time");
+    } else {
+        text += &format!("; the rest waits for {rig:.0} s of the line, --virtual does not");
+    }
+    text
 }
 
 /// The findings, and what cannot be seen of this program.
@@ -273,6 +338,15 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
                 met.link
             ),
         }
+    }
+    for (link, lesson) in search.lessons() {
+        println!("{link}: learned {lesson}");
+    }
+    for (error, count) in search.reported() {
+        println!(
+            "{count} times the program ended with an error of its own after altered bytes, which \
+             is no finding: {error}"
+        );
     }
     if search.is_guided() {
         println!("the program counts what it reaches: that led the traffic");

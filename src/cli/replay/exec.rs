@@ -1,19 +1,21 @@
 //! A capture played to somebody's program, which is started on pseudo-terminals.
 
+use core::time::Duration;
 use std::path::Path;
 
 use protocols::Instant;
 
 use super::{Heard, How, ReplayArgs, follow, report};
 use crate::capture::Capture;
-use crate::capture::case::{Case, Judgement};
-use crate::capture::replay::{Passage, Played, Recorded, StandIn, scenario_of};
+use crate::capture::case::{Case, Evidence, Expectation, Judgement, Play, Sound};
+use crate::capture::replay::{Eavesdrop, Passage, Played, Recorded, StandIn, Timing, scenario_of};
 use crate::cli::exec::show_words;
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict};
 use crate::realtime::clock::WallClock;
-use crate::realtime::exec::ExecError;
-use crate::realtime::exec::{Foreign, PORTS_VARIABLE, Seat, alive, childless, port_variable};
+use crate::realtime::exec::{
+    self, ExecError, Foreign, PORTS_VARIABLE, Seat, alive, childless, port_variable,
+};
 use crate::realtime::guest::Trial;
 use crate::realtime::playback::{Playback, ReplayPace, Side as PlayedSide, Socket};
 use crate::realtime::process::{Ended, Patience, Process};
@@ -44,6 +46,10 @@ pub(super) fn into_foreign(
         out: &args.out,
         speed: args.speed,
         how,
+        timing: match args.by_time {
+            true => Timing::Clock,
+            false => Timing::Conversation,
+        },
     };
     let tried = play_to(foreign, recorded, own.as_deref(), &shown, &stop)?;
     let compared = report(args, &tried.heard, &tried.checks);
@@ -70,32 +76,182 @@ fn tell(notes: &[String]) {
     }
 }
 
-/// Plays a byte case to the program and judges what it says to that.
+/// A case judged with a foreign program, and what else is worth telling.
+pub(in crate::cli) struct CaseTried {
+    pub(in crate::cli) judgement: Judgement,
+    /// What is expected, and no port tells.
+    unjudged: Vec<String>,
+    said: String,
+    notes: Vec<String>,
+}
+
+/// Plays a case to the program, judges what it does, and prints that.
 pub(in crate::cli) fn judge_case(
-    (case, source): &(Case, Source),
+    case: &(Case, Source),
     foreign: &Foreign,
     out: &Path,
     stop: &Stop,
 ) -> Result<Judgement, CliError> {
-    let recorded = case.recorded(&source.path)?;
-    let (step, expect) = (false, true);
-    let shown = Shown {
-        out,
-        speed: 1.0,
-        how: How { step, expect },
-    };
-    let tried = play_to(foreign, &recorded, None, &shown, stop)?;
-    let (judgement, unjudged) = case.judge_foreign(tried.checks, &tried.links, recorded.end);
-    println!("{judgement}");
-    if !unjudged.is_empty() {
-        let names = unjudged.join(", ");
+    let tried = try_case(case, foreign, out, stop)?;
+    println!("{}", tried.judgement);
+    if !tried.unjudged.is_empty() {
+        let names = tried.unjudged.join(", ");
         println!("  not judged, no device hears the program: {names}");
     }
     tell(&tried.notes);
-    if !judgement.passed() {
+    if !tried.judgement.passed() {
         show_words(&tried.said, &out.join("program.log"));
     }
-    Ok(judgement)
+    Ok(tried.judgement)
+}
+
+/// Time by which a program may do something later because of damage: in virtual time, and in real
+/// time on a busy machine.
+const LATE_VIRTUAL: Duration = Duration::from_millis(100);
+const LATE_REAL: Duration = Duration::from_secs(1);
+
+/// The same without printing it.
+pub(in crate::cli) fn try_case(
+    (case, source): &(Case, Source),
+    foreign: &Foreign,
+    out: &Path,
+    stop: &Stop,
+) -> Result<CaseTried, CliError> {
+    let mut foreign = foreign.clone();
+    // How it is to end is said by the rule.
+    foreign.may_end |= case.expect.exits.is_some();
+    let tried = play_case((case, source), &foreign, out, stop)?;
+    let printed = printed(out);
+    let exit_code = tried.ended.and_then(|(ended, _)| match ended {
+        Ended::Code(code) => Some(code),
+        Ended::Signal(_) => None,
+    });
+    let evidence = Evidence {
+        links: &tried.links,
+        said: &printed,
+        exit_code,
+        ended_at: tried.ended.map(|(_, at)| at),
+        end: tried.heard.now,
+    };
+    let (mut judgement, unjudged) = case.judge_foreign(tried.checks, &evidence);
+    if case.expect.ignores_damage && case.play != Some(Play::Devices) {
+        let late = match foreign.supervision {
+            Some(_) => LATE_VIRTUAL,
+            None => LATE_REAL,
+        };
+        let recorded = case.recorded(&source.path)?;
+        let (sound, left_out) = case.without_damage(&recorded);
+        let again = out.join("without-damage");
+        let without = play_to(&foreign, &sound, None, &Shown::of_case(&again), stop)?;
+        judgement.checks.extend(match left_out {
+            0 => vec![Check::not_observed(
+                "ignores-damage",
+                "the capture has no damaged frame of a known protocol".to_owned(),
+            )],
+            _ => Case::judge_damage(&tried.links, &without.links, late),
+        });
+    }
+    Ok(CaseTried {
+        judgement,
+        unjudged,
+        said: tried.said,
+        notes: tried.notes,
+    })
+}
+
+/// All that the program printed.
+pub(in crate::cli) fn printed(out: &Path) -> String {
+    let log = std::fs::read(out.join("program.log")).unwrap_or_default();
+    String::from_utf8_lossy(&log).into_owned()
+}
+
+/// What a reference program does with the case.
+pub(in crate::cli) fn sound_of(
+    case: &(Case, Source),
+    foreign: &Foreign,
+    out: &Path,
+    stop: &Stop,
+) -> Result<Sound, CliError> {
+    let tried = play_case((&case.0, &case.1), foreign, out, stop)?;
+    // With devices the world goes another way with each program; only its words are compared.
+    let links = match case.0.play {
+        Some(Play::Devices) => &[],
+        _ => &tried.links[..],
+    };
+    let baud = |link: &str| Expectation::baud_of(&case.0.link, link);
+    Ok(Sound::of(&foreign.command, &printed(out), links, baud))
+}
+
+fn play_case(
+    (case, source): (&Case, &Source),
+    foreign: &Foreign,
+    out: &Path,
+    stop: &Stop,
+) -> Result<Tried, CliError> {
+    match (case.play, &case.scenario) {
+        (Some(Play::Devices), Some(scenario)) => {
+            play_with_devices((scenario, source), foreign, out, stop)
+        }
+        _ => {
+            let recorded = case.recorded(&source.path)?;
+            play_to(foreign, &recorded, None, &Shown::of_case(out), stop)
+        }
+    }
+}
+
+/// Runs the scenario of a case with the program, as `hilrig run` does.
+fn play_with_devices(
+    (scenario, source): (&Scenario, &Source),
+    foreign: &Foreign,
+    out: &Path,
+    stop: &Stop,
+) -> Result<Tried, CliError> {
+    let failed = |path: &Path, error| CliError::write(path.display(), error);
+    std::fs::create_dir_all(out).map_err(|error| failed(out, error))?;
+    let ports = out.join("ports");
+    let ports = std::path::absolute(&ports).map_err(|error| failed(&ports, error))?;
+    let log = out.join("program.log");
+    let (mut run, seats, dir) = exec::stage(scenario, source, &ports)?;
+    let names: Vec<String> = seats.iter().map(|seat| seat.end.link.clone()).collect();
+    let ear = Eavesdrop::of(&mut run.rig, &names);
+    let goes_on = || stop.signal().is_none();
+    let (now, ended, outcome, said, notes) = match foreign.supervision {
+        Some(_) => {
+            let mut trial = Trial::start(run, seats, dir, foreign.clone(), None, &log)?;
+            let (mut ended, mut turned) = (None, Ok(()));
+            while !trial.is_over() && goes_on() && turned.is_ok() {
+                turned = trial.turn();
+                ended = ended.or_else(|| trial.ended().map(|how| (how, trial.now())));
+            }
+            let now = trial.now();
+            let played = trial.end();
+            turned?;
+            (now, ended, played.outcome, played.said, played.notes)
+        }
+        None => {
+            let mut trial = exec::Trial::start(run, seats, dir, foreign.clone(), &log)?;
+            while !trial.is_over() && goes_on() {
+                trial.turn()?;
+            }
+            let (now, ended) = (trial.now(), trial.ended());
+            let judged = trial.end();
+            (now, ended, judged.outcome, judged.seen.said, Vec::new())
+        }
+    };
+    Ok(Tried {
+        heard: Heard {
+            now,
+            counts: Vec::new(),
+            divergence: None,
+            tallies: Vec::new(),
+            trace_hash: Some(outcome.trace_hash),
+        },
+        links: ear.played(),
+        checks: outcome.checks,
+        ended,
+        said,
+        notes,
+    })
 }
 
 /// Where and how something is played.
@@ -104,6 +260,20 @@ struct Shown<'a> {
     out: &'a Path,
     speed: f64,
     how: How,
+    timing: Timing,
+}
+
+impl<'a> Shown<'a> {
+    /// As a case is played.
+    const fn of_case(out: &'a Path) -> Self {
+        let (step, expect) = (false, true);
+        Self {
+            out,
+            speed: 1.0,
+            how: How { step, expect },
+            timing: Timing::Conversation,
+        }
+    }
 }
 
 /// What came of it.
@@ -112,6 +282,8 @@ struct Tried {
     links: Vec<Played>,
     /// Verdicts on the program itself.
     checks: Vec<Check>,
+    /// How the program ended, and when, if it did by itself.
+    ended: Option<(Ended, Instant)>,
     said: String,
     /// What left virtual time.
     notes: Vec<String>,
@@ -133,7 +305,7 @@ fn play_to(
     let dir = PortDir::open(&ports)?;
     let passages = played(foreign, own, recorded)?;
     match foreign.supervision {
-        Some(_) => play_in_virtual_time(foreign, (&passages, recorded.end), dir, shown, stop),
+        Some(_) => play_in_virtual_time(foreign, (&passages, recorded), dir, shown, stop),
         None => play_in_real_time(foreign, (&passages, recorded), dir, shown, stop),
     }
 }
@@ -151,7 +323,11 @@ fn play_in_real_time(
         let port = Pty::open(&dir, &passage.link, passage.line())?;
         let path = dir.path().join(&passage.link);
         env.push((port_variable(&passage.link), path.into()));
-        sockets.push(Socket::new(passage, PlayedSide::Device, Box::new(port)));
+        let port = Box::new(port);
+        sockets.push(match shown.timing {
+            Timing::Clock => Socket::new(passage, PlayedSide::Device, port),
+            Timing::Conversation => Socket::talking(passage, &recorded.session(), port),
+        });
     }
     let pace = ReplayPace::Times(shown.speed);
     let mut playback = Playback::new(WallClock::start(), recorded, sockets, pace);
@@ -159,13 +335,15 @@ fn play_in_real_time(
     let process = Process::start(&foreign.command, &env, Some(&log));
     let mut process = process.map_err(ExecError::NotStarted)?;
     let mut ended: Option<(Ended, Instant)> = None;
+    let mut stuck = None;
     let until = Instant::ZERO + foreign.wait;
     follow(shown.how, &mut playback, stop, &mut |playback, now| {
         ended = ended.or_else(|| process.ended().map(|how| (how, playback.now())));
         let is_late = playback.waits_for().is_some() && now >= until;
-        ended.is_none() && !is_late
+        stuck = playback.trouble();
+        ended.is_none() && !is_late && stuck.is_none()
     })?;
-    let unopened = playback.waits_for().map(Socket::link);
+    let unopened = playback.unopened().map(Socket::link);
     let connected = match unopened {
         Some(link) => format!("never opened {link}"),
         None => "opened all ports".to_owned(),
@@ -173,12 +351,15 @@ fn play_in_real_time(
     let connected = Check::new("program-connected", unopened.is_none(), connected);
     let is_over = playback.is_over();
     let farewell = process.end(Patience::FAIR);
+    let mut checks = vec![
+        connected,
+        alive(ended, is_over, foreign.may_end, &farewell),
+        childless(&farewell.left),
+    ];
+    checks.extend(stuck.map(|stuck| Check::new("program-reads", false, stuck)));
     Ok(Tried {
-        checks: vec![
-            connected,
-            alive(ended, is_over, foreign.may_end, &farewell),
-            childless(&farewell.left),
-        ],
+        checks,
+        ended,
         heard: Heard::of(&playback),
         links: playback.sockets().iter().map(Socket::played).collect(),
         said: farewell.said,
@@ -196,7 +377,7 @@ const JUDGED: [&str; 4] = [
 
 fn play_in_virtual_time(
     foreign: &Foreign,
-    (passages, end): (&[&Passage], Instant),
+    (passages, recorded): (&[&Passage], &Recorded),
     dir: PortDir,
     shown: &Shown<'_>,
     stop: &Stop,
@@ -205,7 +386,7 @@ fn play_in_virtual_time(
         run,
         open_ends,
         ear,
-    } = StandIn::new(passages, end)?;
+    } = StandIn::new(passages, recorded, shown.timing)?;
     let mut seats = Vec::new();
     for end in open_ends {
         seats.push(Seat {
@@ -216,15 +397,25 @@ fn play_in_virtual_time(
     }
     let log = shown.out.join("program.log");
     let mut trial = Trial::start(run, seats, dir, foreign.clone(), None, &log)?;
-    let mut turned = Ok(());
+    let (mut turned, mut ended_at) = (Ok(()), None);
     while !trial.is_over() && stop.signal().is_none() && turned.is_ok() {
         turned = trial.turn();
+        ended_at = ended_at.or_else(|| trial.ended().map(|how| (how, trial.now())));
+        if ear.is_over(trial.now()) {
+            break;
+        }
     }
-    let now = trial.now().min(end);
+    let now = match shown.timing {
+        Timing::Clock => trial.now().min(recorded.end),
+        Timing::Conversation => trial.now(),
+    };
     let ended = trial.end();
     turned?;
     let links = ear.played();
     let said = |played: &Played| {
+        if let Some(talk) = &played.talk {
+            return talk.said;
+        }
         let passage = passages.iter().find(|one| one.link == played.link);
         let arrivals = passage.into_iter().flat_map(|one| &one.arrivals);
         let arrived = arrivals.filter(|one| one.at <= now);
@@ -234,17 +425,26 @@ fn play_in_virtual_time(
         let counts = [said(one), one.got.bytes().len() as u64];
         (one.link.clone(), counts)
     });
+    let tallies = links
+        .iter()
+        .filter_map(|one| Some((one.link.clone(), one.talk.as_ref()?.tally)));
     let checks = ended.outcome.checks.into_iter();
     Ok(Tried {
         heard: Heard {
             now,
             counts: counts.collect(),
             divergence: Played::first_divergence(&links),
+            tallies: tallies.collect(),
             trace_hash: Some(ended.outcome.trace_hash),
         },
         links,
+        ended: ended_at,
         checks: checks
-            .filter(|check| JUDGED.contains(&&*check.name))
+            .filter(|check| {
+                let reads = check.name == "program-reads";
+                let is_talk = shown.timing == Timing::Conversation;
+                JUDGED.contains(&&*check.name) || (reads && is_talk)
+            })
             .collect(),
         said: ended.said,
         notes: ended.notes,

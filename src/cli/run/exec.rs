@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use protocols::Instant;
 
 use super::judged::{
-    Progress, Ran, Talk, cut_short, finish_capture, make_folder, record_to, report_trouble,
-    write_results,
+    Progress, Ran, Talk, cut_short, finish_capture, make_folder, print_losses, record_to,
+    report_trouble, write_results,
 };
 use crate::capture;
 use crate::cli::CliError;
@@ -34,6 +34,8 @@ pub(super) struct Placement<'a> {
     pub(super) show: &'a mut Show,
     /// Whether there is to be one.
     pub(super) is_shown: bool,
+    /// The command that repeats the run.
+    pub(super) again: Option<String>,
 }
 
 /// Runs `scenario` with somebody's program and writes the result folder, whatever ends it.
@@ -60,11 +62,13 @@ pub(super) fn judged_exec(
     record_to(&out.join("capture.pcapng"), about, &mut run)?;
     place.show.begin(&mut run);
     let log = out.join("program.log");
+    let command = foreign.command.clone();
     let mut trial = Trial::start(run, seats, dir, foreign, &log)?;
     let ended = follow(&mut trial, place.show, stop);
     let was_cut = cut_short(trial.run(), stop);
     let mut judged = trial.end();
     judged.outcome.checks.extend(was_cut);
+    judged.outcome.again = place.again;
     let mut ran = Ran {
         outcome: judged.outcome,
         wall: clock.now() - Instant::ZERO,
@@ -74,9 +78,10 @@ pub(super) fn judged_exec(
     ran.doubt(&judged.seen.lateness);
     let ran = write_results(ran, out)?;
     println!("  {}", judged.seen.lateness);
+    print_losses(&judged.seen.reports);
     let passed = ran.outcome.passed();
     exec::print(&judged.seen, passed, &log);
-    finish_capture(judged.recorded, out)?;
+    finish_capture(judged.recorded, out, &ran.outcome, Some(&command))?;
     ended?;
     Ok(ran)
 }

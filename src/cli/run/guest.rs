@@ -6,8 +6,8 @@ use protocols::Instant;
 
 use super::exec::{Placement, ports_in};
 use super::judged::{
-    Progress, Ran, Talk, cut_short, finish_capture, make_folder, record_to, report_trouble,
-    write_results,
+    Progress, Ran, Talk, cut_short, finish_capture, make_folder, print_losses, record_to,
+    report_trouble, write_results,
 };
 use crate::capture;
 use crate::cli::CliError;
@@ -62,6 +62,7 @@ pub(super) fn judged_guest(
         played.outcome.checks.push(check);
         let _ = std::fs::remove_dir_all(&again);
     }
+    played.outcome.again.clone_from(&place.again);
     let ran = Ran {
         outcome: played.outcome,
         wall,
@@ -70,13 +71,15 @@ pub(super) fn judged_guest(
     };
     let ran = write_results(ran, out)?;
     println!("  {}", played.spent);
+    print_losses(&played.reports);
     for note in &played.notes {
         println!("  leaves virtual time: {note}");
     }
     if !ran.outcome.passed() {
         show_words(&played.said, &out.join(LOG));
     }
-    finish_capture(played.recorded, out)?;
+    let command = Some(&*guest.foreign.command);
+    finish_capture(played.recorded, out, &ran.outcome, command)?;
     Ok(ran)
 }
 

@@ -5,14 +5,14 @@ use std::path::Path;
 
 use protocols::Instant;
 
-use crate::capture::{self, Limits, Recording, Section};
+use crate::capture::{self, Conclusion, Limits, Recording, Section};
 use crate::cli::answer::RunEnded;
 use crate::cli::progress;
 use crate::cli::show::Show;
 use crate::cli::stop::{SIGTERM, Stop};
 use crate::cli::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
-use crate::realtime::{Lateness, Realtime, exec};
+use crate::realtime::{Lateness, PortReport, Realtime, exec};
 use crate::run::check::{Check, Status};
 use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
@@ -148,7 +148,7 @@ pub(in crate::cli) fn judged_run(
         is_doubtful: false,
     };
     let ran = write_results(ran, out)?;
-    finish_capture(recorded, out)?;
+    finish_capture(recorded, out, &ran.outcome, None)?;
     if matches!(pace, Clocking::Realtime(_)) {
         println!("  {}", realtime.lateness());
     }
@@ -215,12 +215,25 @@ pub(super) fn report_trouble(run: &mut Run) {
     }
 }
 
-/// What came of the capture in `out`.
-pub(super) fn finish_capture(recorded: std::io::Result<()>, out: &Path) -> Result<(), FolderError> {
-    recorded.map_err(|source| FolderError {
-        path: out.join("capture.pcapng"),
-        source,
-    })
+/// Says which ports lost bytes because the program did not read them.
+pub(super) fn print_losses(reports: &[PortReport]) {
+    for report in reports.iter().filter(|report| report.lost.overrun > 0) {
+        let (name, lost) = (&report.name, report.lost.overrun);
+        println!("  port {name}: {lost} B lost because the program did not read");
+    }
+}
+
+/// Says in the capture in `out` how its run ended, if all of it was written; `command` is that of
+/// the foreign program.
+pub(super) fn finish_capture(
+    recorded: std::io::Result<()>,
+    out: &Path,
+    outcome: &Outcome,
+    command: Option<&str>,
+) -> Result<(), FolderError> {
+    let path = out.join("capture.pcapng");
+    let concluded = recorded.and_then(|()| Conclusion::of(outcome, command).append(&path));
+    concluded.map_err(|source| FolderError { path, source })
 }
 
 /// Writes the result folder of a run and prints its verdicts.

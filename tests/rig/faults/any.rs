@@ -38,7 +38,9 @@ fn value(key: &'static str) -> BoxedStrategy<String> {
     match key {
         "link" | "with" => of(&["a", "b", "c"]).prop_map(named).boxed(),
         "direction" => of(&["to-master", "to-device"]).prop_map(named).boxed(),
-        "device" | "fault" | "stream" => ".{0,5}".prop_map(|s| format!("{s:?}")).boxed(),
+        "device" | "fault" | "stream" | "back_as" => {
+            ".{0,5}".prop_map(|s| format!("{s:?}")).boxed()
+        }
         "devices" => Just("[\"a.device\", \"\"]".to_owned()).boxed(),
         "from" | "until" | "lasting" | "every" | "by" => of(&TIMES).prop_map(named).boxed(),
         "rate" | "ppm" | "ppm_per_s" | "factor" => of(&FIGURES).prop_map(str::to_owned).boxed(),
@@ -47,7 +49,8 @@ fn value(key: &'static str) -> BoxedStrategy<String> {
     }
 }
 
-const KEYS: [&str; 25] = [
+const KEYS: [&str; 26] = [
+    "back_as",
     "device",
     "devices",
     "rate",

@@ -59,6 +59,7 @@ impl Case {
             tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
             end_ns: recorded.end.as_nanos(),
             is_foreign: false,
+            play: None,
             expect: Expectation::default(),
             link: recorded.links.iter().map(LinkBytes::of).collect(),
             scenario: None,
@@ -222,6 +223,7 @@ mod tests {
             arrivals: Vec::new(),
             heard: Vec::new(),
             sent,
+            opened: Vec::new(),
         };
         Recorded {
             links: vec![base],

@@ -1,23 +1,46 @@
 //! A case judged by what a program said at its ports, wherever that program is.
 
-use protocols::Instant;
+use core::time::Duration;
 
-use super::{Case, Expectation, Judgement, LinkBytes, VERSION, is_silent, talks};
+use protocols::{Instant, LineConfig};
+
+use super::{
+    Case, Evidence, Expectation, Judgement, LinkBytes, Play, SILENCE, VERSION, is_silent_for,
+};
+use crate::divergence::Track;
 use crate::replay::{Played, Recorded};
 use engine::TOOL;
+use engine::codec::{self, What};
 use engine::run::check::Check;
 use engine::scenario::Scenario;
 
+/// Pieces from which on a program is taken to talk on a link.
+const PIECES_MIN: usize = 5;
+/// Least time over which it does.
+const SPAN_MIN: Duration = Duration::from_secs(1);
+/// A pause may be so many times as long as the longest one before the program fell silent.
+const PAUSES: u32 = 3;
+
+/// Names of checks that a case of a capture makes of what happens to the program itself.
+const LIVES: &str = "program-alive";
+
 impl Case {
-    /// A case of a robot that has no program of its own: all that can be asked is what somebody's
-    /// program says at its ports.
-    pub(super) fn of_outsider(name: &str, recorded: &Recorded, scenario: &Scenario) -> Self {
+    /// A case of a foreign program: what is asked is that it lives and goes on talking on the links
+    /// where it talked. What it said is not asked again: it may have been wrong.
+    pub fn of_outsider(name: &str, recorded: &Recorded, scenario: Option<&Scenario>) -> Self {
         let links = recorded.links.iter();
         let links = links.filter(|link| !link.arrivals.is_empty());
-        let talking = links.clone().filter(|link| talks(&link.sent));
-        let talks: Vec<String> = talking.clone().map(|link| link.link.clone()).collect();
-        let mut talking = talking;
-        let fell_silent = talking.any(|link| is_silent(&link.sent, recorded.end));
+        let mut expect = Expectation::default();
+        let mut longest = SILENCE;
+        for link in links.clone() {
+            if let Some(pause) = pause_of(&link.sent) {
+                expect.talks.push(link.link.clone());
+                longest = longest.max(pause * PAUSES);
+            }
+        }
+        if longest > SILENCE && !expect.talks.is_empty() {
+            expect.talk_pause_ns = u64::try_from(longest.as_nanos()).ok();
+        }
         Self {
             case: VERSION,
             name: name.to_owned(),
@@ -25,28 +48,51 @@ impl Case {
             tool: format!("{TOOL} {}", env!("CARGO_PKG_VERSION")),
             end_ns: recorded.end.as_nanos(),
             is_foreign: true,
-            expect: Expectation {
-                same_outputs: !fell_silent,
-                talks,
-                ..Expectation::default()
-            },
+            play: Some(Play::Conversation),
+            expect,
             link: links.map(LinkBytes::of).collect(),
-            scenario: Some(scenario.clone()),
+            scenario: scenario.cloned(),
         }
     }
 
-    /// Judges what a program in a process of its own said, up to `end`; `own` are the verdicts on
-    /// the program itself. What no port tells is named in the second value: rules of devices and
-    /// checks of the robot, neither of which is there.
+    /// The case of a run of `scenario`: its devices answer, and judge the program as they did then.
+    pub fn of_run(name: &str, recorded: &Recorded, scenario: &Scenario) -> Self {
+        let talks = Self::of_outsider(name, recorded, None).expect;
+        Self {
+            play: Some(Play::Devices),
+            link: Vec::new(),
+            scenario: Some(scenario.clone()),
+            expect: talks,
+            ..Self::of_outsider(name, &Recorded::default(), None)
+        }
+        .until(recorded.end)
+    }
+
+    fn until(self, end: Instant) -> Self {
+        Self {
+            end_ns: end.as_nanos(),
+            ..self
+        }
+    }
+
+    /// Judges what a program in a process of its own said; `own` are the verdicts on the program
+    /// itself. What no port tells is named in the second value: rules of devices and checks of the
+    /// robot, neither of which is there.
     pub fn judge_foreign(
         &self,
         own: impl IntoIterator<Item = Check>,
-        links: &[Played],
-        end: Instant,
+        seen: &Evidence<'_>,
     ) -> (Judgement, Vec<String>) {
-        let mut checks: Vec<Check> = own.into_iter().collect();
-        checks.extend(self.expect.judge_links(links, end));
-        let judgement = self.judgement(checks, end - Instant::ZERO);
+        // How it is to end is said by the rule.
+        let is_asked = |check: &Check| self.expect.exits.is_none() || check.name != LIVES;
+        let mut checks: Vec<Check> = own.into_iter().filter(is_asked).collect();
+        let end = seen.ended_at.filter(|_| seen.exit_code == Some(0));
+        checks.extend(self.expect.judge_links(seen.links, end.unwrap_or(seen.end)));
+        checks.extend(self.expect.judge_rules(seen));
+        if let Some(sound) = &self.expect.sound {
+            checks.extend(sound.judge(seen.said, seen.links));
+        }
+        let judgement = self.judgement(checks, seen.end - Instant::ZERO);
         let rules = self.expect.never.iter().map(|rule| format!("never {rule}"));
         let decoders = self.expect.decoder.iter();
         let decoders = decoders.map(|one| format!("decodes-{}-{}", one.link, one.direction));
@@ -55,6 +101,89 @@ impl Case {
             .chain(decoders);
         (judgement, unjudged.collect())
     }
+
+    /// The same without what reached the program damaged, and how many bytes those are: those that
+    /// are in no sound frame of the protocol of their link.
+    pub fn without_damage(&self, recorded: &Recorded) -> (Recorded, usize) {
+        let (mut sound, mut left_out) = (recorded.clone(), 0);
+        for passage in &mut sound.links {
+            let all: Vec<u8> = passage
+                .arrivals
+                .iter()
+                .flat_map(|one| &one.bytes)
+                .copied()
+                .collect();
+            let Some(codec) = codec::guess(&all) else {
+                continue;
+            };
+            let mut is_bad = vec![false; all.len()];
+            for stretch in codec.found(&all) {
+                if matches!(stretch.what, What::Bad(_)) {
+                    let range = usize::try_from(stretch.bytes.start).unwrap_or(usize::MAX)
+                        ..usize::try_from(stretch.bytes.end).unwrap_or(usize::MAX);
+                    is_bad[range].fill(true);
+                }
+            }
+            let mut place = 0;
+            for arrival in &mut passage.arrivals {
+                let own = &is_bad[place..place + arrival.bytes.len()];
+                place += own.len();
+                left_out += own.iter().filter(|bad| **bad).count();
+                let mut flags = own.iter();
+                arrival
+                    .bytes
+                    .retain(|_| !flags.next().is_some_and(|bad| *bad));
+            }
+            passage.arrivals.retain(|one| !one.bytes.is_empty());
+        }
+        (sound, left_out)
+    }
+
+    /// Whether a program that sent `damaged`, and `sound` without the damage, ignores it: the same
+    /// requests, none later by more than `late`.
+    pub fn judge_damage(damaged: &[Played], sound: &[Played], late: Duration) -> Vec<Check> {
+        let pairs = damaged.iter().zip(sound);
+        let checks = pairs.map(|(damaged, sound)| {
+            let name = format!("ignores-damage-{}", damaged.link);
+            let (got, expected) = (&damaged.got, &sound.got);
+            let pairs = got.bytes().iter().zip(expected.bytes());
+            let same = pairs.take_while(|(got, expected)| got == expected).count();
+            let shift = |(end, at): (usize, Instant)| {
+                let there = expected.time_of(end)?;
+                // Earlier is no harm: a frame that is missing is waited for.
+                Some(at - there)
+            };
+            let shortest = got.bytes().len().min(expected.bytes().len());
+            let times = (0..shortest).filter_map(|byte| Some((byte, got.time_of(byte)?)));
+            let shifted = times.filter_map(shift).max().unwrap_or_default();
+            let (shift_s, late_s) = (shifted.as_secs_f64(), late.as_secs_f64());
+            let (is_same, detail) = if same < shortest {
+                let at = got.time_of(same).unwrap_or_default();
+                let words =
+                    format!("byte {same}, at {at} s, is another one than without the damage");
+                (false, words)
+            } else if shifted > late {
+                let words =
+                    format!("up to {shift_s:.3} s later than without the damage, limit {late_s} s");
+                (false, words)
+            } else {
+                let words =
+                    format!("the same {same} bytes as without the damage, {shift_s:.3} s later");
+                (true, words)
+            };
+            Check::new(&name, is_same, detail)
+        });
+        checks.collect()
+    }
+}
+
+/// The longest pause of a program while it talked; `None` if it did not talk for long.
+fn pause_of(sent: &Track) -> Option<Duration> {
+    let times: Vec<Instant> = sent.pieces().map(|(at, _)| at).collect();
+    let (first, last) = (times.first()?, times.last()?);
+    let pauses = times.windows(2).map(|pair| pair[1] - pair[0]);
+    (times.len() >= PIECES_MIN && *last - *first >= SPAN_MIN)
+        .then(|| pauses.max().unwrap_or_default())
 }
 
 impl Expectation {
@@ -70,21 +199,28 @@ impl Expectation {
             };
             checks.push(Check::new("same-outputs", divergence.is_none(), detail));
         }
+        let longest = self.talk_pause_ns.map_or(SILENCE, Duration::from_nanos);
         for name in &self.talks {
             let link = links.iter().find(|one| one.link == *name);
             let last = link.and_then(|one| one.got.end());
-            let pass = link.is_some_and(|one| !is_silent(&one.got, end));
+            let pass = link.is_some_and(|one| !is_silent_for(&one.got, end, longest));
             let last = last.map_or("never".to_owned(), |at| format!("last at {at} s"));
             let detail = format!("the program sent on {name} {last}, of {end} s");
             checks.push(Check::new(&format!("talks-{name}"), pass, detail));
         }
         checks
     }
+
+    /// The rate by which times of `link` are written.
+    pub fn baud_of(links: &[LinkBytes], link: &str) -> u32 {
+        let found = links.iter().find(|one| one.name == link);
+        found.map_or(LineConfig::new_8n1(115_200).baud, |one| one.baud)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
+    use protocols::avr::{ChecksumOrder, Frame};
 
     use super::*;
     use crate::divergence::Track;
@@ -102,10 +238,11 @@ mod tests {
 
     const END: Instant = Instant::from_secs(10);
 
-    /// Of a program that talked to the end the same is expected again; of one that fell silent,
-    /// that it talks. A link on which nothing was said to it is none of its own.
+    /// Whether a program talked to the end or fell silent, it must go on talking where it talked,
+    /// and nothing that it said is asked again. A link on which nothing was said to it is none of
+    /// its own.
     #[test]
-    fn what_is_expected_of_an_outsider_depends_on_whether_it_fell_silent() {
+    fn a_foreign_program_must_go_on_talking_where_it_talked() {
         let passage = |link: &str, last_ms, heard: &[u8]| Passage {
             link: link.to_owned(),
             arrivals: Vec::from_iter((!heard.is_empty()).then(|| Arrival {
@@ -115,24 +252,76 @@ mod tests {
             sent: track(last_ms),
             ..Passage::default()
         };
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
-        let (scenario, _) = Scenario::read(&path).expect("sound");
         let expected = |last_ms| {
             let recorded = Recorded {
                 links: vec![passage("deaf", 10_000, &[]), passage("base", last_ms, &[7])],
                 end: END,
                 zero: Instant::ZERO,
             };
-            let case = Case::of_outsider("x", &recorded, &scenario);
-            assert!(case.is_foreign);
+            let case = Case::of_outsider("x", &recorded, None);
+            assert!(case.is_foreign && !case.expect.same_outputs);
             let links: Vec<_> = case.link.iter().map(|link| &*link.name).collect();
-            assert_eq!(
-                (links, &case.expect.talks[..]),
-                (vec!["base"], &["base".to_owned()][..])
-            );
-            case.expect.same_outputs
+            assert_eq!((links, case.end_ns), (vec!["base"], 10_000_000_000));
+            (case.expect.talks, case.expect.talk_pause_ns)
         };
-        assert_eq!([10_000, 8_500].map(expected), [true, false]);
+        let base = (vec!["base".to_owned()], Some(1_500_000_000));
+        assert_eq!(expected(10_000), base);
+        assert_eq!(expected(3_000), base);
+        assert_eq!(
+            expected(1_000),
+            (Vec::new(), None),
+            "two pieces are no talk"
+        );
+    }
+
+    /// Three register reads; in the second a bit of the checksum is wrong.
+    #[test]
+    fn damage_is_what_is_in_no_frame() {
+        let read = |register| Frame::read(register, 10, ChecksumOrder::LowFirst);
+        let bytes = [36, 60, 36].map(|register| read(register).as_bytes().to_vec());
+        let arrivals = (1..).zip(bytes).map(|(at, mut bytes)| {
+            bytes[4] ^= u8::from(at == 2);
+            let at = Instant::from_millis(at);
+            Arrival { at, bytes }
+        });
+        let passage = Passage {
+            arrivals: arrivals.collect(),
+            ..Passage::default()
+        };
+        let recorded = Recorded {
+            links: vec![passage],
+            end: END,
+            zero: Instant::ZERO,
+        };
+        let case = Case::of_outsider("x", &recorded, None);
+        let (sound, left_out) = case.without_damage(&recorded);
+        assert_eq!((left_out, sound.links[0].arrivals.len()), (5, 2));
+    }
+
+    /// A byte each half second. A program that sends them 0.3 s later because of the damage, or
+    /// another byte, does not ignore it.
+    #[test]
+    fn damage_is_ignored_if_nothing_is_other_or_later() {
+        let played = |late_ms, byte| {
+            let mut got = Track::default();
+            for millis in (500..=2_000).step_by(500) {
+                let is_late = if millis > 1_000 { late_ms } else { 0 };
+                got.push(Instant::from_millis(millis + is_late), &[byte]);
+            }
+            [Played {
+                link: "base".to_owned(),
+                expected: Track::default(),
+                got,
+                talk: None,
+            }]
+        };
+        let limit = Duration::from_millis(250);
+        let judge = |late, byte| {
+            let checks = Case::judge_damage(&played(late, byte), &played(0, 1), limit);
+            checks[0].status
+        };
+        assert_eq!((judge(0, 1), judge(250, 1)), (Status::Pass, Status::Pass));
+        assert_eq!((judge(251, 1), judge(0, 2)), (Status::Fail, Status::Fail));
     }
 
     /// Each link by its own name: one talks to the end, the other fell silent.
@@ -146,6 +335,7 @@ mod tests {
             link: link.to_owned(),
             expected: Track::default(),
             got: track(last_ms),
+            talk: None,
         });
         let checks = expect.judge_links(&links, END);
         let checks: Vec<_> = checks

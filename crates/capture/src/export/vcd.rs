@@ -146,6 +146,7 @@ mod tests {
             arrivals: vec![arrival(20)],
             heard: vec![arrival(25)],
             sent: Track::default(),
+            opened: Vec::new(),
         };
         let recorded = Recorded {
             links: vec![passage],

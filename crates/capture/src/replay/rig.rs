@@ -1,5 +1,6 @@
-//! A rig in which a capture takes the part of all devices, for a program in virtual time: each link
-//! brings what it brought then, at the same nanosecond, and nobody judges what the program says.
+//! A rig in which a capture takes the part of all devices, for a program in virtual time. Each link
+//! answers as it did in the capture; by time, it brings what it brought then, at the same
+//! nanosecond. No device judges what the program says.
 
 use core::cell::RefCell;
 use core::time::Duration;
@@ -7,9 +8,11 @@ use std::rc::Rc;
 
 use emulators::world::World;
 use emulators::{Device, Event};
-use protocols::{Instant, LineConfig, Port};
+use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use super::{Listener, Passage, Played};
+use super::conversation::{Conversation, are_over};
+use super::listen::Listener;
+use super::{Passage, Played, Recorded, Talked};
 use crate::divergence::Track;
 use engine::rig::line::{Direction, End};
 use engine::rig::{LinkKind, PortRate, Rig};
@@ -34,21 +37,35 @@ pub struct StandIn {
 pub struct Ear {
     expected: Vec<(String, Track)>,
     sent: Rc<RefCell<Vec<Track>>>,
+    talks: Vec<Rc<RefCell<Conversation>>>,
     end: Instant,
 }
 
 impl Ear {
-    /// What was heard so far. Behind the end of the capture only what it says is still listened to:
-    /// of what came later it says nothing.
+    /// What was heard so far. By time, only what the capture says is still listened to behind its
+    /// end: of what came later it says nothing.
     pub fn played(&self) -> Vec<Played> {
         let sent = self.sent.borrow();
-        let both = self.expected.iter().zip(sent.iter());
-        let played = both.map(|((link, expected), got)| Played {
-            link: link.clone(),
-            expected: expected.clone(),
-            got: until(got, self.end, expected.bytes().len()),
+        let both = self.expected.iter().zip(sent.iter()).enumerate();
+        let played = both.map(|(index, ((link, expected), got))| {
+            let talk = self.talks.get(index);
+            Played {
+                link: link.clone(),
+                expected: expected.clone(),
+                got: match talk {
+                    Some(_) => got.clone(),
+                    None => until(got, self.end, expected.bytes().len()),
+                },
+                talk: talk.map(|talk| Talked::of(&talk.borrow())),
+            }
         });
         played.collect()
+    }
+
+    /// Whether there is a conversation, and it has come to its end by `now`.
+    pub fn is_over(&self, now: Instant) -> bool {
+        let talks: Vec<_> = self.talks.iter().map(|talk| talk.borrow()).collect();
+        !talks.is_empty() && are_over(talks.iter().map(|talk| &**talk), now, self.end)
     }
 }
 
@@ -65,27 +82,69 @@ fn until(track: &Track, end: Instant, least: usize) -> Track {
     heard
 }
 
+/// What moves a capture on that is played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Timing {
+    /// The program's requests.
+    Conversation,
+    /// The clock.
+    Clock,
+}
+
+/// As many times as long as its capture a conversation may be, and this longer.
+const LONGEST: u32 = 20;
+const LONGEST_MORE: Duration = Duration::from_secs(600);
+
 impl StandIn {
-    /// Of the links `passages`, up to `end`.
+    /// Of the links `passages` of `recorded`, up to its end.
     ///
     /// # Errors
     /// Never, but for a mistake here.
-    pub fn new(passages: &[&Passage], end: Instant) -> Result<Self, ScenarioError> {
+    pub fn new(
+        passages: &[&Passage],
+        recorded: &Recorded,
+        timing: Timing,
+    ) -> Result<Self, ScenarioError> {
+        let origin = recorded.origin();
+        let (end, longest) = match timing {
+            Timing::Clock => (recorded.end, (recorded.end - Instant::ZERO) + ANSWERS),
+            Timing::Conversation => {
+                let lasts = recorded.end - origin;
+                (Instant::ZERO + lasts, lasts * LONGEST + LONGEST_MORE)
+            }
+        };
         let (mut scenario, _) = Scenario::from_text(SCENARIO)?;
-        scenario.duration = Span((end - Instant::ZERO) + ANSWERS);
+        scenario.duration = Span(longest);
         scenario.mission.to_the_end = true;
         let mut wired = Wired::new(Rig::new(robots::nowhere()), Nobody);
+        let mut talks = Vec::new();
         for passage in passages {
             let line = passage.line();
             let master = wired.open_end(&passage.link, line, "the program");
             // At which rate it was recorded a capture may not say.
             wired.set_rate(master, PortRate::Any { usual: line });
             let rig = &mut wired.rig;
+            let talk = Rc::new(RefCell::new(Conversation::new(
+                passage,
+                &recorded.session(),
+                true,
+            )));
+            let node = match timing {
+                Timing::Clock => rig.add_device(&passage.link, Silent(line)),
+                Timing::Conversation => {
+                    let talk = Rc::clone(&talk);
+                    rig.add_device(&passage.link, Speaker { line, talk })
+                }
+            };
             let device = End {
-                node: rig.add_device(&passage.link, Silent(line)),
+                node,
                 port: Port(0),
             };
             let link = rig.connect_by(LinkKind::Uart, &passage.link, device, master, 1);
+            if timing == Timing::Conversation {
+                talks.push(talk);
+                continue;
+            }
             let lines = rig.lines_mut(link).expect("it was just connected");
             let line = &mut lines[Direction::ToMaster as usize];
             line.is_played = true;
@@ -109,6 +168,7 @@ impl StandIn {
             ear: Ear {
                 expected: expected.collect(),
                 sent,
+                talks,
                 end,
             },
         })
@@ -149,6 +209,55 @@ impl Device for Silent {
     }
 }
 
+/// Answers in the place of the captured device.
+#[derive(Clone)]
+struct Speaker {
+    line: LineConfig,
+    talk: Rc<RefCell<Conversation>>,
+}
+
+impl Device for Speaker {
+    fn receive(&mut self, _: Port, now: Instant, bytes: &[u8]) {
+        self.talk.borrow_mut().receive(now, bytes);
+    }
+
+    fn line_event(&mut self, _: Port, now: Instant, event: LineEvent) {
+        let mut talk = self.talk.borrow_mut();
+        match event {
+            LineEvent::Opened => talk.open(now),
+            LineEvent::Closed => talk.close(),
+            LineEvent::Break
+            | LineEvent::FramingError
+            | LineEvent::ParityError
+            | LineEvent::Overrun => {}
+        }
+    }
+
+    fn poll(&mut self, now: Instant, _: &mut World) {
+        self.talk.borrow_mut().poll(now);
+    }
+
+    fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
+        self.talk.borrow_mut().transmit(buf)
+    }
+
+    fn may_send(&self, _: Port) -> bool {
+        self.talk.borrow().has_more()
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        self.talk.borrow().poll_at()
+    }
+
+    fn line_config(&self, _: Port) -> LineConfig {
+        self.line
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        Vec::new()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,7 +286,11 @@ mod tests {
             ..Passage::default()
         };
         // It ends while the program speaks: of the rest of that it says nothing.
-        let made = StandIn::new(&[&passage], Instant::from_millis(20));
+        let recorded = Recorded {
+            end: Instant::from_millis(20),
+            ..Recorded::default()
+        };
+        let made = StandIn::new(&[&passage], &recorded, Timing::Clock);
         let StandIn {
             mut run,
             open_ends,
@@ -203,5 +316,50 @@ mod tests {
         };
         assert_eq!(heard.got.bytes(), b"hi");
         assert_eq!(heard.got.end(), Some(Instant::from_nanos(12_083_332)));
+    }
+
+    /// The program asks 3 s later than the captured one; "mm" is complete 8 ms after "hi" is, as it
+    /// was. The program sends at 3 s, and its two bytes take 2,083,332 ns.
+    #[test]
+    fn a_capture_answers_whenever_it_is_asked() {
+        let arrival = |at, bytes: &[u8]| Arrival {
+            at: Instant::from_millis(at),
+            bytes: bytes.to_vec(),
+        };
+        let passage = Passage {
+            link: "sonar".to_owned(),
+            baud: 9600,
+            sent: said("hi"),
+            arrivals: vec![arrival(20, b"mm")],
+            ..Passage::default()
+        };
+        let recorded = Recorded {
+            links: vec![passage],
+            end: Instant::from_millis(25),
+            zero: Instant::ZERO,
+        };
+        let passage = &recorded.links[0];
+        let made = StandIn::new(&[passage], &recorded, Timing::Conversation).expect("a rig");
+        let StandIn {
+            mut run,
+            open_ends,
+            ear,
+        } = made;
+        let node = open_ends[0].node;
+        run.go_on_until(Instant::from_secs(3));
+        assert!(run.rig.take_output(node).is_empty() && !ear.is_over(run.rig.now()));
+        run.rig.inject(node, b"hi");
+        run.go_on_until(Instant::from_nanos(3_010_083_331));
+        assert!(run.rig.take_output(node).len() < 2);
+        run.go_on_until(Instant::from_nanos(3_010_083_400));
+        assert!(!ear.is_over(run.rig.now()), "the program may answer");
+        run.go_on_until(Instant::from_millis(4_010));
+        assert!(ear.is_over(run.rig.now()));
+        let [heard] = &ear.played()[..] else {
+            panic!("one link");
+        };
+        let talk = heard.talk.as_ref().expect("a conversation");
+        assert_eq!((talk.tally.made, &talk.divergence), (1, &None));
+        assert_eq!(run.rig.take_output(node), b"m"[..]);
     }
 }

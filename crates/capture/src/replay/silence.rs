@@ -92,10 +92,11 @@ impl Recorded {
 }
 
 impl Passage {
-    fn times(&self) -> impl Iterator<Item = Instant> {
+    pub(super) fn times(&self) -> impl Iterator<Item = Instant> {
         let arrivals = self.arrivals.iter().chain(&self.heard);
         let sent = self.sent.pieces().map(|(at, _)| at);
-        arrivals.map(|arrival| arrival.at).chain(sent)
+        let opened = self.opened.iter().copied();
+        arrivals.map(|arrival| arrival.at).chain(sent).chain(opened)
     }
 
     /// The same when it is played.
@@ -111,7 +112,9 @@ impl Passage {
         for (at, bytes) in self.sent.pieces() {
             sent.push(silences.played_at(at), bytes);
         }
+        let opened = self.opened.iter().map(|&at| silences.played_at(at));
         Self {
+            opened: opened.collect(),
             arrivals: arrivals(self.arrivals),
             heard: arrivals(self.heard),
             sent,

@@ -29,6 +29,16 @@ pub enum Disturbance {
         /// At the end.
         end: Option<LineEvent>,
     },
+    /// A plug is pulled, and comes back in at the end: the receiver is told, and the port of a
+    /// client is gone meanwhile.
+    Unplug {
+        /// Which link.
+        link: String,
+        /// Which way.
+        direction: Direction,
+        /// The name of the client's port from then on, if it is another one.
+        back_as: Option<String>,
+    },
     /// The receivers of two lines change places.
     Cross {
         /// The links.
@@ -108,6 +118,18 @@ impl Rig {
                     self.notify_line(link, *direction, event);
                 }
             }
+            Disturbance::Unplug {
+                link,
+                direction,
+                back_as,
+            } => {
+                let event = match begins {
+                    true => LineEvent::Closed,
+                    false => LineEvent::Opened,
+                };
+                self.notify_line(link, *direction, event);
+                self.plug(link, *direction, begins, back_as.as_deref());
+            }
             Disturbance::Cross { .. } => self.cross(what, begins),
         }
     }
@@ -178,6 +200,15 @@ impl Rig {
             for tap in &mut self.taps {
                 tap.line_event(index, direction, now, event);
             }
+        }
+    }
+
+    /// The receiver of a line loses its plug, or gets it back.
+    fn plug(&mut self, link: &str, direction: Direction, is_out: bool, back_as: Option<&str>) {
+        if let Some(found) = self.links.iter().find(|found| found.name == link)
+            && let Body::Outside(outside) = &mut self.nodes[found.line(direction).to.node].body
+        {
+            outside.plug(is_out, back_as);
         }
     }
 

@@ -2,7 +2,7 @@
 //! another node.
 
 mod message;
-mod passage;
+pub(super) mod passage;
 
 use std::collections::VecDeque;
 
@@ -14,7 +14,8 @@ use crate::rig::fault::{Budget, LineFaults, Passed};
 use crate::rig::resample::Resampler;
 use message::Message;
 pub use message::{MESSAGE_MAX, message_time};
-pub use passage::{Delivery, Original, PIECE_MAX};
+use passage::Errors;
+pub use passage::{Delivery, Mark, MarkDamage, Original, PIECE_MAX};
 
 /// A port of a node of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,8 +72,7 @@ pub struct Traffic {
 struct Chunk {
     arrives: Instant,
     bytes: Vec<u8>,
-    framing_errors: u32,
-    parity_errors: u32,
+    errors: Errors,
     original: Option<Box<Original>>,
 }
 
@@ -280,21 +280,27 @@ impl Line {
         let is_changed = !is_clean && (passed.bytes != sent || !passed.effects.is_empty());
         let mut original = (is_changed || self.faults.struck_len() > struck)
             .then(|| Box::new(self.original(ends, &passed, sent, struck)));
-        let mut framing_errors = 0;
+        let mut errors = Errors {
+            framing: 0,
+            parity: passed.parity_errors,
+            marks: core::mem::take(&mut passed.marks),
+        };
         if !sender.agrees_with(receiver) {
             let before = passed.bytes.len();
-            framing_errors = self
+            errors.framing = self
                 .resampler
                 .feed(&mut passed.bytes, start, sender, receiver);
+            // Where the others were in what was sent says nothing about what is read of it.
+            errors.marks = self.resampler.take_marks();
             self.traffic.resampled +=
-                passed.bytes.len() as i64 + i64::from(framing_errors) - before as i64;
+                passed.bytes.len() as i64 + i64::from(errors.framing) - before as i64;
             let original = original
                 .get_or_insert_with(|| Box::new(self.original(ends, &passed, sent, struck)));
             original.bauds = Some([sender.baud, receiver.baud]);
         } else if original.is_none() && self.latency > Duration::ZERO {
             original = Some(Box::new(self.original(ends, &passed, sent, struck)));
         }
-        self.send_off(start, ends, sender, passed, framing_errors, original);
+        self.send_off(start, ends, sender, passed, errors, original);
         ends
     }
 
@@ -306,7 +312,7 @@ impl Line {
         let ends = start + sender.bytes_time(sent.len() as u64);
         self.free_at = ends;
         self.traffic.sent += sent.len() as u64;
-        self.put(ends, bytes, 0, 0, None);
+        self.put(ends, bytes, Errors::default(), None);
         ends
     }
 
@@ -336,14 +342,13 @@ impl Line {
         ends: Instant,
         sender: LineConfig,
         mut passed: Passed,
-        framing_errors: u32,
+        mut errors: Errors,
         mut original: Option<Box<Original>>,
     ) {
         let (late, len) = (self.latency + passed.late, passed.bytes.len());
-        let parity_errors = passed.parity_errors;
         if passed.pauses.is_empty() && passed.piece.is_none_or(|piece| piece >= len) {
             let (at, bytes) = (ends + late, passed.bytes);
-            self.put(at, bytes, framing_errors, parity_errors, original);
+            self.put(at, bytes, errors, original);
             return;
         }
         let mut paused = Duration::ZERO;
@@ -361,41 +366,30 @@ impl Line {
             }
             let so_far = start + sender.bytes_time(to as u64);
             let bytes = passed.bytes[from..to].to_vec();
-            self.put(
-                so_far.min(ends) + paused + late,
-                bytes,
-                0,
-                0,
-                original.take(),
-            );
+            let early = Errors::framing(0, Mark::split(&mut errors.marks, from, to));
+            let arrives = so_far.min(ends) + paused + late;
+            self.put(arrives, bytes, early, original.take());
             from = to;
         }
         passed.bytes.drain(..from);
+        errors.marks = Mark::split(&mut errors.marks, from, usize::MAX);
         let arrives = ends + paused + late;
-        self.put(
-            arrives,
-            passed.bytes,
-            framing_errors,
-            passed.parity_errors,
-            original,
-        );
+        self.put(arrives, passed.bytes, errors, original);
     }
 
     fn put(
         &mut self,
         arrives: Instant,
         bytes: Vec<u8>,
-        framing_errors: u32,
-        parity_errors: u32,
+        errors: Errors,
         original: Option<Box<Original>>,
     ) {
-        self.in_flight += bytes.len() as u64 + u64::from(framing_errors);
+        self.in_flight += bytes.len() as u64 + u64::from(errors.framing);
         self.last_arrives = self.last_arrives.max(arrives);
         self.chunks.push_back(Chunk {
             arrives: self.last_arrives,
             bytes,
-            framing_errors,
-            parity_errors,
+            errors,
             original,
         });
         self.note_due();
@@ -405,7 +399,8 @@ impl Line {
     /// `framing_errors` characters without a stop bit come before them.
     pub fn play(&mut self, at: Instant, bytes: &[u8], framing_errors: u32) {
         self.traffic.added += bytes.len() as u64 + u64::from(framing_errors);
-        self.put(at, bytes.to_vec(), framing_errors, 0, None);
+        let errors = Errors::framing(framing_errors, Vec::new());
+        self.put(at, bytes.to_vec(), errors, None);
     }
 
     /// What the sender is to hear of itself, see [`receive`](Self::receive).
@@ -420,7 +415,7 @@ impl Line {
             return;
         }
         self.traffic.added += bytes.len() as u64;
-        self.put(at, bytes, 0, 0, None);
+        self.put(at, bytes, Errors::default(), None);
     }
 
     /// Hands over what has arrived by `now`, one chunk a call.
@@ -433,33 +428,35 @@ impl Line {
             bytes.clear();
             let framing_errors = self.resampler.idle(&mut bytes);
             self.traffic.resampled += bytes.len() as i64 + i64::from(framing_errors);
-            self.put(now, bytes, framing_errors, 0, None);
+            let errors = Errors::framing(framing_errors, self.resampler.take_marks());
+            self.put(now, bytes, errors, None);
         }
         let (release, room) = self.release(self.chunks.front()?.arrives);
         if release > now {
             return None;
         }
         let mut chunk = self.chunks.pop_front()?;
-        self.in_flight -= chunk.bytes.len() as u64 + u64::from(chunk.framing_errors);
+        let framing_errors = chunk.errors.framing;
+        self.in_flight -= chunk.bytes.len() as u64 + u64::from(framing_errors);
         let overrun = room.is_some_and(|room| self.overflow(release, room, &mut chunk.bytes));
+        if overrun {
+            let kept = chunk.bytes.len();
+            chunk.errors.marks.retain(|mark| mark.before < kept);
+        }
         self.note_due();
         self.traffic.delivered += chunk.bytes.len() as u64;
-        self.traffic.framing_errors += u64::from(chunk.framing_errors);
-        let event = match &chunk {
-            Chunk {
-                framing_errors: 1..,
-                ..
-            } => Some(LineEvent::FramingError),
-            Chunk {
-                parity_errors: 1.., ..
-            } => Some(LineEvent::ParityError),
-            _ => overrun.then_some(LineEvent::Overrun),
+        self.traffic.framing_errors += u64::from(framing_errors);
+        let event = match (framing_errors, chunk.errors.parity) {
+            (1.., _) => Some(LineEvent::FramingError),
+            (0, 1..) => Some(LineEvent::ParityError),
+            (0, 0) => overrun.then_some(LineEvent::Overrun),
         };
         Some(Delivery {
             at: release,
             bytes: chunk.bytes,
             event,
-            framing_errors: chunk.framing_errors,
+            framing_errors,
+            marks: chunk.errors.marks,
             original: chunk.original,
         })
     }

@@ -1,7 +1,8 @@
 //! What the owner of an outside end sees and does besides bytes: levels of pins, modem lines that
-//! are set by hand, flow control.
+//! are set by hand, flow control, damaged characters, a plug that is out.
 
 use super::Rig;
+use super::line::Mark;
 use super::node::Body;
 
 impl Rig {
@@ -37,6 +38,52 @@ impl Rig {
             && outside.hold(is_held)
         {
             self.nodes[node].stir();
+        }
+    }
+
+    /// Takes the damaged characters that arrived at an outside end since the last call, by their
+    /// places among the bytes that [`take_output`](Self::take_output) gives next; without this call
+    /// that throws them away.
+    pub fn take_marks(&mut self, node: usize) -> Vec<Mark> {
+        match &mut self.nodes[node].body {
+            Body::Outside(outside) => core::mem::take(&mut outside.marks),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Throws away what was injected at an outside end and the line has not taken yet.
+    pub fn discard_input(&mut self, node: usize) {
+        if let Body::Outside(outside) = &mut self.nodes[node].body {
+            outside.to_rig.clear();
+        }
+    }
+
+    /// Input and control modes of the terminal at an outside end, as termios(3) has them, where
+    /// somebody told them. Nothing here looks at them.
+    pub fn terminal_modes(&self, node: usize) -> Option<[u32; 2]> {
+        match &self.nodes[node].body {
+            Body::Outside(outside) => outside.modes,
+            _ => None,
+        }
+    }
+
+    /// Sets them.
+    pub fn set_terminal_modes(&mut self, node: usize, modes: Option<[u32; 2]>) {
+        if let Body::Outside(outside) = &mut self.nodes[node].body {
+            outside.modes = modes;
+        }
+    }
+
+    /// Whether the plug at an outside end is pulled.
+    pub fn is_unplugged(&self, node: usize) -> bool {
+        matches!(&self.nodes[node].body, Body::Outside(outside) if outside.unplugged.0 > 0)
+    }
+
+    /// The name by which the port at an outside end came back, if that is another one.
+    pub fn back_as(&self, node: usize) -> Option<&str> {
+        match &self.nodes[node].body {
+            Body::Outside(outside) => outside.unplugged.1.as_deref(),
+            _ => None,
         }
     }
 }
@@ -92,6 +139,46 @@ mod tests {
         let levels = [(1, 2), (0, 3), (200, 4)].map(|(byte, at)| level(Some(byte), at));
         assert_eq!(levels, [Some(true), Some(false), Some(true)]);
         assert_eq!(level(None, 9), Some(true));
+    }
+
+    /// A break is a damaged character at an open end, in its place among the bytes; a plug that is
+    /// out twice is back when both faults are over.
+    #[test]
+    fn an_end_is_told_of_a_break_and_of_its_plug() {
+        use crate::rig::Disturbance;
+        use crate::rig::line::{Direction, MarkDamage};
+        use protocols::LineEvent;
+        let mut rig = rig();
+        rig.inject(0, &[7]);
+        rig.run_until(Instant::from_millis(1));
+        let (link, direction) = ("pin".to_owned(), Direction::ToMaster);
+        rig.disturb(
+            &Disturbance::Tell {
+                link: link.clone(),
+                direction,
+                begin: LineEvent::Break,
+                end: None,
+            },
+            true,
+        );
+        assert_eq!(rig.output_len(1), 2);
+        let marks = rig.take_marks(1);
+        assert_eq!((marks.len(), marks[0].before), (1, 1));
+        assert_eq!(marks[0].damage, MarkDamage::Break);
+        assert_eq!(&*rig.take_output(1), [7]);
+
+        let unplug = Disturbance::Unplug {
+            link,
+            direction,
+            back_as: Some("other".to_owned()),
+        };
+        let seen = [true, true, false, false].map(|begins| {
+            rig.disturb(&unplug, begins);
+            rig.is_unplugged(1)
+        });
+        assert_eq!(seen, [true, true, true, false]);
+        assert_eq!(rig.back_as(1), Some("other"));
+        assert!(!rig.is_unplugged(0));
     }
 
     /// What is held waits; with the line free again it goes.

@@ -12,7 +12,7 @@ use firmware_core::{Inspect, Master};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::rig::cpu::CpuModel;
-use crate::rig::line::{MESSAGE_MAX, NEVER};
+use crate::rig::line::{MESSAGE_MAX, Mark, MarkDamage, NEVER};
 
 /// An emulated device in a rig: any [`Device`] that owns its data and can be cloned, so that a rig
 /// can go on from one state in several ways.
@@ -58,6 +58,12 @@ pub(super) struct Outside {
     pub(super) to_rig: BytesMut,
     pub(super) from_rig: BytesMut,
     pub(super) change: Option<LineEvent>,
+    /// Damaged characters that arrived, by their places in `from_rig`.
+    pub(super) marks: Vec<Mark>,
+    /// How many faults keep the plug out, and the name by which the port is to come back.
+    pub(super) unplugged: (u32, Option<String>),
+    /// Input and control modes of its client's terminal, where somebody told them.
+    pub(super) modes: Option<[u32; 2]>,
     /// What arrived last.
     pub(super) last: Option<u8>,
     /// What is to be sent stays here.
@@ -78,6 +84,9 @@ impl Outside {
             to_rig: BytesMut::new(),
             from_rig: BytesMut::new(),
             change: None,
+            marks: Vec::new(),
+            unplugged: (0, None),
+            modes: None,
             last: None,
             is_held: false,
             forced: [None; 4],
@@ -119,6 +128,32 @@ impl Outside {
         }
         let taken = bytes.len().min(room);
         self.from_rig.extend_from_slice(&bytes[..taken]);
+    }
+
+    /// What arrives damaged from the rig, before the bytes that come with it.
+    fn mark(&mut self, marks: &[Mark]) {
+        let arrived = self.from_rig.len();
+        let room = OUTSIDE_MAX.saturating_sub(self.marks.len());
+        let marks = marks.iter().take(room).map(|mark| Mark {
+            before: arrived + mark.before,
+            ..*mark
+        });
+        self.marks.extend(marks);
+    }
+
+    /// Its plug is pulled, or comes back in; the port of its owner is `back_as` from then on. What
+    /// its owner wrote before is lost.
+    pub(super) fn plug(&mut self, is_out: bool, back_as: Option<&str>) {
+        self.to_rig.clear();
+        if let Some([to_rig, _]) = &mut self.messages {
+            to_rig.clear();
+        }
+        let (depth, name) = &mut self.unplugged;
+        *depth = match is_out {
+            true => *depth + 1,
+            false => depth.saturating_sub(1),
+        };
+        *name = back_as.map(str::to_owned);
     }
 
     /// Moves what the rig can have now into `buf`; how many bytes that were.
@@ -200,11 +235,26 @@ impl Node {
         }
     }
 
+    /// Characters arrive that are damaged, before the bytes that come with them.
+    pub(super) fn mark(&mut self, marks: &[Mark]) {
+        if let Body::Outside(outside) = &mut self.body
+            && !marks.is_empty()
+        {
+            outside.mark(marks);
+            self.stir();
+        }
+    }
+
     pub(super) fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
         self.stir();
         match &mut self.body {
             Body::Device(device) => device.line_event(port, now, event),
             Body::Program { program, .. } => program.line_event(port, now, event),
+            Body::Outside(outside) if event == LineEvent::Break => outside.mark(&[Mark {
+                before: 0,
+                value: 0,
+                damage: MarkDamage::Break,
+            }]),
             Body::Outside(_) => {}
         }
     }

@@ -5,6 +5,8 @@ use core::time::Duration;
 
 use protocols::{Instant, LineConfig, Parity};
 
+use super::line::passage::{Mark, MarkDamage};
+
 /// Rebuilds the wave form of what was sent and samples it at the receiver's rate.
 ///
 /// Time is counted in units of which a sender's bit has `2 * receiver.baud` and a receiver's bit
@@ -18,6 +20,8 @@ pub(crate) struct Resampler {
     /// When the last bit given ends, and how long the line must stay idle to end a character.
     end: Option<(Instant, Duration)>,
     rates: Option<(LineConfig, LineConfig)>,
+    /// What was read of the characters without a stop bit.
+    marks: Vec<Mark>,
 }
 
 impl Resampler {
@@ -55,6 +59,12 @@ impl Resampler {
         errors += self.sample(&mut received);
         *bytes = received;
         errors
+    }
+
+    /// What the receiver read of the characters without a valid stop bit, by their places among the
+    /// bytes of the last call.
+    pub(crate) fn take_marks(&mut self) -> Vec<Mark> {
+        core::mem::take(&mut self.marks)
     }
 
     /// When [`idle`](Self::idle) is to be called unless more is sent before.
@@ -120,6 +130,15 @@ impl Resampler {
                 received.push(byte);
             } else {
                 errors += 1;
+                let is_low = (1..frame_bits - 1).all(|bit| sample(bit) == Some(false));
+                self.marks.push(Mark {
+                    before: received.len(),
+                    value: byte,
+                    damage: match is_low {
+                        true => MarkDamage::Break,
+                        false => MarkDamage::Framing,
+                    },
+                });
             }
             at = next;
         }
@@ -247,6 +266,31 @@ mod tests {
         assert_eq!(half(&[0x00, 0x00]), (vec![0b0000_1000], 0));
         assert_eq!(half(&[0x03, 0x00, 0x01]), (vec![0b1111_1100], 1));
         assert_eq!(half(&[0x61, 0x62, 0x00]), (vec![], 1));
+    }
+
+    /// By hand, as above: 61 62 00 is C6 with a low stop bit. 03 00 01 is low in all data bits and
+    /// in the stop bit from the edge at 3 on: a break; a sound character follows it.
+    #[test]
+    fn what_has_no_stop_bit_was_read_all_the_same() {
+        let marks = |sent: &[u8]| {
+            let mut resampler = Resampler::default();
+            let [sender, receiver] = [115_200, 57_600].map(LineConfig::new_8n1);
+            let mut bytes = sent.to_vec();
+            resampler.feed(&mut bytes, Instant::ZERO, sender, receiver);
+            resampler.idle(&mut bytes);
+            resampler.take_marks()
+        };
+        let mark = |value, damage| Mark {
+            before: 0,
+            value,
+            damage,
+        };
+        assert_eq!(marks(&[0x48, 0x69]), []);
+        assert_eq!(
+            marks(&[0x61, 0x62, 0x00]),
+            [mark(0xC6, MarkDamage::Framing)]
+        );
+        assert_eq!(marks(&[0x03, 0x00, 0x01]), [mark(0, MarkDamage::Break)]);
     }
 
     /// By hand, bits of the sender, of which the receiver has ten to one of its own: a zero is low

@@ -98,6 +98,7 @@ impl Rig {
                     }
                 }
             }
+            node.mark(&delivery.marks);
             if !delivery.bytes.is_empty() {
                 let bytes = &delivery.bytes;
                 self.trace

@@ -119,6 +119,8 @@ fault_spec! {
     ppm_per_s: f64, -1_000_000.0 to 1_000_000.0;
     /// The other link, by its name.
     with: String;
+    /// For `unplugged`: the name by which the client's port comes back, if it is another one.
+    back_as: String;
     /// Name of what this device can have.
     fault: String;
     /// By which factor, or how much, -1000000 to 1000000.

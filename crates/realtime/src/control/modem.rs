@@ -24,6 +24,10 @@ pub(super) struct Wish {
     pub(super) inputs: [Option<bool>; 4],
     /// A break is to be sent.
     pub(super) sends_break: bool,
+    /// Input and control modes of the client's terminal.
+    pub(super) modes: Option<[u32; 2]>,
+    /// What the client has written and the line has not taken is thrown away.
+    pub(super) discards: bool,
 }
 
 /// A port of the rig.
@@ -65,13 +69,20 @@ pub(super) fn change(
     set(ports, index, outputs, run);
     let node = ports[index].node;
     run.rig.force_lines(node, wish.inputs);
+    if wish.modes.is_some() {
+        run.rig.set_terminal_modes(node, wish.modes);
+    }
+    if wish.discards {
+        run.rig.discard_input(node);
+    }
     if wish.sends_break {
         run.rig.change_line(node, LineEvent::Break);
         // The rig holds one change of the line at a time.
         run.go_on_until(run.rig.now());
     }
     let [dtr, rts] = outputs;
-    let mut lines = json!({"dtr": dtr, "rts": rts});
+    let waiting = run.rig.backlog(node);
+    let mut lines = json!({"dtr": dtr, "rts": rts, "waiting": waiting});
     let seen = ports[index].inputs.bits(&run.rig);
     for input in INPUTS {
         lines[input.name] = (seen & input.bit != 0).into();

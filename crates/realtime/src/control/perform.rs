@@ -126,11 +126,15 @@ impl Office<'_> {
                 ri,
                 dcd,
                 sends_break,
+                modes,
+                discard,
             } => {
                 let wish = Wish {
                     outputs: [dtr, rts],
                     inputs: [cts, dsr, ri, dcd],
                     sends_break,
+                    modes,
+                    discards: discard,
                 };
                 self.modem(session, port.as_deref(), wish)?
             }

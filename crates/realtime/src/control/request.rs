@@ -91,6 +91,12 @@ pub enum Request {
         /// A break is to be sent.
         #[serde(default, rename = "break")]
         sends_break: bool,
+        /// Input and control modes that its client has set, as termios(3) has them.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        modes: Option<[u32; 2]>,
+        /// What its client has written and the line has not taken is thrown away.
+        #[serde(default)]
+        discard: bool,
     },
     /// All faults are to be listed.
     List {},

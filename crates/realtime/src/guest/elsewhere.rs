@@ -9,10 +9,10 @@ use std::process::{ExitCode, Stdio};
 use protocols::Instant;
 
 use super::GuestError;
-use crate::Sign;
 use crate::exec::{Foreign, Seat};
 use crate::process::Ended;
 use crate::transport::PortDir;
+use crate::{PortReport, Sign};
 use engine::run::{Outcome, Run};
 
 /// The hidden command.
@@ -38,6 +38,8 @@ pub struct Played {
     pub spent: String,
     /// What was decided, call by call.
     pub calls: Calls,
+    /// What passed each port.
+    pub reports: Vec<PortReport>,
 }
 
 /// What was decided, call by call.
@@ -123,6 +125,11 @@ impl Trial {
 
     /// How the program ended.
     pub(crate) const fn ended(&self) -> Option<Ended> {
+        match *self {}
+    }
+
+    /// Where the program was when a signal such as SIGSEGV came.
+    pub const fn fault(&self) -> Option<&str> {
         match *self {}
     }
 

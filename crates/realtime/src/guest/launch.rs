@@ -30,13 +30,14 @@ use seccompiler::{
 
 use super::call::Call;
 use super::memory::Memory;
+use super::settings::SETTINGS;
 
 /// The hidden command.
 pub const VERB: &str = "__guest";
 /// The same for a program in real time that has modem lines.
 pub const LINES_VERB: &str = "__guest-lines";
-/// Requests about modem lines.
-const LINES: [u64; 10] = [
+/// Requests about modem lines, and others that a pseudo-terminal does not answer as a serial port.
+const LINES: [u64; 14] = [
     libc::TIOCMGET,
     libc::TIOCMBIS,
     libc::TIOCMBIC,
@@ -47,12 +48,18 @@ const LINES: [u64; 10] = [
     libc::TCSBRKP,
     TIOCMIWAIT,
     TIOCGICOUNT,
+    libc::TIOCOUTQ,
+    libc::TCFLSH,
+    TIOCGSERIAL,
+    TIOCSSERIAL,
 ];
 /// Requests that `libc` does not know for this system.
 pub(super) const TIOCMIWAIT: u64 = 0x545C;
 pub(super) const TIOCGICOUNT: u64 = 0x545D;
 /// The filter's instruction that ends it with a verdict.
 const RETURN: u16 = 0x06;
+pub(super) const TIOCGSERIAL: u64 = 0x541E;
+pub(super) const TIOCSSERIAL: u64 = 0x541F;
 /// Exit code of a launcher that was not allowed to be traced.
 pub(super) const NOT_TRACED: i32 = 125;
 /// Exit code of a launcher that could not put on the filter, or find the shell.
@@ -287,7 +294,7 @@ fn about_children() -> Result<Rules, seccompiler::BackendError> {
 }
 
 fn about_lines() -> Result<Rules, seccompiler::BackendError> {
-    let rules = LINES.iter().map(|&request| {
+    let rules = LINES.iter().chain(&SETTINGS).map(|&request| {
         let is = SeccompCondition::new(1, SeccompCmpArgLen::Dword, SeccompCmpOp::Eq, request)?;
         SeccompRule::new(vec![is])
     });

@@ -6,6 +6,7 @@
 //!                        <-answer--           <------ {"ok":true,..}
 //! ```
 
+mod terminals;
 mod waiters;
 
 use core::time::Duration;
@@ -15,7 +16,7 @@ use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
 use nix::libc;
@@ -34,6 +35,8 @@ use super::{GuestError, launch};
 use crate::control;
 use crate::exec::{PORTS_VARIABLE, port_variable, terminal_of};
 use crate::process::LINES_VARIABLE;
+use crate::transport::Settings;
+use terminals::Done;
 use waiters::Waiter;
 
 /// How long the rig may take to answer; a rig that is just ending never does.
@@ -65,7 +68,11 @@ pub fn run_with_lines(dir: &Path, command: &[OsString], speaks: Stdio) -> Result
     let mut tracer = Tracer {
         rig: Some(Rig::find(dir).map_err(no_rig)?),
         ports: ports_in(dir).map_err(no_rig)?,
+        dir: dir.to_owned(),
         lines: BTreeMap::new(),
+        waiting: 0,
+        settings: BTreeMap::new(),
+        serial_flags: BTreeMap::new(),
         known: BTreeSet::new(),
         waiters: BTreeMap::new(),
         halted: BTreeSet::new(),
@@ -142,6 +149,11 @@ fn ports_in(dir: &Path) -> io::Result<BTreeMap<u64, String>> {
     Ok(ports)
 }
 
+/// Whether a device number is that of a client's side of a pseudo-terminal.
+fn is_pseudo_terminal(device: u64) -> bool {
+    matches!(rustix::fs::major(device), 136..=143)
+}
+
 /// The rig, as its control socket is reached.
 struct Rig(BufReader<UnixStream>);
 
@@ -168,6 +180,12 @@ struct Tracer {
     /// `None` once it does not answer any more.
     rig: Option<Rig>,
     ports: BTreeMap<u64, String>,
+    dir: PathBuf,
+    /// What clients have set, by the port's device number.
+    settings: BTreeMap<u64, Settings>,
+    serial_flags: BTreeMap<u64, u32>,
+    /// Bytes that wait for the line at the port that was asked for last.
+    waiting: u64,
     /// The lines of each port as they were last.
     lines: BTreeMap<String, u32>,
     /// Threads that have been seen.
@@ -276,15 +294,32 @@ impl Tracer {
             return false;
         }
         let [fd, request, argument, ..] = call.args;
-        let device = std::fs::metadata(format!("/proc/{pid}/fd/{fd}"));
-        let device = device.map_or(0, |data| data.rdev());
-        let Some(port) = self.ports.get(&device).cloned() else {
+        let Some((device, port)) = self.port_at(pid, fd) else {
             return false;
         };
+        let file = terminals::copy_of(pid, fd);
+        if file.as_ref().is_none_or(terminals::is_hung_up) {
+            // The kernel refuses everything there.
+            return false;
+        }
+        if let Some(file) = file
+            && terminals::is_one(request, argument)
+        {
+            return match self.about_terminal(pid, &call, (device, &port), &file) {
+                Done::ByKernel => false,
+                Done::Later => {
+                    self.insert_waiter(pid, Waiter::for_sent(call, device, port));
+                    true
+                }
+                Done::With(result) => {
+                    let _ = call.answer(pid, result);
+                    false
+                }
+            };
+        }
         if request == launch::TIOCMIWAIT {
             let lines = self.ask(&port, &json!({"do": "modem", "port": port}));
-            let waiter = Waiter::new(call, port, lines, argument);
-            self.waiters.insert(pid.as_raw(), waiter);
+            self.insert_waiter(pid, Waiter::for_line(call, device, port, lines, argument));
             return true;
         }
         if let Some(done) = self.change(Memory(pid), &port, request, argument) {
@@ -292,6 +327,21 @@ impl Tracer {
             let _ = call.answer(pid, result);
         }
         false
+    }
+
+    /// The port that is behind a file, and its device number.
+    fn port_at(&mut self, pid: Pid, fd: u64) -> Option<(u64, String)> {
+        let data = std::fs::metadata(format!("/proc/{pid}/fd/{fd}")).ok()?;
+        let device = data.rdev();
+        if !self.ports.contains_key(&device) && is_pseudo_terminal(device) {
+            // A port whose plug was out has come back as another one.
+            self.ports = ports_in(&self.dir).unwrap_or_default();
+        }
+        Some((device, self.ports.get(&device)?.clone()))
+    }
+
+    fn insert_waiter(&mut self, pid: Pid, waiter: Waiter) {
+        self.waiters.insert(pid.as_raw(), waiter);
     }
 
     /// `None` if the kernel is to do it.
@@ -318,8 +368,6 @@ impl Tracer {
             libc::TIOCCBRK => return Some(Ok(())),
             // What a driver counts is not known here.
             launch::TIOCGICOUNT => return Some(memory.write(argument, &[0; 80])),
-            // With an argument it only waits until all has left.
-            libc::TCSBRK if argument != 0 => return None,
             _ => Ok(json!({"do": "modem", "port": port, "break": true})),
         };
         let wish = match wish {
@@ -341,9 +389,10 @@ impl Tracer {
                 let is_on = |&&(name, _): &&(&str, u32)| answer[name] == true;
                 let lines = BITS.iter().filter(is_on).map(|(_, bit)| bit).sum();
                 self.lines.insert(port.to_owned(), lines);
+                self.waiting = answer["waiting"].as_u64().unwrap_or(0);
             }
             // The program is not to wait for a rig that has ended.
-            _ => self.rig = None,
+            _ => (self.rig, self.waiting) = (None, 0),
         }
         self.lines.get(port).copied().unwrap_or(0)
     }

@@ -3,17 +3,16 @@
 //! The program's time and the rig's run together, but the rig's begins when the program has opened
 //! its ports.
 
+mod terminals;
+
 use core::time::Duration;
-use std::os::fd::OwnedFd;
+use std::collections::BTreeSet;
 use std::os::unix::fs::MetadataExt as _;
 
 use protocols::{Instant, LineEvent};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::io::ioctl_fionread;
-use rustix::termios::{InputModes, LocalModes, tcgetattr};
 
 use crate::Realtime;
-use crate::clock::{Clock as _, SimClock, WallClock};
+use crate::clock::SimClock;
 use crate::exec::{Ports, Readiness};
 use crate::inputs::INPUTS;
 use crate::transport::TransportError;
@@ -22,17 +21,6 @@ use engine::run::Run;
 
 /// Between two looks at what the program does with its ports, and longest step of time.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
-/// As many bytes as a terminal shows to be there.
-const SHOWN_MAX: u64 = 4095;
-/// Looks for bytes on their way from one end of a terminal to the other: at first one after the
-/// other, then at a pace in wall time. They are counted, so that one that was held up itself, with
-/// the whole machine perhaps, gives nothing up.
-const HASTY_LOOKS: u32 = 1_000;
-const LOOK_PACE: Duration = Duration::from_millis(1);
-/// After so many slow ones they are not on their way any more; where the terminal passes on all
-/// that it is given, and nobody but this supervisor reads it, that cannot be.
-const LOOKS: u32 = 200;
-const LOOKS_IF_RAW: u32 = 20_000;
 /// Bits of modem lines, as TIOCMGET has them.
 const DTR: u32 = 0x002;
 const RTS: u32 = 0x004;
@@ -40,15 +28,21 @@ const OUTPUTS: u32 = DTR | RTS;
 
 /// A port as its client sees it.
 #[derive(Clone, Copy, Debug)]
-struct Slot {
+pub(super) struct Slot {
     /// The device's number.
     device: u64,
-    /// Bytes that the client has taken, or that were thrown away.
-    taken: u64,
-    /// Bytes that were brought to it when somebody looked last, and when more came.
+    /// How many ports there were at its place so far.
+    made: u64,
+    /// Bytes that were brought to its client when somebody looked last, and when more came.
     brought: u64,
     heard: Instant,
     is_open: bool,
+    /// The client may send.
+    may_send: bool,
+    /// The client has it to itself (TIOCEXCL).
+    pub(super) is_exclusive: bool,
+    /// What a client has set by TIOCSSERIAL: its flags.
+    pub(super) serial_flags: u32,
     /// What the client has set of DTR and RTS.
     outputs: u32,
     /// The ports on which those two reach a device, a byte a level.
@@ -86,6 +80,12 @@ pub(super) struct Stage {
     /// The rig stands: the run is over.
     pub(super) is_frozen: bool,
     slots: Vec<Slot>,
+    /// Devices that hung up.
+    gone: BTreeSet<u64>,
+    /// Calls in a row at such a one that did not wait.
+    fruitless: u32,
+    /// What is to be said of that.
+    pub(super) busy: Option<String>,
     has_delivered: bool,
     /// The program may have done something to a port besides sending.
     is_touched: bool,
@@ -100,11 +100,12 @@ impl Stage {
     /// `ports` is what is to be seen of those that `realtime` serves.
     pub(super) fn new(
         run: Run,
-        realtime: Realtime<SimClock>,
+        mut realtime: Realtime<SimClock>,
         ports: Ports,
         wait: Duration,
         mouth: (u64, u64),
     ) -> Self {
+        realtime.model_terminals();
         let names: Vec<String> = realtime.names().map(str::to_owned).collect();
         let pin = |name: &str, pin| {
             let wanted = format!("{name}-{pin}");
@@ -113,10 +114,13 @@ impl Stage {
         let slots = realtime.places().map(|place| Slot {
             pins: [pin(place.name, "dtr"), pin(place.name, "rts")],
             device: std::fs::metadata(place.path).map_or(0, |data| data.rdev()),
-            taken: 0,
+            made: 1,
             brought: 0,
             heard: Instant::ZERO,
             is_open: false,
+            may_send: true,
+            is_exclusive: false,
+            serial_flags: 0,
             outputs: 0,
             inputs: 0,
             changes: [0; 4],
@@ -135,6 +139,9 @@ impl Stage {
             readiness: Readiness::new(wait),
             now: Instant::ZERO,
             begun: None,
+            gone: BTreeSet::new(),
+            fruitless: 0,
+            busy: None,
             is_frozen: false,
             has_delivered: false,
             is_touched: false,
@@ -272,8 +279,25 @@ impl Stage {
                 slot.note_inputs(inputs);
                 has_delivered = true;
             }
-            if !is_open {
-                slot.taken = brought;
+            let may_send = self
+                .realtime
+                .terminal(port)
+                .is_none_or(|it| !it.is_stopped());
+            has_delivered |= may_send && !core::mem::replace(&mut slot.may_send, may_send);
+            let made = self.realtime.made(port);
+            let is_there = self.realtime.terminal(port).is_some();
+            if (slot.device != 0 && !is_there) || made != slot.made {
+                // Its plug was pulled: what its clients have open is hung up for good.
+                self.gone.extend((slot.device != 0).then_some(slot.device));
+                slot.device = 0;
+                has_delivered = true;
+            }
+            if is_there && slot.device == 0 {
+                let path = self.realtime.places().nth(port).map(|place| place.path);
+                let data = path.and_then(|path| std::fs::metadata(path).ok());
+                slot.device = data.map_or(0, |data| data.rdev());
+                slot.made = made;
+                self.gone.remove(&slot.device);
             }
             if is_open != slot.is_open {
                 slot.is_open = is_open;
@@ -287,6 +311,7 @@ impl Stage {
         // A serial port raises its lines when it is opened, and lowers them when it is closed.
         for port in turned {
             let lines = if self.slots[port].is_open { OUTPUTS } else { 0 };
+            self.slots[port].is_exclusive = false;
             self.set_modem(port, lines);
         }
         self.has_delivered |= has_delivered;
@@ -343,7 +368,10 @@ impl Stage {
     }
 
     /// Bytes of a client that may be written now.
-    pub(super) fn room(&self, port: usize) -> usize {
+    pub(super) fn room(&mut self, port: usize) -> usize {
+        if self.terminal(port).is_some_and(|it| it.is_stopped()) {
+            return 0;
+        }
         self.realtime.room(port, &self.run.rig)
     }
 
@@ -355,40 +383,6 @@ impl Stage {
     /// When the port brought something last.
     pub(super) fn heard(&self, port: usize) -> Instant {
         self.slots[port].heard
-    }
-
-    /// The client has taken bytes.
-    pub(super) fn took(&mut self, port: usize, len: usize) {
-        self.slots[port].taken += len as u64;
-    }
-
-    /// The client throws away what it has not read.
-    pub(super) fn forget_unread(&mut self, port: usize) {
-        self.slots[port].taken = self.slots[port].brought;
-    }
-
-    /// Waits until the kernel shows at `fd`, the client's side, what was put into the port: it
-    /// brings bytes across on a thread of its own.
-    pub(super) fn settle(&mut self, port: usize, fd: &OwnedFd) {
-        let slot = &mut self.slots[port];
-        let unread = slot.brought.saturating_sub(slot.taken);
-        if let Some(shown) = missed(fd, unread.min(SHOWN_MAX)) {
-            // Somebody else has taken them: what is shown is the truth.
-            slot.taken = slot.brought - shown.min(slot.brought);
-        }
-    }
-
-    /// The same for all ports, without a file of the client's.
-    pub(super) fn settle_all(&mut self) {
-        for port in 0..self.slots.len() {
-            let slot = self.slots[port];
-            if slot.is_open
-                && slot.brought > slot.taken
-                && let Some(fd) = self.realtime.client_side(port)
-            {
-                self.settle(port, &fd);
-            }
-        }
     }
 
     /// The modem lines of a port, as TIOCMGET has them.
@@ -419,115 +413,5 @@ impl Stage {
     pub(super) fn send_break(&mut self, port: usize) {
         self.realtime
             .change_line(port, LineEvent::Break, &mut self.run);
-    }
-}
-
-/// Waits until `fd` shows `expected` bytes; if some of them are not on their way, what it shows
-/// instead.
-fn missed(fd: &OwnedFd, expected: u64) -> Option<u64> {
-    let shows = || ioctl_fionread(fd).unwrap_or(u64::MAX);
-    if shows() >= expected {
-        return None;
-    }
-    let clock = WallClock::start();
-    let mut looks = 0;
-    loop {
-        // Before it says that there is nothing the kernel brings across whatever is on its way.
-        let is_nothing = !is_readable(fd);
-        let shown = shows();
-        if shown >= expected {
-            return None;
-        }
-        if is_nothing {
-            return Some(shown);
-        }
-        looks += 1;
-        if looks <= HASTY_LOOKS {
-            std::thread::yield_now();
-            continue;
-        }
-        let most = if is_raw(fd) { LOOKS_IF_RAW } else { LOOKS };
-        if looks - HASTY_LOOKS > most {
-            return Some(shown);
-        }
-        clock.sleep_until(clock.now() + LOOK_PACE);
-    }
-}
-
-fn is_readable(fd: &OwnedFd) -> bool {
-    let mut fds = [PollFd::new(fd, PollFlags::IN)];
-    let done = poll(&mut fds, Some(&Timespec::default()));
-    done.is_ok() && !fds[0].revents().is_empty()
-}
-
-/// Whether a terminal passes on all that it is given, and nothing else.
-fn is_raw(fd: &OwnedFd) -> bool {
-    let takes = InputModes::IGNCR | InputModes::IXON | InputModes::PARMRK;
-    let edits = LocalModes::ICANON | LocalModes::ISIG | LocalModes::IEXTEN;
-    tcgetattr(fd).is_ok_and(|modes| {
-        !modes.input_modes.intersects(takes) && !modes.local_modes.intersects(edits)
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use rustix::pty::{OpenptFlags, ioctl_tiocgptpeer, openpt, unlockpt};
-    use rustix::termios::{OptionalActions, Termios, tcsetattr};
-
-    use super::*;
-
-    /// The rig's end of a terminal and its client's, set up by `modes`.
-    fn terminal(modes: impl FnOnce(&mut Termios)) -> [OwnedFd; 2] {
-        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY;
-        let rig = openpt(flags).expect("Linux has some");
-        unlockpt(&rig).expect("it is new");
-        let client = ioctl_tiocgptpeer(&rig, flags).expect("it is new");
-        let mut termios = tcgetattr(&client).expect("a terminal");
-        termios.make_raw();
-        modes(&mut termios);
-        tcsetattr(&client, OptionalActions::Now, &termios).expect("a terminal");
-        [rig, client]
-    }
-
-    fn write(rig: &OwnedFd, bytes: &[u8]) {
-        assert_eq!(rustix::io::write(rig, bytes), Ok(bytes.len()));
-    }
-
-    /// Two runs of one program once parted by it: a machine that stood for a while.
-    #[test]
-    fn bytes_that_are_late_are_waited_for() {
-        let [rig, client] = terminal(|_| {});
-        write(&rig, b"ten bytes.");
-        let late = std::thread::spawn(move || {
-            let clock = WallClock::start();
-            clock.sleep_until(Instant::from_millis(500));
-            write(&rig, b"and twelve..");
-            rig
-        });
-        assert_eq!(missed(&client, 22), None);
-        drop(late.join());
-    }
-
-    #[test]
-    fn bytes_that_somebody_took_are_not_waited_for() {
-        let [rig, client] = terminal(|_| {});
-        write(&rig, b"taken");
-        let mut taken = [0; 5];
-        assert_eq!(rustix::io::read(&client, &mut taken), Ok(5));
-        assert_eq!(missed(&client, 5), Some(0));
-    }
-
-    #[test]
-    fn bytes_that_the_terminal_eats_are_not_waited_for() {
-        // \r is left out: of "a\rb" two bytes come.
-        let [rig, client] = terminal(|modes| modes.input_modes |= InputModes::IGNCR);
-        write(&rig, b"a\rb");
-        assert_eq!(missed(&client, 3), Some(2));
-        // Only whole lines can be read.
-        let [rig, client] = terminal(|modes| modes.local_modes |= LocalModes::ICANON);
-        write(&rig, b"no line");
-        assert_eq!(missed(&client, 7), Some(0));
-        write(&rig, b" yet\n");
-        assert_eq!(missed(&client, 12), None);
     }
 }

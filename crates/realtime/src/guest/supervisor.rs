@@ -1,6 +1,7 @@
 //! The loop: lets one thread run until it blocks, then the next; when all are blocked, time moves.
 
 mod clocks;
+mod crash;
 mod death;
 mod dispatch;
 mod fifos;
@@ -130,6 +131,8 @@ pub(super) struct Supervisor {
     notes: Vec<String>,
     /// How the first process ended: the system's status.
     pub(super) root_status: Option<i32>,
+    /// Where the last fault was.
+    fault: Option<String>,
     pub(super) trouble: Option<GuestError>,
 }
 
@@ -181,6 +184,7 @@ impl Supervisor {
             watchdog: Watchdog::start(root.as_raw(), settings.supervision.spin_max),
             notes: Vec::new(),
             root_status: None,
+            fault: None,
             trouble: None,
         };
         new.add_thread(root, root, None);

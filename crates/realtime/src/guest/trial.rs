@@ -29,7 +29,7 @@ use crate::process::LINES_VARIABLE;
 use crate::process::words::{Words, listen};
 use crate::process::{Ended, Farewell, Left, command_of};
 use crate::transport::{Note, PortDir};
-use crate::{Realtime, Sign};
+use crate::{PortReport, Realtime, Sign};
 use engine::run::check::Check;
 use engine::run::{Outcome, Run};
 
@@ -76,6 +76,8 @@ pub struct Played {
     pub spent: String,
     /// What was decided, call by call.
     pub calls: Calls,
+    /// What passed each port.
+    pub reports: Vec<PortReport>,
 }
 
 impl Trial {
@@ -215,6 +217,11 @@ impl Trial {
         self.ended.map(|(ended, _)| ended)
     }
 
+    /// Where the program was when a signal such as SIGSEGV came.
+    pub fn fault(&self) -> Option<&str> {
+        self.supervisor.fault()
+    }
+
     /// Who computes on and on.
     pub fn spins(&self) -> Option<&str> {
         self.spins.as_deref()
@@ -241,9 +248,11 @@ impl Trial {
             mut run,
             realtime,
             ports,
+            busy,
             ..
         } = stage;
         let recorded = run.rig.finish_taps();
+        let reports = realtime.reports().collect();
         // The ports stay until the program has ended: it is not to be told that they went away.
         drop((realtime, self.dir));
         let mut outcome = run.judge();
@@ -255,6 +264,7 @@ impl Trial {
         ];
         own.extend(
             self.spins
+                .or(busy)
                 .map(|spins| Check::new("program-yields", false, spins)),
         );
         add_checks(&mut outcome, own);
@@ -265,6 +275,7 @@ impl Trial {
             notes,
             spent,
             calls,
+            reports,
         }
     }
 

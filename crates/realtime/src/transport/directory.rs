@@ -141,6 +141,7 @@ impl PortDir {
             Ok(()) => Ok(Link {
                 path,
                 target: target.to_owned(),
+                record: self.record.try_clone().map_err(fail)?,
             }),
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
                 Err(TransportError::Occupied { path })
@@ -216,11 +217,51 @@ fn replace_file(path: &Path, text: &str) -> io::Result<()> {
 pub(super) struct Link {
     path: PathBuf,
     target: PathBuf,
+    record: File,
 }
 
 impl Link {
     pub(super) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Takes the name away.
+    pub(super) fn withdraw(&self) {
+        remove_link(&self.path, &self.target);
+    }
+
+    /// Publishes another `target`, under `name` if that is given.
+    ///
+    /// # Errors
+    /// If something else has taken the name meanwhile.
+    pub(super) fn publish_again(
+        &mut self,
+        name: Option<&str>,
+        target: &Path,
+    ) -> Result<(), TransportError> {
+        self.withdraw();
+        if let Some(name) = name {
+            self.path.set_file_name(name);
+        }
+        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
+        // As in `PortDir::publish`.
+        let recorded = writeln!(&self.record, "{name} {}", target.display());
+        let made = recorded.and_then(|()| symlink(target, &self.path));
+        match made {
+            Ok(()) => {
+                target.clone_into(&mut self.target);
+                Ok(())
+            }
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                Err(TransportError::Occupied {
+                    path: self.path.clone(),
+                })
+            }
+            Err(source) => Err(TransportError::Directory {
+                path: self.path.parent().unwrap_or(&self.path).to_owned(),
+                source,
+            }),
+        }
     }
 }
 

@@ -7,6 +7,11 @@
 //!
 //! The master has no notion of "open": it reports a hang-up after the last client closed, until the
 //! next one opens. A terminal that nobody ever opened reports none, so we open and close it once.
+//!
+//! How much a client has not read only the kernel knows: the client may read a part, or flush. The
+//! count kept here is an upper bound; the kernel is asked before a byte is given up for lost.
+
+mod ask;
 
 use std::collections::VecDeque;
 use std::ffi::OsStr;
@@ -20,27 +25,45 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, ioctl_tiocgptpeer, openpt, ptsname, unlockpt};
-use rustix::termios::{
-    ControlModes, OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr,
-};
+use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 
 use super::directory::{Link, PortDir};
+use super::terminal::{Code, Settings, Terminal};
 use super::watch::Watch;
 use super::{Counters, PortEvent, Transport, TransportError};
+use engine::rig::line::Mark;
 
 /// The rig's end of a pseudo-terminal.
 #[derive(Debug)]
 pub struct Pty {
     link: Link,
-    master: OwnedFd,
-    watch: Watch,
+    line: LineConfig,
+    /// `None` as long as its plug is out.
+    plugged: Option<Plugged>,
+    /// Counts the terminals that were made for this port.
+    made: u64,
     open: bool,
-    /// Bytes written since the client last read anything, or opened.
+    /// Most bytes that the client may not have read yet; see [`ask`].
     unread: usize,
+    /// Bytes written since the client was last seen to read.
+    since_read: usize,
+    asked: ask::Asked,
     reads: u64,
     baud: u32,
+    terminal: Terminal,
+    /// Whether its client's supervisor told the settings that the kernel does not keep.
+    is_told: bool,
+    /// What the terminal itself sends.
+    own: VecDeque<u8>,
     counters: Counters,
     events: VecDeque<PortEvent>,
+}
+
+/// A pseudo-terminal that is there.
+#[derive(Debug)]
+struct Plugged {
+    master: OwnedFd,
+    watch: Watch,
 }
 
 impl Pty {
@@ -63,12 +86,18 @@ impl Pty {
         let watch = Watch::new(node);
         Ok(Self {
             link: dir.publish(name, node)?,
-            master,
-            watch,
+            line,
+            plugged: Some(Plugged { master, watch }),
+            made: 1,
             open: false,
             unread: 0,
+            since_read: 0,
+            asked: ask::Asked::default(),
             reads: 0,
             baud: line.baud,
+            terminal: Terminal::default(),
+            is_told: false,
+            own: VecDeque::new(),
             counters: Counters::default(),
             events: VecDeque::new(),
         })
@@ -79,13 +108,21 @@ impl Pty {
         self.open
     }
 
+    fn master(&self) -> Option<&OwnedFd> {
+        self.plugged.as_ref().map(|plugged| &plugged.master)
+    }
+
     /// Notices who came and went; whether anybody is there.
     fn look(&mut self) -> bool {
         let open = !self.is_hung_up();
-        let seen = self.watch.look(open);
+        let Some(plugged) = &mut self.plugged else {
+            return false;
+        };
+        let seen = plugged.watch.look(open);
         if seen.read {
             self.reads += 1;
-            self.unread = 0;
+            self.since_read = 0;
+            self.asked.is_due = true;
         }
         if open && !self.open {
             self.opened();
@@ -99,43 +136,103 @@ impl Pty {
 
     fn opened(&mut self) {
         self.open = true;
-        self.unread = 0;
+        self.forget_unread();
         self.events.push_back(PortEvent::Opened);
     }
 
     fn closed(&mut self) {
         self.open = false;
         self.discard_unread();
+        self.terminal.close();
         self.events.push_back(PortEvent::Closed);
+        self.open_up();
+    }
+
+    /// Who took the port for itself alone has closed it. That ends with the last client of a serial
+    /// port, but not of a pseudo-terminal: another one takes its place.
+    fn open_up(&mut self) {
+        let Some(master) = self.master() else {
+            return;
+        };
+        if open_client_side(master).err() != Some(Errno::BUSY) {
+            return;
+        }
+        let settings = tcgetattr(master);
+        self.unplug();
+        if self.plug(None).is_ok()
+            && let (Ok(settings), Some(master)) = (settings, self.master())
+        {
+            let _ = tcsetattr(master, OptionalActions::Now, &settings);
+        }
     }
 
     fn is_hung_up(&self) -> bool {
-        let mut fds = [PollFd::new(&self.master, PollFlags::empty())];
+        let Some(master) = self.master() else {
+            return true;
+        };
+        let mut fds = [PollFd::new(master, PollFlags::empty())];
         let polled = poll(&mut fds, Some(&Timespec::default()));
         polled.is_ok() && fds[0].revents().contains(PollFlags::HUP)
     }
 
-    /// Throws away what no client has read yet. The kernel would keep it for the next one.
-    fn discard_unread(&mut self) {
-        self.unread = 0;
-        // First what is still on its way to the client's side, then what has arrived there; that
-        // queue can only be reached from that side. A client that came at this moment and took the
-        // port for itself may refuse us; then it finds a few old bytes, as after a real reopening.
-        let _ = tcflush(&self.master, QueueSelector::OFlush);
-        if let Ok(client_side) = open_client_side(&self.master) {
-            let _ = tcflush(&client_side, QueueSelector::IFlush);
+    /// Takes note of the baud rate that the client has set; the master sees it.
+    fn check_baud(&mut self) {
+        let baud = match self.terminal.is_whole() {
+            true => Some(self.terminal.settings().speeds[1]),
+            false => self.kernel_settings().map(|settings| settings.speeds[1]),
+        };
+        if let Some(baud) = baud.filter(|&baud| baud != self.baud) {
+            self.baud = baud;
+            self.events.push_back(PortEvent::BaudChanged(baud));
         }
     }
 
-    /// Takes note of the baud rate that the client has set; the master sees it.
-    fn check_baud(&mut self) {
-        if let Ok(termios) = tcgetattr(&self.master) {
-            let baud = termios.output_speed();
-            if baud != self.baud {
-                self.baud = baud;
-                self.events.push_back(PortEvent::BaudChanged(baud));
+    /// The settings that the kernel keeps of the client's.
+    fn kernel_settings(&self) -> Option<Settings> {
+        let termios = tcgetattr(self.master()?).ok()?;
+        Some(Settings::of_kernel(&termios))
+    }
+
+    /// What the client gets to read of what arrived.
+    fn received(&mut self, bytes: &[u8], marks: &[Mark]) -> Vec<u8> {
+        if !self.terminal.is_whole() && !self.is_told {
+            // The kernel does it all but for damaged characters. It doubles FF if they are to be
+            // marked, and a mark that was put in here as well.
+            let settings = self.kernel_settings().filter(|_| !marks.is_empty());
+            let Some(settings) = settings else {
+                return bytes.to_vec();
+            };
+            self.terminal.set(settings.without_marks());
+        }
+        let received = self.terminal.receive(bytes, marks);
+        if received.flushes {
+            let terminal = self.terminal.clone();
+            self.discard_unread();
+            self.terminal = terminal;
+        }
+        self.counters.overrun += received.lost as u64;
+        received.ready
+    }
+
+    /// Puts bytes where the client reads them; how many there was room for.
+    fn put(&mut self, bytes: &[u8]) -> usize {
+        let room = self.room(bytes.len());
+        let Some(Plugged { master, .. }) = &self.plugged else {
+            return 0;
+        };
+        let mut written = 0;
+        while written < room {
+            match rustix::io::write(master, &bytes[written..room]) {
+                Ok(len) if len > 0 => written += len,
+                Err(Errno::INTR) => {}
+                // The kernel's own buffer is full. Any other failure shows in the next read.
+                _ => break,
             }
         }
+        self.unread += written;
+        self.since_read += written;
+        self.counters.overrun += (bytes.len() - written) as u64;
+        written
     }
 }
 
@@ -145,7 +242,18 @@ impl Transport for Pty {
         if buf.is_empty() {
             return Ok(0);
         }
-        match rustix::io::read(&self.master, buf) {
+        self.own.extend(self.terminal.take_own());
+        if !self.own.is_empty() {
+            let len = buf.len().min(self.own.len());
+            for (to, from) in buf.iter_mut().zip(self.own.drain(..len)) {
+                *to = from;
+            }
+            return Ok(len);
+        }
+        let Some(Plugged { master, .. }) = &self.plugged else {
+            return Ok(0);
+        };
+        match rustix::io::read(master, &mut *buf) {
             Ok(len) => {
                 if !self.open {
                     // Came, sent and went between two looks.
@@ -153,6 +261,10 @@ impl Transport for Pty {
                 }
                 // After reading: the client set its rate before it sent these bytes.
                 self.check_baud();
+                if self.is_told {
+                    let sent = self.terminal.send(&buf[..len]);
+                    buf[..len].copy_from_slice(&sent);
+                }
                 Ok(len)
             }
             // The system's way of saying that no client is there.
@@ -174,35 +286,40 @@ impl Transport for Pty {
     }
 
     fn write(&mut self, bytes: &[u8]) -> usize {
+        self.write_marked(bytes, &[])
+    }
+
+    fn write_marked(&mut self, bytes: &[u8], marks: &[Mark]) -> usize {
         if !self.look() {
             self.counters.unheard += bytes.len() as u64;
             return 0;
         }
-        let room = Self::UNREAD_MAX
-            .saturating_sub(self.unread)
-            .min(bytes.len());
-        let mut written = 0;
-        while written < room {
-            match rustix::io::write(&self.master, &bytes[written..room]) {
-                Ok(len) if len > 0 => written += len,
-                Err(Errno::INTR) => {}
-                // The kernel's own buffer is full. Any other failure shows in the next read.
-                _ => break,
-            }
+        let is_plain = marks.is_empty() && !self.is_told && !self.terminal.is_whole();
+        if is_plain {
+            return self.put(bytes);
         }
-        self.unread += written;
-        self.counters.overrun += (bytes.len() - written) as u64;
-        written
+        let ready = self.received(bytes, marks);
+        self.put(&ready)
     }
 
-    /// What its client has not read yet is lost with the terminal. How much that is the system does
-    /// not say, but the client is seen to read.
+    /// What its client has not read yet is lost with the terminal.
     fn is_drained(&mut self) -> bool {
-        !self.look() || self.unread == 0
+        if !self.look() {
+            return true;
+        }
+        if self.terminal.is_whole() {
+            let terminal = &self.terminal;
+            let is_short = !terminal.is_canonical() && !terminal.is_readable();
+            return !terminal.is_waiting() || is_short;
+        }
+        self.since_read == 0 || !self.may_be_read()
     }
 
     fn reads(&self) -> Option<u64> {
-        self.watch.fd().map(|_| self.reads)
+        match &self.plugged {
+            Some(plugged) => plugged.watch.fd().map(|_| self.reads),
+            None => Some(self.reads),
+        }
     }
 
     fn next_event(&mut self) -> Option<PortEvent> {
@@ -218,26 +335,98 @@ impl Transport for Pty {
     }
 
     fn has_flow_control(&self) -> bool {
-        let modes = tcgetattr(&self.master).map(|termios| termios.control_modes);
-        modes.is_ok_and(|modes| modes.contains(ControlModes::CRTSCTS))
+        let crtscts = ControlModes::CRTSCTS.bits();
+        let settings = match self.terminal.is_whole() {
+            true => Some(*self.terminal.settings()),
+            false => self.kernel_settings(),
+        };
+        settings.is_some_and(|settings| settings.control & crtscts != 0)
     }
 
     fn client_side(&self) -> Option<OwnedFd> {
-        open_client_side(&self.master).ok()
+        open_client_side(self.master()?).ok()
+    }
+
+    fn unplug(&mut self) {
+        // The kernel hangs up the client's files as it does those of a USB adapter that goes.
+        if self.plugged.take().is_none() {
+            return;
+        }
+        self.link.withdraw();
+        self.forget_unread();
+        self.own.clear();
+        if core::mem::take(&mut self.open) {
+            self.events.push_back(PortEvent::Closed);
+        }
+    }
+
+    fn plug(&mut self, name: Option<&str>) -> Result<(), TransportError> {
+        if self.plugged.is_some() {
+            return Ok(());
+        }
+        let (master, node) = make(self.line.baud).map_err(|source| TransportError::Pty {
+            path: self.path().to_owned(),
+            source,
+        })?;
+        let node = Path::new(OsStr::from_bytes(node.as_bytes()));
+        let watch = Watch::new(node);
+        self.link.publish_again(name, node)?;
+        self.plugged = Some(Plugged { master, watch });
+        self.made += 1;
+        let is_whole = self.terminal.is_whole();
+        (self.terminal, self.is_told) = (Terminal::default(), false);
+        if is_whole {
+            self.model();
+        }
+        self.check_baud();
+        Ok(())
+    }
+
+    fn made(&self) -> u64 {
+        self.made
+    }
+
+    fn model(&mut self) {
+        let settings = self.kernel_settings().unwrap_or_default();
+        self.terminal = Terminal::whole(settings);
+    }
+
+    fn terminal(&mut self) -> Option<&mut Terminal> {
+        (self.terminal.is_whole() && self.plugged.is_some()).then_some(&mut self.terminal)
+    }
+
+    fn set_terminal(&mut self, settings: Settings) -> usize {
+        let ready = self.terminal.set(settings);
+        self.check_baud();
+        self.put(&ready)
+    }
+
+    fn tell(&mut self, settings: Settings) {
+        self.is_told = true;
+        self.terminal.set(settings);
     }
 
     fn readiness<'a>(&'a self, fds: &mut Vec<BorrowedFd<'a>>) {
-        fds.extend(self.watch.fd());
+        let Some(plugged) = &self.plugged else {
+            return;
+        };
+        fds.extend(plugged.watch.fd());
         // A hung-up master is ready all the time: waiting for it would be a busy loop.
         if self.open && !self.is_hung_up() {
-            fds.push(self.master.as_fd());
+            fds.push(plugged.master.as_fd());
         }
     }
 
     fn stirs(&self) -> Option<Vec<BorrowedFd<'_>>> {
-        let mut fds = vec![self.watch.fd()?];
+        let Some(plugged) = &self.plugged else {
+            return Some(Vec::new());
+        };
+        if !self.own.is_empty() {
+            return None;
+        }
+        let mut fds = vec![plugged.watch.fd()?];
         // Nobody is there, and so it is hung up.
-        fds.extend(self.open.then(|| self.master.as_fd()));
+        fds.extend(self.open.then(|| plugged.master.as_fd()));
         Some(fds)
     }
 }

@@ -135,7 +135,8 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
                 out,
                 "<p>smallest case: <a href=\"{case}\">{case}</a>, {left}"
             )?;
-            write!(out, "<p><code>hilrig run {case}</code>")?;
+            let exec = Escaped(merged.plan.exec.as_deref().unwrap_or_default());
+            write!(out, "<p><code>hilrig run {case}{exec}</code>")?;
         }
         write!(
             out,

@@ -1,3 +1,4 @@
+use core::time::Duration;
 use std::path::Path;
 
 use super::subject::{Behaviour, Kept, Subject, Violation, size};
@@ -5,7 +6,7 @@ use crate::campaign::{self, Record};
 use crate::generate::{self, Dice, Vary};
 use crate::shrink::{self, Effort, Judged};
 use engine::run::Outcome;
-use engine::scenario::{Scenario, Source, Span};
+use engine::scenario::{Expect, Scenario, Source, Span};
 
 /// A scenario: world, mission, timing and faults made of choices, run with everything that watches
 /// a run.
@@ -30,7 +31,8 @@ impl Missions {
     }
 
     fn made(&self, choices: &[u8]) -> Scenario {
-        generate::scenario(&self.scenario, self.vary, &mut Dice::of_bytes(choices))
+        let made = generate::scenario(&self.scenario, self.vary, &mut Dice::of_bytes(choices));
+        in_time_of(made, &self.scenario)
     }
 
     fn judged(&self, scenario: &Scenario) -> (Option<Violation>, Option<Box<Outcome>>) {
@@ -44,6 +46,52 @@ impl Missions {
         }
     }
 }
+
+/// A case lasts at most this much longer than its scenario, per cent: so long if goals are judged
+/// after what went wrong.
+const LONGER_PERCENT: u32 = 150;
+/// Share of a case by whose end all has gone wrong that does, per cent.
+const ADVERSITY_PERCENT: u32 = 80;
+
+/// `made` in the time of `base`, if it takes much longer: faults come as much sooner, and no goal
+/// is
+/// expected, because there is no time to reach it after them.
+fn in_time_of(mut made: Scenario, base: &Scenario) -> Scenario {
+    if made.duration.0 <= base.duration.0 * LONGER_PERCENT / 100 {
+        return made;
+    }
+    made.duration = base.duration;
+    made.phases = None;
+    made.expect = Expect {
+        violations_max: base.expect.violations_max,
+        ..Expect::default()
+    };
+    let times = made
+        .fault
+        .iter()
+        .flat_map(|fault| [fault.from, fault.until]);
+    let last = times.flatten().map(|time| time.0).max();
+    let most = base.duration.0 * ADVERSITY_PERCENT / 100;
+    let Some(last) = last.filter(|last| *last > most) else {
+        return made;
+    };
+    let sooner = |time: Span| {
+        let nanos = time.0.as_nanos() * most.as_nanos() / last.as_nanos().max(1);
+        Span(Duration::from_nanos(
+            u64::try_from(nanos).unwrap_or(u64::MAX),
+        ))
+    };
+    for fault in &mut made.fault {
+        fault.from = fault.from.map(sooner);
+        // A window is never empty.
+        let least = Span(fault.from.map_or(Duration::ZERO, |from| from.0) + MOMENT);
+        fault.until = fault.until.map(|until| sooner(until).max(least));
+    }
+    made
+}
+
+/// Shortest time of a fault.
+const MOMENT: Duration = Duration::from_millis(1);
 
 /// What makes a smaller case fail for the same reason. A goal that is not reached is not reached in
 /// a moment either, or in a world without walls, which says nothing.
@@ -208,6 +256,34 @@ mod tests {
         Scenario {
             duration: Span::from_millis(50),
             ..case.clone()
+        }
+    }
+
+    /// Five seconds stay five seconds, whatever is made anew; what goes wrong does so within them.
+    /// Of ninety half as much more is allowed: goals are judged then.
+    #[test]
+    fn a_case_lasts_as_long_as_its_scenario() {
+        for (duration, most) in [(5, 5), (90, 135)] {
+            let mut scenario = start();
+            scenario.fault.clear();
+            scenario.duration = Span::from_millis(duration * 1000);
+            let source = Source {
+                path: Path::new("<test>").to_owned(),
+                text: String::new(),
+            };
+            let missions = Missions::new(scenario, source, Vary::ALL);
+            let mut faults = 0;
+            for seed in 0..40_u8 {
+                let choices: Vec<u8> = (0..=255).map(|at: u8| at.wrapping_mul(seed)).collect();
+                let made = missions.made(&choices);
+                assert!(made.duration <= Span::from_millis(most * 1000), "{seed}");
+                for fault in &made.fault {
+                    assert_eq!(fault.check(), Ok(()), "{fault:?}");
+                    assert!(fault.from < Some(made.duration), "{fault:?}");
+                    faults += 1;
+                }
+            }
+            assert!(faults > 40, "{faults}");
         }
     }
 

@@ -22,10 +22,11 @@ pub(super) fn header(outcome: &Outcome) -> String {
     let (name, about) = (escape(&case.name), escape(&case.description));
     let (seed, hash, version) = (outcome.seed, &outcome.trace_hash, env!("CARGO_PKG_VERSION"));
     let (ran, cause) = (outcome.ran.as_secs_f64(), cause(outcome));
+    let again = escape(outcome.again.as_deref().unwrap_or("hilrig run case.toml"));
     format!(
         "<header>\n<h1><span id=\"verdict\" class=\"{class}\">{verdict}</span> {name}</h1>\n\
          {cause}<p>{about}</p>\n<p>seed {seed}, {ran:.1} s, bytes {hash}, {TOOL} {version}; \
-         again: <code>hilrig run case.toml</code></p>\n</header>\n{}",
+         again: <code>{again}</code></p>\n</header>\n{}",
         tiles(outcome)
     )
 }

@@ -9,6 +9,7 @@ use emulators::rng::Rng;
 use protocols::{Instant, LineConfig};
 
 use super::{Activity, Budget, Damage, DamageKind, Effect, FaultId, Gate, Strike, Trigger, Window};
+use crate::rig::line::{Mark, MarkDamage};
 
 /// Most strikes that are kept for the saved case; later ones strike all the same.
 pub const STRIKES_MAX: usize = 1 << 20;
@@ -72,6 +73,8 @@ pub(crate) struct Passed {
     pub(crate) pauses: Vec<(usize, Duration)>,
     /// Bytes that came as a parity error.
     pub(crate) parity_errors: u32,
+    /// The same, by what was read and where.
+    pub(crate) marks: Vec<Mark>,
     /// Longest piece in which they are handed over.
     pub(crate) piece: Option<usize>,
     /// By how much they are late.
@@ -408,7 +411,14 @@ impl Wire {
                 Damage::Truncate { len } => self.truncated = len,
                 Damage::Swap => self.held = byte.take(),
                 Damage::ParityError => {
-                    passed.parity_errors += u32::from(byte.take().is_some());
+                    if let Some(value) = byte.take() {
+                        passed.parity_errors += 1;
+                        passed.marks.push(Mark {
+                            before: passed.bytes.len(),
+                            value,
+                            damage: MarkDamage::Parity,
+                        });
+                    }
                 }
                 Damage::Idle { by } => passed.pauses.push((passed.bytes.len(), by)),
             }

@@ -15,7 +15,7 @@ use core::time::Duration;
 
 use protocols::{Instant, LineConfig};
 
-use super::{Chunk, Line, Original};
+use super::{Chunk, Errors, Line, Original};
 use crate::rig::LinkKind;
 use crate::rig::fault::Budget;
 
@@ -119,8 +119,7 @@ impl Line {
             let chunk = Chunk {
                 arrives: at,
                 bytes: bytes.clone(),
-                framing_errors: 0,
-                parity_errors: 0,
+                errors: Errors::default(),
                 original: original.take(),
             };
             self.chunks.insert(place, chunk);

@@ -18,8 +18,63 @@ pub struct Delivery {
     pub event: Option<LineEvent>,
     /// Characters without a valid stop bit among what was sent.
     pub framing_errors: u32,
+    /// Characters that arrived damaged, in order: a receiver that checks them has no byte, one that
+    /// does not check reads them all the same.
+    pub marks: Vec<Mark>,
     /// What was sent, if the line changed or delayed it.
     pub original: Option<Box<Original>>,
+}
+
+/// A character that the receiver knows to be damaged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mark {
+    /// Before which of the bytes that arrived with it.
+    pub before: usize,
+    /// What the receiver read.
+    pub value: u8,
+    /// What is wrong with it.
+    pub damage: MarkDamage,
+}
+
+/// What is wrong with a character.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MarkDamage {
+    /// Its parity bit is wrong.
+    Parity,
+    /// It has no stop bit.
+    Framing,
+    /// The line was low from its start bit to its stop bit.
+    Break,
+}
+
+impl Mark {
+    /// Takes those that come before byte `to` out of `marks`, counted from byte `from` on.
+    pub(super) fn split(marks: &mut Vec<Self>, from: usize, to: usize) -> Vec<Self> {
+        let place = marks.partition_point(|mark| mark.before < to);
+        let mut taken: Vec<Self> = marks.drain(..place).collect();
+        for mark in &mut taken {
+            mark.before -= from.min(mark.before);
+        }
+        taken
+    }
+}
+
+/// Characters of a chunk that are no bytes.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Errors {
+    pub(super) framing: u32,
+    pub(super) parity: u32,
+    pub(super) marks: Vec<Mark>,
+}
+
+impl Errors {
+    pub(super) const fn framing(count: u32, marks: Vec<Mark>) -> Self {
+        Self {
+            framing: count,
+            parity: 0,
+            marks,
+        }
+    }
 }
 
 /// Bytes as they left the sender, and what the line did to them.

@@ -317,6 +317,13 @@ fn a_parity_error_is_told_and_its_byte_is_lost() {
     let all = deliveries(&mut line);
     let events: Vec<_> = all.iter().map(|one| one.event).collect();
     assert_eq!(events, [Some(LineEvent::ParityError), None]);
+    // A receiver that does not check parity reads it all the same.
+    let mark = Mark {
+        before: 0,
+        value: 1,
+        damage: MarkDamage::Parity,
+    };
+    assert_eq!((&*all[0].marks, &*all[1].marks), (&[mark][..], &[][..]));
     assert_eq!((line.traffic().lost, line.traffic().delivered), (1, 1));
 }
 

@@ -100,8 +100,9 @@ kinds! {
     Jitter "jitter" Line PACKETS ["by", "stream"],
     /// Nothing gets through, and nobody is told: a half-open line.
     Cut "cut" Line EVERY [],
-    /// The plug is out: nothing gets through, and the receiver is told.
-    Unplugged "unplugged" Line PACKETS [],
+    /// The plug is out: nothing gets through, the receiver is told, and the port of a client hangs
+    /// up, goes, and comes back.
+    Unplugged "unplugged" Line PACKETS ["back_as"],
     /// The line is held low.
     Break "break" Line SERIAL [],
     /// The sender runs at another rate.

@@ -106,9 +106,7 @@ impl Rig {
                     end,
                 };
                 Ok(match kind {
-                    FaultKind::Unplugged => {
-                        vec![tell(LineEvent::Closed, Some(LineEvent::Opened))]
-                    }
+                    FaultKind::Unplugged => vec![self.unplugging(fault, &link, direction)?],
                     FaultKind::Break => vec![tell(LineEvent::Break, None)],
                     FaultKind::Swizzle => vec![self.crossing(fault, &link, direction)?],
                     _ => Vec::new(),
@@ -137,6 +135,34 @@ impl Rig {
                 off.collect()
             }
         }
+    }
+
+    fn unplugging(
+        &self,
+        fault: &FaultSpec,
+        link: &str,
+        direction: Direction,
+    ) -> Result<Disturbance, Flaw> {
+        if let Some(name) = &fault.back_as {
+            let is_plain = !name.is_empty()
+                && !name.starts_with('.')
+                && !name.contains(|c: char| c == '/' || c.is_whitespace() || c.is_control());
+            let is_taken = self.links().iter().any(|other| other.name == *name);
+            let wanted = match (is_plain, is_taken) {
+                (false, _) => "a plain file name such as lidar-1",
+                (true, true) => "a name that no other link has",
+                (true, false) => "",
+            };
+            if !wanted.is_empty() {
+                let message = format!("is \"{name}\", expected {wanted}");
+                return Err(Flaw::new("back_as", message));
+            }
+        }
+        Ok(Disturbance::Unplug {
+            link: link.to_owned(),
+            direction,
+            back_as: fault.back_as.clone(),
+        })
     }
 
     fn crossing(

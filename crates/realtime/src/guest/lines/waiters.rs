@@ -1,4 +1,5 @@
-//! Threads that wait until a modem line changes (TIOCMIWAIT): they stand while the rig is asked.
+//! Threads that wait until a modem line changes (TIOCMIWAIT), or until all that they wrote has left
+//! (tcdrain): they stand while the rig is asked.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -12,6 +13,7 @@ use serde_json::json;
 use super::super::call::Call;
 use super::super::news::{group_of, wait};
 use super::super::pending::Pending;
+use super::terminals::{self, code};
 use super::{RI, Tracer};
 use crate::clock::{Clock as _, WallClock};
 
@@ -21,28 +23,59 @@ const ASK_EVERY: Duration = Duration::from_millis(2);
 /// A thread that stands at its call.
 pub(super) struct Waiter {
     call: Call,
+    device: u64,
     port: String,
-    /// The lines as they were last.
-    lines: u32,
-    /// Those that it waits for.
-    wanted: u64,
+    what: What,
+}
+
+/// What a thread waits for.
+enum What {
+    Line {
+        /// The lines as they were last.
+        lines: u32,
+        /// Those that it waits for.
+        wanted: u64,
+    },
+    Sent,
 }
 
 impl Waiter {
-    pub(super) const fn new(call: Call, port: String, lines: u32, wanted: u64) -> Self {
+    pub(super) const fn for_line(
+        call: Call,
+        device: u64,
+        port: String,
+        lines: u32,
+        wanted: u64,
+    ) -> Self {
+        let what = What::Line { lines, wanted };
         Self {
             call,
+            device,
             port,
-            lines,
-            wanted,
+            what,
         }
     }
 
-    /// Whether what it waits for has come; of RI only the end counts, as in a 16550.
-    fn sees(&mut self, lines: u32) -> bool {
-        let changed = core::mem::replace(&mut self.lines, lines) ^ lines;
-        let counts = changed & !(lines & RI);
-        self.wanted & u64::from(counts) != 0
+    pub(super) const fn for_sent(call: Call, device: u64, port: String) -> Self {
+        Self {
+            call,
+            device,
+            port,
+            what: What::Sent,
+        }
+    }
+
+    /// Whether what it waits for has come, the lines being `seen` and so many bytes `waiting`; of
+    /// RI only the end counts, as in a 16550.
+    fn sees(&mut self, seen: u32, waiting: u64) -> bool {
+        match &mut self.what {
+            What::Line { lines, wanted } => {
+                let changed = core::mem::replace(lines, seen) ^ seen;
+                let counts = changed & !(seen & RI);
+                *wanted & u64::from(counts) != 0
+            }
+            What::Sent => waiting == 0,
+        }
     }
 }
 
@@ -83,8 +116,8 @@ impl Tracer {
         for (tid, mut waiter) in waiters {
             let port = &waiter.port;
             let lines = self.ask(port, &json!({"do": "modem", "port": port}));
-            let result = match waiter.sees(lines) {
-                true => Some(0),
+            let result = match waiter.sees(lines, self.waiting) {
+                true => Some(self.finish(Pid::from_raw(tid), &waiter)),
                 false if Pending::of(tid, tid).interrupts() => {
                     Some(-i64::from(Errno::EINTR as i32))
                 }
@@ -100,5 +133,18 @@ impl Tracer {
             let _ = ptrace::cont(Pid::from_raw(tid), None);
         }
         self.waiters = still;
+    }
+
+    /// Does what a thread waited to do; what it is given.
+    fn finish(&mut self, pid: Pid, waiter: &Waiter) -> i64 {
+        let file = terminals::copy_of(pid, waiter.call.args[0]);
+        match (&waiter.what, file) {
+            (What::Sent, Some(file)) => {
+                let port = (waiter.device, &*waiter.port);
+                code(self.once_sent(pid, &waiter.call, port, &file))
+            }
+            (What::Sent, None) => code(Err(Errno::EBADF)),
+            (What::Line { .. }, _) => 0,
+        }
     }
 }

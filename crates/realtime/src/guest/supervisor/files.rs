@@ -19,6 +19,8 @@ pub(super) enum Kind {
     Port(usize),
     /// One that the supervisor answers.
     Told(usize),
+    /// What was a port of the rig, and hung up: nothing waits there.
+    Gone,
     /// The system's source of chance.
     Chance,
     /// What the program says: heard in wall time.
@@ -82,6 +84,7 @@ impl Supervisor {
             FileType::Directory | FileType::BlockDevice => Kind::Prompt,
             FileType::CharacterDevice => match self.stage.port_of(stat.st_rdev) {
                 Some(port) => Kind::Port(port),
+                None if self.stage.is_gone(stat.st_rdev) => Kind::Gone,
                 None if major == 1 && matches!(minor, 8 | 9) => Kind::Chance,
                 None if matches!(major, 4 | 5 | 136..=143) => Kind::Stream,
                 None => Kind::Prompt,
@@ -102,6 +105,9 @@ impl Supervisor {
         let path = Memory(Pid::from_raw(tid)).text(address);
         self.looks_into(&path);
         self.stage.touch();
+        if self.is_refused(tid, call, &path) {
+            return nix::errno::Errno::EBUSY.into();
+        }
         self.open_fifo(tid, call, &path)
     }
 }

@@ -93,11 +93,36 @@ impl Supervisor {
                     found.next();
                     flags & PollFlags::OUT.bits()
                 }
-                Some(_) => found.next().unwrap_or(0),
+                Some(file) => {
+                    let found = found.next().unwrap_or(0);
+                    match file.kind {
+                        Kind::Port(port) => self.port_readiness(port, flags, found),
+                        Kind::Gone => {
+                            self.stage.note_fruitless();
+                            found
+                        }
+                        _ => found,
+                    }
+                }
                 None if fd < 0 => 0,
                 None => not_open,
             })
             .collect()
+    }
+
+    /// What is ready of a port of which the kernel says `found`.
+    fn port_readiness(&mut self, port: usize, wanted: u16, found: u16) -> u16 {
+        let Some(terminal) = self.stage.terminal(port) else {
+            return found;
+        };
+        let mut found = found;
+        if terminal.is_at_end() {
+            found |= wanted & (PollFlags::IN | PollFlags::RDNORM).bits();
+        }
+        if terminal.is_stopped() {
+            found &= !(PollFlags::OUT | PollFlags::WRNORM).bits();
+        }
+        found
     }
 
     pub(super) fn select(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {

@@ -3,13 +3,12 @@
 use core::time::Duration;
 
 use nix::errno::Errno;
-use rustix::io::ioctl_fionread;
-use rustix::termios::{LocalModes, SpecialCodeIndex, Termios, tcgetattr};
 
 use super::files::File;
 use super::streams::{buffers, gather, lens, scatter};
-use super::{On, Outcome, PollFlags, Supervisor, Wait};
+use super::{On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
+use crate::transport::{Code, Settings};
 
 /// Bytes that are read at once.
 const READ_MAX: usize = 64 << 10;
@@ -29,15 +28,17 @@ impl Supervisor {
         if wanted == 0 {
             return Ok(Outcome::Answer(0));
         }
-        let modes = tcgetattr(&file.fd).map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
         self.stage.settle(port, &file.fd);
-        let there = match modes.local_modes.contains(LocalModes::ICANON) {
-            // Whole lines: the kernel knows.
-            true if file.readiness(PollFlags::IN).is_empty() => 0,
-            true => wanted,
-            false => ioctl_fionread(&file.fd).map_or(0, |len| usize::try_from(len).unwrap_or(0)),
+        let Some(terminal) = self.stage.terminal(port) else {
+            return Ok(Outcome::Kernel);
         };
-        if let Some(outcome) = self.not_yet(tid, file, port, &modes, [there, wanted]) {
+        let settings = *terminal.settings();
+        if terminal.is_at_end() {
+            terminal.took(0);
+            return Ok(Outcome::Answer(0));
+        }
+        let there = terminal.readable(wanted).unwrap_or(0);
+        if let Some(outcome) = self.not_yet(tid, file, port, &settings, [there, wanted]) {
             return outcome;
         }
         let mut bytes = vec![0; wanted.min(there)];
@@ -54,15 +55,14 @@ impl Supervisor {
         tid: i32,
         file: &File,
         port: usize,
-        modes: &Termios,
+        settings: &Settings,
         [there, wanted]: [usize; 2],
     ) -> Option<Result<Outcome, Errno>> {
-        let is_canonical = modes.local_modes.contains(LocalModes::ICANON);
-        let code = |index| modes.special_codes[index];
+        let is_canonical = settings.is_canonical();
         let tenths = |count: u8| Duration::from_millis(100 * u64::from(count));
         let (least, time) = match is_canonical {
             true => (1, 0),
-            false => (code(SpecialCodeIndex::VMIN), code(SpecialCodeIndex::VTIME)),
+            false => (settings.code(Code::Least), settings.code(Code::Time)),
         };
         let wait = |deadline| {
             Some(Ok(Outcome::Block(Wait {
@@ -110,13 +110,18 @@ impl Supervisor {
                 break;
             }
             let bytes = gather(tid, &buffers, done, room)?;
-            let len = rustix::io::write(&file.fd, &bytes)
-                .map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
-            done += len;
-            self.stage.carry().map_err(|_| Errno::EIO)?;
-            if len == 0 {
-                break;
+            let Some(terminal) = self.stage.terminal(port) else {
+                return Ok(Outcome::Kernel);
+            };
+            let sent = terminal.send(&bytes);
+            let mut rest = &sent[..];
+            while !rest.is_empty() {
+                let len = rustix::io::write(&file.fd, rest)
+                    .map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
+                rest = &rest[len..];
+                self.stage.carry().map_err(|_| Errno::EIO)?;
             }
+            done += bytes.len();
         }
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.progress = done;

@@ -117,10 +117,13 @@ impl Supervisor {
             0 if signal == libc::SIGSTOP => self.kicked(tid),
             0 if is_stop(signal) => self.stopped(tid, signal),
             0 if signal == libc::SIGSEGV && self.reads_counter(tid) => Flow::Goes(None),
-            0 if signal & 0x80 == 0 => match Signal::try_from(signal) {
-                Ok(signal) => Flow::Goes(Some(signal)),
-                Err(_) => self.high_signal(tid, signal),
-            },
+            0 if signal & 0x80 == 0 => {
+                self.note_fault(tid, signal);
+                match Signal::try_from(signal) {
+                    Ok(signal) => Flow::Goes(Some(signal)),
+                    Err(_) => self.high_signal(tid, signal),
+                }
+            }
             _ => Flow::Goes(None),
         }
     }
@@ -211,6 +214,7 @@ impl Supervisor {
                 Flow::Stays
             }
             Outcome::Block(wait) => {
+                self.stage.end_fruitless();
                 self.blocks += 1;
                 if let Some(thread) = self.threads.get_mut(&tid) {
                     thread.blocked_at = self.blocks;

@@ -21,6 +21,10 @@ impl Supervisor {
             Kind::Prompt | Kind::Mouth => Ok(Outcome::Kernel),
             Kind::Port(port) => self.read_port(tid, call, &file, port),
             Kind::Told(which) => self.read_told(tid, call, &file, which),
+            Kind::Gone => {
+                self.stage.note_fruitless();
+                Ok(Outcome::Kernel)
+            }
             Kind::Chance => {
                 let total = lens(&buffers(tid, call)?);
                 let bytes = self.chance(tid, total.min(1 << 20));
@@ -52,6 +56,10 @@ impl Supervisor {
                 Ok(Outcome::Kernel)
             }
             Kind::Port(port) => self.write_port(tid, call, &file, port),
+            Kind::Gone => {
+                self.stage.note_fruitless();
+                Ok(Outcome::Kernel)
+            }
             Kind::Stream => self.write_stream(tid, call, &file),
         }
     }

@@ -1,20 +1,28 @@
-//! What a program asks of a port besides bytes: rates, queues, modem lines, breaks.
+//! What a program asks of a port besides bytes: settings, queues, modem lines, breaks.
+
+use std::os::unix::fs::MetadataExt as _;
 
 use nix::errno::Errno;
 use nix::libc;
 use nix::unistd::Pid;
+use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 
 use super::clocks::low_i32;
 use super::files::{File, Kind};
 use super::{Memory, On, Outcome, Supervisor, Wait};
+use crate::Traffic;
 use crate::guest::call::Call;
-use crate::guest::launch::{TIOCGICOUNT, TIOCMIWAIT};
+use crate::guest::launch::{TIOCGICOUNT, TIOCGSERIAL, TIOCMIWAIT, TIOCSSERIAL};
+use crate::guest::settings::{
+    errno_of, flushes, is_settings, read_back, serial, waits_until_sent, wanted,
+};
 use crate::inputs::INPUTS;
 
-/// Requests of rates that all processors know, but not `libc`'s module for this system.
-const TCSETS2: u64 = 0x402C_542B;
-const TCSETSW2: u64 = 0x402C_542C;
-const TCSETSF2: u64 = 0x402C_542D;
+/// A request that `libc` does not know for this system.
+const TIOCGEXCL: u64 = 0x8004_5440;
+/// The right of a process without which it does not get past TIOCEXCL.
+const CAP_SYS_ADMIN: u32 = 21;
+
 /// Bytes of what the latter fills: twenty numbers, the first four of them changes of lines.
 const ICOUNT_LEN: usize = 80;
 
@@ -36,33 +44,26 @@ impl Supervisor {
         match request {
             libc::FIONREAD => {
                 self.stage.settle(port, &file.fd);
-                let there = rustix::io::ioctl_fionread(&file.fd).unwrap_or(0);
-                let there = i32::try_from(there).unwrap_or(i32::MAX);
-                memory.write(argument, &there.to_ne_bytes())?;
+                let unread = self.stage.terminal(port).map_or(0, |it| it.unread());
+                put_number(memory, argument, unread)
+            }
+            libc::TIOCOUTQ => put_number(memory, argument, self.stage.backlog(port)),
+            libc::TIOCEXCL | libc::TIOCNXCL => {
+                self.stage.slot(port).is_exclusive = request == libc::TIOCEXCL;
                 Ok(Outcome::Answer(0))
             }
-            libc::TIOCOUTQ => {
-                let waiting = i32::try_from(self.stage.backlog(port)).unwrap_or(i32::MAX);
-                memory.write(argument, &waiting.to_ne_bytes())?;
+            TIOCGEXCL => put_number(memory, argument, self.stage.slot(port).is_exclusive.into()),
+            libc::TCFLSH => self.flush(port, &file, low_i32(argument)),
+            libc::TCXONC => self.flow(port, low_i32(argument)),
+            TIOCGSERIAL | TIOCSSERIAL => {
+                let flags = &mut self.stage.slot(port).serial_flags;
+                serial(memory, request == TIOCSSERIAL, argument, flags)?;
                 Ok(Outcome::Answer(0))
             }
-            // The rig itself opens the port now and then; two programs at one port see each other
-            // all the same, by their locks.
-            libc::TIOCEXCL | libc::TIOCNXCL => Ok(Outcome::Answer(0)),
-            libc::TCFLSH => {
-                if matches!(low_i32(argument), libc::TCIFLUSH | libc::TCIOFLUSH) {
-                    // What is still on its way the kernel would bring later.
-                    self.stage.settle(port, &file.fd);
-                    self.stage.forget_unread(port);
-                }
-                Ok(Outcome::Kernel)
-            }
-            libc::TCSETSF | TCSETSF2 => Ok(self.once_sent(port, &file, true)),
-            libc::TCSETSW | TCSETSW2 => Ok(self.once_sent(port, &file, false)),
-            libc::TCSETS | TCSETS2 => Ok(Outcome::Kernel),
-            libc::TCSBRK if argument != 0 => Ok(match self.once_sent(port, &file, false) {
-                Outcome::Kernel => Outcome::Answer(0),
-                wait => wait,
+            _ if is_settings(request) => self.settings(memory, port, &file, [request, argument]),
+            libc::TCSBRK if argument != 0 => Ok(match self.once_sent(port) {
+                Some(wait) => wait,
+                None => Outcome::Answer(0),
             }),
             TIOCMIWAIT => Ok(self.wait_for_line(tid, port, argument)),
             _ => self.modem(memory, port, request, argument),
@@ -88,19 +89,89 @@ impl Supervisor {
         }
     }
 
-    /// The kernel does it once all that was written has left.
-    fn once_sent(&mut self, port: usize, file: &File, forgets: bool) -> Outcome {
-        if self.stage.backlog(port) > 0 {
-            return Outcome::Block(Wait {
-                on: On::Line,
-                deadline: None,
-            });
+    /// The client reads or changes the settings of its terminal.
+    fn settings(
+        &mut self,
+        memory: Memory,
+        port: usize,
+        file: &File,
+        [request, argument]: [u64; 2],
+    ) -> Result<Outcome, Errno> {
+        let Some(terminal) = self.stage.terminal(port) else {
+            return Ok(Outcome::Kernel);
+        };
+        let before = *terminal.settings();
+        if let Some(bytes) = read_back(&before, request) {
+            memory.write(argument, &bytes)?;
+            return Ok(Outcome::Answer(0));
         }
-        if forgets {
+        if waits_until_sent(request)
+            && let Some(wait) = self.once_sent(port)
+        {
+            return Ok(wait);
+        }
+        let wanted = wanted(memory, &before, request, argument)?;
+        if flushes(request) {
+            self.flush(port, file, libc::TCIFLUSH)?;
+        }
+        self.stage.set_terminal(port, wanted, &file.fd);
+        // The kernel's terminal stays raw, but polls by these.
+        let mut termios = tcgetattr(&file.fd).map_err(errno_of)?;
+        wanted.waits_into(&mut termios);
+        tcsetattr(&file.fd, OptionalActions::Now, &termios).map_err(errno_of)?;
+        Ok(Outcome::Answer(0))
+    }
+
+    fn flush(&mut self, port: usize, file: &File, which: i32) -> Result<Outcome, Errno> {
+        if !matches!(which, libc::TCIFLUSH | libc::TCOFLUSH | libc::TCIOFLUSH) {
+            return Err(Errno::EINVAL);
+        }
+        if which != libc::TCOFLUSH {
+            // What is still on its way the kernel would bring later.
             self.stage.settle(port, &file.fd);
+            tcflush(&file.fd, QueueSelector::IFlush).map_err(errno_of)?;
             self.stage.forget_unread(port);
         }
-        Outcome::Kernel
+        if which != libc::TCIFLUSH {
+            self.stage.discard_sent(port).map_err(|_| Errno::EIO)?;
+        }
+        Ok(Outcome::Answer(0))
+    }
+
+    /// The client stops or goes on sending, or wants its far end to.
+    fn flow(&mut self, port: usize, what: i32) -> Result<Outcome, Errno> {
+        let Some(terminal) = self.stage.terminal(port) else {
+            return Ok(Outcome::Kernel);
+        };
+        match what {
+            libc::TCOOFF | libc::TCOON => terminal.suspend(what == libc::TCOOFF),
+            libc::TCIOFF | libc::TCION => terminal.send_flow(what == libc::TCIOFF),
+            _ => return Err(Errno::EINVAL),
+        }
+        Ok(Outcome::Answer(0))
+    }
+
+    /// Whether opening `path` is refused: another program has that port to itself, and this one may
+    /// not do everything.
+    pub(super) fn is_refused(&mut self, tid: i32, call: &Call, path: &str) -> bool {
+        if !self.stage.has_exclusive() {
+            return false;
+        }
+        let from = match (call.number, low_i32(call.args[0])) {
+            (libc::SYS_openat, fd) if fd != libc::AT_FDCWD => format!("/proc/{tid}/fd/{fd}"),
+            _ => format!("/proc/{tid}/cwd"),
+        };
+        let data = std::fs::metadata(std::path::Path::new(&from).join(path));
+        let port = data.ok().and_then(|data| self.stage.port_of(data.rdev()));
+        port.is_some_and(|port| self.stage.slot(port).is_exclusive) && !may_do_everything(tid)
+    }
+
+    /// Waits until all that was written has left; `None`: it has.
+    fn once_sent(&self, port: usize) -> Option<Outcome> {
+        (self.stage.backlog(port) > 0).then_some(Outcome::Block(Wait {
+            on: On::Line,
+            deadline: None,
+        }))
     }
 
     fn modem(
@@ -121,6 +192,17 @@ impl Supervisor {
                 let mut counters = [0; ICOUNT_LEN];
                 let counts = self.stage.line_changes(port).map(u32::to_ne_bytes).concat();
                 counters[..counts.len()].copy_from_slice(&counts);
+                let Traffic {
+                    from_client,
+                    to_client,
+                } = self.stage.traffic(port);
+                let damaged = self.stage.terminal(port).map(|it| it.damaged_count());
+                let [framing, parity, breaks] = damaged.unwrap_or_default();
+                let low = |count: u64| u32::try_from(count & 0xFFFF_FFFF).unwrap_or_default();
+                // Received, sent, framing errors, overruns, parity errors, breaks.
+                let more = [low(to_client), low(from_client), framing, 0, parity, breaks];
+                let more = more.map(u32::to_ne_bytes).concat();
+                counters[counts.len()..counts.len() + more.len()].copy_from_slice(&more);
                 memory.write(argument, &counters)?;
             }
             _ => {}
@@ -137,30 +219,43 @@ const fn only_asks(request: u64) -> bool {
     )
 }
 
+fn put_number(memory: Memory, address: u64, number: usize) -> Result<Outcome, Errno> {
+    let number = i32::try_from(number).unwrap_or(i32::MAX);
+    memory.write(address, &number.to_ne_bytes())?;
+    Ok(Outcome::Answer(0))
+}
+
+/// Whether the process of `tid` has all rights of the system's.
+fn may_do_everything(tid: i32) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{tid}/status")).unwrap_or_default();
+    let rights = status.lines().find_map(|line| line.strip_prefix("CapEff:"));
+    let rights = rights.and_then(|rights| u64::from_str_radix(rights.trim(), 16).ok());
+    rights.is_some_and(|rights| rights >> CAP_SYS_ADMIN & 1 != 0)
+}
+
 /// Whether a request may be one that a port answers in its own way.
 const fn is_of_ports(request: u64) -> bool {
-    matches!(
-        request,
-        libc::FIONREAD
-            | libc::TIOCOUTQ
-            | libc::TIOCEXCL
-            | libc::TIOCNXCL
-            | libc::TCFLSH
-            | libc::TCSETS
-            | libc::TCSETSW
-            | libc::TCSETSF
-            | TCSETS2
-            | TCSETSW2
-            | TCSETSF2
-            | libc::TCSBRK
-            | libc::TCSBRKP
-            | libc::TIOCSBRK
-            | libc::TIOCCBRK
-            | libc::TIOCMGET
-            | libc::TIOCMBIS
-            | libc::TIOCMBIC
-            | libc::TIOCMSET
-            | TIOCMIWAIT
-            | TIOCGICOUNT
-    )
+    is_settings(request)
+        || matches!(
+            request,
+            libc::FIONREAD
+                | libc::TIOCOUTQ
+                | libc::TIOCEXCL
+                | libc::TIOCNXCL
+                | TIOCGEXCL
+                | TIOCGSERIAL
+                | TIOCSSERIAL
+                | libc::TCFLSH
+                | libc::TCXONC
+                | libc::TCSBRK
+                | libc::TCSBRKP
+                | libc::TIOCSBRK
+                | libc::TIOCCBRK
+                | libc::TIOCMGET
+                | libc::TIOCMBIS
+                | libc::TIOCMBIC
+                | libc::TIOCMSET
+                | TIOCMIWAIT
+                | TIOCGICOUNT
+        )
 }

@@ -45,6 +45,9 @@ pub struct Known {
     pub reads: BTreeSet<String>,
     /// It speaks on these by itself.
     pub speaks: BTreeSet<String>,
+    /// It ends by itself with exit code 0.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub ends: bool,
 }
 
 /// Traffic on one link in place of a device's.
@@ -59,12 +62,58 @@ pub struct Raw {
     /// Kinds of what it says there unasked.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub chatter: Vec<Hex>,
+    /// The beginning of a frame that the program answers, with silence after it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cut: Option<Hex>,
+    /// Sound replies of the device, for requests for which there is no turn.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exchange: Vec<Exchange>,
+    /// Whether the program asks: then it gets a turn when it did, and not before.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub asks: bool,
+    /// What is said to the program, one turn for each of its requests; in place of the stream.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub turn: Vec<Turn>,
     /// Pairs of frames, first of all.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pair: Vec<Pair>,
     /// Then this: a piece a line, `idle` for a pause.
     #[serde(default)]
     pub stream: String,
+}
+
+impl Raw {
+    /// Whether nothing is said.
+    pub(super) const fn is_empty(&self) -> bool {
+        let is_nothing = self.pair.is_empty() && self.stream.is_empty() && self.cut.is_none();
+        self.turn.is_empty() && is_nothing
+    }
+}
+
+/// A request of the program and what the device says to it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Exchange {
+    /// The request.
+    pub request: Hex,
+    /// The reply.
+    pub reply: Hex,
+}
+
+/// What is said to the program in one go.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Turn {
+    /// How it was made, e.g. `wrong-length`.
+    pub kind: String,
+    /// Whether it differs from what a sound device says: then a program may refuse it.
+    #[serde(rename = "altered")]
+    pub is_altered: bool,
+    /// The request to which it is the reply; none: to any, or unasked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to: Option<Hex>,
+    /// The bytes, in pieces with a short pause between them.
+    pub say: Vec<Hex>,
 }
 
 /// A frame that the program answers.

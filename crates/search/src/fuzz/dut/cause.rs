@@ -3,7 +3,7 @@
 use core::fmt;
 
 use super::case::{Hex, Pair};
-use crate::campaign::without_figures;
+use super::errors::LastWords;
 use realtime::process::Ended;
 
 /// Rules about when something is said: a program that is not given the processor in time breaks
@@ -25,11 +25,17 @@ pub enum Cause {
         ended: Ended,
         /// What it said last.
         last_words: String,
+        /// Where it failed, as far as it says or was seen.
+        place: String,
+        /// Whether it reported an error of its own, rather than failed.
+        is_reported: bool,
     },
     /// It ended with exit code 0.
     Ended,
     /// It lives and gives no sign of it.
     Hang(String),
+    /// It waits for ever for a reply that does not come.
+    NoTimeout(String),
     /// It computes on and on; only in virtual time, where it is seen who does.
     Spins(String),
     /// It answered a damaged frame as if it were sound.
@@ -60,22 +66,51 @@ pub enum Cause {
 }
 
 impl Cause {
-    /// A crash, if a program that `ended` and `said` so much did not end by itself.
-    pub fn of_end(ended: Ended, said: &str) -> Self {
+    /// A crash, if a program that `ended` and `said` so much did not end by itself. `fault` is
+    /// where
+    /// it was then, if that was seen.
+    pub fn of_end(ended: Ended, said: &str, fault: Option<String>) -> Self {
         match ended {
             Ended::Code(0) => Self::Ended,
-            _ => Self::Crash {
-                ended,
-                last_words: last_words(said).to_owned(),
-            },
+            _ => {
+                let words = LastWords::of(said);
+                let is_exit = matches!(ended, Ended::Code(_));
+                // What a program that a signal ended said before need not have to do with it.
+                let is_telling = is_exit || words.is_failure;
+                Self::Crash {
+                    ended,
+                    last_words: if is_telling {
+                        words.line
+                    } else {
+                        String::new()
+                    },
+                    place: match is_telling {
+                        true => words.key,
+                        false => fault.unwrap_or_default(),
+                    },
+                    is_reported: !words.is_failure && is_exit,
+                }
+            }
         }
+    }
+
+    /// Whether the program ended because of an error that it reported itself, or with 0.
+    pub(super) const fn is_reported(&self) -> bool {
+        matches!(
+            self,
+            Self::Ended
+                | Self::Crash {
+                    is_reported: true,
+                    ..
+                }
+        )
     }
 
     /// Whether the program is not to be spoken to any more.
     pub(super) const fn is_final(&self) -> bool {
         !matches!(
             self,
-            Self::Accepts { .. } | Self::Rule { .. } | Self::Check { .. }
+            Self::Accepts { .. } | Self::Rule { .. } | Self::Check { .. } | Self::NoTimeout(_)
         )
     }
 
@@ -97,6 +132,7 @@ impl Cause {
             Self::Ended => "ended".to_owned(),
             Self::Hang(_) => "hang".to_owned(),
             Self::Spins(_) => "spins".to_owned(),
+            Self::NoTimeout(_) => "no-timeout".to_owned(),
             Self::Accepts { .. } => "accepts-corrupt-frame".to_owned(),
             Self::Rule { rule, .. } => format!("rule-{rule}"),
             Self::Check { name, .. } => format!("check-{name}"),
@@ -109,7 +145,7 @@ impl Cause {
     /// What two findings share that have the same cause, as far as can be told from outside.
     pub fn key(&self) -> String {
         let more = match self {
-            Self::Crash { last_words, .. } => without_figures(last_words),
+            Self::Crash { place, .. } => place.clone(),
             Self::Accepts { link, .. } => link.clone(),
             Self::Rule { device, .. } => device.clone(),
             _ => return self.kind(),
@@ -121,14 +157,28 @@ impl Cause {
 impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Crash { ended, last_words } if last_words.is_empty() => {
-                write!(f, "the program crashed: {ended}")
-            }
-            Self::Crash { ended, last_words } => {
-                write!(f, "the program crashed: {ended}; it said: {last_words}")
+            Self::Crash {
+                ended,
+                last_words,
+                place,
+                is_reported,
+            } => {
+                let how = match is_reported {
+                    true => "ended with an error",
+                    false => "crashed",
+                };
+                write!(f, "the program {how}: {ended}")?;
+                match (&**last_words, &**place) {
+                    ("", "") => Ok(()),
+                    ("", place) => write!(f, " at {place}"),
+                    (words, _) => write!(f, "; it said: {words}"),
+                }
             }
             Self::Ended => f.write_str("the program ended with exit code 0, expected it to go on"),
             Self::Hang(how) | Self::Spins(how) => write!(f, "the program hangs: {how}"),
+            Self::NoTimeout(how) => {
+                write!(f, "the program waits without a timeout: {how}")
+            }
             Self::Accepts { pair, link } => write!(
                 f,
                 "the program answers a damaged frame as if it were sound: on {link}, {} for {}",
@@ -159,36 +209,12 @@ fn shortened(bytes: &[u8]) -> String {
     }
 }
 
-/// The line of `said` that tells most: where a program says that it panicked, a sanitizer's or an
-/// assertion's, else the last one.
-fn last_words(said: &str) -> &str {
-    const TELLING: [&str; 5] = [
-        "panicked at",
-        "ERROR: ",
-        "ssertion",
-        "terminate called",
-        "*** ",
-    ];
-    // What a shell says of a child that was killed.
-    const SHELL: [&str; 3] = ["Aborted", "Segmentation fault", "Killed"];
-    let is_telling = |line: &&str| TELLING.iter().any(|words| line.contains(words));
-    let is_own = |line: &&str| {
-        let words = line.trim_end_matches("(core dumped)").trim_end();
-        !line.is_empty() && !SHELL.contains(&words)
-    };
-    let lines = || said.lines().map(str::trim).filter(is_own);
-    lines()
-        .find(is_telling)
-        .or(lines().next_back())
-        .unwrap_or("")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn key(ended: Ended, said: &str) -> String {
-        Cause::of_end(ended, said).key()
+        Cause::of_end(ended, said, None).key()
     }
 
     #[test]
@@ -197,7 +223,7 @@ mod tests {
         let at = |pid| format!("=={pid}==ERROR: AddressSanitizer: heap-buffer-overflow\nmore");
         assert_eq!(
             key(Ended::Code(101), panic),
-            "crash-exit-code-101 thread 'main' panicked at src/a.rs:#:#:"
+            "crash-exit-code-101 panicked at src/a.rs:7:5"
         );
         assert_eq!(
             key(Ended::Signal(6), &at(17)),

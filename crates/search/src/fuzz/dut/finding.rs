@@ -1,6 +1,6 @@
 //! What is kept of a finding, and of a search so that it can go on.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,8 +21,14 @@ pub struct State {
     pub of: String,
     /// Number of the next case.
     pub next: u64,
+    /// Inputs so far: frames, lines, turns of conversations.
+    #[serde(default)]
+    pub inputs: u64,
     /// What was found, a cause once.
     pub findings: Vec<Kept>,
+    /// Kinds of turns that led to findings: rarer from then on, so that others are found.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub avoided: BTreeSet<String>,
     /// What was learnt of a program that counts what it reaches, by link.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub guides: BTreeMap<String, Guide>,
@@ -57,7 +63,9 @@ impl State {
                 return Ok(Self {
                     of,
                     next: 0,
+                    inputs: 0,
                     findings: Vec::new(),
+                    avoided: BTreeSet::new(),
                     guides: BTreeMap::new(),
                 });
             }
@@ -72,6 +80,12 @@ impl State {
             ),
             Ok(state) => Ok(state),
         }
+    }
+
+    /// The state that a search left in `dir`, if it can be read.
+    pub fn found(dir: &Path) -> Option<Self> {
+        let text = fs::read_to_string(dir.join(STATE)).ok()?;
+        serde_json::from_str(&text).ok()
     }
 
     /// Writes it so that a killed process leaves the old one or the new one.

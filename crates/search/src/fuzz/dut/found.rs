@@ -1,9 +1,10 @@
 //! A finding on its way into its folder: seen again, made smaller.
 
+use core::cell::RefCell;
 use std::fs;
 use std::path::Path;
 
-use super::case::{Case, Pair};
+use super::case::{Case, Pair, Turn};
 use super::cause::Cause;
 use super::finding::Finding;
 use super::harness::{Harness, HarnessError, Whose};
@@ -20,6 +21,8 @@ pub(super) struct OpenFinding<'a> {
     pub(super) cause: &'a Cause,
     pub(super) finding: Finding,
     pub(super) progress: &'a Progress,
+    /// The kinds of the turns that are left.
+    pub(super) kinds: RefCell<Vec<String>>,
 }
 
 impl OpenFinding<'_> {
@@ -68,6 +71,9 @@ impl OpenFinding<'_> {
 
     /// Whether `case` shows it; then it is written down.
     fn again(&self, case: &Case) -> Result<bool, HarnessError> {
+        if case.told.raw.as_ref().is_some_and(|raw| raw.is_empty()) {
+            return Ok(false);
+        }
         let recording = self.plan.out.join(RECORDINGS[2]);
         self.progress.tries.set(self.progress.tries.get() + 1);
         let seen = trial::run(self.harness, case, self.speech, &recording)?;
@@ -75,6 +81,8 @@ impl OpenFinding<'_> {
         let is_it = seen.causes.iter().any(|cause| cause.key() == key);
         if is_it {
             self.finding.write_case(case, &seen.said, &recording)?;
+            let turns = case.told.raw.iter().flat_map(|raw| &raw.turn);
+            *self.kinds.borrow_mut() = turns.map(|turn| turn.kind.clone()).collect();
         }
         Ok(is_it)
     }
@@ -101,6 +109,22 @@ impl OpenFinding<'_> {
                 });
                 (all, left.len(), "faults")
             }
+            Some(raw) if !raw.turn.is_empty() => {
+                let all = raw.turn.len();
+                let with = |turns: &[Turn]| with_turns(first, turns);
+                let mut left = raw.turn.clone();
+                // Most often the last one is to blame.
+                for count in [1, 2] {
+                    let last = &raw.turn[all.saturating_sub(count)..];
+                    if last.len() < left.len() && effort.spend() && shows(with(last)) {
+                        left = last.to_vec();
+                    }
+                }
+                if left.len() > 1 {
+                    left = fewest(&left, &mut effort, |turns| shows(with(turns)));
+                }
+                (all, left.len(), "turns")
+            }
             Some(_) => {
                 let units = units(first);
                 let left = fewest(&units, &mut effort, |left| shows(with_units(first, left)));
@@ -114,6 +138,14 @@ impl OpenFinding<'_> {
         let tries = effort.spent();
         Ok(format!("{left} {what} left of {all}, {tries} tries"))
     }
+}
+
+fn with_turns(case: &Case, turns: &[Turn]) -> Case {
+    let mut case = case.clone();
+    if let Some(raw) = &mut case.told.raw {
+        raw.turn = turns.to_vec();
+    }
+    case
 }
 
 /// A part of a raw case that can be left out.

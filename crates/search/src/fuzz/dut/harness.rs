@@ -1,11 +1,13 @@
 //! The harness on which a program is put: what it is told, and what is seen of it.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::time::Duration;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::coverage::{Counters, VARIABLE};
+use super::errors::ErrorRule;
+use super::learn::CorpusError;
 use super::speech::Speech;
 use super::wiring::{self, Placed};
 use engine::robots::OpenEnd;
@@ -28,6 +30,17 @@ pub enum Whose {
     Ports(PathBuf),
 }
 
+/// Where the time of cases went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Spent {
+    /// Wall time until the program had opened its ports.
+    pub starts: Duration,
+    /// Wall time of all.
+    pub wall: Duration,
+    /// The rig's time after that.
+    pub rig: Duration,
+}
+
 /// Where programs are put on trial.
 pub struct Harness<'a> {
     /// The program.
@@ -38,10 +51,16 @@ pub struct Harness<'a> {
     pub alive: Duration,
     /// Time within which it must open a port.
     pub start: Duration,
+    /// Which exits with an error are findings.
+    pub errors: ErrorRule,
+    /// Whether any baud rate of the program is right: nobody said which one is.
+    pub is_any_rate: bool,
     /// Whether rules about time are judged too.
     pub is_strict: bool,
     /// How the program is put into virtual time; `None`: it runs in real time.
     pub supervision: Option<Supervision>,
+    /// Where the time of the cases went.
+    pub(super) spent: Cell<Spent>,
     /// Whether to go on; asked a thousand times a second.
     pub goes_on: &'a dyn Fn() -> bool,
     /// What programs share with us of what they reach.
@@ -74,6 +93,9 @@ pub enum HarnessError {
     /// The program cannot be put into virtual time.
     #[error(transparent)]
     Guest(#[from] GuestError),
+    /// Nothing can be learned from a corpus.
+    #[error(transparent)]
+    Corpus(#[from] CorpusError),
     /// Somebody wants to stop.
     #[error("interrupted")]
     Interrupted,
@@ -92,12 +114,20 @@ impl<'a> Harness<'a> {
             source,
             alive,
             start,
+            errors: ErrorRule::default(),
+            is_any_rate: false,
+            spent: Cell::default(),
             is_strict: false,
             supervision: None,
             counters: None,
             goes_on,
             open: RefCell::default(),
         }
+    }
+
+    /// Where the time of all cases so far went.
+    pub const fn spent(&self) -> Spent {
+        self.spent.get()
     }
 
     /// Lets programs that count what they reach lead the search; in `dir` if the system has no file

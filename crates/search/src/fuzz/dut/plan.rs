@@ -4,6 +4,7 @@ use core::cell::Cell;
 use core::time::Duration;
 use std::path::PathBuf;
 
+use super::learn::Corpus;
 use engine::scenario::Scenario;
 
 /// What is searched for, and how.
@@ -11,6 +12,8 @@ use engine::scenario::Scenario;
 pub struct TrialPlan {
     /// World and devices.
     pub scenario: Scenario,
+    /// Frames and conversations to learn from, besides the program's own.
+    pub corpus: Option<Corpus>,
     /// The one link to be fuzzed with raw traffic; none: faults everywhere, and each link in turn.
     pub link: Option<String>,
     /// Chooses everything.
@@ -32,6 +35,8 @@ pub struct Progress {
     pub cases: Cell<u64>,
     /// Causes found, those of earlier searches counted.
     pub findings: Cell<usize>,
+    /// What was said to the program: frames, lines, turns of a conversation.
+    pub inputs: Cell<u64>,
     /// Tries to see a finding again and to make it smaller; 0 while none is.
     pub tries: Cell<u32>,
 }

@@ -187,6 +187,14 @@ impl Player {
         }
     }
 
+    /// Where the program was when a signal such as SIGSEGV came; in virtual time.
+    pub(super) fn fault(&self) -> Option<&str> {
+        match self {
+            Self::Live(_) => None,
+            Self::Guest(trial) => trial.fault(),
+        }
+    }
+
     /// What the program said so far.
     pub(super) fn said(&self) -> String {
         match self {

@@ -59,11 +59,14 @@ impl Harness<'_> {
         let middle = Instant::ZERO + WARM_UP + lasting / 2;
         let acted = opened.and_then(|()| live.pass(lasting));
         let known = live.known(middle);
-        let seen = trial::judge(self, live, acted, Vec::new())?;
-        let met = Probed {
+        let mut seen = trial::judge(self, live, acted, Vec::new(), false)?;
+        let mut met = Probed {
             known,
             ..Probed::default()
         };
+        // One that does its work and ends is no use to be blamed for that.
+        met.known.ends = seen.causes.contains(&Cause::Ended);
+        seen.causes.retain(|cause| *cause != Cause::Ended);
         Ok((met, case, seen))
     }
 
@@ -99,7 +102,7 @@ impl Harness<'_> {
             Ok(())
         });
         live.note_reached(self);
-        let seen = trial::judge(self, live, acted, causes)?;
+        let seen = trial::judge(self, live, acted, causes, !asked.is_empty())?;
         case.told.known = met.known.clone();
         let raw = case.told.raw.get_or_insert_default();
         (raw.stream, raw.answered) = (asked, met.answered.clone());

@@ -1,18 +1,21 @@
 //! The search: one case after the other, and what to do with what was found.
 
-use std::collections::BTreeMap;
+use core::cell::RefCell;
+use core::time::Duration;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::PathBuf;
 
 use emulators::rng::Rng;
 
-use super::case::{self, Case, Told};
+use super::case::{self, Case, Known, Raw, Told};
 use super::cause::Cause;
 use super::coverage::Counters;
 use super::finding::{Finding, Kept, State};
 use super::found::OpenFinding;
 use super::guide::{Guide, Guided};
 use super::harness::{Harness, HarnessError, Whose};
+use super::learn::Lesson;
 use super::plan::{Progress, RECORDINGS, TrialPlan};
 use super::probe::Probed;
 use super::speech::Speech;
@@ -24,6 +27,11 @@ use engine::scenario::Span;
 /// Most causes that are kept.
 const FINDINGS_MAX: usize = 100;
 
+/// Turns of a conversation.
+const TURNS: usize = 100;
+/// Least time of the conversation that is learned from.
+const LESSON: Duration = Duration::from_secs(3);
+
 /// A search under way.
 pub struct Search<'a> {
     harness: &'a Harness<'a>,
@@ -34,6 +42,10 @@ pub struct Search<'a> {
     state: State,
     late: u64,
     doubtful: u64,
+    /// What was learned of each link.
+    lessons: BTreeMap<usize, (Lesson, Known)>,
+    /// Errors that the program reported as it should, and how often.
+    reported: BTreeMap<String, u64>,
 }
 
 impl<'a> Search<'a> {
@@ -59,7 +71,10 @@ impl<'a> Search<'a> {
         let text = plan.scenario.to_toml();
         let scenario = engine::rig::trace::fingerprint(text.as_bytes());
         let link = plan.link.as_deref().unwrap_or("all links");
-        let of = format!("{program} | {scenario} | {link} | seed {}", plan.seed);
+        let mut of = format!("{program} | {scenario} | {link} | seed {}", plan.seed);
+        if plan.corpus.is_some() {
+            of += " | with a corpus";
+        }
         fs::create_dir_all(&plan.out)
             .map_err(|error| HarnessError::File(plan.out.clone(), error))?;
         let state = State::read(&plan.out, of)?;
@@ -73,6 +88,8 @@ impl<'a> Search<'a> {
             met: BTreeMap::new(),
             late: 0,
             doubtful: 0,
+            lessons: BTreeMap::new(),
+            reported: BTreeMap::new(),
         })
     }
 
@@ -85,6 +102,20 @@ impl<'a> Search<'a> {
     /// Cases in which the rig was too late to judge checks.
     pub const fn late(&self) -> u64 {
         self.late
+    }
+
+    /// Errors that the program reported when it was told something altered, and ended; how often.
+    pub const fn reported(&self) -> &BTreeMap<String, u64> {
+        &self.reported
+    }
+
+    /// What was learned, by link.
+    pub fn lessons(&self) -> impl Iterator<Item = (&str, String)> {
+        let lessons = self
+            .lessons
+            .iter()
+            .filter(|(_, (lesson, _))| !lesson.is_empty());
+        lessons.map(|(at, (lesson, _))| (&*self.ends[*at].0.link, lesson.in_words()))
     }
 
     /// Number of the next case, those of earlier searches counted.
@@ -110,6 +141,20 @@ impl<'a> Search<'a> {
         self.state.next += 1;
         self.progress.cases.set(self.progress.cases.get() + 1);
         self.late += u64::from(seen.was_late);
+        let inputs = match &case.told.raw {
+            Some(raw) if raw.turn.is_empty() => {
+                let lines = raw.stream.lines().filter(|line| *line != "idle");
+                lines.count()
+            }
+            _ => seen.played.len(),
+        };
+        self.state.inputs += inputs as u64;
+        self.progress
+            .inputs
+            .set(self.progress.inputs.get() + inputs as u64);
+        if let Some(cause) = &seen.reported {
+            *self.reported.entry(cause.key()).or_default() += 1;
+        }
         if let Some(raw) = case.told.raw.as_ref().filter(|_| self.is_guided()) {
             let guide = self.state.guides.entry(raw.link.clone()).or_default();
             let is_end = seen.causes.iter().any(Cause::is_final);
@@ -166,8 +211,42 @@ impl<'a> Search<'a> {
             let (met, case, seen) = self.harness.meet_on(scenario, on, &mut rng, &recording)?;
             self.met.insert(Some(at), met);
             self.keep(case, &speech, seen)?;
+            self.learn(at)?;
         }
         Ok(Some(at))
+    }
+
+    /// Learns what the device on the end with this number says, nothing being wrong.
+    fn learn(&mut self, at: usize) -> Result<(), HarnessError> {
+        let link = self.ends[at].0.link.clone();
+        let (recording, plan) = (self.recording(), &self.plan);
+        let lasting = plan.lasting.max(LESSON);
+        let (met, case, seen) = self.harness.meet(&plan.scenario, lasting, &recording)?;
+        let lesson = Lesson::of(&recording, &link, plan.corpus.as_ref());
+        // What it says depends on what it is told.
+        let known = Known {
+            speaks: BTreeSet::new(),
+            ..met.known
+        };
+        self.lessons.insert(at, (lesson, known));
+        self.keep(case, &Speech::Bytes, seen)
+    }
+
+    /// Whether the next case is a conversation: what is learned and what is known of a format take
+    /// turns.
+    fn is_dialogue(&self, at: usize, speech: &Speech) -> bool {
+        let lesson = self.lessons.get(&at).map(|(lesson, _)| lesson);
+        let Some(lesson) = lesson.filter(|lesson| !lesson.is_empty()) else {
+            return false;
+        };
+        let fits = match speech {
+            Speech::Frames(_) => !lesson.is_text(),
+            Speech::Text(_) => lesson.is_text(),
+            Speech::Bytes => false,
+        };
+        // A search that is led by what the program reaches learns from what it makes itself.
+        let [share, all] = if self.is_guided() { [1, 4] } else { [3, 4] };
+        !(fits || self.is_guided()) || self.state.next % all < share
     }
 
     /// Whether the program counts what it reaches.
@@ -183,12 +262,21 @@ impl<'a> Search<'a> {
         let mut scenario = case::quiet(&self.plan.scenario, lasting);
         let mut guided = Guided::default();
         let (speech, raw) = match kind {
-            Some(at) => {
-                let (end, speech) = &self.ends[at];
+            Some(ref at) => {
+                let (end, speech) = &self.ends[*at];
                 let dice = &mut ["pairs", "stream"].map(dice);
                 let new = Guide::default();
                 let guide = self.state.guides.get(&end.link).unwrap_or(&new);
                 let guide = self.is_guided().then_some(guide);
+                if self.is_dialogue(*at, speech) {
+                    let raw = self.dialogue(*at, met, &mut dice[1]);
+                    let told = Told {
+                        lasting: Span(lasting),
+                        known: self.lessons[at].1.clone(),
+                        raw: Some(raw),
+                    };
+                    return (Case { scenario, told }, speech.clone(), guided);
+                }
                 let raw;
                 (raw, guided) = traffic::raw(met, speech, end.line.baud, lasting, dice, guide);
                 (speech.clone(), Some(raw))
@@ -206,6 +294,19 @@ impl<'a> Search<'a> {
             raw,
         };
         (Case { scenario, told }, speech, guided)
+    }
+
+    /// A conversation, made from what was learned.
+    fn dialogue(&self, at: usize, met: &Probed, rng: &mut Rng) -> Raw {
+        let (lesson, _) = &self.lessons[&at];
+        let avoided = self.state.avoided.iter().cloned().collect();
+        Raw {
+            link: met.link.clone(),
+            exchange: lesson.exchanges(),
+            asks: lesson.asks(),
+            turn: lesson.turns(TURNS, &avoided, rng),
+            ..Raw::default()
+        }
     }
 
     fn link_of(&self, name: &str) -> Option<String> {
@@ -244,8 +345,13 @@ impl<'a> Search<'a> {
         let number = self.state.findings.len() + 1;
         let folder = format!("{number:02}-{}", cause.kind());
         let mut first = case.clone();
-        if first.told.raw.is_none() {
-            first.scenario = seen.ran.clone();
+        match &mut first.told.raw {
+            None => first.scenario = seen.ran.clone(),
+            // What was not said is not needed.
+            Some(raw) if !raw.turn.is_empty() => {
+                raw.turn = seen.played.iter().map(|at| raw.turn[*at].clone()).collect();
+            }
+            Some(_) => {}
         }
         let dir = self.plan.out.join("findings").join(&folder);
         let found = OpenFinding {
@@ -255,6 +361,7 @@ impl<'a> Search<'a> {
             speech,
             cause,
             finding: Finding::create(dir)?,
+            kinds: RefCell::default(),
         };
         let kept = found.keep(first, seen);
         self.progress.tries.set(0);
@@ -262,6 +369,7 @@ impl<'a> Search<'a> {
             self.doubtful += 1;
             return found.finding.remove();
         }
+        self.state.avoided.extend(found.kinds.take());
         self.state.findings.push(Kept {
             folder,
             key: cause.key(),

@@ -12,6 +12,7 @@ use super::harness::{Harness, HarnessError};
 use super::player::{Halt, Player};
 use super::wiring;
 use capture::{self, Limits, Recording};
+use engine::rig::PortRate;
 use engine::run::Run;
 use realtime::clock::utc;
 
@@ -45,6 +46,8 @@ pub(super) struct Session<'a> {
     goes_on: &'a dyn Fn() -> bool,
     /// What the program did from one look to the next.
     reached: Vec<Reached>,
+    /// The turns that were said, by their numbers.
+    pub(super) played: Vec<usize>,
 }
 
 /// What was seen of a port.
@@ -67,7 +70,12 @@ impl<'a> Session<'a> {
         recording: &Path,
     ) -> Result<(Self, Result<(), Halt>), HarnessError> {
         let link = case.told.raw.as_ref().map(|raw| raw.link.as_str());
-        let (mut run, ends, raw) = wiring::wire(&harness.source, &case.scenario, link)?;
+        let (mut run, mut ends, raw) = wiring::wire(&harness.source, &case.scenario, link)?;
+        if harness.is_any_rate {
+            for end in &mut ends {
+                end.rate = PortRate::Any { usual: end.line };
+            }
+        }
         run.go_on_until(Instant::ZERO + WARM_UP);
         if let Some(link) = link.and_then(|link| run.rig.link_mut(link))
             && harness.supervision.is_some()
@@ -88,6 +96,7 @@ impl<'a> Session<'a> {
             ports: BTreeMap::new(),
             goes_on: harness.goes_on,
             reached: Vec::new(),
+            played: Vec::new(),
         };
         let opened = live.wait_for_ports(harness, &case.told.known);
         Ok((live, opened))
@@ -126,6 +135,11 @@ impl<'a> Session<'a> {
     /// The names of all ports.
     pub(super) fn port_names(&self) -> Vec<&str> {
         self.names.iter().map(String::as_str).collect()
+    }
+
+    /// Where the program was when a signal such as SIGSEGV came.
+    pub(super) fn fault(&self) -> Option<String> {
+        self.player.fault().map(ToOwned::to_owned)
     }
 
     /// What the program said on its standard error so far.
@@ -208,7 +222,7 @@ impl<'a> Session<'a> {
     }
 
     /// Waits until all has been said.
-    fn flush(&mut self) -> Result<(), Halt> {
+    pub(super) fn flush(&mut self) -> Result<(), Halt> {
         let Some(node) = self.raw else { return Ok(()) };
         while self.player.rig().backlog(node) > 0 {
             self.turn()?;
@@ -255,6 +269,35 @@ impl<'a> Session<'a> {
         Ok(core::mem::take(&mut self.heard))
     }
 
+    /// What the program says on the raw link next: bytes that `is_whole` knows, or as many as come
+    /// before a silence of `quiet`. `None` if it says nothing for `most`.
+    pub(super) fn hear(
+        &mut self,
+        most: Duration,
+        quiet: Duration,
+        is_whole: &dyn Fn(&[u8]) -> bool,
+    ) -> Result<Option<Vec<u8>>, Halt> {
+        let until = self.now() + most;
+        let (mut len, mut since) = (self.heard.len(), self.now());
+        loop {
+            if is_whole(&self.heard) || (len > 0 && self.now() - since >= quiet) {
+                return Ok(Some(core::mem::take(&mut self.heard)));
+            }
+            if len == 0 && self.now() >= until {
+                return Ok(None);
+            }
+            self.turn()?;
+            if self.heard.len() != len {
+                (len, since) = (self.heard.len(), self.now());
+            }
+        }
+    }
+
+    /// Puts back what was heard.
+    pub(super) fn unhear(&mut self, heard: &[u8]) {
+        self.heard.splice(0..0, heard.iter().copied());
+    }
+
     /// What was said on the raw link since the last question.
     pub(super) fn take_heard(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.heard)
@@ -270,6 +313,7 @@ impl<'a> Session<'a> {
             opens: those(&|port| port.was_opened),
             reads: those(&|port| port.is_open && port.drained_at >= Some(from)),
             speaks: those(&|port| port.spoke_at >= Some(from)),
+            ends: false,
         }
     }
 

@@ -11,6 +11,8 @@ use super::speech::Speech;
 
 /// Pairs of a good and a damaged frame in a case.
 const PAIRS_MAX: u64 = 4;
+/// One case in so many begins a frame and keeps silent.
+const CUT_ONE_IN: u64 = 4;
 /// Share of a line that raw traffic takes.
 const LOAD: f64 = 0.6;
 /// Least and most bytes of a stream.
@@ -42,6 +44,9 @@ pub(super) fn raw(
             });
         }
     }
+    let is_cut = dice.below(CUT_ONE_IN) == 0;
+    let answered = met.answered.first().filter(|_| is_cut);
+    let cut = answered.map(|one| Hex(one.frame.0[..one.frame.0.len() / 2].to_vec()));
     let bytes = f64::from(baud) / 10.0 * lasting.as_secs_f64() * LOAD;
     let bytes = bytes.clamp(BYTES.start, BYTES.end);
     let mut guided = guide.map_or_else(Guided::default, |guide| guide.traffic(speech, bytes, rng));
@@ -57,7 +62,9 @@ pub(super) fn raw(
         answered: met.answered.clone(),
         chatter: met.chatter.iter().cloned().map(Hex).collect(),
         pair: pairs,
+        cut,
         stream,
+        ..Raw::default()
     };
     (raw, guided)
 }

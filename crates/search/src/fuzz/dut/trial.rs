@@ -3,10 +3,13 @@
 use core::time::Duration;
 use std::path::Path;
 
+use protocols::Instant;
+
 use super::case::{Answered, Case, Known, Pair, Raw};
 use super::cause::Cause;
 use super::coverage::Reached;
-use super::harness::{Harness, HarnessError};
+use super::dialogue::{self, Limits};
+use super::harness::{Harness, HarnessError, Spent};
 use super::player::Halt;
 use super::session::Session;
 use super::speech::{Shape, Speech};
@@ -16,6 +19,7 @@ use engine::run::Run;
 use engine::run::check::Status;
 use engine::scenario::Scenario;
 use realtime::LATE;
+use realtime::clock::{Clock as _, WallClock};
 
 /// What came of a case.
 #[derive(Clone, Debug)]
@@ -32,10 +36,24 @@ pub struct TrialOutcome {
     pub was_late: bool,
     /// What the program did until each pause of the traffic; of one that counts it.
     pub reached: Vec<Reached>,
+    /// The turns that were said, by their numbers.
+    pub played: Vec<usize>,
+    /// An error that the program reported as it should, and ended.
+    pub reported: Option<Cause>,
 }
 
 /// Time for an answer to a frame.
 const WINDOW: Duration = Duration::from_millis(60);
+/// Silence after half a frame: far more than any gap in one.
+const CUT_SILENCE: Duration = Duration::from_secs(1);
+/// How often the program is asked after a frame that it lost.
+const CUT_ASKED: usize = 32;
+/// Least virtual time of a conversation: a program that asks once a second is asked to go on.
+const DIALOGUE: Duration = Duration::from_secs(120);
+/// Virtual time that a program may wait for a reply that does not come.
+const SILENCE: Duration = Duration::from_secs(10);
+/// The turns before an end that a program may have ended because of.
+const BLAMED: usize = 3;
 
 /// A link and what is said on it.
 pub(super) struct Talk<'a> {
@@ -85,6 +103,33 @@ impl<'a> Talk<'a> {
         Ok(true)
     }
 
+    /// Whether the frame after half of one and silence is lost, twice, though later ones are
+    /// answered.
+    fn loses_next(&self, live: &mut Session<'_>, raw: &Raw, cut: &[u8]) -> Result<bool, Halt> {
+        let Some(asked) = raw.answered.first() else {
+            return Ok(false);
+        };
+        for _ in 0..2 {
+            live.say(cut)?;
+            live.flush()?;
+            live.pass(CUT_SILENCE)?;
+            if self.is_answered(live, asked)? {
+                return Ok(false);
+            }
+            let mut is_answered = false;
+            for _ in 0..CUT_ASKED {
+                is_answered = self.is_answered(live, asked)?;
+                if is_answered {
+                    break;
+                }
+            }
+            if !is_answered {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     /// Whether the program answers as it did.
     fn is_answered(&self, live: &mut Session<'_>, asked: &Answered) -> Result<bool, Halt> {
         let kinds = self.ask(live, &asked.frame.0)?;
@@ -115,6 +160,20 @@ pub(super) fn act(
             break;
         }
     }
+    if let Some(cut) = &raw.cut
+        && talk.loses_next(live, raw, &cut.0)?
+    {
+        causes.push(Cause::NoTimeout(format!(
+            "on {}, after the first {} bytes of a frame and {} s of silence it takes the next \
+             frame for the rest of it",
+            raw.link,
+            cut.0.len(),
+            CUT_SILENCE.as_secs_f64()
+        )));
+    }
+    if !raw.turn.is_empty() {
+        return hold_dialogue(harness, live, case, causes);
+    }
     // Whoever reads a case made sure that it can be read.
     let stream = Stream::parse(&raw.stream).unwrap_or_default();
     // What it reached until here is not the traffic's doing.
@@ -131,6 +190,33 @@ pub(super) fn act(
     }
     live.pause()?;
     causes.extend(settle(live, &case.told.known, Some((&talk, raw)), alive)?);
+    Ok(())
+}
+
+/// Holds the conversation of `case`, then sees whether the program lives.
+fn hold_dialogue(
+    harness: &Harness<'_>,
+    live: &mut Session<'_>,
+    case: &Case,
+    causes: &mut Vec<Cause>,
+) -> Result<(), Halt> {
+    let Some(raw) = &case.told.raw else {
+        return Ok(());
+    };
+    let is_virtual = harness.supervision.is_some();
+    let [lasting, silence] = [case.told.lasting.0, harness.alive];
+    let limits = match is_virtual {
+        true => Limits {
+            lasting: lasting.max(DIALOGUE),
+            silence: silence.max(SILENCE),
+        },
+        false => Limits { lasting, silence },
+    };
+    let mut played = Vec::new();
+    let held = dialogue::converse(live, raw, limits, &mut played, causes);
+    live.played = played;
+    held?;
+    causes.extend(settle(live, &case.told.known, None, harness.alive)?);
     Ok(())
 }
 
@@ -190,10 +276,37 @@ pub fn run(
     speech: &Speech,
     recording: &Path,
 ) -> Result<TrialOutcome, HarnessError> {
+    let clock = WallClock::start();
     let (mut live, opened) = Session::begin(harness, case, recording)?;
+    let started = clock.now() - Instant::ZERO;
+    let from = live.now();
     let mut causes = Vec::new();
     let acted = opened.and_then(|()| act(harness, &mut live, case, speech, &mut causes));
-    judge(harness, live, acted, causes)
+    let is_altered = is_altered(case, &live.played);
+    let lasted = live.now() - from;
+    let mut outcome = judge(harness, live, acted, causes, is_altered)?;
+    let spent = harness.spent.get();
+    harness.spent.set(Spent {
+        starts: spent.starts + started,
+        wall: spent.wall + (clock.now() - Instant::ZERO),
+        rig: spent.rig + lasted,
+    });
+    if case.told.known.ends {
+        outcome.causes.retain(|cause| *cause != Cause::Ended);
+    }
+    Ok(outcome)
+}
+
+/// Whether anything was altered of what a program was told last.
+fn is_altered(case: &Case, played: &[usize]) -> bool {
+    let Some(raw) = &case.told.raw else {
+        return !case.scenario.fault.is_empty();
+    };
+    if raw.turn.is_empty() {
+        return !(raw.stream.is_empty() && raw.pair.is_empty());
+    }
+    let mut last = played.iter().rev().take(BLAMED);
+    last.any(|at| raw.turn[*at].is_altered)
 }
 
 /// Ends the program and says what was wrong with it, besides `causes`.
@@ -202,6 +315,7 @@ pub(super) fn judge(
     mut live: Session<'_>,
     acted: Result<(), Halt>,
     mut causes: Vec<Cause>,
+    is_altered: bool,
 ) -> Result<TrialOutcome, HarnessError> {
     let known = live.known(live.now());
     let was_late = live.late() > LATE;
@@ -209,10 +323,19 @@ pub(super) fn judge(
         live.note_reached(harness);
     }
     let reached = live.take_reached();
+    let played = core::mem::take(&mut live.played);
+    let mut reported = None;
+    let fault = live.fault();
     let (said, run) = live.end(harness);
     match acted {
         Ok(()) => {}
-        Err(Halt::Ended(ended)) => causes.push(Cause::of_end(ended, &said)),
+        Err(Halt::Ended(ended)) => {
+            let cause = Cause::of_end(ended, &said, fault);
+            match cause.is_reported() && !harness.errors.counts(is_altered) {
+                true => reported = Some(cause),
+                false => causes.push(cause),
+            }
+        }
         Err(Halt::Lost(how)) => causes.push(Cause::PortLost(how)),
         Err(Halt::Spins(who)) => causes.push(Cause::Spins(who)),
         Err(Halt::Guest(error)) => return Err(error.into()),
@@ -231,6 +354,8 @@ pub(super) fn judge(
         known,
         was_late,
         reached,
+        played,
+        reported,
     })
 }
 

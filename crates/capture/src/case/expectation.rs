@@ -1,0 +1,110 @@
+//! What a case expects.
+
+use protocols::Instant;
+use serde::{Deserialize, Serialize};
+
+use super::decoder::Decoded;
+use super::rules::Evidence;
+use super::sound::Sound;
+use super::{is_false, rule};
+use crate::replay::Replayed;
+use engine::run::check::Check;
+
+/// What must hold when the bytes of a case are played to the program.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Expectation {
+    /// The program sends what it sent then, byte by byte.
+    #[serde(default)]
+    pub same_outputs: bool,
+    /// Links on which the program still sends within the last second.
+    #[serde(default)]
+    pub talks: Vec<String>,
+    /// Rules that the program must not break, as `device rule`, e.g. `base unknown-register`.
+    #[serde(default)]
+    pub never: Vec<String>,
+    /// Checks of every run that must pass, e.g. `memory-intact`.
+    #[serde(default)]
+    pub checks: Vec<String>,
+    /// Longest pause after which the program still talks, ns; none: a second.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub talk_pause_ns: Option<u64>,
+    /// The program ends with this exit code.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exits: Option<i32>,
+    /// Texts of lines that the program prints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub prints: Vec<String>,
+    /// Texts that it prints in no line.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub never_prints: Vec<String>,
+    /// Bytes that the program sends, `LINK:HEX` or `HEX`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sends: Vec<String>,
+    /// Bytes that it never sends.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub never_sends: Vec<String>,
+    /// The program behaves as if damaged frames had not come.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub ignores_damage: bool,
+    /// The longest pause of a program that has begun to send, ns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recovers_ns: Option<u64>,
+    /// What a reference program did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sound: Option<Sound>,
+    /// What decoders make of the bytes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub decoder: Vec<Decoded>,
+}
+
+impl Expectation {
+    /// Whether anything is expected of a program.
+    pub(super) fn needs_program(&self) -> bool {
+        let lists = [
+            &self.talks,
+            &self.never,
+            &self.checks,
+            &self.prints,
+            &self.never_prints,
+            &self.sends,
+            &self.never_sends,
+        ];
+        let is_asked = self.exits.is_some() || self.recovers_ns.is_some() || self.sound.is_some();
+        self.same_outputs
+            || self.ignores_damage
+            || is_asked
+            || lists.iter().any(|list| !list.is_empty())
+    }
+
+    /// The verdicts on what the robot's own program did, up to `end`.
+    pub(super) fn judge(&self, replayed: &Replayed, end: Instant) -> Vec<Check> {
+        let mut checks = self.judge_links(&replayed.links, end);
+        checks.extend(self.judge_rules(&Evidence {
+            links: &replayed.links,
+            said: "",
+            exit_code: None,
+            ended_at: None,
+            end,
+        }));
+        for forbidden in &self.never {
+            let mut broken = replayed
+                .violations
+                .iter()
+                .filter(|one| rule(one) == *forbidden);
+            let first = broken.next();
+            let detail = match first {
+                None => "not broken".to_owned(),
+                Some(first) => format!("broken {} times; first: {first}", 1 + broken.count()),
+            };
+            let name = format!("never-{}", forbidden.replace(' ', "-"));
+            checks.push(Check::new(&name, first.is_none(), detail));
+        }
+        for name in &self.checks {
+            let found = replayed.checks.iter().find(|check| check.name == *name);
+            let unknown = || Check::new(name, false, "expected the name of a check of every run");
+            checks.push(found.cloned().unwrap_or_else(unknown));
+        }
+        checks
+    }
+}

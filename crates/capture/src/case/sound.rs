@@ -1,0 +1,165 @@
+//! What a reference program did, and whether another one does the same.
+
+use serde::{Deserialize, Serialize};
+
+use super::bytes;
+use crate::divergence::{Track, compare};
+use crate::replay::{Arrival, Played};
+use engine::rig::line::Direction;
+use engine::run::check::Check;
+
+/// What a sound program did in the same case.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sound {
+    /// Its command.
+    pub command: String,
+    /// What it printed.
+    #[serde(default)]
+    pub prints: String,
+    /// What it sent.
+    #[serde(default)]
+    pub link: Vec<SoundLink>,
+}
+
+/// What a sound program sent on a link.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SoundLink {
+    /// Name of the link.
+    pub name: String,
+    /// Bits per second, by which the times are read.
+    pub baud: u32,
+    /// Its bytes, as those of a case.
+    pub sent: String,
+}
+
+/// A program that is stopped at the end of a case may have done so much less than the reference,
+/// one in so many.
+const SLACK: usize = 10;
+
+impl Sound {
+    /// What the program of `command` did; `links` may be left out where the devices answer.
+    pub fn of(command: &str, said: &str, links: &[Played], baud: impl Fn(&str) -> u32) -> Self {
+        let link = links.iter().map(|one| {
+            let baud = baud(&one.link);
+            let line = protocols::LineConfig::new_8n1(baud);
+            let pieces = one.got.pieces().map(|(at, bytes)| Arrival {
+                at,
+                bytes: bytes.to_vec(),
+            });
+            SoundLink {
+                name: one.link.clone(),
+                baud,
+                sent: bytes::write(&pieces.collect::<Vec<_>>(), line),
+            }
+        });
+        Self {
+            command: command.to_owned(),
+            prints: said.to_owned(),
+            link: link.collect(),
+        }
+    }
+
+    /// Whether the program that printed `said` and sent `links` does the same.
+    pub(super) fn judge(&self, said: &str, links: &[Played]) -> Vec<Check> {
+        let mut checks = vec![self.judge_lines(said)];
+        for sound in &self.link {
+            let name = format!("sends-as-reference-{}", sound.name);
+            let line = protocols::LineConfig::new_8n1(sound.baud.max(50));
+            let expected = match bytes::read(&sound.sent, line) {
+                Ok(arrivals) => {
+                    let mut track = Track::default();
+                    for one in arrivals {
+                        track.push(one.at, &one.bytes);
+                    }
+                    track
+                }
+                Err(error) => {
+                    checks.push(Check::new(&name, false, format!("sent {error}")));
+                    continue;
+                }
+            };
+            let none = Track::default();
+            let found = links.iter().find(|one| one.link == sound.name);
+            let got = found.map_or(&none, |one| &one.got);
+            let (most, least) = (expected.bytes().len(), got.bytes().len());
+            let parted = compare(&sound.name, Direction::ToDevice, &expected, got);
+            let is_end = |byte: usize| byte >= most.min(least) && is_enough(most, least);
+            let parted = parted.filter(|parted| !is_end(parted.byte));
+            let detail = match &parted {
+                None => format!("the same {} bytes", most.min(least)),
+                Some(parted) => parted.to_string(),
+            };
+            checks.push(Check::new(&name, parted.is_none(), detail));
+        }
+        checks
+    }
+
+    fn judge_lines(&self, said: &str) -> Check {
+        let (expected, got): (Vec<&str>, Vec<&str>) =
+            (self.prints.lines().collect(), said.lines().collect());
+        let both = expected.iter().zip(&got);
+        let parted = both
+            .enumerate()
+            .find(|(_, (expected, got))| expected != got);
+        let detail = match parted {
+            Some((index, (expected, got))) => {
+                let line = index + 1;
+                format!("line {line}: the reference printed {expected:?}, this one {got:?}")
+            }
+            None if !is_enough(expected.len(), got.len()) => {
+                let [most, least] = [expected.len(), got.len()];
+                format!("the reference printed {most} lines, this one {least}")
+            }
+            None => format!("the same {} lines", expected.len().min(got.len())),
+        };
+        let passes = parted.is_none() && is_enough(expected.len(), got.len());
+        Check::new("prints-as-reference", passes, detail)
+    }
+}
+
+/// Whether two programs did about as much.
+const fn is_enough(one: usize, other: usize) -> bool {
+    one.abs_diff(other) * SLACK <= one + SLACK
+}
+
+#[cfg(test)]
+mod tests {
+    use protocols::Instant;
+
+    use super::*;
+    use engine::run::check::Status;
+
+    fn played(bytes: &[u8]) -> [Played; 1] {
+        let mut got = Track::default();
+        got.push(Instant::from_secs(1), bytes);
+        [Played {
+            link: "base".to_owned(),
+            expected: Track::default(),
+            got,
+            talk: None,
+        }]
+    }
+
+    /// Twenty lines and forty bytes; two lines less may be missing at the end, five not.
+    #[test]
+    fn a_program_that_parts_from_the_reference_fails() {
+        let lines = |count: usize| (0..count).map(|n| format!("{n}\n")).collect::<String>();
+        let bytes: Vec<u8> = (0..40).collect();
+        let sound = Sound::of("good", &lines(20), &played(&bytes), |_| 9600);
+        let judge = |said: &str, bytes: &[u8]| {
+            let checks = sound.judge(said, &played(bytes)).into_iter();
+            checks.map(|one| one.status).collect::<Vec<_>>()
+        };
+        let (pass, fail) = (Status::Pass, Status::Fail);
+        assert_eq!(judge(&lines(20), &bytes), [pass, pass]);
+        assert_eq!(judge(&lines(18), &bytes[..37]), [pass, pass]);
+        assert_eq!(judge(&lines(15), &bytes[..30]), [fail, fail]);
+        let mut other = bytes;
+        other[7] = 99;
+        assert_eq!(judge(&lines(20).replace("7", "8"), &other), [fail, fail]);
+        let said = &sound.judge(&lines(20), &played(&other))[1].detail;
+        assert!(said.contains("byte 7: expected 0x07, got 0x63"), "{said}");
+    }
+}

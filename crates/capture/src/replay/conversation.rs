@@ -1,0 +1,439 @@
+//! A link of a capture played back as a conversation: the far end answers when it is asked.
+//!
+//! ```text
+//! capture:  opened .. greeting    request A .. answer A    request B .. answer B .. message
+//!           cause     distance    cause        distance    cause        distance    distance
+//! ```
+//!
+//! A capture is cut into requests of the program, and what the far end said after each. The bytes
+//! of the program that plays now are matched with those requests: by frames where the protocol is
+//! known, by lines of text, else by bytes and silence. The answer follows its request as late as it
+//! did in the capture. What came without being asked follows what caused it: the answer before it,
+//! the message before it, or the opening of the port. Messages that the far end sent again and
+//! again before anything was asked follow their own clock.
+//!
+//! So a program that starts later, is slower, asks in another order or asks twice has the same
+//! conversation. A request that the capture does not have is a [`Divergence`]; it is answered as
+//! the
+//! request that it is most like.
+//!
+//! A [`Conversation`] has the four verbs of every node, and no clock of its own.
+
+mod cut;
+mod requests;
+mod script;
+
+use core::fmt;
+use core::ops::Range;
+use core::time::Duration;
+use std::collections::{BTreeMap, VecDeque};
+
+use protocols::Instant;
+
+use super::Passage;
+use crate::divergence::Divergence;
+use engine::rig::line::Direction;
+use requests::{Found, QUIET, Requests, UNFINISHED};
+use script::{Message, Script};
+
+/// Messages of an earlier request that may still come behind a new one; if there are more, they
+/// were a stream, which the new request has ended.
+const LEFT_MAX: usize = 2;
+/// Least silence after which nothing more is expected of the program.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// The same in longest gaps of the capture: the program may be so much slower.
+const PATIENCE_GAPS: u32 = 4;
+/// Time for the program to answer what was said last.
+const ANSWERS: Duration = Duration::from_secs(1);
+
+/// What a message belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Source {
+    Stream,
+    Opening,
+    Exchange(usize),
+}
+
+/// Bytes that will be said.
+#[derive(Clone, Debug)]
+struct Due {
+    source: Source,
+    message: usize,
+    is_reply: bool,
+    /// Whether its request was made before: nothing goes on by it.
+    is_again: bool,
+    bytes: Vec<u8>,
+}
+
+/// One link of a capture that answers a program.
+#[derive(Clone)]
+pub struct Conversation {
+    link: String,
+    script: Script,
+    /// Whether the line takes its time for each byte that it is given here.
+    is_on_line: bool,
+    requests: Requests,
+    is_open: bool,
+    openings: usize,
+    begun: bool,
+    heard: Vec<u8>,
+    heard_at: Instant,
+    /// Whether it was found that more must come even after a silence.
+    is_quiet: bool,
+    heard_before: usize,
+    due: BTreeMap<(Instant, u64), Due>,
+    /// How many of those are of the stream, and what it is timed by.
+    streaming: usize,
+    stream_from: Instant,
+    numbered: u64,
+    /// The message of which something was said last.
+    saying: Option<(Source, usize)>,
+    ready: VecDeque<u8>,
+    moved_at: Instant,
+    said: u64,
+    tally: Tally,
+    first: Option<Divergence>,
+}
+
+/// How the requests of the program compare with those of the capture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Requests of the capture.
+    pub all: usize,
+    /// Those of them that were made.
+    pub made: usize,
+    /// How often one was made before its turn, or after it.
+    pub out_of_turn: usize,
+    /// How often one was made again.
+    pub repeated: usize,
+    /// Requests that the capture does not have.
+    pub unknown: usize,
+}
+
+impl fmt::Display for Tally {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            all,
+            made,
+            out_of_turn,
+            repeated,
+            unknown,
+        } = self;
+        write!(f, "{made} of {all} requests were made")?;
+        for (count, what) in [
+            (out_of_turn, "out of turn"),
+            (repeated, "repeated"),
+            (unknown, "not in the capture"),
+        ] {
+            if *count > 0 {
+                write!(f, ", {count} {what}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Conversation {
+    /// The conversation of `passage` in the `session` of a capture. `is_on_line`: what it says
+    /// takes
+    /// its time on a line; else it is said when its last byte is complete.
+    pub fn new(passage: &Passage, session: &Range<Instant>, is_on_line: bool) -> Self {
+        let script = Script::of(passage, session);
+        Self {
+            link: passage.link.clone(),
+            is_on_line,
+            requests: Requests::of(&script.exchanges, script.cut),
+            is_open: false,
+            openings: 0,
+            begun: false,
+            heard: Vec::new(),
+            heard_at: Instant::ZERO,
+            is_quiet: false,
+            heard_before: 0,
+            due: BTreeMap::new(),
+            streaming: 0,
+            stream_from: Instant::ZERO,
+            numbered: 0,
+            saying: None,
+            ready: VecDeque::new(),
+            moved_at: Instant::ZERO,
+            said: 0,
+            tally: Tally {
+                all: script.exchanges.len(),
+                ..Tally::default()
+            },
+            first: None,
+            script,
+        }
+    }
+
+    /// Name of the link.
+    pub fn link(&self) -> &str {
+        &self.link
+    }
+
+    /// The program opens the port.
+    pub fn open(&mut self, now: Instant) {
+        if core::mem::replace(&mut self.is_open, true) {
+            return;
+        }
+        let opening = self.openings.min(self.script.openings.len() - 1);
+        self.openings += 1;
+        if self.openings <= self.script.openings.len() {
+            self.moved_at = now;
+        }
+        if !core::mem::replace(&mut self.begun, true) {
+            let stream = core::mem::take(&mut self.script.stream);
+            self.stream_from = now;
+            self.plan(Source::Stream, now, &stream, false);
+        }
+        let said = self.script.openings[opening].clone();
+        let is_again = self.openings > self.script.openings.len();
+        self.plan(Source::Opening, now, &said, is_again);
+    }
+
+    /// The program closes the port.
+    pub const fn close(&mut self) {
+        self.is_open = false;
+    }
+
+    /// The program has sent `bytes`, the last of them complete at `now`.
+    pub fn receive(&mut self, now: Instant, bytes: &[u8]) {
+        self.open(now);
+        self.settle(now);
+        self.heard.extend_from_slice(bytes);
+        self.heard_at = now;
+        self.settle(now);
+    }
+
+    /// Does what is due.
+    pub fn poll(&mut self, now: Instant) {
+        self.settle(now);
+        while let Some(entry) = self.due.first_entry()
+            && entry.key().0 <= now
+        {
+            let due = entry.remove();
+            self.streaming -= usize::from(due.source == Source::Stream);
+            self.saying = Some((due.source, due.message));
+            self.ready.extend(due.bytes);
+            if !due.is_again {
+                self.moved_at = now;
+            }
+            self.go_on_streaming();
+        }
+    }
+
+    /// A stream that went on to the end of the capture goes on.
+    fn go_on_streaming(&mut self) {
+        if let Some(tail) = self.script.tail.as_ref().filter(|_| self.streaming == 0) {
+            self.stream_from += tail.period;
+            let messages = tail.messages.clone();
+            self.plan(Source::Stream, self.stream_from, &messages, true);
+        }
+    }
+
+    /// Moves what is to be said into `buf`; how many bytes.
+    pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
+        let len = buf.len().min(self.ready.len());
+        for (slot, byte) in buf.iter_mut().zip(self.ready.drain(..len)) {
+            *slot = byte;
+        }
+        self.said += len as u64;
+        len
+    }
+
+    /// Bytes said so far.
+    pub const fn said(&self) -> u64 {
+        self.said
+    }
+
+    /// When something is due next.
+    pub fn poll_at(&self) -> Option<Instant> {
+        let due = self.due.keys().next().map(|&(at, _)| at);
+        let heard = (!self.heard.is_empty()).then_some(self.heard_at);
+        // Whether it is quiet enough was looked at when the last byte came, so later is enough.
+        let quiet = heard.map(|at| at + if self.is_quiet { UNFINISHED } else { QUIET });
+        due.into_iter().chain(quiet).min()
+    }
+
+    /// Whether there is something to say now.
+    pub fn has_more(&self) -> bool {
+        !self.ready.is_empty()
+    }
+
+    /// Whether all was asked and said.
+    pub fn is_done(&self) -> bool {
+        self.begun && !self.has_news() && self.ready.is_empty() && self.requests.are_made()
+    }
+
+    /// Whether something will be said that was not said before.
+    fn has_news(&self) -> bool {
+        self.due.values().any(|due| !due.is_again)
+    }
+
+    /// When the conversation last went on.
+    pub const fn moved_at(&self) -> Instant {
+        self.moved_at
+    }
+
+    /// How long it may stand still before nothing more is expected.
+    pub fn patience(&self) -> Duration {
+        PATIENCE + self.script.longest_gap * PATIENCE_GAPS
+    }
+
+    /// How many of its requests were made.
+    pub const fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// The first request that is not as in the capture; at the end, one that is missing as well.
+    pub fn divergence(&self) -> Option<Divergence> {
+        let missing = || {
+            let exchange = &self.script.exchanges[self.requests.missing()?];
+            let got = (!self.heard.is_empty()).then_some(&self.heard[..]);
+            Some(self.differs(
+                self.heard_at.max(self.moved_at),
+                Some(&exchange.request),
+                got,
+            ))
+        };
+        self.first.clone().or_else(missing)
+    }
+
+    fn differs(&self, at: Instant, expected: Option<&[u8]>, got: Option<&[u8]>) -> Divergence {
+        let codec = self.script.cut.codec();
+        let place = (at, self.heard_before);
+        let mut found = Divergence::between(
+            (&self.link, Direction::ToDevice),
+            place,
+            expected,
+            got,
+            codec,
+        );
+        found.note = self.tally.to_string();
+        found
+    }
+
+    /// Finds out what was heard.
+    fn settle(&mut self, now: Instant) {
+        while !self.heard.is_empty() {
+            let quiet = now - self.heard_at;
+            self.is_quiet = quiet >= QUIET;
+            let (exchanges, cut) = (&self.script.exchanges, self.script.cut);
+            match self.requests.find(&self.heard, quiet, exchanges, cut) {
+                Found::Request { len, exchange } => {
+                    self.take(len);
+                    self.answer(exchange, false);
+                }
+                Found::Unfinished => break,
+                Found::Unknown { len, like } => {
+                    // Behind its end the capture says nothing of what is asked.
+                    if !self.requests.are_made() || self.tally.all == 0 {
+                        self.tally.unknown += 1;
+                        let expected = like.or_else(|| self.requests.expected());
+                        let expected = expected.map(|index| &exchanges[index].request[..]);
+                        let got = Some(&self.heard[..len]);
+                        if self.first.is_none() {
+                            self.first = Some(self.differs(self.heard_at, expected, got));
+                        }
+                    }
+                    self.take(len);
+                    if let Some(exchange) = like {
+                        self.answer(exchange, true);
+                    }
+                }
+            }
+        }
+    }
+
+    fn take(&mut self, len: usize) {
+        self.heard.drain(..len);
+        self.heard_before += len;
+        self.is_quiet = false;
+    }
+
+    /// Plans what the far end said after the request of `exchange`.
+    fn answer(&mut self, exchange: usize, is_unknown: bool) {
+        let made = self.requests.make(exchange, &self.script.exchanges);
+        if made.is_some() {
+            self.moved_at = self.heard_at;
+        }
+        match made {
+            _ if is_unknown => {}
+            Some(is_next) => {
+                self.tally.made += 1;
+                self.tally.out_of_turn += usize::from(!is_next);
+            }
+            None => self.tally.repeated += 1,
+        }
+        self.drop_streams();
+        let answers = self.script.exchanges[exchange].answers.clone();
+        self.plan(
+            Source::Exchange(exchange),
+            self.heard_at,
+            &answers,
+            made.is_none(),
+        );
+    }
+
+    fn plan(&mut self, source: Source, cause: Instant, messages: &[Message], is_again: bool) {
+        for (number, message) in messages.iter().enumerate() {
+            for (after, bytes) in &message.parts {
+                let lead = match self.is_on_line {
+                    true => self.script.line.bytes_time(bytes.len() as u64),
+                    false => Duration::ZERO,
+                };
+                let due = Due {
+                    source,
+                    message: number,
+                    is_reply: message.is_reply,
+                    is_again,
+                    bytes: bytes.clone(),
+                };
+                self.numbered += 1;
+                self.streaming += usize::from(source == Source::Stream);
+                let at = cause + after.saturating_sub(lead);
+                self.due.insert((at, self.numbered), due);
+            }
+        }
+    }
+
+    /// A new request ends what an earlier one has started, if that would go on.
+    fn drop_streams(&mut self) {
+        let saying = self.saying;
+        let may_go = |due: &Due| {
+            let is_of_request = matches!(due.source, Source::Exchange(_));
+            is_of_request && !due.is_reply && saying != Some((due.source, due.message))
+        };
+        let mut left: BTreeMap<Source, Vec<usize>> = BTreeMap::new();
+        for due in self.due.values().filter(|due| may_go(due)) {
+            let messages = left.entry(due.source).or_default();
+            if messages.last() != Some(&due.message) {
+                messages.push(due.message);
+            }
+        }
+        let is_stream = |due: &Due| {
+            let left = left.get(&due.source);
+            left.is_some_and(|left| left.len() > LEFT_MAX)
+        };
+        self.due.retain(|_, due| !(may_go(due) && is_stream(due)));
+    }
+}
+
+/// Whether the conversations of a session, which lasts until `end` at least, have nothing more to
+/// say or to wait for at `now`.
+pub fn are_over<'a>(
+    talks: impl IntoIterator<Item = &'a Conversation>,
+    now: Instant,
+    end: Instant,
+) -> bool {
+    let is_over = |one: &Conversation| {
+        let stands_for = now - one.moved_at();
+        let has_waited = stands_for > one.patience() && !one.has_more() && !one.has_news();
+        has_waited || (one.is_done() && stands_for >= ANSWERS)
+    };
+    now >= end && talks.into_iter().all(is_over)
+}
+
+#[cfg(test)]
+mod tests;

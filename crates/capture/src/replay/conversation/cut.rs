@@ -1,0 +1,271 @@
+//! How the bytes of one direction are cut into messages: by frames, by lines of text, or by gaps.
+
+use core::time::Duration;
+use std::collections::{BTreeMap, BTreeSet};
+
+use protocols::{Instant, LineConfig};
+
+use crate::divergence::Track;
+use engine::codec::{self, Codec};
+
+/// Share of bytes in sound frames from which on a stream is cut by frames, per cent.
+const FRAMED_MIN: u64 = 80;
+/// Silence that ends a message, however long a character takes: a program writes a request in one
+/// or two calls, which are less than this apart.
+const GAP_MIN: Duration = Duration::from_millis(3);
+/// Silence that ends an unfinished frame or line.
+const GAP_IN_MESSAGE: Duration = Duration::from_millis(50);
+
+/// How a direction is cut.
+#[derive(Clone, Copy)]
+pub(super) enum Cut {
+    /// Frames of a known protocol.
+    Frames(&'static Codec),
+    /// Lines of text that end with this byte.
+    Lines(u8),
+    /// Bytes without such a silence between them.
+    Gaps,
+}
+
+impl Cut {
+    /// The way that fits `bytes`.
+    pub(super) fn of(bytes: &[u8]) -> Self {
+        if let Some((codec, framed)) = codec::best(bytes)
+            && framed * 100 >= FRAMED_MIN * bytes.len() as u64
+        {
+            return Self::Frames(codec);
+        }
+        match terminator(bytes) {
+            Some(terminator) => Self::Lines(terminator),
+            None => Self::Gaps,
+        }
+    }
+
+    /// The protocol, if it is known.
+    pub(super) const fn codec(self) -> Option<&'static Codec> {
+        match self {
+            Self::Frames(codec) => Some(codec),
+            Self::Lines(_) | Self::Gaps => None,
+        }
+    }
+
+    /// The pieces of `track`, cut into messages. Where no frame tells, a message also ends at each
+    /// time of `breaks`, which are in their order: the other side spoke then.
+    pub(super) fn messages(
+        self,
+        track: &Track,
+        line: LineConfig,
+        breaks: &[Instant],
+    ) -> Vec<Vec<(Instant, Vec<u8>)>> {
+        let bytes = track.bytes();
+        let mut ends = BTreeSet::from([bytes.len()]);
+        match self {
+            Self::Frames(codec) => {
+                for stretch in codec.found(bytes) {
+                    ends.extend(usize::try_from(stretch.bytes.end));
+                }
+            }
+            Self::Lines(terminator) => {
+                let places = bytes.iter().zip(1..);
+                ends.extend(
+                    places
+                        .filter(|&(&byte, _)| byte == terminator)
+                        .map(|(_, end)| end),
+                );
+            }
+            Self::Gaps => {}
+        }
+        let least = GAP_MIN.max(line.byte_time() * 7 / 2);
+        let (limit, limit_at_break) = match self {
+            Self::Gaps => (least, Some(Duration::ZERO)),
+            // A prompt has no end of line; a line that came in two pieces goes on at once.
+            Self::Lines(_) => (GAP_IN_MESSAGE, Some(least)),
+            Self::Frames(_) => (GAP_IN_MESSAGE, None),
+        };
+        let mut before: Option<(usize, Instant)> = None;
+        for (at, piece) in track.pieces() {
+            let start = line.byte_end(at, piece.len() as u64);
+            let (from, last) = before.unwrap_or((0, start));
+            let is_broken = || {
+                let next = breaks.partition_point(|&time| time < last);
+                breaks.get(next).is_some_and(|&time| time < start)
+            };
+            let gap = start - last;
+            let may_break = limit_at_break.is_some_and(|least| gap >= least);
+            if gap > limit || (may_break && is_broken()) {
+                ends.insert(from);
+            }
+            before = Some((from + piece.len(), at));
+        }
+        ends.remove(&0);
+        if matches!(self, Self::Gaps) {
+            cut_by_form(bytes, &mut ends);
+        }
+        split(track, line, &ends)
+    }
+}
+
+/// Messages of one form from which on, and share of all messages in per cent, it is taken for the
+/// form of a stream.
+const FORM_MIN: usize = 10;
+const FORM_SHARE: usize = 50;
+
+/// Cuts messages out of others between which there was no silence: those of the form that most
+/// messages have, the same two first bytes and the same length.
+fn cut_by_form(bytes: &[u8], ends: &mut BTreeSet<usize>) {
+    let mut forms: BTreeMap<(&[u8], usize), usize> = BTreeMap::new();
+    let mut from = 0;
+    let mut messages = Vec::new();
+    for &end in &*ends {
+        let message = &bytes[from..end];
+        if let Some(head) = message.get(..2) {
+            *forms.entry((head, message.len())).or_default() += 1;
+        }
+        messages.push(from..end);
+        from = end;
+    }
+    let Some(((head, len), count)) = forms.into_iter().max_by_key(|&(_, count)| count) else {
+        return;
+    };
+    if count < FORM_MIN || count * 100 < messages.len() * FORM_SHARE || len < 3 {
+        return;
+    }
+    for range in messages {
+        let mut place = range.start;
+        while place + len <= range.end {
+            if !bytes[place..].starts_with(head) {
+                place += 1;
+                continue;
+            }
+            ends.extend([place, place + len].into_iter().filter(|&end| end > 0));
+            place += len;
+        }
+    }
+}
+
+/// The pieces of `track`, each message up to one of `ends`.
+fn split(track: &Track, line: LineConfig, ends: &BTreeSet<usize>) -> Vec<Vec<(Instant, Vec<u8>)>> {
+    let (mut messages, mut message) = (Vec::new(), Vec::new());
+    let (mut place, mut ends) = (0, ends.iter().copied().peekable());
+    for (at, piece) in track.pieces() {
+        let mut rest = piece;
+        while let Some(end) = ends.next_if(|&end| end <= place + rest.len()) {
+            let (own, behind) = rest.split_at(end - place);
+            let own_end = line.byte_end(at, behind.len() as u64);
+            message.push((own_end, own.to_vec()));
+            messages.push(core::mem::take(&mut message));
+            (rest, place) = (behind, end);
+        }
+        if !rest.is_empty() {
+            message.push((at, rest.to_vec()));
+            place += rest.len();
+        }
+    }
+    messages.extend((!message.is_empty()).then_some(message));
+    messages
+}
+
+/// The byte that ends the lines of `bytes`, if they are text.
+fn terminator(bytes: &[u8]) -> Option<u8> {
+    let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n');
+    if bytes.is_empty() || !bytes.iter().all(is_text) {
+        return None;
+    }
+    [b'\n', b'\r'].into_iter().find(|end| bytes.contains(end))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SLOW: LineConfig = LineConfig::new_8n1(9600);
+
+    fn track(pieces: &[(u64, &[u8])]) -> Track {
+        let mut track = Track::default();
+        for &(at, bytes) in pieces {
+            track.push(Instant::from_millis(at), bytes);
+        }
+        track
+    }
+
+    fn cut(pieces: &[(u64, &[u8])], breaks: &[u64]) -> Vec<Vec<u8>> {
+        let track = track(pieces);
+        let breaks: Vec<_> = breaks.iter().map(|&at| Instant::from_millis(at)).collect();
+        let messages = Cut::of(track.bytes()).messages(&track, SLOW, &breaks);
+        let join = |message: &Vec<(Instant, Vec<u8>)>| {
+            let bytes = message.iter().map(|(_, bytes)| &bytes[..]);
+            bytes.collect::<Vec<_>>().concat()
+        };
+        messages.iter().map(join).collect()
+    }
+
+    /// Two requests of a Modbus master, each written in two pieces 1 ms apart at 9600 baud.
+    #[test]
+    fn bytes_of_no_known_protocol_are_cut_by_silence() {
+        let pieces: [(u64, &[u8]); 3] = [
+            (10, &[1, 4, 0, 0]),
+            (15, &[0, 2, 0x71, 0xCB]),
+            (60, &[1, 4, 0, 12]),
+        ];
+        let expected = [vec![1, 4, 0, 0, 0, 2, 0x71, 0xCB], vec![1, 4, 0, 12]];
+        assert_eq!(cut(&pieces, &[]), expected);
+    }
+
+    /// Two requests 2 ms apart are two if an answer came between.
+    #[test]
+    fn an_answer_ends_a_request() {
+        let pieces: [(u64, &[u8]); 2] = [(10, &[0x80]), (13, &[0x81])];
+        assert_eq!(cut(&pieces, &[]), [vec![0x80, 0x81]]);
+        assert_eq!(cut(&pieces, &[11]), [vec![0x80], vec![0x81]]);
+    }
+
+    /// Frames of a range finder each 10 ms; the answer to a command comes at once behind one of
+    /// them.
+    #[test]
+    fn an_answer_within_a_stream_is_a_message_of_its_own() {
+        let frame = b"YYabcdefg";
+        let mut pieces: Vec<(u64, &[u8])> = (1..=12).map(|n| (n * 20, &frame[..])).collect();
+        pieces.push((250, b"YYabcdefg\x42\x57\x02\x01"));
+        let mut expected = vec![frame.to_vec(); 13];
+        expected.push(b"\x42\x57\x02\x01".to_vec());
+        let track = track(&pieces);
+        let fast = LineConfig::new_8n1(115_200);
+        let messages = Cut::Gaps.messages(&track, fast, &[]);
+        let join = |message: &Vec<(Instant, Vec<u8>)>| {
+            let bytes = message.iter().map(|(_, bytes)| &bytes[..]);
+            bytes.collect::<Vec<_>>().concat()
+        };
+        assert_eq!(messages.iter().map(join).collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn text_is_cut_by_lines_however_it_came() {
+        let pieces: [(u64, &[u8]); 3] = [(10, b"ATZ\rAT"), (11, b"E0\r"), (500, b"0100\r")];
+        assert_eq!(
+            cut(&pieces, &[]),
+            [b"ATZ\r".to_vec(), b"ATE0\r".to_vec(), b"0100\r".to_vec()]
+        );
+        // A line feed ends a line also where a carriage return is before it.
+        assert_eq!(
+            cut(&[(10, b"a\r\nb\r\n")], &[]),
+            [b"a\r\n".to_vec(), b"b\r\n".to_vec()]
+        );
+    }
+
+    /// The golden read of ten registers from 36 of the rescue base, twice back to back.
+    #[test]
+    fn frames_of_a_known_protocol_are_cut_without_silence() {
+        let frame = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+        let twice = [frame, frame].concat();
+        assert_eq!(cut(&[(10, &twice)], &[]), [frame.to_vec(), frame.to_vec()]);
+    }
+
+    /// A byte at 9600 baud takes 1,041,666 ns: the first line of two ends two characters earlier.
+    #[test]
+    fn each_part_knows_when_its_last_byte_was_complete() {
+        let track = track(&[(10, b"a\nb\n")]);
+        let messages = Cut::Lines(b'\n').messages(&track, SLOW, &[]);
+        let times: Vec<_> = messages.iter().map(|one| one[0].0.as_nanos()).collect();
+        assert_eq!(times, [7_916_668, 10_000_000]);
+    }
+}

@@ -1,0 +1,255 @@
+//! What a capture says as a conversation: requests, and what each of them caused.
+
+use core::ops::Range;
+use core::time::Duration;
+use std::collections::BTreeMap;
+
+use protocols::{Instant, LineConfig};
+
+use super::cut::Cut;
+use crate::divergence::Track;
+use crate::replay::Passage;
+
+/// Bytes of the far end that belong together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Message {
+    /// Pieces, and when the last byte of each was complete, counted from the cause.
+    pub(super) parts: Vec<(Duration, Vec<u8>)>,
+    /// Whether it came as the answer, or at once behind it.
+    pub(super) is_reply: bool,
+}
+
+/// A request of the program and what the far end said until the next one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Exchange {
+    /// The program's bytes.
+    pub(super) request: Vec<u8>,
+    /// When the last of them was complete, in the capture.
+    pub(super) at: Instant,
+    /// Number of its first byte among all that the program sent.
+    pub(super) byte: usize,
+    /// What followed.
+    pub(super) answers: Vec<Message>,
+}
+
+/// One link of a capture as a conversation.
+#[derive(Clone)]
+pub(super) struct Script {
+    /// Coding of the line.
+    pub(super) line: LineConfig,
+    /// What the far end says when the port is opened, for each opening that the capture has.
+    pub(super) openings: Vec<Vec<Message>>,
+    /// What it says by its own clock, whatever is asked; counted from the first opening.
+    pub(super) stream: Vec<Message>,
+    /// The end of that stream, which is said again and again where the stream had no end.
+    pub(super) tail: Option<Tail>,
+    /// Requests in their order.
+    pub(super) exchanges: Vec<Exchange>,
+    /// How requests are told apart.
+    pub(super) cut: Cut,
+    /// The longest time between two requests, or before the first.
+    pub(super) longest_gap: Duration,
+}
+
+/// The last messages of a stream that went on to the end of the capture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Tail {
+    /// The messages, timed as the stream is.
+    pub(super) messages: Vec<Message>,
+    /// Time after which they are said again.
+    pub(super) period: Duration,
+}
+
+impl Tail {
+    /// The tail of `stream`, if it went on to the end of a session that lasted `lasted`.
+    fn of(stream: &[Message], lasted: Duration) -> Option<Self> {
+        let ends = |message: &Message| message.parts.last().map(|&(after, _)| after);
+        let (first, last) = (
+            stream.first().and_then(ends)?,
+            stream.last().and_then(ends)?,
+        );
+        let gap = last.saturating_sub(first) / u32::try_from(stream.len() - 1).ok()?.max(1);
+        let goes_on = lasted.saturating_sub(last) <= gap * STREAM_GAPS + BURST_GAP;
+        let begins = |message: &Message| ends(message).is_some_and(|at| at + TAIL >= last);
+        let index = stream.iter().position(begins)?.max(1);
+        let before = ends(stream.get(index - 1)?)?;
+        let period = last.saturating_sub(before);
+        let is_stream = stream.len() >= STREAM_LEN && !period.is_zero();
+        (goes_on && is_stream).then(|| Self {
+            messages: stream[index..].to_vec(),
+            period,
+        })
+    }
+}
+
+/// Messages of a stream, at least.
+const STREAM_LEN: usize = 10;
+/// A stream has no end if the capture ends at most so many of its gaps behind its last message.
+const STREAM_GAPS: u32 = 3;
+/// How much of its end is said again.
+const TAIL: Duration = Duration::from_secs(1);
+/// Longest pause within an answer of several messages.
+const BURST_GAP: Duration = Duration::from_millis(20);
+/// Time from the opening to the first message of a capture that begins with it: how much earlier
+/// the
+/// port was opened it does not say, and many programs throw away what came before they were ready.
+const BEGINS_AFTER: Duration = Duration::from_millis(100);
+/// Messages from which on what follows a request is a stream that it has started.
+const STREAM_MIN: usize = 16;
+/// Messages of a kind, and how many of those before the first request, that make it one which the
+/// far end sends by itself.
+const FREE_MIN: usize = 3;
+
+/// What causes a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Cause {
+    Opening(usize),
+    Request(usize),
+}
+
+impl Script {
+    /// The conversation on `passage`; `session` is the time of the program's session in the
+    /// capture.
+    pub(super) fn of(passage: &Passage, session: &Range<Instant>) -> Self {
+        let origin = session.start;
+        let line = passage.line();
+        let mut said = Track::default();
+        let begins = passage.opened.first().copied().unwrap_or(origin);
+        for arrival in passage.arrivals.iter().filter(|one| one.at >= begins) {
+            said.push(arrival.at, &arrival.bytes);
+        }
+        let cut = Cut::of(passage.sent.bytes());
+        let starts = said.pieces().map(|(at, _)| at).collect::<Vec<_>>();
+        let mut byte = 0;
+        let requests = cut.messages(&passage.sent, line, &starts).into_iter();
+        let exchanges = requests.map(|parts| {
+            let at = parts.last().map_or(origin, |&(at, _)| at);
+            let request: Vec<u8> = parts.into_iter().flat_map(|(_, bytes)| bytes).collect();
+            let first = byte;
+            byte += request.len();
+            Exchange {
+                request,
+                at,
+                byte: first,
+                answers: Vec::new(),
+            }
+        });
+        let mut this = Self {
+            line,
+            openings: Vec::new(),
+            stream: Vec::new(),
+            tail: None,
+            exchanges: exchanges.collect(),
+            cut,
+            longest_gap: Duration::ZERO,
+        };
+        // What came before the program had opened the port it never heard.
+        let opened = match &passage.opened[..] {
+            [] => vec![origin],
+            opened => opened.to_vec(),
+        };
+        this.openings = vec![Vec::new(); opened.len()];
+        this.attach(&said, &opened);
+        this.tail = Tail::of(&this.stream, session.end - begins);
+        let times = this.exchanges.iter().map(|one| one.at);
+        let times: Vec<Instant> = core::iter::once(begins).chain(times).collect();
+        let gaps = times.windows(2).map(|pair| pair[1] - pair[0]);
+        this.longest_gap = gaps.max().unwrap_or_default();
+        this
+    }
+
+    /// Gives each message of the far end its cause.
+    fn attach(&mut self, said: &Track, opened: &[Instant]) {
+        let cut = Cut::of(said.bytes());
+        let asked: Vec<Instant> = self.exchanges.iter().map(|one| one.at).collect();
+        let messages = cut.messages(said, self.line, &asked);
+        let first_request = self.exchanges.first().map(|one| one.at);
+        let free = kinds_of_its_own(cut, &messages, first_request);
+        let begins_with_it = messages.first().is_some_and(|one| one[0].0 == opened[0]);
+        for parts in messages {
+            let at = parts[0].0;
+            let opening = opened.partition_point(|&time| time <= at).max(1) - 1;
+            let asked = self.exchanges.partition_point(|one| one.at <= at);
+            let (cause, since) = match asked.checked_sub(1) {
+                Some(index) if self.exchanges[index].at >= opened[opening] => {
+                    (Cause::Request(index), self.exchanges[index].at)
+                }
+                _ => (Cause::Opening(opening), opened[opening]),
+            };
+            let is_free = free.contains(&kind(cut, &parts));
+            let since = if is_free { opened[0] } else { since };
+            let is_asked = matches!(cause, Cause::Request(_)) && !is_free;
+            let delay = match begins_with_it && !is_asked {
+                true => BEGINS_AFTER,
+                false => Duration::ZERO,
+            };
+            let timed = |(at, bytes): (Instant, Vec<u8>)| (at - since + delay, bytes);
+            let message = Message {
+                parts: parts.into_iter().map(timed).collect(),
+                is_reply: false,
+            };
+            match cause {
+                _ if is_free => self.stream.push(message),
+                Cause::Opening(index) => self.openings[index].push(message),
+                Cause::Request(index) => self.exchanges[index].answers.push(message),
+            }
+        }
+        for exchange in &mut self.exchanges {
+            mark_replies(&mut exchange.answers, self.line);
+        }
+    }
+}
+
+/// Marks the answer itself: the first message, and what comes at once behind it, unless that is a
+/// stream.
+fn mark_replies(answers: &mut [Message], line: LineConfig) {
+    let is_stream = answers.len() >= STREAM_MIN;
+    let mut end: Option<Duration> = None;
+    for message in answers {
+        let (Some((first, bytes)), Some((last, _))) = (message.parts.first(), message.parts.last())
+        else {
+            continue;
+        };
+        let start = first.saturating_sub(line.bytes_time(bytes.len() as u64));
+        let is_next = |end: Duration| !is_stream && start.saturating_sub(end) <= BURST_GAP;
+        message.is_reply = end.is_none_or(is_next);
+        if !message.is_reply {
+            break;
+        }
+        end = Some(*last);
+    }
+}
+
+/// Kinds of messages that the far end sends by itself: those that it sends again and again and sent
+/// before anything was asked.
+fn kinds_of_its_own(
+    cut: Cut,
+    messages: &[Vec<(Instant, Vec<u8>)>],
+    first_request: Option<Instant>,
+) -> Vec<Vec<u8>> {
+    let Some(first_request) = first_request else {
+        return Vec::new();
+    };
+    let mut counts: BTreeMap<Vec<u8>, [usize; 2]> = BTreeMap::new();
+    for parts in messages {
+        let count = counts.entry(kind(cut, parts)).or_default();
+        count[0] += 1;
+        count[1] += usize::from(parts[0].0 < first_request);
+    }
+    let is_free = |[all, before]: [usize; 2]| before > 1 || (before == 1 && all > FREE_MIN);
+    let kinds = counts.into_iter().filter(|&(_, counts)| is_free(counts));
+    kinds.map(|(kind, _)| kind).collect()
+}
+
+/// What is the same in all messages of a kind: the first word of a line, or the first bytes.
+fn kind(cut: Cut, parts: &[(Instant, Vec<u8>)]) -> Vec<u8> {
+    let bytes: Vec<u8> = parts.iter().flat_map(|(_, bytes)| bytes).copied().collect();
+    match cut {
+        Cut::Frames(codec) => (codec.answers().kind)(&bytes).to_vec(),
+        Cut::Lines(_) => {
+            let is_word = |byte: &&u8| byte.is_ascii_alphabetic() || **byte == b'$';
+            bytes.iter().take_while(is_word).copied().collect()
+        }
+        Cut::Gaps => bytes.iter().take(2).copied().collect(),
+    }
+}

@@ -1,0 +1,62 @@
+//! What the program of a run sends, heard on its lines.
+
+use core::cell::RefCell;
+use std::rc::Rc;
+
+use protocols::Instant;
+
+use super::Played;
+use crate::divergence::Track;
+use engine::rig::Rig;
+use engine::rig::line::{Delivery, Direction};
+use engine::rig::trace::{Side, Tap};
+
+/// What the program of a run sends on each of its links, as long as it runs.
+#[derive(Clone, Debug)]
+pub struct Eavesdrop {
+    links: Vec<(usize, String)>,
+    sent: Rc<RefCell<Vec<Track>>>,
+}
+
+impl Eavesdrop {
+    /// Listens to the links of `rig` that have these names.
+    pub fn of(rig: &mut Rig, names: &[String]) -> Self {
+        let links = rig.links().iter().enumerate();
+        let links = links.filter(|(_, link)| names.contains(&link.name));
+        let links = links
+            .map(|(index, link)| (index, link.name.clone()))
+            .collect();
+        let sent = Rc::new(RefCell::new(vec![Track::default(); rig.links().len()]));
+        rig.add_tap(Box::new(Listener(Rc::clone(&sent))));
+        Self { links, sent }
+    }
+
+    /// What was heard so far.
+    pub fn played(&self) -> Vec<Played> {
+        let sent = self.sent.borrow();
+        let links = self.links.iter().map(|(index, link)| Played {
+            link: link.clone(),
+            expected: Track::default(),
+            got: sent[*index].clone(),
+            talk: None,
+        });
+        links.collect()
+    }
+}
+
+/// Notes what the program sent, when it has arrived, as a capture does.
+pub(super) struct Listener(pub(super) Rc<RefCell<Vec<Track>>>);
+
+impl Tap for Listener {
+    fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
+
+    fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
+        if direction == Direction::ToDevice {
+            let sent = match delivery.original.as_deref() {
+                Some(original) => (original.at, &original.bytes),
+                None => (delivery.at, &delivery.bytes),
+            };
+            self.0.borrow_mut()[link].push(sent.0, sent.1);
+        }
+    }
+}

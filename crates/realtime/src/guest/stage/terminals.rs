@@ -1,0 +1,223 @@
+//! The terminals of the ports: what their clients have not read, settings, a plug that is out.
+
+use core::time::Duration;
+use std::os::fd::OwnedFd;
+
+use emulators::{Event, EventKind};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::ioctl_fionread;
+
+use super::{Slot, Stage};
+use crate::Traffic;
+use crate::clock::{Clock as _, WallClock};
+use crate::transport::{Settings, Terminal, TransportError};
+
+/// Looks for bytes on their way from one end of a terminal to the other: at first one after the
+/// other, then at a pace in wall time. They are counted, so that one that was held up itself, with
+/// the whole machine perhaps, gives nothing up.
+const HASTY_LOOKS: u32 = 1_000;
+const LOOK_PACE: Duration = Duration::from_millis(1);
+/// After so many slow ones they are not on their way any more. The terminal passes on all that it
+/// is given, so somebody must have read it that is not supervised.
+const LOOKS: u32 = 20_000;
+/// Calls in a row at a port that hung up after which a program is in a busy loop, and what each
+/// takes from then on.
+const FRUITLESS_MAX: u32 = 1_000;
+const FRUITLESS_COST: Duration = Duration::from_micros(100);
+
+impl Stage {
+    /// Whether the device of this number was a port and has hung up.
+    pub(in crate::guest) fn is_gone(&self, device: u64) -> bool {
+        self.gone.contains(&device)
+    }
+
+    /// A call at a port that hung up did not wait. After very many in a row they take longer: a
+    /// program that takes the end of input for "nothing yet" would go on for a long time.
+    pub(in crate::guest) fn note_fruitless(&mut self) {
+        self.fruitless = self.fruitless.saturating_add(1);
+        if self.fruitless < FRUITLESS_MAX {
+            return;
+        }
+        self.now += FRUITLESS_COST;
+        if self.busy.is_some() {
+            return;
+        }
+        let detail = format!(
+            "busy loop at a port that hung up: {FRUITLESS_MAX} calls in a row that did not wait"
+        );
+        let event = Event {
+            at: self.run.rig.now(),
+            kind: EventKind::Note,
+            rule: "busy-loop",
+            detail: detail.clone(),
+            bytes: Vec::new(),
+        };
+        self.run.rig.log("program", event);
+        self.busy = Some(detail);
+    }
+
+    /// A thread waits, or did something else.
+    pub(in crate::guest) const fn end_fruitless(&mut self) {
+        self.fruitless = 0;
+    }
+
+    /// Whether any client has a port to itself.
+    pub(in crate::guest) fn has_exclusive(&self) -> bool {
+        self.slots.iter().any(|slot| slot.is_exclusive)
+    }
+
+    /// The slot of a port.
+    pub(in crate::guest) fn slot(&mut self, port: usize) -> &mut Slot {
+        &mut self.slots[port]
+    }
+
+    /// The terminal of a port.
+    pub(in crate::guest) fn terminal(&mut self, port: usize) -> Option<&mut Terminal> {
+        self.realtime.terminal(port)
+    }
+
+    /// Bytes that passed a port, to its client and from it.
+    pub(in crate::guest) fn traffic(&self, port: usize) -> Traffic {
+        self.realtime.traffic(port)
+    }
+
+    /// The client changes its settings; what it can read because of that is brought to it.
+    pub(in crate::guest) fn set_terminal(&mut self, port: usize, settings: Settings, fd: &OwnedFd) {
+        self.touch();
+        self.settle(port, fd);
+        self.realtime.set_terminal(port, settings);
+        self.has_delivered = true;
+    }
+
+    /// The client throws away what it has sent and the line has not taken.
+    pub(in crate::guest) fn discard_sent(&mut self, port: usize) -> Result<(), TransportError> {
+        self.carry()?;
+        self.realtime.discard_input(port, &mut self.run.rig);
+        Ok(())
+    }
+
+    /// The client has taken bytes.
+    pub(in crate::guest) fn took(&mut self, port: usize, len: usize) {
+        if let Some(terminal) = self.terminal(port) {
+            terminal.took(len);
+        }
+    }
+
+    /// The client throws away what it has not read.
+    pub(in crate::guest) fn forget_unread(&mut self, port: usize) {
+        if let Some(terminal) = self.terminal(port) {
+            terminal.forget();
+        }
+    }
+
+    /// Waits until the kernel shows at `fd`, the client's side, what was put into the port: it
+    /// brings bytes across on a thread of its own.
+    pub(in crate::guest) fn settle(&mut self, port: usize, fd: &OwnedFd) {
+        let unread = self.terminal(port).map_or(0, |it| it.unread());
+        if let Some(shown) = missed(fd, unread as u64)
+            && let Some(terminal) = self.terminal(port)
+        {
+            // Somebody else has taken them: what is shown is the truth.
+            terminal.correct_unread(usize::try_from(shown).unwrap_or(unread));
+        }
+    }
+
+    /// The same for all ports, without a file of the client's.
+    pub(in crate::guest) fn settle_all(&mut self) {
+        for port in 0..self.slots.len() {
+            let unread = self.terminal(port).map_or(0, |it| it.unread());
+            if self.slots[port].is_open
+                && unread > 0
+                && let Some(fd) = self.realtime.client_side(port)
+            {
+                self.settle(port, &fd);
+            }
+        }
+    }
+}
+
+/// Waits until `fd` shows `expected` bytes; if some of them are not on their way, what it shows
+/// instead.
+fn missed(fd: &OwnedFd, expected: u64) -> Option<u64> {
+    let shows = || ioctl_fionread(fd).unwrap_or(u64::MAX);
+    if shows() >= expected {
+        return None;
+    }
+    let clock = WallClock::start();
+    let mut looks = 0;
+    loop {
+        // Before it says that there is nothing the kernel brings across whatever is on its way.
+        let is_nothing = !is_readable(fd);
+        let shown = shows();
+        if shown >= expected {
+            return None;
+        }
+        if is_nothing {
+            return Some(shown);
+        }
+        looks += 1;
+        if looks <= HASTY_LOOKS {
+            std::thread::yield_now();
+            continue;
+        }
+        if looks - HASTY_LOOKS > LOOKS {
+            return Some(shown);
+        }
+        clock.sleep_until(clock.now() + LOOK_PACE);
+    }
+}
+
+fn is_readable(fd: &OwnedFd) -> bool {
+    let mut fds = [PollFd::new(fd, PollFlags::IN)];
+    let done = poll(&mut fds, Some(&Timespec::default()));
+    done.is_ok() && !fds[0].revents().is_empty()
+}
+
+#[cfg(test)]
+mod tests {
+    use protocols::Instant;
+    use rustix::pty::{OpenptFlags, ioctl_tiocgptpeer, openpt, unlockpt};
+    use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+
+    use super::*;
+
+    /// The rig's end of a raw terminal and its client's.
+    fn terminal() -> [OwnedFd; 2] {
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY;
+        let rig = openpt(flags).expect("Linux has some");
+        unlockpt(&rig).expect("it is new");
+        let client = ioctl_tiocgptpeer(&rig, flags).expect("it is new");
+        let mut termios = tcgetattr(&client).expect("a terminal");
+        termios.make_raw();
+        tcsetattr(&client, OptionalActions::Now, &termios).expect("a terminal");
+        [rig, client]
+    }
+
+    fn write(rig: &OwnedFd, bytes: &[u8]) {
+        assert_eq!(rustix::io::write(rig, bytes), Ok(bytes.len()));
+    }
+
+    /// Two runs of one program once parted by it: a machine that stood for a while.
+    #[test]
+    fn bytes_that_are_late_are_waited_for() {
+        let [rig, client] = terminal();
+        write(&rig, b"ten bytes.");
+        let late = std::thread::spawn(move || {
+            let clock = WallClock::start();
+            clock.sleep_until(Instant::from_millis(500));
+            write(&rig, b"and twelve..");
+            rig
+        });
+        assert_eq!(missed(&client, 22), None);
+        drop(late.join());
+    }
+
+    #[test]
+    fn bytes_that_somebody_took_are_not_waited_for() {
+        let [rig, client] = terminal();
+        write(&rig, b"taken");
+        let mut taken = [0; 5];
+        assert_eq!(rustix::io::read(&client, &mut taken), Ok(5));
+        assert_eq!(missed(&client, 5), Some(0));
+    }
+}

@@ -1,0 +1,99 @@
+//! Where a program was when a signal such as SIGSEGV came: its own code nearest to the fault, so
+//! that two crashes of one cause are known as one.
+
+use nix::libc;
+use nix::unistd::Pid;
+
+use super::{Call, Memory, Supervisor};
+
+/// Words of the stack that are searched for a place in the program.
+const WORDS_MAX: u64 = 1024;
+
+impl Supervisor {
+    /// Notes where `tid` is, if `signal` tells of a fault.
+    pub(super) fn note_fault(&mut self, tid: i32, signal: i32) {
+        let faults = [
+            libc::SIGSEGV,
+            libc::SIGBUS,
+            libc::SIGFPE,
+            libc::SIGILL,
+            libc::SIGABRT,
+            libc::SIGTRAP,
+        ];
+        if faults.contains(&signal) {
+            self.fault = place(Pid::from_raw(tid));
+        }
+    }
+
+    /// Where the last fault was, e.g. `robot+0x1139`.
+    pub(crate) fn fault(&self) -> Option<&str> {
+        self.fault.as_deref()
+    }
+}
+
+/// The instruction at which `tid` stands, or the first return address on its stack that is in the
+/// program itself: a library is seldom to blame.
+fn place(tid: Pid) -> Option<String> {
+    let call = Call::of(tid).ok()?;
+    let exe = std::fs::read_link(format!("/proc/{tid}/exe")).ok()?;
+    let maps = std::fs::read_to_string(format!("/proc/{tid}/maps")).ok()?;
+    let own: Vec<Mapping> = maps
+        .lines()
+        .filter_map(|line| Mapping::read(line, exe.to_str()?))
+        .collect();
+    let find = |address: u64| own.iter().find_map(|mapping| mapping.offset(address));
+    let offset = find(call.instruction()).or_else(|| {
+        let words = (0..WORDS_MAX).map(|word| call.stack() + 8 * word);
+        let words = words.map_while(|at| Memory(tid).u64(at).ok());
+        words.into_iter().find_map(find)
+    })?;
+    let name = exe.file_name()?.to_string_lossy();
+    Some(format!("{name}+{offset:#x}"))
+}
+
+/// Code of the program in memory.
+struct Mapping {
+    from: u64,
+    to: u64,
+    offset: u64,
+}
+
+impl Mapping {
+    /// Of a line of `/proc/PID/maps`, if it is code of `exe`.
+    fn read(line: &str, exe: &str) -> Option<Self> {
+        let mut words = line.split_whitespace();
+        let (range, rights, offset) = (words.next()?, words.next()?, words.next()?);
+        let path = line.find('/').map(|at| &line[at..])?;
+        let (from, to) = range.split_once('-')?;
+        let number = |digits| u64::from_str_radix(digits, 16).ok();
+        let mapping = Self {
+            from: number(from)?,
+            to: number(to)?,
+            offset: number(offset)?,
+        };
+        (path == exe && rights.contains('x')).then_some(mapping)
+    }
+
+    /// The place in the file of `address`, if it is here.
+    fn offset(&self, address: u64) -> Option<u64> {
+        let is_here = (self.from..self.to).contains(&address);
+        is_here.then(|| address - self.from + self.offset)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn code_of_the_program_is_told_from_libraries_and_data() {
+        let code = "55555000-55556000 r-xp 00001000 08:01 7     /srv/a/robot";
+        let mapping = Mapping::read(code, "/srv/a/robot").expect("code");
+        assert_eq!(mapping.offset(0x5555_5139), Some(0x1139));
+        assert_eq!(mapping.offset(0x5555_6000), None);
+        let library = "7f000000-7f001000 r-xp 00000000 08:01 9     /usr/lib/libc.so.6";
+        assert!(Mapping::read(library, "/srv/a/robot").is_none());
+        let data = "55557000-55558000 rw-p 00002000 08:01 7     /srv/a/robot";
+        assert!(Mapping::read(data, "/srv/a/robot").is_none());
+    }
+}

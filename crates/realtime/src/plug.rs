@@ -1,0 +1,100 @@
+//! What happens at a port besides bytes: its plug is pulled, it loses bytes, its terminal is
+//! modelled here.
+
+use super::transport::{Settings, Terminal, TransportError};
+use super::{Clock, Paced, Port, PortRate, Realtime, Rig, Traffic, losses};
+
+impl<C: Clock> Realtime<C> {
+    /// From now on the terminals of all ports are modelled here.
+    pub(crate) fn model_terminals(&mut self) {
+        self.ports
+            .iter_mut()
+            .for_each(|port| port.transport.model());
+    }
+
+    /// The terminal of the port `index`, if it is modelled here and there.
+    pub(crate) fn terminal(&mut self, index: usize) -> Option<&mut Terminal> {
+        self.ports[index].transport.terminal()
+    }
+
+    /// The client of the port `index` changes the settings of a terminal that is modelled here.
+    pub(crate) fn set_terminal(&mut self, index: usize, settings: Settings) {
+        let port = &mut self.ports[index];
+        port.traffic.to_client += port.transport.set_terminal(settings) as u64;
+    }
+
+    /// How many ports there were one after the other at the place `index`.
+    pub(crate) fn made(&self, index: usize) -> u64 {
+        self.ports[index].transport.made()
+    }
+
+    /// Bytes that passed the port `index`.
+    pub(crate) fn traffic(&self, index: usize) -> Traffic {
+        self.ports[index].traffic
+    }
+
+    /// Throws away what the client of the port `index` has sent and the line has not taken.
+    pub(crate) fn discard_input(&self, index: usize, rig: &mut Rig) {
+        rig.discard_input(self.ports[index].end.node);
+    }
+}
+
+impl Port {
+    /// Tells the log of bytes that were lost because the client does not read.
+    pub(super) fn tell_losses(&mut self, rig: &mut Rig) {
+        let lost = self.transport.counters().overrun;
+        if let Some(detail) = self.losses.see(rig.now(), lost) {
+            self.log(rig, losses::RULE, detail);
+        }
+    }
+
+    /// A plug that a fault pulls, or gives back.
+    pub(super) fn carry_plug(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        let node = self.end.node;
+        let is_unplugged = paced.rig().is_unplugged(node);
+        if is_unplugged == core::mem::replace(&mut self.is_unplugged, is_unplugged) {
+            return Ok(());
+        }
+        let (before, rule, detail);
+        if is_unplugged {
+            before = self.transport.path().display().to_string();
+            self.transport.unplug();
+            (rule, detail) = ("port-unplugged", format!("{before} hangs up and is gone"));
+        } else {
+            let name = paced.rig().back_as(node).map(str::to_owned);
+            self.transport.plug(name.as_deref())?;
+            let path = self.transport.path().display();
+            (rule, detail) = ("port-plugged", format!("back as {path}, a fresh port"));
+        }
+        self.log(paced.rig(), rule, detail);
+        // What its client was told ends with it.
+        paced.rig().set_terminal_modes(node, None);
+        while let Some(event) = self.transport.next_event() {
+            self.report(paced.rig(), event);
+            let now = paced.rig().now();
+            paced.run_until(now);
+        }
+        Ok(())
+    }
+
+    /// A client with RTS/CTS flow control sends nothing while CTS is off, as its driver would not.
+    pub(super) fn hold_back(&mut self, rig: &mut Rig) {
+        let inputs = self.inputs;
+        let must_wait = inputs.is_some_and(|inputs| !inputs.is_clear_to_send(rig));
+        let is_held = must_wait && self.transport.has_flow_control();
+        let terminal = self.transport.terminal();
+        let is_stopped = terminal.is_some_and(|terminal| terminal.is_stopped());
+        rig.hold(self.end.node, is_held || is_stopped);
+    }
+
+    /// Says when the client's rate is not the line's.
+    pub(super) fn judge_baud(&self, rig: &mut Rig) {
+        let expected = self.end.line.baud;
+        let is_judged = self.is_open && self.end.rate == PortRate::OfLine;
+        if is_judged && self.baud != expected {
+            let baud = self.baud;
+            let detail = format!("client at {baud} baud, expected {expected}: it reads garbage");
+            self.log(rig, "wrong-baud", detail);
+        }
+    }
+}

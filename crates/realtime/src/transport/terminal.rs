@@ -1,0 +1,317 @@
+//! What a terminal makes of the bytes that pass it: its settings, and the line discipline of a
+//! serial port.
+//!
+//! A pseudo-terminal has a line discipline of its own, the kernel's, but not what a UART and its
+//! driver do below it: characters with wrong parity or without a stop bit, breaks, characters of
+//! fewer than eight bits. Those are added here. In virtual time all of it is done here, because the
+//! kernel does its part at a moment of its own, and the pseudo-terminal stays raw.
+//!
+//! Sources: termios(3), POSIX.1-2024 chapter 11, and the behaviour of Linux' `n_tty`, which the
+//! tests meet on a pseudo-terminal.
+
+mod edit;
+mod kernel;
+mod settings;
+
+use std::collections::VecDeque;
+
+use engine::rig::line::{Mark, MarkDamage};
+pub use settings::{Code, Settings};
+use settings::{bits, has};
+
+/// Bytes that a terminal holds for a client that does not read.
+pub(crate) const HOLDS: usize = 4095;
+/// The character that turns a special one off.
+const DISABLED: u8 = 0;
+
+/// A terminal between a line and its client.
+#[derive(Clone, Debug, Default)]
+pub struct Terminal {
+    settings: Settings,
+    /// Whether nobody else does the line discipline's work.
+    is_whole: bool,
+    /// A line that has not ended, in canonical mode.
+    line: Vec<u8>,
+    /// Lengths of the lines that its client can read, in canonical mode; with whether a character
+    /// that is not read ended it.
+    lines: VecDeque<(usize, bool)>,
+    /// Bytes that its client can read.
+    unread: usize,
+    /// The next character means nothing special.
+    is_literal: bool,
+    /// The far end has sent a stop character, or the client wants to be silent.
+    stopped: [bool; 2],
+    /// What is to be echoed when output goes on.
+    echo: Vec<u8>,
+    column: usize,
+    /// Damaged characters so far: without a stop bit, with wrong parity, breaks.
+    damaged: [u32; 3],
+    /// What the client's driver sends between its bytes: a start or stop character.
+    urgent: Vec<u8>,
+}
+
+/// What came of characters that arrived.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Received {
+    /// What the client can read from now on.
+    pub ready: Vec<u8>,
+    /// Characters for which there was no room.
+    pub lost: usize,
+    /// What the client had not read is thrown away, before all of `ready`.
+    pub flushes: bool,
+}
+
+impl Terminal {
+    /// A terminal with `settings` that does all of the line discipline's work.
+    pub fn whole(settings: Settings) -> Self {
+        Self {
+            settings,
+            is_whole: true,
+            ..Self::default()
+        }
+    }
+
+    /// Its settings.
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Whether nobody else does the line discipline's work.
+    pub const fn is_whole(&self) -> bool {
+        self.is_whole
+    }
+
+    /// Bytes that the client can read.
+    pub const fn unread(&self) -> usize {
+        self.unread
+    }
+
+    /// Somebody else has taken bytes: so many are left.
+    pub(crate) fn correct_unread(&mut self, unread: usize) {
+        self.took(self.unread.saturating_sub(unread));
+    }
+
+    /// Bytes that arrived and cannot be read yet, of a line that has not ended.
+    pub const fn is_waiting(&self) -> bool {
+        self.unread > 0 || !self.line.is_empty()
+    }
+
+    /// Whether what waits is enough for a read to return.
+    pub fn is_readable(&self) -> bool {
+        match self.is_canonical() {
+            true => !self.lines.is_empty(),
+            false => self.unread >= usize::from(self.settings.code(Code::Least)).max(1),
+        }
+    }
+
+    /// Whether a read finds the end of input.
+    pub fn is_at_end(&self) -> bool {
+        self.is_canonical() && self.lines.front().is_some_and(|(len, _)| *len == 0)
+    }
+
+    /// Damaged characters so far: without a stop bit, with wrong parity, breaks.
+    pub const fn damaged_count(&self) -> [u32; 3] {
+        self.damaged
+    }
+
+    /// Whether its client sends nothing for now: it was told to stop, or wants to.
+    pub fn is_stopped(&self) -> bool {
+        self.stopped != [false; 2]
+    }
+
+    /// The client stops or goes on sending by itself (TCOOFF, TCOON).
+    pub const fn suspend(&mut self, is_stopped: bool) {
+        self.stopped[1] = is_stopped;
+    }
+
+    /// The client's driver sends its stop or start character (TCIOFF, TCION).
+    pub fn send_flow(&mut self, stops: bool) {
+        let code = match stops {
+            true => Code::Stop,
+            false => Code::Start,
+        };
+        let code = self.settings.code(code);
+        if code != DISABLED {
+            self.urgent.push(code);
+        }
+    }
+
+    /// What the terminal itself sends: flow control at once, its echo when output goes on.
+    pub fn take_own(&mut self) -> Vec<u8> {
+        let mut own = core::mem::take(&mut self.urgent);
+        if !self.is_stopped() {
+            own.append(&mut self.echo);
+        }
+        own
+    }
+
+    /// The client has changed the settings; what it can read from now on because of that.
+    pub fn set(&mut self, settings: Settings) -> Vec<u8> {
+        let was_canonical = self.is_canonical();
+        self.settings = settings;
+        if !has(settings.input, bits::IXON) {
+            self.stopped[0] = false;
+        }
+        if !self.is_whole || was_canonical == self.is_canonical() {
+            return Vec::new();
+        }
+        self.is_literal = false;
+        self.lines.clear();
+        if !was_canonical {
+            // What is there already counts as a line.
+            if self.unread > 0 {
+                self.lines.push_back((self.unread, false));
+            }
+            return Vec::new();
+        }
+        let ready = core::mem::take(&mut self.line);
+        self.unread += ready.len();
+        ready
+    }
+
+    /// Whether the client reads by lines.
+    pub const fn is_canonical(&self) -> bool {
+        self.settings.is_canonical()
+    }
+
+    /// How many bytes a read gets now, at most `wanted`; `None`: in canonical mode no line is
+    /// there.
+    pub fn readable(&self, wanted: usize) -> Option<usize> {
+        match self.is_canonical() {
+            true => self.lines.front().map(|(len, _)| (*len).min(wanted)),
+            false => Some(self.unread.min(wanted)),
+        }
+    }
+
+    /// The client has read `len` bytes, or found the end of input.
+    pub fn took(&mut self, len: usize) {
+        self.unread = self.unread.saturating_sub(len);
+        if let Some((left, is_ended)) = self.lines.front_mut() {
+            *left = left.saturating_sub(len);
+            // A line of which all was read that ends in an end of file has that read with it.
+            if *left == 0 || (*is_ended && len == 0) {
+                self.lines.pop_front();
+            }
+        }
+    }
+
+    /// The client throws away what it has not read.
+    pub fn forget(&mut self) {
+        self.unread = 0;
+        self.line.clear();
+        self.lines.clear();
+        self.is_literal = false;
+    }
+
+    /// The client has no file open any more: what was set stays, what waits is gone.
+    pub fn close(&mut self) {
+        self.forget();
+        self.stopped = [false; 2];
+        self.echo.clear();
+        self.urgent.clear();
+    }
+
+    /// What the line gets of `bytes` that the client sends.
+    pub fn send(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mask = self.settings.character_mask();
+        if !self.is_whole || !has(self.settings.output, bits::OPOST) {
+            return bytes.iter().map(|byte| byte & mask).collect();
+        }
+        let mut sent = Vec::with_capacity(bytes.len());
+        for &byte in bytes {
+            self.output(byte, &mut sent);
+        }
+        sent.iter_mut().for_each(|byte| *byte &= mask);
+        sent
+    }
+
+    /// Bytes arrive, and damaged characters among them.
+    pub fn receive(&mut self, bytes: &[u8], marks: &[Mark]) -> Received {
+        let mut received = Received::default();
+        let mut marks = marks.iter().peekable();
+        for place in 0..=bytes.len() {
+            while let Some(mark) =
+                marks.next_if(|mark| mark.before <= place || place == bytes.len())
+            {
+                self.damaged(*mark, &mut received);
+            }
+            if let Some(&byte) = bytes.get(place) {
+                self.character(byte & self.settings.character_mask(), &mut received);
+            }
+        }
+        received
+    }
+
+    /// A character that the UART knows to be damaged.
+    fn damaged(&mut self, mark: Mark, received: &mut Received) {
+        let input = self.settings.input;
+        let value = mark.value & self.settings.character_mask();
+        let is_marked = has(input, bits::PARMRK);
+        self.damaged[match mark.damage {
+            MarkDamage::Framing => 0,
+            MarkDamage::Parity => 1,
+            MarkDamage::Break => 2,
+        }] += 1;
+        match mark.damage {
+            MarkDamage::Break if has(input, bits::IGNBRK) => {}
+            MarkDamage::Break if has(input, bits::BRKINT) => {
+                received.ready.clear();
+                received.flushes = true;
+                self.forget();
+            }
+            MarkDamage::Break if is_marked => self.put_all(&[0xFF, 0, 0], received),
+            MarkDamage::Break => self.put_all(&[0], received),
+            _ if !has(input, bits::INPCK) => self.put_all(&[value], received),
+            _ if has(input, bits::IGNPAR) => {}
+            _ if is_marked => self.put_all(&[0xFF, 0, value], received),
+            _ => self.put_all(&[0], received),
+        }
+    }
+
+    /// A sound character.
+    fn character(&mut self, byte: u8, received: &mut Received) {
+        if !self.is_whole {
+            // The kernel does the rest, but for what would spoil the marks.
+            let is_marked = has(self.settings.input, bits::PARMRK);
+            let strips = is_marked && has(self.settings.input, bits::ISTRIP);
+            let byte = if strips { byte & 0x7F } else { byte };
+            return self.put_doubled(byte, received);
+        }
+        self.discipline(byte, received);
+    }
+
+    /// Puts a sound character where the client reads it; one that looks like a mark twice.
+    fn put_doubled(&mut self, byte: u8, received: &mut Received) {
+        match byte == 0xFF && has(self.settings.input, bits::PARMRK) {
+            true => self.put_all(&[byte, byte], received),
+            false => self.put_all(&[byte], received),
+        }
+    }
+
+    /// Puts characters that belong together where the client reads them, or none of them.
+    fn put_all(&mut self, bytes: &[u8], received: &mut Received) {
+        if !self.is_whole {
+            received.ready.extend_from_slice(bytes);
+            return;
+        }
+        if self.unread + self.line.len() + bytes.len() > HOLDS {
+            received.lost += 1;
+        } else if self.is_canonical() {
+            self.line.extend_from_slice(bytes);
+        } else {
+            self.unread += bytes.len();
+            received.ready.extend_from_slice(bytes);
+        }
+    }
+
+    /// The line that was begun can be read.
+    fn end_line(&mut self, is_ended: bool, received: &mut Received) {
+        let len = self.line.len();
+        self.lines.push_back((len, is_ended));
+        self.unread += len;
+        received.ready.append(&mut self.line);
+    }
+}
+
+#[cfg(test)]
+mod tests;

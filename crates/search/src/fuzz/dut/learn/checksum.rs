@@ -1,0 +1,382 @@
+//! Which checksum a set of frames carries, found by trying all known ones over the likely ranges.
+//!
+//! A candidate is claimed only with evidence: each *different* value that fits gives the bits of
+//! the checksum, and the number of candidates tried takes its logarithm away. So random bytes are
+//! claimed by none.
+
+use std::collections::BTreeSet;
+
+use super::sums::{ALL, Sum};
+
+/// Bits of evidence above which a checksum is claimed.
+const CLAIMED_BITS: f64 = 20.0;
+/// Bits above which it is worth a try, if all frames fit.
+const GUESSED_BITS: f64 = 7.0;
+/// Share of frames that may not fit: captures hold damaged frames.
+const DAMAGED_SHARE: usize = 5;
+/// Bytes of a header that a checksum may leave out.
+const START_MAX: usize = 4;
+/// Bytes after a checksum, e.g. a terminator.
+const TAIL_MAX: usize = 2;
+/// Last place of a checksum in a header.
+const HEAD_MAX: usize = 12;
+/// Frames that are looked at.
+const FRAMES_MAX: usize = 64;
+/// Most evidence of a sum over bytes of which only one changes.
+const COPY_BITS: f64 = 16.0;
+/// Evidence that a `*` before two hexadecimal digits gives: NMEA 0183.
+const NMEA_BITS: f64 = 14.0;
+
+/// How a value is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Encoding {
+    /// Bytes, least significant first.
+    Little,
+    /// Bytes, most significant first.
+    Big,
+    /// Two digits a byte, `A` to `F`.
+    Upper,
+    /// Two digits a byte, `a` to `f`.
+    Lower,
+}
+
+impl Encoding {
+    const fn len(self, bytes: usize) -> usize {
+        match self {
+            Self::Little | Self::Big => bytes,
+            Self::Upper | Self::Lower => 2 * bytes,
+        }
+    }
+
+    fn write(self, value: u64, bytes: usize) -> Vec<u8> {
+        let little = &value.to_le_bytes()[..bytes];
+        match self {
+            Self::Little => little.to_vec(),
+            Self::Big => little.iter().rev().copied().collect(),
+            Self::Upper => format!("{value:0width$X}", width = 2 * bytes).into_bytes(),
+            Self::Lower => format!("{value:0width$x}", width = 2 * bytes).into_bytes(),
+        }
+    }
+
+    fn read(self, field: &[u8]) -> Option<u64> {
+        let number = |value: u64, byte: &u8| value << 8 | u64::from(*byte);
+        match self {
+            Self::Little => Some(field.iter().rev().fold(0, number)),
+            Self::Big => Some(field.iter().fold(0, number)),
+            Self::Upper | Self::Lower => {
+                let is_upper = self == Self::Upper;
+                let is_digit = |byte: &u8| match byte {
+                    b'0'..=b'9' => true,
+                    b'A'..=b'F' => is_upper,
+                    b'a'..=b'f' => !is_upper,
+                    _ => false,
+                };
+                let text = core::str::from_utf8(field).ok()?;
+                let is_number = field.iter().all(is_digit);
+                is_number.then(|| u64::from_str_radix(text, 16).ok())?
+            }
+        }
+    }
+}
+
+/// Where the value stands and what it covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// So many bytes before the end; it covers what is before it but for the last `gap` bytes.
+    End { tail: usize, gap: usize },
+    /// At this offset; it covers what is behind it, and what is before it if `is_whole`.
+    Head { at: usize, is_whole: bool },
+}
+
+/// A checksum as it stands in frames.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Checksum {
+    sum: &'static Sum,
+    encoding: Encoding,
+    place: Place,
+    /// Bytes at the beginning that it does not cover.
+    start: usize,
+    /// A constant that is added.
+    free: u64,
+    /// Whether the evidence is enough to say so.
+    pub(super) is_sure: bool,
+    /// Evidence, bits.
+    pub(super) bits: f64,
+    /// What is always between its range and itself, and behind it.
+    fixed: [u8; TAIL_MAX + 1],
+}
+
+impl core::fmt::Display for Checksum {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let encoding = match (self.encoding, self.sum.bytes) {
+            (Encoding::Upper | Encoding::Lower, _) => "in hexadecimal digits, ",
+            (_, 1) => "",
+            (Encoding::Little, _) => "low byte first, ",
+            (Encoding::Big, _) => "high byte first, ",
+        };
+        write!(f, "{}, {encoding}", self.sum.name)?;
+        match self.place {
+            Place::End { tail: 0, .. } => f.write_str("at the end")?,
+            Place::End { tail, .. } => write!(f, "{tail} bytes before the end")?,
+            Place::Head { at, .. } => write!(f, "at byte {at}")?,
+        }
+        match (self.place, self.start) {
+            (Place::Head { .. }, _) | (_, 0) => Ok(()),
+            (_, start) => write!(f, ", of the bytes from {start}"),
+        }
+    }
+}
+
+impl Checksum {
+    /// Bytes of its field.
+    const fn len(&self) -> usize {
+        self.encoding.len(self.sum.bytes)
+    }
+
+    /// Where its field begins in `body`.
+    fn at(&self, body: &[u8]) -> Option<usize> {
+        let at = match self.place {
+            Place::End { tail, gap } => {
+                let at = body.len().checked_sub(tail + self.len())?;
+                (at >= self.start + gap + 1).then_some(at)?
+            }
+            Place::Head { at, .. } => at,
+        };
+        (at + self.len() <= body.len()).then_some(at)
+    }
+
+    /// The value over what is covered, if the field is at `at`.
+    fn over(&self, body: &[u8], at: usize) -> u64 {
+        let behind = &body[at + self.len()..];
+        let value = match self.place {
+            Place::End { gap, .. } => self.sum.of([&body[self.start..at - gap]]),
+            Place::Head { is_whole: true, .. } => self.sum.of([&body[..at], behind]),
+            Place::Head { .. } => self.sum.of([behind]),
+        };
+        self.sum.with(value, self.free)
+    }
+
+    /// Whether it holds in `body`.
+    pub(super) fn holds(&self, body: &[u8]) -> bool {
+        let at = self.at(body);
+        at.is_some_and(|at| {
+            let value = self.encoding.read(&body[at..at + self.len()]);
+            value == Some(self.over(body, at))
+        })
+    }
+
+    /// `body` without its field and what is always around that.
+    pub(super) fn without(&self, body: &[u8]) -> Option<Vec<u8>> {
+        let at = self.at(body)?;
+        Some(match self.place {
+            Place::End { gap, .. } => body[..at - gap].to_vec(),
+            Place::Head { .. } => [&body[..at], &body[at + self.len()..]].concat(),
+        })
+    }
+
+    /// `content` with the field, which holds; with `off` it is off by that much.
+    pub(super) fn put(&self, content: &[u8], off: u64) -> Vec<u8> {
+        let mut body = content.to_vec();
+        let field = vec![0; self.len()];
+        let at = match self.place {
+            Place::End { tail, gap } => {
+                body.extend(&self.fixed[..gap]);
+                let at = body.len();
+                body.extend(&field);
+                body.extend(&self.fixed[gap..gap + tail]);
+                at
+            }
+            Place::Head { at, .. } => {
+                let at = at.min(body.len());
+                body.splice(at..at, field);
+                at
+            }
+        };
+        let start = match self.place {
+            // What is shorter than the header that is left out covers nothing.
+            Place::End { gap, .. } => self.start.min(at - gap),
+            Place::Head { .. } => 0,
+        };
+        let value = Self { start, ..*self }.over(&body, at) ^ off;
+        let field = self.encoding.write(value, self.sum.bytes);
+        body.splice(at..at + field.len(), field);
+        body
+    }
+
+    /// Evidence that `bodies` carry it, in bits, before what was tried is taken away; `None` if
+    /// too many do not.
+    fn evidence(&mut self, bodies: &[&[u8]]) -> Option<f64> {
+        let allowed = match bodies.len() {
+            0..5 => 0,
+            len => len / DAMAGED_SHARE,
+        };
+        if self.sum.is_free {
+            // Of the values that the first frames would need the one that most of them share.
+            let needed = bodies.iter().take(5).filter_map(|body| {
+                let at = self.at(body)?;
+                let value = self.encoding.read(&body[at..at + self.len()])?;
+                Some(self.sum.free(self.over(body, at), value))
+            });
+            let needed: Vec<u64> = needed.collect();
+            let count = |one: &&u64| needed.iter().filter(|other| other == one).count();
+            self.free = *needed.iter().max_by_key(count)?;
+        }
+        let (mut misses, mut values) = (0, BTreeSet::new());
+        let mut ranges = BTreeSet::new();
+        for body in bodies {
+            if self.holds(body) && self.is_fixed(body, bodies[0]) {
+                let at = self.at(body)?;
+                values.insert(&body[at..at + self.len()]);
+                ranges.insert(self.without(body));
+            } else {
+                misses += 1;
+                if misses > allowed {
+                    return None;
+                }
+            }
+        }
+        let one = usize::from(self.sum.is_free && self.free != 0);
+        let known = values.len().min(ranges.len()).saturating_sub(one);
+        // A byte of the field that is always the same tells nothing.
+        let each = match varying(values.iter().copied()) {
+            0 => self.sum.bits(),
+            count => self.sum.bits() * count.min(self.len()) / self.len(),
+        };
+        let mut bits = (each * known) as f64 + self.sum.prior();
+        // The sum of one byte that changes is a copy of it: a counter that stands there twice.
+        if self.sum.is_free && varying(ranges.iter().flatten().map(Vec::as_slice)) < 2 {
+            bits = bits.min(COPY_BITS);
+        }
+        let Place::End { gap: 1, .. } = self.place else {
+            return Some(bits);
+        };
+        let is_nmea = self.fixed[0] == b'*' && self.sum.bytes == 1 && self.start == 1;
+        let is_xor = self.sum.name == "exclusive or" && self.free == 0;
+        let starts = bodies[0].first().is_some_and(|byte| b"$!".contains(byte));
+        let more = if is_nmea && is_xor && starts {
+            NMEA_BITS
+        } else {
+            0.0
+        };
+        Some(bits + more)
+    }
+
+    /// Whether what is around the field is the same in `body` as in `first`.
+    fn is_fixed(&self, body: &[u8], first: &[u8]) -> bool {
+        self.around(body) == self.around(first)
+    }
+
+    fn around<'a>(&self, body: &'a [u8]) -> Option<[&'a [u8]; 2]> {
+        let Place::End { gap, .. } = self.place else {
+            return Some([&[], &[]]);
+        };
+        let at = self.at(body)?;
+        Some([&body[at - gap..at], &body[at + self.len()..]])
+    }
+}
+
+/// At how many places `parts` differ; at all of them if their lengths do.
+fn varying<'a>(parts: impl Iterator<Item = &'a [u8]>) -> usize {
+    let parts: Vec<&[u8]> = parts.collect();
+    let Some((first, others)) = parts.split_first() else {
+        return 0;
+    };
+    if others.iter().any(|other| other.len() != first.len()) {
+        return usize::MAX;
+    }
+    let differs = |at: &usize| others.iter().any(|other| other[*at] != first[*at]);
+    (0..first.len()).filter(differs).count()
+}
+
+/// The checksum of `bodies`, frames without what ends them, if they carry one.
+pub(super) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
+    let distinct: BTreeSet<&[u8]> = bodies.iter().map(Vec::as_slice).collect();
+    let distinct: Vec<&[u8]> = distinct.into_iter().take(FRAMES_MAX).collect();
+    let shortest = distinct.iter().map(|body| body.len()).min()?;
+    let (mut tried, mut best): (f64, Option<Checksum>) = (0.0, None);
+    for sum in ALL.iter() {
+        for candidate in candidates(sum, shortest, distinct.len()) {
+            tried += 1.0;
+            let mut candidate = candidate;
+            if let Some([between, behind]) = candidate.around(distinct[0]) {
+                candidate.fixed[..between.len()].copy_from_slice(between);
+                candidate.fixed[between.len()..][..behind.len()].copy_from_slice(behind);
+            }
+            let Some(bits) = candidate.evidence(&distinct) else {
+                continue;
+            };
+            candidate.bits = bits;
+            if best.is_none_or(|best| best.bits < bits) {
+                best = Some(candidate);
+            }
+        }
+    }
+    let mut best = best?;
+    best.bits -= tried.log2();
+    best.is_sure = best.bits >= CLAIMED_BITS;
+    let is_whole = distinct.iter().all(|body| best.holds(body));
+    (best.is_sure || (is_whole && best.bits >= GUESSED_BITS)).then_some(best)
+}
+
+/// Where `sum` may stand in frames of at least `shortest` bytes of which `count` differ.
+fn candidates(sum: &'static Sum, shortest: usize, count: usize) -> Vec<Checksum> {
+    let mut all = Vec::new();
+    let mut add = |encoding, place, start| {
+        all.push(Checksum {
+            sum,
+            encoding,
+            place,
+            start,
+            free: 0,
+            is_sure: false,
+            bits: 0.0,
+            fixed: [0; TAIL_MAX + 1],
+        });
+    };
+    let binary = match sum.bytes {
+        1 => &[Encoding::Little][..],
+        _ => &[Encoding::Little, Encoding::Big],
+    };
+    let hex = [Encoding::Upper, Encoding::Lower];
+    // Of one frame or two little can be learnt: only the likeliest places are tried.
+    let (tails, heads) = if count < 3 {
+        (0, 0)
+    } else {
+        (TAIL_MAX, HEAD_MAX)
+    };
+    let least = if sum.bytes == 1 { 2 } else { 1 };
+    for encoding in binary.iter().chain(&hex).copied() {
+        let is_hex = hex.contains(&encoding);
+        let len = encoding.len(sum.bytes);
+        for (tail, gap) in (0..=tails).flat_map(|tail| [(tail, 0), (tail, 1)]) {
+            if gap > 0 && !is_hex {
+                continue;
+            }
+            for start in 0..=START_MAX {
+                let around = tail + gap + len + start;
+                let room = shortest.saturating_sub(around);
+                // A sum of less than half of a frame protects nothing.
+                if room >= least.max(start) {
+                    add(encoding, Place::End { tail, gap }, start);
+                }
+            }
+        }
+        if is_hex {
+            continue;
+        }
+        for at in 0..heads.min(shortest.saturating_sub(len + 1)) {
+            add(encoding, Place::Head { at, is_whole: true }, 0);
+            if at > 0 && at + len + 2 <= shortest {
+                add(
+                    encoding,
+                    Place::Head {
+                        at,
+                        is_whole: false,
+                    },
+                    0,
+                );
+            }
+        }
+    }
+    all
+}

@@ -1,0 +1,153 @@
+//! What a device says, learned from a conversation: replies to requests, and what comes by itself.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::format::Format;
+use super::framing;
+use super::mutate::Material;
+
+/// Replies that are kept of one request, requests, and what comes by itself.
+const REPLIES_MAX: usize = 32;
+const REQUESTS_MAX: usize = 64;
+const CHUNKS_MAX: usize = 256;
+/// Silence between two chunks, nanoseconds: what comes closer came in one go.
+const GAP_NANOS: u64 = 3_000_000;
+/// Longest time from a request to its reply, nanoseconds.
+const REPLY_NANOS: u64 = 1_000_000_000;
+
+/// Bytes of a conversation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Spoken {
+    /// Whether the program said them, not the device.
+    pub(super) is_program: bool,
+    /// When, nanoseconds.
+    pub(super) at: u64,
+    /// The bytes.
+    pub(super) bytes: Vec<u8>,
+}
+
+/// What a program may be told, learned from what devices told it.
+#[derive(Clone, Debug)]
+pub(super) struct Seeds {
+    /// Requests of the program, each with what the device said to it.
+    pub(super) exchanges: Vec<(Vec<u8>, Vec<Vec<u8>>)>,
+    /// What came by itself.
+    pub(super) unasked: Vec<Vec<u8>>,
+    /// Whether the program said anything.
+    pub(super) asks: bool,
+    /// The format of what the device says; of the requests, if it never says anything.
+    pub(super) format: Format,
+    /// Contents of its frames.
+    pub(super) contents: Vec<Vec<u8>>,
+}
+
+/// Seeds as they are gathered.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Gathered {
+    requests: Vec<Vec<u8>>,
+    replies: BTreeMap<Vec<u8>, Vec<Vec<u8>>>,
+    unasked: Vec<Vec<u8>>,
+}
+
+impl Gathered {
+    /// Takes a conversation in the order of time.
+    pub(super) fn conversation(&mut self, spoken: &[Spoken]) {
+        let mut chunks: Vec<Spoken> = Vec::new();
+        let mut last_at = 0;
+        for one in spoken.iter().filter(|one| !one.bytes.is_empty()) {
+            let is_close = one.at.saturating_sub(last_at) < GAP_NANOS;
+            last_at = one.at;
+            match chunks.last_mut() {
+                Some(chunk) if chunk.is_program == one.is_program && is_close => {
+                    chunk.bytes.extend(&one.bytes);
+                }
+                _ => chunks.push(one.clone()),
+            }
+        }
+        let mut asked: Option<(Vec<u8>, u64)> = None;
+        for chunk in chunks {
+            if chunk.is_program {
+                self.request(chunk.bytes.clone());
+                asked = Some((chunk.bytes, chunk.at));
+                continue;
+            }
+            match asked.take() {
+                Some((request, at)) if chunk.at.saturating_sub(at) < REPLY_NANOS => {
+                    self.reply(request, chunk.bytes);
+                }
+                _ => self.unasked(chunk.bytes),
+            }
+        }
+    }
+
+    /// Takes what a device says, to whatever it is asked.
+    pub(super) fn unasked(&mut self, chunk: Vec<u8>) {
+        let is_new = !chunk.is_empty() && !self.unasked.contains(&chunk);
+        if is_new && self.unasked.len() < CHUNKS_MAX {
+            self.unasked.push(chunk);
+        }
+    }
+
+    fn request(&mut self, request: Vec<u8>) {
+        if !self.requests.contains(&request) && self.requests.len() < REQUESTS_MAX {
+            self.requests.push(request);
+        }
+    }
+
+    fn reply(&mut self, request: Vec<u8>, reply: Vec<u8>) {
+        let is_known = self.replies.contains_key(&request);
+        if is_known || self.replies.len() < REQUESTS_MAX {
+            let known = self.replies.entry(request).or_default();
+            if !known.contains(&reply) && known.len() < REPLIES_MAX {
+                known.push(reply);
+            }
+        }
+    }
+
+    /// Whether the program said anything of this as its request.
+    pub(super) fn knows_request(&self, chunk: &[u8]) -> bool {
+        self.requests.iter().any(|request| request == chunk)
+    }
+
+    /// What can be learned.
+    pub(super) fn learned(self) -> Seeds {
+        let replies = self.replies.values().flatten().chain(&self.unasked);
+        let mut chunks: Vec<Vec<u8>> = replies.cloned().collect();
+        if chunks.is_empty() {
+            chunks.clone_from(&self.requests);
+        }
+        let (format, frames) = framing::infer(&chunks);
+        let contents = frames.iter().filter_map(|frame| format.content(frame));
+        let contents: BTreeSet<Vec<u8>> = contents.collect();
+        let mut contents: Vec<Vec<u8>> = contents.into_iter().take(CHUNKS_MAX).collect();
+        if contents.is_empty() {
+            contents.push(Vec::new());
+        }
+        // A stream that came in one go is many frames.
+        let unasked = self
+            .unasked
+            .iter()
+            .flat_map(|chunk| match format.split(chunk) {
+                frames if frames.len() > 8 => frames.into_iter().map(<[u8]>::to_vec).collect(),
+                _ => vec![chunk.clone()],
+            });
+        let unasked = unasked.take(CHUNKS_MAX).collect();
+        Seeds {
+            exchanges: self.replies.into_iter().collect(),
+            unasked,
+            asks: !self.requests.is_empty(),
+            format,
+            contents,
+        }
+    }
+}
+
+impl Seeds {
+    /// What mutants are made of.
+    pub(super) fn material(&self) -> Material<'_> {
+        Material {
+            format: &self.format,
+            contents: &self.contents,
+        }
+    }
+}

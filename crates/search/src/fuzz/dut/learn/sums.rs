@@ -1,0 +1,181 @@
+//! Checksum algorithms: those of the CRC catalogue that fill whole bytes, and the sums of common
+//! serial protocols.
+
+use std::sync::LazyLock;
+
+use crc::{Algorithm, Crc};
+
+/// A checksum algorithm.
+pub(super) struct Sum {
+    /// Name, of a CRC that of the catalogue.
+    pub(super) name: &'static str,
+    /// Bytes of its value.
+    pub(super) bytes: usize,
+    /// Whether a constant may be added to it (to an exclusive or: combined with it), which covers
+    /// start values and complements.
+    pub(super) is_free: bool,
+    how: How,
+}
+
+enum How {
+    Crc8(Crc<u8>),
+    Crc16(Crc<u16>),
+    Crc32(Crc<u32>),
+    Xor,
+    Add,
+    Subtract,
+    Add7,
+    Fletcher(u32),
+    Adler,
+}
+
+impl core::fmt::Debug for Sum {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl Sum {
+    const fn new(name: &'static str, bytes: usize, is_free: bool, how: How) -> Self {
+        Self {
+            name,
+            bytes,
+            is_free,
+            how,
+        }
+    }
+
+    /// Evidence in bits that one value gives.
+    pub(super) const fn bits(&self) -> usize {
+        match self.how {
+            How::Add7 => 7,
+            _ => 8 * self.bytes,
+        }
+    }
+
+    /// The value for `parts`, one after the other.
+    pub(super) fn of<'a>(&self, parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
+        let mut parts = parts.into_iter();
+        let mask = u64::MAX >> (64 - 8 * self.bytes);
+        let each = |fold: fn(u64, u8) -> u64, parts: &mut dyn Iterator<Item = &'a [u8]>| {
+            parts.flatten().fold(0, |sum, byte| fold(sum, *byte)) & mask
+        };
+        match &self.how {
+            How::Crc8(crc) => {
+                let mut digest = crc.digest();
+                parts.for_each(|part| digest.update(part));
+                digest.finalize().into()
+            }
+            How::Crc16(crc) => {
+                let mut digest = crc.digest();
+                parts.for_each(|part| digest.update(part));
+                digest.finalize().into()
+            }
+            How::Crc32(crc) => {
+                let mut digest = crc.digest();
+                parts.for_each(|part| digest.update(part));
+                digest.finalize().into()
+            }
+            How::Xor => each(|sum, byte| sum ^ u64::from(byte), &mut parts),
+            How::Add => each(|sum, byte| sum.wrapping_add(byte.into()), &mut parts),
+            How::Subtract => each(|sum, byte| sum.wrapping_sub(byte.into()), &mut parts),
+            How::Add7 => each(|sum, byte| (sum + u64::from(byte)) & 0x7F, &mut parts),
+            How::Fletcher(modulus) => {
+                let (first, second) = parts.flatten().fold((0, 0), |(first, second), byte| {
+                    let first = (first + u32::from(*byte)) % modulus;
+                    (first, (second + first) % modulus)
+                });
+                u64::from(second << 8 | first)
+            }
+            How::Adler => {
+                let (first, second) = parts.flatten().fold((1, 0), |(first, second), byte| {
+                    let first = (first + u32::from(*byte)) % 65_521;
+                    (first, (second + first) % 65_521)
+                });
+                u64::from(second << 16 | first)
+            }
+        }
+    }
+
+    /// `value` with the constant `free`.
+    pub(super) const fn with(&self, value: u64, free: u64) -> u64 {
+        let mask = u64::MAX >> (64 - 8 * self.bytes);
+        match self.how {
+            How::Xor => value ^ free,
+            How::Add7 => (value + free) & 0x7F,
+            _ => value.wrapping_add(free) & mask,
+        }
+    }
+
+    /// The constant that turns `value` into `wanted`.
+    pub(super) const fn free(&self, value: u64, wanted: u64) -> u64 {
+        let mask = u64::MAX >> (64 - 8 * self.bytes);
+        match self.how {
+            How::Xor => value ^ wanted,
+            How::Add7 => wanted.wrapping_sub(value) & 0x7F,
+            _ => wanted.wrapping_sub(value) & mask,
+        }
+    }
+
+    /// Bits by which this algorithm is likelier than another one, before anything is seen.
+    pub(super) fn prior(&self) -> f64 {
+        match self.name {
+            "CRC_16_MODBUS" | "CRC_16_IBM_3740" | "CRC_16_XMODEM" | "CRC_16_KERMIT"
+            | "CRC_32_ISO_HDLC" | "CRC_8_SMBUS" | "CRC_8_MAXIM_DOW" | "CRC_16_ARC" => 2.0,
+            _ => 0.0,
+        }
+    }
+}
+
+macro_rules! crcs {
+    ($how:path, $word:ty, $($name:ident,)+) => {
+        [$({
+            let algorithm: &'static Algorithm<$word> = &crc::$name;
+            let bytes = usize::from(algorithm.width) / 8;
+            Sum::new(stringify!($name), bytes, false, $how(Crc::<$word>::new(algorithm)))
+        },)+]
+    };
+}
+
+/// All algorithms.
+pub(super) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
+    let mut all = vec![
+        Sum::new("exclusive or", 1, true, How::Xor),
+        Sum::new("sum of bytes", 1, true, How::Add),
+        Sum::new("negative sum of bytes", 1, true, How::Subtract),
+        Sum::new("sum of bytes, 7 bits", 1, true, How::Add7),
+        Sum::new("sum of bytes, 16 bits", 2, true, How::Add),
+        Sum::new("negative sum of bytes, 16 bits", 2, true, How::Subtract),
+        Sum::new("Fletcher, modulus 256", 2, false, How::Fletcher(256)),
+        Sum::new("Fletcher, modulus 255", 2, false, How::Fletcher(255)),
+        Sum::new("sum of bytes, 32 bits", 4, true, How::Add),
+        Sum::new("Adler-32", 4, false, How::Adler),
+    ];
+    #[rustfmt::skip]
+    all.extend(crcs!(
+        How::Crc8, u8,
+        CRC_8_AUTOSAR, CRC_8_BLUETOOTH, CRC_8_CDMA2000, CRC_8_DARC, CRC_8_DVB_S2, CRC_8_GSM_A,
+        CRC_8_GSM_B, CRC_8_HITAG, CRC_8_I_432_1, CRC_8_I_CODE, CRC_8_LTE, CRC_8_MAXIM_DOW,
+        CRC_8_MIFARE_MAD, CRC_8_NRSC_5, CRC_8_OPENSAFETY, CRC_8_ROHC, CRC_8_SAE_J1850,
+        CRC_8_SMBUS, CRC_8_TECH_3250, CRC_8_WCDMA,
+    ));
+    #[rustfmt::skip]
+    all.extend(crcs!(
+        How::Crc16, u16,
+        CRC_16_ARC, CRC_16_CDMA2000, CRC_16_CMS, CRC_16_DDS_110, CRC_16_DECT_R, CRC_16_DECT_X,
+        CRC_16_DNP, CRC_16_EN_13757, CRC_16_GENIBUS, CRC_16_GSM, CRC_16_IBM_3740, CRC_16_IBM_SDLC,
+        CRC_16_ISO_IEC_14443_3_A, CRC_16_KERMIT, CRC_16_LJ1200, CRC_16_M17, CRC_16_MAXIM_DOW,
+        CRC_16_MCRF4XX, CRC_16_MODBUS, CRC_16_NRSC_5, CRC_16_OPENSAFETY_A, CRC_16_OPENSAFETY_B,
+        CRC_16_PROFIBUS, CRC_16_RIELLO, CRC_16_SPI_FUJITSU, CRC_16_T10_DIF, CRC_16_TELEDISK,
+        CRC_16_TMS37157, CRC_16_UMTS, CRC_16_USB, CRC_16_XMODEM,
+    ));
+    #[rustfmt::skip]
+    all.extend(crcs!(
+        How::Crc32, u32,
+        CRC_24_BLE, CRC_24_FLEXRAY_A, CRC_24_FLEXRAY_B, CRC_24_INTERLAKEN, CRC_24_LTE_A,
+        CRC_24_LTE_B, CRC_24_OPENPGP, CRC_24_OS_9, CRC_32_AIXM, CRC_32_AUTOSAR, CRC_32_BASE91_D,
+        CRC_32_BZIP2, CRC_32_CD_ROM_EDC, CRC_32_CKSUM, CRC_32_ISCSI, CRC_32_ISO_HDLC,
+        CRC_32_JAMCRC, CRC_32_MEF, CRC_32_MPEG_2, CRC_32_XFER,
+    ));
+    all
+});

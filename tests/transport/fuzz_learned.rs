@@ -1,0 +1,157 @@
+//! `hilrig fuzz --exec --corpus`: a driver of a protocol that the rig does not know, with a planted
+//! bug, in virtual time.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use super::support::fresh_path;
+
+const HILRIG: &str = env!("CARGO_BIN_EXE_hilrig");
+
+/// A master: `01 03`, then frames of a head AA, a length, a count, as many values, and the checksum
+/// of Modbus over all. A frame whose checksum does not hold is reported by an exception.
+const DRIVER: &str = r#"
+import os, select, tty
+port = os.open(os.environ["HILRIG_DIR"] + "/port", os.O_RDWR | os.O_NOCTTY)
+tty.setraw(port)
+class BadFrame(Exception): pass
+def crc(data, value=0xFFFF):
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = value >> 1 ^ (0xA001 if value & 1 else 0)
+    return value
+def receive(count):
+    data = b""
+    while len(data) < count:
+        if not select.select([port], [], [], 0.3)[0]:
+            return None
+        data += os.read(port, count - len(data))
+    return data
+while True:
+    os.write(port, b"\x01\x03")
+    head = receive(2)
+    if head is None:
+        continue
+    if head[0] != 0xAA:
+        raise BadFrame("no head: %r" % head)
+    rest = receive(head[1] + 2)
+    if rest is None:
+        continue
+    if crc(head + rest[:-2]) != int.from_bytes(rest[-2:], "little"):
+        raise BadFrame("checksum of %s" % rest.hex())
+    count = rest[0]
+    CHECK
+    values = [rest[1 + at] for at in range(count)]
+"#;
+
+/// The folder of a search with the driver, `check` being its check of the count.
+fn search(name: &str, check: &str, more: &[&str]) -> (PathBuf, Option<i32>, String) {
+    let dir = fresh_path(&format!("fuzz-learned-{name}"));
+    let frames = dir.join("frames");
+    std::fs::create_dir_all(&frames).expect("room");
+    std::fs::write(dir.join("driver.py"), DRIVER.replace("CHECK", check)).expect("room");
+    let modbus = crc::Crc::<u16>::new(&crc::CRC_16_MODBUS);
+    for at in 0..6_u8 {
+        let mut frame = vec![0xAA, at + 2, at + 1];
+        frame.extend((0..=at).map(|value| value.wrapping_mul(37).wrapping_add(at)));
+        frame.extend(modbus.checksum(&frame).to_le_bytes());
+        std::fs::write(frames.join(format!("{at}.bin")), frame).expect("room");
+    }
+    let mut command = Command::new(HILRIG);
+    let exec = ["fuzz", "--exec", "exec python3 -S driver.py", "--virtual"];
+    command
+        .args(exec)
+        .args(["--corpus", "frames", "--out", "out", "--shrink", "8"]);
+    let output = command
+        .args(more)
+        .current_dir(&dir)
+        .output()
+        .expect("it starts");
+    let [stdout, stderr] = [output.stdout, output.stderr].map(String::from_utf8);
+    let said = [stdout, stderr].map(|said| said.expect("the command speaks UTF-8"));
+    (dir.join("out"), output.status.code(), said.concat())
+}
+
+fn findings(out: &Path) -> Vec<String> {
+    let folders = std::fs::read_dir(out.join("findings"));
+    let causes = folders.into_iter().flatten().flatten().map(|entry| {
+        let cause = std::fs::read_to_string(entry.path().join("cause.txt"));
+        let cause = cause.expect("the command wrote it");
+        cause.lines().next().unwrap_or_default().to_owned()
+    });
+    let mut causes: Vec<String> = causes.collect();
+    causes.sort();
+    causes
+}
+
+/// The count is believed: found through the checksum and the length, which are learned from six
+/// frames, and left is one reply. What the driver raises on purpose is counted, and no finding.
+#[test]
+fn a_count_that_lies_is_found_through_a_checksum_that_was_learned() {
+    let (out, code, said) = search("lies", "pass", &["--cases", "6"]);
+    assert_eq!(
+        findings(&out),
+        ["crash-exit-code-1 IndexError at driver.py:33"],
+        "{said}"
+    );
+    assert_eq!(code, Some(1), "{said}");
+    assert!(
+        said.contains("CRC_16_MODBUS, low byte first, at the end"),
+        "{said}"
+    );
+    assert!(said.contains("8-bit length at byte 1"), "{said}");
+    let told = out.join("findings/01-crash-exit-code-1/told.toml");
+    let told = std::fs::read_to_string(told).expect("the command wrote it");
+    assert_eq!(told.matches("[[raw.turn]]").count(), 1, "{told}");
+}
+
+/// The same driver with the check that it lacked: the errors that it raises are no findings, unless
+/// they are asked for; then they are one, whatever the bytes were.
+#[test]
+fn a_driver_that_reports_bad_frames_is_not_found_fault_with() {
+    let check = "if count != head[1] - 1: raise BadFrame(\"count\")";
+    let (out, code, said) = search("sound", check, &["--cases", "8"]);
+    assert_eq!(findings(&out), [""; 0], "{said}");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(
+        said.contains("which is no finding: crash-exit-code-1"),
+        "{said}"
+    );
+
+    let more = ["--cases", "4", "--errors", "always"];
+    let (out, code, said) = search("always", check, &more);
+    assert_eq!(findings(&out), ["crash-exit-code-1 BadFrame"], "{said}");
+    assert_eq!(code, Some(1), "{said}");
+}
+
+/// Two searches side by side find it once.
+#[test]
+fn searches_side_by_side_put_their_findings_together() {
+    let (out, code, said) = search("jobs", "pass", &["--cases", "6", "--jobs", "2"]);
+    assert_eq!(
+        findings(&out),
+        ["crash-exit-code-1 IndexError at driver.py:33"],
+        "{said}"
+    );
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("2 jobs, 6 cases"), "{said}");
+}
+
+#[test]
+fn a_corpus_without_bytes_is_an_error_that_says_what_is_expected() {
+    let more = ["--cases", "1", "--corpus", "nowhere"];
+    let dir = fresh_path("fuzz-learned-nowhere");
+    std::fs::create_dir_all(&dir).expect("room");
+    let mut command = Command::new(HILRIG);
+    command
+        .args(["fuzz", "--exec", "true", "--virtual"])
+        .args(more);
+    let output = command.current_dir(&dir).output().expect("it starts");
+    let error = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    assert!(
+        error.starts_with("error: --corpus nowhere: No such file"),
+        "{error}"
+    );
+}
