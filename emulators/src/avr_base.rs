@@ -45,7 +45,7 @@ use core::time::Duration;
 use protocols::avr::{BAUD, registers};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::device::{byte_end, earliest};
+use crate::device::{BrokenRules, byte_end, earliest};
 use crate::rng::Rng;
 use crate::world::{Drive, Wheel, World};
 use crate::{Device, Event};
@@ -532,5 +532,9 @@ impl Device for AvrBase {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.journal.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.journal.broken())
     }
 }

@@ -26,7 +26,7 @@ use std::collections::VecDeque;
 use protocols::perception::{DepthRow, MESSAGE_MAX, Scan};
 use protocols::{Instant, LineConfig, Port};
 
-use crate::device::{Device, Event, earliest};
+use crate::device::{BrokenRules, Device, Event, earliest};
 use crate::event_log::EventLog;
 use crate::rng::Rng;
 use crate::world::{Scene, World};
@@ -286,6 +286,10 @@ impl Device for Camera {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }
 

@@ -27,10 +27,10 @@ use std::collections::VecDeque;
 use protocols::car_board::{BAUD, Command, CommandError, Frame, Level, Steering};
 use protocols::{Instant, LineConfig, Port};
 
-use crate::device::{Device, Event, EventKind, earliest, take};
+use crate::device::{BrokenRules, Device, Event, EventKind, earliest, take};
 use crate::event_log::EventLog;
 use crate::i2c::RegisterChip as _;
-use crate::world::{AckermannConfig, Command as Actuation, Reversing, World};
+use crate::world::{AckermannConfig, Command as Actuation, Encoder, Reversing, World};
 pub use battery::BatteryConfig;
 use sensors::Sensors;
 
@@ -60,7 +60,8 @@ pub struct BoardConfig {
     pub dead_man: Option<Duration>,
     /// What becomes of a command beyond its range.
     pub out_of_range: OutOfRange,
-    /// Encoder of the chassis that the magnets turn with.
+    /// Encoder of the chassis that the magnets turn with; where it has none of that name, the one
+    /// of the shaft, `drive`.
     pub encoder: String,
     /// Metres ahead of the rear axle and to the left of it. Under the bumper.
     pub line_sensor_m: [f64; 2],
@@ -81,6 +82,15 @@ impl Default for BoardConfig {
             battery: BatteryConfig::default(),
             seed: 1,
         }
+    }
+}
+
+impl BoardConfig {
+    /// The encoder that the magnets turn with; `None` if the chassis has nothing that turns with
+    /// the wheels.
+    pub fn encoder_of(&self, encoders: &[Encoder]) -> Option<usize> {
+        let find = |name: &str| encoders.iter().position(|encoder| encoder.name == name);
+        find(&self.encoder).or_else(|| find("drive"))
     }
 }
 
@@ -389,5 +399,9 @@ impl Device for CarBoard {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }

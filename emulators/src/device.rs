@@ -68,6 +68,12 @@ pub trait Device {
     /// What happened since the last call, oldest first: what the device did by itself, and what
     /// its master did wrong.
     fn take_events(&mut self) -> Vec<Event>;
+
+    /// How often its master broke each rule so far, where several breaks may share one entry of
+    /// [`take_events`](Self::take_events); `None`: each entry is one.
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        None
+    }
 }
 
 /// How an [`Event`] is meant.
@@ -93,6 +99,30 @@ pub struct Event {
     pub detail: String,
     /// The bytes in question, if any.
     pub bytes: Vec<u8>,
+}
+
+/// How often rules were broken, by their names.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BrokenRules(Vec<(&'static str, u64)>);
+
+impl BrokenRules {
+    /// Counts one more break of `rule`.
+    pub fn count(&mut self, rule: &'static str) {
+        match self.0.iter_mut().find(|(known, _)| *known == rule) {
+            Some((_, count)) => *count += 1,
+            None => self.0.push((rule, 1)),
+        }
+    }
+
+    /// Each rule that was broken, and how often.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        self.0.iter().copied()
+    }
+
+    /// All breaks together.
+    pub fn total(&self) -> u64 {
+        self.iter().map(|(_, count)| count).sum()
+    }
 }
 
 /// The instant at which byte `index` of `count` back-to-back bytes ended, when the last ended at

@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use crate::device::{Event, EventKind, earliest};
+use crate::device::{BrokenRules, Event, EventKind, earliest};
 
 /// Most entries kept until somebody takes them; further ones are only counted.
 const EVENTS_MAX: usize = 1024;
@@ -19,6 +19,7 @@ const PAUSE_MAX: Duration = Duration::from_secs(64);
 pub struct EventLog {
     events: Vec<Event>,
     dropped: u64,
+    broken: BrokenRules,
     repeats: Vec<Repeat>,
 }
 
@@ -40,6 +41,7 @@ impl EventLog {
 
     /// The master broke a rule that it cannot break often.
     pub fn violation(&mut self, at: Instant, rule: &'static str, detail: String, bytes: &[u8]) {
+        self.broken.count(rule);
         self.push(at, EventKind::Violation, rule, detail, bytes);
     }
 
@@ -52,6 +54,9 @@ impl EventLog {
         rule: &'static str,
         detail: impl FnOnce() -> String,
     ) {
+        if kind == EventKind::Violation {
+            self.broken.count(rule);
+        }
         if let Some(repeat) = self.repeats.iter_mut().find(|repeat| repeat.rule == rule) {
             repeat.count += 1;
             repeat.last = at;
@@ -66,6 +71,11 @@ impl EventLog {
             last: at,
         });
         self.push(at, kind, rule, detail(), &[]);
+    }
+
+    /// How often each rule was broken so far, whatever the entries say.
+    pub const fn broken(&self) -> &BrokenRules {
+        &self.broken
     }
 
     /// Writes the counts that are due; rules that were kept meanwhile are forgotten.
@@ -153,6 +163,8 @@ mod tests {
         let events = log.take();
         assert_eq!(events.len(), 2);
         assert_eq!(events[1].detail, "9 more times until 0.090000 s");
+        // Ten breaks, however few entries tell of them.
+        assert_eq!(log.broken().iter().collect::<Vec<_>>(), [("too-fast", 10)]);
         assert_eq!(log.poll_at(), None);
     }
 

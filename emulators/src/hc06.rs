@@ -32,7 +32,7 @@ use core::time::Duration;
 use protocols::hc06::{Family, Led};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::device::{Device, Event, EventKind, byte_end, earliest};
+use crate::device::{BrokenRules, Device, Event, EventKind, byte_end, earliest};
 use crate::event_log::EventLog;
 use crate::world::World;
 
@@ -446,5 +446,9 @@ impl Device for Hc06 {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }

@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 
 use protocols::{Instant, LineConfig, Port};
 
-use crate::device::{Device, Event, earliest};
+use crate::device::{BrokenRules, Device, Event, earliest};
 use crate::event_log::EventLog;
 use crate::world::World;
 
@@ -60,6 +60,7 @@ pub struct OnBus<C> {
     answers: VecDeque<Vec<u8>>,
     /// When the chip's log has something to count up.
     told_at: Option<Instant>,
+    broken: BrokenRules,
 }
 
 /// The registers of a transaction that begins with `from`: behind FF comes 00.
@@ -72,13 +73,14 @@ impl<C: RegisterChip> OnBus<C> {
     pub const BUS: Port = Port(0);
 
     /// `chip` on a bus of 100 kbit/s.
-    pub const fn new(chip: C) -> Self {
+    pub fn new(chip: C) -> Self {
         Self {
             chip,
             register: 0,
             requests: VecDeque::new(),
             answers: VecDeque::new(),
             told_at: None,
+            broken: BrokenRules::default(),
         }
     }
 
@@ -151,7 +153,15 @@ impl<C: RegisterChip> Device for OnBus<C> {
     }
 
     fn take_events(&mut self) -> Vec<Event> {
-        self.chip.log().0.take()
+        let log = &mut self.chip.log().0;
+        if log.broken() != &self.broken {
+            self.broken = log.broken().clone();
+        }
+        log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(&self.broken)
     }
 }
 

@@ -49,4 +49,4 @@ pub mod wheel_board;
 pub mod world;
 pub mod xv11;
 
-pub use device::{Device, Event, EventKind};
+pub use device::{BrokenRules, Device, Event, EventKind};

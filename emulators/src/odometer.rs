@@ -26,7 +26,7 @@ use std::collections::VecDeque;
 use protocols::odometer::BAUD;
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::device::{Device, Event, EventKind, earliest, take};
+use crate::device::{BrokenRules, Device, Event, EventKind, earliest, take};
 use crate::event_log::EventLog;
 use crate::i2c::RegisterChip as _;
 use crate::mpu6050::{Mpu6050, Mpu6050Config};
@@ -326,5 +326,9 @@ impl Device for Odometer {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }

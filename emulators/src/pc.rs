@@ -22,7 +22,7 @@ use core::time::Duration;
 use protocols::pcui::message::{Mode, Order};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::device::{Device, Event, earliest, take};
+use crate::device::{BrokenRules, Device, Event, earliest, take};
 use crate::event_log::EventLog;
 use crate::hc06::AIR_LINE;
 use crate::world::World;
@@ -386,5 +386,9 @@ impl Device for Pc {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }

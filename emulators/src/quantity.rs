@@ -48,10 +48,10 @@ pub enum ValueSource {
         /// Time of one rise.
         period: Duration,
     },
-    /// Encoder counts of a wheel since the start of the run.
+    /// Encoder counts of a wheel since the start of the run, from the initial value on.
     Encoder(Wheel),
-    /// Encoder counts since the start of the run, of the chassis's encoder of this name; 0 if it
-    /// has none, see [`Wanted`].
+    /// Encoder counts since the start of the run, from the initial value on, of the chassis's
+    /// encoder of this name; none if it has none, see [`Wanted`].
     EncoderNamed(String),
     /// Where the robot is in the world, millimetres along x.
     XMm,
@@ -74,6 +74,16 @@ pub enum ValueSource {
         /// Shown when nothing is nearer.
         max_mm: i64,
     },
+}
+
+impl ValueSource {
+    /// Whether the initial value is where it begins.
+    const fn begins_anywhere(&self) -> bool {
+        matches!(
+            self,
+            Self::Stored | Self::Counter { .. } | Self::Encoder(_) | Self::EncoderNamed(_)
+        )
+    }
 }
 
 /// Why variables cannot be.
@@ -195,8 +205,14 @@ impl Variables {
                 let rise = i128::from(*to - *from) * share / i128::try_from(nanos).unwrap_or(1);
                 *from + i64::try_from(rise).unwrap_or(0)
             }
-            ValueSource::Encoder(wheel) => world.encoder_ticks(*wheel),
-            ValueSource::EncoderNamed(name) => world.encoder(name).unwrap_or(0),
+            ValueSource::Encoder(wheel) => {
+                let counts = world.encoder_ticks(*wheel);
+                self.known[index].initial.saturating_add(counts)
+            }
+            ValueSource::EncoderNamed(name) => {
+                let counts = world.encoder(name).unwrap_or(0);
+                self.known[index].initial.saturating_add(counts)
+            }
             ValueSource::SpeedMmS => whole(world.speed() * 1000.0),
             ValueSource::TurnRateMradS => whole(world.turn_rate() * 1000.0),
             ValueSource::Touching => i64::from(world.is_touching()),
@@ -304,6 +320,10 @@ impl Variable {
             ))
         } else if let Some(safe) = self.safe.filter(|&safe| !within(safe)) {
             Some(format!("safe is {safe}, expected {least} to {greatest}"))
+        } else if *initial != 0 && !self.source.begins_anywhere() {
+            Some(format!(
+                "initial is {initial}, expected none: its source says what it is at the start"
+            ))
         } else if periods.is_some_and(|period| period.is_zero()) {
             Some("its period is 0, expected a time".to_owned())
         } else {

@@ -18,7 +18,7 @@ use protocols::avr::{self, ChecksumOrder, ERROR_REGISTER, Frame};
 use protocols::{Decode, FrameError, Instant, LineConfig, LineEvent, Port};
 
 use crate::board::{Board, BoardConfig, PIN_LINE, RESET_PIN};
-use crate::device::{Device, Event, EventKind, byte_end, earliest, take};
+use crate::device::{BrokenRules, Device, Event, EventKind, byte_end, earliest, take};
 use crate::event_log::EventLog;
 use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
 use crate::world::{Chassis, World};
@@ -432,6 +432,10 @@ impl Device for Registers {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }
 

@@ -39,7 +39,7 @@ mod tests;
 use protocols::rplidar::{self, RequestDecoder, Requests};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::device::{Device, Event, EventKind, earliest};
+use crate::device::{BrokenRules, Device, Event, EventKind, earliest};
 use crate::event_log::EventLog;
 use crate::lidar::Mount;
 use crate::lidar::rotor::Rotor;
@@ -339,5 +339,9 @@ impl Device for Rplidar {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }

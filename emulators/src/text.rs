@@ -16,7 +16,7 @@ use core::time::Duration;
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::board::{Board, BoardConfig, PIN_LINE, RESET_PIN};
-use crate::device::{Device, Event, EventKind, earliest, take};
+use crate::device::{BrokenRules, Device, Event, EventKind, earliest, take};
 use crate::event_log::EventLog;
 use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
 use crate::world::{Chassis, World};
@@ -433,6 +433,10 @@ impl Device for Text {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }
 

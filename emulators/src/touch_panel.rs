@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 use protocols::panel::{self, Command, Contact, Pen, READING_MAX, Window};
 use protocols::{Decode, Instant, LineConfig, Port};
 
-use crate::device::{Device, Event, EventKind, earliest, take};
+use crate::device::{BrokenRules, Device, Event, EventKind, earliest, take};
 use crate::event_log::EventLog;
 use crate::world::World;
 
@@ -258,6 +258,10 @@ impl Device for TouchPanel {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }
 

@@ -24,7 +24,7 @@ use protocols::peripherals::{
 };
 use protocols::{Decode as _, Instant, LineConfig, Port};
 
-use crate::device::{Device, Event, EventKind, earliest, next_multiple, take};
+use crate::device::{BrokenRules, Device, Event, EventKind, earliest, next_multiple, take};
 use crate::event_log::EventLog;
 use crate::rng::Rng;
 use crate::world::{ActuatorKind, Chassis, World};
@@ -313,6 +313,10 @@ impl Device for WheelBoard {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }
 

@@ -35,7 +35,7 @@ mod uart;
 
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
-use crate::device::{Device, Event, EventKind, earliest};
+use crate::device::{BrokenRules, Device, Event, EventKind, earliest};
 use crate::event_log::EventLog;
 use crate::lidar::rotor::Rotor;
 use crate::rng::Rng;
@@ -323,5 +323,9 @@ impl Device for Xv11 {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }

@@ -205,6 +205,8 @@ pub(super) struct RunEnded {
     pub(super) seed: Option<u64>,
     pub(super) verdict: Status,
     pub(super) checks: Vec<Check>,
+    /// The probable cause, if somebody's program failed.
+    pub(super) probable_cause: Option<String>,
     /// None of a case of bytes.
     pub(super) metrics: Option<Metrics>,
     /// Fingerprint of all bytes.

@@ -44,6 +44,9 @@ struct ExecHow {
     /// It may end with exit code 0 before the run is over; the run ends 2 s later
     #[arg(long, requires = "exec")]
     exec_may_end: bool,
+    /// It may stop sending and reading before the run is over, e.g. because its work is done
+    #[arg(long, requires = "exec")]
+    exec_may_idle: bool,
     /// Ports that it must open [default: all but the optional ones]
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', requires = "exec")]
     exec_needs: Vec<String>,
@@ -80,6 +83,7 @@ impl ExecHow {
             command,
             wait: self.exec_wait.0,
             may_end: self.exec_may_end,
+            may_idle: self.exec_may_idle,
             needs: self.exec_needs.clone(),
             has_lines: HAS_LINES && !self.exec_no_lines && !self.is_virtual,
             supervision: self.is_virtual.then_some(Supervision {
@@ -97,6 +101,9 @@ impl ExecHow {
         }
         if self.exec_may_end {
             words += " --exec-may-end";
+        }
+        if self.exec_may_idle {
+            words += " --exec-may-idle";
         }
         if !self.exec_needs.is_empty() {
             words += &format!(" --exec-needs {}", self.exec_needs.join(","));
@@ -166,8 +173,8 @@ pub(super) fn is_bare(scenario: &Scenario, source: &Source) -> Result<bool, Scen
 const LINES: usize = 20;
 
 /// Says what a program said last.
-pub(super) fn print(seen: &ProgramEnd, passed: bool, log: &Path) {
-    if seen.lateness.is_too_much() {
+pub(super) fn print(seen: &ProgramEnd, passed: bool, is_doubtful: bool, log: &Path) {
+    if is_doubtful {
         eprintln!("  the rig itself was late, so the program may not be to blame");
     }
     if !passed {

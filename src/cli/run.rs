@@ -16,6 +16,7 @@ use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict, default_out, out};
 use crate::capture::case::{Case, Judgement};
+use crate::robots;
 use crate::run::check::Status;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::{self, FolderError, Suite};
@@ -93,6 +94,11 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     if args.until_eof {
         stop.at_end_of_input();
     }
+    for (_, file) in &files {
+        if let Runnable::Scenario(scenario) = file {
+            warn(&scenario.0, &scenario.1);
+        }
+    }
     let several = files.len() > 1;
     let (mut ended, mut answers) = (Vec::new(), Runs::default());
     let mut wall = Duration::ZERO;
@@ -138,6 +144,13 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     })
 }
 
+/// Says what stands in a scenario without effect.
+pub(super) fn warn(scenario: &Scenario, source: &Source) {
+    for warning in robots::warnings(scenario, source) {
+        eprintln!("warning: {warning}");
+    }
+}
+
 /// Where the results of a scenario go.
 fn folder_of(args: &RunArgs, name: &str, seed: u64, several: bool) -> PathBuf {
     match &args.out {
@@ -154,6 +167,7 @@ fn answer_of(judgement: &Judgement, repeat: &str) -> RunEnded {
         seed: None,
         verdict: Status::of(judgement.passed()),
         checks: judgement.checks.clone(),
+        probable_cause: None,
         metrics: None,
         trace_hash: None,
         folder: None,
@@ -310,6 +324,7 @@ impl Ended {
                 seed: None,
                 checks,
                 again: Some(again),
+                probable_cause: None,
             },
         }
     }

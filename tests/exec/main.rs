@@ -5,6 +5,7 @@
 
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod board;
+mod causes;
 mod commands;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod conversation;

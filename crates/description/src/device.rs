@@ -8,7 +8,7 @@ use core::time::Duration;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use emulators::device::{Device, Event, EventKind, earliest, take};
+use emulators::device::{BrokenRules, Device, Event, EventKind, earliest, take};
 use emulators::event_log::EventLog;
 use emulators::rng::Rng;
 use emulators::world::World;
@@ -305,5 +305,9 @@ impl Device for Described {
 
     fn take_events(&mut self) -> Vec<Event> {
         self.log.take()
+    }
+
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        Some(self.log.broken())
     }
 }

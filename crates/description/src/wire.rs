@@ -1,6 +1,6 @@
 //! Several devices on one wire, as on RS-485: all hear the driver, each answers for itself.
 
-use emulators::device::{Device, Event, earliest};
+use emulators::device::{BrokenRules, Device, Event, earliest};
 use emulators::world::World;
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
@@ -154,6 +154,14 @@ impl Device for Wire {
                 }
                 _ => {}
             }
+        }
+    }
+
+    /// Of several slaves on one wire each entry of the log is one break.
+    fn broken_rules(&self) -> Option<&BrokenRules> {
+        match &self.units[..] {
+            [(_, unit)] => unit.broken_rules(),
+            _ => None,
         }
     }
 

@@ -21,7 +21,7 @@ use core::time::Duration;
 
 use bytes::Bytes;
 use emulators::world::World;
-use emulators::{Device, Event, EventKind};
+use emulators::{BrokenRules, Device, Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::rig::cpu::CpuModel;
@@ -104,6 +104,8 @@ pub struct Rig {
     /// Until then broken rules are charged to nobody.
     excused_until: Instant,
     excused: u64,
+    /// Those among them that devices count by themselves.
+    excused_counts: u64,
     /// How much may go wrong at random.
     pub budget: Budget,
     /// What goes on besides damage to bytes.
@@ -132,6 +134,7 @@ impl Rig {
             violations: 0,
             excused_until: Instant::ZERO,
             excused: 0,
+            excused_counts: 0,
             budget: Budget::default(),
             disturbed: Vec::new(),
             room: [0; line::MESSAGE_MAX],
@@ -173,6 +176,7 @@ impl Rig {
             name,
             body,
             polled_at: AT_ONCE,
+            excused_from: 0,
         });
         self.touched.push(false);
         self.nodes.len() - 1
@@ -242,6 +246,7 @@ impl Rig {
             violations: self.violations,
             excused_until: self.excused_until,
             excused: self.excused,
+            excused_counts: self.excused_counts,
             budget: self.budget.clone(),
             disturbed: self.disturbed.clone(),
             room: self.room,
@@ -357,9 +362,20 @@ impl Rig {
         self.events_dropped
     }
 
-    /// How often a master broke a rule of its device, all events counted.
-    pub const fn violations(&self) -> u64 {
-        self.violations
+    /// How often a master broke a rule of its device: every break counts, also those that share an
+    /// entry of the log, but for those that were [charged to nobody](Self::excused).
+    pub fn violations(&self) -> u64 {
+        let counted = self.broken_rules().map(|(.., count)| count);
+        self.violations + counted.sum::<u64>() - self.excused_counts
+    }
+
+    /// The rules that masters broke, as the devices count them: device, rule, how often.
+    pub fn broken_rules(&self) -> impl Iterator<Item = (&str, &'static str, u64)> {
+        self.nodes.iter().flat_map(|node| {
+            let broken = node.broken_rules().into_iter();
+            let broken = broken.flat_map(BrokenRules::iter);
+            broken.map(|(rule, count)| (node.name.as_str(), rule, count))
+        })
     }
 
     /// Broken rules that were charged to nobody, see [`excuse_until`](Self::excuse_until).
@@ -370,6 +386,11 @@ impl Rig {
     /// What masters break before `until` is noted but not charged to them: the rig itself was late,
     /// and what they sent meanwhile comes all at once.
     pub fn excuse_until(&mut self, until: Instant) {
+        if self.excused_until <= self.now {
+            for node in &mut self.nodes {
+                node.note_breaks();
+            }
+        }
         self.excused_until = self.excused_until.max(until);
     }
 
@@ -470,13 +491,18 @@ impl Rig {
     }
 
     /// Adds an entry to the log.
-    pub fn log(&mut self, source: &str, mut event: Event) {
+    pub fn log(&mut self, source: &str, event: Event) {
+        self.log_from(source, event, true);
+    }
+
+    /// The same; `counts`: a broken rule counts, because its source does not count by itself.
+    fn log_from(&mut self, source: &str, mut event: Event, counts: bool) {
         if event.kind == EventKind::Violation && event.at < self.excused_until {
             event.kind = EventKind::Note;
             event.detail.push_str(" (not charged: the rig was late)");
-            self.excused += 1;
+            self.excused += u64::from(counts);
         }
-        self.violations += u64::from(event.kind == EventKind::Violation);
+        self.violations += u64::from(counts && event.kind == EventKind::Violation);
         if self.events.len() < EVENTS_MAX {
             self.events.push(Logged {
                 source: source.to_owned(),

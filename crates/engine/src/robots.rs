@@ -6,6 +6,7 @@
 #[cfg(feature = "robots")]
 mod apollo13;
 pub mod axis;
+mod bounds;
 pub mod checker;
 pub(crate) mod custom;
 pub mod instruments;
@@ -30,9 +31,10 @@ use protocols::{LineConfig, Port};
 
 pub use crate::scenario::device::scan::{Beam, ScanDecoder};
 pub use axis::Axis;
+pub use bounds::warnings;
 pub use checker::{Check, Checker, Look, Status};
 pub use instruments::{
-    Command, Console, Dialect, Display, Found, Instruments, Panel, PanelRow, Silence,
+    Command, Console, Dialect, Display, Found, Instruments, Panel, PanelRow, Silence, Stops,
 };
 pub use kept_map::KeptMap;
 pub use overlay::{Overlay, OverlayRole};
@@ -44,7 +46,7 @@ use crate::registry::{Named, Registry};
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{PortRate, Program, Rig};
-use crate::scenario::{DeviceSpec, Scenario, ScenarioError, Source};
+use crate::scenario::{DeviceSpec, NO_ROBOT, Scenario, ScenarioError, Source};
 
 /// A kind of robot: how a scenario of it becomes a rig.
 pub trait Robot: Sync {
@@ -87,6 +89,12 @@ pub trait Robot: Sync {
     /// What suits it, for worlds and missions that are made by chance; `None`: only the scenario's
     /// own world and mission do.
     fn arena(&self) -> Option<Arena> {
+        None
+    }
+
+    /// What its map holds, metres in the world's frame: lower left and upper right corner; `None`:
+    /// it has none, or one without bounds that matter.
+    fn map_m(&self) -> Option<[[f64; 2]; 2]> {
         None
     }
 
@@ -289,11 +297,13 @@ impl Wired {
 /// Plans the scenario's latencies and faults on the links of a wired rig.
 fn plan_links(rig: &mut Rig, scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
     for (name, spec) in &scenario.link {
-        if let Some(link) = rig.link_mut(name) {
-            link.lines
-                .iter_mut()
-                .for_each(|line| line.latency = spec.latency.0);
-        }
+        let Some(link) = rig.link_mut(name) else {
+            let known: Vec<&str> = rig.links().iter().map(|link| &*link.name).collect();
+            let message = format!("no such link, expected one of {}", known.join(", "));
+            return Err(source.invalid(source.find(name), format!("link.{name}"), message));
+        };
+        let lines = link.lines.iter_mut();
+        lines.for_each(|line| line.latency = spec.latency.0);
     }
     rig.budget = scenario.budget.unwrap_or_default().into();
     for (index, fault) in scenario.fault.iter().enumerate() {
@@ -331,7 +341,9 @@ pub fn wire(
     dut: Dut,
     pc: PcEnd,
 ) -> Result<Wired, ScenarioError> {
-    let chassis = of(scenario, source)?.chassis(scenario, source)?;
+    let robot = of(scenario, source)?;
+    bounds::check_waypoints(robot, scenario, source)?;
+    let chassis = robot.chassis(scenario, source)?;
     let world = scenario.world.build(scenario.seed, chassis, source)?;
     wire_into(WirePlan {
         scenario,
@@ -386,7 +398,8 @@ fn add_devices(
             return invalid("expected a name of letters, digits, '-' and '_'");
         }
         let built = spec.build(name, scenario.seed, source)?;
-        spec.check(name, source, built.device.as_ref(), &wired.rig.world)?;
+        let parts = (built.device.as_ref(), &wired.rig.world);
+        spec.check_with(name, source, parts, scenario.robot != NO_ROBOT)?;
         let node = wired.rig.add_boxed_device(name, built.device);
         for (index, info) in built.ports.into_iter().enumerate() {
             // The first port is the one that counts; further ones are told apart by their names.

@@ -130,6 +130,8 @@ pub struct Outcome {
     pub map: Option<KeptMap>,
     /// What is solid, obstacles where they were in the end.
     pub scene: scene::Scene,
+    /// Whether there is a robot; else devices on their wires alone.
+    pub has_body: bool,
     /// The robot's outline in its own axes.
     pub footprint: scene::Outline,
     /// Maps besides the program's by name, as they were in the end.
@@ -148,6 +150,10 @@ pub struct Outcome {
     pub events: Vec<Logged>,
     /// How often the program broke a rule of a device.
     pub violations: u64,
+    /// Which rules of which devices, and how often each.
+    pub broken_rules: Vec<(String, &'static str, u64)>,
+    /// The probable cause of a failure, if the program was somebody's and its ports were watched.
+    pub probable_cause: Option<String>,
     /// Waypoints visited and demanded.
     pub waypoints: [usize; 2],
     /// When the robot first ran into something in earnest.
@@ -447,6 +453,7 @@ impl Run {
             wall_overlap,
             map,
             scene: scene::scene(&self.rig.world),
+            has_body: self.instruments.has_body(),
             footprint: scene::footprint(&self.rig.world),
             layers,
             display: self
@@ -458,6 +465,8 @@ impl Run {
             counters,
             events: self.rig.events().to_vec(),
             violations: self.rig.violations(),
+            broken_rules: self.broken_rules(),
+            probable_cause: None,
             waypoints: [self.progress.visits().len(), self.progress.waypoints()],
             collided_at: self.contacts.first_in_earnest(),
             trace_hash: self.rig.trace_hash(),
@@ -465,6 +474,30 @@ impl Run {
             truth: self.truth,
             pairs: self.pairs,
         }
+    }
+
+    /// Which rules were broken how often: as devices count, else as their entries in the log.
+    fn broken_rules(&self) -> Vec<(String, &'static str, u64)> {
+        let counted = self.rig.broken_rules();
+        let mut broken: Vec<_> = counted
+            .map(|(device, rule, count)| (device.to_owned(), rule, count))
+            .collect();
+        let own: Vec<String> = broken.iter().map(|(device, ..)| device.clone()).collect();
+        let events = self.rig.events().iter();
+        for logged in events.filter(|logged| logged.is_violation()) {
+            let (source, rule) = (&logged.source, logged.event.rule);
+            if own.contains(source) {
+                continue;
+            }
+            match broken
+                .iter_mut()
+                .find(|(device, known, _)| device == source && *known == rule)
+            {
+                Some((.., count)) => *count += 1,
+                None => broken.push((source.clone(), rule, 1)),
+            }
+        }
+        broken
     }
 
     /// The verdicts as they would be if the run ended now.
@@ -479,8 +512,9 @@ impl Run {
     ) -> Vec<Check> {
         let mut checks = self.watchers.verdicts();
         let is_over = self.is_over || self.rig.now() >= self.scenario.duration.instant();
+        checks.extend(check::fired(self.rig.events()));
         checks.extend(self.steps.checks(is_over));
-        checks.extend(self.expectations(pose_error, wall_overlap));
+        checks.extend(self.expectations(pose_error, wall_overlap, is_over));
         checks
     }
 }

@@ -17,6 +17,7 @@ pub mod schema;
 mod source;
 mod span;
 pub mod tuning;
+mod unused;
 pub mod world;
 
 use core::num::NonZeroU32;
@@ -217,6 +218,19 @@ fn file_name<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<String
     Ok(name)
 }
 
+/// `text` without its table `name`.
+fn without_table(text: &str, name: &str) -> String {
+    let head = format!("[{name}]");
+    let mut is_in = false;
+    let lines = text.split_inclusive('\n').filter(|line| {
+        if line.starts_with('[') {
+            is_in = line.trim_end() == head;
+        }
+        !is_in
+    });
+    lines.collect()
+}
+
 impl Scenario {
     /// Reads a scenario file.
     pub fn read(path: &Path) -> Result<(Self, Source), ScenarioError> {
@@ -276,6 +290,11 @@ impl Scenario {
 
     /// The scenario as a file.
     pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("every field has a TOML form")
+        let text = toml::to_string(self).expect("every field has a TOML form");
+        // Without a robot there is no program that could have settings.
+        match self.robot == NO_ROBOT && self.program == ProgramSpec::default() {
+            true => without_table(&text, "program"),
+            false => text,
+        }
     }
 }

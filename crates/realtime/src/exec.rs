@@ -9,7 +9,10 @@
 //! time of the mission. A program may have to hear something on one port before it opens the next:
 //! if it has sent something and opened nothing more for a second, time goes on as well.
 
+mod cause;
+mod conclude;
 mod error;
+mod exchange;
 mod ports;
 mod readiness;
 mod verdict;
@@ -33,6 +36,7 @@ use engine::run::check::Check;
 use engine::run::{Outcome, Run};
 use engine::scenario::{Scenario, Source};
 
+pub(crate) use conclude::Ending;
 pub use error::ExecError;
 pub(crate) use ports::Ports;
 pub(crate) use readiness::Readiness;
@@ -48,8 +52,17 @@ pub(crate) const SETTLE: Duration = Duration::from_secs(2);
 /// Rig time between two looks at why a program does not read: all processes are listed for that.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Checks about a program that hold however late the rig was.
-pub const FACTS: [&str; 3] = ["program-connected", "program-alive", "no-children-left"];
+/// Whether a failed check holds however late the rig was. A program that gives up with an exit code
+/// is none: a timeout of its own goes on while rig time stands.
+pub fn is_fact(check: &Check) -> bool {
+    match &*check.name {
+        "program-connected" | "no-children-left" => true,
+        "program-alive" => {
+            !check.detail.contains("exit code") || check.detail.contains("exit code 0 ")
+        }
+        _ => false,
+    }
+}
 
 /// Somebody's program, and what it may do.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -60,6 +73,8 @@ pub struct Foreign {
     pub wait: Duration,
     /// Whether it may end with exit code 0 before the run is over.
     pub may_end: bool,
+    /// Whether it may stop sending and reading before the run is over.
+    pub may_idle: bool,
     /// Names of the ports that it needs; none: all that are not optional.
     pub needs: Vec<String>,
     /// Whether its ports have modem lines in real time; in virtual time they always do.
@@ -285,6 +300,7 @@ impl Trial {
     /// Ends the program and judges what there is.
     pub fn end(mut self) -> Judged {
         self.look_at_process(self.run.rig.now());
+        let waits = self.process.waits();
         let farewell = self.process.end(Patience::FAIR);
         let is_over = self.run.is_over() || self.control.has_quit();
         let recorded = self.run.rig.finish_taps();
@@ -293,13 +309,16 @@ impl Trial {
         // The ports stay until the program has ended: it is not to be told that they went away.
         drop((self.realtime, self.control, self.dir));
         let mut outcome = self.run.judge();
-        let own = vec![
-            self.ports.connected(self.foreign.wait),
-            alive(self.ended, is_over, self.foreign.may_end, &farewell),
-            self.ports.reads(),
-            childless(&farewell.left),
-        ];
-        add_checks(&mut outcome, own);
+        let ending = Ending {
+            ports: &self.ports,
+            foreign: &self.foreign,
+            ended: self.ended,
+            waits: &waits,
+            farewell: &farewell,
+            is_over,
+            more: None,
+        };
+        ending.conclude(&mut outcome);
         Judged {
             outcome,
             recorded,
@@ -335,12 +354,14 @@ pub(crate) fn ports_of(seats: &[Seat], foreign: &Foreign) -> Result<Ports, ExecE
         }
     }
     let mut ports = Ports::default();
-    for Seat { end, .. } in seen() {
+    for Seat { end, transport, .. } in seen() {
         let is_needed = match foreign.needs.is_empty() {
             true => !end.is_optional,
             false => foreign.needs.contains(&end.name),
         };
-        ports.add(&end.name, is_needed);
+        let path = transport.path();
+        let terminal = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        ports.add(&end.name, terminal, is_needed);
     }
     Ok(ports)
 }

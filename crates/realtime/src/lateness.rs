@@ -16,6 +16,9 @@ const CLASSES: usize = FINE + ((COARSE_US - FINE_US) / COARSE_STEP_US) as usize 
 pub const LATE: Duration = Duration::from_millis(20);
 /// Nor is one that was once later than this.
 const LATE_ONCE: Duration = Duration::from_millis(250);
+/// Nor is one whose time stood for longer than this in all: a timeout of a client goes on
+/// meanwhile.
+const STOOD_MAX: Duration = Duration::from_millis(500);
 
 /// Lateness of many events: how many were how late.
 #[derive(Clone, Debug)]
@@ -23,6 +26,7 @@ pub struct Lateness {
     classes: Vec<u64>,
     count: u64,
     max: Duration,
+    stood: Duration,
 }
 
 impl Default for Lateness {
@@ -31,6 +35,7 @@ impl Default for Lateness {
             classes: vec![0; CLASSES],
             count: 0,
             max: Duration::ZERO,
+            stood: Duration::ZERO,
         }
     }
 }
@@ -43,15 +48,25 @@ impl Lateness {
         self.max = self.max.max(late);
     }
 
+    /// Rig time stood for `time` more, while the wall clock went on.
+    pub fn stand(&mut self, time: Duration) {
+        self.stood += time;
+    }
+
+    /// For how long rig time stood in all.
+    pub const fn stood(&self) -> Duration {
+        self.stood
+    }
+
     /// Events recorded.
     pub const fn count(&self) -> u64 {
         self.count
     }
 
-    /// Whether clients may have suffered from it: more than 20 ms in one of a hundred events, or
-    /// more than 250 ms once.
+    /// Whether clients may have suffered from it: more than 20 ms in one of a hundred events, more
+    /// than 250 ms once, or rig time that stood for more than 500 ms in all.
     pub fn is_too_much(&self) -> bool {
-        self.quantile(990) > LATE || self.max > LATE_ONCE
+        self.quantile(990) > LATE || self.max > LATE_ONCE || self.stood > STOOD_MAX
     }
 
     /// The latest of all.
@@ -75,7 +90,8 @@ impl Lateness {
 }
 
 impl fmt::Display for Lateness {
-    /// `late by 0.09 ms (p50), 0.12 ms (p99), 3.40 ms (max) over 12345 events`.
+    /// `late by 0.09 ms (p50), 0.12 ms (p99), 3.40 ms (max) over 12345 events`; then `, rig time
+    /// stood for 1.234 s in all` if it did.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ms = |late: Duration| late.as_secs_f64() * 1e3;
         write!(
@@ -85,7 +101,12 @@ impl fmt::Display for Lateness {
             ms(self.quantile(990)),
             ms(self.max),
             self.count
-        )
+        )?;
+        if self.stood.is_zero() {
+            return Ok(());
+        }
+        let stood = self.stood.as_secs_f64();
+        write!(f, ", rig time stood for {stood:.3} s in all")
     }
 }
 
@@ -130,6 +151,22 @@ mod tests {
             "late by 0.09 ms (p50), 0.09 ms (p99), 2.82 ms (max) over 100 events"
         );
         assert_eq!(lateness.quantile(1000), Duration::from_micros(2817));
+    }
+
+    /// A client with a timeout of 2 s gives up after 0.9 s of rig time if that stood for 1.1 s,
+    /// however few events were late.
+    #[test]
+    fn rig_time_that_stood_is_told_and_is_too_much_above_half_a_second() {
+        let mut lateness = lateness(core::iter::repeat_n(84, 1000));
+        lateness.stand(Duration::from_millis(500));
+        assert!(!lateness.is_too_much());
+        lateness.stand(Duration::from_millis(600));
+        assert!(lateness.is_too_much());
+        let told = lateness.to_string();
+        assert!(
+            told.ends_with("over 1000 events, rig time stood for 1.100 s in all"),
+            "{told}"
+        );
     }
 
     #[test]

@@ -40,7 +40,7 @@ use emulators::{Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::clock::Clock;
-use crate::transport::{PortEvent, Settings, Transport, TransportError, stirred, wait};
+use crate::transport::{PortEvent, Settings, Special, Transport, TransportError, stirred, wait};
 use engine::rig::{Paced, PortRate, Rig};
 use engine::robots::OpenEnd;
 use engine::scenario::Scenario;
@@ -91,6 +91,9 @@ struct Port {
     is_open: bool,
     openings: u64,
     baud: u32,
+    /// Rates of client and far end, as they were last told to differ.
+    wrong_rate: Option<(u32, u32)>,
+    special: [Special; 2],
     adapter: Option<Adapter>,
     spread: Spread,
     losses: Losses,
@@ -121,6 +124,8 @@ impl<C: Clock> Realtime<C> {
             traffic: Traffic::default(),
             is_open: false,
             openings: 0,
+            wrong_rate: None,
+            special: [Special::default(); 2],
             adapter: None,
             spread: Spread::default(),
             losses: Losses::default(),
@@ -193,6 +198,11 @@ impl<C: Clock> Realtime<C> {
             is_open: port.is_open,
             openings: port.openings,
             from_client: port.traffic.from_client,
+            to_client: port.traffic.to_client,
+            lost: port.transport.counters(),
+            special: port.special,
+            wrong_rate: port.wrong_rate.filter(|_| port.is_open),
+            settings: port.transport.modes(),
             is_drained: port.transport.is_drained(),
             reads: port.transport.reads(),
         })
@@ -314,7 +324,9 @@ impl<C: Clock> Realtime<C> {
         if let Some(due) = due {
             let late = present - due;
             self.lateness.record(late);
-            if late > LATE && self.clock.slip(present - paced.rig().now()) {
+            let behind = present - paced.rig().now();
+            if late > LATE && self.clock.slip(behind) {
+                self.lateness.stand(behind);
                 self.stalls = (self.stalls.0 + 1, late);
                 self.wait_for_clients(paced.rig(), late);
                 for port in &mut self.ports {
@@ -420,11 +432,14 @@ impl Port {
         }
         let len = read?;
         self.traffic.from_client += len as u64;
+        self.special[1].count(&buf[..len]);
         Ok(len)
     }
 
     /// What the rig has for the client.
     fn carry_out(&mut self, rig: &mut Rig) {
+        // The far end may have changed its rate as well.
+        self.judge_baud(rig);
         let link = rig.link(&self.end.link);
         if link.is_some_and(|link| link.kind.carries_messages()) {
             for message in rig.take_messages(self.end.node) {
@@ -447,7 +462,9 @@ impl Port {
             None => vec![bytes],
         };
         for piece in pieces {
-            self.traffic.to_client += self.transport.write_marked(&piece, &marks) as u64;
+            let written = self.transport.write_marked(&piece, &marks);
+            self.traffic.to_client += written as u64;
+            self.special[0].count(&piece[..written.min(piece.len())]);
         }
         self.tell_losses(rig);
     }
@@ -459,6 +476,7 @@ impl Port {
             PortEvent::Opened => {
                 self.is_open = true;
                 self.openings += 1;
+                self.wrong_rate = None;
                 rig.change_line(node, LineEvent::Opened);
                 self.log(rig, "port-opened", format!("client at {} baud", self.baud));
                 self.judge_baud(rig);

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use super::transport::{Counters, Modes, Special};
+
 /// A port and where it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place<'a> {
@@ -35,6 +37,16 @@ pub struct Sign<'a> {
     pub openings: u64,
     /// Bytes that clients sent so far.
     pub from_client: u64,
+    /// Bytes that clients could read so far.
+    pub to_client: u64,
+    /// Bytes for the client that were lost.
+    pub lost: Counters,
+    /// Bytes among them that line settings may change: to the client, from it.
+    pub special: [Special; 2],
+    /// Rates of the client and of the far end, bit/s, if the client is at a wrong one.
+    pub wrong_rate: Option<(u32, u32)>,
+    /// Line settings of the client, if they can be seen.
+    pub settings: Option<Modes>,
     /// Whether the client has read since the last write, see
     /// [`super::transport::Transport::is_drained`].
     pub is_drained: bool,

@@ -87,12 +87,28 @@ impl Port {
         rig.hold(self.end.node, is_held || is_stopped);
     }
 
-    /// Says when the client's rate is not the line's.
-    pub(super) fn judge_baud(&self, rig: &mut Rig) {
-        let expected = self.end.line.baud;
-        let is_judged = self.is_open && self.end.rate == PortRate::OfLine;
-        if is_judged && self.baud != expected {
-            let baud = self.baud;
+    /// The rate of the far end as it is set up now; `None` where clients are right at any.
+    fn far_rate(&self, rig: &Rig) -> Option<u32> {
+        let link = rig.link(&self.end.link)?;
+        let mut lines = link.lines.iter();
+        let line = lines.find(|line| line.from.node == self.end.node)?;
+        (self.end.rate == PortRate::OfLine).then(|| rig.line_configs(line)[1].baud)
+    }
+
+    /// Logs it once if the client is open at another rate than the far end.
+    pub(super) fn judge_baud(&mut self, rig: &mut Rig) {
+        let far = match self.is_open {
+            true => self.far_rate(rig),
+            false => None,
+        };
+        let wrong = far
+            .map(|far| (self.baud, far))
+            .filter(|(own, far)| own != far);
+        if wrong == self.wrong_rate {
+            return;
+        }
+        self.wrong_rate = wrong;
+        if let Some((baud, expected)) = wrong {
             let detail = format!("client at {baud} baud, expected {expected}: it reads garbage");
             self.log(rig, "wrong-baud", detail);
         }

@@ -4,6 +4,7 @@
 //! What leaves its group (a daemon that begins a session of its own) is out of reach and goes on.
 
 mod group;
+pub(crate) mod waits;
 pub(crate) mod words;
 
 use core::fmt;
@@ -204,6 +205,11 @@ impl Process {
     /// Whether the system holds it up, or anything that it started: the machine's doing.
     pub(crate) fn is_held_up(&self) -> bool {
         self.group.is_held_up()
+    }
+
+    /// What its threads and those of whatever it started wait for.
+    pub(crate) fn waits(&self) -> Vec<waits::Wait> {
+        waits::waits(self.group.pids())
     }
 
     /// Ends it and whatever it started: asks first, then kills. Nobody of its group is there any

@@ -19,6 +19,8 @@ struct Counter {
     next: u8,
     heard: Vec<u8>,
     events: Vec<LineEvent>,
+    /// Its rate in place of the usual one.
+    baud: Option<u32>,
 }
 
 impl Device for Counter {
@@ -40,7 +42,7 @@ impl Device for Counter {
         None
     }
     fn line_config(&self, _: DevicePort) -> LineConfig {
-        LINE
+        LineConfig::new_8n1(self.baud.unwrap_or(LINE.baud))
     }
     fn take_events(&mut self) -> Vec<Event> {
         Vec::new()
@@ -303,5 +305,43 @@ fn a_wrong_rate_is_told_when_it_is_found_and_when_it_is_set() {
             "0.000000 counter wrong-baud: client at 9600 baud, expected 115200: it reads garbage",
             "0.000000 counter wrong-baud: client at 57600 baud, expected 115200: it reads garbage",
         ]
+    );
+}
+
+/// As a radio module that was told another rate: from then on a client at the rate of the start is
+/// the one that is wrong, and one that follows is right.
+#[test]
+fn a_client_is_judged_by_the_rate_that_its_device_has_now() {
+    let (mut rig, end) = rig();
+    let mut realtime = Realtime::new(SimClock::default());
+    realtime.serve(end, Box::new(Fickle(vec![PortEvent::Opened])));
+    realtime.turn(&mut rig).expect("stays");
+    let told = |rig: &Rig| {
+        rig.events()
+            .iter()
+            .map(|logged| logged.event.detail.clone())
+            .collect()
+    };
+    let first: Vec<String> = told(&rig);
+    assert_eq!(first, ["client at 115200 baud"]);
+    rig.device_mut::<Counter>("counter")
+        .expect("it is there")
+        .baud = Some(9600);
+    realtime.carry(&mut rig).expect("stays");
+    let blamed: Vec<String> = told(&rig);
+    let expected = "client at 115200 baud, expected 9600: it reads garbage";
+    assert_eq!(blamed[1..], [expected]);
+    assert_eq!(
+        realtime.signs().next().and_then(|sign| sign.wrong_rate),
+        Some((115_200, 9600))
+    );
+    rig.device_mut::<Counter>("counter")
+        .expect("it is there")
+        .baud = None;
+    realtime.carry(&mut rig).expect("stays");
+    assert_eq!(told(&rig), blamed);
+    assert_eq!(
+        realtime.signs().next().and_then(|sign| sign.wrong_rate),
+        None
     );
 }

@@ -8,6 +8,7 @@
 
 mod directory;
 mod memory;
+mod modes;
 mod pty;
 mod serial;
 pub(crate) mod terminal;
@@ -28,6 +29,7 @@ pub use directory::{Note, PortDir};
 pub use memory::Memory;
 pub use pty::Pty;
 pub use serial::Serial;
+pub use modes::{Modes, Setting, Special};
 pub use terminal::{Code, Settings, Terminal};
 pub use udp::Udp;
 
@@ -117,6 +119,12 @@ pub trait Transport {
     /// Whether the far end wants RTS/CTS flow control of us, which stand in for its driver.
     fn has_flow_control(&self) -> bool {
         false
+    }
+
+    /// Line settings of the far end, as of the last call of [`read`](Self::read); `None` where they
+    /// cannot be seen.
+    fn modes(&self) -> Option<Modes> {
+        None
     }
 
     /// The far end's side, opened once more for a moment; `None` where it is out of reach.

@@ -37,6 +37,9 @@ pub struct ResultFile<'a> {
     pub verdict: Status,
     /// All verdicts.
     pub checks: &'a [Check],
+    /// The probable cause, if somebody's program failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub probable_cause: Option<&'a str>,
     /// Figures of the run.
     pub metrics: Metrics,
     /// The program's own counters.
@@ -126,6 +129,7 @@ fn result_json(outcome: &Outcome, wall: Duration) -> String {
         seed: outcome.seed,
         verdict: Status::of(outcome.passed()),
         checks: &outcome.checks,
+        probable_cause: outcome.probable_cause.as_deref(),
         metrics: Metrics::of(outcome, wall),
         counters: &outcome.counters,
         trace_hash: &outcome.trace_hash,
@@ -164,6 +168,8 @@ pub struct Suite<'a> {
     pub checks: &'a [Check],
     /// The command that repeats it.
     pub again: Option<&'a str>,
+    /// The probable cause, if somebody's program failed.
+    pub probable_cause: Option<&'a str>,
 }
 
 impl<'a> From<&'a Outcome> for Suite<'a> {
@@ -173,6 +179,7 @@ impl<'a> From<&'a Outcome> for Suite<'a> {
             seed: Some(outcome.seed),
             checks: &outcome.checks,
             again: outcome.again.as_deref(),
+            probable_cause: outcome.probable_cause.as_deref(),
         }
     }
 }
@@ -187,6 +194,7 @@ pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) ->
         seed,
         checks,
         again,
+        probable_cause,
     } in suites
     {
         let mut suite = TestSuite::new(match seed {
@@ -203,7 +211,8 @@ pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) ->
                 }
                 Status::Fail => {
                     let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
-                    status.set_message(check.detail.clone());
+                    let cause = probable_cause.map(|cause| format!("; probable cause: {cause}"));
+                    status.set_message(check.detail.clone() + &cause.unwrap_or_default());
                     if let Some(again) = again {
                         status.set_description(format!("again: {again}"));
                     }

@@ -1,7 +1,7 @@
-//! What each check means, in a sentence.
+//! What each check requires, in a sentence. It says nothing on whether that came true.
 
-/// What checks mean, by their names or how these begin.
-const MEANINGS: [(&str, &str); 22] = [
+/// What checks require, by their names or how these begin.
+const MEANINGS: [(&str, &str); 25] = [
     (
         "set-points-in-range",
         "No axis is told more than it can do.",
@@ -28,6 +28,18 @@ const MEANINGS: [(&str, &str); 22] = [
         "The program opens the ports that it needs.",
     ),
     ("program-reads", "The program reads what waits for it."),
+    (
+        "program-goes-on",
+        "The program goes on sending and reading until it ends.",
+    ),
+    (
+        "port-settings",
+        "Line settings of the program that changed bytes on their way.",
+    ),
+    (
+        "watchdog",
+        "Nothing: it says which devices stopped by themselves for want of commands.",
+    ),
     ("no-children-left", "The program leaves no process behind."),
     (
         "set-points-as-accepted",
@@ -37,7 +49,10 @@ const MEANINGS: [(&str, &str); 22] = [
         "waypoints-visited",
         "The robot truly comes near each waypoint, in order.",
     ),
-    ("returned", "In the end the robot is where it started."),
+    (
+        "returned",
+        "In the end the robot is near its last waypoint.",
+    ),
     (
         "pose-rms",
         "Where the robot believes to be is near where it is.",
@@ -68,8 +83,10 @@ const MEANINGS: [(&str, &str); 22] = [
     ),
 ];
 
-/// What the check called `name` means, if it is a known one.
-pub fn meaning(name: &str) -> Option<&'static str> {
+/// What the check called `name` requires, if it is a known one: a sentence that is true of a run
+/// that failed as well.
+pub fn meaning(name: &str) -> Option<String> {
     let is_it = |(begin, _): &&(&str, &str)| name.starts_with(begin);
-    Some(MEANINGS.iter().find(is_it)?.1)
+    let (_, required) = MEANINGS.iter().find(is_it)?;
+    Some(format!("Required: {required}"))
 }

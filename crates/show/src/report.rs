@@ -45,7 +45,7 @@ pub fn html(outcome: &Outcome) -> String {
     let title = format!("{name} seed {}", outcome.seed);
     let body = [
         verdict::header(outcome),
-        STAGE.to_owned(),
+        stage(outcome),
         verdict::checks(outcome),
         display(outcome),
         robot::section(outcome),
@@ -84,6 +84,16 @@ pub fn html(outcome: &Outcome) -> String {
 /// When the first of the failed checks of `outcome` that tell a time failed, seconds.
 pub(crate) fn failed_at(outcome: &Outcome) -> Option<f64> {
     data::failures(outcome).next()
+}
+
+/// World, map and wires over time; the wires alone where there is no robot.
+fn stage(outcome: &Outcome) -> String {
+    match outcome.has_body {
+        true => STAGE.to_owned(),
+        false => STAGE
+            .replace("World, map and wires over time", "Wires over time")
+            .replace("<div id=\"view\">", "<div id=\"view\" hidden>"),
+    }
 }
 
 /// The events that are listed: broken rules before notes if there are too many.
@@ -159,10 +169,8 @@ fn figures(outcome: &Outcome) -> String {
         ("found walls right", share(metrics.walls_right)),
         (
             "waypoints visited",
-            Some(format!(
-                "{} of {}",
-                metrics.waypoints_visited, metrics.waypoints
-            )),
+            (metrics.waypoints > 0)
+                .then(|| format!("{} of {}", metrics.waypoints_visited, metrics.waypoints)),
         ),
         ("broken rules", Some(metrics.violations.to_string())),
     ];

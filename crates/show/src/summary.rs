@@ -27,6 +27,9 @@ impl fmt::Display for Summary<'_> {
         for check in &outcome.checks {
             writeln!(f, "  {check}")?;
         }
+        if let Some(cause) = &outcome.probable_cause {
+            writeln!(f, "  probable cause: {cause}")?;
+        }
         let (sim_s, wall_s) = (metrics.sim_s, metrics.wall_s);
         writeln!(
             f,

@@ -6,6 +6,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
+use crate::device::BrokenRules;
 use crate::{Event, EventKind};
 
 /// The rules that a master can break, and what an innocent master does.
@@ -52,6 +53,7 @@ const REPEAT: Duration = Duration::from_millis(100);
 pub(super) struct Journal {
     events: Vec<Event>,
     lost: u64,
+    broken: BrokenRules,
     repeats: BTreeMap<&'static str, Repeats>,
 }
 
@@ -81,6 +83,7 @@ impl Journal {
         bytes: &[u8],
         detail: impl FnOnce() -> String,
     ) {
+        self.broken.count(rule);
         let mut text = String::new();
         if let Some(repeats) = self.repeats.get_mut(rule) {
             if at - repeats.reported < REPEAT {
@@ -103,6 +106,11 @@ impl Journal {
             detail: detail() + &text,
             bytes: bytes.to_vec(),
         });
+    }
+
+    /// How often each rule was broken so far, whatever the entries say.
+    pub(super) const fn broken(&self) -> &BrokenRules {
+        &self.broken
     }
 
     fn push(&mut self, event: Event) {
@@ -151,6 +159,7 @@ mod tests {
         }
         let details: Vec<_> = journal.take().into_iter().map(|e| e.detail).collect();
         assert_eq!(details, ["low", "low; 2 more since the last report", "low"]);
+        assert_eq!(journal.broken().total(), 5);
     }
 
     #[test]

@@ -80,7 +80,7 @@ impl Sensors {
     /// Adds the pulses since the last look; the magnets do not tell forth from back.
     fn count(&mut self, config: &BoardConfig, world: &World) {
         let encoders = world.encoders();
-        let Some(index) = encoders.iter().position(|it| it.name == config.encoder) else {
+        let Some(index) = config.encoder_of(encoders) else {
             return;
         };
         let counts = world.encoder(index).unwrap_or_default();

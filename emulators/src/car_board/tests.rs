@@ -123,6 +123,24 @@ fn the_hall_sensor_gives_39_8_pulses_a_metre_of_the_left_wheel() {
     assert!(f64::from(back) > pulses + 25.0, "{back}");
 }
 
+/// A car as a scenario describes it has the shaft's encoder alone: straight ahead that turns as the
+/// wheels do.
+#[test]
+fn the_hall_sensor_counts_on_a_car_with_an_encoder_at_its_shaft_alone() {
+    let mut run = run(BoardConfig::default());
+    let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+    let config = AckermannConfig {
+        wheel_ticks_per_turn: None,
+        ..chassis().ideal()
+    };
+    let body = Box::new(Ackermann::new(config, 1).unwrap());
+    run.world = World::with_chassis(scene, body, Pose::default()).unwrap();
+    run.say(&[0x8C]);
+    let pulses = f64::from(run.until(secs(10)).last().unwrap().hall);
+    let way = run.world.pose().point().distance(Point::default());
+    assert!((pulses / way - 39.8).abs() < 1.0, "{pulses} in {way} m");
+}
+
 /// Sensors sit 0.304 m ahead of the axle, and 0.1 m to either side: walls 1.304 m ahead, 0.7 m to
 /// the right and 0.9 m to the left are 100, 60 and 80 cm away. The first frame knows nothing yet.
 #[test]

@@ -42,6 +42,14 @@ class Result:
     raw: Dict[str, Any]
 
     @property
+    def probable_cause(self) -> Optional[str]:
+        """Why a program failed, in a sentence; ``None`` if it passed, or was not started by hilrig."""
+        result = self.raw.get("result") or {}
+        runs = result.get("runs") or [result.get("judged") or {}]
+        cause = runs[0].get("probable_cause")
+        return None if cause is None else str(cause)
+
+    @property
     def passed(self) -> bool:
         return self.verdict == "pass"
 
@@ -60,6 +68,8 @@ class Result:
     def __str__(self) -> str:
         lines = [f"the rig's verdict is {self.verdict}"]
         lines += [f"  {check}" for check in self.failures]
+        if self.probable_cause is not None:
+            lines.append(f"  probable cause: {self.probable_cause}")
         if self.folder is not None:
             lines.append(f"  report: {self.folder / 'report.html'}")
             words = self.folder / "program.log"

@@ -80,7 +80,7 @@ pub(super) fn judged_exec(
     println!("  {}", judged.seen.lateness);
     print_losses(&judged.seen.reports);
     let passed = ran.outcome.passed();
-    exec::print(&judged.seen, passed, &log);
+    exec::print(&judged.seen, passed, ran.is_doubtful, &log);
     finish_capture(judged.recorded, out, &ran.outcome, Some(&command))?;
     ended?;
     Ok(ran)

@@ -53,9 +53,10 @@ impl Ran {
     pub(in crate::cli) fn doubt(&mut self, lateness: &Lateness) {
         let checks = &mut self.outcome.checks;
         let mut failed = checks.iter().filter(|check| check.status == Status::Fail);
-        let is_fact = |check: &Check| exec::FACTS.contains(&&*check.name);
-        self.is_doubtful = lateness.is_too_much() && failed.all(|check| !is_fact(check));
-        if lateness.is_too_much() && !self.outcome.passed() {
+        let is_doubted =
+            failed.clone().next().is_some() && failed.all(|check| !exec::is_fact(check));
+        self.is_doubtful = is_doubted && lateness.is_too_much();
+        if self.is_doubtful {
             let detail = format!("{lateness}: what failed may be its fault");
             let checks = &mut self.outcome.checks;
             checks.insert(0, Check::not_observed("rig-on-time", detail));
@@ -71,6 +72,7 @@ impl Ran {
             verdict: Status::of(outcome.passed()),
             checks: outcome.checks.clone(),
             metrics: Some(Metrics::of(outcome, self.wall)),
+            probable_cause: outcome.probable_cause.clone(),
             trace_hash: Some(outcome.trace_hash.clone()),
             folder: Some(folder.display().to_string()),
             repeat,

@@ -6,8 +6,8 @@ use core::time::Duration;
 use std::collections::VecDeque;
 
 use bytes::{Buf as _, Bytes, BytesMut};
-use emulators::Device;
 use emulators::world::World;
+use emulators::{BrokenRules, Device};
 use firmware_core::{Inspect, Master};
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
@@ -198,6 +198,8 @@ pub(super) struct Node {
     /// When it is polled next: what the node was last asked, so that it is not asked again each
     /// time, or [`AT_ONCE`].
     pub(super) polled_at: Instant,
+    /// Broken rules of its device that are not charged to anybody, up to this count.
+    pub(super) excused_from: u64,
 }
 
 /// Something came in since the last poll.
@@ -210,6 +212,19 @@ impl Node {
             Body::Program { program, .. } => program.line_config(port),
             Body::Outside(outside) => outside.line,
         }
+    }
+
+    /// How often its master broke each rule, if it is a device that counts.
+    pub(super) fn broken_rules(&self) -> Option<&BrokenRules> {
+        match &self.body {
+            Body::Device(device) => device.broken_rules(),
+            Body::Program { .. } | Body::Outside(_) => None,
+        }
+    }
+
+    /// What is broken from now on may be charged to nobody.
+    pub(super) fn note_breaks(&mut self) {
+        self.excused_from = self.broken_rules().map_or(0, BrokenRules::total);
     }
 
     /// The device of this node, if it is a `T`.
@@ -423,6 +438,7 @@ mod tests {
             name: "end".to_owned(),
             body: Body::Outside(outside()),
             polled_at: at(10),
+            excused_from: 0,
         };
         assert_eq!(
             [9, 10, 11].map(|nanos| node.is_due(at(nanos))),

@@ -122,9 +122,19 @@ impl Rig {
             self.touched[index] = true;
             if let Body::Device(device) = &mut node.body {
                 let events = device.take_events();
+                let counts = device.broken_rules().is_some();
+                if self.now < self.excused_until
+                    && let Some(broken) = device.broken_rules()
+                {
+                    let total = broken.total();
+                    let fresh = total - core::mem::replace(&mut node.excused_from, total);
+                    self.excused += fresh;
+                    self.excused_counts += fresh;
+                }
                 if !events.is_empty() {
                     let name = node.name.clone();
-                    events.into_iter().for_each(|event| self.log(&name, event));
+                    let events = events.into_iter();
+                    events.for_each(|event| self.log_from(&name, event, !counts));
                 }
             }
         }

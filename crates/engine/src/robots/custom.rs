@@ -3,16 +3,18 @@
 //!
 //! And devices without a robot, on their wires alone.
 
+use core::time::Duration;
 use std::collections::BTreeMap;
 
 use emulators::world::{ActuatorKind, Chassis, Command};
 
 use super::{
-    Axis, Instruments, Panel, PanelRow, Robot, ScanDecoder, WirePlan, Wired, add_devices, nowhere,
+    Axis, Instruments, Panel, PanelRow, Robot, ScanDecoder, Stops, WirePlan, Wired, add_devices,
+    nowhere,
 };
 use crate::codec::Codec;
 use crate::rig::Rig;
-use crate::scenario::{DeviceSpec, NO_ROBOT, Scenario, ScenarioError, Source};
+use crate::scenario::{DeviceSpec, NO_ROBOT, ProgramSpec, Scenario, ScenarioError, Source};
 
 /// A robot as data.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +47,7 @@ impl Robot for CustomRobot {
 
     fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         refuse_orders(&plan)?;
+        refuse_expectations(&plan, true)?;
         wire(plan, true)
     }
 }
@@ -68,6 +71,7 @@ impl Robot for Bare {
 
     fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         refuse_orders(&plan)?;
+        refuse_expectations(&plan, false)?;
         let (scenario, source) = (plan.scenario, plan.source);
         if scenario.device.is_empty() {
             let message = "is missing, expected a device, as there is no robot";
@@ -87,6 +91,47 @@ fn refuse_orders(plan: &WirePlan<'_>) -> Result<(), ScenarioError> {
     Err(plan.source.invalid(span, "mission.step", message))
 }
 
+/// What can never come true, and settings of a program that there is not: the program is somebody
+/// else's and says nothing of its pose, map and findings.
+fn refuse_expectations(plan: &WirePlan<'_>, has_body: bool) -> Result<(), ScenarioError> {
+    let (scenario, source) = (plan.scenario, plan.source);
+    let expect = &scenario.expect;
+    let of_program = [
+        ("pose_rms_mm_max", expect.pose_rms_mm_max.is_some()),
+        ("heading_rms_deg_max", expect.heading_rms_deg_max.is_some()),
+        ("wall_overlap_min", expect.wall_overlap_min.is_some()),
+        ("explored_min", expect.explored_min.is_some()),
+        ("victims_within_mm", expect.victims_within_mm.is_some()),
+        ("home_within_mm", expect.home_within_mm.is_some()),
+        ("map_received", expect.map_received.is_some()),
+    ];
+    let of_body = [
+        ("visit_within_mm", expect.visit_within_mm.is_some()),
+        ("return_within_mm", expect.return_within_mm.is_some()),
+        ("settle", expect.settle.is_some()),
+    ];
+    let message = "expected none: the program is your own, and the rig does not see what it knows";
+    let given = |keys: &[(&'static str, bool)]| keys.iter().find(|key| key.1).map(|key| key.0);
+    if let Some(key) = given(&of_program) {
+        return Err(source.invalid(source.find(key), format!("expect.{key}"), message));
+    }
+    if scenario.program != ProgramSpec::default() {
+        return Err(source.invalid(source.find("program"), "program", message));
+    }
+    if has_body {
+        return Ok(());
+    }
+    let message = "expected none: there is no robot that could move (robot = \"none\")";
+    if let Some(key) = given(&of_body) {
+        return Err(source.invalid(source.find(key), format!("expect.{key}"), message));
+    }
+    if !scenario.mission.waypoints_m.is_empty() {
+        let span = source.find("waypoints_m");
+        return Err(source.invalid(span, "mission.waypoints_m", message));
+    }
+    Ok(())
+}
+
 fn wire(plan: WirePlan<'_>, has_body: bool) -> Result<Wired, ScenarioError> {
     let WirePlan {
         scenario,
@@ -99,6 +144,7 @@ fn wire(plan: WirePlan<'_>, has_body: bool) -> Result<Wired, ScenarioError> {
         has_body,
         devices: scenario.device.clone(),
         codecs: BTreeMap::new(),
+        limits: limits(&scenario.device),
     };
     let mut wired = Wired::new(Rig::new(world), Unwired);
     let codecs = add_devices(&mut wired, scenario, source, |_, _| true)?;
@@ -109,6 +155,17 @@ fn wire(plan: WirePlan<'_>, has_body: bool) -> Result<Wired, ScenarioError> {
     Ok(wired)
 }
 
+/// The largest set-point of each actuator whose device limits it.
+fn limits(devices: &BTreeMap<String, DeviceSpec>) -> BTreeMap<String, f64> {
+    let driven = devices.values().filter_map(DeviceSpec::drives);
+    let actuators = driven.flat_map(|drives| drives.actuators);
+    let limits = actuators.filter_map(|(name, limit)| Some((name, limit?)));
+    limits.collect()
+}
+
+/// A device needs this long to notice that its time is up; far below what a robot's way shows.
+const STOPS_WITHIN: Duration = Duration::from_millis(50);
+
 /// Stands in until the links are known.
 struct Unwired;
 
@@ -118,6 +175,8 @@ struct CustomInstruments {
     has_body: bool,
     devices: BTreeMap<String, DeviceSpec>,
     codecs: BTreeMap<String, &'static Codec>,
+    /// Largest set-points that the devices take, by the actuator's name.
+    limits: BTreeMap<String, f64>,
 }
 
 impl Instruments for CustomInstruments {
@@ -138,11 +197,31 @@ impl Instruments for CustomInstruments {
                 name: actuator.name.clone().into(),
                 unit,
                 set_point,
-                limit: None,
+                limit: self.limits.get(&actuator.name).copied(),
                 actual: Some(chassis.actual(index)),
             }
         };
         axes.map(axis).collect()
+    }
+
+    fn stops(&self) -> Vec<Stops> {
+        let drives = |(name, spec): (&String, &DeviceSpec)| {
+            let drives = spec.drives()?;
+            let axes = drives.actuators.into_iter().map(|(name, _)| name);
+            Some(Stops {
+                link: name.clone(),
+                silence_max: drives.silence_max.map(|most| most + STOPS_WITHIN),
+                axes: axes.collect(),
+            })
+        };
+        match self.has_body {
+            true => self.devices.iter().filter_map(drives).collect(),
+            false => Vec::new(),
+        }
+    }
+
+    fn has_body(&self) -> bool {
+        self.has_body
     }
 
     fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {

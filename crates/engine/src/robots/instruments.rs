@@ -43,6 +43,27 @@ pub struct Silence {
     pub silence_max: Duration,
 }
 
+/// A device that drives axes, and when it stops them by itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stops {
+    /// Link on which commands travel.
+    pub link: String,
+    /// Silence of the master after which set-points must be zero; `None`: it has no watchdog.
+    pub silence_max: Option<Duration>,
+    /// The axes, by name; none: all of the robot.
+    pub axes: Vec<String>,
+}
+
+impl From<Silence> for Stops {
+    fn from(silence: Silence) -> Self {
+        Self {
+            link: silence.link.to_owned(),
+            silence_max: Some(silence.silence_max),
+            axes: Vec::new(),
+        }
+    }
+}
+
 /// Values that belong together, for page and report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Panel {
@@ -128,6 +149,16 @@ pub trait Instruments {
     /// When the axes must have been stopped.
     fn silence(&self) -> Option<Silence> {
         None
+    }
+
+    /// The devices that drive axes, and when each stops by itself.
+    fn stops(&self) -> Vec<Stops> {
+        self.silence().map(Stops::from).into_iter().collect()
+    }
+
+    /// Whether there is a robot that moves; else there are devices on their wires alone.
+    fn has_body(&self) -> bool {
+        true
     }
 
     /// Where the robot believes to be, in the frame of the world, metres and radians, and when that

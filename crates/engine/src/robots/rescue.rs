@@ -110,6 +110,13 @@ impl Robot for RescueRobot {
         alone(scenario, source).map(Some)
     }
 
+    /// 300 cells of 10 mm, or more in a build with a large map.
+    fn map_m(&self) -> Option<[[f64; 2]; 2]> {
+        #[expect(clippy::cast_precision_loss, reason = "some thousand cells")]
+        let side = firmware_core::grid::SIDE as f64 / 100.0;
+        Some([[0.0, 0.0], [side, side]])
+    }
+
     fn arena(&self) -> Option<Arena> {
         Some(ARENA)
     }

@@ -1,30 +1,37 @@
 //! Whole-run checkers: invariants watched from the first to the last moment, and the verdicts that
 //! they and the scenario's expectations come to.
 
-use core::time::Duration;
-
 use firmware_core::memory::StrayWrites;
 use protocols::Instant;
 
 use crate::rig::Rig;
-use crate::rig::line::Direction;
-use crate::robots::{Axis, Instruments, Silence};
+use crate::robots::{Axis, Instruments};
 
 mod accepted;
 mod at_work;
+mod silence;
 
 pub use accepted::SetPointsAsAccepted;
 pub use at_work::AtWorkAgain;
+pub use silence::MotorsStopAfterSilence;
+pub(crate) use silence::fired;
+pub use silence::{STOPS, WATCHDOG};
 
 pub use crate::robots::checker::{Check, Checker, Look, Status};
 
 /// The checkers of every run, chosen by what `instruments` can tell. Some listen to `rig`.
 pub fn standard(rig: &mut Rig, instruments: &dyn Instruments) -> Vec<Box<dyn Checker>> {
-    let mut checkers: Vec<Box<dyn Checker>> = vec![Box::new(SetPointsInRange::default())];
-    if let Some(silence) = instruments.silence() {
-        checkers.push(Box::new(MotorsStopAfterSilence::new(silence)));
+    let mut checkers: Vec<Box<dyn Checker>> = Vec::new();
+    if instruments.has_body() {
+        checkers.push(Box::new(SetPointsInRange::default()));
     }
-    checkers.push(Box::new(NoCollisionAtSpeed::default()));
+    let stops = instruments.stops();
+    if !stops.is_empty() {
+        checkers.push(Box::new(MotorsStopAfterSilence::watching(stops)));
+    }
+    if instruments.has_body() {
+        checkers.push(Box::new(NoCollisionAtSpeed::default()));
+    }
     checkers.push(Box::new(BytesConserved::default()));
     checkers.push(Box::new(MemoryIntact::default()));
     checkers.push(Box::new(ProgramAlive::default()));
@@ -73,73 +80,6 @@ impl Checker for SetPointsInRange {
             }
         };
         Check::new("set-points-in-range", self.worst.is_none(), detail).if_observed(self.looks > 0)
-    }
-
-    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
-        Some(Box::new(self.clone()))
-    }
-}
-
-/// The motors come to rest when nothing reaches the base any more.
-#[derive(Clone, Debug)]
-pub struct MotorsStopAfterSilence {
-    silence: Silence,
-    delivered: u64,
-    heard_at: Instant,
-    drives: u64,
-    longest_drive: Duration,
-    broken: Option<(Instant, Duration)>,
-}
-
-impl MotorsStopAfterSilence {
-    /// Watches the line towards the device that `silence` names.
-    pub const fn new(silence: Silence) -> Self {
-        Self {
-            silence,
-            delivered: 0,
-            heard_at: Instant::ZERO,
-            drives: 0,
-            longest_drive: Duration::ZERO,
-            broken: None,
-        }
-    }
-}
-
-impl Checker for MotorsStopAfterSilence {
-    fn observe(&mut self, look: &Look<'_>) {
-        let rig = look.rig;
-        let Some(link) = rig.link(self.silence.link) else {
-            return;
-        };
-        let delivered = link.line(Direction::ToDevice).traffic().delivered;
-        if delivered != self.delivered {
-            self.delivered = delivered;
-            self.heard_at = rig.now();
-        }
-        let silence = rig.now() - self.heard_at;
-        if look.axes.iter().any(|axis| axis.set_point != 0.0) {
-            self.drives += 1;
-            self.longest_drive = self.longest_drive.max(silence);
-            if silence > self.silence.silence_max && self.broken.is_none() {
-                self.broken = Some((rig.now(), silence));
-            }
-        }
-    }
-
-    fn verdict(&self) -> Check {
-        let limit = self.silence.silence_max.as_millis();
-        let detail = match self.broken {
-            None => format!(
-                "longest silence with set-points on {} ms, limit {limit} ms",
-                self.longest_drive.as_millis()
-            ),
-            Some((at, silence)) => format!(
-                "set-points still on at {at} s after {} ms of silence, limit {limit} ms",
-                silence.as_millis()
-            ),
-        };
-        let check = Check::new("motors-stop-after-silence", self.broken.is_none(), detail);
-        check.if_observed(self.drives > 0)
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {

@@ -42,7 +42,7 @@ pub use camera::{CAMERA, CameraSpec, MarkerSpec};
 pub use car_board::{CAR_BOARD, CarBoardSpec};
 pub use hc06::{HC06, Hc06Spec};
 pub use kind::{
-    BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
+    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, read_settings, schema_of,
 };
 pub use mount::MountSpec;
 pub use mpu6050::{MPU6050, Mpu6050Spec};
@@ -162,6 +162,7 @@ impl DeviceSpec {
             settings: self.settings.as_ref(),
             kind: self.kind(),
             source,
+            has_robot: true,
         }
     }
 
@@ -176,13 +177,32 @@ impl DeviceSpec {
         device: &dyn AnyDevice,
         world: &World,
     ) -> Result<(), ScenarioError> {
-        let context = self.context(name, 0, source);
+        self.check_with(name, source, (device, world), true)
+    }
+
+    /// The same for a device that may stand by itself, without a robot.
+    pub(crate) fn check_with(
+        &self,
+        name: &str,
+        source: &Source,
+        (device, world): (&dyn AnyDevice, &World),
+        has_robot: bool,
+    ) -> Result<(), ScenarioError> {
+        let context = BuildContext {
+            has_robot,
+            ..self.context(name, 0, source)
+        };
         self.kind.check(&context, device, world)
     }
 
     /// What reads the turns that it sends on its first port, if it is a lidar.
     pub fn scanner(&self) -> Option<Box<dyn ScanDecoder>> {
         self.kind.scanner(self.settings.as_ref())
+    }
+
+    /// What it drives, and when it stops that by itself; `None` if it drives nothing.
+    pub fn drives(&self) -> Option<Drives> {
+        self.kind.drives(self.settings.as_ref())
     }
 
     /// Values of the device `name` in `rig`, to be shown.

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use emulators::quantity::{Sink, ValueSource, Variable, VariableError};
+use emulators::quantity::{Sink, SinkKind, ValueSource, Variable, VariableError};
 use emulators::registers::{Access, Register, Registers, RegistersConfig, Width};
 use emulators::text::{Command, Periodic, Text, TextConfig, TextError};
 use emulators::world::Wheel;
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::board::{BoardKeys, RaisesSpec, ResetSpec};
-use super::device::{PortInfo, ValueRow};
+use super::device::{Drives, PortInfo, ValueRow};
 use super::drives::DrivesSpec;
 use super::{ScenarioError, Source, Span};
 use crate::rig::Rig;
@@ -79,7 +79,7 @@ pub struct RegisterSpec {
     /// Whether a master may write it.
     #[serde(default)]
     pub access: AccessSpec,
-    /// Value at the start.
+    /// Value at the start; where a counter or an encoder begins to count.
     #[serde(default)]
     pub initial: i64,
     /// Least and greatest value; what the width holds if not given.
@@ -221,7 +221,7 @@ pub struct TextSpec {
 pub struct VariableSpec {
     /// Name, as in requests and replies.
     pub name: String,
-    /// Value at the start.
+    /// Value at the start; where a counter or an encoder begins to count.
     #[serde(default)]
     pub initial: i64,
     /// Least and greatest value; 32 bits with sign if not given.
@@ -361,6 +361,15 @@ impl RegistersSpec {
         source.invalid(span, key, error.message)
     }
 
+    /// What it drives, and when it stops that.
+    pub(super) fn driven(&self) -> Option<Drives> {
+        let registers = self.register.iter().map(Spanned::get_ref);
+        driven(
+            self.watchdog,
+            registers.map(|spec| (spec.drives.as_ref(), spec.limits)),
+        )
+    }
+
     /// What a master would read now from the device `name`.
     pub(super) fn rows(&self, rig: &Rig, name: &str) -> Vec<ValueRow> {
         let device = rig.device::<Registers>(name);
@@ -373,6 +382,30 @@ impl RegistersSpec {
         };
         rows.map(row).collect()
     }
+}
+
+/// Watchdog and actuators, if there are any, of values with their limits.
+fn driven<'a>(
+    watchdog: Option<Span>,
+    values: impl Iterator<Item = (Option<&'a DrivesSpec>, Option<[i64; 2]>)>,
+) -> Option<Drives> {
+    let actuators = values.filter_map(|(drives, limits)| {
+        let sink = drives?.sink().ok()?;
+        let most = limits.map(|limits| limits.map(i64::unsigned_abs).into_iter().max());
+        #[expect(clippy::cast_precision_loss, reason = "limits are below 2^32")]
+        let limit = most.flatten().map(|most| most as f64 * sink.scale.abs());
+        // Power is a whole number of a compare register.
+        let limit = limit.map(|limit| match sink.kind {
+            SinkKind::Power => limit.min(255.0).round(),
+            SinkKind::Speed | SinkKind::Angle => limit,
+        });
+        Some((sink.actuator, limit))
+    });
+    let actuators: Vec<_> = actuators.collect();
+    (!actuators.is_empty()).then(|| Drives {
+        silence_max: watchdog.map(|watchdog| watchdog.0),
+        actuators,
+    })
 }
 
 fn sink(drives: Option<&DrivesSpec>) -> Result<Option<Sink>, String> {
@@ -455,6 +488,15 @@ impl TextSpec {
 }
 
 impl TextSpec {
+    /// What it drives, and when it stops that.
+    pub(super) fn driven(&self) -> Option<Drives> {
+        let variables = self.variable.iter().map(Spanned::get_ref);
+        driven(
+            self.watchdog,
+            variables.map(|spec| (spec.drives.as_ref(), spec.limits)),
+        )
+    }
+
     /// Its pins, besides the line.
     pub(super) fn pins(&self) -> Vec<PortInfo> {
         self.board().ports()

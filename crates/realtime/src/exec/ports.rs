@@ -4,7 +4,10 @@ use core::time::Duration;
 
 use protocols::Instant;
 
+use std::path::PathBuf;
+
 use crate::Sign;
+use crate::transport::{Counters, Modes, Special};
 use engine::run::check::Check;
 
 /// Rig time for which bytes may wait at an open port of which nothing is read.
@@ -14,30 +17,53 @@ const UNREAD_LONG: Duration = Duration::from_millis(100);
 
 /// One port.
 #[derive(Clone, Debug, Default)]
-struct Port {
-    name: String,
-    is_needed: bool,
-    was_opened: bool,
-    is_open: bool,
-    speaks: bool,
-    reads: Option<u64>,
+pub(crate) struct Port {
+    pub(super) name: String,
+    /// The terminal behind its name.
+    pub(super) path: PathBuf,
+    pub(super) is_needed: bool,
+    pub(super) was_opened: bool,
+    pub(super) is_open: bool,
+    pub(super) reads: Option<u64>,
     /// Rig time since its last reading, as long as the rig was on time and bytes waited.
     unread_for: Duration,
-    hangs_at: Option<Instant>,
+    pub(super) hangs_at: Option<Instant>,
+    pub(super) from_client: u64,
+    pub(super) to_client: u64,
+    pub(super) lost: Counters,
+    pub(super) special: [Special; 2],
+    /// All settings that its client has had on while bytes passed.
+    pub(super) settings: Modes,
+    pub(super) settings_now: Modes,
+    /// Rates of client and device now, if they differ.
+    pub(super) wrong_rate: Option<(u32, u32)>,
+    /// The same at any time, and since when.
+    pub(super) was_wrong: Option<(u32, u32, Instant)>,
+    /// Rig time for which it was open, and open at a wrong rate.
+    pub(super) open_for: [Duration; 2],
+    /// When the client last sent, when it last read, and when the device last sent to it.
+    pub(super) sent_at: Option<Instant>,
+    pub(super) read_at: Option<Instant>,
+    pub(super) heard_at: Option<Instant>,
+    seen_at: Instant,
 }
 
 /// All ports at which clients can be seen.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ports {
-    all: Vec<Port>,
+    pub(super) all: Vec<Port>,
     longest: Duration,
+    /// When the program last sent or read anything, and the longest pause before that.
+    pub(super) active_at: Option<Instant>,
+    pub(super) longest_pause: Duration,
 }
 
 impl Ports {
-    /// Another port.
-    pub(crate) fn add(&mut self, name: &str, is_needed: bool) {
+    /// Another port, whose terminal is at `path`.
+    pub(crate) fn add(&mut self, name: &str, path: PathBuf, is_needed: bool) {
         self.all.push(Port {
             name: name.to_owned(),
+            path,
             is_needed,
             ..Port::default()
         });
@@ -49,11 +75,11 @@ impl Ports {
         let Some(port) = self.all.iter_mut().find(|port| port.name == sign.name) else {
             return;
         };
-        port.is_open = sign.is_open;
-        port.was_opened |= sign.is_open;
-        port.speaks |= sign.from_client > 0;
-        let has_read = sign.reads != port.reads;
-        port.reads = sign.reads;
+        let has_read = port.note(now, sign);
+        if has_read || port.sent_at == Some(now) {
+            let before = self.active_at.replace(now).unwrap_or(now);
+            self.longest_pause = self.longest_pause.max(now - before);
+        }
         if !sign.is_open || sign.is_drained || has_read || sign.reads.is_none() {
             port.unread_for = Duration::ZERO;
             return;
@@ -82,7 +108,7 @@ impl Ports {
 
     /// Whether the program has sent anything.
     pub(crate) fn any_speaks(&self) -> bool {
-        self.all.iter().any(|port| port.speaks)
+        self.all.iter().any(|port| port.from_client > 0)
     }
 
     /// Whether all that the program needs was opened: one at least, if there is any.
@@ -91,21 +117,25 @@ impl Ports {
         !self.all.iter().any(needs_more) && (self.all.is_empty() || self.opened() > 0)
     }
 
-    fn names(&self, is: impl Fn(&Port) -> bool) -> String {
+    pub(super) fn names(&self, is: impl Fn(&Port) -> bool) -> String {
         let those = self.all.iter().filter(|port| is(port));
         let names: Vec<&str> = those.map(|port| port.name.as_str()).collect();
         names.join(", ")
     }
 
-    /// The verdict on what was opened.
-    pub(crate) fn connected(&self, wait: Duration) -> Check {
+    /// The verdict on what was opened by a program that had `wait` for it, or ended before that, as
+    /// `ended` says.
+    pub(crate) fn connected(&self, wait: Duration, ended: Option<String>) -> Check {
         let opened = self.names(|port| port.was_opened);
         let missing = self.names(|port| port.is_needed && !port.was_opened);
         let detail = match (self.all.is_empty(), opened.is_empty(), missing.is_empty()) {
             (true, ..) => "its ports are real ones: who opens them cannot be seen".to_owned(),
             (_, true, _) => {
                 let all = self.names(|port| port.is_needed || missing.is_empty());
-                format!("opened none of {all} within {} s", wait.as_secs_f64())
+                match ended {
+                    Some(ended) => format!("opened none of {all} before it {ended}"),
+                    None => format!("opened none of {all} within {} s", wait.as_secs_f64()),
+                }
             }
             (_, _, false) => format!("never opened {missing}; opened {opened}"),
             (_, _, true) => format!("opened {opened}"),
@@ -134,6 +164,42 @@ impl Ports {
     }
 }
 
+impl Port {
+    /// Takes note of `sign` at `now`; whether the client has read since the last one.
+    fn note(&mut self, now: Instant, sign: &Sign<'_>) -> bool {
+        let passed = now - core::mem::replace(&mut self.seen_at, now);
+        if self.is_open {
+            self.open_for[0] += passed;
+            if self.wrong_rate.is_some() {
+                self.open_for[1] += passed;
+            }
+        }
+        self.is_open = sign.is_open;
+        self.was_opened |= sign.is_open;
+        let has_read = sign.reads != self.reads && sign.reads != Some(0);
+        self.reads = sign.reads;
+        if has_read {
+            self.read_at = Some(now);
+        }
+        self.settings_now = sign.settings.unwrap_or_default();
+        if sign.from_client != self.from_client {
+            self.sent_at = Some(now);
+            self.settings = self.settings.or(self.settings_now);
+        }
+        if sign.to_client != self.to_client {
+            self.heard_at = Some(now);
+            self.settings = self.settings.or(self.settings_now);
+        }
+        (self.from_client, self.to_client) = (sign.from_client, sign.to_client);
+        (self.lost, self.special) = (sign.lost, sign.special);
+        self.wrong_rate = sign.wrong_rate;
+        if let (Some((own, far)), None) = (sign.wrong_rate, self.was_wrong) {
+            self.was_wrong = Some((own, far, now));
+        }
+        has_read
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,13 +211,18 @@ mod tests {
     /// every `reads_each`-th look, and the rig was on time for `on_time` of each.
     fn watched(looks: u64, reads_each: u64, on_time: Duration) -> Ports {
         let mut ports = Ports::default();
-        ports.add("base", true);
+        ports.add("base", PathBuf::new(), true);
         for look in 1..=looks {
             let sign = Sign {
                 name: "base",
                 is_open: true,
                 openings: 1,
                 from_client: 0,
+                to_client: 0,
+                lost: Counters::default(),
+                special: [Special::default(); 2],
+                wrong_rate: None,
+                settings: None,
                 is_drained: false,
                 reads: Some(look / reads_each),
             };
@@ -187,16 +258,16 @@ mod tests {
     #[test]
     fn ports_that_were_never_opened_are_named() {
         let mut ports = watched(1, 1, STEP);
-        ports.add("lidar", true);
-        ports.add("motor", false);
+        ports.add("lidar", PathBuf::new(), true);
+        ports.add("motor", PathBuf::new(), false);
         let wait = Duration::from_secs(10);
-        let check = ports.connected(wait);
+        let check = ports.connected(wait, None);
         assert_eq!(check.detail, "never opened lidar; opened base");
         assert_eq!(check.status, Status::Fail);
         let mut none = Ports::default();
-        none.add("lidar", true);
-        none.add("motor", false);
-        let check = none.connected(wait);
+        none.add("lidar", PathBuf::new(), true);
+        none.add("motor", PathBuf::new(), false);
+        let check = none.connected(wait, None);
         assert_eq!(check.detail, "opened none of lidar within 10 s");
         assert_eq!(check.status, Status::Fail);
     }

@@ -22,10 +22,10 @@ use super::trace::Calls;
 use super::{GuestError, launch};
 use crate::clock::{Clock as _, SimClock, WallClock};
 use crate::exec::{
-    ExecError, Foreign, SETTLE, Seat, TERMINAL_VARIABLE, add_checks, alive, childless, environment,
-    ports_of,
+    Ending, ExecError, Foreign, SETTLE, Seat, TERMINAL_VARIABLE, environment, ports_of,
 };
 use crate::process::LINES_VARIABLE;
+use crate::process::waits::{Wait, waits};
 use crate::process::words::{Words, listen};
 use crate::process::{Ended, Farewell, Left, command_of};
 use crate::transport::{Note, PortDir};
@@ -240,6 +240,7 @@ impl Trial {
     pub fn end(mut self) -> Played {
         let is_over = self.supervisor.stage.run.is_over();
         self.supervisor.note_halted();
+        let waits = self.waits();
         let farewell = self.finish();
         let notes = self.supervisor.notes().to_vec();
         let spent = self.supervisor.spent_on();
@@ -256,18 +257,17 @@ impl Trial {
         // The ports stay until the program has ended: it is not to be told that they went away.
         drop((realtime, self.dir));
         let mut outcome = run.judge();
-        let mut own = vec![
-            ports.connected(self.foreign.wait),
-            alive(self.ended, is_over, self.foreign.may_end, &farewell),
-            ports.reads(),
-            childless(&farewell.left),
-        ];
-        own.extend(
-            self.spins
-                .or(busy)
-                .map(|spins| Check::new("program-yields", false, spins)),
-        );
-        add_checks(&mut outcome, own);
+        let spins = self.spins.or(busy);
+        let ending = Ending {
+            ports: &ports,
+            foreign: &self.foreign,
+            ended: self.ended,
+            waits: &waits,
+            farewell: &farewell,
+            is_over,
+            more: spins.map(|spins| Check::new("program-yields", false, spins)),
+        };
+        ending.conclude(&mut outcome);
         Played {
             outcome,
             recorded,
@@ -277,6 +277,13 @@ impl Trial {
             calls,
             reports,
         }
+    }
+
+    /// What the program's threads wait for.
+    fn waits(&self) -> Vec<Wait> {
+        let root = core::iter::once(self.root);
+        let pids = root.chain(self.supervisor.others());
+        waits(pids.filter_map(|pid| u32::try_from(pid).ok()))
     }
 
     /// Ends the program.

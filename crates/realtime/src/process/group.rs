@@ -45,7 +45,8 @@ impl Group {
         self.pids().into_iter().map(left).collect()
     }
 
-    fn pids(self) -> Vec<u32> {
+    /// Their numbers.
+    pub(super) fn pids(self) -> Vec<u32> {
         // The list of all processes is long; mostly there is nobody to look for.
         if test_kill_process_group(self.0).is_err() {
             return Vec::new();

@@ -30,7 +30,7 @@ use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 use super::directory::{Link, PortDir};
 use super::terminal::{Code, Settings, Terminal};
 use super::watch::Watch;
-use super::{Counters, PortEvent, Transport, TransportError};
+use super::{Counters, Modes, PortEvent, Transport, TransportError};
 use engine::rig::line::Mark;
 
 /// The rig's end of a pseudo-terminal.
@@ -341,6 +341,14 @@ impl Transport for Pty {
             false => self.kernel_settings(),
         };
         settings.is_some_and(|settings| settings.control & crtscts != 0)
+    }
+
+    fn modes(&self) -> Option<Modes> {
+        let settings = match self.terminal.is_whole() || self.is_told {
+            true => Some(*self.terminal.settings()),
+            false => self.kernel_settings(),
+        };
+        settings.as_ref().map(Modes::of)
     }
 
     fn client_side(&self) -> Option<OwnedFd> {

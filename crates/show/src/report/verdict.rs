@@ -44,7 +44,16 @@ fn cause(outcome: &Outcome) -> String {
         1 => " One more check failed.".to_owned(),
         more => format!(" {more} more checks failed."),
     };
-    format!("<p id=\"cause\"><strong>{name}</strong>: {detail}.<br>{meaning}{more}</p>\n")
+    let probable = outcome
+        .probable_cause
+        .as_deref()
+        .map_or_else(String::new, |cause| {
+            format!(
+                "<br><strong>probable cause</strong>: {}.",
+                with_jumps(cause)
+            )
+        });
+    format!("<p id=\"cause\"><strong>{name}</strong>: {detail}.{probable}<br>{meaning}{more}</p>\n")
 }
 
 /// Up to four figures that say most of a run.

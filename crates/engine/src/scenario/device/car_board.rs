@@ -96,6 +96,12 @@ impl DeviceKind for CarBoardKind {
                 let span = context.source.find(context.name);
                 Err(context.source.invalid(span, context.key(), message))
             }
+            _ if BoardConfig::default()
+                .encoder_of(world.encoders())
+                .is_none() =>
+            {
+                context.needs_encoder("drive", world)
+            }
             _ => Ok(()),
         }
     }

@@ -3,6 +3,7 @@
 use core::any::Any;
 use core::fmt::Debug;
 use core::ops::RangeInclusive;
+use core::time::Duration;
 
 use emulators::world::World;
 use protocols::{LineConfig, Port};
@@ -49,6 +50,12 @@ pub trait DeviceKind: Send + Sync {
 
     /// What reads the turns that it sends on its first port, if it is a lidar.
     fn scanner(&self, _settings: &dyn Settings) -> Option<Box<dyn ScanDecoder>> {
+        None
+    }
+
+    /// What it drives of the chassis, and when it stops that by itself; `None` if it drives
+    /// nothing.
+    fn drives(&self, _settings: &dyn Settings) -> Option<Drives> {
         None
     }
 
@@ -125,6 +132,8 @@ pub struct BuildContext<'a> {
     pub kind: &'static str,
     /// The scenario's file, for messages.
     pub source: &'a Source,
+    /// Whether there is a robot around it; without one it stands by itself and senses nothing.
+    pub has_robot: bool,
 }
 
 impl BuildContext<'_> {
@@ -139,6 +148,24 @@ impl BuildContext<'_> {
             self.source
                 .invalid(self.source.find(self.name), self.key(), message)
         })
+    }
+
+    /// Whether the robot of `world` has the encoder `name`, which this device counts.
+    ///
+    /// # Errors
+    /// If it has not, with those that it has; without a robot nothing turns, and all is well.
+    pub fn needs_encoder(&self, name: &str, world: &World) -> Result<(), ScenarioError> {
+        let encoders = world.encoders();
+        if !self.has_robot || encoders.iter().any(|encoder| encoder.name == name) {
+            return Ok(());
+        }
+        let known: Vec<&str> = encoders.iter().map(|encoder| &*encoder.name).collect();
+        let message = format!(
+            "counts the encoder \"{name}\", which the chassis does not have, expected one of {}",
+            known.join(", ")
+        );
+        let span = self.source.find(self.name);
+        Err(self.source.invalid(span, self.key(), message))
     }
 
     /// Its place in the scenario, e.g. `device.lidar.xv11`.
@@ -165,6 +192,16 @@ impl BuildContext<'_> {
         let (source, at) = (self.source, self.key());
         Err(source.invalid(source.find(name), format!("{at}.{key}"), message))
     }
+}
+
+/// What a device drives.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Drives {
+    /// Silence of its master after which it stops all of it; `None`: it has no watchdog.
+    pub silence_max: Option<Duration>,
+    /// Names of the actuators, each with the largest set-point that the device takes, either way,
+    /// in the actuator's unit, if it limits that.
+    pub actuators: Vec<(String, Option<f64>)>,
 }
 
 /// A value of a device, for page and report.

@@ -1,6 +1,7 @@
 //! `odometer`: a microcontroller that prints way and heading.
 
 use emulators::odometer::{Odometer, OdometerConfig, Overrun, Program};
+use emulators::world::World;
 use protocols::LineConfig;
 use protocols::odometer::{BAUD, Dialect};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -9,6 +10,7 @@ use toml::de::ValueDeserializer;
 
 use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
 use crate::codec;
+use crate::rig::AnyDevice;
 use crate::scenario::ScenarioError;
 
 /// Settings of an odometer.
@@ -88,6 +90,17 @@ impl DeviceKind for OdometerKind {
 
     fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
         read_settings::<OdometerSpec>(settings)
+    }
+
+    fn check(
+        &self,
+        context: &BuildContext<'_>,
+        _: &dyn AnyDevice,
+        world: &World,
+    ) -> Result<(), ScenarioError> {
+        let spec: &OdometerSpec = context.settings()?;
+        let usual = OdometerConfig::default().encoder;
+        context.needs_encoder(spec.encoder.as_ref().unwrap_or(&usual), world)
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {

@@ -9,7 +9,7 @@ use schemars::{Schema, SchemaGenerator};
 use toml::de::ValueDeserializer;
 
 use super::{
-    BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
+    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, read_settings, schema_of,
 };
 use crate::codec;
 use crate::rig::{AnyDevice, Rig};
@@ -67,6 +67,11 @@ impl DeviceKind for RegistersKind {
         let settings: &dyn Any = settings;
         let spec = settings.downcast_ref::<RegistersSpec>();
         spec.map_or(Vec::new(), |spec| spec.rows(rig, name))
+    }
+
+    fn drives(&self, settings: &dyn Settings) -> Option<Drives> {
+        let settings: &dyn Any = settings;
+        settings.downcast_ref::<RegistersSpec>()?.driven()
     }
 
     fn check(

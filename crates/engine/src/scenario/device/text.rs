@@ -8,7 +8,9 @@ use protocols::LineConfig;
 use schemars::{Schema, SchemaGenerator};
 use toml::de::ValueDeserializer;
 
-use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use super::{
+    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, read_settings, schema_of,
+};
 use crate::rig::AnyDevice;
 use crate::scenario::{ScenarioError, TextSpec};
 
@@ -54,6 +56,11 @@ impl DeviceKind for TextKind {
 
     fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
         read_settings::<TextSpec>(settings)
+    }
+
+    fn drives(&self, settings: &dyn Settings) -> Option<Drives> {
+        let settings: &dyn Any = settings;
+        settings.downcast_ref::<TextSpec>()?.driven()
     }
 
     fn check(

@@ -78,6 +78,7 @@ impl Player {
                     command: harness.command(command),
                     wait: harness.start,
                     may_end: false,
+                    may_idle: true,
                     needs: known.opens.iter().cloned().collect(),
                     has_lines: false,
                     supervision: Some(supervision),

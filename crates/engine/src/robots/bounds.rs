@@ -1,0 +1,74 @@
+//! Whether missions and rooms fit the robot's map.
+
+use super::Robot;
+use crate::scenario::{Action, Scenario, ScenarioError, Source};
+
+/// A wall may lie this far outside: a map's last cell is drawn from inside, metres.
+const SLACK_M: f64 = 0.05;
+
+/// Whether all waypoints lie on the robot's map.
+///
+/// # Errors
+/// The first one that does not: the robot cannot be sent there.
+pub(super) fn check_waypoints(
+    robot: &dyn Robot,
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<(), ScenarioError> {
+    let Some(map) = robot.map_m() else {
+        return Ok(());
+    };
+    if let Some(message) = beyond(map, &scenario.mission.waypoints_m) {
+        let span = source.find("waypoints_m");
+        return Err(source.invalid(span, "mission.waypoints_m", message));
+    }
+    for (index, step) in scenario.mission.step.iter().enumerate() {
+        if let Action::WaypointsM(waypoints) = &step.action
+            && let Some(message) = beyond(map, waypoints)
+        {
+            let span = source.find_in_list("mission.step", index, "do");
+            let key = format!("mission.step[{index}].do.waypoints-m");
+            return Err(source.invalid(span, key, message));
+        }
+    }
+    Ok(())
+}
+
+fn beyond([least, most]: [[f64; 2]; 2], places: &[[f64; 2]]) -> Option<String> {
+    let is_in =
+        |&[x, y]: &[f64; 2]| (least[0]..=most[0]).contains(&x) && (least[1]..=most[1]).contains(&y);
+    let index = places.iter().position(|place| !is_in(place))?;
+    let [[x, y], [from_x, from_y], [to_x, to_y]] = [places[index], least, most];
+    Some(format!(
+        "waypoint {index} is {x}, {y}, outside the robot's map, expected {from_x}, {from_y} to \
+         {to_x}, {to_y}"
+    ))
+}
+
+/// What stands in `source` without effect, and what the robot's map cannot hold.
+pub fn warnings(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
+    let mut warnings = scenario.warnings(source);
+    let robot = super::find(&scenario.robot);
+    let map = robot.and_then(Robot::map_m);
+    let Some([least, most]) = map else {
+        return warnings;
+    };
+    let is_in = |&[x, y]: &[f64; 2]| {
+        let fits = |value: f64, axis: usize| {
+            (least[axis] - SLACK_M..=most[axis] + SLACK_M).contains(&value)
+        };
+        fits(x, 0) && fits(y, 1)
+    };
+    let walls = scenario.world.wall.iter().enumerate();
+    let mut outside = walls.filter(|(_, wall)| !wall.get_ref().path_m.iter().all(is_in));
+    if let Some((index, wall)) = outside.next() {
+        let message = format!(
+            "reaches beyond the robot's map of {}, {} to {}, {} m: what is outside is not drawn, and \
+             the robot does not plan there",
+            least[0], least[1], most[0], most[1]
+        );
+        let key = format!("world.wall[{index}].path_m");
+        warnings.push(source.invalid(Some(wall.span()), key, message));
+    }
+    warnings
+}

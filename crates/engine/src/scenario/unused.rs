@@ -1,0 +1,275 @@
+//! Keys that are sound by themselves and have no effect in their scenario: each is a warning that
+//! names file, line and key. What cannot have been meant is an error elsewhere.
+
+use toml::Spanned;
+
+use super::{
+    AccessSpec, NO_ROBOT, RegistersSpec, Scenario, ScenarioError, Source, SourceSpec, TextSpec,
+};
+
+impl Scenario {
+    /// What stands in `source` without effect.
+    pub fn warnings(&self, source: &Source) -> Vec<ScenarioError> {
+        let mut found = Warnings {
+            source,
+            found: Vec::new(),
+        };
+        for (name, spec) in &self.device {
+            if let Some(spec) = spec.settings::<RegistersSpec>() {
+                found.of_registers(&format!("device.{name}.registers"), spec);
+            }
+            if let Some(spec) = spec.settings::<TextSpec>() {
+                found.of_text(&format!("device.{name}.text"), spec);
+            }
+        }
+        found.of_times(self);
+        found.of_robot(self);
+        let expect = &self.expect;
+        if expect.wall_within_mm.is_some() && expect.wall_overlap_min.is_none() {
+            let message = "has no effect without wall_overlap_min";
+            found.add(
+                "wall_within_mm",
+                "expect.wall_within_mm".to_owned(),
+                message,
+            );
+        }
+        found.found
+    }
+}
+
+struct Warnings<'a> {
+    source: &'a Source,
+    found: Vec<ScenarioError>,
+}
+
+/// A value of a slave, whatever its protocol.
+struct Value<'a> {
+    key: String,
+    span: core::ops::Range<usize>,
+    source: &'a SourceSpec,
+    /// Whether a master can set it.
+    is_set: bool,
+    limits: bool,
+    safe: bool,
+}
+
+impl Warnings<'_> {
+    fn add(&mut self, name: &str, key: String, message: &str) {
+        let span = self.source.find(name);
+        self.found.push(self.source.invalid(span, key, message));
+    }
+
+    fn at(&mut self, span: core::ops::Range<usize>, key: String, message: &str) {
+        self.found
+            .push(self.source.invalid(Some(span), key, message));
+    }
+
+    fn of_registers(&mut self, key: &str, spec: &RegistersSpec) {
+        let values = spec.register.iter().enumerate().map(|(index, spanned)| {
+            let one = spanned.get_ref();
+            Value {
+                key: format!("{key}.register[{index}]"),
+                span: spanned.span(),
+                source: &one.source,
+                is_set: one.access == AccessSpec::Write,
+                limits: one.limits.is_some(),
+                safe: one.safe.is_some(),
+            }
+        });
+        self.of_values(key, values.collect(), spec.watchdog.is_some());
+        if spec.boot.is_some() && spec.resets_on.is_none() {
+            self.add("boot", format!("{key}.boot"), NO_RESET);
+        }
+    }
+
+    fn of_text(&mut self, key: &str, spec: &TextSpec) {
+        let is_set = |name: &str| {
+            let placeholder = format!("{{{name}}}");
+            let mut requests = spec.command.iter().map(Spanned::get_ref);
+            requests.any(|command| command.request.contains(&placeholder))
+        };
+        let values = spec.variable.iter().enumerate().map(|(index, spanned)| {
+            let one = spanned.get_ref();
+            Value {
+                key: format!("{key}.variable[{index}]"),
+                span: spanned.span(),
+                source: &one.source,
+                is_set: is_set(&one.name),
+                limits: one.limits.is_some(),
+                safe: one.safe.is_some(),
+            }
+        });
+        self.of_values(key, values.collect(), spec.watchdog.is_some());
+        if spec.resets_on.is_none() {
+            for (name, is_given) in [
+                ("boot", spec.boot.is_some()),
+                ("greeting", spec.greeting.is_some()),
+            ] {
+                if is_given {
+                    self.add(name, format!("{key}.{name}"), NO_RESET);
+                }
+            }
+        }
+    }
+
+    fn of_values(&mut self, key: &str, values: Vec<Value<'_>>, has_watchdog: bool) {
+        if has_watchdog && !values.iter().any(|value| value.safe) {
+            let message = "has no effect: no value has a safe one to take on";
+            self.add("watchdog", format!("{key}.watchdog"), message);
+        }
+        for value in values {
+            let has_source = *value.source != SourceSpec::Stored;
+            if value.limits && (has_source || !value.is_set) {
+                let message = "has no effect: limits hold for what a master sets, and none sets it";
+                self.at(value.span.clone(), format!("{}.limits", value.key), message);
+            }
+            if value.safe && has_source {
+                let message = "has no effect: the value has a source";
+                self.at(value.span.clone(), format!("{}.safe", value.key), message);
+            } else if value.safe && !has_watchdog {
+                let message = "has no effect: the device has no watchdog that would set it";
+                self.at(value.span, format!("{}.safe", value.key), message);
+            }
+        }
+    }
+
+    /// What would happen after the end of the run.
+    fn of_times(&mut self, scenario: &Scenario) {
+        let end = scenario.duration;
+        let late = |at| format!("has no effect: the run ends at {end}, and this is at {at}");
+        for (index, fault) in scenario.fault.iter().enumerate() {
+            if let Some(from) = fault.from.filter(|from| *from >= end) {
+                let span = self.source.find_in_list("fault", index, "from");
+                let key = format!("fault[{index}].from");
+                self.found.push(self.source.invalid(span, key, late(from)));
+            }
+        }
+        for (index, step) in scenario.mission.step.iter().enumerate() {
+            if let Some(at) = step.at.filter(|at| *at >= end) {
+                let span = self.source.find_in_list("mission.step", index, "at");
+                let key = format!("mission.step[{index}].at");
+                self.found.push(self.source.invalid(span, key, late(at)));
+            }
+        }
+        for (index, push) in scenario.world.push.iter().enumerate() {
+            if push.at >= end {
+                let span = self.source.find_in_list("world.push", index, "at");
+                let key = format!("world.push[{index}].at");
+                self.found
+                    .push(self.source.invalid(span, key, late(push.at)));
+            }
+        }
+    }
+
+    /// A world around devices that stand by themselves.
+    fn of_robot(&mut self, scenario: &Scenario) {
+        if scenario.robot != NO_ROBOT {
+            return;
+        }
+        if !scenario.world.is_nowhere() {
+            let message = "has no effect: robot = \"none\" means devices on their wires alone, which \
+                           sense no world; for a body with these devices set robot = \"custom\"";
+            self.add("world", "world".to_owned(), message);
+        }
+        for (name, spec) in &scenario.device {
+            let registers = spec.settings::<RegistersSpec>().into_iter();
+            let registers = registers.flat_map(|spec| &spec.register);
+            let registers = registers.map(|one| (one.span(), &one.get_ref().source));
+            let texts = spec.settings::<TextSpec>().into_iter();
+            let texts = texts.flat_map(|spec| &spec.variable);
+            let texts = texts.map(|one| (one.span(), &one.get_ref().source));
+            for (span, of) in registers.chain(texts) {
+                if of.is_of_a_body() {
+                    let message = "has no robot to measure (robot = \"none\"): it stays as at rest \
+                                   in an empty world";
+                    self.at(span, format!("device.{name}.source"), message);
+                }
+            }
+        }
+    }
+}
+
+const NO_RESET: &str = "has no effect: nothing starts the board anew, set resets_on";
+
+impl SourceSpec {
+    /// Whether it measures a robot or what is around it.
+    const fn is_of_a_body(&self) -> bool {
+        !matches!(self, Self::Stored | Self::Counter(_) | Self::Ramp { .. })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn warnings(text: &str) -> Vec<String> {
+        let head = "schema = 1\nname = \"t\"\nduration = \"5s\"\n";
+        let parsed = Scenario::parse(Path::new("t.toml"), format!("{head}{text}"));
+        let (scenario, source) = parsed.expect("sound");
+        let warnings = scenario.warnings(&source).into_iter();
+        warnings.map(|warning| warning.to_string()).collect()
+    }
+
+    const WORLD: &str = "[world]\nstart = { x_m = 1, y_m = 1, heading_deg = 0 }\n";
+
+    /// Line 6 is the first register's, 7 the second's.
+    #[test]
+    fn keys_of_a_slave_without_effect_are_told_with_their_lines() {
+        let text = format!(
+            "robot = \"custom\"\n[device.base.registers]\nbaud = 9600\nboot = \"1s\"\n\
+             register = [\n\
+             {{ address = 0, name = \"a\", width = \"u8\", limits = [0, 9] }},\n\
+             {{ address = 1, name = \"b\", width = \"u8\", access = \"write\", safe = 0 }},\n]\n\
+             {WORLD}"
+        );
+        let expected = [
+            "t.toml:9: device.base.registers.register[0].limits: has no effect: limits hold for \
+             what a master sets, and none sets it",
+            "t.toml:10: device.base.registers.register[1].safe: has no effect: the device has no \
+             watchdog that would set it",
+            "t.toml:7: device.base.registers.boot: has no effect: nothing starts the board anew, \
+             set resets_on",
+        ];
+        assert_eq!(warnings(&text), expected);
+        let sound = text
+            .replace("boot = \"1s\"", "watchdog = \"1s\"")
+            .replace(", limits = [0, 9]", "");
+        assert_eq!(warnings(&sound), [""; 0]);
+        let unsafe_ = sound.replace(", safe = 0", "");
+        let told = "t.toml:7: device.base.registers.watchdog: has no effect: no value has a safe \
+                    one to take on";
+        assert_eq!(warnings(&unsafe_), [told]);
+    }
+
+    #[test]
+    fn what_would_come_after_the_end_is_told() {
+        let text = format!(
+            "robot = \"rescue\"\n{WORLD}[[fault]]\nkind = \"flip\"\nlink = \"base\"\n\
+             direction = \"to-master\"\nrate = 0.5\nfrom = \"5s\"\n\
+             [[mission.step]]\nat = \"9s\"\ndo = \"connect\"\n"
+        );
+        let expected = [
+            "t.toml:12: fault[0].from: has no effect: the run ends at 5s, and this is at 5s",
+            "t.toml:14: mission.step[0].at: has no effect: the run ends at 5s, and this is at 9s",
+        ];
+        assert_eq!(warnings(&text), expected);
+    }
+
+    #[test]
+    fn a_world_and_what_measures_it_are_told_where_there_is_no_robot() {
+        let text = format!(
+            "robot = \"none\"\n[device.sonar.text]\nbaud = 9600\ncommand = []\n\
+             [[device.sonar.text.variable]]\nname = \"mm\"\n\
+             source = {{ range = {{ angle_deg = 0, max_mm = 900 }} }}\n{WORLD}"
+        );
+        let told = warnings(&text);
+        assert!(
+            told[0].starts_with("t.toml:11: world: has no effect"),
+            "{told:?}"
+        );
+        assert!(told[1].contains("has no robot to measure"), "{told:?}");
+        assert_eq!(told.len(), 2);
+    }
+}

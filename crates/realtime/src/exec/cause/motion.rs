@@ -1,0 +1,282 @@
+//! Causes that the world shows: a robot that turns or drives the wrong way, turns too far, or never
+//! stops.
+
+use core::f64::consts::{PI, TAU};
+
+use emulators::world::{Point, Pose};
+use protocols::Instant;
+
+use super::{Cause, weight};
+use engine::run::Outcome;
+use engine::run::check::Status;
+
+/// A turn that counts, and a goal that is so far to the side, radians.
+const TURN: f64 = 0.35;
+/// A way that counts, metres.
+const WAY: f64 = 0.05;
+
+pub(super) fn causes(outcome: &Outcome) -> Vec<Cause> {
+    let is_about = |name: &str| {
+        let names = [
+            "waypoints-visited",
+            "returned",
+            "settled",
+            "no-collision-at-speed",
+        ];
+        names.contains(&name)
+    };
+    let mut failed = outcome.checks.iter();
+    if !failed.any(|check| check.status == Status::Fail && is_about(&check.name)) {
+        return Vec::new();
+    }
+    let mut causes = Vec::new();
+    let cause = |text: String| Cause::new(weight::MOTION, text);
+    if let Some(goal) = next_goal(outcome) {
+        causes.extend(towards(&goal, encoders(outcome).as_deref()).map(cause));
+    } else {
+        causes.extend(goes_on(outcome).map(cause));
+    }
+    causes.extend(outcome.collided_at.map(|at| {
+        Cause::new(
+            weight::COLLISION,
+            format!("the robot drove into something at {at} s and was not stopped before that"),
+        )
+    }));
+    causes
+}
+
+/// The waypoint that was not reached, and the way since the one before.
+struct Goal {
+    number: usize,
+    place: Point,
+    way: Vec<(Instant, Pose)>,
+}
+
+fn next_goal(outcome: &Outcome) -> Option<Goal> {
+    let [visited, _] = outcome.waypoints;
+    let mission = &outcome.case.mission;
+    if mission.any_order {
+        return None;
+    }
+    let place = |&[x, y]: &[f64; 2]| Point::new(x, y);
+    let goal = mission.waypoints_m.get(visited).map(place)?;
+    let within = outcome.case.expect.visit_within_mm.unwrap_or(200.0) / 1000.0;
+    let mut way = &outcome.truth[..];
+    for before in mission.waypoints_m.iter().take(visited).map(place) {
+        let is_near = |(_, pose): &(Instant, Pose)| pose.point().distance(before) <= within;
+        way = &way[way.iter().position(is_near).unwrap_or(0)..];
+    }
+    Some(Goal {
+        number: visited + 1,
+        place: goal,
+        way: way.to_vec(),
+    })
+}
+
+/// The smallest angle that is the same direction.
+fn wrapped(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(TAU) - PI
+}
+
+/// Where `place` lies as seen from `pose`, radians counter-clockwise from ahead.
+fn bearing(pose: Pose, place: Point) -> f64 {
+    let to = libm::atan2(place.y - pose.y, place.x - pose.x);
+    wrapped(to - pose.theta)
+}
+
+/// What is wrong with a way that did not lead to its goal.
+fn towards(goal: &Goal, encoders: Option<&str>) -> Option<String> {
+    let (number, place) = (goal.number, goal.place);
+    let (first, last) = (goal.way.first()?, goal.way.last()?);
+    let pairs = goal.way.windows(2);
+    let length: f64 = pairs
+        .map(|pair| pair[0].1.point().distance(pair[1].1.point()))
+        .sum();
+    let turned = turns(&goal.way);
+    let all: f64 = turned.last().copied().unwrap_or_default();
+    if length < WAY && all.abs() < TURN {
+        return Some(format!(
+            "the robot never moved from ({:.2}, {:.2}) m: no command that drives a motor reached \
+             its devices",
+            first.1.x, first.1.y
+        ));
+    }
+    let degrees = |angle: f64| angle.to_degrees().round();
+    let side = |angle: f64| if angle > 0.0 { "left" } else { "right" };
+    if let Some(turn) = first_turn(&goal.way, &turned) {
+        let needed = bearing(turn.from, place);
+        let (at, done) = (turn.at, turn.angle);
+        if needed.abs() > TURN && needed.abs() < PI - TURN && needed * done < 0.0 {
+            return Some(format!(
+                "the robot turned {} by {:.0} degrees from {at} s on, and waypoint {number} lay {:.0} \
+                 degrees to its {}: left and right wheel are swapped, or the turn has the wrong sign",
+                side(done),
+                degrees(done.abs()),
+                degrees(needed.abs()),
+                side(needed)
+            ));
+        }
+        let beyond = done.abs() - needed.abs();
+        if beyond.abs() > TURN && (needed.abs() > TURN || done.abs() > PI) {
+            let much = if beyond > 0.0 {
+                "too far"
+            } else {
+                "too little"
+            };
+            let read = encoders.map_or_else(String::new, |names| {
+                format!(
+                    ", or it reads its encoders ({names}) in another width, sign, byte order or \
+                     unit than they have"
+                )
+            });
+            return Some(format!(
+                "the robot turned {much}: {:.0} degrees to the {} from {at} s on, where {:.0} lead \
+                 to waypoint {number}: it does not see how far it has turned{read}",
+                degrees(done.abs()),
+                side(done),
+                degrees(needed.abs())
+            ));
+        }
+    }
+    if let Some(at) = drives_back(&goal.way, place) {
+        return Some(format!(
+            "the robot drove backwards, away from waypoint {number}, from {at} s on: the sign of \
+             its speed is wrong"
+        ));
+    }
+    let distance = |(_, pose): &(Instant, Pose)| pose.point().distance(place);
+    let nearest = goal
+        .way
+        .iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+    let (near, end) = (distance(nearest), distance(last));
+    if near < distance(first) / 2.0 && end > near + 2.0 * WAY {
+        return Some(format!(
+            "the robot came within {:.0} mm of waypoint {number} at {} s and drove on: it stops too \
+             late, or never",
+            near * 1000.0,
+            nearest.0
+        ));
+    }
+    let still = goal
+        .way
+        .iter()
+        .rev()
+        .take_while(|(_, pose)| pose.point().distance(last.1.point()) < 0.01);
+    let since = still.last()?.0;
+    Some(format!(
+        "the robot stands {:.0} mm from waypoint {number} since {since} s: the program does not \
+         drive it on",
+        end * 1000.0
+    ))
+}
+
+/// How far it has turned since the begin of a way, at each of its points.
+fn turns(way: &[(Instant, Pose)]) -> Vec<f64> {
+    let mut sum = 0.0;
+    let steps = way
+        .windows(2)
+        .map(|pair| wrapped(pair[1].1.theta - pair[0].1.theta));
+    let sums = steps.map(|step| {
+        sum += step;
+        sum
+    });
+    core::iter::once(0.0).chain(sums).collect()
+}
+
+/// A turn to one side.
+struct Turn {
+    at: Instant,
+    from: Pose,
+    angle: f64,
+}
+
+/// Angle between two looks, some 50 ms apart, below which it does not turn.
+const STILL: f64 = 0.004;
+
+/// The first turn that counts; pauses within it are part of it.
+fn first_turn(way: &[(Instant, Pose)], turned: &[f64]) -> Option<Turn> {
+    let is_turning = |index: usize| (turned[index + 1] - turned[index]).abs() > STILL;
+    let mut begin = (0..way.len().saturating_sub(1)).find(|&index| is_turning(index))?;
+    let mut farthest = begin;
+    for index in begin..turned.len() {
+        let (done, most) = (
+            turned[index] - turned[begin],
+            turned[farthest] - turned[begin],
+        );
+        if done.abs() > most.abs() && (done * most >= 0.0 || most.abs() < TURN) {
+            farthest = index;
+        } else if (done - most).abs() > TURN {
+            break;
+        } else if most.abs() < TURN && done.abs() < STILL {
+            // A sway: what counts begins later.
+            (begin, farthest) = (index, index);
+        } else if most.abs() >= TURN && moved_on(way, farthest, index) {
+            break;
+        }
+    }
+    let angle = turned[farthest] - turned[begin];
+    (angle.abs() >= TURN).then(|| Turn {
+        at: way[begin].0,
+        from: way[begin].1,
+        angle,
+    })
+}
+
+/// Whether the robot has driven on since the point `from` of its way.
+fn moved_on(way: &[(Instant, Pose)], from: usize, now: usize) -> bool {
+    way[from].1.point().distance(way[now].1.point()) > 2.0 * WAY
+}
+
+/// Since when the robot drives backwards although its goal lies ahead.
+fn drives_back(way: &[(Instant, Pose)], place: Point) -> Option<Instant> {
+    let (at, start) = *way.first()?;
+    let moved = way
+        .iter()
+        .find(|(_, pose)| pose.point().distance(start.point()) > WAY)?;
+    let ahead = bearing(start, moved.1.point());
+    (ahead.abs() > PI * 0.75 && bearing(start, place).abs() < PI / 2.0).then_some(at)
+}
+
+/// What is wrong when all waypoints were visited.
+fn goes_on(outcome: &Outcome) -> Option<String> {
+    let last = outcome.truth.last()?;
+    let goal = outcome.case.mission.waypoints_m.last()?;
+    let goal = Point::new(goal[0], goal[1]);
+    let is_told = outcome.axes.iter().any(|axis| axis.set_point != 0.0);
+    let far = last.1.point().distance(goal) * 1000.0;
+    is_told.then(|| {
+        format!(
+            "the robot never stops: it visited its waypoints and is told to drive on in the end, \
+             {far:.0} mm from the last of them"
+        )
+    })
+}
+
+/// Values of the scenario's own slaves that come from encoders, by their names.
+fn encoders(outcome: &Outcome) -> Option<String> {
+    use engine::scenario::{RegistersSpec, SourceSpec, TextSpec};
+    let is_encoder = |source: &SourceSpec| {
+        matches!(
+            source,
+            SourceSpec::Encoder(_) | SourceSpec::EncoderLeft | SourceSpec::EncoderRight
+        )
+    };
+    let mut names = Vec::new();
+    for spec in outcome.case.device.values() {
+        let registers = spec.settings::<RegistersSpec>().into_iter();
+        let registers = registers.flat_map(|spec| &spec.register);
+        for register in registers.map(toml::Spanned::get_ref) {
+            if is_encoder(&register.source) {
+                let width = format!("{:?}", register.width).to_lowercase();
+                names.push(format!("{}: {width}, low byte first", register.name));
+            }
+        }
+        let variables = spec.settings::<TextSpec>().into_iter();
+        let variables = variables.flat_map(|spec| &spec.variable);
+        let variables = variables.map(toml::Spanned::get_ref);
+        let those = variables.filter(|variable| is_encoder(&variable.source));
+        names.extend(those.map(|variable| variable.name.clone()));
+    }
+    (!names.is_empty()).then(|| names.join(", "))
+}

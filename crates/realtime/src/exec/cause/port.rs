@@ -1,0 +1,205 @@
+//! Causes that show at a port: its rate, its settings, who opens it and reads there.
+
+use protocols::Instant;
+
+use super::{Cause, Evidence, weight};
+use crate::exec::exchange::{GOES_ON, SILENT_MAX};
+use crate::exec::ports::Port;
+use crate::process::waits::Wait;
+use crate::transport::Setting;
+use engine::run::check::Status;
+
+pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
+    let mut causes = Vec::new();
+    for port in &evidence.ports.all {
+        causes.extend(rate(port));
+        causes.extend(setting(port));
+        causes.extend(unread(port, evidence));
+        causes.extend(lost(port));
+    }
+    causes.extend(not_opened(evidence));
+    causes.extend(silent(evidence));
+    causes
+}
+
+/// A client at another rate than its device.
+fn rate(port: &Port) -> Option<Cause> {
+    let (own, far, at) = port.was_wrong?;
+    let [open, wrong] = port.open_for;
+    // One that tries several rates and ends at the right one has found it.
+    if port.wrong_rate.is_none() && wrong * 2 <= open {
+        return None;
+    }
+    let name = &port.name;
+    Some(Cause::new(
+        weight::RATE,
+        format!(
+            "wrong baud rate: the client of port {name} is at {own} baud since {at} s, its device \
+             expected {far}; open the port at {far} baud"
+        ),
+    ))
+}
+
+/// Line settings that changed bytes or held them back.
+fn setting(port: &Port) -> Option<Cause> {
+    let acted = port.acted()?;
+    Some(Cause::new(
+        weight::SETTING,
+        format!(
+            "line settings: the client's port is not raw: {acted}; set it raw (cfmakeraw, \
+             tty.setraw, stty raw -echo)"
+        ),
+    ))
+}
+
+/// A port of which nothing is read.
+fn unread(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
+    let at = port.hangs_at?;
+    let (name, brought) = (&port.name, port.to_client);
+    let waits = what_for(evidence);
+    let text = match port.read_at {
+        None => format!(
+            "port {name} was opened and never read, though {brought} B came for it{waits}; \
+             read it in a thread of its own, or in the main loop"
+        ),
+        Some(read) => format!(
+            "the program stopped reading port {name} at {read} s; bytes waited for 2 s by {at} \
+             s{waits}"
+        ),
+    };
+    Some(Cause::new(weight::UNREAD, text))
+}
+
+/// What the program waited for in the end, as the end of a sentence.
+pub(super) fn what_for(evidence: &Evidence<'_>) -> String {
+    let text = evidence.waits.iter().find_map(|wait| match wait {
+        Wait::ModemLine(_) => Some("it waits for a modem line to change"),
+        Wait::Write(_) => Some("it waits in a write"),
+        Wait::Drain(_) => Some("it waits in tcdrain"),
+        Wait::Sleep => Some("it sleeps"),
+        Wait::Lock => Some("it waits for a lock or another thread"),
+        Wait::Read(_) | Wait::Any { .. } => None,
+    });
+    text.map_or_else(String::new, |text| format!(" ({text} in the end)"))
+}
+
+/// Bytes that did not reach a client that reads too seldom.
+fn lost(port: &Port) -> Option<Cause> {
+    let (name, lost) = (&port.name, port.lost.overrun);
+    (lost > 0).then(|| {
+        Cause::new(
+            weight::LOST,
+            format!(
+                "{lost} B were lost at port {name}, because the program did not read them in \
+                 time; read more often, or in a thread of its own"
+            ),
+        )
+    })
+}
+
+/// Ports that nobody opened.
+fn not_opened(evidence: &Evidence<'_>) -> Option<Cause> {
+    let ports = evidence.ports;
+    if ports.is_complete() {
+        return None;
+    }
+    let missing = ports.names(|port| port.is_needed && !port.was_opened);
+    let missing = match missing.is_empty() {
+        true => ports.names(|port| !port.was_opened),
+        false => missing,
+    };
+    let why = match evidence.ended {
+        Some((ended, at)) => format!("it ended with {ended} at {at} s before that"),
+        None => match what_for(evidence) {
+            waits if waits.is_empty() => "it was still there and did not try".to_owned(),
+            waits => waits.trim_matches([' ', '(', ')']).to_owned(),
+        },
+    };
+    Some(Cause::new(
+        weight::NOT_OPENED,
+        format!(
+            "the program never opened {missing}: {why}; its path is in HILRIG_PORT_<NAME>; say with \
+             --exec-needs which ports the program needs"
+        ),
+    ))
+}
+
+/// A program that fell silent or never spoke, and what it waits for.
+fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
+    let ports = evidence.ports;
+    let failed = |name: &str| {
+        let mut checks = evidence.outcome.checks.iter();
+        checks.any(|check| check.name == name && check.status == Status::Fail)
+    };
+    if !failed(GOES_ON) || !ports.is_complete() {
+        return None;
+    }
+    let sent: u64 = ports.all.iter().map(|port| port.from_client).sum();
+    let brought: u64 = ports.all.iter().map(|port| port.to_client).sum();
+    if let Some((ended, at)) = evidence.ended {
+        return (sent == 0).then(|| {
+            Cause::new(
+                weight::NOTHING_SENT,
+                format!(
+                    "the program ended with {ended} at {at} s and had sent nothing and read \
+                     nothing: it did no work at its ports"
+                ),
+            )
+        });
+    }
+    let name_of = |path: &std::path::Path| {
+        let port = ports.all.iter().find(|port| port.path == path);
+        port.map_or_else(|| path.display().to_string(), |port| port.name.clone())
+    };
+    let open = ports.names(|port| port.is_open);
+    let since = ports.active_at.map_or_else(
+        || "it never sent nor read anything".to_owned(),
+        |at| format!("the last it sent or read was at {at} s"),
+    );
+    let no_timeout = |port: &Port| !port.settings_now.has(Setting::MayReadNothing);
+    let blocked = evidence.waits.iter().find_map(|wait| match wait {
+        Wait::ModemLine(path) => Some(format!(
+            "waits for a modem line of port {} to change, which its device does not",
+            name_of(path)
+        )),
+        Wait::Read(path) => {
+            let port = ports.all.iter().find(|port| port.path == *path)?;
+            no_timeout(port).then(|| {
+                format!(
+                    "blocked in a read of port {} without a timeout; give the read a timeout and \
+                     ask again",
+                    port.name
+                )
+            })
+        }
+        Wait::Any { for_ever: true } => Some(format!(
+            "blocked in a poll or select without a timeout, port {open} being open; give it a \
+             timeout and ask again"
+        )),
+        Wait::Drain(path) => Some(format!("blocked in tcdrain of port {}", name_of(path))),
+        Wait::Write(path) => Some(format!("blocked in a write to {}", name_of(path))),
+        _ => None,
+    });
+    if sent + brought == 0 {
+        let waits = blocked.map_or_else(|| what_for(evidence), |text| format!("; it is {text}"));
+        return Some(Cause::new(
+            weight::NOTHING_SENT,
+            format!(
+                "the program sent nothing, and its devices do not speak unless they are asked\
+                 {waits}; a program that waits to be asked is a device: here it is the master"
+            ),
+        ));
+    }
+    if let Some(text) = blocked {
+        return Some(Cause::new(weight::BLOCKED, format!("{text} ({since})")));
+    }
+    let now = Instant::ZERO + evidence.outcome.ran;
+    if ports.active_at.is_some_and(|at| now - at <= SILENT_MAX) {
+        return None;
+    }
+    let waits = what_for(evidence);
+    Some(Cause::new(
+        weight::SILENT,
+        format!("the program fell silent: {since}{waits}"),
+    ))
+}

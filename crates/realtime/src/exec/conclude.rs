@@ -1,0 +1,104 @@
+//! What a run with somebody's program comes to: checks about the program before those of the run,
+//! and the probable cause of a failure.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::cause::{self, Evidence, misunderstood};
+use super::exchange::Rest;
+use super::ports::Ports;
+use super::verdict::{alive, childless};
+use super::{Foreign, add_checks};
+use crate::process::waits::Wait;
+use crate::process::{Ended, Farewell};
+use engine::run::Outcome;
+use engine::run::check::{Check, STOPS, Status};
+
+/// Rig time after the program's end at which motors are to be at rest.
+const REST: Duration = Duration::from_secs(1);
+
+/// A program that is gone drives nothing: motors that turn on fail, where no watchdog is judged.
+fn judge_motors(outcome: &mut Outcome, ended: Option<Instant>) {
+    let now = Instant::ZERO + outcome.ran;
+    let on = outcome.axes.iter().filter(|axis| axis.set_point != 0.0);
+    let on: Vec<String> = on
+        .map(|axis| format!("{} {} {}", axis.name, axis.set_point, axis.unit))
+        .collect();
+    let mut checks = outcome.checks.iter_mut();
+    let check = checks.find(|check| check.name == STOPS && check.status == Status::NotObserved);
+    let is_long = ended.is_none_or(|at| now - at >= REST);
+    if let Some(check) = check.filter(|_| is_long && !on.is_empty()) {
+        let gone = match ended {
+            Some(at) => format!("{:.1} s after the program ended", (now - at).as_secs_f64()),
+            None => "though the program has fallen silent".to_owned(),
+        };
+        check.status = Status::Fail;
+        check.detail = format!(
+            "set-points still on in the end, {gone}: {}; no watchdog stops them",
+            on.join(", ")
+        );
+    }
+}
+
+/// What is known of a program when its run has been judged.
+pub(crate) struct Ending<'a> {
+    /// What was seen at its ports.
+    pub(crate) ports: &'a Ports,
+    /// How it was to be started and judged.
+    pub(crate) foreign: &'a Foreign,
+    /// How it ended by itself, and the rig's time then.
+    pub(crate) ended: Option<(Ended, Instant)>,
+    /// What its threads waited for in the end.
+    pub(crate) waits: &'a [Wait],
+    /// How it was ended.
+    pub(crate) farewell: &'a Farewell,
+    /// Whether the run was over.
+    pub(crate) is_over: bool,
+    /// Further checks.
+    pub(crate) more: Option<Check>,
+}
+
+impl Ending<'_> {
+    /// Adds the checks about the program to `outcome`, and the probable cause if it failed.
+    pub(crate) fn conclude(self, outcome: &mut Outcome) {
+        let (ports, foreign) = (self.ports, self.foreign);
+        let ended = self
+            .ended
+            .map(|(ended, at)| format!("ended with {ended} at {at} s"));
+        let connected = ports.connected(foreign.wait, ended);
+        let reads = ports.reads();
+        let is_told = [&connected, &reads]
+            .iter()
+            .any(|check| check.status == Status::Fail);
+        let goes_on = ports.go_on(&Rest {
+            now: Instant::ZERO + outcome.ran,
+            has_ended: self.ended.is_some(),
+            is_cut: !self.is_over && self.ended.is_none() && ports.is_complete(),
+            may_idle: foreign.may_idle,
+            is_told,
+            checks: &outcome.checks,
+            misunderstood: misunderstood(outcome),
+        });
+        if self.ended.is_some() || goes_on.status == Status::Fail {
+            judge_motors(outcome, self.ended.map(|(_, at)| at));
+        }
+        let mut own = vec![
+            connected,
+            alive(self.ended, self.is_over, foreign.may_end, self.farewell),
+            reads,
+            goes_on,
+            ports.settings(),
+            childless(&self.farewell.left),
+        ];
+        own.extend(self.more);
+        add_checks(outcome, own);
+        outcome.probable_cause = cause::probable(&Evidence {
+            ports,
+            waits: self.waits,
+            ended: self.ended,
+            said: &self.farewell.said,
+            outcome,
+        });
+    }
+}

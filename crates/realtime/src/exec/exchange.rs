@@ -1,0 +1,208 @@
+//! Whether a program goes on with its work: it sends and reads, and does not fall silent.
+//!
+//! A program that waits for ever breaks no rule of a device and lives to the end, so nothing else
+//! would fail. Rig time alone counts, and a program that listens to a device which has nothing to
+//! say is not silent: the device is.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::ports::{Port, Ports};
+use crate::transport::{Setting, Special};
+use engine::run::check::{Check, Status};
+
+/// Name of the check.
+pub(crate) const GOES_ON: &str = "program-goes-on";
+/// Rig time for which any program may be silent.
+pub(super) const SILENT_MAX: Duration = Duration::from_secs(2);
+/// A program may be silent for as many times its longest pause so far.
+const PAUSES_MAX: u32 = 3;
+
+/// Frames that a device does not understand are no slip any more from so many on, if there is one
+/// of them among so many bytes.
+const FEW: u64 = 3;
+const FRAME: u64 = 16;
+
+/// What is known of the run besides the ports.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rest<'a> {
+    /// Rig time in the end.
+    pub now: Instant,
+    /// Whether the program ended by itself.
+    pub has_ended: bool,
+    /// Whether somebody ended the run before its time.
+    pub is_cut: bool,
+    /// Whether the user allows it to fall silent.
+    pub may_idle: bool,
+    /// Whether another check about the ports has failed already.
+    pub is_told: bool,
+    /// The other checks of the run.
+    pub checks: &'a [Check],
+    /// Broken rules that say that a device does not understand what it is sent.
+    pub misunderstood: u64,
+}
+
+impl Ports {
+    /// The verdict on a program's sending and reading.
+    pub(crate) fn go_on(&self, rest: &Rest<'_>) -> Check {
+        let seen: Vec<&Port> = self.all.iter().filter(|port| port.was_opened).collect();
+        if seen.iter().all(|port| port.reads.is_none()) {
+            return Check::not_observed(GOES_ON, "no port was opened at which it can be seen");
+        }
+        if rest.is_cut {
+            return Check::not_observed(GOES_ON, "the run was ended before its time");
+        }
+        if rest.is_told {
+            return Check::not_observed(GOES_ON, "its ports failed already, see the check before");
+        }
+        let sent: u64 = seen.iter().map(|port| port.from_client).sum();
+        let brought: u64 = seen.iter().map(|port| port.to_client).sum();
+        let has_read = seen.iter().any(|port| port.read_at.is_some());
+        let passed = format!("sent {sent} B, {brought} B came for it");
+        let fail = |detail: String| Check::new(GOES_ON, false, detail);
+        if sent == 0 && !has_read {
+            return fail(match brought {
+                0 => "no byte passed in either direction: nothing was observed".to_owned(),
+                _ => format!("it sent nothing and read nothing; {brought} B came for it"),
+            });
+        }
+        let mut wrong = seen.iter().filter(|port| port.is_mostly_wrong());
+        if let Some((port, (own, far, _))) = wrong.find_map(|port| Some((port, port.was_wrong?))) {
+            let name = &port.name;
+            return fail(format!(
+                "{name}: client at {own} baud, expected {far}: both sides read garbage"
+            ));
+        }
+        let times = rest.misunderstood;
+        let is_nothing = brought == 0 && times > 0;
+        if is_nothing || (times >= FEW && times * FRAME >= sent) {
+            return fail(format!(
+                "{passed}: {times} times a device did not understand it"
+            ));
+        }
+        let Some(silent_for) = self.silent_for(rest.now).filter(|_| !rest.has_ended) else {
+            return Check::new(GOES_ON, true, passed);
+        };
+        let limit = SILENT_MAX.max(self.longest_pause * PAUSES_MAX);
+        let since = self.active_at.unwrap_or_default();
+        let seconds = silent_for.as_secs_f64();
+        let detail = format!("{passed}; the last of it at {since} s, silent for {seconds:.1} s");
+        if silent_for <= limit || rest.may_idle || is_done(rest.checks) {
+            return Check::new(GOES_ON, true, detail);
+        }
+        fail(detail + "; allow it with --exec-may-idle")
+    }
+
+    /// How long the program has neither sent nor read, while a device had something for it or
+    /// waited to be asked; `None` if it only listens to devices that are silent themselves.
+    fn silent_for(&self, now: Instant) -> Option<Duration> {
+        let active = self.active_at?;
+        let open = || self.all.iter().filter(|port| port.is_open);
+        // A device that goes on by itself after it was last spoken to, and then stops, stops a
+        // sound listener as well.
+        let is_stream = |port: &Port| {
+            let sent = port.sent_at.unwrap_or_default();
+            port.heard_at.is_some_and(|heard| heard > sent + STREAM)
+                && port.read_at >= port.heard_at
+        };
+        (!open().any(is_stream)).then(|| now - active)
+    }
+}
+
+/// A device that sends this long after it was last sent anything sends by itself.
+const STREAM: Duration = Duration::from_secs(1);
+
+impl Ports {
+    /// Which line settings of a client changed its bytes. That is no failure by itself: a program
+    /// that reads whole lines may want it so.
+    pub(crate) fn settings(&self) -> Check {
+        let opened = self.all.iter().filter(|port| port.was_opened);
+        let acted: Vec<String> = opened.filter_map(Port::acted).collect();
+        let detail = match acted.is_empty() {
+            true => "no line setting of the program changed a byte".to_owned(),
+            false => acted.join("; "),
+        };
+        let is_seen = self.all.iter().any(|port| port.was_opened);
+        Check::new("port-settings", true, detail).if_observed(is_seen)
+    }
+}
+
+impl Port {
+    /// Settings that changed its client's bytes, for people.
+    pub(super) fn acted(&self) -> Option<String> {
+        let [to, from] = self.special;
+        let effect = |setting: Setting| {
+            let what = effect(setting, self, to, from)?;
+            Some(format!("{} {what}", setting.name()))
+        };
+        let acted: Vec<String> = self.settings.all().filter_map(effect).collect();
+        (!acted.is_empty()).then(|| format!("{}: {}", self.name, acted.join(", ")))
+    }
+
+    /// Whether its client was at a wrong rate for most of the time that it was open, and is still.
+    fn is_mostly_wrong(&self) -> bool {
+        let [open, wrong] = self.open_for;
+        let has_passed = self.from_client + self.to_client > 0;
+        has_passed && self.wrong_rate.is_some() && wrong * 2 > open
+    }
+}
+
+/// Whether the scenario has seen the program's work done: it may rest then.
+fn is_done(checks: &[Check]) -> bool {
+    let says = |check: &Check| {
+        let names = ["waypoints-visited", "returned", "home", "at-work-again"];
+        names.contains(&&*check.name) || check.name.starts_with("mission-step-")
+    };
+    let mut of_work = checks.iter().filter(|check| says(check)).peekable();
+    of_work.peek().is_some() && of_work.all(|check| check.status == Status::Pass)
+}
+
+/// What a setting did to the bytes that passed; `None` if it had nothing to do.
+fn effect(setting: Setting, port: &Port, to: Special, from: Special) -> Option<String> {
+    let brought = port.to_client;
+    let some = |count: u64, text: String| (count > 0).then_some(text);
+    match setting {
+        Setting::Canonical => some(
+            brought,
+            format!(
+                "(canonical mode) lets a read end at 0x0A only: {brought} B came, {} of them 0x0A",
+                to.lf
+            ),
+        ),
+        Setting::Echo => some(
+            brought,
+            format!("sends what the device says back to it: {brought} B"),
+        ),
+        Setting::XonXoff => some(
+            to.flow,
+            format!(
+                "takes 0x11 and 0x13 out of what the device sends: {} of them",
+                to.flow
+            ),
+        ),
+        Setting::Strip => some(
+            to.high,
+            format!("cuts the highest bit (7 bits are left): of {} B", to.high),
+        ),
+        Setting::CrToLf => some(to.cr, format!("makes 0x0A of 0x0D: {} times", to.cr)),
+        Setting::LfToCr => some(to.lf, format!("makes 0x0D of 0x0A: {} times", to.lf)),
+        Setting::IgnoreCr => some(to.cr, format!("takes 0x0D away: {} times", to.cr)),
+        Setting::Signals => some(
+            to.signals,
+            format!(
+                "takes 0x03, 0x1A and 0x1C for signals: {} of them",
+                to.signals
+            ),
+        ),
+        Setting::LfToCrLf => some(
+            from.lf,
+            format!("sends 0x0D 0x0A in place of 0x0A: {} times", from.lf),
+        ),
+        Setting::CrSentAsLf => some(
+            from.lf,
+            format!("sends 0x0A in place of 0x0D: up to {} times", from.lf),
+        ),
+        Setting::MayReadNothing => None,
+    }
+}

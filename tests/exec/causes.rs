@@ -1,0 +1,265 @@
+//! Programs that hang, sleep, never open, never read, print and exit, or speak wrongly: none
+//! passes, and the line "probable cause" names what is wrong with each. Honest programs beside them
+//! pass.
+//!
+//! All of it in virtual time, where nothing depends on the machine; two of them in real time too.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use crate::support::{Ended, ended_in};
+
+/// A slave that answers when it is asked, beside a sonar that speaks by itself.
+const BENCH: &str = r#"
+schema = 1
+name = "bench"
+robot = "none"
+duration = "6s"
+
+[device.grip.registers]
+baud = 115200
+register = [
+    { address = 0, name = "number", width = "u32", initial = 286461187 },
+    { address = 8, name = "wanted", width = "u8", access = "write" },
+]
+
+[device.sonar.text]
+baud = 9600
+periodic = { line = "mm=700", period = "100ms" }
+command = [{ request = "ping", reply = "pong" }]
+"#;
+
+/// Frames of the slave: AB, register, count with bit 7 for a write, data, byte sum low byte first.
+const BEGIN: &str = "\
+import fcntl, os, select, sys, termios, time, tty
+def opened(name, baud=termios.B115200, change=None):
+    fd = os.open(os.environ['HILRIG_PORT_' + name], os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(fd)
+    mode = termios.tcgetattr(fd)
+    mode[4] = mode[5] = baud
+    if change:
+        change(mode)
+    termios.tcsetattr(fd, termios.TCSANOW, mode)
+    return fd
+def frame(head):
+    return head + (sum(head) & 0xFFFF).to_bytes(2, 'little')
+ASK = frame(bytes([0xAB, 0, 4]))
+def reply(fd, seconds=0.2):
+    got = b''
+    while len(got) < 9 and select.select([fd], [], [], seconds)[0]:
+        got += os.read(fd, 9 - len(got))
+    return got
+def asks(fd, times=1000):
+    for _ in range(times):
+        os.write(fd, ASK)
+        reply(fd)
+        time.sleep(0.1)
+";
+
+/// A program, the port that it needs, and what its line must say.
+type Case = (&'static str, &'static str, &'static str, &'static str);
+
+const CASES: [Case; 16] = [
+    (
+        "never-opens",
+        "grip",
+        "time.sleep(600)\n",
+        "never opened grip: it sleeps",
+    ),
+    (
+        "prints-and-exits",
+        "grip",
+        "print('done')\n",
+        "never opened grip: it ended with exit code 0",
+    ),
+    (
+        "opens-and-exits",
+        "grip",
+        "fd = opened('GRIP')\nprint('done')\n",
+        "exit code 0",
+    ),
+    (
+        "never-reads",
+        "sonar",
+        "fd = opened('SONAR', termios.B9600)\ntime.sleep(600)\n",
+        "port sonar was opened and never read",
+    ),
+    (
+        "opens-and-sleeps",
+        "grip",
+        "fd = opened('GRIP')\ntime.sleep(600)\n",
+        "sent nothing",
+    ),
+    (
+        "asks-and-sleeps",
+        "grip",
+        "fd = opened('GRIP')\nasks(fd, 3)\ntime.sleep(600)\n",
+        "it sleeps",
+    ),
+    (
+        "blocks-in-a-read",
+        "grip",
+        "fd = opened('GRIP')\nasks(fd, 3)\nos.read(fd, 1)\n",
+        "blocked in a read of port grip without a timeout",
+    ),
+    (
+        "blocks-in-select",
+        "grip",
+        "fd = opened('GRIP')\nasks(fd, 3)\nselect.select([fd], [], [])\n",
+        "blocked in a poll or select without a timeout",
+    ),
+    (
+        "waits-to-be-asked",
+        "grip",
+        "fd = opened('GRIP')\nwhile True:\n    os.write(fd, os.read(fd, 1))\n",
+        "a program that waits to be asked is a device",
+    ),
+    (
+        "waits-for-a-line",
+        "grip",
+        "fd = opened('GRIP')\nasks(fd, 3)\nfcntl.ioctl(fd, 0x545C, 0x20)\n",
+        "waits for a modem line of port grip",
+    ),
+    (
+        "wrong-rate",
+        "grip",
+        "asks(opened('GRIP', termios.B9600))\n",
+        "the client of port grip is at 9600 baud",
+    ),
+    (
+        "canonical",
+        "grip",
+        "def cooked(mode):\n    mode[3] |= termios.ICANON\n\
+         fd = opened('GRIP', change=cooked)\nos.write(fd, ASK)\nos.read(fd, 9)\n",
+        "ICANON",
+    ),
+    (
+        "swapped-sum",
+        "grip",
+        "fd = opened('GRIP')\nwhile True:\n    os.write(fd, ASK[:3] + ASK[:2:-1])\n    \
+         reply(fd)\n    time.sleep(0.1)\n",
+        "bad-checksum",
+    ),
+    (
+        "other-frames",
+        "grip",
+        "fd = opened('GRIP')\nwhile True:\n    os.write(fd, b'READ 0\\n')\n    reply(fd)\n    \
+         time.sleep(0.1)\n",
+        "stray-bytes",
+    ),
+    (
+        "other-words",
+        "sonar",
+        "fd = opened('SONAR', termios.B9600)\nfor _ in range(9):\n    os.write(fd, b'PING\\r\\n')\n    \
+         os.read(fd, 99)\n    time.sleep(0.1)\nsys.exit(3)\n",
+        "unknown-request",
+    ),
+    (
+        "crashes",
+        "grip",
+        "fd = opened('GRIP')\nasks(fd, 3)\nos.kill(os.getpid(), 11)\n",
+        "killed by SIGSEGV",
+    ),
+];
+
+/// Programs that do what they should, in several ways.
+const HONEST: [(&str, &str, &str, &[&str]); 4] = [
+    ("asks", "grip", "asks(opened('GRIP'))\n", &[]),
+    (
+        "listens",
+        "sonar",
+        "fd = opened('SONAR', termios.B9600)\nwhile True:\n    print(os.read(fd, 99), flush=True)\n",
+        &[],
+    ),
+    (
+        "ends-early",
+        "grip",
+        "fd = opened('GRIP')\nasks(fd, 3)\n",
+        &["--exec-may-end"],
+    ),
+    (
+        "rests-when-done",
+        "grip",
+        "fd = opened('GRIP')\nasks(fd, 3)\ntime.sleep(600)\n",
+        &["--exec-may-idle"],
+    ),
+];
+
+fn run(name: &str, port: &str, python: &str, more: &[&str]) -> Ended {
+    let folder = format!("exec-causes-{name}-{}", std::process::id());
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("a fresh folder");
+    fs::write(folder.join("bench.toml"), BENCH).expect("a fresh file");
+    fs::write(folder.join("program.py"), format!("{BEGIN}{python}")).expect("a fresh file");
+    let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
+        .current_dir(&folder)
+        .args(["run", "bench.toml", "--out", "out", "--exec-needs", port])
+        .args(["--exec", "python3 program.py"])
+        .args(more)
+        .stdin(Stdio::null())
+        .output();
+    ended_in(&folder, output.expect("the binary is built"))
+}
+
+/// What is wrong with a verdict on a program that must not pass; `words` are to be in its cause.
+fn flaw(ended: &Ended, name: &str, words: &str) -> Option<String> {
+    if ended.code == Some(0) {
+        return Some(format!("{name} passed\n{}", ended.said));
+    }
+    let mut lines = ended.said.lines().map(str::trim);
+    let cause = lines.find_map(|line| line.strip_prefix("probable cause: "));
+    let is_named = cause.is_some_and(|cause| cause.contains(words));
+    (!is_named).then(|| format!("{name}: {cause:?} lacks {words:?}\n{}", ended.said))
+}
+
+fn assert_flawless(flaws: &[String]) {
+    assert!(flaws.is_empty(), "{}", flaws.join("\n"));
+}
+
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn who_hangs_sleeps_or_speaks_wrongly_never_passes_and_the_cause_is_named() {
+    let flaws = CASES.into_iter().filter_map(|(name, port, python, words)| {
+        let may_end = ["--virtual", "--exec-may-end"];
+        let more = match name {
+            "opens-and-exits" | "prints-and-exits" => &may_end[..],
+            _ => &may_end[..1],
+        };
+        let more = [more, &["--exec-wait", "2s"]].concat();
+        flaw(&run(name, port, python, &more), name, words)
+    });
+    assert_flawless(&flaws.collect::<Vec<_>>());
+}
+
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn who_works_listens_or_ends_with_its_work_done_passes() {
+    for (name, port, python, more) in HONEST {
+        let more = [&["--virtual"], more].concat();
+        let ended = run(&format!("honest-{name}"), port, python, &more);
+        assert_eq!(ended.failed(), Vec::<&str>::new(), "{name}\n{}", ended.said);
+        assert!(
+            !ended.said.contains("probable cause"),
+            "{name}\n{}",
+            ended.said
+        );
+        assert_eq!(ended.code, Some(0), "{name}\n{}", ended.said);
+    }
+}
+
+/// The same in real time, where the system alone says what a program waits for.
+#[test]
+fn in_real_time_a_block_for_ever_and_a_cooked_port_are_named_as_well() {
+    let wait = ["--exec-wait", "60s"];
+    for wanted in ["blocks-in-a-read", "canonical"] {
+        let case = CASES.iter().find(|(name, ..)| *name == wanted);
+        let (name, port, python, words) = case.expect("one of them");
+        assert_named(
+            &run(&format!("real-{name}"), port, python, &wait),
+            name,
+            words,
+        );
+    }
+}
