@@ -85,6 +85,8 @@ pub struct AvrBase {
     bus: Sender,
     debug: Sender,
     memory: Memory,
+    /// Variables by which the fielded builds switch their motors off; only a write over them does.
+    switched_off: [u8; 2],
     sides: [Side; 2],
     regulator_at: Instant,
     regulated: Instant,
@@ -141,7 +143,7 @@ struct Side {
     /// Count at the last run of the regulator.
     counted: i32,
     /// Speed measured by then, ticks per period.
-    is: i8,
+    is: i16,
     /// Copied from its register by the main loop, not limited.
     set_point: i16,
 }
@@ -217,7 +219,8 @@ impl AvrBase {
             pending: VecDeque::new(),
             bus: Sender::new(BUS_LINE.byte_time()),
             debug: Sender::new(DEBUG_LINE.byte_time()),
-            memory: Memory::new(),
+            memory: Memory::new(quirks.map),
+            switched_off: [0; 2],
             sides: [Side::default(); 2],
             regulator_at: ticks.after(Instant::ZERO, REGULATOR, 1),
             regulated: Instant::ZERO,
@@ -306,7 +309,8 @@ impl AvrBase {
         self.chip = Chip::new(now, self.ticks, self.start.up_at);
         self.receiver = Receiver::new(&self.quirks);
         self.pending.clear();
-        self.memory = Memory::new();
+        self.memory = Memory::new(self.quirks.map);
+        self.switched_off = [0; 2];
         self.count_kits();
         self.gyro.restart();
         self.sides = [Side::default(); 2];
@@ -321,8 +325,11 @@ impl AvrBase {
         self.motors.reason = "reset";
     }
 
-    /// Whether the stop button holds the motors.
+    /// Whether the stop button holds the motors, or a write over its variable.
     fn is_stopped(&self) -> bool {
+        if self.switched_off[0] != 0 {
+            return true;
+        }
         match self.button {
             ButtonState::Released => false,
             ButtonState::Pressed | ButtonState::Toggled => true,

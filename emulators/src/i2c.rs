@@ -7,6 +7,16 @@
 //!
 //! A message of the link is a transaction. In the second a real master clocks as many bytes as it
 //! wants; here it says how many. A chip that does not acknowledge does not answer.
+//!
+//! A master outside, whose messages a terminal may run together or tear apart, puts each into a
+//! frame, and each of them has an answer:
+//!
+//! ```text
+//! frame   | 01 | length | message |
+//! answer  | 01 | status | length | bytes |       status 0: acknowledged, 1: not
+//! ```
+//!
+//! No message begins with 01, which is the start byte of the bus and no chip's address.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -21,6 +31,10 @@ use crate::world::World;
 const QUEUE_MAX: usize = 16;
 /// From the end of a request to the beginning of the answer: a bus waits for nobody.
 const LATENCY: Duration = Duration::from_micros(5);
+/// First byte of a frame.
+const FRAME: u8 = 0x01;
+/// All chips listen to a write to this address, and none answers a read.
+const GENERAL_CALL: u8 = 0x00;
 
 /// A chip whose master reads and writes registers. The register counts up within a transaction.
 ///
@@ -35,6 +49,17 @@ pub trait RegisterChip: Clone {
 
     /// Fills `data` from the registers from `register` on; what is not there reads 0.
     fn read(&mut self, now: Instant, register: u8, data: &mut [u8], world: &World);
+
+    /// Where the next read begins that follows `count` bytes from `register` on.
+    fn next_register(&self, register: u8, count: u8) -> u8 {
+        register.wrapping_add(count)
+    }
+
+    /// Whether a master that reads from `address` although nobody acknowledges finds the bus up,
+    /// all ones: a chip that is there and busy.
+    fn is_busy(&self, _now: Instant, _address: u8) -> bool {
+        false
+    }
 
     /// As [`Device::known_faults`].
     fn known_faults(&self) -> &'static [&'static str];
@@ -56,11 +81,20 @@ pub struct OnBus<C> {
     chip: C,
     /// Where the next read begins.
     register: u8,
-    requests: VecDeque<(Instant, Vec<u8>)>,
+    requests: VecDeque<(Instant, Vec<u8>, Framing)>,
+    /// Bytes of frames of which the rest has not come.
+    begun: Vec<u8>,
     answers: VecDeque<Vec<u8>>,
     /// When the chip's log has something to count up.
     told_at: Option<Instant>,
     broken: BrokenRules,
+}
+
+/// Whether a message came in a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Framing {
+    Plain,
+    Framed,
 }
 
 /// The registers of a transaction that begins with `from`: behind FF comes 00.
@@ -78,6 +112,7 @@ impl<C: RegisterChip> OnBus<C> {
             chip,
             register: 0,
             requests: VecDeque::new(),
+            begun: Vec::new(),
             answers: VecDeque::new(),
             told_at: None,
             broken: BrokenRules::default(),
@@ -89,38 +124,91 @@ impl<C: RegisterChip> OnBus<C> {
         &self.chip
     }
 
-    fn obey(&mut self, now: Instant, message: &[u8], world: &World) {
-        let [address, rest @ ..] = message else {
-            return;
-        };
-        if !self.chip.acknowledges(now, address & 0xFE) {
-            return;
+    /// Does a transaction; what was read, `None` if nobody acknowledges.
+    fn obey(&mut self, now: Instant, message: &[u8], world: &World) -> Option<Vec<u8>> {
+        let (&address, rest) = message.split_first()?;
+        let count = rest.first().copied().unwrap_or(0);
+        let reads = address & 1 != 0;
+        if reads && self.chip.is_busy(now, address & 0xFE) {
+            return Some(vec![0xFF; usize::from(count)]);
         }
-        if address & 1 == 0 {
-            let [register, data @ ..] = rest else { return };
+        let is_nobodys = reads && address & 0xFE == GENERAL_CALL;
+        if is_nobodys || !self.chip.acknowledges(now, address & 0xFE) {
+            return None;
+        }
+        let mut read = Vec::new();
+        if reads {
+            read.resize(usize::from(count), 0);
+            if count > 0 {
+                self.chip.read(now, self.register, &mut read, world);
+            }
+            self.register = self.chip.next_register(self.register, count);
+        } else if let [register, data @ ..] = rest {
             self.register = *register;
             if !data.is_empty() {
                 self.chip.write(now, *register, data, world);
             }
-        } else if let Some(count) = rest.first().filter(|count| **count > 0) {
-            let mut answer = vec![0; usize::from(*count)];
-            self.chip.read(now, self.register, &mut answer, world);
-            self.register = self.register.wrapping_add(*count);
-            self.answers.push_back(answer);
+        }
+        Some(read)
+    }
+
+    fn answer(&mut self, read: Option<Vec<u8>>, framing: Framing) {
+        let read = match framing {
+            Framing::Plain => read.unwrap_or_default(),
+            Framing::Framed => {
+                let status = u8::from(read.is_none());
+                let read = read.unwrap_or_default();
+                let len = u8::try_from(read.len()).unwrap_or(u8::MAX);
+                [&[FRAME, status, len], &read[..]].concat()
+            }
+        };
+        if !read.is_empty() {
+            self.answers.push_back(read);
+        }
+    }
+
+    /// Takes the messages out of the frames that are there.
+    fn unframe(&mut self, at: Instant) {
+        while let [first, rest @ ..] = &self.begun[..] {
+            if *first != FRAME {
+                // Torn by damage: nothing tells where the next one begins.
+                return self.begun.clear();
+            }
+            let Some((&len, rest)) = rest.split_first() else {
+                return;
+            };
+            let Some(message) = rest.get(..usize::from(len)) else {
+                return;
+            };
+            let message = message.to_vec();
+            self.begun.drain(..2 + usize::from(len));
+            self.queue(at, message, Framing::Framed);
+        }
+    }
+
+    fn queue(&mut self, at: Instant, message: Vec<u8>, framing: Framing) {
+        if self.requests.len() < QUEUE_MAX {
+            self.requests.push_back((at, message, framing));
         }
     }
 }
 
 impl<C: RegisterChip> Device for OnBus<C> {
     fn receive(&mut self, _port: Port, now: Instant, bytes: &[u8]) {
-        if self.requests.len() < QUEUE_MAX {
-            self.requests.push_back((now + LATENCY, bytes.to_vec()));
+        let at = now + LATENCY;
+        if !self.begun.is_empty() || bytes.first() == Some(&FRAME) {
+            self.begun.extend(bytes);
+            self.unframe(at);
+        } else {
+            self.queue(at, bytes.to_vec(), Framing::Plain);
         }
     }
 
     fn poll(&mut self, now: Instant, world: &mut World) {
-        while let Some((_, message)) = self.requests.pop_front_if(|(at, _)| *at <= now) {
-            self.obey(now, &message, world);
+        while let Some(request) = self.requests.pop_front_if(|(at, ..)| *at <= now) {
+            let (_, message, framing) = request;
+            let read = self.obey(now, &message, world);
+            self.answer(read, framing);
         }
         let log = &mut self.chip.log().0;
         log.poll(now);
@@ -137,7 +225,7 @@ impl<C: RegisterChip> Device for OnBus<C> {
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        earliest([self.requests.front().map(|(at, _)| *at), self.told_at])
+        earliest([self.requests.front().map(|(at, ..)| *at), self.told_at])
     }
 
     fn line_config(&self, _port: Port) -> LineConfig {
@@ -195,11 +283,12 @@ mod tests {
         assert_eq!(found, [0xFE, 0xFF, 0x00, 0x01]);
     }
 
-    /// The identity is at 75; a read from 74 on goes on with it, and the next one behind it.
+    /// The power register, which reads 40 of a chip that sleeps, lies behind 6A: a read from there
+    /// on goes on with it.
     #[test]
     fn a_read_goes_on_where_the_last_one_ended() {
         let chip = Mpu6050::new(Mpu6050Config::default(), 1, "test");
-        let messages = [vec![0xD0, 0x74], vec![0xD1, 1], vec![0xD1, 1]];
+        let messages = [vec![0xD0, 0x6A], vec![0xD1, 1], vec![0xD1, 1]];
         let mut device = OnBus::new(chip);
         assert_eq!(transact(device.clone(), &messages), 2);
         let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
@@ -208,7 +297,7 @@ mod tests {
             device.receive(Port(0), Instant::ZERO, &message);
         }
         device.poll(Instant::from_millis(1), &mut world);
-        assert_eq!(device.answers, [[0x00], [0x68]]);
+        assert_eq!(device.answers, [[0x00], [0x40]]);
     }
 
     /// An answer comes 5 us behind its request; of 17 requests at once the last is lost.
@@ -240,6 +329,40 @@ mod tests {
         let mut buf = [0; 2];
         assert_eq!(device.transmit(Port(0), &mut buf), 2);
         assert_eq!(buf, [1, 2]);
+    }
+
+    /// Messages that a terminal ran together, and one that it tore: each has its answer. A chip
+    /// that is not there acknowledges nothing, a message that begins with another byte is as ever.
+    #[test]
+    fn f17_frames_keep_messages_apart() {
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+        let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+        let mut device = OnBus::new(Mpu6050::new(Mpu6050Config::default(), 1, "test"));
+        let all = [
+            &[0x01, 3, 0xD0, 0x6B, 0x00][..],
+            &[0x01, 3, 0xD0, 0x19, 0x07],
+            &[0x01, 2, 0xD0, 0x19],
+            &[0x01, 2, 0xD1, 1],
+            &[0x01, 2, 0xE1, 1],
+            &[0x01, 2, 0xD0, 0x75],
+            &[0x01, 2, 0xD1, 1],
+        ]
+        .concat();
+        for (index, piece) in (0_u64..).zip(all.chunks(9)) {
+            device.receive(Port(0), Instant::from_millis(index), piece);
+        }
+        device.poll(Instant::from_millis(100), &mut world);
+        let acknowledged = vec![0x01, 0, 0];
+        let expected = [
+            acknowledged.clone(),
+            acknowledged.clone(),
+            acknowledged.clone(),
+            vec![0x01, 0, 1, 0x07],
+            vec![0x01, 1, 0],
+            acknowledged,
+            vec![0x01, 0, 1, 0x68],
+        ];
+        assert_eq!(device.answers, expected);
     }
 
     /// Faults go to the chip, and what its master does wrong comes out of the bus.

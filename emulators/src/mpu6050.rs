@@ -1,21 +1,30 @@
 //! MPU-6050: gyroscope and accelerometer of three axes each, a chip on an I2C bus.
 //!
 //! ```text
+//! 19  divider of the sample rate 3A        status: 10 FIFO overflowed, 01 a sample is ready
 //! 1A  low-pass filter            3B .. 40  acceleration x, y, z     two's complement,
 //! 1B  range of the gyroscope     41, 42    temperature              high byte first
 //! 1C  range of accelerations     43 .. 48  turn rate x, y, z
+//! 23  what goes into the FIFO    6A        40 FIFO on, 04 FIFO reset
+//! 72, 73  bytes in the FIFO      74        reads them, one after the other
 //! 6B  power: 40 sleeps, as after power-up; 80 resets      75  who am I: 68
 //! ```
 //!
-//! x looks ahead, y to the left, z up. A sample is taken at the beginning of each read: the chip's
-//! own thousand a second are never older than what a master can tell apart. The gyroscope has white
-//! noise and a bias that walks; the walk begins anew when the body turns the other way, which makes
-//! an integrated heading climb slowly and start over (report, page 14).
+//! Every register that a master may write keeps what it was written, but for bits that clear
+//! themselves. x looks ahead, y to the left, z up. A sample is taken at the beginning of each read:
+//! the chip's own thousand a second are never older than what a master can tell apart. The
+//! gyroscope has white noise and a bias that walks; the walk begins anew when the body turns the
+//! other way, which makes an integrated heading climb slowly and start over (report, page 14).
+//!
+//! A sample is ready each (1 + divider) / 8 kHz, or / 1 kHz with a filter of 1 to 6; reading the
+//! status clears it. Samples that went into the FIFO while nobody asked are all as the first look
+//! at them finds the body.
 //!
 //! Sources: register map RM-MPU-6000A, data sheet PS-MPU-6000A. Bias and its walk are guesses that
 //! give the report's picture.
 
 use core::time::Duration;
+use std::collections::VecDeque;
 
 use protocols::Instant;
 
@@ -30,6 +39,22 @@ pub const IDENTITY: u8 = 0x68;
 
 /// Registers that a master needs.
 pub mod register {
+    /// The sample rate is divided by one more than this.
+    pub const DIVIDER: u8 = 0x19;
+    /// Low-pass filter in bits 2 to 0.
+    pub const FILTER: u8 = 0x1A;
+    /// What goes into the FIFO: 80 temperature, 40 20 10 turn rates, 08 accelerations.
+    pub const FIFO_ENABLE: u8 = 0x23;
+    /// What interrupts: 10 overflow, 01 a sample is ready.
+    pub const INT_ENABLE: u8 = 0x38;
+    /// What has happened; reading it clears it.
+    pub const INT_STATUS: u8 = 0x3A;
+    /// FIFO on in bit 6, its reset in bit 2.
+    pub const USER_CONTROL: u8 = 0x6A;
+    /// Bytes in the FIFO, high byte first.
+    pub const FIFO_COUNT: u8 = 0x72;
+    /// The FIFO itself: reads do not go on to the next register.
+    pub const FIFO: u8 = 0x74;
     /// Range of the gyroscope in bits 4 and 3.
     pub const GYRO_CONFIG: u8 = 0x1B;
     /// Range of accelerations in bits 4 and 3.
@@ -46,6 +71,24 @@ pub mod register {
 
 const RESET: u8 = 0x80;
 const SLEEP: u8 = 0x40;
+/// Bits of the status.
+const READY: u8 = 0x01;
+const OVERFLOW: u8 = 0x10;
+/// Bits of the user control.
+const FIFO_ON: u8 = 0x40;
+const FIFO_RESET: u8 = 0x04;
+/// Bits of the user control that clear themselves.
+const SELF_CLEARING: u8 = 0x07;
+/// Bytes that the FIFO holds; beyond them the oldest are lost.
+const FIFO_MAX: usize = 1_024;
+/// Registers that only the chip writes, and those that read 0 whatever is written.
+const READ_ONLY: [core::ops::RangeInclusive<u8>; 4] = [
+    register::INT_STATUS..=0x60,
+    0x72..=0x74,
+    0x75..=0x75,
+    0x76..=0xFF,
+];
+const WRITE_ONLY: [u8; 1] = [0x68];
 /// Counts per degree a second and per g, by range.
 const GYRO_COUNTS: [f64; 4] = [131.0, 65.5, 32.8, 16.4];
 const ACCEL_COUNTS: [f64; 4] = [16_384.0, 8_192.0, 4_096.0, 2_048.0];
@@ -95,12 +138,16 @@ const FAULTS: [&str; 4] = ["off", "restart", "stuck", "wrong"];
 pub struct Mpu6050 {
     config: Mpu6050Config,
     noise: Rng,
-    power: u8,
-    gyro_range: usize,
-    accel_range: usize,
-    /// Written and read back, without effect.
-    filter: u8,
+    /// All registers as they were written.
+    registers: [u8; 128],
     data: [u8; 14],
+    /// Bits of the status that reading it will clear.
+    status: u8,
+    fifo: VecDeque<u8>,
+    /// The last byte that came out of it: an empty one goes on with that.
+    fifo_last: u8,
+    /// Up to then samples are in the FIFO, and the status tells of them.
+    sampled_at: Instant,
     /// Part of the biases that has walked, degrees a second.
     walked: [f64; 3],
     walked_at: Instant,
@@ -119,11 +166,12 @@ impl Mpu6050 {
         Self {
             config,
             noise: Rng::stream(seed, name),
-            power: SLEEP,
-            gyro_range: 0,
-            accel_range: 0,
-            filter: 0,
+            registers: RESET_VALUES,
             data: [0; 14],
+            status: 0,
+            fifo: VecDeque::new(),
+            fifo_last: 0,
+            sampled_at: Instant::ZERO,
             walked: [0.0; 3],
             walked_at: Instant::ZERO,
             way: 0,
@@ -136,9 +184,70 @@ impl Mpu6050 {
 
     /// As after power-up.
     fn reset(&mut self) {
-        self.power = SLEEP;
-        (self.gyro_range, self.accel_range, self.filter) = (0, 0, 0);
+        self.registers = RESET_VALUES;
         self.data = [0; 14];
+        self.status = 0;
+        self.fifo.clear();
+    }
+
+    fn is_asleep(&self) -> bool {
+        self.registers[usize::from(register::POWER)] & SLEEP != 0
+    }
+
+    /// From one sample to the next.
+    fn sample_period(&self) -> Duration {
+        let filter = self.registers[usize::from(register::FILTER)] & 0x07;
+        let rate_hz = if matches!(filter, 1..=6) {
+            1_000
+        } else {
+            8_000
+        };
+        let divider = u32::from(self.registers[usize::from(register::DIVIDER)]) + 1;
+        Duration::from_secs(1) * divider / rate_hz
+    }
+
+    /// What has happened since the last look: samples became ready, and went into the FIFO.
+    fn catch_up(&mut self, now: Instant, world: &World) {
+        let period = self.sample_period();
+        if self.is_asleep() || self.is_stuck {
+            self.sampled_at = now;
+            return;
+        }
+        let passed = (now - self.sampled_at).as_nanos() / period.as_nanos();
+        let Ok(passed @ 1..) = u64::try_from(passed) else {
+            return;
+        };
+        let nanos = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
+        self.sampled_at += Duration::from_nanos(nanos.saturating_mul(passed));
+        self.status |= READY;
+        let wanted = self.registers[usize::from(register::FIFO_ENABLE)];
+        let is_on = self.registers[usize::from(register::USER_CONTROL)] & FIFO_ON != 0;
+        if !is_on || wanted & 0xF8 == 0 {
+            return;
+        }
+        self.sample(now, world);
+        // In the order of the registers.
+        let parts = [
+            (0x08, 0..6),
+            (0x80, 6..8),
+            (0x40, 8..10),
+            (0x20, 10..12),
+            (0x10, 12..14),
+        ];
+        let parts = parts.into_iter().filter(|(bit, _)| wanted & bit != 0);
+        let sample: Vec<u8> = parts
+            .flat_map(|(_, range)| self.data[range].to_vec())
+            .collect();
+        // Older ones than fit are lost whatever they were.
+        let fits = u64::try_from(FIFO_MAX / sample.len() + 1).unwrap_or(1);
+        for _ in 0..passed.min(fits) {
+            self.fifo.extend(&sample);
+        }
+        let lost = self.fifo.len().saturating_sub(FIFO_MAX);
+        if lost > 0 || passed > fits {
+            self.fifo.drain(..lost);
+            self.status |= OVERFLOW;
+        }
     }
 
     fn sample(&mut self, now: Instant, world: &World) {
@@ -150,13 +259,13 @@ impl Mpu6050 {
         let mut words = [0_i16; 7];
         for (axis, acceleration) in accelerations.into_iter().enumerate() {
             let shown = acceleration + self.config.accel_noise_m_s2 * self.noise.gauss();
-            words[axis] = whole(shown / G_M_S2 * ACCEL_COUNTS[self.accel_range]);
+            words[axis] = whole(shown / G_M_S2 * ACCEL_COUNTS[self.range(register::ACCEL_CONFIG)]);
         }
         words[3] = whole((self.config.temperature_c - 36.53) * 340.0);
         for (axis, rate) in rates.into_iter().enumerate() {
             let bias = self.config.bias_dps[axis] + self.walked[axis];
             let shown = rate + bias + self.config.gyro_noise_dps * self.noise.gauss();
-            words[4 + axis] = whole(shown * GYRO_COUNTS[self.gyro_range]);
+            words[4 + axis] = whole(shown * GYRO_COUNTS[self.range(register::GYRO_CONFIG)]);
         }
         for (bytes, word) in self.data.chunks_exact_mut(2).zip(words) {
             bytes.copy_from_slice(&word.to_be_bytes());
@@ -181,47 +290,90 @@ impl Mpu6050 {
         }
     }
 
-    fn register(&self, register: u8) -> u8 {
+    /// Range of a sensor by its register: bits 4 and 3.
+    fn range(&self, register: u8) -> usize {
+        usize::from(self.registers[usize::from(register)] >> 3 & 3)
+    }
+
+    fn register(&mut self, register: u8) -> u8 {
+        let [high, low] = u16::try_from(self.fifo.len())
+            .unwrap_or(u16::MAX)
+            .to_be_bytes();
         match register {
-            0x1A => self.filter,
-            register::GYRO_CONFIG => range_bits(self.gyro_range),
-            register::ACCEL_CONFIG => range_bits(self.accel_range),
-            register::POWER => self.power,
+            register::INT_STATUS => core::mem::take(&mut self.status),
+            register::FIFO_COUNT => high,
+            0x73 => low,
+            register::FIFO => {
+                self.fifo_last = self.fifo.pop_front().unwrap_or(self.fifo_last);
+                self.fifo_last
+            }
             register::WHO_AM_I if self.is_wrong => 0x98,
             register::WHO_AM_I => IDENTITY,
             _ if DATA.contains(&register) => self.data[usize::from(register - DATA.start())],
-            _ => 0,
+            _ if WRITE_ONLY.contains(&register) => 0,
+            _ => self
+                .registers
+                .get(usize::from(register))
+                .copied()
+                .unwrap_or(0),
         }
     }
+
+    fn set_register(&mut self, register: u8, byte: u8) {
+        if READ_ONLY.iter().any(|range| range.contains(&register)) {
+            return;
+        }
+        match register {
+            register::POWER if byte & RESET != 0 => return self.reset(),
+            register::USER_CONTROL if byte & FIFO_RESET != 0 => self.fifo.clear(),
+            _ => {}
+        }
+        let kept = match register {
+            register::USER_CONTROL => byte & !SELF_CLEARING,
+            _ => byte,
+        };
+        self.registers[usize::from(register)] = kept;
+    }
 }
+
+/// All registers are 0 after a reset but the one of the power.
+const RESET_VALUES: [u8; 128] = {
+    let mut values = [0; 128];
+    values[register::POWER as usize] = SLEEP;
+    values
+};
 
 impl RegisterChip for Mpu6050 {
     fn acknowledges(&self, _now: Instant, address: u8) -> bool {
         address == ADDRESS && !self.is_off
     }
 
-    fn write(&mut self, _now: Instant, register: u8, data: &[u8], _world: &World) {
+    fn write(&mut self, now: Instant, register: u8, data: &[u8], world: &World) {
+        self.catch_up(now, world);
         for (register, &byte) in registers(register).zip(data) {
-            match register {
-                0x1A => self.filter = byte & 0x3F,
-                register::GYRO_CONFIG => self.gyro_range = range(byte),
-                register::ACCEL_CONFIG => self.accel_range = range(byte),
-                register::POWER if byte & RESET != 0 => self.reset(),
-                register::POWER => self.power = byte,
-                _ => {}
-            }
+            self.set_register(register, byte);
         }
     }
 
     fn read(&mut self, now: Instant, register: u8, data: &mut [u8], world: &World) {
+        self.catch_up(now, world);
         let mut asked = registers(register).take(data.len());
         let asks_for_data = asked.any(|it| DATA.contains(&it));
-        if asks_for_data && self.power & SLEEP == 0 && !self.is_stuck {
+        if asks_for_data && !self.is_asleep() && !self.is_stuck {
             self.sample(now, world);
         }
-        for (register, byte) in registers(register).zip(data) {
+        let mut register = register;
+        for byte in data {
             *byte = self.register(register);
+            register = self.next_register(register, 1);
         }
+    }
+
+    /// A read of the FIFO stays there.
+    fn next_register(&self, register: u8, count: u8) -> u8 {
+        let next = register.wrapping_add(count);
+        let passes = (register..=register::FIFO).contains(&register) && next > register::FIFO;
+        if passes { register::FIFO } else { next }
     }
 
     fn known_faults(&self) -> &'static [&'static str] {
@@ -243,15 +395,6 @@ impl RegisterChip for Mpu6050 {
     fn log(&mut self) -> &mut Log {
         &mut self.log
     }
-}
-
-/// Bits 4 and 3.
-fn range(byte: u8) -> usize {
-    usize::from(byte >> 3 & 3)
-}
-
-fn range_bits(range: usize) -> u8 {
-    u8::try_from(range << 3).unwrap_or_default()
 }
 
 /// Rounded, and held within what a word shows.

@@ -2,17 +2,23 @@
 //! loop: the Arduino MEGA2560 of a model car.
 //!
 //! ```text
-//! reset -> look for the sensor -> calibrate at rest -> loop: look at the encoder, read the
-//!          (not there: words)      265 ms              gyroscope, add to the heading, print
+//! reset -> bootloader -> look for the sensor -> calibrate at rest -> loop: look at the encoder,
+//!          833 ms        7.6 ms                 257 ms               read the gyroscope, add to
+//!                        (not there: words each 500.6 ms)            the heading, print
 //! ```
+//!
+//! The sensor's library waits for the bytes that it asked for, without end: a sensor that is lost
+//! while the loop runs silences the board until it is reset.
 //!
 //! Lines are those of [`protocols::odometer`]. It is reset when its port is opened, as its USB side
 //! does, and everything begins at 0 again. The loop is taken for 10 ms where the heading is
 //! integrated and lasts a little longer; `delay(10 - elapsed)` of a loop that took longer is a wait
 //! of 49 days.
 //!
-//! Sources: sketch of March 2016; figures of the timing from that sketch on a simulated chip: first
-//! line after 265 ms, 997 lines in 10 s, 94 a second over the first five seconds after a reset.
+//! Sources: sketch of March 2016 and the one after it; figures of the timing from both on a
+//! simulated chip: first line after 265 ms, 997 lines in 10 s, 94 a second over the first five
+//! seconds after a reset; the later sketch 1.409 s and 9.88 ms. The MEGA2560's bootloader waits
+//! before it starts them.
 
 mod encoder;
 mod sketch;
@@ -38,8 +44,10 @@ pub use sketch::{Overrun, Program};
 
 /// Bytes that wait for the line at most; a line that does not fit is lost.
 const QUEUE_MAX: usize = 512;
-/// Pause between two words about a sensor that is not there.
-const COMPLAINT_PERIOD: Duration = Duration::from_millis(500);
+/// From the start of the program to its first look at the sensor.
+const FIRST_LOOK: Duration = Duration::from_micros(7_600);
+/// From one word about a sensor that is not there to the next.
+const COMPLAINT_PERIOD: Duration = Duration::from_micros(500_600);
 
 /// How the board is set up.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,8 +64,13 @@ pub struct OdometerConfig {
     pub loop_period: Duration,
     /// At most so much more or less, evenly distributed.
     pub jitter: Duration,
-    /// From a reset to the first line.
+    /// From the start of the program to its first line.
     pub calibration: Duration,
+    /// From a reset to the start of the program: the bootloader waits for an upload.
+    pub boot: Duration,
+    /// Whether the sensor of the later sketch has a magnetometer, as the report says; the figures
+    /// of the published sketch read 0.
+    pub has_compass: bool,
     /// The sensor.
     pub imu: Mpu6050Config,
     /// Of noise and jitter.
@@ -75,8 +88,28 @@ impl Default for OdometerConfig {
             loop_period: Duration::from_micros(10_030),
             jitter: Duration::from_micros(600),
             calibration: Duration::from_millis(265),
+            boot: Duration::from_millis(833),
+            has_compass: false,
             imu: Mpu6050Config::default(),
             seed: 1,
+        }
+    }
+}
+
+impl OdometerConfig {
+    /// The usual board with this program.
+    pub fn of(program: Program) -> Self {
+        let usual = Self {
+            program,
+            ..Self::default()
+        };
+        match program {
+            Program::Pose(_) => usual,
+            Program::Raw => Self {
+                loop_period: Duration::from_micros(9_880),
+                calibration: Duration::from_millis(1_409),
+                ..usual
+            },
         }
     }
 }
@@ -86,12 +119,21 @@ impl Default for OdometerConfig {
 enum State {
     /// Without supply.
     Off,
-    /// Looks for its sensor and calibrates it, until then.
-    Starts(Instant),
+    /// Looks for its sensor then.
+    Looks(Instant),
+    /// Has found it, and calibrates it until then.
+    Calibrates(Instant),
     /// The next loop begins then.
     Runs(Instant),
     /// Waits for ever.
     Hangs,
+}
+
+impl State {
+    /// A program that starts at `now`.
+    fn started(now: Instant) -> Self {
+        Self::Looks(now + FIRST_LOOK)
+    }
 }
 
 /// Names of the faults.
@@ -135,11 +177,11 @@ impl Odometer {
     /// The USB port.
     pub const UART: Port = Port(0);
 
-    /// A board that is switched on as the run begins.
+    /// A board whose program starts as the run begins.
     pub fn new(config: OdometerConfig) -> Self {
         let seed = config.seed;
         Self {
-            state: State::Starts(Instant::ZERO + config.calibration),
+            state: State::started(Instant::ZERO),
             began: Instant::ZERO,
             sketch: Sketch::default(),
             imu: Mpu6050::new(config.imu.clone(), seed, "odometer.imu"),
@@ -162,8 +204,8 @@ impl Odometer {
 
     fn reset(&mut self, now: Instant) {
         self.lines.clear();
-        self.began = now;
-        self.state = State::Starts(now + self.config.calibration);
+        self.began = now + self.config.boot;
+        self.state = State::started(self.began);
         self.log
             .note(now, "reset", "distance and time are 0".to_owned());
     }
@@ -198,21 +240,37 @@ impl Odometer {
         if self.is_swapped { -edges } else { edges }
     }
 
-    /// The sensor is looked for and calibrated.
-    fn start(&mut self, now: Instant, world: &World) {
-        let edges = self.edges(world);
-        if self
-            .sketch
-            .begin((now, self.began), edges, &mut self.imu, world)
-        {
-            self.state = State::Runs(now);
+    /// The sensor is looked for.
+    fn look(&mut self, now: Instant, world: &World) {
+        if sketch::finds(now, &mut self.imu, world) {
+            let rest = self.config.calibration.saturating_sub(FIRST_LOOK);
+            self.state = State::Calibrates(now + rest);
         } else {
             self.print(
                 now,
                 b"Could not find a valid MPU6050 sensor, check wiring!\r\n",
             );
-            self.state = State::Starts(now + COMPLAINT_PERIOD);
+            self.state = State::Looks(now + COMPLAINT_PERIOD);
         }
+    }
+
+    /// The sensor is calibrated; one that is lost meanwhile silences the program.
+    fn start(&mut self, now: Instant, world: &World) {
+        let edges = self.edges(world);
+        let is_there = self
+            .sketch
+            .begin((now, self.began), edges, &mut self.imu, world);
+        self.state = if is_there {
+            State::Runs(now)
+        } else {
+            self.wait_for_sensor(now)
+        };
+    }
+
+    fn wait_for_sensor(&mut self, now: Instant) -> State {
+        let detail = "the sensor is lost: the program waits for its bytes until a reset";
+        self.log.note(now, "waits-for-sensor", detail.to_owned());
+        State::Hangs
     }
 
     /// One loop.
@@ -221,13 +279,18 @@ impl Odometer {
         let jitter_s = self.config.jitter.as_secs_f64() * self.timing.range(-1.0, 1.0);
         let edges = self.edges(world);
         let sketch = &mut self.sketch;
+        let field = self.config.has_compass.then_some(self.iron_ut);
         let line = sketch.turn(
             now,
             (edges, is_open),
-            (self.config.program, self.iron_ut),
+            (self.config.program, field),
             &mut self.imu,
             world,
         );
+        let Some(line) = line else {
+            self.state = self.wait_for_sensor(now);
+            return;
+        };
         self.print(now, &line);
         let usual_s = (self.config.loop_period.as_secs_f64() + jitter_s).max(1e-3);
         let usual = Duration::from_secs_f64(usual_s);
@@ -258,7 +321,8 @@ impl Device for Odometer {
 
     fn poll(&mut self, now: Instant, world: &mut World) {
         match self.state {
-            State::Starts(at) if at <= now => self.start(now, world),
+            State::Looks(at) if at <= now => self.look(now, world),
+            State::Calibrates(at) if at <= now => self.start(now, world),
             _ => {}
         }
         match self.state {
@@ -278,7 +342,7 @@ impl Device for Odometer {
 
     fn poll_at(&self) -> Option<Instant> {
         let own = match self.state {
-            State::Starts(at) | State::Runs(at) => Some(at),
+            State::Looks(at) | State::Calibrates(at) | State::Runs(at) => Some(at),
             State::Off | State::Hangs => None,
         };
         earliest([own, self.log.poll_at()])

@@ -8,8 +8,8 @@
 //!          +------------ reset: start text ------+-- for 2 s ---------> PROTECTION STOP
 //! ```
 //!
-//! Any request ends a scan and is then handled. In Protection Stop scan requests are ignored: the
-//! host hears nothing unless it asks for the health.
+//! Any request ends a scan and is then handled; further ones wait for their turn. In Protection
+//! Stop scan requests are ignored: the host hears nothing unless it asks for the health.
 //!
 //! | module | is |
 //! |---|---|
@@ -22,8 +22,8 @@
 //! | `output` | the transmitter and what damages its bytes |
 //! | [`fault`](Fault) | what can be wrong |
 //!
-//! Sources: protocol document LR001 v1.0, data sheet LD108 v1.0, reports of users (named at the
-//! faults). No raw capture of an A1 is public: single bytes are known, statistics are not.
+//! Sources: protocol document LR001 v1.0, data sheet LD108 v1.0, the vendor's public SDK, what
+//! users print of their sensors (named at the profile), reports of users (named at the faults). No raw capture of an A1 is public: single bytes are known, statistics are not.
 
 mod answer;
 mod beam;
@@ -138,7 +138,7 @@ impl Rplidar {
     /// The line DTR: each byte in is its level, 0 low. Used with [`MotorControl::Dtr`].
     pub const DTR: Port = Port(2);
 
-    /// A sensor that is switched on as the run begins. `name` and `seed` choose its noise.
+    /// A sensor that was switched on before the run begins: its start text has gone. `name` and `seed` choose its noise.
     pub fn new(name: &str, seed: u64, config: Config) -> Self {
         let stream = |part: &str| Rng::stream(seed, &format!("{name}.{part}"));
         let angle_deg = stream("angle").range(0.0, 360.0);
@@ -147,7 +147,7 @@ impl Rplidar {
             motor: config.motor,
             rotor: motor::rotor(config.motor, angle_deg),
             dtr_high: false,
-            optics: Optics::new(config.mount, stream("beam"), stream("range")),
+            optics: Optics::new(config.mount, ["beam", "range", "light"].map(stream)),
             requests: RequestDecoder::with_format(Requests),
             give_up_at: None,
             handling: Handling::default(),
@@ -188,6 +188,7 @@ impl Rplidar {
         self.faults_changed(now);
         if was_off && !self.faults.has(Fault::Off) {
             self.phase = Phase::Idle;
+            self.handling = Handling::starting(now);
         }
     }
 
@@ -226,18 +227,19 @@ impl Rplidar {
 
     fn power_off(&mut self, now: Instant) {
         self.restart(now, "powered-off", "no supply");
+        self.handling = Handling::default();
         self.output.clear();
         self.phase = Phase::Off;
     }
 
-    /// Forgets everything but what is on the line. The sensor says nothing on power-up.
+    /// Forgets everything but what is on the line, and prints the start text when it is up again.
     fn restart(&mut self, now: Instant, rule: &'static str, detail: &str) {
         if self.phase == Phase::Off {
             return;
         }
         self.requests = RequestDecoder::with_format(Requests);
         self.give_up_at = None;
-        self.handling = Handling::default();
+        self.handling = Handling::starting(now);
         self.phase = Phase::Idle;
         self.log.note(now, rule, detail.to_owned());
     }

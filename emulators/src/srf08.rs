@@ -2,16 +2,16 @@
 //!
 //! ```text
 //! register  read                          write
-//! 0         software revision             command: 50 inches, 51 cm, 52 us
+//! 0         software revision             command: 50 inches, 51 cm, 52 us; 53 to 55: ANN mode
 //! 1         light                         greatest gain, 0 to 31
 //! 2, 3      first echo, high byte first   2: range, (n + 1) * 43 mm
-//! 4 .. 35   second to 17th echo
+//! 4 .. 35   second to 17th echo; in ANN mode a byte for each 2048 us, not 0 where an echo was
 //! ```
 //!
 //! The answer is there after the ranging time, that is after the way to the end of the range and
 //! back; meanwhile the chip does not acknowledge, and a master reads FF. 0 means no echo. What lies
-//! in the cone is found by rays; the nearest counts. Only the first echo is modelled, gain and the
-//! neural modes (53 to 55) are not.
+//! in the cone is found by rays; the nearest counts. Only the first echo is modelled, gain is not.
+//! A write to the general call address, 0, goes to every chip; a read from it to none.
 //!
 //! Sources: Devantech's SRF08 manual; speed of sound 343.2 m/s and cone of 21.8 degrees to either
 //! side as the car's own software has them.
@@ -38,6 +38,9 @@ pub const CENTIMETRES: u8 = 0x51;
 /// Ranges in microseconds, there and back.
 pub const MICROSECONDS: u8 = 0x52;
 
+/// The same three units in ANN mode.
+pub const ANN: core::ops::RangeInclusive<u8> = 0x53..=0x55;
+
 /// What all chips on a bus listen to.
 const GENERAL_CALL: u8 = 0;
 /// Of sound.
@@ -46,6 +49,13 @@ const SPEED_M_S: f64 = 343.2;
 const LEAST_M: f64 = 0.03;
 /// One unit of the range register.
 const RANGE_UNIT_M: f64 = 0.043;
+/// Time that a byte of the ANN mode stands for, microseconds there and back.
+const SLICE_US: f64 = 2_048.0;
+/// Bytes of the ANN mode, and where they begin.
+const SLICES: usize = 32;
+const SLICES_FROM: u8 = 4;
+/// What a slice with an echo reads. The manual says "not zero".
+const SLICE_ECHO: u8 = 1;
 /// Computing after the last echo; a guess that makes 65 ms of the default range.
 const OVERHEAD: Duration = Duration::from_millis(1);
 /// What must be written to the command register before a new address.
@@ -104,6 +114,8 @@ pub struct Srf08 {
     range: u8,
     /// First echo, as the registers show it.
     echo: u16,
+    /// The slice of the ANN mode with an echo.
+    slice: Option<usize>,
     ready_at: Instant,
     /// Bytes of [`ADDRESS_CHANGE`] that came in order.
     unlocked: usize,
@@ -124,6 +136,7 @@ impl Srf08 {
             view: None,
             range: 255,
             echo: 0,
+            slice: None,
             ready_at: Instant::ZERO,
             unlocked: 0,
             is_off: false,
@@ -150,8 +163,9 @@ impl Srf08 {
     }
 
     fn command(&mut self, now: Instant, command: u8, world: &World) {
-        if self.unlocked == ADDRESS_CHANGE.len() && command >= 0xE0 {
-            self.address = command & 0xFE;
+        // Addresses are even: an odd one is none, and the sequence has to be sent again.
+        if self.unlocked == ADDRESS_CHANGE.len() && command >= 0xE0 && command % 2 == 0 {
+            self.address = command;
             self.unlocked = 0;
             return;
         }
@@ -159,7 +173,9 @@ impl Srf08 {
             Some(expected) if *expected == command => self.unlocked + 1,
             _ => 0,
         };
-        let echo = match command {
+        let is_ann = ANN.contains(&command);
+        let unit = if is_ann { command - 3 } else { command };
+        let echo = match unit {
             INCHES => |distance_m: f64| distance_m / 0.0254,
             CENTIMETRES => |distance_m: f64| distance_m * 100.0,
             // The counter counts in steps of 4 us.
@@ -177,6 +193,8 @@ impl Srf08 {
         if !self.is_stuck {
             let heard_m = heard.map(|heard| (heard + self.offset_m + noise_m).max(LEAST_M));
             self.echo = heard_m.map_or(0, |heard_m| whole(echo(heard_m)));
+            let slice = heard_m.map(|heard_m| whole_slice(heard_m * 2e6 / SPEED_M_S));
+            self.slice = slice.filter(|&slice| is_ann && slice < SLICES);
         }
         self.ready_at = now + self.ranging_time();
     }
@@ -224,9 +242,18 @@ impl RegisterChip for Srf08 {
                 GAIN => self.config.light,
                 RANGE => high,
                 3 => low,
+                _ if self.slice == register.checked_sub(SLICES_FROM).map(usize::from)
+                    && register >= SLICES_FROM =>
+                {
+                    SLICE_ECHO
+                }
                 _ => 0,
             };
         }
+    }
+
+    fn is_busy(&self, now: Instant, address: u8) -> bool {
+        address == self.address && !self.is_off && self.is_ranging(now)
     }
 
     fn known_faults(&self) -> &'static [&'static str] {
@@ -248,6 +275,11 @@ impl RegisterChip for Srf08 {
     fn log(&mut self) -> &mut Log {
         &mut self.log
     }
+}
+
+/// The slice of the ANN mode that a time belongs to.
+fn whole_slice(time_us: f64) -> usize {
+    usize::from(whole((time_us / SLICE_US - 0.5).max(0.0)))
 }
 
 #[expect(

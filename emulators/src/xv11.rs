@@ -29,6 +29,7 @@ mod motor;
 mod optics;
 mod profile;
 mod scan;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod uart;
@@ -41,7 +42,7 @@ use crate::lidar::rotor::Rotor;
 use crate::rng::Rng;
 use crate::world::World;
 use beam::Eye;
-use encoder::Encoder;
+use encoder::{Encoder, Wander};
 use fault::Faults;
 use firmware::Firmware;
 use uart::Uart;
@@ -65,8 +66,21 @@ pub struct Config {
     pub mount: Mount,
     /// Geometry of the optics.
     pub optics: Optics,
+    /// How much of what varies is modelled.
+    pub detail: Detail,
     /// What is wrong with it from the start.
     pub faults: Vec<Fault>,
+}
+
+/// What varies besides the noise of each reading.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Detail {
+    /// Nothing: surfaces are even and alike, and only the edges of the encoder jitter.
+    #[default]
+    Even,
+    /// As in the "hand in box" capture: belt and gear let the speed wander within a turn, surfaces
+    /// reflect unevenly and are rough, and noise is a little alike from turn to turn.
+    Captured,
 }
 
 /// What the firmware is doing.
@@ -124,7 +138,12 @@ impl Xv11 {
 
     /// A sensor that is switched on as the run begins. `name` and `seed` choose its noise.
     pub fn new(name: &str, seed: u64, config: Config) -> Self {
-        let mut encoder = Encoder::new(Rng::stream(seed, &format!("{name}.encoder")));
+        let rng = |part: &str| Rng::stream(seed, &format!("{name}.{part}"));
+        let wander = match config.detail {
+            Detail::Even => Wander::none(),
+            Detail::Captured => Wander::captured(rng("belt")),
+        };
+        let mut encoder = Encoder::new(rng("encoder"), wander);
         let angle = encoder.any_angle();
         let mut rotor = Rotor::new(MOTOR, config.supply, angle);
         if encoder.seek(angle) {
@@ -136,7 +155,8 @@ impl Xv11 {
             encoder,
             edge_at: None,
             work_at: None,
-            eye: Eye::new(config.mount, config.optics, seed, name),
+            eye: Eye::new(config.mount, config.optics, seed, name)
+                .of(config.profile, config.detail),
             uart: Uart::default(),
             firmware: Firmware::new(),
             faults: Faults::default(),

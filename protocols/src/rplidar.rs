@@ -7,10 +7,12 @@
 //! node        | quality(7..2) !S(1) S(0) | angle q6 u15, 1(0) | distance q2 u16 |
 //! capsule     | A, xor low | 5, xor high | angle q6 u15, S(15) | 16 cabins of 5 bytes |
 //! cabin       | distance(15..2) dtheta(1..0) | the same again | dtheta low nibbles |
+//! kind 0x84   | as a capsule, with 32 cabins of 4 bytes of three samples each |
 //! ```
 //!
 //! All words are little-endian. Mode 1 is a stream: the payload repeats without end, nodes of five
-//! bytes (standard scan) or capsules of 84 (express scan). What an answer is depends on the
+//! bytes (standard scan), capsules of 84 (express scan) or of 132 (kind 0x84, three samples in four
+//! bytes). What an answer is depends on the
 //! descriptor before it, so the [`Decoder`] keeps what was announced last.
 //!
 //! Sources: protocol document LR001 v1.0 (2017-05-15), data sheet LD108 v1.0, the vendor's SDK
@@ -23,6 +25,7 @@ mod node;
 mod request;
 #[cfg(test)]
 mod tests;
+mod ultra;
 
 pub use answer::{
     ANSWER_MAX, Answer, Conf, ConfKey, Descriptor, Health, Info, PAYLOAD_MAX, Reply, SampleRate,
@@ -32,6 +35,7 @@ pub use capsule::{CAPSULE_LEN, CAPSULE_SAMPLES, Capsule, CapsuleSample, Sample};
 pub use decoder::{Decoder, Frame, Mode};
 pub use node::{NODE_LEN, Node};
 pub use request::{Command, REQUEST_MAX, Request, RequestDecoder, Requests, code};
+pub use ultra::{ULTRA_LEN, ULTRA_SAMPLES, UltraCapsule, lead_q11};
 
 /// Rate of the line, 8N1.
 pub const BAUD: u32 = 115_200;

@@ -13,13 +13,17 @@ from rig import Rig, is_distance
 
 # Client, what it runs on, its options. The vendor's SDK leaves no choice of the mode: it takes the
 # one that the sensor calls typical, the express scan, also on 1.20, of which it asks the sample
-# rate. So its other mode is chosen by what the sensor says.
-STANDARD = "+standard"
+# rate. So its other modes are chosen by what the sensor says: the number behind the plus.
+STANDARD = "+0"
 SOUND = [
     ("sdk", "fw1.20", {}),
     ("sdk", "fw1.24", {}),
     ("sdk", "fw1.29", {}),
     ("sdk", "fw1.29" + STANDARD, {}),
+    ("sdk", "fw1.29+1", {}),
+    ("sdk", "fw1.29+2", {}),
+    ("sdk", "fw1.29+3", {}),
+    ("sdk", "fw1.29+4", {}),
     ("rs", "fw1.24", {"mode": 0}),
     ("rs", "fw1.29", {"mode": 0}),
     ("roboticia", "fw1.20", {}),
@@ -30,7 +34,7 @@ SOUND = [
 # Clients that read the angles of capsules wrongly, whoever sends them: this crate shifts the offset
 # where the vendor's code shifts the difference; rplidar-roboticia takes the offset for signed.
 ANGLES_WRONG = [
-    ("rs", "fw1.29", {}),
+    ("rs", "fw1.24", {}),
     ("roboticia", "fw1.29", {"mode": "express"}),
 ]
 # After a lost byte: what a client does.
@@ -42,9 +46,9 @@ LOST = [
     ("roboticia", {}, "New scan flags mismatch|Check bit not equal to 1"),
     ("adafruit", {}, "New scan flags mismatch|Check bit not equal to 1"),
 ]
-# 7.49 turns a second on the adapter. Half of them are enough: the rig's time stands when the machine
+# 7.36 turns a second on the adapter. Half of them are enough: the rig's time stands when the machine
 # is late, and the head needs 1.7 s to run up.
-TURNS_PER_S = 7.49
+TURNS_PER_S = 7.36
 # The byte that is lost: about two seconds of scan.
 LOST_BYTE = """
 [[fault]]
@@ -55,20 +59,20 @@ byte = 20001
 """
 # Rig and client need a processor for themselves.
 AT_ONCE = os.cpu_count() or 1
-# Mode 0 is called the typical one.
-TYPICAL_STANDARD = """
+# Another mode is called the typical one.
+TYPICAL = """
 
 [[fault]]
 kind = "device"
 device = "lidar"
 fault = "typical-mode"
-factor = 0
+factor = {mode}
 """
 
 
 def device(profile):
-    firmware = profile.removesuffix(STANDARD)
-    typical = TYPICAL_STANDARD if profile.endswith(STANDARD) else ""
+    firmware, _, mode = profile.partition("+")
+    typical = TYPICAL.format(mode=mode) if mode else ""
     return f'[device.lidar.rplidar]\nprofile = "{firmware}"{typical}'
 
 

@@ -115,8 +115,8 @@ fn on_ice(seed: u64, grip: Option<f64>) -> (Scenario, Source) {
     let ice = grip
         .map(|grip| format!("[[world.slick]]\nmin_m = [0, 0]\nmax_m = [2, 2]\ngrip = {grip}\n"));
     let text = format!(
-        "schema = 1\nname = \"ice\"\nrobot = \"apollo13\"\nduration = \"4s\"\nseed = {seed}\n\
-         [device.odometer.odometer]\nprogram = \"raw\"\n[[mission.step]]\nat = \"2s\"\n\
+        "schema = 1\nname = \"ice\"\nrobot = \"apollo13\"\nduration = \"6s\"\nseed = {seed}\n\
+         [device.odometer.odometer]\nprogram = \"raw\"\n[[mission.step]]\nat = \"4s\"\n\
          do = {{ drive = [3, 8] }}\n[world]\n\
          start = {{ x_m = 0.7, y_m = 1, heading_deg = 0 }}\n[[world.wall]]\n\
          path_m = [[0, 0], [6, 0], [6, 2], [0, 2], [0, 0]]\n{}",

@@ -145,3 +145,25 @@ fn what_cannot_be_is_told_with_its_place() {
     let flat = "[chassis.differential]\nfootprint_m = [[0, 0], [1, 1]]\n";
     insta::assert_snapshot!(refusal(&robot.replace("[chassis.differential]", flat)), @r#"<test>:19: chassis.differential.footprint_m: 2 corners; expected 3 to 64"#);
 }
+
+/// A board that counts an encoder which the chassis lacks would show a standstill for ever: the
+/// scenario is refused. A car has the encoders of its shaft and of its rear wheels.
+#[test]
+fn f15_a_board_without_its_encoder_is_refused() {
+    let text = |chassis: &str, devices: &str| {
+        format!(
+            "schema = 1\nname = \"test\"\nrobot = \"custom\"\nduration = \"1s\"\n\
+             [chassis.{chassis}]\n{devices}\n[world]\n\
+             start = {{ x_m = 1.0, y_m = 1.0, heading_deg = 0 }}\n\
+             [[world.wall]]\npath_m = [[0, 0], [2, 0]]\n"
+        )
+    };
+    let odometer = "[device.wheel.odometer]";
+    let refused = refusal(&text("differential", odometer));
+    assert!(
+        refused.contains("counts the encoder \"drive\"") && refused.contains("\"left\""),
+        "{refused}"
+    );
+    let sound = text("ackermann", &format!("[device.car.car-board]\n{odometer}"));
+    run_of(read(&sound).expect("sound"));
+}

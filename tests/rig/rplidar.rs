@@ -103,7 +103,8 @@ fn wall_mm(angle_deg: f32) -> f32 {
 }
 
 /// What a vendor's client does first, and a turn whose ranges are those of the room: 5.5 turns a
-/// second are 365 nodes a turn, sigma is 0.25 % of the range.
+/// second of a sample each 508 us are 358 nodes a turn, sigma is 0.25 % of the range. Some nodes
+/// have no distance.
 #[test]
 fn a_client_gets_a_turn_that_agrees_with_the_room() {
     let bench = room("profile = \"fw1.29\"");
@@ -119,8 +120,10 @@ fn a_client_gets_a_turn_that_agrees_with_the_room() {
         .filter(|&at| nodes[at].starts_turn())
         .collect();
     let turn = &nodes[starts[0]..starts[1]];
-    assert!((355..=375).contains(&turn.len()), "{} nodes", turn.len());
-    for node in turn {
+    assert!((350..=366).contains(&turn.len()), "{} nodes", turn.len());
+    let measured = turn.iter().filter(|node| node.distance_q2() > 0);
+    assert!(measured.clone().count() * 10 > turn.len() * 8);
+    for node in measured {
         let (angle, found) = (node.angle_deg(), node.distance_mm().expect("a wall"));
         let wall = wall_mm(angle);
         assert!(
@@ -155,7 +158,7 @@ fn a_fault_of_the_device_shows_in_the_stream() {
     let mut client = Client::new(&bench);
     let nodes = scan(&mut client, 7 + 5 * 8_000);
     let seen = |nodes: &[Node]| nodes.iter().filter(|node| node.distance_q2() > 0).count();
-    assert_eq!(seen(&nodes[..500]), 500);
+    assert!(seen(&nodes[..500]) > 400);
     assert_eq!(seen(&nodes[nodes.len() - 500..]), 0);
 
     let bench = room("faults = [\"foreign\"]");

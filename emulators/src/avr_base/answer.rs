@@ -73,7 +73,6 @@ impl AvrBase {
     pub(super) fn answer(&mut self, at: Instant, request: &Request) -> Frame {
         self.last_frame = request.at;
         self.print_debug_text(at);
-        let order = self.quirks.checksum;
         let reply = if request.valid {
             self.judge(request);
             self.restart_watchdog(at, request);
@@ -82,12 +81,32 @@ impl AvrBase {
                 Bounds::Refused => self.access_registers(request),
             }
         } else {
-            let reply = Frame::read(ERROR_REGISTER, 0, order);
-            self.memory.hold_error(ERROR_REGISTER, sum(&reply));
-            reply
+            self.refuse()
         };
         self.main_loop_pass();
         reply
+    }
+
+    /// The error frame.
+    fn refuse(&mut self) -> Frame {
+        let reply = Frame::read(ERROR_REGISTER, 0, self.quirks.checksum);
+        self.memory.hold_error(ERROR_REGISTER, sum(&reply));
+        reply
+    }
+
+    /// Does `access` with `count` bytes from `register` on, with the motors' state where it lies
+    /// in the memory; what it leaves there is their state from now on.
+    fn with_motors(&mut self, register: u8, count: u8, access: impl FnOnce(&mut Memory)) {
+        if !Memory::reaches_motors(register, count) {
+            return access(&mut self.memory);
+        }
+        let before = self.motor_state();
+        self.memory.hold_motors(&before);
+        access(&mut self.memory);
+        let after = self.memory.motors();
+        if after != before {
+            self.take_motor_state(&after);
+        }
     }
 
     fn print_debug_text(&mut self, at: Instant) {
@@ -105,21 +124,29 @@ impl AvrBase {
         let [.., first, second] = request.bytes[..] else {
             return Frame::read(ERROR_REGISTER, 0, order);
         };
+        let (register, count) = (request.register(), request.count());
         self.memory
-            .hold_request(request.register(), request.bytes[2], [first, second]);
+            .hold_request(register, request.bytes[2], [first, second]);
         match request.kind() {
             RequestKind::Write => {
+                // A receiver without the fielded interrupt has not stored it yet.
                 for (&byte, index) in request.data().iter().zip(0..) {
                     self.memory.store(index, byte);
                 }
-                self.memory.copy_data(request.count());
+                if !self.memory.holds(request.data()) {
+                    // The checksum is made of what the pointer leads to.
+                    return self.refuse();
+                }
+                self.memory.begin_reply(register);
+                self.with_motors(register, count, |memory| memory.copy_data(register, count));
                 let reply = Frame::read(self.memory.reply_register(), 0, order);
-                self.memory.hold_reply(0);
+                self.memory.hold_acknowledgement();
                 self.memory.hold_reply_checksum(sum(&reply));
                 reply
             }
             RequestKind::Read => {
-                self.memory.hold_reply(0x80 | request.count());
+                self.with_motors(register, count, |_| {});
+                self.memory.hold_reply(register, 0x80 | count);
                 let torn = self.tear_encoders(request);
                 let memory = torn.as_ref().unwrap_or(&self.memory);
                 let data = memory.read(request.register(), request.count());

@@ -76,26 +76,36 @@ impl Battery {
         };
         let raw = whole(((volts_mv + 300.0) / 15.0).clamp(0.0, 1023.0));
         memory.feed_i16(BATTERY_RAW, raw);
-        let mv = (raw * 15 - 300).cast_unsigned();
-        let percent = whole(0.037 * f64::from(mv) - 363.0);
-        match kind {
-            BatteryRegisters::LowFirst => {
-                memory.write(registers::BATTERY_MV, &mv.to_le_bytes());
-                let percent = percent.clamp(0, 100).to_le_bytes()[0];
-                memory.set(registers::BATTERY_PERCENT, percent);
-            }
-            BatteryRegisters::HighByteOnly => {
-                let is_least = mv < self.least_mv;
-                self.least_mv = self.least_mv.min(mv);
-                memory.feed_battery(mv, is_least.then_some(percent.to_le_bytes()[0]));
-                memory.refill_battery();
-            }
+        if kind == BatteryRegisters::LowFirst {
+            let (mv, percent) = told(raw);
+            memory.write(registers::BATTERY_MV, &mv.to_le_bytes());
+            let percent = percent.clamp(0, 100).to_le_bytes()[0];
+            memory.set(registers::BATTERY_PERCENT, percent);
         }
+    }
+
+    /// What the fielded main loop makes of the reading, whenever the divider has counted.
+    pub(super) fn convert(&mut self, memory: &mut Memory) {
+        let raw = memory.battery_reading();
+        if raw <= 0 {
+            return;
+        }
+        let (mv, percent) = told(raw);
+        let is_least = mv < self.least_mv;
+        self.least_mv = self.least_mv.min(mv);
+        memory.feed_battery(mv, is_least.then_some(percent.to_le_bytes()[0]));
+        memory.refill_battery();
     }
 }
 
 /// Raw reading of the battery's converter.
 const BATTERY_RAW: u8 = 19;
+
+/// Voltage in mV and percent of a reading, 16 bits that wrap.
+fn told(raw: i16) -> (u16, i16) {
+    let mv = raw.wrapping_mul(15).wrapping_sub(300).cast_unsigned();
+    (mv, whole(0.037 * f64::from(mv) - 363.0))
+}
 
 fn whole(value: f64) -> i16 {
     #[expect(clippy::cast_possible_truncation, reason = "truncates and saturates")]
@@ -105,15 +115,19 @@ fn whole(value: f64) -> i16 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::memory::MAP_2015;
     use super::*;
 
     fn sampled(start_mv: f64, kind: BatteryRegisters) -> Memory {
-        let mut memory = Memory::new();
+        let mut memory = Memory::new(MAP_2015);
         let mut battery = Battery::new(BatteryConfig {
             start_mv,
             drop_mv_per_s: 0.0,
         });
         battery.sample(Instant::ZERO, kind, &mut memory);
+        if kind == BatteryRegisters::HighByteOnly {
+            battery.convert(&mut memory);
+        }
         memory
     }
 
@@ -143,16 +157,18 @@ mod tests {
     /// 10995 mV is what the reading makes of 11000: 43 percent. The new battery has 95.
     #[test]
     fn fielded_percent_never_rise() {
-        let mut memory = Memory::new();
+        let mut memory = Memory::new(MAP_2015);
         let mut battery = Battery::new(BatteryConfig {
             start_mv: 12_000.0,
             drop_mv_per_s: 100.0,
         });
         let kind = BatteryRegisters::HighByteOnly;
         battery.sample(Instant::from_secs(10), kind, &mut memory);
+        battery.convert(&mut memory);
         let low = memory.get(35);
         battery.replace(Instant::from_secs(11), BatteryConfig::default());
         battery.sample(Instant::from_secs(11), kind, &mut memory);
+        battery.convert(&mut memory);
         assert_eq!((low, memory.get(35)), (43, 43));
     }
 }

@@ -15,36 +15,44 @@ use super::ticks::Ticks;
 use crate::world::Drive;
 
 /// The sum of errors stays below this.
-const SUM_LIMIT: i32 = 200;
+const SUM_LIMIT: i16 = 200;
+/// Greatest power.
+const POWER_MAX: i16 = 255;
 
-/// One side of the speed regulator.
+/// One side of the speed regulator. All numbers are those of 16 bits that the firmware has, which
+/// wrap: only a master that writes over them sees that.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Regulator {
-    sum: i32,
+    pub(super) sum: i16,
+    /// What the last step came to.
+    pub(super) power: i16,
 }
 
 impl Regulator {
     /// What the motor driver does next, given set-point and measured speed in ticks per period.
-    pub(super) fn step(&mut self, gains: Gains, set_point: i16, is: i8) -> Drive {
-        let to = i32::from(set_point.clamp(-SET_POINT_MAX, SET_POINT_MAX));
+    pub(super) fn step(&mut self, gains: Gains, set_point: i16, is: i16) -> Drive {
+        let to = set_point.clamp(-SET_POINT_MAX, SET_POINT_MAX);
         if to == 0 {
-            self.sum = 0;
+            *self = Self::default();
             return Drive::Brake;
         }
-        let error = to - i32::from(is);
-        if (self.sum + error).abs() < SUM_LIMIT {
-            self.sum += error;
+        let error = to.wrapping_sub(is);
+        let sum = self.sum.wrapping_add(error);
+        if sum.wrapping_abs() < SUM_LIMIT {
+            self.sum = sum;
         }
         let p = (to.abs() / 3).max(gains.p_min);
         let i = to.abs() / 10 + gains.i_plus;
-        Drive::Power(pulse((error * p + self.sum * i).clamp(-255, 255)))
+        let power = error.wrapping_mul(p).wrapping_add(self.sum.wrapping_mul(i));
+        self.power = power.clamp(-POWER_MAX, POWER_MAX);
+        Drive::Power(pulse(self.power))
     }
 }
 
 /// Pulse width of a power, with its sign.
-fn pulse(power: i32) -> i16 {
+fn pulse(power: i16) -> i16 {
     // 0.84 = 21 / 25; division of positive whole numbers truncates as the firmware does.
-    let width = i16::try_from(power.abs() * 21 / 25 + 40).expect("at most 254");
+    let width = power.abs() * 21 / 25 + 40;
     match power.signum() {
         0 => 0,
         1 => width,
@@ -63,6 +71,8 @@ pub(super) struct Counter {
     count: i32,
     /// The count at the look before the last.
     before: i32,
+    /// Edges counted whatever their direction.
+    edges: i32,
 }
 
 impl Counter {
@@ -73,6 +83,7 @@ impl Counter {
             at,
             count: 0,
             before: 0,
+            edges: 0,
         }
     }
 
@@ -93,12 +104,23 @@ impl Counter {
         #[expect(clippy::cast_possible_truncation, reason = "32 bits that wrap")]
         let counted = counted as i32;
         self.count = self.count.wrapping_add(counted);
+        self.edges = self.edges.wrapping_add(counted.wrapping_abs());
         (self.seen, self.at) = (edges, now);
     }
 
     /// What the firmware counted.
     pub(super) const fn count(&self) -> i32 {
         self.count
+    }
+
+    /// Edges counted whatever their direction.
+    pub(super) const fn edges(&self) -> i32 {
+        self.edges
+    }
+
+    /// The master has written over what the firmware counts in.
+    pub(super) const fn overwrite(&mut self, count: i32, edges: i32) {
+        (self.count, self.before, self.edges) = (count, count, edges);
     }
 
     /// The wheel turns on unseen.
@@ -135,10 +157,10 @@ fn polled(turned: i64, samples: u64) -> i64 {
         .sum()
 }
 
-/// Speed as its register shows it: eight bits.
-pub(super) fn speed_register(ticks: i32) -> i8 {
-    #[expect(clippy::cast_possible_truncation, reason = "the register wraps")]
-    let speed = ticks as i8;
+/// Speed as the firmware has it: 16 bits, of which its register shows the low eight.
+pub(super) fn speed(ticks: i32) -> i16 {
+    #[expect(clippy::cast_possible_truncation, reason = "the variable wraps")]
+    let speed = ticks as i16;
     speed
 }
 

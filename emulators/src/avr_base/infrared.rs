@@ -236,26 +236,30 @@ impl Sensors {
     /// Measures with one block, and the floor.
     pub(super) fn measure(&mut self, world: &World, near: NearObjects, memory: &mut Memory) {
         for sensor in BLOCKS[self.block] {
-            let distance = sensor.measure(world, near, self.noise.gauss());
+            let (reading, distance) = sensor.measure(world, near, self.noise.gauss());
+            memory.feed_reading(sensor.register, reading);
             memory.feed_i16(sensor.register, distance);
         }
-        self.block = (self.block + 1) % BLOCKS.len();
+        memory.has_block(self.block);
+        let next = [1, 2].map(|ahead| (self.block + ahead) % BLOCKS.len());
+        let wanted = next.into_iter().find(|&block| memory.wants_block(block));
+        self.block = wanted.unwrap_or(self.block);
         memory.feed_i16(FLOOR_REGISTER, FLOOR_RAW);
     }
 }
 
 impl Sensor {
-    /// What its registers show now, with `noise` in deviations.
-    fn measure(&self, world: &World, near: NearObjects, noise: f64) -> i16 {
+    /// The converter's reading and what its registers show now, with `noise` in deviations.
+    fn measure(&self, world: &World, near: NearObjects, noise: f64) -> (u16, i16) {
         let pose = world.pose();
         let from = pose.offset(self.mount.ahead, self.mount.left);
         let hit = world.cast_ray(from, pose.theta + self.mount.angle, RANGE_M);
         match near {
             NearObjects::FollowCurve => {
                 let raw = hit.map_or(0, |hit| self.curve.raw(hit.distance * 1_000.0));
-                self.curve.distance_mm(raw)
+                (raw, self.curve.distance_mm(raw))
             }
-            NearObjects::Clamped => documented_mm(hit.map(|hit| hit.distance), noise),
+            NearObjects::Clamped => (0, documented_mm(hit.map(|hit| hit.distance), noise)),
         }
     }
 }
@@ -429,13 +433,21 @@ mod tests {
         };
         let scene = Scene::new([wall], vec![]).unwrap();
         let world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
-        let read = |register| sensor(register).measure(&world, NearObjects::FollowCurve, 9.0);
+        let read = |register| {
+            sensor(register)
+                .measure(&world, NearObjects::FollowCurve, 9.0)
+                .1
+        };
         assert_eq!([21, 31].map(|r| (read(r) - 170).abs() <= 3), [true; 2]);
         assert!((read(9) - 150).abs() <= 2, "{}", read(9));
         assert_eq!([29, 1, 5, 3, 7, 23].map(read), [200; 6]);
         assert_eq!(read(11), 400);
         // The report's: a metre far, and with noise; 170 mm and a deviation of 4.7 mm.
-        let read = |register, noise| sensor(register).measure(&world, NearObjects::Clamped, noise);
+        let read = |register, noise| {
+            sensor(register)
+                .measure(&world, NearObjects::Clamped, noise)
+                .1
+        };
         assert_eq!(
             [read(21, 0.0), read(21, 1.0), read(11, 1.0)],
             [170, 175, 1_000]

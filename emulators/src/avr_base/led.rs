@@ -75,10 +75,11 @@ fn battery_hue(percent: i8) -> u8 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::memory::MAP_2015;
     use super::*;
 
     fn memory(registers: &[(u8, u8)]) -> Memory {
-        let mut memory = Memory::new();
+        let mut memory = Memory::new(MAP_2015);
         for &(address, value) in registers {
             memory.set(address, value);
         }

@@ -5,47 +5,105 @@
 //!    0..=52   register map
 //!   53..=58   the request: register, count with W, data pointer, checksum
 //!   59..=64   the last reply's header, in the same order
-//!   65..=192  receive buffer, where the data pointer points
-//!  195..=196  reading of the floor sensor
-//!  235..=262  infrared distances
-//!  263..=266  battery: reading and mV
+//!   65..=192  receive buffer, where the data pointer points at first
+//!  193..=194  right impasse sensor; 195 floor; 197 left impasse sensor
+//!  199..=230  readings of the infrared sensors; 231..=262 their distances
+//!  263..=264  which blocks of them are wanted, which are measured
+//!  265..=266  battery's reading
+//!  267..=312  motors, see [`Motors`]
 //! ```
 //!
 //! Nothing checks an address in those builds, so a request reads and writes all of it from 0 on.
-//! Source: field firmware b77a6df run in a simulated ATmega2560. Seen on the wire: the data
-//! pointer 02ED, the header at 59, the task table at 0294 below the map at 02AC, and what lies at
-//! 195, 235 and 263. The receive buffer follows from the pointer. The order of the distances is a
-//! guess. What is not listed reads as what was written to it last, 0 at first.
+//! Sources: field firmware b77a6df run in a simulated ATmega2560, and its public source (structs
+//! in the order in which they lie, 16-bit whole numbers low byte first). Build 5f54f4d has the
+//! same layout one byte higher. What lies behind 312 is not used: it reads as what was written to
+//! it last, 0 at first.
+
+use std::collections::BTreeMap;
 
 use protocols::avr::registers;
 
 /// Addresses that a request can name: 255 + 127 - 1 is the last.
 const SIZE: usize = 382;
-/// Where the request being worked on lies.
+/// Where the request being worked on lies, and in it the data pointer.
 const REQUEST: usize = registers::COUNT;
+const POINTER: usize = REQUEST + 2;
 /// Where the reply's header lies.
 const REPLY: usize = 59;
 /// Where the receive buffer lies.
-const BUFFER: i16 = 65;
-/// Address of the register map in the processor's memory.
-const MAP: u16 = 0x02AC;
-/// Address of the receive buffer.
-const DATA_POINTER: u16 = 0x02ED;
-/// Bytes of the task table: from 0294 up to the map.
-const TASK_BYTES: usize = 24;
-/// Registers that the main loop refills from variables, how many, and where those lie.
-const FED: [(usize, usize, usize); 4] = [(1, 12, 235), (21, 12, 247), (15, 2, 195), (19, 2, 263)];
-/// Where the battery's voltage lies, low byte first.
-const BATTERY_MV: usize = 265;
+const BUFFER: u16 = 65;
+/// Address of the register map in the processor's memory, build b77a6df.
+pub(super) const MAP_2015: u16 = 0x02AC;
+/// The same of build 5f54f4d.
+pub(super) const MAP_2014: u16 = 0x02AD;
+/// The processor's memory behind its registers.
+const RAM: core::ops::Range<u16> = 0x0200..0x2200;
+/// Bytes of the task table: right below the map.
+const TASK_BYTES: u16 = 24;
+/// Readings of the infrared sensors; their distances lie this much farther.
+const READINGS: usize = 199;
+const DISTANCES: usize = 231;
+/// Blocks of infrared sensors that are wanted, and that have been measured, a bit each.
+const WANTED: usize = 263;
+/// Registers that the main loop refills from a variable of two bytes, and where that lies. The
+/// firmware has a table of four by four distances.
+const FED: [(usize, usize); 14] = [
+    (1, DISTANCES + 26),
+    (3, DISTANCES + 14),
+    (5, DISTANCES + 6),
+    (7, DISTANCES + 24),
+    (9, DISTANCES + 20),
+    (11, DISTANCES + 30),
+    (15, 195),
+    (19, BATTERY),
+    (21, DISTANCES + 16),
+    (23, DISTANCES + 4),
+    (25, 197),
+    (27, 193),
+    (29, DISTANCES + 12),
+    (31, DISTANCES + 18),
+];
+/// Where the battery's reading lies.
+const BATTERY: usize = 265;
+/// Where the motors' state lies.
+const MOTORS: core::ops::Range<usize> = 267..313;
 
 /// Registers and what is around them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Memory {
     bytes: [u8; SIZE],
+    /// Where the map lies in the processor's memory.
+    map: u16,
+    /// What was written elsewhere, through a pointer that was overwritten itself.
+    far: BTreeMap<u16, u8>,
     /// Which bytes of the task table were overwritten.
-    tasks: [bool; TASK_BYTES],
-    /// Variable behind the register of the battery's percent; its place is not known.
+    tasks: [bool; TASK_BYTES as usize],
+    /// Variables behind the registers of the battery's voltage and percent: they lie below the map.
+    battery_mv: u16,
     percent: u8,
+}
+
+/// State of the motors as it lies in the memory, left and right.
+///
+/// ```text
+/// 267  count at the last run of the regulator, i32 each
+/// 275  power, i16 each
+/// 279  left:  speed is, to (i16), count, count of all edges (i32)
+/// 291  right: the same
+/// 303  switched off, switched off unseen (i8), mean count (i32)
+/// 309  sum of errors, i16 each
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Motors {
+    pub(super) counted: [i32; 2],
+    pub(super) power: [i16; 2],
+    pub(super) is: [i16; 2],
+    pub(super) to: [i16; 2],
+    pub(super) count: [i32; 2],
+    pub(super) edges: [i32; 2],
+    pub(super) off: u8,
+    pub(super) off_unseen: u8,
+    pub(super) sum: [i16; 2],
 }
 
 /// What is left of the task table.
@@ -59,14 +117,18 @@ pub(super) enum Tasks {
 }
 
 impl Memory {
-    /// As after a reset: all registers 0.
-    pub(super) fn new() -> Self {
+    /// As after a reset: all registers 0. The map lies at `map` in the processor's memory.
+    pub(super) fn new(map: u16) -> Self {
         let mut memory = Self {
             bytes: [0; SIZE],
-            tasks: [false; TASK_BYTES],
+            map,
+            far: BTreeMap::new(),
+            tasks: [false; TASK_BYTES as usize],
+            battery_mv: 0,
             percent: 0,
         };
-        memory.bytes[REQUEST + 2..][..2].copy_from_slice(&DATA_POINTER.to_le_bytes());
+        memory.bytes[POINTER..][..2].copy_from_slice(&(map + BUFFER).to_le_bytes());
+        memory.bytes[WANTED] = 0b111;
         memory
     }
 
@@ -97,58 +159,147 @@ impl Memory {
 
     /// Sets the variable behind a register that the base feeds, and the register.
     pub(super) fn feed_i16(&mut self, register: u8, value: i16) {
-        let place = FED.iter().find_map(|&(first, count, variable)| {
-            let index = usize::from(register).checked_sub(first)?;
-            (index < count).then_some(variable + index)
-        });
-        if let Some(place) = place {
+        let fed = FED.iter().find(|(fed, _)| *fed == usize::from(register));
+        if let Some(&(_, place)) = fed {
             self.bytes[place..][..2].copy_from_slice(&value.to_le_bytes());
         }
         self.write(register, &value.to_le_bytes());
     }
 
+    /// Sets the converter's reading of the infrared sensor of `register`.
+    pub(super) fn feed_reading(&mut self, register: u8, reading: u16) {
+        let fed = FED.iter().find(|(fed, _)| *fed == usize::from(register));
+        if let Some(&(_, place)) = fed.filter(|(_, place)| (DISTANCES..WANTED).contains(place)) {
+            let place = place - DISTANCES + READINGS;
+            self.bytes[place..][..2].copy_from_slice(&reading.to_le_bytes());
+        }
+    }
+
+    /// Whether a block of infrared sensors is wanted; all are unless the variable was overwritten.
+    pub(super) fn wants_block(&self, block: usize) -> bool {
+        self.bytes[WANTED] >> block & 1 != 0
+    }
+
+    /// A block of infrared sensors was measured.
+    pub(super) fn has_block(&mut self, block: usize) {
+        self.bytes[WANTED + 1] |= 1 << block;
+    }
+
+    /// The battery's reading, as it lies in the memory.
+    pub(super) fn battery_reading(&self) -> i16 {
+        i16::from_le_bytes([self.bytes[BATTERY], self.bytes[BATTERY + 1]])
+    }
+
     /// Sets the variables of the battery.
     pub(super) fn feed_battery(&mut self, mv: u16, percent: Option<u8>) {
-        self.bytes[BATTERY_MV..][..2].copy_from_slice(&mv.to_le_bytes());
+        self.battery_mv = mv;
         self.percent = percent.unwrap_or(self.percent);
     }
 
     /// The main loop refills what the base feeds.
     pub(super) fn refill(&mut self) {
-        for (register, count, variable) in FED {
-            self.bytes.copy_within(variable..variable + count, register);
+        for (register, variable) in FED {
+            self.bytes.copy_within(variable..variable + 2, register);
         }
     }
 
     /// The same for the battery's high byte and percent, where the fielded builds have them.
     pub(super) fn refill_battery(&mut self) {
-        self.set(registers::BATTERY_MV, self.bytes[BATTERY_MV + 1]);
+        self.set(registers::BATTERY_MV, self.battery_mv.to_le_bytes()[1]);
         self.set(registers::BATTERY_PERCENT, self.percent);
     }
 
-    /// Puts the request that is worked on where the fielded builds have it, and the header of its
-    /// reply.
+    /// The motors' state as the memory has it.
+    pub(super) fn motors(&self) -> Motors {
+        let long = |at: usize| {
+            let bytes = self.bytes[at..].first_chunk().copied();
+            i32::from_le_bytes(bytes.unwrap_or_default())
+        };
+        let short = |at: usize| {
+            let bytes = self.bytes[at..].first_chunk().copied();
+            i16::from_le_bytes(bytes.unwrap_or_default())
+        };
+        Motors {
+            counted: [267, 271].map(long),
+            power: [275, 277].map(short),
+            is: [279, 291].map(short),
+            to: [281, 293].map(short),
+            count: [283, 295].map(long),
+            edges: [287, 299].map(long),
+            off: self.bytes[303],
+            off_unseen: self.bytes[304],
+            sum: [309, 311].map(short),
+        }
+    }
+
+    /// Puts the motors' state where it lies.
+    pub(super) fn hold_motors(&mut self, motors: &Motors) {
+        let mut put = |at: usize, bytes: &[u8]| {
+            self.bytes[at..][..bytes.len()].copy_from_slice(bytes);
+        };
+        for side in 0..2 {
+            put(267 + 4 * side, &motors.counted[side].to_le_bytes());
+            put(275 + 2 * side, &motors.power[side].to_le_bytes());
+            put(279 + 12 * side, &motors.is[side].to_le_bytes());
+            put(281 + 12 * side, &motors.to[side].to_le_bytes());
+            put(283 + 12 * side, &motors.count[side].to_le_bytes());
+            put(287 + 12 * side, &motors.edges[side].to_le_bytes());
+            put(309 + 2 * side, &motors.sum[side].to_le_bytes());
+        }
+        put(303, &[motors.off, motors.off_unseen]);
+        let mean = motors.count[0] / 2 + motors.count[1] / 2;
+        put(305, &mean.to_le_bytes());
+    }
+
+    /// Whether `count` bytes from `first` on hold any of the motors' state.
+    pub(super) fn reaches_motors(first: u8, count: u8) -> bool {
+        let (first, count) = (usize::from(first), usize::from(count));
+        first < MOTORS.end && first + count > MOTORS.start
+    }
+
+    /// Puts the request that is worked on where the fielded builds have it. Its pointer stays what
+    /// it is: it is set once, as the processor starts.
     pub(super) fn hold_request(&mut self, register: u8, control: u8, checksum: [u8; 2]) {
-        let [low, high] = DATA_POINTER.to_le_bytes();
         let [sum_high, sum_low] = checksum;
-        let request = [register, control, low, high, sum_low, sum_high];
-        self.bytes[REQUEST..][..request.len()].copy_from_slice(&request);
+        self.bytes[REQUEST..POINTER].copy_from_slice(&[register, control]);
+        self.bytes[POINTER + 2..][..2].copy_from_slice(&[sum_low, sum_high]);
+    }
+
+    /// The register of the request becomes that of the reply.
+    pub(super) fn begin_reply(&mut self, register: u8) {
         self.bytes[REPLY] = register;
     }
 
     /// Copies `count` bytes from where the request's pointer points to where its register says.
-    /// Both are read again for each byte, from the last byte to the first: a write of ten bytes 55
-    /// to 50 has changed the reply's register before it reaches its own at 53.
-    pub(super) fn copy_data(&mut self, count: u8) {
-        for index in (0..u16::from(count)).rev() {
-            let [low, high] = [self.bytes[REQUEST + 2], self.bytes[REQUEST + 3]];
-            let from = u16::from_le_bytes([low, high]).wrapping_add(index);
-            let place = usize::from(from.wrapping_sub(MAP));
-            // What lies outside is not known; most of the processor's memory is unused.
-            let byte = self.bytes.get(place).copied().unwrap_or(0);
-            let to = usize::from(self.bytes[REQUEST]) + usize::from(index);
-            self.bytes[to] = byte;
+    /// Pointer, register and count are loaded once, and addresses count up.
+    pub(super) fn copy_data(&mut self, register: u8, count: u8) {
+        let pointer = self.pointer();
+        for index in 0..u16::from(count) {
+            let byte = self.at(pointer.wrapping_add(index));
+            self.bytes[usize::from(register) + usize::from(index)] = byte;
         }
+    }
+
+    /// Whether the pointer leads to the data of the request: it may have been overwritten with an
+    /// address where nothing can be stored.
+    pub(super) fn holds(&self, data: &[u8]) -> bool {
+        let pointer = self.pointer();
+        let mut places = (0_u16..).map(|index| pointer.wrapping_add(index));
+        data.iter().all(|&byte| {
+            let place = places.next().expect("without end");
+            self.at(place) == byte
+        })
+    }
+
+    fn pointer(&self) -> u16 {
+        u16::from_le_bytes([self.bytes[POINTER], self.bytes[POINTER + 1]])
+    }
+
+    /// The byte at an address of the processor.
+    fn at(&self, address: u16) -> u8 {
+        let place = usize::from(address.wrapping_sub(self.map));
+        let near = self.bytes.get(place).copied();
+        near.or(self.far.get(&address).copied()).unwrap_or(0)
     }
 
     /// Register of the reply, from its header.
@@ -156,11 +307,15 @@ impl Memory {
         self.bytes[REPLY]
     }
 
-    /// The reply's header is complete but for its checksum.
-    pub(super) fn hold_reply(&mut self, control: u8) {
-        let data = MAP + u16::from(self.bytes[REPLY]);
-        let [low, high] = data.to_le_bytes();
-        self.bytes[REPLY + 1..][..3].copy_from_slice(&[control, low, high]);
+    /// The reply to a read of `register` has its header, but for the checksum.
+    pub(super) fn hold_reply(&mut self, register: u8, control: u8) {
+        let [low, high] = (self.map + u16::from(register)).to_le_bytes();
+        self.bytes[REPLY..][..4].copy_from_slice(&[register, control, low, high]);
+    }
+
+    /// The reply to a write has no data: its pointer stays that of the last read.
+    pub(super) fn hold_acknowledgement(&mut self) {
+        self.bytes[REPLY + 1] = 0;
     }
 
     /// The reply was sent.
@@ -174,17 +329,20 @@ impl Memory {
         self.hold_reply_checksum(checksum);
     }
 
-    /// The receive interrupt stores a byte of data. The index has a sign, so that the byte may lie
-    /// below the buffer.
+    /// The receive interrupt stores a byte of data where the pointer leads. The index has a sign,
+    /// so that the byte may lie below the buffer.
     pub(super) fn store(&mut self, index: i8, byte: u8) {
-        let address = i16::from(index) + BUFFER;
-        if let Ok(place) = usize::try_from(address) {
-            self.bytes[place] = byte;
+        let address = self.pointer().wrapping_add_signed(i16::from(index));
+        let place = usize::from(address.wrapping_sub(self.map));
+        if let Some(near) = self.bytes.get_mut(place) {
+            *near = byte;
             return;
         }
-        let below = usize::from(address.unsigned_abs());
+        let below = self.map.wrapping_sub(address);
         if below <= TASK_BYTES {
-            self.tasks[TASK_BYTES - below] = true;
+            self.tasks[usize::from(TASK_BYTES - below)] = true;
+        } else if RAM.contains(&address) && address > self.map {
+            self.far.insert(address, byte);
         }
     }
 
@@ -202,7 +360,7 @@ impl Memory {
     pub(super) fn tasks(&self) -> Tasks {
         match self.tasks.iter().filter(|&&damaged| damaged).count() {
             0 => Tasks::Sound,
-            TASK_BYTES => Tasks::Gone,
+            damaged if damaged == self.tasks.len() => Tasks::Gone,
             _ => Tasks::Damaged,
         }
     }
@@ -214,31 +372,76 @@ mod tests {
 
     #[test]
     fn the_farthest_address_of_a_request_exists() {
-        let mut memory = Memory::new();
+        let mut memory = Memory::new(MAP_2015);
         memory.write(255, &[7; 127]);
         assert_eq!(memory.read(255, 127), [7; 127]);
     }
 
     #[test]
     fn every_index_of_the_receive_interrupt_is_harmless_here() {
-        let mut memory = Memory::new();
-        for index in i8::MIN..=i8::MAX {
+        let mut memory = Memory::new(MAP_2015);
+        for index in 0..=i8::MAX {
+            memory.store(index, 0x5A);
+        }
+        assert_eq!(memory.read(65, 127), [0x5A; 127]);
+        assert_eq!(memory.tasks(), Tasks::Sound);
+        for index in (-128..-64).rev() {
             memory.store(index, 0x5A);
         }
         assert_eq!(memory.tasks(), Tasks::Gone);
-        assert_eq!(memory.read(0, 127), [0x5A; 127]);
     }
 
-    /// Three bytes of a register, a pointer anywhere: nothing is out of reach of `copy_data`.
+    /// Whatever the pointer is, nothing is out of reach of `copy_data`, and what cannot be stored
+    /// is not held.
     #[test]
-    fn a_pointer_to_nowhere_reads_as_zero() {
-        let mut memory = Memory::new();
-        memory.hold_request(53, 0xFF, [0, 0]);
-        for index in 0..=127 {
-            memory.store(index, 0xFF);
+    fn a_pointer_to_anywhere_is_followed() {
+        for pointer in (0..=u16::MAX).step_by(97) {
+            let mut memory = Memory::new(MAP_2015);
+            memory.write(55, &pointer.to_le_bytes());
+            for index in i8::MIN..=i8::MAX {
+                memory.store(index, 0xA5);
+            }
+            memory.copy_data(255, 127);
         }
-        memory.copy_data(127);
-        assert_eq!(memory.reply_register(), 0xFF);
-        assert_eq!(memory.read(53, 2), [0, 0]);
+        let held = |pointer: u16| {
+            let mut memory = Memory::new(MAP_2015);
+            memory.write(55, &pointer.to_le_bytes());
+            memory.store(0, 0xA5);
+            memory.holds(&[0xA5])
+        };
+        assert_eq!(
+            [0x0010, 0x02ED, 0x0BFB, 0x21FF, 0x2200].map(held),
+            [false, true, true, true, false]
+        );
+    }
+
+    /// Field firmware b77a6df, measured on the chip: a value is put where it lies, by hand.
+    #[test]
+    fn the_motors_lie_where_the_firmware_has_them() {
+        let mut memory = Memory::new(MAP_2015);
+        let motors = Motors {
+            counted: [1, 2],
+            power: [-3, 4],
+            is: [5, -6],
+            to: [7, 8],
+            count: [0x0102_0304, -9],
+            edges: [10, 11],
+            off: 12,
+            off_unseen: 13,
+            sum: [-14, 15],
+        };
+        memory.hold_motors(&motors);
+        assert_eq!(memory.motors(), motors);
+        let at = |address: usize| memory.bytes[address];
+        assert_eq!([283, 284, 285, 286].map(at), [4, 3, 2, 1]);
+        assert_eq!(
+            [279, 291, 303, 304, 309, 267].map(at),
+            [5, 0xFA, 12, 13, 0xF2, 1]
+        );
+        // 0102_0304 / 2 + -9 / 2, cut towards zero.
+        let mean = i32::from_le_bytes([305, 306, 307, 308].map(at));
+        assert_eq!(mean, 0x0081_0182 - 4);
+        assert!(Memory::reaches_motors(255, 13) && !Memory::reaches_motors(255, 12));
+        assert!(Memory::reaches_motors(199, 127) && !Memory::reaches_motors(140, 127));
     }
 }

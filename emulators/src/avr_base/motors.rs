@@ -5,7 +5,8 @@ use core::time::Duration;
 use protocols::Instant;
 use protocols::avr::registers;
 
-use super::drive::{Regulator, speed_register};
+use super::drive::{Regulator, speed};
+use super::memory;
 use super::profile::{Registers, Watchdog};
 use super::request::{Request, RequestKind};
 use super::ticks::{DIVIDER, REGULATOR};
@@ -69,6 +70,37 @@ impl AvrBase {
         }
     }
 
+    /// The motors' state, as the fielded builds have it in their memory.
+    pub(super) fn motor_state(&self) -> memory::Motors {
+        let sides = &self.sides;
+        memory::Motors {
+            counted: sides.map(|side| side.counted),
+            power: sides.map(|side| side.regulator.power),
+            is: sides.map(|side| side.is),
+            to: sides.map(|side| side.set_point),
+            count: sides.map(|side| side.counter.count()),
+            edges: sides.map(|side| side.counter.edges()),
+            off: self.switched_off[0],
+            off_unseen: self.switched_off[1],
+            sum: sides.map(|side| side.regulator.sum),
+        }
+    }
+
+    /// The master has written over it. Set-points come from their registers in the next pass.
+    pub(super) fn take_motor_state(&mut self, state: &memory::Motors) {
+        for (index, side) in self.sides.iter_mut().enumerate() {
+            side.counted = state.counted[index];
+            side.is = state.is[index];
+            side.regulator.power = state.power[index];
+            side.regulator.sum = state.sum[index];
+            let counter = &mut side.counter;
+            if [counter.count(), counter.edges()] != [state.count[index], state.edges[index]] {
+                counter.overwrite(state.count[index], state.edges[index]);
+            }
+        }
+        self.switched_off = [state.off, state.off_unseen];
+    }
+
     fn clear_set_points(&mut self) {
         for (side, address) in self.sides.iter_mut().zip(SET_POINT_REGISTERS) {
             self.memory.set(address, 0);
@@ -90,7 +122,7 @@ impl AvrBase {
             // A rig that comes late sees several periods at once.
             let ticks = count.wrapping_sub(side.counted) / periods;
             side.counted = count;
-            side.is = speed_register(ticks);
+            side.is = speed(ticks);
             let drive = side.regulator.step(self.quirks.gains, set_point, side.is);
             world.set_drive(wheel, if enabled { drive } else { Drive::Coast });
         }

@@ -83,6 +83,7 @@ impl AvrBase {
                 let chip = &mut self.chip;
                 chip.frame_counts = chip.frame_counts.saturating_sub(1);
                 chip.watchdog_counts = chip.watchdog_counts.map(|n| n.saturating_sub(1));
+                self.battery.convert(&mut self.memory);
             }
             Step::Load => self.load(at, world),
             Step::Test => self.test(at, world),

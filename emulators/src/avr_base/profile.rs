@@ -8,6 +8,8 @@ use core::time::Duration;
 
 use protocols::avr::ChecksumOrder;
 
+use super::memory::{MAP_2014, MAP_2015};
+
 /// A firmware of the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Profile {
@@ -80,6 +82,8 @@ pub struct Quirks {
     pub receiver: ReceiverKind,
     /// What happens outside the register map (AV-03, AV-11, AV-20).
     pub bounds: Bounds,
+    /// Address of the register map in the processor's memory.
+    pub map: u16,
     /// When the motors stop by themselves (AV-02, H-AV-1).
     pub watchdog: Watchdog,
     /// How a set-point register becomes a set-point (AV-13, H-AV-2).
@@ -200,9 +204,9 @@ pub enum Odometer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gains {
     /// Least proportional factor.
-    pub p_min: i32,
+    pub p_min: i16,
     /// Added to the integral factor.
-    pub i_plus: i32,
+    pub i_plus: i16,
 }
 
 /// What an object nearer than the infrared curves allow for reads as.
@@ -266,6 +270,7 @@ const DOCUMENT: Quirks = Quirks {
         queue: 4,
     },
     bounds: Bounds::Refused,
+    map: MAP_2015,
     watchdog: Watchdog::AnyFrame {
         // "No messages for a short time", says the report; the figure is the field firmware's.
         timeout: Duration::from_secs(1),
@@ -291,6 +296,7 @@ const RCJ_2015: Quirks = Quirks {
     checksum: ChecksumOrder::HighFirst,
     receiver: ReceiverKind::Interrupt,
     bounds: Bounds::Memory,
+    map: MAP_2015,
     watchdog: Watchdog::Divider {
         counts: 40,
         clears: Registers::Cleared,
@@ -317,6 +323,7 @@ const RCJ_2014: Quirks = Quirks {
         clears: Registers::Kept,
     },
     set_points: SetPoints::Unsigned,
+    map: MAP_2014,
     gains: Gains {
         p_min: 0,
         i_plus: 0,

@@ -364,6 +364,7 @@ fn cut_off(at: Instant, frame: &[u8], journal: &mut Journal) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::memory::MAP_2015;
     use super::*;
 
     fn buffered() -> Buffered {
@@ -442,7 +443,7 @@ mod tests {
         let stored = |frame: &[u8]| {
             let mut receiver = Interrupt::new(ChecksumOrder::LowFirst);
             receiver.frame = frame.to_vec();
-            let (mut memory, before) = (Memory::new(), Memory::new());
+            let (mut memory, before) = (Memory::new(MAP_2015), Memory::new(MAP_2015));
             receiver.store(0x77, &mut memory);
             let place = (0..=255).find(|at| memory.get(*at) != before.get(*at));
             assert_eq!(memory == before, place.is_none());

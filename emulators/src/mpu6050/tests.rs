@@ -191,16 +191,16 @@ fn standing_still_between_two_turns_the_same_way_leaves_the_walk() {
     }
 }
 
-/// The filter has six bits. A restart is over at once: its end changes nothing.
+/// A restart is over at once: its end changes nothing.
 #[test]
 fn settings_are_read_back_until_a_restart_and_not_lost_by_its_end() {
     let world = world();
     let mut chip = awake(ideal(), &world);
     let filter = |chip: &mut Mpu6050| word(chip, 0x1A, &world).to_be_bytes()[0];
     chip.write(world.now(), 0x1A, &[0xC5], &world);
-    assert_eq!(filter(&mut chip), 0x05);
+    assert_eq!(filter(&mut chip), 0xC5);
     chip.set_fault(world.now(), "restart", None, false);
-    assert_eq!(filter(&mut chip), 0x05);
+    assert_eq!(filter(&mut chip), 0xC5);
     chip.set_fault(world.now(), "restart", None, true);
     assert_eq!(filter(&mut chip), 0);
     assert_eq!(chip.known_faults(), ["off", "restart", "stuck", "wrong"]);
@@ -238,4 +238,102 @@ fn the_bias_walks_by_the_root_of_the_time() {
         let expected = 0.02 * first[axis] + 0.04 * second[axis];
         assert!((chip.walked[axis] - expected).abs() < 1e-12);
     }
+}
+
+/// Register map: every register that is not the chip's own keeps what it was written; the bits that
+/// reset something clear themselves, and registers of the chip stay what they are.
+#[test]
+fn f17_registers_keep_what_is_written() {
+    let world = world();
+    let mut chip = awake(ideal(), &world);
+    let read = |chip: &mut Mpu6050, register| {
+        let mut byte = [0];
+        chip.read(world.now(), register, &mut byte, &world);
+        byte[0]
+    };
+    let kept = (0x0D..=0x39).chain(0x63..=0x67).chain([0x69, 0x6C]);
+    for register in kept {
+        for value in [0xA5, 0x5A, 0xFF, 0x00] {
+            chip.write(world.now(), register, &[value], &world);
+            assert_eq!(read(&mut chip, register), value, "{register:02X}");
+        }
+    }
+    chip.write(world.now(), register::USER_CONTROL, &[0x47], &world);
+    assert_eq!(read(&mut chip, register::USER_CONTROL), 0x40);
+    for register in [0x3B, 0x48, 0x72, register::WHO_AM_I, 0x7F] {
+        let before = read(&mut chip, register);
+        chip.write(world.now(), register, &[!before], &world);
+        assert_eq!(read(&mut chip, register), before, "{register:02X}");
+    }
+    chip.write(world.now(), register::POWER, &[0x80], &world);
+    assert_eq!(
+        [0x19, 0x23, 0x6C].map(|register| read(&mut chip, register)),
+        [0; 3]
+    );
+}
+
+/// 1 kHz with a filter, divided by 8: a sample each 8 ms. Reading the status clears it; asleep
+/// nothing is ready.
+#[test]
+fn f17_a_sample_is_ready_at_the_sample_rate() {
+    let world = world();
+    let mut chip = Mpu6050::new(ideal(), 1, "test");
+    let status = |chip: &mut Mpu6050, ms| {
+        let mut byte = [0];
+        chip.read(
+            Instant::from_millis(ms),
+            register::INT_STATUS,
+            &mut byte,
+            &world,
+        );
+        byte[0]
+    };
+    assert_eq!(status(&mut chip, 100), 0);
+    chip.write(
+        Instant::from_millis(100),
+        register::DIVIDER,
+        &[7, 3],
+        &world,
+    );
+    chip.write(Instant::from_millis(100), register::POWER, &[0], &world);
+    let found = [107, 108, 109, 115, 116, 200, 201].map(|ms| status(&mut chip, ms));
+    assert_eq!(found, [0, 1, 0, 0, 1, 1, 0]);
+}
+
+/// Accelerations and the turn rate about z, 8 bytes a sample, 100 samples a second: 25 of them in
+/// 250 ms. They come out in the order of the registers, and the register behind the FIFO is not
+/// read. Of more than 1024 bytes the oldest are lost, which the status tells.
+#[test]
+fn f17_the_fifo_holds_samples_until_they_are_read() {
+    let world = world();
+    let mut chip = awake(ideal(), &world);
+    let at = Instant::from_millis;
+    chip.write(at(0), register::DIVIDER, &[9, 1], &world);
+    chip.write(at(0), register::FIFO_ENABLE, &[0x18], &world);
+    chip.write(
+        at(0),
+        register::USER_CONTROL,
+        &[FIFO_ON | FIFO_RESET],
+        &world,
+    );
+    let count = |chip: &mut Mpu6050, ms| {
+        let mut bytes = [0; 2];
+        chip.read(at(ms), register::FIFO_COUNT, &mut bytes, &world);
+        u16::from_be_bytes(bytes)
+    };
+    assert_eq!(count(&mut chip, 250), 200);
+    let mut sample = [0; 16];
+    chip.read(at(250), register::FIFO, &mut sample, &world);
+    assert_eq!(
+        sample,
+        [0, 0, 0, 0, 0x40, 0, 0, 0, 0, 0, 0, 0, 0x40, 0, 0, 0]
+    );
+    assert_eq!(chip.next_register(register::FIFO, 16), register::FIFO);
+    assert_eq!(count(&mut chip, 250), 184);
+    assert_eq!(count(&mut chip, 5_000), 1_024);
+    let mut status = [0];
+    chip.read(at(5_000), register::INT_STATUS, &mut status, &world);
+    assert_eq!(status, [OVERFLOW | READY]);
+    chip.write(at(5_000), register::USER_CONTROL, &[FIFO_RESET], &world);
+    assert_eq!(count(&mut chip, 6_000), 0);
 }

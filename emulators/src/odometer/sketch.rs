@@ -33,8 +33,9 @@ pub enum Program {
     /// Distance, rate, heading, time and a sum. The documented and the sound dialect print the true
     /// rate, `AsCoded` the one that is scaled wrong and has the sensor's offset.
     Pose(Dialect),
-    /// The later sketch: distance and the nine figures of a sensor with a magnetometer. Their units
-    /// are not documented: degrees a second, m/s² and microtesla are guesses.
+    /// The later sketch: distance, turn rates in radians a second without their offsets,
+    /// accelerations in m/s², and a magnetic field, which reads 0 unless the sensor has a
+    /// magnetometer (microtesla then, a guess).
     Raw,
 }
 
@@ -61,7 +62,8 @@ pub(super) struct Sketch {
     encoder: PolledEncoder,
     /// Edges at the reset.
     edges_zero: i64,
-    offset: f32,
+    /// What each axis of the gyroscope shows at rest.
+    offsets: [f32; 3],
     yaw_rad: f32,
 }
 
@@ -78,44 +80,53 @@ impl Sketch {
         imu: &mut Mpu6050,
         world: &World,
     ) -> bool {
-        let mut identity = [0];
-        if !imu.acknowledges(now, ADDRESS) {
-            return false;
-        }
-        imu.read(now, register::WHO_AM_I, &mut identity, world);
-        if identity != [IDENTITY] {
-            return false;
-        }
         imu.write(now, register::POWER, &[0], world);
         imu.write(now, register::GYRO_CONFIG, &[0x18, 0x00], world);
-        let samples = (0..CALIBRATION_SAMPLES).map(|_| f32::from(read(now, imu, world)[6]));
+        let mut sums = [0.0_f32; 3];
+        for _ in 0..CALIBRATION_SAMPLES {
+            let Some(words) = read(now, imu, world) else {
+                return false;
+            };
+            for (sum, word) in sums.iter_mut().zip(&words[4..]) {
+                *sum += f32::from(*word);
+            }
+        }
         *self = Self {
             began,
             edges_zero: edges,
-            offset: samples.sum::<f32>() / f32::from(CALIBRATION_SAMPLES),
+            offsets: sums.map(|sum| sum / f32::from(CALIBRATION_SAMPLES)),
             ..Self::default()
         };
         true
     }
 
-    /// One loop; the line that it prints. The contacts are at `edges`, contact A open or not.
+    /// One loop; the line that it prints, `None` if the sensor does not answer. The contacts are at
+    /// `edges`, contact A open or not; the sensor has a magnetometer if iron is told of.
     pub(super) fn turn(
         &mut self,
         now: Instant,
         (edges, is_open): (i64, bool),
-        (program, iron_ut): (Program, f32),
+        (program, iron_ut): (Program, Option<f32>),
         imu: &mut Mpu6050,
         world: &World,
-    ) -> Vec<u8> {
+    ) -> Option<Vec<u8>> {
         self.encoder.look(edges - self.edges_zero, is_open);
-        let words = read(now, imu, world);
+        let words = read(now, imu, world)?;
         let raw = f32::from(words[6]);
-        let rate_rad_s = ((raw - self.offset) * RATE_UNIT_DPS).to_radians();
+        let rate = |axis: usize| {
+            let counts = f32::from(words[4 + axis]) - self.offsets[axis];
+            (counts * RATE_UNIT_DPS).to_radians()
+        };
+        let rates = [0, 1, 2].map(rate);
+        let rate_rad_s = rates[2];
         self.yaw_rad += rate_rad_s * STEP_S;
         #[expect(clippy::cast_precision_loss, reason = "as the microcontroller does it")]
         let distance_m = self.encoder.count() as f32 * COUNT_M;
-        match program {
-            Program::Raw => raw_line(distance_m, &words, iron_ut, world),
+        Some(match program {
+            Program::Raw => {
+                let field = iron_ut.map_or([0.0; 3], |iron_ut| field(iron_ut, world));
+                raw_line(distance_m, rates, &words, field)
+            }
             Program::Pose(dialect) => {
                 let printed = match dialect {
                     Dialect::AsCoded => (raw * PRINTED_UNIT_DPS).to_radians(),
@@ -129,26 +140,35 @@ impl Sketch {
                 };
                 dialect.line(&measured).as_bytes().to_vec()
             }
-        }
+        })
     }
 }
 
-/// Accelerations, temperature and turn rates; all ones from a sensor that does not acknowledge.
-fn read(now: Instant, imu: &mut Mpu6050, world: &World) -> [i16; 7] {
-    let mut bytes = [0xFF; 14];
+/// Whether the sensor is there and is the right one.
+pub(super) fn finds(now: Instant, imu: &mut Mpu6050, world: &World) -> bool {
+    let mut identity = [0];
     if imu.acknowledges(now, ADDRESS) {
-        imu.read(now, register::ACCEL, &mut bytes, world);
+        imu.read(now, register::WHO_AM_I, &mut identity, world);
     }
+    identity == [IDENTITY]
+}
+
+/// Accelerations, temperature and turn rates; `None` from a sensor that does not acknowledge.
+fn read(now: Instant, imu: &mut Mpu6050, world: &World) -> Option<[i16; 7]> {
+    if !imu.acknowledges(now, ADDRESS) {
+        return None;
+    }
+    let mut bytes = [0; 14];
+    imu.read(now, register::ACCEL, &mut bytes, world);
     let mut words = bytes.chunks_exact(2);
-    core::array::from_fn(|_| {
+    Some(core::array::from_fn(|_| {
         let word = words.next().and_then(|word| word.try_into().ok());
         i16::from_be_bytes(word.unwrap_or_default())
-    })
+    }))
 }
 
-/// `iron_ut`: what iron nearby adds to the field along y of the world.
-fn raw_line(distance_m: f32, words: &[i16; 7], iron_ut: f32, world: &World) -> Vec<u8> {
-    let [ax, ay, az, _, wx, wy, wz] = words.map(f32::from);
+/// The magnetic field in the car's axes, uT. `iron_ut`: what iron nearby adds along y of the world.
+fn field(iron_ut: f32, world: &World) -> [f32; 3] {
     let (sin, cos) = libm::sincos(world.pose().theta);
     #[expect(
         clippy::cast_possible_truncation,
@@ -162,26 +182,25 @@ fn raw_line(distance_m: f32, words: &[i16; 7], iron_ut: f32, world: &World) -> V
     )]
     let speed = world.axis_speed("drive").unwrap_or_default() as f32;
     let current = CURRENT_UT * speed / FULL_SPEED_M_S;
-    let gravity = 9.806_65 / 16_384.0;
-    let figures = [
-        distance_m,
-        wx * RATE_UNIT_DPS,
-        wy * RATE_UNIT_DPS,
-        wz * RATE_UNIT_DPS,
-        ax * gravity,
-        ay * gravity,
-        az * gravity,
+    [
         ahead * cos + iron_ut * sin + current,
         iron_ut * cos - ahead * sin,
         up,
-    ];
+    ]
+}
+
+fn raw_line(distance_m: f32, rates: [f32; 3], words: &[i16; 7], field: [f32; 3]) -> Vec<u8> {
+    let gravity = 9.806_65 / 16_384.0;
+    let accelerations = [words[0], words[1], words[2]].map(|word| f32::from(word) * gravity);
+    let figures = [[distance_m; 1].as_slice(), &rates, &accelerations, &field].concat();
     let mut line = "#".to_owned();
     for figure in figures {
-        // Writing to a string does not fail.
-        let _ = print_float(&mut line, figure, 2);
+        // Writing to a string does not fail. What rounds to nothing has no sign.
+        let shown = if figure.abs() < 0.005 { 0.0 } else { figure };
+        let _ = print_float(&mut line, shown, 2);
         line.push('*');
     }
-    line.push_str("\r\n");
+    line.push('\n');
     line.into_bytes()
 }
 
@@ -196,9 +215,9 @@ mod tests {
     use super::*;
     use crate::world::{Ackermann, AckermannConfig, Fixture, Pose, Scene};
 
-    /// 100, -400 and 40 counts of 0.060975 degrees a second; 1, -0.5 and 0.25 of 9.80665 m/s²; a
-    /// field of 20 uT along x and 10 along y, seen by a car that is turned by 30 degrees: 17.32 + 5
-    /// and 8.66 - 10.
+    /// 1, -0.5 and 0.25 of 9.80665 m/s²; a field of 20 uT along x and 10 along y, seen by a car
+    /// that is turned by 30 degrees: 17.32 + 5 and 8.66 - 10. Without a magnetometer it reads 0,
+    /// and a line ends with LF alone.
     #[test]
     fn the_later_sketch_prints_what_its_sensors_tell() {
         let scene = Scene::new(Vec::<Fixture>::new(), vec![]).expect("empty");
@@ -206,9 +225,12 @@ mod tests {
         let pose = Pose::new(0.0, 0.0, 30_f64.to_radians());
         let world = World::with_chassis(scene, Box::new(car), pose).expect("free");
         let words = [16_384, -8_192, 4_096, 7, 100, -400, 40];
-        let line = raw_line(1.5, &words, 10.0, &world);
-        let expected = "#1.50*6.10*-24.39*2.44*9.81*-4.90*2.45*22.32*-1.34*-44.00*\r\n";
-        assert_eq!(String::from_utf8(line).as_deref(), Ok(expected));
+        let rates = [0.11, -0.43, 0.04];
+        let line = |field| String::from_utf8(raw_line(1.5, rates, &words, field));
+        let expected = "#1.50*0.11*-0.43*0.04*9.81*-4.90*2.45*22.32*-1.34*-44.00*\n";
+        assert_eq!(line(field(10.0, &world)).as_deref(), Ok(expected));
+        let expected = "#1.50*0.11*-0.43*0.04*9.81*-4.90*2.45*0.00*0.00*0.00*\n";
+        assert_eq!(line([0.0; 3]).as_deref(), Ok(expected));
     }
 
     /// 2^32 ms are 49.7 days.

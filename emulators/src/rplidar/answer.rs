@@ -1,7 +1,7 @@
 //! What is answered to requests that are no scans.
 
 use protocols::Instant;
-use protocols::rplidar::{Answer, Command, Conf, ConfKey, Descriptor, Health, Status, kind};
+use protocols::rplidar::{Answer, Command, Conf, Descriptor, Health, Status, kind};
 
 use super::{Fault, MotorControl, Phase, Rplidar};
 
@@ -45,18 +45,16 @@ impl Rplidar {
         if emptied.is_some_and(|only| only == 0.0 || only == f64::from(key)) {
             return Vec::new();
         }
-        match self.faults.figure(Fault::TypicalMode) {
-            Some(mode) if key == ConfKey::TypicalMode as u32 => {
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "a cast of a float saturates"
-                )]
-                let mode = mode as u16;
-                mode.to_le_bytes().to_vec()
-            }
-            _ => self.profile.conf(key, mode),
-        }
+        let typical = self.faults.figure(Fault::TypicalMode).map(|mode| {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a cast of a float saturates"
+            )]
+            let mode = mode as u16;
+            mode
+        });
+        self.profile.conf(key, mode, typical)
     }
 
     /// Sends the descriptor of a stream.

@@ -6,10 +6,10 @@ const SLOW_RPM_S: f64 = 1_000.0;
 /// One thing that is wrong. Some have a figure; setting a fault again replaces it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// No supply: silence. Clearing it is a power-on, which is silent, too (rplidar_ros2_driver #3:
-    /// noticed after 30 s only).
+    /// No supply: silence. Clearing it is a power-on, which prints the start text (an unplugged
+    /// sensor is noticed after 30 s only: rplidar_ros2_driver #3).
     Off,
-    /// The processor restarts without a text, and the scan ends. Once; clears itself.
+    /// The processor restarts, which ends the scan and prints the start text. Once; clears itself.
     Restart,
     /// The head is held.
     Stuck,
@@ -50,8 +50,9 @@ pub enum Fault {
     /// Answers about the configuration hold no value (rplidar_sdk #150). Figure: the number of the
     /// key, 0 all keys.
     ConfEmpty,
-    /// The mode that is told to be the typical one is not streamed: its request is ignored
-    /// (robopeak/rplidar_ros #68). Figure: number of the mode.
+    /// Another mode is told to be the typical one. By the usual figure it is one beyond the last,
+    /// which is told like the others and not streamed: its request is ignored (robopeak/rplidar_ros
+    /// #68). Figure: number of the mode.
     TypicalMode,
     /// Answers hold nothing (pyrplidar #3).
     EmptyAnswer,
@@ -161,8 +162,8 @@ impl Fault {
             Self::TornStart => 0.8,
             Self::DeafStart => 0.3,
             Self::ConfEmpty => 0.0,
-            // Boost, which needs capsules of another kind.
-            Self::TypicalMode => 2.0,
+            // Firmware 1.29 has the modes 0 to 4.
+            Self::TypicalMode => 5.0,
             Self::LateAnswers => 2.0,
             Self::WeakSupply => 400.0,
             Self::SlowStop => 0.5,

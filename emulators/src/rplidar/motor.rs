@@ -24,9 +24,9 @@ const MOTOR: Motor = Motor {
 };
 /// Of the sensor's supply.
 const VOLTS: f64 = 5.0;
-/// Duty of the USB adapter: 7.49 turns a second, which gives the 267 or 268 nodes of an A1M8-R6 at
-/// 2,005 samples a second: (7.49 * 60 + 75) / 675.
-const ADAPTER_DUTY: f64 = 0.7769;
+/// Duty of the USB adapter: 7.36 turns a second, which gives the 267 or 268 nodes of an A1M8-R6 at
+/// a sample each 508 us: (7.359 * 60 + 75) / 675.
+const ADAPTER_DUTY: f64 = 0.7652;
 /// Full duty of the request F0.
 const PWM_MAX: f64 = 1_023.0;
 

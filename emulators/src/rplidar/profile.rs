@@ -1,5 +1,7 @@
 //! Firmware versions: what they know and how they answer.
 
+use core::time::Duration;
+
 use protocols::rplidar::{ConfKey, Info, SampleRate, kind};
 
 /// A firmware version, named as scenarios name it.
@@ -22,27 +24,30 @@ struct ScanMode {
     answer_kind: u8,
 }
 
-/// Modes of firmware 1.24; those of 1.29 are taken to be the same. 2.0, 4.0 and 8.0 thousand
-/// samples a second. The kind of Boost is the one that the vendor's SDK has for 8 K at this rate.
-const MODES: [ScanMode; 3] = [
+const fn mode(name: &'static str, sample_us: u32, answer_kind: u8) -> ScanMode {
     ScanMode {
-        name: "Standard",
-        sample_us: 500,
-        answer_kind: kind::NODES,
-    },
-    ScanMode {
-        name: "Express",
-        sample_us: 250,
-        answer_kind: kind::CAPSULES,
-    },
-    ScanMode {
-        name: "Boost",
-        sample_us: 125,
-        answer_kind: 0x84,
-    },
+        name,
+        sample_us,
+        answer_kind,
+    }
+}
+
+/// Modes of firmware 1.24, as drivers list them: 2.0, 4.0 and 8.0 thousand samples a second. Of
+/// firmware 1.20, which cannot be asked, the first two are there.
+const MODES_124: [ScanMode; 3] = [
+    mode("Standard", 500, kind::NODES),
+    mode("Express", 250, kind::CAPSULES),
+    mode("Boost", 125, kind::ULTRA),
 ];
-/// The scan mode that is recommended: the fastest that is streamed here.
-const TYPICAL_MODE: u16 = 1;
+/// Modes of firmware 1.29, as an A1M8 with hardware 7 tells them (published by a user who asked
+/// each key of each mode).
+const MODES_129: [ScanMode; 5] = [
+    mode("Standard", 508, kind::NODES),
+    mode("Express", 254, kind::CAPSULES),
+    mode("Boost", 127, kind::ULTRA),
+    mode("Sensitivity", 127, kind::ULTRA),
+    mode("Stability", 201, kind::ULTRA),
+];
 /// Speed and duty that conf 01 tells: LD108's typical 5.5 turns a second, the SDK's usual duty.
 const DESIRED_ROTATION: [u16; 2] = [330, 660];
 
@@ -64,8 +69,7 @@ impl Profile {
         }
     }
 
-    /// Who it is. The serial number is that of a real sensor with firmware 1.29; the hardware
-    /// revision of 1.20 is a guess.
+    /// Who it is. The serial number is that of a real sensor with firmware 1.29.
     pub const fn info(self) -> Info {
         let (minor, hardware) = match self {
             Self::Fw120 => (20, 0),
@@ -83,13 +87,12 @@ impl Profile {
         }
     }
 
-    /// Printed after a reset, not on power-up: about 63 bytes that begin with R. Only that much is
-    /// known; the words are made up after it.
+    /// Printed after a reset and on power-up, as users of each firmware show it.
     pub const fn start_text(self) -> &'static str {
         match self {
-            Self::Fw120 => "RP LIDAR System.\r\nFirmware Ver 1.20 - A1, HW Ver 0\r\nModel: 18\r\n",
-            Self::Fw124 => "RP LIDAR System.\r\nFirmware Ver 1.24 - A1, HW Ver 5\r\nModel: 18\r\n",
-            Self::Fw129 => "RP LIDAR System.\r\nFirmware Ver 1.29 - A1, HW Ver 7\r\nModel: 18\r\n",
+            Self::Fw120 => "RP LIDAR System.\r\nFirmware Ver 1.20 - rtm, HW Ver 0\r\nModel: 18\r\n",
+            Self::Fw124 => "RP LIDAR System.\r\nFirmware Ver 1.24 - rc0, HW Ver 5\r\nModel: 18\r\n",
+            Self::Fw129 => "RP LIDAR System.\r\nFirmware Ver 1.29 - rtm, HW Ver 7\r\nModel: 18\r\n",
         }
     }
 
@@ -101,19 +104,55 @@ impl Profile {
         }
     }
 
-    /// Quality of a valid node; an invalid one has 0.
-    pub const fn quality(self) -> u8 {
+    /// Quality of a valid node that has `light` times the light that is just enough; an invalid
+    /// one has 0. Old firmware tells 10 to 31, as turns that users published have it; that it
+    /// follows the light in this way is a guess.
+    pub fn quality(self, light: f64) -> u8 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "10 to 31, and a cast saturates"
+        )]
         match self {
+            Self::Fw120 => (31.5 - 21.0 / libm::sqrt(light.max(1.0))) as u8,
+            Self::Fw124 => 15,
             Self::Fw129 => 47,
-            Self::Fw120 | Self::Fw124 => 15,
         }
     }
 
     /// What the sample rate request tells.
-    pub const fn sample_rate(self) -> SampleRate {
+    pub fn sample_rate(self) -> SampleRate {
+        let told = |mode: usize| u16::try_from(self.modes()[mode].sample_us).unwrap_or(u16::MAX);
         SampleRate {
-            standard_us: 500,
-            express_us: 250,
+            standard_us: told(0),
+            express_us: told(1),
+        }
+    }
+
+    /// From one sample to the next in a scan of this mode. Samples of 1.20 and 1.24 come a little
+    /// sooner than they say: 2,005 a second, where LD108 says 2,000 to 2,010.
+    pub(super) fn sample_time(self, mode: u8) -> Duration {
+        let mode = self.modes().get(usize::from(mode));
+        let told = Duration::from_micros(mode.map_or(500, |mode| mode.sample_us).into());
+        match self {
+            Self::Fw129 => told,
+            Self::Fw120 | Self::Fw124 => told * 498_753 / 500_000,
+        }
+    }
+
+    /// The scan modes, in the order of their numbers.
+    const fn modes(self) -> &'static [ScanMode] {
+        match self {
+            Self::Fw120 | Self::Fw124 => &MODES_124,
+            Self::Fw129 => &MODES_129,
+        }
+    }
+
+    /// The mode that is recommended: of 1.29 it is known (Sensitivity), of 1.24 a guess.
+    const fn typical_mode(self) -> u16 {
+        match self {
+            Self::Fw120 | Self::Fw124 => 1,
+            Self::Fw129 => 3,
         }
     }
 
@@ -122,14 +161,21 @@ impl Profile {
         !matches!(self, Self::Fw120)
     }
 
-    /// Whether an express scan of this mode is streamed. Mode 0 is the legacy express scan.
-    pub(super) const fn has_express(self, mode: u8) -> bool {
-        mode == 0 || mode == 1 && self.has_conf()
+    /// The mode that an express scan of this number is streamed in, and the kind of its answer.
+    /// Number 0 is the legacy express scan, which is mode 1.
+    pub(super) fn express(self, number: u8) -> Option<(u8, u8)> {
+        let is_known = number == 0 || self.has_conf();
+        let number = number.max(1);
+        let mode = self.modes().get(usize::from(number)).filter(|_| is_known)?;
+        Some((number, mode.answer_kind))
     }
 
-    /// The value of a piece of configuration; empty for unknown keys and modes.
-    pub(super) fn conf(self, key: u32, mode: Option<u16>) -> Vec<u8> {
-        let mode = MODES.get(usize::from(mode.unwrap_or(0)));
+    /// The value of a piece of configuration; empty for unknown keys and modes. `last` is a mode
+    /// beyond the last one that is told all the same, with the values of that one.
+    pub(super) fn conf(self, key: u32, mode: Option<u16>, last: Option<u16>) -> Vec<u8> {
+        let modes = self.modes();
+        let known = modes.get(usize::from(mode.unwrap_or(0)));
+        let mode = known.or(modes.last().filter(|_| mode.is_some() && mode == last));
         let of_mode = |value: fn(&ScanMode) -> Vec<u8>| mode.map(value).unwrap_or_default();
         let q8 = |value: u32| (value << 8).to_le_bytes().to_vec();
         match ConfKey::from_number(key) {
@@ -137,13 +183,19 @@ impl Profile {
                 .map(u16::to_le_bytes)
                 .as_flattened()
                 .to_vec(),
-            Some(ConfKey::ModeCount) => 3_u16.to_le_bytes().to_vec(),
+            Some(ConfKey::ModeCount) => {
+                let count = u16::try_from(modes.len()).expect("3 or 5");
+                count.to_le_bytes().to_vec()
+            }
             Some(ConfKey::SampleTime) => {
                 of_mode(|mode| (mode.sample_us << 8).to_le_bytes().to_vec())
             }
             Some(ConfKey::MaxDistance) if mode.is_some() => q8(12),
             Some(ConfKey::AnswerKind) => of_mode(|mode| vec![mode.answer_kind]),
-            Some(ConfKey::TypicalMode) => TYPICAL_MODE.to_le_bytes().to_vec(),
+            Some(ConfKey::TypicalMode) => {
+                let mode = last.unwrap_or(self.typical_mode());
+                mode.to_le_bytes().to_vec()
+            }
             Some(ConfKey::ModeName) => of_mode(|mode| [mode.name.as_bytes(), &[0]].concat()),
             Some(ConfKey::MaxDistance) | None => Vec::new(),
         }

@@ -1,24 +1,24 @@
 //! Rotation, samples, nodes and capsules.
 //!
-//! The sensor takes 7 degrees off the angle of the head, as triangulation needs it, but only where
-//! there is a distance. So invalid nodes lie 7 degrees ahead of their neighbours (inferred from
-//! angles of a real sensor: 213, 220, 217, 222).
+//! The beam looks back by an angle that depends on the distance (see `beam`), and the sensor takes
+//! it off the angle of the head, but only where there is a distance. So invalid nodes lie ahead of
+//! their neighbours: 5.3 degrees at 0.5 m, 6.6 at 1 m, 7.8 at 6 m (angles of a real sensor: 213,
+//! 220, 217, 222; of others 5.8 and 6.2 degrees). Capsules of the kind 0x84 tell the angle of the
+//! head alone, and the host takes the rest off.
 
 use core::time::Duration;
 
 use protocols::Instant;
 use protocols::rplidar::{
-    CAPSULE_SAMPLES, Capsule, CapsuleSample, Command, Descriptor, Node, TURN_Q6,
+    CAPSULE_SAMPLES, Capsule, CapsuleSample, Command, Descriptor, Node, TURN_Q6, ULTRA_SAMPLES,
+    UltraCapsule, kind,
 };
 
+use super::beam::{Seen, ZERO_DEG};
 use super::{Fault, Rplidar};
 use crate::lidar::beam::normal;
 use crate::world::World;
 
-/// Time of a sample: 2,005 a second, LD108 says 2,000 to 2,010.
-const STANDARD_TIME: Duration = Duration::from_nanos(498_753);
-/// Time of a sample in an express scan, half of it.
-const EXPRESS_TIME: Duration = Duration::from_nanos(249_377);
 /// The rotation is checked this often while a scan starts. A guess, ...
 const CHECK_TIME: Duration = Duration::from_millis(25);
 /// ... and is even if it changed by less than this between that many checks in a row.
@@ -35,10 +35,6 @@ const PAUSE_TIME: Duration = Duration::from_secs(2);
 const CORE_MA: f64 = 300.0;
 /// The same while the head starts: LD108 says 500 to 600.
 const START_MA: f64 = 550.0;
-/// How far an invalid node lies ahead.
-const INVALID_AHEAD_DEG: f64 = 7.0;
-/// The same as the offset that a capsule takes off valid samples, eighths of a degree.
-const VALID_OFFSET_Q3: u8 = 56;
 /// Error codes of the health. Guesses: the vendor does not document any.
 mod error {
     pub(super) const LASER: u16 = 0x0001;
@@ -63,12 +59,15 @@ enum Stream {
     /// Nodes whatever the rotation is.
     Forced,
     Capsules,
+    /// Capsules of the kind 0x84.
+    Ultra,
 }
 
 /// Waits for an even rotation.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Starting {
     stream: Stream,
+    sample_time: Duration,
     check_at: Instant,
     speed_rpm: f64,
     even_checks: u8,
@@ -80,13 +79,15 @@ pub(super) struct Starting {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Scanning {
     stream: Stream,
+    sample_time: Duration,
     /// When the first node of the scan was due.
     began_at: Instant,
     /// When sample 0 was due.
     from: Instant,
     sample: u64,
     speed_rpm: f64,
-    capsule: Vec<CapsuleSample>,
+    /// What the samples of the capsule saw.
+    capsule: Vec<Seen>,
     /// Angle of the head at the first sample of the capsule.
     start_angle_q6: u16,
     is_first: bool,
@@ -104,25 +105,27 @@ impl Phase {
 }
 
 impl Scanning {
-    fn phase(stream: Stream, began_at: Instant, from: Instant, speed_rpm: f64) -> Phase {
+    fn phase(
+        (stream, sample_time): (Stream, Duration),
+        began_at: Instant,
+        from: Instant,
+        speed_rpm: f64,
+    ) -> Phase {
         Phase::Scanning(Box::new(Self {
             stream,
+            sample_time,
             began_at,
             from,
             sample: 0,
             speed_rpm,
-            capsule: Vec::with_capacity(CAPSULE_SAMPLES),
+            capsule: Vec::new(),
             start_angle_q6: 0,
             is_first: began_at == from,
         }))
     }
 
     fn sample_at(&self) -> Instant {
-        let time = match self.stream {
-            Stream::Nodes | Stream::Forced => STANDARD_TIME,
-            Stream::Capsules => EXPRESS_TIME,
-        };
-        let nanos = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        let nanos = u64::try_from(self.sample_time.as_nanos()).unwrap_or(u64::MAX);
         self.from + Duration::from_nanos(nanos.saturating_mul(self.sample))
     }
 
@@ -169,22 +172,31 @@ impl Rplidar {
         if is_deaf || self.refuses_scan(at, command) {
             return;
         }
-        let (stream, descriptor) = match command {
-            Command::ExpressScan { .. } => (Stream::Capsules, Descriptor::capsules()),
-            Command::ForceScan => (Stream::Forced, Descriptor::nodes()),
+        let express = match command {
+            Command::ExpressScan { mode } => self.profile.express(mode),
+            _ => None,
+        };
+        let (stream, descriptor) = match (command, express) {
+            (_, Some((_, kind::ULTRA))) => (Stream::Ultra, Descriptor::ultra()),
+            (_, Some(_)) => (Stream::Capsules, Descriptor::capsules()),
+            (Command::ForceScan, _) => (Stream::Forced, Descriptor::nodes()),
             _ => (Stream::Nodes, Descriptor::nodes()),
         };
+        let sample_time = self
+            .profile
+            .sample_time(express.map_or(0, |(mode, _)| mode));
         self.announce(descriptor);
         if is_torn {
             let count = usize::try_from(torn_bytes).expect("1 to 4");
-            let node = *Node::new(false, self.profile.quality(), 5_760, 4_000).as_bytes();
+            let node = *Node::new(false, self.profile.quality(4.0), 5_760, 4_000).as_bytes();
             self.output.send(&node[5 - count..], &mut self.faults);
         }
         let speed_rpm = self.rotor.speed_rpm();
         self.phase = match stream {
-            Stream::Forced => Scanning::phase(stream, at, at, speed_rpm),
-            Stream::Nodes | Stream::Capsules => Phase::Starting(Starting {
+            Stream::Forced => Scanning::phase((stream, sample_time), at, at, speed_rpm),
+            _ => Phase::Starting(Starting {
                 stream,
+                sample_time,
                 check_at: at + CHECK_TIME,
                 speed_rpm,
                 even_checks: 0,
@@ -196,7 +208,7 @@ impl Rplidar {
     /// Whether a request for a scan has no answer, for one reason or another.
     fn refuses_scan(&mut self, at: Instant, command: Command) -> bool {
         if let Command::ExpressScan { mode } = command
-            && !self.profile.has_express(mode)
+            && self.profile.express(mode).is_none()
         {
             let detail = format!("express scan of mode {mode} is not supported");
             self.log.violation(at, "mode-not-supported", detail, &[]);
@@ -246,7 +258,8 @@ impl Rplidar {
         let since = starting.paused.map(|(_, since)| since);
         if starting.even_checks >= EVEN_CHECKS {
             let began_at = starting.paused.map_or(at, |(began_at, _)| began_at);
-            self.phase = Scanning::phase(starting.stream, began_at, at, speed_rpm);
+            let scan = (starting.stream, starting.sample_time);
+            self.phase = Scanning::phase(scan, began_at, at, speed_rpm);
             let detail = format!("the head turns evenly at {speed_rpm:.0} rpm");
             self.log.note(at, "rotation-stable", detail);
         } else if since.is_some_and(|since| at - since >= PAUSE_TIME) {
@@ -278,6 +291,7 @@ impl Rplidar {
             self.log.note(at, "rotation-unstable", detail);
             self.phase = Phase::Starting(Starting {
                 stream: scanning.stream,
+                sample_time: scanning.sample_time,
                 check_at: at + CHECK_TIME,
                 speed_rpm,
                 even_checks: 0,
@@ -287,10 +301,10 @@ impl Rplidar {
         }
         let angle_deg = self.rotor.angle_deg();
         let range_max_mm = self.profile.range_max_mm();
-        let distance_q2 = self.optics.measure(world, at, angle_deg, range_max_mm);
+        let seen = self.optics.measure(world, at, angle_deg, range_max_mm);
         match scanning.stream {
-            Stream::Capsules => self.fill(&mut scanning, angle_deg, distance_q2),
-            Stream::Nodes | Stream::Forced => self.node(starts_turn, angle_deg, distance_q2),
+            Stream::Capsules | Stream::Ultra => self.fill(&mut scanning, angle_deg, seen),
+            Stream::Nodes | Stream::Forced => self.node(starts_turn, angle_deg, seen),
         }
         scanning.sample += 1;
         self.phase = Phase::Scanning(scanning);
@@ -313,36 +327,72 @@ impl Rplidar {
         has_turned
     }
 
-    fn node(&mut self, starts_turn: bool, angle_deg: f64, distance_q2: u16) {
-        let (angle_q6, quality) = match distance_q2 {
-            0 => (whole_q6(angle_deg + INVALID_AHEAD_DEG), 0),
-            _ => (whole_q6(angle_deg) % TURN_Q6, self.profile.quality()),
+    fn node(&mut self, starts_turn: bool, angle_deg: f64, seen: Seen) {
+        let head_deg = angle_deg + ZERO_DEG;
+        let (angle_q6, quality) = match seen.distance_q2 {
+            0 => (whole_q6(head_deg), 0),
+            _ => {
+                let angle_deg = (head_deg - seen.lead_deg + 360.0) % 360.0;
+                let quality = self.profile.quality(seen.light);
+                (whole_q6(angle_deg) % TURN_Q6, quality)
+            }
         };
         let angle_q6 = match self.faults.has(Fault::AnglePast360) {
             true => angle_q6,
             false => angle_q6 % TURN_Q6,
         };
-        let node = Node::new(starts_turn, quality, angle_q6, distance_q2);
+        let node = Node::new(starts_turn, quality, angle_q6, seen.distance_q2);
         self.output.stream(node.as_bytes(), &mut self.faults);
     }
 
-    /// Puts a sample into a capsule, and sends it when it is full.
-    fn fill(&mut self, scanning: &mut Scanning, angle_deg: f64, distance_q2: u16) {
+    /// Puts a sample into a capsule, and sends it when it is full. One of the kind 0x84 is full
+    /// when the next one's first sample is there, which its last difference needs.
+    fn fill(&mut self, scanning: &mut Scanning, angle_deg: f64, seen: Seen) {
+        let head_q6 = whole_q6(angle_deg + ZERO_DEG) % TURN_Q6;
         if scanning.capsule.is_empty() {
-            scanning.start_angle_q6 = whole_q6(angle_deg + INVALID_AHEAD_DEG) % TURN_Q6;
+            scanning.start_angle_q6 = head_q6;
         }
-        let distance_mm = distance_q2.saturating_add(2) / 4;
-        let dtheta_q3 = if distance_mm == 0 { 0 } else { VALID_OFFSET_Q3 };
-        scanning.capsule.push(CapsuleSample {
-            distance_mm,
-            dtheta_q3,
-        });
-        if let Ok(samples) = <&[_; CAPSULE_SAMPLES]>::try_from(&scanning.capsule[..]) {
-            let first = core::mem::take(&mut scanning.is_first);
-            let capsule = Capsule::new(first, scanning.start_angle_q6, samples);
+        scanning.capsule.push(seen);
+        let (samples, first) = (&scanning.capsule, scanning.is_first);
+        if scanning.stream == Stream::Ultra {
+            let Some((whole, [next])) = samples.split_first_chunk::<ULTRA_SAMPLES>() else {
+                return;
+            };
+            let millimetres = whole.map(whole_mm);
+            let angle_q6 = scanning.start_angle_q6;
+            let capsule = UltraCapsule::new(first, angle_q6, &millimetres, whole_mm(*next));
+            self.output.stream(capsule.as_bytes(), &mut self.faults);
+            scanning.capsule.drain(..ULTRA_SAMPLES);
+            scanning.start_angle_q6 = head_q6;
+        } else if let Ok(whole) = <&[_; CAPSULE_SAMPLES]>::try_from(&samples[..]) {
+            let samples = whole.map(capsule_sample);
+            let capsule = Capsule::new(first, scanning.start_angle_q6, &samples);
             self.output.stream(capsule.as_bytes(), &mut self.faults);
             scanning.capsule.clear();
+        } else {
+            return;
         }
+        scanning.is_first = false;
+    }
+}
+
+/// The whole millimetres of a sample; 0 without a measurement.
+fn whole_mm(seen: Seen) -> u16 {
+    seen.distance_q2.saturating_add(2) / 4
+}
+
+/// A sample as a capsule has it: what is taken off the angle of the head comes with it, in eighths
+/// of a degree, and nothing is where nothing was measured.
+fn capsule_sample(seen: Seen) -> CapsuleSample {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "0 to 63, and a cast saturates"
+    )]
+    let dtheta_q3 = (seen.lead_deg * 8.0 + 0.5).clamp(0.0, 63.0) as u8;
+    CapsuleSample {
+        distance_mm: whole_mm(seen),
+        dtheta_q3,
     }
 }
 
@@ -351,7 +401,7 @@ fn whole_q6(degrees: f64) -> u16 {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "angles are between 0 and 367 degrees, and a cast saturates"
+        reason = "angles are between 0 and 368 degrees, and a cast saturates"
     )]
     let whole = (degrees * 64.0 + 0.5) as u16;
     whole
@@ -366,7 +416,8 @@ mod tests {
     #[test]
     fn a_scan_pauses_where_the_head_turns_otherwise() {
         let is_even = |stream, began_rpm, speed_rpm| {
-            let phase = Scanning::phase(stream, Instant::ZERO, Instant::ZERO, began_rpm);
+            let scan = (stream, Duration::from_micros(500));
+            let phase = Scanning::phase(scan, Instant::ZERO, Instant::ZERO, began_rpm);
             matches!(phase, Phase::Scanning(scanning) if scanning.is_even(speed_rpm))
         };
         let fast = [299.0, 300.0, 400.0, 500.0, 501.0];
@@ -382,25 +433,30 @@ mod tests {
         );
     }
 
-    /// 498.753 us a sample, an express one takes half of that.
+    /// 498.753 us a sample, an express one takes half of that; firmware 1.29 takes what it says.
     #[test]
     fn a_sample_is_due_at_its_number() {
-        let due = |stream, sample| {
+        use crate::rplidar::Profile::{self, Fw120, Fw129};
+        let due = |profile: Profile, mode, sample| {
             let from = Instant::from_secs(2);
-            let Phase::Scanning(mut scanning) = Scanning::phase(stream, from, from, 300.0) else {
+            let scan = (Stream::Nodes, profile.sample_time(mode));
+            let Phase::Scanning(mut scanning) = Scanning::phase(scan, from, from, 300.0) else {
                 unreachable!("a scan");
             };
             scanning.sample = sample;
             let phase = Phase::Scanning(scanning);
             phase.next_at().map(|at| at.as_nanos() - from.as_nanos())
         };
-        for stream in [Stream::Nodes, Stream::Forced] {
-            assert_eq!(
-                [0, 3].map(|sample| due(stream, sample)),
-                [Some(0), Some(1_496_259)]
-            );
-        }
-        assert_eq!(due(Stream::Capsules, 4), Some(997_508));
+        assert_eq!(
+            [0, 3].map(|sample| due(Fw120, 0, sample)),
+            [Some(0), Some(1_496_259)]
+        );
+        assert_eq!(due(Fw120, 1, 4), Some(997_504));
+        let of_129 = [0, 1, 2, 3, 4].map(|mode| due(Fw129, mode, 10));
+        assert_eq!(
+            of_129,
+            [5_080_000, 2_540_000, 1_270_000, 1_270_000, 2_010_000].map(Some)
+        );
     }
 
     /// 550 mA are drawn as the head starts: a supply of as much holds, one of less does not.

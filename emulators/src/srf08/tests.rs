@@ -125,7 +125,7 @@ fn faults_are_heard() {
     assert!(!chip.acknowledges(Instant::ZERO, 0xE0));
 }
 
-/// By messages: command, wait, read; a request while ranging is not answered.
+/// By messages: command, wait, read; a read while ranging finds all ones.
 #[test]
 fn a_bus_carries_its_transactions() {
     let mut world = world(Some(1.0));
@@ -140,7 +140,11 @@ fn a_bus_carries_its_transactions() {
     };
     assert_eq!(ask(0, &[0xE0, COMMAND, CENTIMETRES]), []);
     assert_eq!(ask(30, &[0xE0, RANGE]), []);
-    assert_eq!(ask(30, &[0xE1, 2]), [], "not acknowledged");
+    assert_eq!(
+        ask(30, &[0xE1, 2]),
+        [0xFF, 0xFF],
+        "nobody pulls the bus down"
+    );
     assert_eq!(ask(70, &[0xE0, RANGE]), []);
     let answer = ask(70, &[0xE1, 2]);
     assert_eq!(answer.len(), 2);
@@ -232,4 +236,63 @@ fn noise_is_as_large_as_it_is_set() {
     };
     let deviation = ((0..500).map(&mut square).sum::<f64>() / 500.0).sqrt();
     assert!((8.6..11.4).contains(&deviation), "{deviation} cm");
+}
+
+/// ANN mode: the first echo as ever, and of the 32 slices of 2048 us only the one with the echo is
+/// set. 1 m is 5828 us there and back: the third slice. A plain ranging empties them.
+#[test]
+fn f17_ann_mode_tells_the_slice_of_the_echo() {
+    let world = world(Some(1.0));
+    for (command, near) in [(0x53, 39_u16), (0x54, 100), (0x55, 5_828)] {
+        let mut chip = chip();
+        chip.write(Instant::ZERO, COMMAND, &[command], &world);
+        let mut bytes = [0; 34];
+        chip.read(Instant::from_secs(1), RANGE, &mut bytes, &world);
+        let echo = u16::from_be_bytes([bytes[0], bytes[1]]);
+        assert!(
+            echo.abs_diff(near) <= near / 50 + 1,
+            "{command:02X}: {echo}"
+        );
+        let slices: Vec<usize> = (0..32).filter(|k| bytes[2 + k] != 0).collect();
+        assert_eq!(slices, [2]);
+        chip.write(Instant::from_secs(1), COMMAND, &[CENTIMETRES], &world);
+        chip.read(Instant::from_secs(2), RANGE, &mut bytes, &world);
+        assert_eq!(bytes[2..], [0; 32]);
+        assert!(chip.log().0.take().is_empty(), "ANN is a command");
+    }
+}
+
+/// Addresses are even: the sequence with an odd one changes nothing.
+#[test]
+fn f17_an_odd_address_is_none() {
+    let world = world(Some(1.0));
+    let mut chip = chip();
+    for byte in [0xA0, 0xAA, 0xA5, 0xE3] {
+        chip.write(Instant::ZERO, COMMAND, &[byte], &world);
+    }
+    assert!(chip.acknowledges(Instant::ZERO, 0xE0) && !chip.acknowledges(Instant::ZERO, 0xE2));
+}
+
+/// All chips listen to a write to address 0 and none answers a read; a read while the chip ranges
+/// finds the bus up, one from another address nothing.
+#[test]
+fn f17_nobody_answers_a_general_call_and_a_busy_bus_reads_ff() {
+    let mut world = world(Some(1.0));
+    let mut device = OnBus::new(chip());
+    let mut ask = |ms: u64, message: &[u8]| {
+        let now = Instant::from_millis(ms);
+        device.receive(Port(0), now, message);
+        device.poll(Instant::from_millis(ms + 1), &mut world);
+        let mut buf = [0; 8];
+        let len = device.transmit(Port(0), &mut buf);
+        buf[..len].to_vec()
+    };
+    // A read from the general call address, in a frame: not acknowledged.
+    assert_eq!(ask(0, &[0x01, 0x02, 0x01, 0x02]), [0x01, 0x01, 0x00]);
+    assert!(ask(2, &[0x00, 0x00, 0x51]).is_empty());
+    assert_eq!(ask(10, &[0xE1, 2]), [0xFF, 0xFF]);
+    assert!(ask(12, &[0xE3, 2]).is_empty());
+    assert!(ask(100, &[0xE0, 0x02]).is_empty());
+    let echo = ask(102, &[0xE1, 2]);
+    assert!((99..=101).contains(&u16::from_be_bytes([echo[0], echo[1]])));
 }

@@ -8,8 +8,11 @@ use protocols::Instant;
 use protocols::xv11::{RawReading, Reading};
 
 use super::optics::{
-    Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_mm, strength_mean, strength_sigma,
+    Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_21_mm, range_sigma_mm, strength_mean,
+    strength_sigma,
 };
+use super::surface::Place;
+use super::{Detail, Profile};
 use crate::lidar::beam::{Beam, aside, normal};
 use crate::lidar::{Direction, Mount};
 use crate::rng::Rng;
@@ -65,6 +68,15 @@ const FLAW_TOO_WIDE: f64 = 7e-4;
 const FLAW_TOO_DIM: f64 = 3e-4;
 const FLAW_BOTH: f64 = 3e-5;
 
+/// How alike the noise of a degree is from turn to turn: the von Neumann ratios of (A) are 0.89 of
+/// distances and 0.77 of strengths, where 1 is not at all.
+const RANGE_KEPT: f64 = 0.11;
+const STRENGTH_KEPT: f64 = 0.23;
+/// On rough and uneven surfaces a beam that wanders adds noise of its own to distances, so the law
+/// of even ones is too much, and that of strengths too little: fitted to the repeats of (A).
+const RANGE_PART: f64 = 0.75;
+const STRENGTH_PART: f64 = 1.1;
+
 /// Height of the beam above the floor, metres: it lies on the robot. A guess.
 const HEIGHT_M: f64 = 0.10;
 
@@ -77,6 +89,11 @@ pub(super) struct Eye {
     pub(super) dark: bool,
     /// Distance told by distance measured.
     pub(super) range_factor: f64,
+    detail: Detail,
+    /// Law of the deviation of a range.
+    sigma_mm: fn(f64) -> f64,
+    /// Noise of each degree in the turn before, of range and strength.
+    before: Box<[[f64; 2]; 360]>,
     range: Rng,
     strength: Rng,
     beam: Rng,
@@ -94,12 +111,58 @@ impl Eye {
             optics,
             dark: false,
             range_factor: 1.0,
+            detail: Detail::default(),
+            sigma_mm: range_sigma_mm,
+            before: Box::new([[0.0; 2]; 360]),
             range: Rng::stream(seed, &format!("{name}.range")),
             strength: Rng::stream(seed, &format!("{name}.strength")),
             beam: Rng::stream(seed, &format!("{name}.beam")),
             seen_mm: Box::new([f64::INFINITY; 360 + SHADOW_DEGREES]),
             views: None,
         }
+    }
+
+    /// The same of a unit with this firmware, with as much detail as wanted. The noise of 2.1 is
+    /// another one; units without detail have that of 2.4 all.
+    #[must_use]
+    pub(super) fn of(mut self, profile: Profile, detail: Detail) -> Self {
+        self.detail = detail;
+        self.sigma_mm = match (detail, profile) {
+            (Detail::Captured, Profile::Fw21) => range_sigma_21_mm,
+            _ => range_sigma_mm,
+        };
+        self
+    }
+
+    /// Makes the noise of a reading a little like that of the same degree a turn before.
+    fn remembering(&mut self, slot: usize, noise: Noise) -> Noise {
+        if self.detail == Detail::Even {
+            return noise;
+        }
+        let kept =
+            |part: f64, before: f64, fresh: f64| part * before + (1.0 - part * part).sqrt() * fresh;
+        let [range, strength] = self.before[slot];
+        let range = kept(RANGE_KEPT, range, noise.range);
+        let strength = kept(STRENGTH_KEPT, strength, noise.strength);
+        self.before[slot] = [range, strength];
+        Noise {
+            range: RANGE_PART * range,
+            strength: STRENGTH_PART * strength,
+            ..noise
+        }
+    }
+
+    /// The place that a beam meets.
+    fn place(&self, beam: Beam, hit: Hit) -> Place {
+        if self.detail == Detail::Even {
+            return Place::PLAIN;
+        }
+        let (sin, cos) = libm::sincos(beam.angle);
+        let (x, y) = (
+            beam.from.x + hit.distance * cos,
+            beam.from.y + hit.distance * sin,
+        );
+        Place::at(Point::new(x, y))
     }
 
     /// Measures once: reading `slot` of the turn, head at `angle_deg`, at `at`. Draws the same
@@ -133,6 +196,7 @@ impl Eye {
             range: normal(&mut self.range),
             strength: normal(&mut self.strength),
         };
+        let noise = self.remembering(usize::from(slot % 360), noise);
         let beam = self.beam_at(world, at, angle_deg, noise.angle);
         self.keep_view(world.scene());
         let hit = self
@@ -150,12 +214,18 @@ impl Eye {
         if shadowed && self.is_shadowed(beam, hit) {
             return no_dot();
         }
+        let place = self.place(beam, hit);
+        let hit = Hit {
+            reflectivity: hit.reflectivity * place.reflects,
+            ..hit
+        };
+        let law = self.sigma_mm;
         if is_rough(behind, mm, ahead)
             && let Some(reading) = self.rough(beam, hit, [behind, ahead], &noise)
         {
             return reading;
         }
-        smooth(mm, hit, &noise)
+        smooth(mm + place.deeper_mm, hit, &noise, law)
     }
 
     /// Looks anew at what a lidar sees of `scene`, if that is another one.
@@ -223,7 +293,7 @@ impl Eye {
             // A slanting wall has less than half of a degree's difference within the dot.
             other_mm.is_infinite() || (other_mm - mm).abs() > 0.5 * (side_mm - mm).abs()
         })?;
-        Some(edge(mm, other_mm, hit, noise))
+        Some(edge(mm, other_mm, hit, noise, self.sigma_mm))
     }
 
     /// Whether something near follows within the next degrees, as far as known, that may hide the
@@ -308,7 +378,7 @@ fn corner_share(mm: f64, sides_mm: [f64; 2], neighbours_mm: [f64; 2]) -> f64 {
 
 /// A dot on an edge between two distances: (A) shows double dots, bad shapes, nothing at all, or a
 /// dim dot of the near side.
-fn edge(mm: f64, other_mm: f64, hit: Hit, noise: &Noise) -> RawReading {
+fn edge(mm: f64, other_mm: f64, hit: Hit, noise: &Noise, law: fn(f64) -> f64) -> RawReading {
     let (near, far) = (mm.min(other_mm), mm.max(other_mm));
     match noise.chance {
         ..0.25 => invalid(code::DOUBLE_DOT),
@@ -327,13 +397,13 @@ fn edge(mm: f64, other_mm: f64, hit: Hit, noise: &Noise) -> RawReading {
             } else {
                 near
             };
-            smooth(mixed, part, noise)
+            smooth(mixed, part, noise, law)
         }
     }
 }
 
 /// A dot on an even surface.
-fn smooth(mm: f64, hit: Hit, noise: &Noise) -> RawReading {
+fn smooth(mm: f64, hit: Hit, noise: &Noise, law: fn(f64) -> f64) -> RawReading {
     if mm < RANGE_MIN_MM {
         return invalid(if mm < BLIND_MM {
             code::NO_DOT
@@ -364,7 +434,7 @@ fn smooth(mm: f64, hit: Hit, noise: &Noise) -> RawReading {
             _ => invalid(code::TOO_WIDE),
         };
     }
-    let noisy = (mm + range_sigma_mm(mm) * noise.range).max(1.0);
+    let noisy = (mm + law(mm) * noise.range).max(1.0);
     let quantised = if noisy < UNQUANTISED_MM {
         noisy
     } else {
@@ -434,14 +504,14 @@ mod tests {
     }
 
     fn smooth_at(mm: f64, chance: f64) -> Reading {
-        Reading::from(smooth(mm, WALL, &quiet(chance)))
+        Reading::from(smooth(mm, WALL, &quiet(chance), range_sigma_mm))
     }
 
     /// T4: an edge from 1 m to 3 m: 25 % double, 5 % too wide, 3 % too dim, 12 % nothing, else the
     /// near side, of which a tenth lies between: half way, a quarter, an eightieth.
     #[test]
     fn the_dot_on_an_edge_is_what_the_draw_says() {
-        let of = |chance| Reading::from(edge(1000.0, 3000.0, WALL, &quiet(chance)));
+        let of = |chance| Reading::from(edge(1000.0, 3000.0, WALL, &quiet(chance), range_sigma_mm));
         assert_eq!([0.0, 0.249].map(of), [code(0x02, 0); 2]);
         assert_eq!([0.25, 0.299].map(of), [code(0x03, 0); 2]);
         assert_eq!([0.30, 0.329].map(of), [code(0x25, 0); 2]);
@@ -459,7 +529,13 @@ mod tests {
     #[test]
     fn a_dot_that_hardly_touches_is_seen_in_between() {
         let chance = 0.45 + 0.55 * 0.05;
-        let of = |mm, other| match Reading::from(edge(mm, other, WALL, &quiet(chance))) {
+        let of = |mm, other| match Reading::from(edge(
+            mm,
+            other,
+            WALL,
+            &quiet(chance),
+            range_sigma_mm,
+        )) {
             Reading::Range {
                 distance_mm,
                 strength,
@@ -508,7 +584,7 @@ mod tests {
                 incidence,
                 ..WALL
             };
-            Reading::from(smooth(mm, hit, &quiet(0.0)))
+            Reading::from(smooth(mm, hit, &quiet(0.0), range_sigma_mm))
         };
         assert_eq!(of(0.0251, 1.0, 1000.0), range(1000, 3));
         assert_eq!(of(0.0249, 1.0, 1000.0), code(0x25, 0));
@@ -543,7 +619,7 @@ mod tests {
                 range,
                 ..quiet(0.0)
             };
-            match Reading::from(smooth(mm, WALL, &noise)) {
+            match Reading::from(smooth(mm, WALL, &noise, range_sigma_mm)) {
                 Reading::Range { distance_mm, .. } => distance_mm,
                 Reading::Invalid { .. } => 0,
             }

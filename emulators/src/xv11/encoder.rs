@@ -9,6 +9,8 @@
 //! - the tooth comes late by more than 0.85 of a slot: synchronisation is lost until the second
 //!   edge of the tooth, five degrees on.
 
+use core::f64::consts::TAU;
+
 use crate::rng::Rng;
 
 /// Teeth on the ring.
@@ -27,6 +29,25 @@ pub(super) const SECOND_EDGE_DEG: f64 = 5.0;
 /// Jitter of an edge. Makes the ratio of neighbouring teeth wander by 0.065 %, as captured.
 const JITTER_DEG: f64 = 0.0064;
 
+/// The same where the speed wanders as well: what is left of it. Fitted with [`REST`] to how much,
+/// and how alike from tooth to tooth, a tooth's speed differs from that of a turn before.
+const JITTER_CAPTURED_DEG: f64 = 0.0037;
+/// How the speed wanders within a turn: cycles a turn of the head, and amplitude as a part of the
+/// speed. Lines in the spectrum of 1,785 tooth speeds of the capture, once the mean of each tooth
+/// and of each turn is taken out: 0.137, 0.093, 0.079 and 0.078 rpm at 297. Belt and gear, by their
+/// even spacing.
+const LINES: [(f64, f64); 4] = [
+    (0.868_5, 0.137 / 297.0),
+    (3.361_5, 0.079 / 297.0),
+    (4.915_5, 0.078 / 297.0),
+    (6.723, 0.093 / 297.0),
+];
+/// What is left behind those lines: a deviation of 0.11 rpm, alike from tooth to tooth by 0.61.
+const REST: f64 = 0.106 / 297.0;
+const REST_KEPT: f64 = 0.61;
+/// Share of the shift by it that is kept at each tooth, so that it does not add up over minutes.
+const SHIFT_KEPT: f64 = 0.99;
+
 /// Mean speed shown for each tooth over 120 turns of the capture at 297.0 rpm: what looks like a
 /// pattern of speeds is a ring that is not divided evenly.
 const SPEEDS_RPM: [f64; TEETH as usize] = [
@@ -44,16 +65,89 @@ pub(super) struct Encoder {
     tooth: u8,
     /// Jitter of its edge.
     jitter_deg: f64,
+    wander: Wander,
+}
+
+/// What belt and gear make of an even speed: a head that is ahead of where it would be meets its
+/// teeth early.
+#[derive(Clone, Debug)]
+pub(super) struct Wander {
+    /// Of the rest, and of the lines' phases; `None`: nothing wanders.
+    rng: Option<Rng>,
+    phases: [f64; LINES.len()],
+    /// Teeth passed.
+    teeth: u32,
+    /// Deviation of the speed besides the lines, as a part of it, ...
+    rest: f64,
+    /// ... and how far ahead the head is by it, degrees.
+    shift_deg: f64,
+}
+
+impl Wander {
+    /// An even speed.
+    pub(super) const fn none() -> Self {
+        Self {
+            rng: None,
+            phases: [0.0; LINES.len()],
+            teeth: 0,
+            rest: 0.0,
+            shift_deg: 0.0,
+        }
+    }
+
+    /// A speed that wanders as the captured one.
+    pub(super) fn captured(mut rng: Rng) -> Self {
+        let phases = core::array::from_fn(|_| rng.range(0.0, TAU));
+        Self {
+            phases,
+            rng: Some(rng),
+            ..Self::none()
+        }
+    }
+
+    /// A tooth has passed.
+    fn pass(&mut self) {
+        let Some(rng) = &mut self.rng else { return };
+        self.teeth = self.teeth.wrapping_add(1);
+        let fresh = REST * (1.0 - REST_KEPT * REST_KEPT).sqrt();
+        self.rest = REST_KEPT * self.rest + fresh * rng.gauss();
+        self.shift_deg = SHIFT_KEPT * self.shift_deg + self.rest * TOOTH_DEG;
+    }
+
+    /// How far ahead the head is, degrees.
+    fn ahead_deg(&self) -> f64 {
+        if self.rng.is_none() {
+            return 0.0;
+        }
+        // A speed of 1 + a sin(f turns) is a way of -a cos / f more.
+        let turns = f64::from(self.teeth) / f64::from(TEETH);
+        let lines = LINES
+            .iter()
+            .zip(self.phases)
+            .map(|((cycles, part), phase)| {
+                -part * 360.0 / (TAU * cycles) * libm::cos(TAU * cycles * turns + phase)
+            });
+        lines.sum::<f64>() + self.shift_deg
+    }
+
+    const fn jitter_deg(&self) -> f64 {
+        if self.rng.is_none() {
+            JITTER_DEG
+        } else {
+            JITTER_CAPTURED_DEG
+        }
+    }
 }
 
 impl Encoder {
-    pub(super) fn new(mut rng: Rng) -> Self {
-        let jitter_deg = JITTER_DEG * rng.gauss();
+    pub(super) fn new(mut rng: Rng, wander: Wander) -> Self {
+        let jitter_deg = wander.jitter_deg() * rng.gauss();
         Self {
             offsets: offsets(),
             rng,
             tooth: 0,
             jitter_deg,
+            wander,
         }
     }
 
@@ -72,12 +166,14 @@ impl Encoder {
         first_slot_deg(self.tooth) - PHASE_SLOTS
             + self.offsets[usize::from(self.tooth)]
             + self.jitter_deg
+            - self.wander.ahead_deg()
     }
 
     /// The tooth has passed; the next one is looked for. True if a new turn began with it.
     pub(super) fn pass(&mut self) -> bool {
         self.tooth = (self.tooth + 1) % TEETH;
-        self.jitter_deg = JITTER_DEG * self.rng.gauss();
+        self.wander.pass();
+        self.jitter_deg = self.wander.jitter_deg() * self.rng.gauss();
         self.tooth == 0
     }
 
@@ -151,7 +247,7 @@ mod tests {
     /// tooth. Behind the last one comes that of the next turn.
     #[test]
     fn the_next_tooth_is_the_first_one_ahead() {
-        let mut encoder = Encoder::new(Rng::stream(1, "teeth"));
+        let mut encoder = Encoder::new(Rng::stream(1, "teeth"), Wander::none());
         let mut seek = |angle_deg| (encoder.seek(angle_deg), encoder.tooth());
         assert_eq!(seek(0.0), (false, 0));
         assert_eq!(seek(0.9), (false, 0));
@@ -170,6 +266,41 @@ mod tests {
         assert!(is_begun(22, slots(0.01)));
         assert_eq!(arrival(slots(-0.033)), Arrival::Expected);
         assert_eq!(arrival(slots(-0.036)), Arrival::Late);
+    }
+
+    /// Speeds of 1,800 teeth by their places: a deviation of 0.18 rpm at 297, neighbours alike by a
+    /// third, and half a turn apart the opposite, as in the capture.
+    #[test]
+    fn f8_the_speed_wanders_over_teeth_as_captured() {
+        for seed in 0..4 {
+            let mut wander = Wander::captured(Rng::stream(seed, "belt"));
+            let mut before = wander.ahead_deg();
+            let speeds: Vec<f64> = (0..1_800)
+                .map(|_| {
+                    wander.pass();
+                    let way = wander.ahead_deg() - before;
+                    before += way;
+                    297.0 * way / TOOTH_DEG
+                })
+                .collect();
+            // As the capture is looked at: without the mean of each turn.
+            let rest: Vec<f64> = speeds
+                .chunks_exact(15)
+                .flat_map(|turn| {
+                    let mean = turn.iter().sum::<f64>() / 15.0;
+                    turn.iter().map(move |speed| speed - mean)
+                })
+                .collect();
+            let alike = |lag: usize| {
+                let pairs = rest.iter().zip(&rest[lag..]).map(|(a, b)| a * b);
+                pairs.sum::<f64>() / rest.iter().map(|a| a * a).sum::<f64>()
+            };
+            let deviation = (rest.iter().map(|a| a * a).sum::<f64>() / 1_800.0).sqrt();
+            assert!((0.14..0.22).contains(&deviation), "{deviation}");
+            assert!((0.2..0.55).contains(&alike(1)), "{}", alike(1));
+            assert!((-0.6..-0.1).contains(&alike(7)), "{}", alike(7));
+            assert!((0.05..0.5).contains(&alike(15)), "{}", alike(15));
+        }
     }
 
     /// 0x21 lies at 2 (mod 24): slot 23 of a tooth is the last before the next tooth's first.

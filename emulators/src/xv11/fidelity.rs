@@ -54,8 +54,7 @@ pub struct Statistics {
     pub skipped_at: [u64; 24],
     /// Readings whose code carries a strength, and those among them that carry the one before.
     pub carried: [u64; 2],
-    /// Median of strength times distance squared, in units of 1e8, over plain readings below one
-    /// metre.
+    /// Median of strength times distance squared, in units of 1e8, over plain readings.
     pub strength_d2: f64,
     /// Farthest distance with strength warning, millimetres.
     pub weak_max_mm: u16,
@@ -219,9 +218,7 @@ impl Reader {
             figures.weak_max_mm = figures.weak_max_mm.max(distance_mm);
         } else {
             figures.plain += 1;
-            if mm < 1_000.0 {
-                self.strengths.push(f64::from(strength) * mm * mm / 1e8);
-            }
+            self.strengths.push(f64::from(strength) * mm * mm / 1e8);
         }
         if mm < 650.0 {
             self.warnings[0] += 1;

@@ -25,7 +25,7 @@ pub struct Reading {
 pub struct Raw {
     /// Way.
     pub distance: f64,
-    /// Turn rates about x, y and z.
+    /// Turn rates about x, y and z, radians a second in the published sketch.
     pub rates: [f64; 3],
     /// Accelerations along x, y and z.
     pub accelerations: [f64; 3],

@@ -1,6 +1,6 @@
 //! Answers: a descriptor, and behind it what was asked for.
 
-use super::{ANSWER_START, CAPSULE_LEN, DESCRIPTOR_LEN, NODE_LEN, START};
+use super::{ANSWER_START, CAPSULE_LEN, DESCRIPTOR_LEN, NODE_LEN, START, ULTRA_LEN};
 
 /// Most payload bytes of an answer that is no stream. The longest known ones are names of scan
 /// modes; the format itself allows 30 bits of length.
@@ -22,6 +22,9 @@ pub mod kind {
     pub const NODES: u8 = 0x81;
     /// Stream of [capsules](crate::rplidar::Capsule).
     pub const CAPSULES: u8 = 0x82;
+    /// Stream of [capsules of three samples a cabin](crate::rplidar::UltraCapsule); firmware 1.24
+    /// and later.
+    pub const ULTRA: u8 = 0x84;
     /// Flags of the accessory board, u32; bit 0: it drives the motor. From the vendor's SDK.
     pub const ACC_BOARD: u8 = 0xFF;
 }
@@ -60,6 +63,11 @@ impl Descriptor {
         Self::new(kind::CAPSULES, length(CAPSULE_LEN), Transfer::Stream)
     }
 
+    /// The descriptor of a scan of the kind 0x84.
+    pub fn ultra() -> Self {
+        Self::new(kind::ULTRA, length(ULTRA_LEN), Transfer::Stream)
+    }
+
     /// Makes it of bytes whose start was checked; `None` for the modes 2 and 3, which are not
     /// defined.
     pub(super) fn from_started(bytes: [u8; DESCRIPTOR_LEN]) -> Option<Self> {
@@ -93,6 +101,7 @@ impl Descriptor {
             (Transfer::Single, kind::CONF) => return Some([4, length(PAYLOAD_MAX)]),
             (Transfer::Stream, kind::NODES) => length(NODE_LEN),
             (Transfer::Stream, kind::CAPSULES) => length(CAPSULE_LEN),
+            (Transfer::Stream, kind::ULTRA) => length(ULTRA_LEN),
             _ => return None,
         };
         Some([least, least])

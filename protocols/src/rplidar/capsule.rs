@@ -154,7 +154,7 @@ pub(super) fn may_begin(bytes: &[u8]) -> bool {
         .all(|(byte, sync)| byte & 0xF0 == sync)
 }
 
-/// The checksum that came with a capsule.
-pub(super) const fn found_checksum(bytes: &[u8; CAPSULE_LEN]) -> u8 {
-    bytes[0] & 0x0F | bytes[1] << 4
+/// The checksum that came with a capsule, in the low nibbles of its first two bytes.
+pub(super) const fn found_checksum(first: u8, second: u8) -> u8 {
+    first & 0x0F | second << 4
 }

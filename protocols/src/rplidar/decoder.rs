@@ -4,6 +4,7 @@ use super::answer::{ANSWER_MAX, Answer, Descriptor, PAYLOAD_MAX, Transfer, kind}
 use super::capsule::{self, CAPSULE_LEN, Capsule};
 use super::node::{self, Head, NODE_LEN, Node};
 use super::request::{PAYLOAD, Request, Requests};
+use super::ultra::{self, ULTRA_LEN, UltraCapsule};
 use super::{ANSWER_START, DESCRIPTOR_LEN, START};
 use crate::{Candidate, Decode, Format, FrameError};
 
@@ -23,6 +24,8 @@ pub enum Mode {
     Nodes,
     /// Capsules of an express scan.
     Capsules,
+    /// Capsules of the kind 0x84.
+    Ultra,
 }
 
 /// Something that the sensor sent, verified as far as the format allows, with every bit kept.
@@ -36,6 +39,8 @@ pub enum Frame {
     Node(Node),
     /// 32 samples of an express scan.
     Capsule(Capsule),
+    /// 96 samples of a scan of the kind 0x84.
+    Ultra(UltraCapsule),
     /// What the host asks for; only of a decoder of [both ways](Decoder::of_both_ways).
     Request(Request),
 }
@@ -48,6 +53,7 @@ impl Frame {
             Self::Answer(answer) => answer.as_bytes(),
             Self::Node(node) => node.as_bytes(),
             Self::Capsule(capsule) => capsule.as_bytes(),
+            Self::Ultra(capsule) => capsule.as_bytes(),
             Self::Request(request) => request.as_bytes(),
         }
     }
@@ -104,10 +110,12 @@ impl Decode for Decoder {
             Ok(Frame::Stream(descriptor)) => self.expect(match descriptor.kind() {
                 kind::NODES => Mode::Nodes,
                 kind::CAPSULES => Mode::Capsules,
+                kind::ULTRA => Mode::Ultra,
                 _ => Mode::Answers,
             }),
             Ok(Frame::Answer(_)) => self.expect(Mode::Answers),
-            Ok(Frame::Node(_) | Frame::Capsule(_) | Frame::Request(_)) | Err(_) => {}
+            Ok(Frame::Node(_) | Frame::Capsule(_) | Frame::Ultra(_) | Frame::Request(_))
+            | Err(_) => {}
         }
         Some(outcome)
     }
@@ -144,14 +152,11 @@ impl Answers {
             Mode::Nodes if begins_answer(bytes) && self.is_aligned => judge_answer(bytes),
             // A capsule may begin with the same two bytes, and damage may look like them: the other
             // five must be known ones.
-            Mode::Nodes | Mode::Capsules if begins_answer(bytes) && is_cut(bytes) => {
-                Candidate::Incomplete
-            }
-            Mode::Nodes | Mode::Capsules if bytes.first_chunk().copied().is_some_and(is_known) => {
-                judge_answer(bytes)
-            }
+            _ if begins_answer(bytes) && is_cut(bytes) => Candidate::Incomplete,
+            _ if bytes.first_chunk().copied().is_some_and(is_known) => judge_answer(bytes),
             Mode::Nodes => self.judge_node(bytes, is_last),
-            Mode::Capsules => judge_capsule(bytes),
+            Mode::Capsules => judge_capsule(bytes, capsule::checksum),
+            Mode::Ultra => judge_capsule(bytes, ultra::checksum),
         }
     }
 
@@ -211,6 +216,9 @@ impl Format for Answers {
         if bytes.len() == CAPSULE_LEN && self.mode == Mode::Capsules && !head.is_some_and(is_known)
         {
             return Frame::Capsule(Capsule::from_judged(bytes));
+        }
+        if bytes.len() == ULTRA_LEN && self.mode == Mode::Ultra && !head.is_some_and(is_known) {
+            return Frame::Ultra(UltraCapsule::from_judged(bytes));
         }
         match head.and_then(Descriptor::from_started) {
             Some(descriptor) if descriptor.transfer() == Transfer::Stream => {
@@ -290,16 +298,17 @@ fn judge_both(bytes: &[u8]) -> Candidate {
     }
 }
 
-fn judge_capsule(bytes: &[u8]) -> Candidate {
+/// Judges a capsule of `LEN` bytes; both kinds have the same sync nibbles and the same sum.
+fn judge_capsule<const LEN: usize>(bytes: &[u8], checksum: fn(&[u8; LEN]) -> u8) -> Candidate {
     if !capsule::may_begin(bytes) {
         return Candidate::Noise;
     }
-    let Some(bytes) = bytes.first_chunk::<CAPSULE_LEN>() else {
+    let Some(bytes) = bytes.first_chunk::<LEN>() else {
         return Candidate::Incomplete;
     };
-    let (expected, found) = (capsule::checksum(bytes), capsule::found_checksum(bytes));
+    let (expected, found) = (checksum(bytes), capsule::found_checksum(bytes[0], bytes[1]));
     if expected == found {
-        return Candidate::Complete(CAPSULE_LEN);
+        return Candidate::Complete(LEN);
     }
     Candidate::Rejected(FrameError::Checksum {
         expected: u32::from(expected),

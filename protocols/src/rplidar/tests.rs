@@ -27,6 +27,7 @@ const FIRST_NODES: [[u8; 5]; 6] = [
 ];
 const SCAN: [u8; 7] = [0xA5, 0x5A, 0x05, 0x00, 0x00, 0x40, 0x81];
 const EXPRESS: [u8; 7] = [0xA5, 0x5A, 0x54, 0x00, 0x00, 0x40, 0x82];
+const ULTRA: [u8; 7] = [0xA5, 0x5A, 0x84, 0x00, 0x00, 0x40, 0x84];
 
 /// Everything that comes of `bytes` when the line is quiet afterwards.
 fn decode(mut decoder: Decoder, bytes: &[u8]) -> (Vec<Frame>, u64) {
@@ -143,6 +144,7 @@ fn a_request_with_a_bad_checksum_is_rejected() {
 fn the_descriptors_are_those_of_the_document() {
     assert_eq!(Descriptor::nodes().as_bytes(), &SCAN);
     assert_eq!(Descriptor::capsules().as_bytes(), &EXPRESS);
+    assert_eq!(Descriptor::ultra().as_bytes(), &ULTRA);
     let (frames, _) = decode(Decoder::default(), &SCAN);
     assert_eq!(frames, [Frame::Stream(Descriptor::nodes())]);
 }
@@ -406,6 +408,7 @@ fn each_kind_of_answer_has_its_length() {
     assert_eq!(judged(4, 0, kind::CONF), None);
     assert_eq!(judged(128, 0, kind::CONF), None);
     assert_eq!(judged(83, 0x40, kind::CAPSULES), wrong(84, 83));
+    assert_eq!(judged(84, 0x40, kind::ULTRA), wrong(132, 84));
     assert_eq!(judged(129, 0, 0x33), wrong(128, 129));
     assert_eq!(judged(5, 0x80, kind::NODES), wrong(128, 0x8000_0005));
 }
@@ -593,7 +596,11 @@ fn frame() -> impl Strategy<Value = Vec<u8>> {
         let capsules = capsules.iter().map(|capsule| *capsule.as_bytes());
         [&EXPRESS[..], capsules.collect::<Vec<_>>().as_flattened()].concat()
     });
-    prop_oneof![rate, conf, scan, express, Just(INFO.to_vec())]
+    let ultra = vec(ultra(), 0..3).prop_map(|capsules| {
+        let capsules = capsules.iter().map(|capsule| *capsule.as_bytes());
+        [&ULTRA[..], capsules.collect::<Vec<_>>().as_flattened()].concat()
+    });
+    prop_oneof![rate, conf, scan, express, ultra, Just(INFO.to_vec())]
 }
 
 fn capsule() -> impl Strategy<Value = Capsule> {
@@ -603,6 +610,14 @@ fn capsule() -> impl Strategy<Value = Capsule> {
     });
     let samples = proptest::array::uniform32(sample);
     (any::<bool>(), 0..1_u16 << 15, samples).prop_map(|(first, q6, s)| Capsule::new(first, q6, &s))
+}
+
+fn ultra() -> impl Strategy<Value = UltraCapsule> {
+    let samples = vec(0..1_u16 << 15, ULTRA_SAMPLES);
+    (any::<bool>(), 0..1_u16 << 15, samples, 0..1_u16 << 15).prop_map(|(first, q6, s, next)| {
+        let samples = s.try_into().expect("96 samples");
+        UltraCapsule::new(first, q6, &samples, next)
+    })
 }
 
 /// Frames and errors of `bytes`, pushed in pieces, with a pause in the end.
@@ -705,8 +720,9 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_are_survived(bytes in vec(any::<u8>(), 0..600), mode in 0..3) {
-        let mode = [Mode::Answers, Mode::Nodes, Mode::Capsules][usize::try_from(mode).unwrap()];
+    fn any_bytes_are_survived(bytes in vec(any::<u8>(), 0..600), mode in 0..4) {
+        let modes = [Mode::Answers, Mode::Nodes, Mode::Capsules, Mode::Ultra];
+        let mode = modes[usize::try_from(mode).unwrap()];
         let mut decoder = streaming(mode);
         for frame in decoder.push(&bytes).flatten() {
             if let Frame::Answer(answer) = frame {

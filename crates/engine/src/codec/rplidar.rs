@@ -5,7 +5,8 @@
 
 use protocols::rplidar::{
     Answer, CAPSULE_LEN, CAPSULE_SAMPLES, Capsule, CapsuleSample, Command, Decoder, Descriptor,
-    Frame, NODE_LEN, Node, PAYLOAD_MAX, Reply, Request, START, Status, kind,
+    Frame, NODE_LEN, Node, PAYLOAD_MAX, Reply, Request, START, Status, ULTRA_LEN, ULTRA_SAMPLES,
+    UltraCapsule, kind,
 };
 
 use super::floor::Floor;
@@ -80,12 +81,14 @@ impl Wire for Rplidar {
     }
 
     fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>) {
-        match choices.byte() % 8 {
+        match choices.byte() % 10 {
             0 => out.extend(request(choices).as_bytes()),
             1 => out.extend(Descriptor::nodes().as_bytes()),
             2 => out.extend(Descriptor::capsules().as_bytes()),
             3 => out.extend(capsule(choices).as_bytes()),
             4 => out.extend(answer(choices).as_bytes()),
+            5 => out.extend(Descriptor::ultra().as_bytes()),
+            6 => out.extend(ultra(choices).as_bytes()),
             _ => out.extend(node(choices).as_bytes()),
         }
     }
@@ -105,7 +108,9 @@ impl Wire for Rplidar {
                 *second |= 1;
             }
             [first, second, ..]
-                if len == CAPSULE_LEN && first >> 4 == 0xA && [first, second] != ANSWER =>
+                if matches!(len, CAPSULE_LEN | ULTRA_LEN)
+                    && first >> 4 == 0xA
+                    && [first, second] != ANSWER =>
             {
                 let sum = frame[2..].iter().fold(0, |sum, byte| sum ^ byte);
                 frame[0] = 0xA0 | sum & 0x0F;
@@ -160,6 +165,7 @@ impl Wire for Rplidar {
                 2 << 16 | u64::from(node.starts_turn()) << 1 | u64::from(is_measured)
             }
             Frame::Capsule(capsule) => 3 << 16 | u64::from(capsule.is_first()),
+            Frame::Ultra(capsule) => 5 << 16 | u64::from(capsule.is_first()),
             Frame::Request(request) => {
                 let is_known = u64::from(request.command().is_some());
                 4 << 16 | is_known << 8 | u64::from(request.code())
@@ -179,6 +185,15 @@ impl Wire for Rplidar {
                 let (first, angle) = (capsule.is_first(), capsule.start_angle_q6());
                 let made = Capsule::new(first, angle, &capsule.raw_samples());
                 made_again(found, made.as_bytes())
+            }
+            // Its first distances are told by itself, the differences with the next capsule only.
+            Frame::Ultra(capsule) => {
+                let head = (capsule.is_first(), capsule.start_angle_q6());
+                let sound = capsule.majors_mm().count() == ULTRA_SAMPLES / 3;
+                let flags = u16::from_le_bytes([found[2], found[3]]);
+                let read = (flags >> 15 == 1, flags & 0x7FFF);
+                let detail = || Broken::new("ultra-means-itself", format!("{read:?} {head:?}"));
+                (sound && read == head).then_some(()).ok_or_else(detail)
             }
             Frame::Answer(answer) => {
                 let made = match answer.reply() {
@@ -213,11 +228,12 @@ fn command_means_itself(request: Request) -> Result<(), Broken> {
 
 /// A descriptor and, unless it begins a stream, its payload.
 fn answer_at(bytes: &[u8]) -> Option<usize> {
-    let &[0xA5, 0x5A, a, b, c, d, _, ..] = bytes else {
+    let &[0xA5, 0x5A, a, b, c, d, kind, ..] = bytes else {
         return None;
     };
     let length = usize::from(a) + 256 * usize::from(b) + 65_536 * usize::from(c);
-    if length > 128 || d & 0xBF != 0 {
+    let is_ultra = (d, kind, length) == (0x40, 0x84, 132);
+    if length > 128 && !is_ultra || d & 0xBF != 0 {
         return None;
     }
     let end = if d == 0x40 { 7 } else { 7 + length };
@@ -226,7 +242,7 @@ fn answer_at(bytes: &[u8]) -> Option<usize> {
 }
 
 /// Kinds of answers with the least and greatest length that they announce, and of streams.
-const LENGTHS: [(u8, u8, [u8; 2]); 7] = [
+const LENGTHS: [(u8, u8, [u8; 2]); 8] = [
     (0x00, 0x04, [20, 20]),
     (0x00, 0x06, [3, 3]),
     (0x00, 0x15, [4, 4]),
@@ -234,6 +250,7 @@ const LENGTHS: [(u8, u8, [u8; 2]); 7] = [
     (0x00, 0xFF, [4, 4]),
     (0x40, 0x81, [5, 5]),
     (0x40, 0x82, [84, 84]),
+    (0x40, 0x84, [132, 132]),
 ];
 
 fn is_of_known_kind(head: &[u8]) -> bool {
@@ -264,9 +281,10 @@ fn request_at(bytes: &[u8]) -> Option<usize> {
 }
 
 fn capsule_at(bytes: &[u8]) -> Option<usize> {
-    let is_synced = bytes.len() == 84 && bytes[0] >> 4 == 0xA && bytes[1] >> 4 == 0x5;
+    let len = bytes.len();
+    let is_synced = matches!(len, 84 | 132) && bytes[0] >> 4 == 0xA && bytes[1] >> 4 == 0x5;
     let sum = bytes.iter().skip(2).fold(0, |sum, byte| sum ^ byte);
-    (is_synced && bytes[0] & 15 == sum & 15 && bytes[1] & 15 == sum >> 4).then_some(84)
+    (is_synced && bytes[0] & 15 == sum & 15 && bytes[1] & 15 == sum >> 4).then_some(len)
 }
 
 fn node_at(bytes: &[u8]) -> Option<usize> {
@@ -286,7 +304,7 @@ fn request(choices: &mut Choices<'_>) -> Request {
         128..136 => Command::ForceScan,
         136..144 => Command::Reset,
         144..160 => Command::ExpressScan {
-            mode: choices.byte() % 3,
+            mode: choices.byte() % 6,
         },
         160..192 => Command::Conf {
             key: choices.byte().into(),
@@ -336,12 +354,20 @@ fn capsule(choices: &mut Choices<'_>) -> Capsule {
     Capsule::new(first, angle, &[sample; CAPSULE_SAMPLES])
 }
 
+fn ultra(choices: &mut Choices<'_>) -> UltraCapsule {
+    let (first, angle) = (choices.byte() & 1 == 1, choices.word());
+    let [near, far, next] = [choices.word(), choices.word(), choices.word()];
+    let samples = core::array::from_fn(|k| if k % 2 == 0 { near } else { far });
+    UltraCapsule::new(first, angle, &samples, next)
+}
+
 /// A frame of either direction.
 fn words(frame: &Frame) -> String {
     match frame {
         Frame::Stream(descriptor) => match descriptor.kind() {
             kind::NODES => "standard scan begins".to_owned(),
             kind::CAPSULES => "express scan begins".to_owned(),
+            kind::ULTRA => "express scan of kind 84 begins".to_owned(),
             other => format!("stream of kind {other:02X} begins"),
         },
         Frame::Answer(answer) => answer_words(answer),
@@ -370,6 +396,16 @@ fn words(frame: &Frame) -> String {
                 .filter(|sample| sample.distance_mm > 0)
                 .count();
             format!("{start}from {angle:.2} deg: 32 samples, {measured} measured")
+        }
+        Frame::Ultra(capsule) => {
+            let start = if capsule.is_first() {
+                "scan begins, "
+            } else {
+                ""
+            };
+            let angle = f32::from(capsule.start_angle_q6()) / 64.0;
+            let measured = capsule.majors_mm().filter(|mm| *mm > 0).count();
+            format!("{start}from {angle:.2} deg: 96 samples, {measured} of 32 firsts measured")
         }
         Frame::Request(request) => request_words(*request),
     }

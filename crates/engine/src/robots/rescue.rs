@@ -40,7 +40,7 @@ use super::{
 use crate::rig::Rig;
 use crate::rig::cpu::CpuModel;
 use crate::rig::line::End;
-use crate::scenario::device::{AVR_BASE, HC06, XV11};
+use crate::scenario::device::{AVR_BASE, DetailSpec, HC06, XV11};
 use crate::scenario::{
     Action, AvrBaseSpec, CpuSpec, DeviceSpec, MapperSpec, Scenario, ScenarioError, SetPoint,
     Source, Step, Xv11Spec,
@@ -154,7 +154,7 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         CpuSpec::Ideal => CpuModel::IDEAL,
     };
     let order = order_of(base(scenario, source)?.profile);
-    let lidar = scenario.build_device("lidar", XV11, source)?;
+    let lidar = lidar_spec(scenario, source)?.build("lidar", scenario.seed, source)?;
     let base = scenario.build_device("base", AVR_BASE, source)?;
     let radio = scenario.build_device("radio", HC06, source)?;
     let ports = [
@@ -288,6 +288,23 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
         }
     }
     Ok(())
+}
+
+/// The lidar, on even surfaces unless the scenario says otherwise: the figures of this robot's
+/// missions are made with them.
+fn lidar_spec(scenario: &Scenario, source: &Source) -> Result<DeviceSpec, ScenarioError> {
+    let plain = || {
+        let plain = DeviceSpec::plain(XV11);
+        plain.map_err(|error| source.invalid(None, "device.lidar.xv11", error.message()))
+    };
+    let mut spec = match scenario.device.get("lidar") {
+        Some(spec) => spec.clone(),
+        None => plain()?,
+    };
+    if let Some(settings) = spec.settings_mut::<Xv11Spec>() {
+        settings.detail.get_or_insert(DetailSpec::Even);
+    }
+    Ok(spec)
 }
 
 /// How the base is set up.

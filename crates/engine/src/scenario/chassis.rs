@@ -18,8 +18,8 @@ pub enum ChassisSpec {
     /// Two driven wheels, one on either side. Its figures are those of `[world.body]`. Actuators
     /// and encoders `left` and `right`.
     Differential(DifferentialSpec),
-    /// A car: driven rear axle, steered front wheels. Actuators `drive` and `steering`, encoder
-    /// `drive`; its place is the middle of the rear axle.
+    /// A car: driven rear axle, steered front wheels. Actuators `drive` and `steering`, encoders
+    /// `drive`, `rear_left` and `rear_right`; its place is the middle of the rear axle.
     Ackermann(Box<AckermannSpec>),
 }
 
@@ -90,6 +90,9 @@ pub struct AckermannSpec {
     pub heading_noise_rad: Option<f64>,
 }
 
+/// Counts per turn of the encoders at the rear wheels of a car.
+const WHEEL_TICKS_PER_TURN: u32 = 120;
+
 impl ChassisSpec {
     /// The chassis; `body` has the figures of a differential one, `seed` chooses its dice.
     ///
@@ -113,7 +116,14 @@ impl ChassisSpec {
                     None => Box::new(chassis),
                 })
             }
-            Self::Ackermann(spec) => spec.build(AckermannConfig::default(), seed, source),
+            // With encoders at the rear wheels, as the board of a car counts them.
+            Self::Ackermann(spec) => {
+                let usual = AckermannConfig {
+                    wheel_ticks_per_turn: Some(WHEEL_TICKS_PER_TURN),
+                    ..AckermannConfig::default()
+                };
+                spec.build(usual, seed, source)
+            }
         }
     }
 }

@@ -52,7 +52,7 @@ pub use rplidar::{MotorSpec, RPLIDAR, RplidarSpec};
 pub use srf08::{SRF08, Srf08Spec};
 pub use touch_panel::{TOUCH_PANEL, TapSpec, TouchPanelSpec};
 pub use wheel_board::{PressSpec, WHEEL_BOARD, WheelBoardSpec};
-pub use xv11::{SupplySpec, TurnSpec, XV11, Xv11Spec};
+pub use xv11::{DetailSpec, SupplySpec, TurnSpec, XV11, Xv11Spec};
 
 impl Named for dyn DeviceKind {
     fn name(&self) -> &str {

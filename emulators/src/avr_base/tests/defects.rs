@@ -119,8 +119,8 @@ fn av_03a(profile: Profile) -> bool {
 /// The task table lies below the map, so that the timer task runs on: the motors time out.
 fn av_03b(profile: Profile) -> bool {
     let mut bench = bench(profile);
-    // The distances that lie there are not refreshed in the next 150 ms.
-    bench.run(60 * MS);
+    // The distance that lies there is not refreshed in the next 150 ms.
+    bench.run(110 * MS);
     let reply = bench.write(255, &[0xFF]);
     is_error(&bench, &reply) && bench.read(255, 1) == [0xFF]
 }
@@ -309,7 +309,7 @@ fn av_19(profile: Profile) -> bool {
 
 fn av_20(profile: Profile) -> bool {
     let mut bench = bench(profile);
-    bench.run(60 * MS);
+    bench.run(110 * MS);
     let reply = bench.write(255, &[0x55]);
     is_error(&bench, &reply) && bench.read(255, 1) == [0x55]
 }

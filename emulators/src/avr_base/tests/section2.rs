@@ -125,42 +125,153 @@ fn point_02_the_replys_register_comes_from_59() {
     assert_eq!(bench.write(53, &[0x11; 126]), hex("AB 11 00 00 BC"));
 }
 
-/// The last byte goes first, so that the three below 53 go to 0x55 + 0..=2 instead.
+/// Measured on the chip: register, count and pointer are loaded once, and addresses count up, so a
+/// write over the request itself does not redirect the rest of its bytes.
 #[test]
-fn point_02_a_write_over_53_redirects_its_remaining_bytes() {
+fn f2_a_write_over_53_does_not_redirect_its_remaining_bytes() {
     let mut bench = fielded();
-    bench.write(50, &[0, 0, 0, 0x55]);
     bench.write(50, &[1, 2, 3, 0x80]);
-    assert_eq!(bench.read(50, 3), [0, 0, 0]);
-    assert_eq!(bench.read(0x80, 3), [1, 2, 3]);
-}
-
-/// 43 + 3 is the left wheel's speed: driven without arming the time-out, as in AV-02.
-#[test]
-fn point_02_a_redirected_byte_drives_and_nothing_stops_it() {
+    assert_eq!(bench.read(50, 3), [1, 2, 3]);
+    assert_eq!(bench.read(0x80, 3), [0; 3]);
     let mut bench = fielded();
     bench.write(49, &[43; 5]);
-    bench.run(Duration::from_secs(3));
-    assert_eq!(bench.read(46, 2), [43, 0]);
-    assert!(bench.world.is_moving());
+    assert_eq!(bench.read(46, 3), [0; 3]);
+    assert_eq!(bench.read(49, 4), [43; 4]);
+}
+
+/// The acknowledgement's register is the byte written at 59 (903 of 903 on the chip), wherever the
+/// write begins; one that ends before 59 or begins behind it has its own.
+#[test]
+fn f2_a_write_that_covers_59_is_acknowledged_with_that_byte() {
+    for first in 0..=80_u8 {
+        for count in [1, 7, 13, 32, 100] {
+            let data: Vec<u8> = (0..count).map(|index| 0x80 | index).collect();
+            let mut bench = fielded();
+            let reply = bench.write(first, &data);
+            let covers = first <= 59 && first + count > 59;
+            let expected = if covers {
+                data[usize::from(59 - first)]
+            } else {
+                first
+            };
+            assert_eq!(reply[1], expected, "{count} bytes at {first}");
+        }
+    }
+    // The chip's own vector: 32 bytes at 47, of which the 13th is B3.
+    let data = hex("D3 3A 72 04 3A A8 37 E7 FB 0B 73 6B B3");
+    let data = [data, vec![0; 19]].concat();
+    assert_eq!(fielded().write(47, &data), hex("AB B3 00 01 5E"));
+}
+
+/// A pointer that was overwritten stays so: the chip sets it once, as it starts. Data of later
+/// writes goes where it leads, and where nothing can be stored the checksum fails.
+#[test]
+fn f2_a_pointer_that_is_overwritten_stays() {
+    let mut bench = fielded();
+    bench.write(55, &[0xFB, 0x0B]);
+    assert_eq!(bench.read(55, 2), [0xFB, 0x0B]);
+    assert_eq!(bench.write(13, &[0x5A]), hex("AB 0D 00 00 B8"));
+    assert_eq!(bench.read(13, 1), [0x5A]);
+    bench.write(55, &[0x10, 0x00]);
+    assert_eq!(bench.write(13, &[0x33]), hex("AB FF 00 01 AA"));
+    assert_eq!(bench.read(13, 1), [0x5A]);
 }
 
 #[test]
-fn point_03_the_memory_behind_the_map_is_that_of_the_2015_build() {
+fn f1_the_memory_behind_the_map_is_that_of_the_chip() {
     let mut bench = fielded();
     assert_eq!(
         bench.ask(&hex("AB 37 02 00 E4")),
         hex("AB 37 82 ED 02 02 53")
     );
     bench.run(200 * MS);
-    // The floor's reading, the distances, sensor information and the battery's high byte.
-    for (variable, register, count) in [(195, 15, 2), (235, 1, 12), (247, 21, 12)] {
-        assert_eq!(bench.read(variable, count), bench.read(register, count));
+    // Low byte of each distance, floor and impasse sensor; information on blocks; battery.
+    let places = [
+        (1, 257),
+        (3, 245),
+        (5, 237),
+        (7, 255),
+        (9, 251),
+        (11, 261),
+        (21, 247),
+        (23, 235),
+        (29, 243),
+        (31, 249),
+        (25, 197),
+        (27, 193),
+        (15, 195),
+        (19, 265),
+    ];
+    for (register, place) in places {
+        let far = |bench: &mut Bench| match u8::try_from(place) {
+            Ok(place) => bench.read(place, 2),
+            Err(_) => bench.read(255, 13)[usize::from(place - 255_u16)..][..2].to_vec(),
+        };
+        let shown = bench.read(register, 2);
+        assert_eq!(far(&mut bench), shown, "register {register} at {place}");
     }
-    let information = bench.read(255, 12)[8..].to_vec();
-    assert_eq!(information[..2], bench.read(19, 2));
-    assert_eq!(information[3], bench.read(33, 1)[0]);
+    // A write there shows in its register with the next pass.
+    bench.write(235, &[0x21, 0x43]);
+    assert_eq!(bench.read(23, 2), [0x21, 0x43]);
+    bench.write(193, &[0x65, 0x07]);
+    assert_eq!(bench.read(27, 2), [0x65, 0x07]);
     assert_eq!(bench.read(59, 2), [59, 0x82]);
+}
+
+/// The chip's own vector, in the middle of nothing: 200 mm on the short sensors, 400 on the long
+/// one behind, all blocks wanted and measured, 846 of the battery, which are 12.39 V.
+#[test]
+fn f1_a_read_over_the_end_of_the_sensors_is_the_chips() {
+    let mut bench = fielded();
+    bench.run(400 * MS);
+    let reply = bench.ask(&hex("AB FF 3B 01 E5"));
+    let expected = hex("AB FF BB C8 00 C8 00 00 00 90 01 07 07 4E 03");
+    assert_eq!(reply[..expected.len()], expected);
+    assert_eq!(
+        bench.read(33, 1),
+        [0x30],
+        "millivolts lie nowhere behind the map"
+    );
+}
+
+/// 79 bytes at 255 reach the motors' state; the chip then reads 44 as the left wheel's count.
+#[test]
+fn f3_a_write_over_the_motors_state_changes_it() {
+    let mut bench = fielded();
+    bench.run(400 * MS);
+    let mut data = [0; 79];
+    data[283 - 255] = 0x44;
+    data[295 - 255..][..2].copy_from_slice(&[0x22, 0x11]);
+    assert_eq!(bench.write(255, &data), hex("AB FF 00 01 AA"));
+    assert_eq!(bench.read(36, 1), [0x44]);
+    assert_eq!(bench.read(40, 4), [0x22, 0x11, 0, 0]);
+    bench.run(100 * MS);
+    // What was written to the battery's reading is measured anew: 95 percent.
+    assert_eq!(bench.read(33, 4), [0x30, 0x00, 0x5F, 0x44]);
+    // A measured speed stays until the regulator runs: at most 40 ms.
+    let mut data = bench.read(255, 79);
+    data[279 - 255] = 0x77;
+    bench.write(255, &data);
+    assert_eq!(bench.base.register(44), 0x77);
+    bench.run(50 * MS);
+    assert_eq!(bench.read(44, 1), [0]);
+    // The switch of the motors, at 303, holds them until a reset.
+    let mut data = bench.read(255, 79);
+    data[303 - 255] = 1;
+    bench.write(255, &data);
+    bench.write(46, &[20, 20, 0]);
+    bench.run(200 * MS);
+    assert!(!bench.world.is_moving());
+}
+
+/// The build of 2014 has the same memory, one byte higher.
+#[test]
+fn f4_the_map_of_2014_begins_one_byte_higher() {
+    let mut bench = Bench::new(in_phase(Profile::Rcj2014));
+    assert_eq!(bench.read(55, 2), [0xEE, 0x02]);
+    // The reply's pointer leads to register 55 of its map: 02AD + 55.
+    assert_eq!(bench.read(61, 2), [0xAD + 61, 0x02]);
+    assert_eq!(bench.write(53, &[0x11; 126]), hex("AB 11 00 00 BC"));
 }
 
 /// AB + 37 + 82 + ED + 02 = 0253 of the reply before, low byte first; AB + FF + 00 = 01AA of the
@@ -174,7 +285,7 @@ fn point_03_the_checksum_of_the_reply_before_lies_behind_the_map() {
     assert_eq!(bench.read(63, 2), [0xAA, 0x01]);
 }
 
-/// 12.4 V and then 10.5 V, in steps of the converter.
+/// 12.4 V and then 10.5 V, in steps of the converter: a reading is 15 mV, 20 of them no voltage.
 #[test]
 fn point_03_the_battery_behind_the_map_is_live() {
     let mut bench = fielded();
@@ -186,11 +297,10 @@ fn point_03_the_battery_behind_the_map_is_live() {
         };
         bench.base.replace_battery(bench.now, battery);
         bench.run(200 * MS);
-        let mv = bench.read(255, 12)[10..].to_vec();
-        u16::from_le_bytes([mv[0], mv[1]])
+        let reading = bench.read(255, 12)[10..].to_vec();
+        u16::from_le_bytes([reading[0], reading[1]])
     };
-    assert!((12_350..=12_450).contains(&at_volts(12_400.0)));
-    assert!((10_450..=10_550).contains(&at_volts(10_500.0)));
+    assert_eq!([at_volts(12_400.0), at_volts(10_500.0)], [846, 720]);
 }
 
 #[test]

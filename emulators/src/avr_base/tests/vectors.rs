@@ -152,7 +152,8 @@ fn any_address_is_read() {
 #[test]
 fn a_write_to_register_255_looks_like_an_error_and_is_done() {
     let mut bench = fielded();
-    bench.run(60 * MS);
+    // The distance that lies there was measured at 100.4 ms, and is again at 251 ms.
+    bench.run(110 * MS);
     assert_eq!(bench.write(255, &[0x55]), hex(ERROR));
     assert_eq!(bench.read(255, 1), [0x55]);
 }
@@ -161,8 +162,7 @@ fn a_write_to_register_255_looks_like_an_error_and_is_done() {
 fn a_write_over_the_request_is_acknowledged_with_a_wrong_register() {
     let mut bench = fielded();
     assert_eq!(bench.write(50, &[0x55; 10]), hex("AB 55 00 01 00"));
-    // The bytes below 53 went elsewhere: they are written last.
-    assert_eq!(bench.read(50, 3), [0; 3]);
+    assert_eq!(bench.read(50, 3), [0x55; 3]);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use crate::device::Device;
 use crate::world::{
     BodyConfig, Fixture, Obstacle, Path, Point, Pose, Repeat, Scene, Shape, Waypoint, World,
 };
-use crate::xv11::{Config, MotorSupply, Mount, Profile, Xv11};
+use crate::xv11::{Config, Detail, MotorSupply, Mount, Profile, Xv11};
 
 /// Corners of the box as the capture shows them, by straight lines through its walls: angle in
 /// degrees, put right by how unevenly the teeth lie there, and distance in metres.
@@ -52,6 +52,7 @@ pub fn hand_in_box(profile: Profile, seed: u64) -> Vec<u8> {
     let config = Config {
         profile,
         supply: MotorSupply::Fixed { volts: 3.3 },
+        detail: Detail::Captured,
         mount: Mount {
             yaw_deg: 0.0,
             ..Mount::default()
@@ -116,7 +117,7 @@ fn hand() -> Obstacle {
             shape: Shape::Polygon {
                 corners: HAND_M.map(|(x, y)| Point::new(x, y)).to_vec(),
             },
-            reflectivity: 0.16,
+            reflectivity: 0.18,
             height_m: f64::INFINITY,
             is_glass: false,
         },

@@ -36,7 +36,7 @@ impl RawLines {
         }
         self.told_m = Some(raw.distance);
         let way_m = raw.distance - before_m;
-        let rate_rad_s = raw.rates[2].to_radians();
+        let rate_rad_s = raw.rates[2];
         self.stands_s = if way_m == 0.0 {
             self.stands_s + LINE_S
         } else {
@@ -79,7 +79,7 @@ mod tests {
     fn raw(distance: f64, rate_dps: f64) -> Raw {
         Raw {
             distance,
-            rates: [0.0, 0.0, rate_dps],
+            rates: [0.0, 0.0, rate_dps.to_radians()],
             accelerations: [0.3, 0.0, 9.8],
             field: [0.0; 3],
         }

@@ -15,13 +15,14 @@ local PLAIN = { [0x20] = 1, [0x21] = 1, [0x25] = 1, [0x40] = 1, [0x50] = 1, [0x5
 -- Least and greatest length of what an answer of this kind announces.
 local SINGLE = { [0x04] = { 20, 20 }, [0x06] = { 3, 3 }, [0x15] = { 4, 4 }, [0xFF] = { 4, 4 },
     [0x20] = { 4, 128 } }
-local STREAM = { [0x81] = { 5, 5 }, [0x82] = { 84, 84 } }
+local STREAM = { [0x81] = { 5, 5 }, [0x82] = { 84, 84 }, [0x84] = { 132, 132 } }
 
 -- How long the answer is; known is true if its kind and length are.
 local function answer_length(s)
   if #s < 7 then return nil end
   local len, mode = u16(s, 2) + 65536 * u8(s, 4), u8(s, 5)
-  if len > 128 or mode ~= 0 and mode ~= 0x40 then return 0 end
+  local most = mode == 0x40 and u8(s, 6) == 0x84 and 132 or 128
+  if len > most or mode ~= 0 and mode ~= 0x40 then return 0 end
   local range = (mode == 0 and SINGLE or STREAM)[u8(s, 6)]
   if range and (len < range[1] or len > range[2]) then return 0 end
   return mode == 0 and 7 + len or 7, range ~= nil
@@ -33,12 +34,13 @@ local function is_node(s, at)
 end
 
 local function judge_stream(s, stream)
-  if stream == 0x82 then
+  if stream ~= 0x81 then
+    local size = STREAM[stream][1]
     if math.floor(u8(s, 0) / 16) ~= 0xA then return 0 end
-    if #s < 84 then return nil end
-    local sum = xor_of(s, 2, 83)
+    if #s < size then return nil end
+    local sum = xor_of(s, 2, size - 1)
     local found = u8(s, 0) % 16 + u8(s, 1) % 16 * 16
-    return math.floor(u8(s, 1) / 16) == 5 and found == sum and 84 or 0
+    return math.floor(u8(s, 1) / 16) == 5 and found == sum and size or 0
   end
   if #s < 5 then return nil end
   return is_node(s, 0) and 5 or 0
@@ -76,6 +78,19 @@ local function tell_rplidar(s)
       items[#items + 1] = { f.rp_distance, math.floor(u16(s, at + 2) / 4) }
     end
     return string.format("RPLIDAR capsule from %.2f deg", angle), items
+  elseif #s == 132 then
+    local angle = (u16(s, 2) % 32768) / 64
+    local items = { { f.rp_angle, angle }, { f.rp_start, u8(s, 3) >= 128 } }
+    for at = 4, 128, 4 do
+      local code, mm = u16(s, at) % 4096, 0
+      if code >= 3328 then mm = 16384 + (code - 3328) * 16
+      elseif code >= 1792 then mm = 4096 + (code - 1792) * 8
+      elseif code >= 1280 then mm = 2048 + (code - 1280) * 4
+      elseif code >= 512 then mm = 512 + (code - 512) * 2
+      else mm = code end
+      items[#items + 1] = { f.rp_distance, mm }
+    end
+    return string.format("RPLIDAR capsule of kind 0x84 from %.2f deg", angle), items
   elseif #s == 5 and is_node(s, 0) then
     local angle, distance = math.floor(u16(s, 1) / 2) / 64, u16(s, 3) / 4
     return string.format("RPLIDAR node %.2f deg, %.2f mm", angle, distance), {

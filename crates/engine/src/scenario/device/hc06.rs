@@ -32,6 +32,10 @@ pub struct Hc06Spec {
     /// Rate of the wire to the microcontroller, bit/s; 460800 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baud: Option<u32>,
+    /// Silence after a command until the module answers, families without line ends, 0 to 10 s;
+    /// 0.5 s if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub silence: Option<Span>,
     /// Time from the PC opening its port to the first byte passing; the firmware's own if not
     /// given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -41,6 +45,7 @@ pub struct Hc06Spec {
 const EXAMPLE: &str = r#"[device.radio.hc06]
 fifo_bytes = 64
 connect_delay = "2s"
+silence = "1s"
 "#;
 
 /// The kind `hc06`.
@@ -112,6 +117,12 @@ impl Hc06Spec {
         profile.rate_bytes_s = self
             .rate_bytes_s
             .map_or(profile.rate_bytes_s, NonZeroU32::get);
+        context.within(
+            "silence",
+            self.silence.map(|span| span.0.as_secs_f64()),
+            0.0..=10.0,
+        )?;
+        profile.silence = self.silence.map_or(profile.silence, |span| span.0);
         profile.supervision = self.supervision.map_or(profile.supervision, |span| span.0);
         Ok(profile)
     }

@@ -8,7 +8,9 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
-use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
+use super::{
+    BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of,
+};
 use crate::codec;
 use crate::rig::AnyDevice;
 use crate::scenario::ScenarioError;
@@ -23,6 +25,10 @@ pub struct OdometerSpec {
     /// A loop that takes too long makes the next one late, instead of waiting for 49 days.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub survives_overrun: bool,
+    /// Whether the sensor of the program `raw` has a magnetometer; the published sketch prints 0 for
+    /// the three figures of the field.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub compass: bool,
     /// Encoder of the chassis that it counts; `drive` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub encoder: Option<String>,
@@ -43,7 +49,8 @@ pub enum LinesSpec {
     Seed,
     /// Whole numbers and a CRC.
     Fixed,
-    /// Distance and the nine figures of a sensor with a magnetometer.
+    /// The later sketch: distance, three turn rates in rad/s, three accelerations in m/s², and
+    /// three figures of a magnetic field.
     Raw,
 }
 
@@ -106,14 +113,15 @@ impl DeviceKind for OdometerKind {
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
         let spec: &OdometerSpec = context.settings()?;
         context.within("gyro_bias_dps", spec.gyro_bias_dps, -20.0..=20.0)?;
+        let program = spec.program.dialect().map_or(Program::Raw, Program::Pose);
         let mut config = OdometerConfig {
-            program: spec.program.dialect().map_or(Program::Raw, Program::Pose),
+            has_compass: spec.compass,
             overrun: match spec.survives_overrun {
                 true => Overrun::IsLate,
                 false => Overrun::Hangs,
             },
             seed: context.seed,
-            ..OdometerConfig::default()
+            ..OdometerConfig::of(program)
         };
         if let Some(encoder) = &spec.encoder {
             config.encoder.clone_from(encoder);

@@ -3,11 +3,11 @@
 use core::f64::consts::TAU;
 
 use protocols::Decode as _;
-use protocols::rplidar::{Capsule, Decoder, Frame, Node};
+use protocols::rplidar::{Capsule, Decoder, Frame, Node, Sample, UltraCapsule};
 
 use super::scan::{Beam, ScanDecoder};
 
-/// Beams of a turn that are kept: at one turn a second there are 4010 in an express scan.
+/// Beams of a turn that are kept: at one turn a second there are 7874 in the fastest scan.
 const BEAMS_MAX: usize = 8_192;
 
 /// Turns of an RPLIDAR.
@@ -21,6 +21,8 @@ pub struct RplidarScans {
     turn: Option<Vec<Beam>>,
     /// The capsule whose angles only the next one tells.
     last: Option<Capsule>,
+    /// The same of the kind 0x84.
+    last_ultra: Option<UltraCapsule>,
 }
 
 impl RplidarScans {
@@ -33,6 +35,7 @@ impl RplidarScans {
             decoder: Decoder::default(),
             turn: None,
             last: None,
+            last_ultra: None,
         }
     }
 
@@ -71,17 +74,27 @@ impl RplidarScans {
         whole
     }
 
-    /// A turn ends with the capsule in which the angle passes 0.
     fn capsule(&mut self, capsule: Capsule) -> Option<Vec<Beam>> {
         let last = self.last.replace(capsule).filter(|_| !capsule.is_first())?;
-        for sample in last.samples(&capsule) {
-            if sample.distance_mm > 0 {
-                let turns = f64::from(sample.angle_deg()) / 360.0;
-                self.add(turns, f64::from(sample.distance_mm) / 1e3);
-            }
+        let angles = [last.start_angle_q6(), capsule.start_angle_q6()];
+        self.samples(&last.samples(&capsule), angles)
+    }
+
+    fn ultra(&mut self, capsule: UltraCapsule) -> Option<Vec<Beam>> {
+        let last = self.last_ultra.replace(capsule);
+        let last = last.filter(|_| !capsule.is_first())?;
+        let angles = [last.start_angle_q6(), capsule.start_angle_q6()];
+        self.samples(&last.samples(&capsule), angles)
+    }
+
+    /// The samples between two capsules with these start angles. A turn ends with the capsule in
+    /// which the angle passes 0.
+    fn samples(&mut self, samples: &[Sample], [from, to]: [u16; 2]) -> Option<Vec<Beam>> {
+        for sample in samples.iter().filter(|sample| sample.distance_mm > 0) {
+            let turns = f64::from(sample.angle_deg()) / 360.0;
+            self.add(turns, f64::from(sample.distance_mm) / 1e3);
         }
-        let has_passed_0 = capsule.start_angle_q6() < last.start_angle_q6();
-        if has_passed_0 { self.end_turn() } else { None }
+        if to < from { self.end_turn() } else { None }
     }
 }
 
@@ -93,9 +106,10 @@ impl ScanDecoder for RplidarScans {
             let ended = match frame {
                 Frame::Node(node) => self.node(node),
                 Frame::Capsule(capsule) => self.capsule(capsule),
+                Frame::Ultra(capsule) => self.ultra(capsule),
                 // A scan begins or ends: what was seen of a turn is not continued.
                 _ => {
-                    (self.turn, self.last) = (None, None);
+                    (self.turn, self.last, self.last_ultra) = (None, None, None);
                     None
                 }
             };

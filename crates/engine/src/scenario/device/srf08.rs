@@ -73,6 +73,13 @@ impl DeviceKind for Srf08Kind {
         mount.check(context)?;
         context.within("height_m", spec.height_m, 0.0..=5.0)?;
         context.within("address", spec.address.map(f64::from), 224.0..=254.0)?;
+        if let Some(odd) = spec.address.filter(|address| address % 2 == 1) {
+            let message = format!("is {odd}, expected an even address, 224 to 254");
+            let (span, at) = (context.source.find("address"), context.key());
+            return Err(context
+                .source
+                .invalid(span, format!("{at}.address"), message));
+        }
         context.within("noise_m", spec.noise_m, 0.0..=1.0)?;
         let usual = Srf08Config::default();
         let config = Srf08Config {

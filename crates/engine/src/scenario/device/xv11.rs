@@ -2,7 +2,7 @@
 
 use core::any::Any;
 
-use emulators::xv11::{Config, Direction, Fault, Mount, Profile, Xv11};
+use emulators::xv11::{Config, Detail, Direction, Fault, Mount, Profile, Xv11};
 use protocols::LineConfig;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
@@ -45,10 +45,25 @@ pub struct Xv11Spec {
     /// Which way the head turns, seen from above; counter-clockwise if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<TurnSpec>,
+    /// How much varies besides the noise of each reading; `captured` if not given, `even` at the
+    /// rescue robot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detail: Option<DetailSpec>,
     /// What is wrong with the sensor from the start, by the names of its faults, e.g. `dust`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<String>")]
     pub faults: Vec<toml::Spanned<String>>,
+}
+
+/// What varies at a lidar.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DetailSpec {
+    /// As in a capture of a real unit: the speed within a turn, the reflectivity and roughness of
+    /// surfaces, the noise from turn to turn; firmware 2.1 has its own noise.
+    Captured,
+    /// Nothing: surfaces are even and alike.
+    Even,
 }
 
 /// Senses of rotation.
@@ -97,6 +112,7 @@ const EXAMPLE: &str = r#"[device.lidar.xv11]
 profile = "fw2.6.15295"
 supply = { fixed-v = 3.3 }
 mount = { x_m = 0.05, heading_deg = 30 }
+detail = "even"
 faults = ["dust"]
 "#;
 
@@ -198,6 +214,10 @@ impl Xv11Spec {
         if let Some(supply) = self.supply {
             config.supply = supply.into();
         }
+        config.detail = match self.detail {
+            Some(DetailSpec::Even) => Detail::Even,
+            Some(DetailSpec::Captured) | None => Detail::Captured,
+        };
         Ok(config)
     }
 
