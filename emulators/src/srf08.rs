@@ -164,7 +164,7 @@ impl Srf08 {
 
     fn command(&mut self, now: Instant, command: u8, world: &World) {
         // Addresses are even: an odd one is none, and the sequence has to be sent again.
-        if self.unlocked == ADDRESS_CHANGE.len() && command >= 0xE0 && command % 2 == 0 {
+        if self.unlocked == ADDRESS_CHANGE.len() && command >= 0xE0 && command.is_multiple_of(2) {
             self.address = command;
             self.unlocked = 0;
             return;

@@ -154,7 +154,7 @@ fn strengths(window: &[Frame]) -> Vec<f64> {
     let scaled: Vec<f64> = turns[0]
         .iter()
         .flatten()
-        .map(|(mm, strength)| (strength * mm * mm / 1e8).max(1e-3).ln())
+        .map(|(mm, strength)| libm::log((strength * mm * mm / 1e8).max(1e-3)))
         .filter(|logarithm| *logarithm > -0.8)
         .collect();
     let repeats = repeats(&turns);

@@ -27,9 +27,9 @@ use engine::rig::line::Mark;
 
 pub use directory::{Note, PortDir};
 pub use memory::Memory;
+pub use modes::{Modes, Setting, Special};
 pub use pty::Pty;
 pub use serial::Serial;
-pub use modes::{Modes, Setting, Special};
 pub use terminal::{Code, Settings, Terminal};
 pub use udp::Udp;
 

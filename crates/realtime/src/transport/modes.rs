@@ -163,7 +163,7 @@ impl Special {
 #[cfg(test)]
 mod tests {
     use rustix::pty::{OpenptFlags, openpt};
-    use rustix::termios::{SpecialCodeIndex, tcgetattr};
+    use rustix::termios::{SpecialCodeIndex, Termios, tcgetattr};
 
     use super::*;
 
@@ -172,7 +172,7 @@ mod tests {
     fn a_terminal_as_the_system_makes_it_is_told_from_a_raw_one() {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("Linux has some");
         let mut termios = tcgetattr(&master).expect("a terminal");
-        let of = |termios| Modes::of(&Settings::of_kernel(termios));
+        let of = |termios: &Termios| Modes::of(&Settings::of_kernel(termios));
         let found: Vec<Setting> = of(&termios).all().collect();
         let expected = [
             Setting::Canonical,

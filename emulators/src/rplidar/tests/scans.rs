@@ -161,7 +161,10 @@ fn f13_the_quality_says_valid_or_not() {
         assert!(far.iter().all(|node| node.distance_q2() == 0));
         let mean = |nodes: &[Node]| {
             let valid = nodes.iter().map(|node| u32::from(node.quality()));
-            valid.clone().sum::<u32>() / valid.filter(|&one| one > 0).count().max(1) as u32
+            let (sum, number) = valid
+                .filter(|&one| one > 0)
+                .fold((0, 0), |(sum, number), one| (sum + one, number + 1));
+            sum / number.max(1)
         };
         // Less light from farther away: only old firmware tells.
         let is_less = mean(&nodes(4.0)) < mean(&near);

@@ -1,12 +1,14 @@
 //! The checkers of every run, on a link between two ends and without a program.
 
+use core::time::Duration;
+
 use emulators::world::{BodyConfig, Contact, Point, Pose, Scene, Shape, World};
 use protocols::{LineConfig, Port};
 
 use super::*;
 use crate::rig::fault::Window;
 use crate::rig::line::End;
-use crate::robots::Dialect;
+use crate::robots::{Dialect, Silence};
 
 const MASTER: usize = 1;
 

@@ -10,9 +10,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use toml::de::ValueDeserializer;
 
-use super::{
-    BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of,
-};
+use super::{BuildContext, Built, DeviceKind, PortInfo, Settings, read_settings, schema_of};
 use crate::rig::AnyDevice;
 use crate::scenario::{ScenarioError, Span};
 

@@ -160,10 +160,11 @@ impl BuildContext<'_> {
             return Ok(());
         }
         let known: Vec<&str> = encoders.iter().map(|encoder| &*encoder.name).collect();
-        let message = format!(
-            "counts the encoder \"{name}\", which the chassis does not have, expected one of {}",
-            known.join(", ")
-        );
+        let known = match known.as_slice() {
+            [] => "no encoder".to_owned(),
+            known => format!("\"{}\"", known.join("\", \"")),
+        };
+        let message = format!("counts the encoder \"{name}\", and the chassis has {known}");
         let span = self.source.find(self.name);
         Err(self.source.invalid(span, self.key(), message))
     }

@@ -57,11 +57,11 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
 
 /// The fault that began last before `at`, if that was not long ago.
 fn after_fault(evidence: &Evidence<'_>, at: protocols::Instant) -> String {
-    let begun = evidence.outcome.events.iter().filter(|logged| {
+    let mut begun = evidence.outcome.events.iter().filter(|logged| {
         let event = &logged.event;
         event.rule.starts_with("fault-") && event.at <= at && at - event.at <= SOON
     });
-    begun.last().map_or_else(String::new, |logged| {
+    begun.next_back().map_or_else(String::new, |logged| {
         format!(", after {} at {} s", logged.event.detail, logged.event.at)
     })
 }

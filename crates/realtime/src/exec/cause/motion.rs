@@ -197,9 +197,9 @@ const STILL: f64 = 0.004;
 /// The first turn that counts; pauses within it are part of it.
 fn first_turn(way: &[(Instant, Pose)], turned: &[f64]) -> Option<Turn> {
     let is_turning = |index: usize| (turned[index + 1] - turned[index]).abs() > STILL;
-    let mut begin = (0..way.len().saturating_sub(1)).find(|&index| is_turning(index))?;
-    let mut farthest = begin;
-    for index in begin..turned.len() {
+    let first = (0..way.len().saturating_sub(1)).find(|&index| is_turning(index))?;
+    let (mut begin, mut farthest) = (first, first);
+    for index in first..turned.len() {
         let (done, most) = (
             turned[index] - turned[begin],
             turned[farthest] - turned[begin],

@@ -138,7 +138,7 @@ impl Checksum {
         let at = match self.place {
             Place::End { tail, gap } => {
                 let at = body.len().checked_sub(tail + self.len())?;
-                (at >= self.start + gap + 1).then_some(at)?
+                (at > self.start + gap).then_some(at)?
             }
             Place::Head { at, .. } => at,
         };

@@ -150,8 +150,11 @@ const TEXT_CHANGES: [(&str, Change); 9] = [
     }),
 ];
 
+/// A kind of damage and what does it.
+type Damage = (&'static str, fn(&mut Vec<u8>, &mut Rng));
+
 /// Damage of a frame: its checksum does not hold afterwards, or it is no frame.
-const DAMAGE: [(&str, fn(&mut Vec<u8>, &mut Rng)); 7] = [
+const DAMAGE: [Damage; 7] = [
     ("flipped-bit", |frame, rng| {
         let at = index(rng, frame.len());
         if let Some(changed) = frame.get_mut(at) {

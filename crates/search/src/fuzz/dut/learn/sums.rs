@@ -18,9 +18,9 @@ pub(super) struct Sum {
 }
 
 enum How {
-    Crc8(Crc<u8>),
-    Crc16(Crc<u16>),
-    Crc32(Crc<u32>),
+    Crc8(Box<Crc<u8>>),
+    Crc16(Box<Crc<u16>>),
+    Crc32(Box<Crc<u32>>),
     Xor,
     Add,
     Subtract,
@@ -132,7 +132,7 @@ macro_rules! crcs {
         [$({
             let algorithm: &'static Algorithm<$word> = &crc::$name;
             let bytes = usize::from(algorithm.width) / 8;
-            Sum::new(stringify!($name), bytes, false, $how(Crc::<$word>::new(algorithm)))
+            Sum::new(stringify!($name), bytes, false, $how(Box::new(Crc::<$word>::new(algorithm))))
         },)+]
     };
 }
