@@ -253,13 +253,11 @@ fn who_works_listens_or_ends_with_its_work_done_passes() {
 #[test]
 fn in_real_time_a_block_for_ever_and_a_cooked_port_are_named_as_well() {
     let wait = ["--exec-wait", "60s"];
-    for wanted in ["blocks-in-a-read", "canonical"] {
+    let flaws = ["blocks-in-a-read", "canonical"].map(|wanted| {
         let case = CASES.iter().find(|(name, ..)| *name == wanted);
         let (name, port, python, words) = case.expect("one of them");
-        assert_named(
-            &run(&format!("real-{name}"), port, python, &wait),
-            name,
-            words,
-        );
-    }
+        let ended = run(&format!("real-{name}"), port, python, &wait);
+        flaw(&ended, name, words)
+    });
+    assert_flawless(&flaws.into_iter().flatten().collect::<Vec<_>>());
 }
