@@ -23,7 +23,8 @@
 //! | [`fault`](Fault) | what can be wrong |
 //!
 //! Sources: protocol document LR001 v1.0, data sheet LD108 v1.0, the vendor's public SDK, what
-//! users print of their sensors (named at the profile), reports of users (named at the faults). No raw capture of an A1 is public: single bytes are known, statistics are not.
+//! users print of their sensors (named at the profile), reports of users (named at the faults). No
+//! raw capture of an A1 is public: single bytes are known, statistics are not.
 
 mod answer;
 mod beam;
@@ -138,7 +139,8 @@ impl Rplidar {
     /// The line DTR: each byte in is its level, 0 low. Used with [`MotorControl::Dtr`].
     pub const DTR: Port = Port(2);
 
-    /// A sensor that was switched on before the run begins: its start text has gone. `name` and `seed` choose its noise.
+    /// A sensor that was switched on before the run begins: its start text has gone. `name` and
+    /// `seed` choose its noise.
     pub fn new(name: &str, seed: u64, config: Config) -> Self {
         let stream = |part: &str| Rng::stream(seed, &format!("{name}.{part}"));
         let angle_deg = stream("angle").range(0.0, 360.0);

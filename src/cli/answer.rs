@@ -1,7 +1,6 @@
 //! What `--json` prints: one object for each command, with what it came to in `result`.
-//!
-//! `hilrig schema --output` prints the JSON Schema of it, made of these types. New keys may come;
-//! [`FORMAT`] changes when one is taken away or means something else.
+//! `hilrig schema --output` prints its schema. New keys may come; [`FORMAT`] changes when one is
+//! taken away or means something else.
 
 mod case;
 

@@ -307,7 +307,7 @@ fn the_case_of_a_client_that_dies_of_an_overflow_is_red_until_it_does_not() {
     let scanner = "schema = 1\nname = \"scan\"\nrobot = \"none\"\nduration = \"4s\"\n\
         [device.scan.text]\nbaud = 115200\nterminator = \"\\n\"\n\
         periodic = { line = \"scan=0123456789,0123456789,0123456789\", period = \"5ms\" }\n\
-        [[device.scan.text.command]]\nline = \"stop\"\nreply = \"stopped\"\n";
+        [[device.scan.text.command]]\nrequest = \"stop\"\nreply = \"stopped\"\n";
     let client = "import os, sys, time\n\
         fd = os.open(os.environ['HILRIG_PORT_SCAN'], os.O_RDWR | os.O_NOCTTY)\n\
         buffer, lines = b'', 0\n\

@@ -140,6 +140,7 @@ const UNTRACED: &str = "\
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <termios.h>
 #include <unistd.h>
 static int child(void *with)
 {
@@ -152,7 +153,13 @@ int main(void)
 {
     char *stack = malloc(1 << 16);
     int pid = clone(child, stack + (1 << 16), CLONE_UNTRACED | SIGCHLD, 0);
-    open(getenv(\"HILRIG_PORT_SONAR\"), O_RDWR | O_NOCTTY);
+    int port = open(getenv(\"HILRIG_PORT_SONAR\"), O_RDWR | O_NOCTTY);
+    struct termios raw;
+    char byte;
+    tcgetattr(port, &raw);
+    cfmakeraw(&raw);
+    tcsetattr(port, TCSANOW, &raw);
+    read(port, &byte, 1);
     printf(\"untraced %d\\n\", pid);
     usleep(10000);
     return 0;

@@ -64,13 +64,13 @@ fn the_build_of_2014_goes_full_ahead_for_minus_twenty() {
     );
 }
 
-/// P4: the last of six bytes goes to the data pointer, and the three at 83 are what 50 to 52 get.
+/// P4: a write to address 59 lands in the header of its own acknowledgement.
 #[test]
-fn a_write_takes_its_data_from_where_its_last_byte_points() {
+fn a_write_lands_in_the_header_of_its_own_acknowledgement() {
     assert_figure(
         "AV-03c",
-        "registers 50 to 52 after 01 02 03",
-        "[A1, A2, A3]",
-        "[00, 00, 00]",
+        "register that the acknowledgement of 59 names",
+        "9D",
+        "none",
     );
 }

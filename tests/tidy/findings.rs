@@ -118,7 +118,7 @@ const FINDINGS: &[(&str, &str, Kept)] = &[
     ])),
     ("P4", "exhibits that passed without their defect", Tests(&[
         "exhibits_read_no_switch_themselves", "every_defect_of_navigation_shows_and_only_with_its_switch",
-        "a_write_takes_its_data_from_where_its_last_byte_points",
+        "a_write_lands_in_the_header_of_its_own_acknowledgement",
     ])),
     ("P5", "the model of the fielded PC program differed from it", Tests(&[
         "p5_a_map_that_is_not_square_is_painted_over_itself", "p5_a_plain_row_is_as_long_as_it_is",

@@ -7,6 +7,7 @@ mod disturb;
 pub mod fault;
 pub mod line;
 mod link_kind;
+mod logged;
 mod modem;
 mod node;
 mod paced;
@@ -30,6 +31,7 @@ use crate::rig::line::{Direction, End, Line};
 use crate::rig::trace::{Tap, Trace};
 pub use disturb::Disturbance;
 pub use link_kind::{LinkKind, PortRate};
+pub use logged::Logged;
 use node::{AT_ONCE, Body, Node, Outside};
 pub use node::{AnyDevice, Program};
 pub use paced::Paced;
@@ -55,32 +57,6 @@ impl Link {
     /// The line of one direction.
     pub const fn line_mut(&mut self, direction: Direction) -> &mut Line {
         &mut self.lines[direction as usize]
-    }
-}
-
-/// A device's event with the device's name.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Logged {
-    /// Name of the device, or of the link.
-    pub source: String,
-    /// What happened.
-    pub event: Event,
-}
-
-impl Logged {
-    /// Whether a master broke a rule.
-    pub fn is_violation(&self) -> bool {
-        self.event.kind == EventKind::Violation
-    }
-}
-
-impl core::fmt::Display for Logged {
-    /// `12.345678 base unknown-register: ..`.
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let Event {
-            at, rule, detail, ..
-        } = &self.event;
-        write!(f, "{at} {} {rule}: {detail}", self.source)
     }
 }
 

@@ -31,6 +31,7 @@ use protocols::{LineConfig, Port};
 
 pub use crate::scenario::device::scan::{Beam, ScanDecoder};
 pub use axis::Axis;
+pub(crate) use bounds::beyond_map;
 pub use bounds::warnings;
 pub use checker::{Check, Checker, Look, Status};
 pub use instruments::{

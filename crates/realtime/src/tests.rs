@@ -3,12 +3,11 @@ use std::path::Path;
 
 use emulators::Device;
 use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
-use protocols::{Instant, Port as DevicePort};
+use protocols::{Instant, LineConfig, Port as DevicePort};
 
 use super::*;
 use crate::clock::SimClock;
-use crate::transport::Counters;
-use crate::transport::Memory;
+use crate::transport::{Counters, Memory, PortEvent};
 use engine::rig::line::End;
 
 const LINE: LineConfig = LineConfig::new_8n1(115_200);

@@ -121,6 +121,10 @@ impl Rplidar {
             Command::Stop | Command::Reset | Command::MotorPwm { .. } => at,
             _ => at + ANSWER_TIME + self.seconds(Fault::LateAnswers),
         };
+        if command == Command::Reset {
+            // It starts anew at once, and what waited is forgotten.
+            self.handling.requests.clear();
+        }
         let before = self.handling.requests.back().map(|(at, _)| *at);
         let due = due.max(now).max(before.unwrap_or(due));
         self.handling.requests.push_back((due, command));

@@ -34,6 +34,12 @@ pub(super) fn check_waypoints(
     Ok(())
 }
 
+/// What is wrong with waypoints for the robot called `name`: one lies outside its map.
+pub(crate) fn beyond_map(name: &str, places: &[[f64; 2]]) -> Option<String> {
+    let map = super::find(name).and_then(Robot::map_m)?;
+    beyond(map, places)
+}
+
 fn beyond([least, most]: [[f64; 2]; 2], places: &[[f64; 2]]) -> Option<String> {
     let is_in =
         |&[x, y]: &[f64; 2]| (least[0]..=most[0]).contains(&x) && (least[1]..=most[1]).contains(&y);
@@ -59,8 +65,18 @@ pub fn warnings(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
         };
         fits(x, 0) && fits(y, 1)
     };
+    // A wall outside the world is an error.
+    let is_in_world = |&[x, y]: &[f64; 2]| {
+        scenario.world.bounds.as_ref().is_none_or(|bounds| {
+            let ([from_x, from_y], [to_x, to_y]) = (bounds.min_m, bounds.max_m);
+            (from_x..=to_x).contains(&x) && (from_y..=to_y).contains(&y)
+        })
+    };
     let walls = scenario.world.wall.iter().enumerate();
-    let mut outside = walls.filter(|(_, wall)| !wall.get_ref().path_m.iter().all(is_in));
+    let mut outside = walls.filter(|(_, wall)| {
+        let path = &wall.get_ref().path_m;
+        path.iter().all(is_in_world) && !path.iter().all(is_in)
+    });
     if let Some((index, wall)) = outside.next() {
         let message = format!(
             "reaches beyond the robot's map of {}, {} to {}, {} m: what is outside is not drawn, and \

@@ -4,6 +4,7 @@
 use protocols::Instant;
 
 use super::Run;
+use crate::robots;
 use crate::scenario::{Action, Expect, Scenario, Span, Step, TapSpec};
 
 impl Run {
@@ -24,6 +25,11 @@ impl Run {
     /// Puts `action` into the PC's script for the next whole millisecond, and into the scenario's
     /// mission; when that is.
     pub(super) fn order(&mut self, action: Action) -> Result<Instant, CommandError> {
+        if let Action::WaypointsM(places) = &action
+            && let Some(message) = robots::beyond_map(&self.scenario.robot, places)
+        {
+            return Err(CommandError::Script(message));
+        }
         let at = Span::from_millis(self.rig.now().as_millis() + 1);
         let step = Step::at(at, action);
         let steps = &mut self.scenario.mission.step;
@@ -153,7 +159,7 @@ mod tests {
                            { at = \"3s\", do = { mode = \"exploration\" } }]",
         );
         run.go_on_until(Instant::from_nanos(2_500_000_123));
-        run.command(Action::WaypointsM(vec![[1.8, 1.8], [-0.02, 0.5]]))
+        run.command(Action::WaypointsM(vec![[1.8, 1.8], [0.02, 0.5]]))
             .expect("has a PC");
         run.go_on_until(Instant::from_nanos(4_000_000_777));
         run.command(drive([10, -10])).expect("has a PC");

@@ -163,13 +163,14 @@ fn effect(setting: Setting, port: &Port, to: Special, from: Special) -> Option<S
     let brought = port.to_client;
     let some = |count: u64, text: String| (count > 0).then_some(text);
     match setting {
-        Setting::Canonical => some(
-            brought,
-            format!(
-                "(canonical mode) lets a read end at 0x0A only: {brought} B came, {} of them 0x0A",
-                to.lf
-            ),
-        ),
+        // What waits for the end of its line has not come yet, where time is virtual.
+        Setting::Canonical => (brought > 0 || port.hangs_at.is_some()).then(|| {
+            let lines = match to.lf {
+                0 => "none came".to_owned(),
+                lf => format!("{lf} of {brought} B were that"),
+            };
+            format!("(canonical mode) lets a read end at 0x0A only, and {lines}")
+        }),
         Setting::Echo => some(
             brought,
             format!("sends what the device says back to it: {brought} B"),

@@ -239,7 +239,7 @@ mod tests {
     fn who_never_reads_is_named_with_its_port() {
         let check = watched(400, u64::MAX, STEP).reads();
         assert_eq!(check.status, Status::Fail);
-        assert!(check.detail.contains("base at 2.02"), "{}", check.detail);
+        assert!(check.detail.contains("base at 2.01"), "{}", check.detail);
     }
 
     /// It takes a little each 1.5 s, so there are always bytes that wait.

@@ -344,9 +344,12 @@ impl Transport for Pty {
     }
 
     fn modes(&self) -> Option<Modes> {
-        let settings = match self.terminal.is_whole() || self.is_told {
-            true => Some(*self.terminal.settings()),
-            false => self.kernel_settings(),
+        let told = *self.terminal.settings();
+        let settings = match (self.terminal.is_whole(), self.is_told) {
+            (true, _) => Some(told),
+            (false, false) => self.kernel_settings(),
+            // The kernel forgets some modes of input and line, e.g. parity, and keeps the rest.
+            (false, true) => (self.kernel_settings()).map(|kept| kept.with_modes_of(&told)),
         };
         settings.as_ref().map(Modes::of)
     }

@@ -185,7 +185,8 @@ fn the_range_depends_on_the_firmware() {
     assert!(sees(Profile::Fw124, 0.2) && !sees(Profile::Fw124, 0.1));
 }
 
-/// The angles 213, 220, 217, 222: an invalid node lies ahead, so angles go back behind it. Walls of 7 m in the directions of the corners of a room of 5 m are out of reach.
+/// The angles 213, 220, 217, 222: an invalid node lies ahead, so angles go back behind it. Walls of
+/// 7 m in the directions of the corners of a room of 5 m are out of reach.
 #[test]
 fn angles_go_backwards_around_invalid_nodes() {
     let mut bench = Bench::new(config(Profile::Fw120, MotorControl::default()), room(5.0));

@@ -266,6 +266,6 @@ mod tests {
         let track = track(&[(10, b"a\nb\n")]);
         let messages = Cut::Lines(b'\n').messages(&track, SLOW, &[]);
         let times: Vec<_> = messages.iter().map(|one| one[0].0.as_nanos()).collect();
-        assert_eq!(times, [7_916_668, 10_000_000]);
+        assert_eq!(times, [7_916_667, 10_000_000]);
     }
 }

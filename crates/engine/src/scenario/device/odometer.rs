@@ -23,8 +23,8 @@ pub struct OdometerSpec {
     /// A loop that takes too long makes the next one late, instead of waiting for 49 days.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub survives_overrun: bool,
-    /// Whether the sensor of the program `raw` has a magnetometer; the published sketch prints 0 for
-    /// the three figures of the field.
+    /// Whether the sensor of the program `raw` has a magnetometer; the published sketch prints 0
+    /// for the three figures of the field.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub compass: bool,
     /// Encoder of the chassis that it counts; `drive` if not given.

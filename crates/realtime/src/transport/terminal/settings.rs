@@ -104,6 +104,13 @@ impl Settings {
         }
     }
 
+    /// These with the modes of input and line of `other`.
+    #[must_use]
+    pub(crate) const fn with_modes_of(mut self, other: &Self) -> Self {
+        (self.input, self.control) = (other.input, other.control);
+        self
+    }
+
     /// A special character.
     pub const fn code(&self, code: Code) -> u8 {
         self.codes[code as usize]

@@ -90,15 +90,18 @@ impl Corpus {
             self.captures.push(capture);
             return Ok(());
         }
-        if let Some(format) = Format::detect(&bytes) {
+        let text = core::str::from_utf8(&bytes).ok();
+        let stream = text.and_then(|text| Stream::parse(text).ok());
+        // Plain hexadecimal digits are a frame on each line here.
+        let format = Format::detect(&bytes);
+        if let Some(format) = format.filter(|&format| format != Format::Hex || stream.is_none()) {
             let options = Options::default();
             let imported = import::read(&bytes, format, &options);
             let imported = imported.map_err(|error| content(error.to_string()))?;
             self.captures.push(Capture::of(&imported.to_pcapng(format)));
             return Ok(());
         }
-        let text = core::str::from_utf8(&bytes).ok();
-        match text.and_then(|text| Stream::parse(text).ok()) {
+        match stream {
             Some(stream) => {
                 let pieces = stream.pieces().filter_map(|piece| match piece {
                     Piece::Bytes(bytes) => Some(bytes.to_vec()),
