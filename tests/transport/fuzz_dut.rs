@@ -147,7 +147,7 @@ fn nothing_is_found_in_a_sound_program() {
         "none",
         &["--link", "gripper", "--cases", "3"],
     );
-    assert!(names.is_empty() && said.contains("1 cases, "), "{said}");
+    assert!(names.is_empty() && said.contains("1 cases with "), "{said}");
     let mut other = Command::new(HILRIG);
     other.args(["fuzz", "--exec", "another", "--scenario", SCENARIO]);
     let (code, said) = run(other.arg("--out").arg(&out), "none");
@@ -275,8 +275,8 @@ fn an_interrupted_search_ends_its_program() {
     wait_until(|| {
         let len = screen.read(&mut buf).unwrap_or(0);
         shown += &String::from_utf8_lossy(&buf[..len]);
-        let mut told = shown.lines().filter(|line| line.contains(" cases, "));
-        told.any(|line| !line.contains(" 0 cases, "))
+        let mut told = shown.lines().filter(|line| line.contains(" cases with "));
+        told.any(|line| !line.contains(" 0 cases with "))
     });
     let pid = i32::try_from(search.id()).ok().and_then(Pid::from_raw);
     kill_process(pid.expect("a pid"), Signal::INT).expect("still there");

@@ -89,7 +89,7 @@ fn rows() -> Vec<Row> {
         late("latency,by=20ms"),
         late("jitter,by=5ms"),
         row("cut,at_byte=10", |bytes| bytes.truncate(10)),
-        // The port is gone until then, and its client comes later.
+        // The port is gone until then, and its clients come later.
         late("unplugged,until=1ms"),
         row("break", Vec::clear),
         // At half the rate each bit is two: the start bit and bit 0 of FE are four low bits, a
@@ -138,9 +138,9 @@ impl Client {
     }
 }
 
-fn all_have(clients: &mut [[Client; 2]], rows: &[Row]) -> bool {
-    let pairs = clients.iter_mut().zip(rows);
-    let have = pairs.map(|([first, second], row)| {
+fn all_have(clients: &mut BTreeMap<usize, [Client; 2]>, rows: &[Row]) -> bool {
+    let have = clients.iter_mut().map(|(n, [first, second])| {
+        let row = &rows[*n];
         [second.has(&row.arrives[0]), first.has(&row.arrives[1])] == [true; 2]
     });
     // Each is asked: asking reads what has come.
@@ -174,16 +174,21 @@ fn what_comes_out_of_a_link_differs_by_its_fault_alone() {
     let mut link = Running::start(&["link"].into_iter().chain(words).collect::<Vec<_>>());
     link.wait_for("until Ctrl-C");
 
-    let pair = |n| ["a", "b"].map(|end| Client::at(&dir, &format!("{end}{n}")));
-    let mut clients: Vec<[Client; 2]> = (0..rows.len()).map(pair).collect();
-    for ([first, _], row) in clients.iter_mut().zip(&rows) {
-        first.port.write_all(&row.sent).expect("there is room");
+    // What was unplugged is there again once bytes have crossed the others.
+    let mut clients = BTreeMap::new();
+    for is_late in [false, true] {
+        let those = rows.iter().enumerate();
+        for (n, row) in those.filter(|(_, row)| row.fault.starts_with("unplugged") == is_late) {
+            let mut pair = ["a", "b"].map(|end| Client::at(&dir, &format!("{end}{n}")));
+            pair[0].port.write_all(&row.sent).expect("there is room");
+            clients.insert(n, pair);
+        }
+        wait_until(|| all_have(&mut clients, &rows));
     }
-    wait_until(|| all_have(&mut clients, &rows));
     link.signal(Signal::INT);
     let (status, said) = link.end();
     assert!(status.success(), "{said}");
-    for ([first, second], row) in clients.iter().zip(&rows) {
+    for ([first, second], row) in clients.values().zip(&rows) {
         assert_eq!(second.read, row.arrives[0], "{}", row.fault);
         assert_eq!(first.read, row.arrives[1], "{}", row.fault);
     }

@@ -41,6 +41,9 @@ use script::{Message, Script};
 const LEFT_MAX: usize = 2;
 /// Least silence after which nothing more is expected of the program.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// The same before the program has said anything: it may wait for a board to start, or read its
+/// settings.
+const PATIENCE_FIRST: Duration = Duration::from_secs(10);
 /// The same in longest gaps of the capture: the program may be so much slower.
 const PATIENCE_GAPS: u32 = 4;
 /// Time for the program to answer what was said last.
@@ -278,7 +281,9 @@ impl Conversation {
 
     /// How long it may stand still before nothing more is expected.
     pub fn patience(&self) -> Duration {
-        PATIENCE + self.script.longest_gap * PATIENCE_GAPS
+        let has_spoken = self.tally.made + self.tally.unknown > 0 || !self.heard.is_empty();
+        let least = if has_spoken { PATIENCE } else { PATIENCE_FIRST };
+        least + self.script.longest_gap * PATIENCE_GAPS
     }
 
     /// How many of its requests were made.

@@ -204,11 +204,22 @@ pub(super) fn mutant(material: &Material<'_>, chunk: &[u8], rng: &mut Rng) -> Mu
         is_altered: true,
     };
     match turn {
-        0..13 => {
-            let kind = change(material, &mut frames[at], rng);
+        0..14 => {
+            // A length that lies behind a checksum that holds is what parsers believe.
+            let lying = match turn {
+                0..4 => lying_length(material, &frames[at], rng),
+                _ => None,
+            };
+            let kind = match lying {
+                Some(frame) => {
+                    frames[at] = frame;
+                    "wrong-length"
+                }
+                None => change(material, &mut frames[at], rng),
+            };
             altered(kind, &frames)
         }
-        13 => {
+        14 => {
             let content = format.content(&frames[at]);
             let off = 1 + rng.below(255);
             frames[at] = match content {
@@ -217,7 +228,7 @@ pub(super) fn mutant(material: &Material<'_>, chunk: &[u8], rng: &mut Rng) -> Mu
             };
             altered("wrong-checksum", &frames)
         }
-        14..17 => {
+        15..17 => {
             let (kind, damage) = DAMAGE[index(rng, DAMAGE.len())];
             damage(&mut frames[at], rng);
             altered(kind, &frames)
@@ -326,6 +337,16 @@ fn limit(content: &mut [u8], bytes: usize, rng: &mut Rng) {
         field.reverse();
     }
     content[at..at + bytes].copy_from_slice(&field);
+}
+
+/// `frame` with one of its lengths wrong and the rest as it was; `None` if it is known to have none.
+fn lying_length(material: &Material<'_>, frame: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
+    let mut content = material.format.content(frame)?;
+    if material.format.limits(&content).is_empty() {
+        return None;
+    }
+    wrong_length(&mut content, material, rng);
+    Some(material.format.frame(&content, 0))
 }
 
 /// Lets a length tell something wrong.
