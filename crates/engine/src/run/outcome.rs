@@ -1,0 +1,103 @@
+//! How a run ended.
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+
+use emulators::world::Pose;
+use protocols::Instant;
+
+use super::check::{Check, Status};
+use super::history::History;
+use super::scene;
+use super::score::{PoseError, PosePair, WallOverlap};
+use crate::picture::Picture;
+use crate::rig::Logged;
+use crate::robots::{Axis, KeptMap, Panel};
+use crate::scenario::Scenario;
+
+/// How a run ended.
+pub struct Outcome {
+    /// The scenario as run, faults written out as what they did: running it again gives the same
+    /// bytes.
+    pub case: Scenario,
+    /// The seed.
+    pub seed: u64,
+    /// All verdicts.
+    pub checks: Vec<Check>,
+    /// Length of the run in virtual time.
+    pub ran: Duration,
+    /// Errors of the believed pose, if the program runs in this process.
+    pub pose_error: Option<PoseError>,
+    /// Agreement of map and world, if the program runs in this process.
+    pub wall_overlap: Option<WallOverlap>,
+    /// True way.
+    pub truth: Vec<(Instant, Pose)>,
+    /// Believed poses beside the true ones.
+    pub pairs: Vec<PosePair>,
+    /// The program's map.
+    pub map: Option<KeptMap>,
+    /// What is solid, obstacles where they were in the end.
+    pub scene: scene::Scene,
+    /// Whether there is a robot; else devices on their wires alone.
+    pub has_body: bool,
+    /// The robot's outline in its own axes.
+    pub footprint: scene::Outline,
+    /// Maps besides the program's by name, as they were in the end.
+    pub layers: Vec<(&'static str, KeptMap)>,
+    /// The run over its time.
+    pub history: History,
+    /// What the robot's display showed in the end.
+    pub display: Option<Picture>,
+    /// What the robot was told to do and did in the end.
+    pub axes: Vec<Axis>,
+    /// Its values in the end.
+    pub panels: Vec<Panel>,
+    /// The program's counters.
+    pub counters: BTreeMap<&'static str, u64>,
+    /// What devices reported.
+    pub events: Vec<Logged>,
+    /// How often the program broke a rule of a device.
+    pub violations: u64,
+    /// Which rules of which devices, and how often each.
+    pub broken_rules: Vec<(String, &'static str, u64)>,
+    /// The probable cause of a failure, if the program was somebody's and its ports were watched.
+    pub probable_cause: Option<String>,
+    /// Waypoints visited and demanded.
+    pub waypoints: [usize; 2],
+    /// When the robot first ran into something in earnest.
+    pub collided_at: Option<Instant>,
+    /// Fingerprint of all bytes.
+    pub trace_hash: String,
+    /// The command that repeats the run, if running the case alone does not.
+    pub again: Option<String>,
+}
+
+impl Outcome {
+    /// Whether something was judged and nothing failed.
+    pub fn passed(&self) -> bool {
+        let is = |status| self.checks.iter().any(|check| check.status == status);
+        is(Status::Pass) && !is(Status::Fail)
+    }
+
+    /// For tests: the run must have passed.
+    ///
+    /// # Panics
+    /// If it has not, with the failed checks, or with all of them if nothing was judged.
+    #[track_caller]
+    pub fn assert_passed(&self) {
+        if self.passed() {
+            return;
+        }
+        let failed = self
+            .checks
+            .iter()
+            .filter(|check| check.status == Status::Fail);
+        let mut lines: Vec<String> = failed.map(ToString::to_string).collect();
+        if lines.is_empty() {
+            lines = self.checks.iter().map(ToString::to_string).collect();
+            lines.insert(0, "nothing was judged".to_owned());
+        }
+        let (name, seed) = (&self.case.name, self.seed);
+        panic!("{name}, seed {seed}, did not pass:\n{}", lines.join("\n"));
+    }
+}

@@ -1,0 +1,144 @@
+//! Bytes and events across one port, in both directions.
+
+use core::time::Duration;
+
+use emulators::{Event, EventKind};
+use protocols::{LineConfig, LineEvent};
+
+use super::{BACKLOG_MAX, Port};
+use crate::transport::{PortEvent, Settings, TransportError};
+use engine::rig::{Paced, PortRate, Rig};
+
+impl Port {
+    /// What the client did and sent, in the order in which it did.
+    pub(super) fn carry_in(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        // A packet of a network comes whole.
+        let mut buf = [0; 2048];
+        let node = self.end.node;
+        if let Some([input, control]) = paced.rig().terminal_modes(node) {
+            self.transport.tell(Settings::of_modes(input, control));
+        }
+        let now = paced.rig().now();
+        let due = self.spread.due(now);
+        paced.rig().inject(node, &due);
+        while self.spread.is_empty() && paced.rig().backlog(node) < BACKLOG_MAX {
+            let len = self.read(paced, &mut buf)?;
+            if len == 0 {
+                break;
+            }
+            paced.rig().inject(node, &buf[..len]);
+        }
+        paced.run_until(now);
+        Ok(())
+    }
+
+    /// What the client did and sent while rig time stood for as long as `late`.
+    pub(super) fn carry_late(
+        &mut self,
+        paced: &mut impl Paced,
+        late: Duration,
+    ) -> Result<(), TransportError> {
+        let mut buf = [0; BACKLOG_MAX];
+        let len = self.read(paced, &mut buf)?;
+        let now = paced.rig().now();
+        self.spread.begin(&buf[..len], now, late);
+        Ok(())
+    }
+
+    /// Reads what the client sent into `buf`; what it did before is told to the rig, behind what
+    /// it had sent until then.
+    pub(super) fn read(
+        &mut self,
+        paced: &mut impl Paced,
+        buf: &mut [u8],
+    ) -> Result<usize, TransportError> {
+        let read = self.transport.read(buf);
+        while let Some(event) = self.transport.next_event() {
+            let before = self.spread.rest();
+            paced.rig().inject(self.end.node, &before);
+            self.report(paced.rig(), event);
+            // The rig holds one change of the line at a time.
+            let now = paced.rig().now();
+            paced.run_until(now);
+        }
+        let len = read?;
+        self.traffic.from_client += len as u64;
+        self.special[1].count(&buf[..len]);
+        Ok(len)
+    }
+
+    /// What the rig has for the client.
+    pub(super) fn carry_out(&mut self, rig: &mut Rig) {
+        // The far end may have changed its rate as well.
+        self.judge_baud(rig);
+        let link = rig.link(&self.end.link);
+        if link.is_some_and(|link| link.kind.carries_messages()) {
+            for message in rig.take_messages(self.end.node) {
+                self.traffic.to_client += self.transport.write(&message) as u64;
+            }
+            return;
+        }
+        let marks = rig.take_marks(self.end.node);
+        let bytes = rig.take_output(self.end.node);
+        let pieces = match &mut self.adapter {
+            Some(adapter) if marks.is_empty() => adapter.pass(rig.now(), &bytes),
+            // A damaged character has its place among the others.
+            Some(adapter) => {
+                for piece in adapter.pass_all(rig.now()) {
+                    self.traffic.to_client += self.transport.write(&piece) as u64;
+                }
+                vec![bytes]
+            }
+            None if bytes.is_empty() && marks.is_empty() => return,
+            None => vec![bytes],
+        };
+        for piece in pieces {
+            let written = self.transport.write_marked(&piece, &marks);
+            self.traffic.to_client += written as u64;
+            self.special[0].count(&piece[..written.min(piece.len())]);
+        }
+        self.tell_losses(rig);
+    }
+
+    /// Tells the rig and the log what happened to the port.
+    pub(super) fn report(&mut self, rig: &mut Rig, event: PortEvent) {
+        let node = self.end.node;
+        match event {
+            PortEvent::Opened => {
+                self.is_open = true;
+                self.openings += 1;
+                self.wrong_rate = None;
+                rig.change_line(node, LineEvent::Opened);
+                self.log(rig, "port-opened", format!("client at {} baud", self.baud));
+                self.judge_baud(rig);
+            }
+            PortEvent::Closed => {
+                self.is_open = false;
+                rig.change_line(node, LineEvent::Closed);
+                self.log(rig, "port-closed", "no client any more".to_owned());
+            }
+            PortEvent::BaudChanged(baud) => {
+                self.baud = baud;
+                if baud > 0 && self.end.rate == PortRate::OfLine {
+                    let line = LineConfig {
+                        baud,
+                        ..self.end.line
+                    };
+                    rig.set_line_config(node, line);
+                }
+                self.judge_baud(rig);
+            }
+        }
+    }
+
+    pub(super) fn log(&self, rig: &mut Rig, rule: &'static str, detail: String) {
+        let event = Event {
+            at: rig.now(),
+            kind: EventKind::Note,
+            rule,
+            detail,
+            bytes: Vec::new(),
+        };
+        rig.log(&self.end.name, event);
+    }
+}
