@@ -91,7 +91,11 @@ fn rows() -> Vec<Row> {
         row("cut,at_byte=10", |bytes| bytes.truncate(10)),
         // The port is gone until then, and its clients come later.
         late("unplugged,until=1ms"),
-        row("break", Vec::clear),
+        // A terminal that neither ignores a break nor takes it for a signal reads it as 0.
+        Row {
+            damaged: 1,
+            ..row("break", |bytes| *bytes = vec![0])
+        },
         // At half the rate each bit is two: the start bit and bit 0 of FE are four low bits, a
         // start bit and three zeros: F8.
         Row {

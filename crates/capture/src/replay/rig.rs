@@ -349,7 +349,7 @@ mod tests {
         run.go_on_until(Instant::from_secs(3));
         assert!(run.rig.take_output(node).is_empty() && !ear.is_over(run.rig.now()));
         run.rig.inject(node, b"hi");
-        run.go_on_until(Instant::from_nanos(3_010_083_331));
+        run.go_on_until(Instant::from_nanos(3_010_083_300));
         assert!(run.rig.take_output(node).len() < 2);
         run.go_on_until(Instant::from_nanos(3_010_083_400));
         assert!(!ear.is_over(run.rig.now()), "the program may answer");

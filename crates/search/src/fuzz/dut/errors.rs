@@ -4,7 +4,7 @@
 //! raised on purpose, does what it should. A program that fails in a place that nobody foresaw
 //! does not, whatever it was told. So an exit with an error is a finding if
 //!
-//! - nothing that the program was told last was altered, or
+//! - nothing that the program was told since its start was altered, or
 //! - the error was not raised on purpose: an exception of the interpreter, a panic, a failed
 //!   assertion, a sanitizer's report.
 //!

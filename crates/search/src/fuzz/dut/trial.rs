@@ -52,8 +52,6 @@ const CUT_ASKED: usize = 32;
 const DIALOGUE: Duration = Duration::from_secs(120);
 /// Virtual time that a program may wait for a reply that does not come.
 const SILENCE: Duration = Duration::from_secs(10);
-/// The turns before an end that a program may have ended because of.
-const BLAMED: usize = 3;
 
 /// A link and what is said on it.
 pub(super) struct Talk<'a> {
@@ -297,7 +295,8 @@ pub fn run(
     Ok(outcome)
 }
 
-/// Whether anything was altered of what a program was told last.
+/// Whether anything was altered of what a program was told since its start. The rest of a frame
+/// with a wrong length may be read as the head of a much later one.
 fn is_altered(case: &Case, played: &[usize]) -> bool {
     let Some(raw) = &case.told.raw else {
         return !case.scenario.fault.is_empty();
@@ -305,8 +304,7 @@ fn is_altered(case: &Case, played: &[usize]) -> bool {
     if raw.turn.is_empty() {
         return !(raw.stream.is_empty() && raw.pair.is_empty());
     }
-    let mut last = played.iter().rev().take(BLAMED);
-    last.any(|at| raw.turn[*at].is_altered)
+    played.iter().any(|at| raw.turn[*at].is_altered)
 }
 
 /// Ends the program and says what was wrong with it, besides `causes`.
