@@ -6,9 +6,9 @@
 #   (nothing)     the checks of each landing: format, all tests of the workspace, lints, docs,
 #                 examples, the package for Python, the demo
 #   --since REV   also the proofs whose files changed since REV
-#   --all         also all proofs: bare metal, portable builds, coverage, a release beside other
-#                 builds, simulated microcontrollers, clients of other languages, a robot in a crate
-#                 of its own
+#   --all         all seeds and cases of each test, and all proofs: bare metal, portable builds,
+#                 coverage, a release beside other builds, simulated microcontrollers, clients of
+#                 other languages, a robot in a crate of its own
 #
 # What neither runs, because it takes longer or needs a cluster: tests/mutants.sh,
 # tests/browser/run.sh, tests/slurm/run.sh, tests/kubernetes/run.sh, tests/ci/run.sh,
@@ -37,6 +37,9 @@ while [[ $# -gt 0 ]]; do
     esac
     shift
 done
+
+# Tests of many seeds or generated cases run their beginning, or all of it.
+if $all; then export HILRIG_TESTS=all; fi
 
 # Steps and their seconds, for the table at the end.
 steps=() seconds=()
@@ -139,7 +142,30 @@ trap 'kill -- -"$builds" 2>/dev/null || true' EXIT
 step "tests, and lints and docs beside them"
 # The same cases on every run: a check that is red today and green tomorrow judges nobody's change.
 # Other cases: PROPTEST_RNG_SEED=N bash tests/run.sh, and `hilrig fuzz` for as long as one likes.
-PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1} cargo test --locked --workspace
+export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
+# These wait for browsers, ports and programs most of their time; the others compute.
+waiting=(cli exec page transport)
+names='import json, sys
+targets = [t for p in json.load(sys.stdin)["packages"] for t in p["targets"] if t["kind"] == ["test"]]
+print("\n".join(sorted({t["name"] for t in targets} - set(sys.argv[1:]))))'
+cargo metadata --locked --no-deps --format-version 1 |
+    python3 -c "$names" "${waiting[@]}" >"$target/computing"
+computing() {
+    # shellcheck disable=SC2046 # One name a line.
+    cargo test --locked --workspace --lib --bins $(sed 's/^/--test /' "$target/computing")
+    cargo test --locked --workspace --doc
+}
+set -m
+(computing) >"$target/computing.log" 2>&1 &
+computes=$!
+set +m
+trap 'kill -- -"$builds" -"$computes" 2>/dev/null || true' EXIT
+status=0
+cargo test --locked --workspace "${waiting[@]/#/--test=}" || status=$?
+computed=0
+wait "$computes" || computed=$?
+cat "$target/computing.log"
+[[ $status -eq 0 && $computed -eq 0 ]] || exit 1
 
 step "examples"
 # Built by the tests. One is a client of a rig, for tests/exec/many.sh.
@@ -210,4 +236,4 @@ finish_step
 printf '\n%8s  %s\n' seconds step
 for i in "${!steps[@]}"; do printf '%8d  %s\n' "${seconds[i]}" "${steps[i]}"; done
 printf '%8d  %s\n' "$SECONDS" "all checks passed"
-$all || echo "not run: the proofs of --all (bash tests/run.sh --help)"
+$all || echo "not run: most seeds of some tests, and the proofs of --all (bash tests/run.sh --help)"

@@ -23,6 +23,8 @@ mod wireshark;
 
 #[path = "../support/captures.rs"]
 mod captures;
+#[path = "../support/thorough.rs"]
+mod thorough;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

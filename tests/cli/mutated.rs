@@ -98,7 +98,7 @@ fn mutate(text: &str, mutation: &Mutation) -> String {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2000))]
+    #![proptest_config(crate::thorough::cases(2000))]
 
     #[test]
     fn a_damaged_scenario_runs_or_is_refused_in_words(

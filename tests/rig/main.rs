@@ -25,6 +25,9 @@ mod silence;
 mod turns;
 mod yellow;
 
+#[path = "../support/thorough.rs"]
+mod thorough;
+
 use std::path::Path;
 
 use hilrig::run::{Outcome, Run};

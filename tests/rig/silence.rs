@@ -100,7 +100,7 @@ fn the_checker_catches_the_base_that_never_stops() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(crate::thorough::cases(48))]
 
     /// Noise may cost commands, never the line: two clean seconds later the robot drives again,
     /// and at no time does a base drive on without a master.

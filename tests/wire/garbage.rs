@@ -145,7 +145,7 @@ fn damages() -> impl Strategy<Value = Vec<Damage>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1000))]
+    #![proptest_config(crate::thorough::cases(1000))]
 
     #[test]
     fn a_damaged_capture_is_read_and_told(damages in damages(), cut: prop::sample::Index) {
@@ -180,7 +180,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(crate::thorough::cases(40))]
 
     /// Pieces of the real captures, damaged.
     #[test]

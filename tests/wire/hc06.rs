@@ -129,7 +129,7 @@ fn each_baud_rate_has_its_character() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20_000))]
+    #![proptest_config(crate::thorough::cases(20_000))]
 
     /// Telemetry reaches the command parser whenever the PC hangs up. What it takes for a command
     /// must be one: said again, it is the same bytes.

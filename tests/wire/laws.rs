@@ -299,7 +299,7 @@ pub(crate) fn a_pause_ends_every_patient_wait<D: Decode<Frame: Wire>>(
 macro_rules! laws_of_any {
     () => {
         proptest! {
-            #![proptest_config(ProptestConfig::with_cases(P::CASES))]
+            #![proptest_config(crate::thorough::cases(P::CASES))]
 
             #[test]
             fn chunking_changes_nothing(
@@ -356,7 +356,7 @@ macro_rules! laws {
             laws_of_any!();
 
             proptest! {
-                #![proptest_config(ProptestConfig::with_cases(P::CASES))]
+                #![proptest_config(crate::thorough::cases(P::CASES))]
 
                 #[test]
                 fn sent_frames_arrive(sent in frames::<P>(6)) {
@@ -392,7 +392,7 @@ macro_rules! laws_of_patient {
             laws_of_any!();
 
             proptest! {
-                #![proptest_config(ProptestConfig::with_cases(P::CASES))]
+                #![proptest_config(crate::thorough::cases(P::CASES))]
 
                 #[test]
                 fn sent_frames_arrive_with_the_next_or_a_pause(sent in frames::<P>(6)) {

@@ -27,6 +27,8 @@ mod xv11;
 mod captures;
 #[path = "../support/damage.rs"]
 mod damage;
+#[path = "../support/thorough.rs"]
+mod thorough;
 
 /// Bytes from a line of hexadecimal pairs, as datasheets and captures are quoted.
 fn hex(text: &str) -> Vec<u8> {

@@ -300,7 +300,7 @@ mod identity {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(4000))]
+        #![proptest_config(crate::thorough::cases(4000))]
 
         #[test]
         fn of_map_properties(

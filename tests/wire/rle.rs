@@ -87,7 +87,7 @@ fn a_run_of_256_takes_two_pairs() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(8000))]
+    #![proptest_config(crate::thorough::cases(8000))]
 
     #[test]
     fn the_sound_rule_loses_nothing(pixels in row(0..=600)) {

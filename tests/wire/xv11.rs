@@ -370,7 +370,7 @@ fn weighted_sum(packet: &[u8]) -> u64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20_000))]
+    #![proptest_config(crate::thorough::cases(20_000))]
 
     /// Over the whole range of packets, not only real ones, up to the largest possible sum.
     #[test]

@@ -98,7 +98,7 @@ fn fault() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(crate::thorough::cases(400))]
 
     /// Twelve attempts at a fault; those that make sense run together.
     #[test]

@@ -1,0 +1,21 @@
+//! How much of a test is run: its beginning at each landing, all of it with `tests/run.sh --all`,
+//! which sets `HILRIG_TESTS=all`.
+
+#![allow(dead_code, reason = "each test binary uses its part")]
+
+/// Whether all is run.
+pub(crate) fn is_thorough() -> bool {
+    std::env::var_os("HILRIG_TESTS").is_some_and(|tests| tests == "all")
+}
+
+/// The first `few` of `all`, or all of them.
+pub(crate) fn few<T>(few: usize, all: impl IntoIterator<Item = T>) -> Vec<T> {
+    let most = if is_thorough() { usize::MAX } else { few };
+    all.into_iter().take(most).collect()
+}
+
+/// An eighth of `all` generated cases, or all of them.
+pub(crate) fn cases(all: u32) -> proptest::test_runner::Config {
+    let cases = if is_thorough() { all } else { all.div_ceil(8) };
+    proptest::test_runner::Config::with_cases(cases)
+}
