@@ -339,7 +339,8 @@ fn limit(content: &mut [u8], bytes: usize, rng: &mut Rng) {
     content[at..at + bytes].copy_from_slice(&field);
 }
 
-/// `frame` with one of its lengths wrong and the rest as it was; `None` if it is known to have none.
+/// `frame` with one of its lengths wrong and the rest as it was; `None` if it has none that is
+/// known.
 fn lying_length(material: &Material<'_>, frame: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
     let mut content = material.format.content(frame)?;
     if material.format.limits(&content).is_empty() {
