@@ -260,6 +260,12 @@ impl Scenario {
             let (path, source) = (source.path.clone(), Box::new(error));
             ScenarioError::Parse { path, source }
         })?;
+        let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
+        for device in scenario.device.values_mut() {
+            if let Some(described) = device.settings_mut::<device::description::DescriptionSpec>() {
+                described.embed(base);
+            }
+        }
         if scenario.world.is_nowhere() && scenario.robot != NO_ROBOT {
             let message = "is missing, expected a table with the robot's start and what is solid";
             return Err(source.invalid(None, "world", message));

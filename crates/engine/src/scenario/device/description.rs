@@ -83,7 +83,7 @@ impl DeviceKind for DescriptionKind {
         let mut codec = None;
         for unit in &spec.0 {
             let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
-            let description = load(&unit.file, base).map_err(|error| match error {
+            let description = unit.load(base).map_err(|error| match error {
                 LoadError::Description(error) => ScenarioError::Description(error),
                 LoadError::Read(message) => source.invalid(at(), key.clone(), message),
             })?;

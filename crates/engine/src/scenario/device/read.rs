@@ -51,17 +51,22 @@ impl<'de> Deserialize<'de> for DeviceSpec {
     /// [`Scenario::parse`](crate::scenario::Scenario::parse) knows the right one.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let UnreadSettings { kind, settings } =
-            UnreadSettings::<toml::Table>::deserialize(deserializer)?;
-        let text = toml::to_string(&settings).map_err(D::Error::custom)?;
+            UnreadSettings::<toml::Value>::deserialize(deserializer)?;
+        // A file is a table; settings need not be one.
+        let file = toml::Table::from_iter([(SETTINGS.to_owned(), settings)]);
+        let text = toml::to_string(&file).map_err(D::Error::custom)?;
         let table = DeTable::parse(&text).map_err(|error| D::Error::custom(error.message()))?;
-        let (span, table) = (table.span(), table.into_inner());
-        let settings = Spanned::new(span, DeValue::Table(table));
+        let settings = table.into_inner().remove(SETTINGS);
+        let settings = settings.ok_or_else(|| D::Error::missing_field(SETTINGS))?;
         let settings = kind
             .parse(ValueDeserializer::from(settings))
             .map_err(|error| D::Error::custom(error.message()))?;
         Ok(Self { kind, settings })
     }
 }
+
+/// Name of the only key of a file of settings.
+const SETTINGS: &str = "settings";
 
 /// A kind and its settings, not looked at yet.
 struct UnreadSettings<T> {
@@ -123,8 +128,10 @@ impl Visitor<'_> for KindSeed {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
     use std::path::Path;
 
+    use super::DeviceSpec;
     use crate::scenario::{Scenario, Xv11Spec};
 
     fn parse(device: &str) -> Result<Scenario, String> {
@@ -208,5 +215,18 @@ mod tests {
         assert_eq!(spec.mount.map(|mount| mount.heading_deg), Some(30.0));
         let plain: Scenario = toml::from_str(&scenario.to_toml()).expect("sound");
         assert_eq!(plain, scenario);
+    }
+
+    /// Within a saved case, settings are read by another way; they need not be a table.
+    #[test]
+    fn settings_that_are_no_table_are_read_within_a_case() {
+        #[derive(serde::Deserialize)]
+        struct File {
+            device: BTreeMap<String, DeviceSpec>,
+        }
+        let text = "[device.meter]\ndescription = \"modbus-meter\"\n[device.head]\nxv11 = {}\n";
+        let file: File = toml::from_str(text).expect("settings");
+        let kinds = file.device.values().map(DeviceSpec::kind);
+        assert_eq!(kinds.collect::<Vec<_>>(), ["xv11", "description"]);
     }
 }

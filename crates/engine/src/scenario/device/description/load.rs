@@ -1,5 +1,7 @@
 //! Descriptions by name or file.
 
+use core::cell::RefCell;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -34,6 +36,13 @@ pub fn load(name: &str, base: &Path) -> Result<Arc<Description>, LoadError> {
         })?;
         return Ok(Description::parse(&format!("<{name}>"), text, &nothing)?);
     }
+    Ok(read_file(name, base)?.0)
+}
+
+/// A description, its text, and the files that it names.
+type Read = (Arc<Description>, String, BTreeMap<String, String>);
+
+fn read_file(name: &str, base: &Path) -> Result<Read, LoadError> {
     let path = base.join(name);
     let read = |path: &Path| {
         std::fs::read_to_string(path)
@@ -41,10 +50,24 @@ pub fn load(name: &str, base: &Path) -> Result<Arc<Description>, LoadError> {
     };
     let text = read(&path).map_err(LoadError::Read)?;
     let folder = path.parent().unwrap_or(base);
-    let beside = |file: &str| read(&folder.join(file));
-    Ok(Description::parse(
-        &path.display().to_string(),
-        &text,
-        &beside,
-    )?)
+    let files = RefCell::new(BTreeMap::new());
+    let beside = |file: &str| {
+        let text = read(&folder.join(file))?;
+        files.borrow_mut().insert(file.to_owned(), text.clone());
+        Ok(text)
+    };
+    let description = Description::parse(&path.display().to_string(), &text, &beside)?;
+    Ok((description, text, files.into_inner()))
+}
+
+/// The text of the description in the file `name`, and those of the files that it names.
+///
+/// # Errors
+/// If it cannot be read, or something is wrong with it.
+pub(super) fn texts(
+    name: &str,
+    base: &Path,
+) -> Result<(String, BTreeMap<String, String>), LoadError> {
+    let (_, text, files) = read_file(name, base)?;
+    Ok((text, files))
 }

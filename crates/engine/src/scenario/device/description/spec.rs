@@ -2,12 +2,18 @@
 
 use core::fmt;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
 
+use ::description::Description;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::ser::SerializeSeq;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::load::{LoadError, load, texts};
 
 /// The devices of a wire.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,20 +32,62 @@ pub struct UnitSpec {
     /// Address on the wire; the description's if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub address: Option<u32>,
+    /// The text of the description, as saved cases have it: `file` is then its name only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub text: Option<String>,
+    /// Files that the description names, by their names, as saved cases have them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub beside: BTreeMap<String, String>,
 }
 
 impl UnitSpec {
     const fn of(file: String) -> Self {
-        let (name, address) = (None, None);
         Self {
             file,
-            name,
-            address,
+            name: None,
+            address: None,
+            text: None,
+            beside: BTreeMap::new(),
         }
     }
 
     const fn is_plain(&self) -> bool {
-        self.name.is_none() && self.address.is_none()
+        self.name.is_none() && self.address.is_none() && self.text.is_none()
+    }
+
+    /// Its description; a file is looked for from the folder `base` on.
+    ///
+    /// # Errors
+    /// If there is none, or something is wrong with it.
+    pub fn load(&self, base: &Path) -> Result<Arc<Description>, LoadError> {
+        let Some(text) = &self.text else {
+            return load(&self.file, base);
+        };
+        let beside = |name: &str| {
+            let text = self.beside.get(name);
+            text.cloned()
+                .ok_or_else(|| format!("cannot read {name}: it is not among the files of the case"))
+        };
+        Ok(Description::parse(&self.file, text, &beside)?)
+    }
+
+    /// Takes up the text of its file, so that it is complete without that. What cannot be read or
+    /// is wrong stays as it is.
+    fn embed(&mut self, base: &Path) {
+        if self.text.is_some() || !self.file.ends_with(".toml") {
+            return;
+        }
+        if let Ok((text, beside)) = texts(&self.file, base) {
+            (self.text, self.beside) = (Some(text), beside);
+        }
+    }
+}
+
+impl DescriptionSpec {
+    /// Takes up the text of each file from the folder `base` on, so that a saved case runs wherever
+    /// it lies.
+    pub(in crate::scenario) fn embed(&mut self, base: &Path) {
+        self.0.iter_mut().for_each(|unit| unit.embed(base));
     }
 }
 
