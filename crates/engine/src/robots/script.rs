@@ -47,6 +47,13 @@ impl<W: Clone> Script<W> {
         self.steps.insert(index, (time(step), wish));
     }
 
+    /// Puts `wish` behind all steps up to the last one that is due by `at`.
+    pub(super) fn put(&mut self, at: Instant, wish: W) {
+        let due = self.steps.iter().rposition(|(time, _)| *time <= at);
+        let index = due.map_or(0, |last| last + 1).max(self.next);
+        self.steps.insert(index, (at, wish));
+    }
+
     /// When the next step is due.
     pub(super) fn due(&self) -> Option<Instant> {
         // A step does not overtake the one before it.

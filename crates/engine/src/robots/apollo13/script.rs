@@ -132,7 +132,11 @@ pub(super) fn script(mission: &Mission, source: &Source) -> Result<Script<Wish>,
     let mut first = vec![(connect, Wish::Connect)];
     if !mission.waypoints_m.is_empty() {
         first.push((connect, Wish::Goals(mission.waypoints_m.clone())));
-        let is_order = |step: &Step| matches!(step.action, Action::Mode(_) | Action::Drive(_));
+        // To tell the car where it is orders nothing.
+        let is_order = |step: &Step| match &step.action {
+            Action::Mode(name) => !name.starts_with(SET_POSE),
+            other => matches!(other, Action::Drive(_)),
+        };
         if !mission.step.iter().any(is_order) {
             first.push((connect, Wish::Mode(Mode::Autonomous)));
         }
@@ -159,5 +163,22 @@ mod tests {
         for bad in ["go-to", "go-to 1 2", "set-pose 1 2 inf", "gates 1 2 3"] {
             assert!(wish(bad).is_err(), "{bad}");
         }
+    }
+
+    /// A pose tells the car where it is; it drives all the same.
+    #[test]
+    fn a_pose_does_not_cancel_the_mission() {
+        let step = "[[step]]\nat = \"0s\"\ndo = { mode = \"set-pose 0.5 1.2 90\" }";
+        let text = format!("waypoints_m = [[1.0, 1.0]]\n{step}\n");
+        let mission: Mission = toml::from_str(&text).expect("a mission");
+        let path = "t.toml".into();
+        let mut script = script(&mission, &Source { path, text }).expect("known steps");
+        let wishes = core::iter::from_fn(|| script.take(protocols::Instant::from_secs(60)));
+        let wishes: Vec<Wish> = wishes.collect();
+        assert!(wishes.contains(&Wish::Mode(Mode::Autonomous)), "{wishes:?}");
+        assert!(
+            wishes.iter().any(|wish| matches!(wish, Wish::Pose(_))),
+            "{wishes:?}"
+        );
     }
 }

@@ -16,6 +16,8 @@ const AXLE_M: f64 = 0.18;
 pub(super) const WHEEL_MAX_M_S: f64 = 1.8;
 /// After connecting, before a mission's waypoints are driven to.
 const ORDER_AFTER: Duration = Duration::from_millis(200);
+/// A pose that is told within this time of the first order is told before it.
+const EARLY: Duration = Duration::from_secs(1);
 
 /// What the person asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -154,14 +156,26 @@ fn by_hand(set_points: &[SetPoint]) -> Result<PcCommand, String> {
 pub(super) fn script(mission: &Mission, source: &Source) -> Result<Script<Wish>, ScenarioError> {
     let connect = mission.connect.instant();
     let mut first = vec![(connect, Wish::Connect)];
+    let mut first_order = None;
     if !mission.waypoints_m.is_empty() {
         first.push((connect, Wish::Targets(mission.waypoints_m.clone())));
-        let is_order = |step: &Step| matches!(step.action, Action::Mode(_));
+        // To tell the robot where it is orders nothing. A pose told before the tour comes first.
+        let is_pose =
+            |step: &&Step| matches!(&step.action, Action::Mode(name) if name.starts_with(SET_POSE));
+        let is_order = |step: &Step| matches!(step.action, Action::Mode(_)) && !is_pose(&step);
         if !mission.step.iter().any(is_order) {
-            first.push((connect + ORDER_AFTER, Wish::Navigate));
+            let poses = mission.step.iter().filter(is_pose);
+            let told = poses.filter_map(|step| Some(step.at?.instant())).min();
+            let begins = connect + ORDER_AFTER;
+            let early = told.filter(|&at| at <= begins + EARLY);
+            first_order = Some(early.map_or(begins, |at| at.max(connect) + ORDER_AFTER));
         }
     }
-    Script::of(mission, source, first, Wish::of)
+    let mut script = Script::of(mission, source, first, Wish::of)?;
+    if let Some(at) = first_order {
+        script.put(at, Wish::Navigate);
+    }
+    Ok(script)
 }
 
 #[cfg(test)]
@@ -198,5 +212,19 @@ mod tests {
         ] {
             assert!(wish(bad).is_err(), "{bad}");
         }
+    }
+
+    /// A pose at the start of the run tells the robot where it is, and then it drives.
+    #[test]
+    fn a_pose_told_before_the_tour_does_not_cancel_it() {
+        let step = "[[step]]\nat = \"0s\"\ndo = { mode = \"set-pose 0.5 1.2 90\" }";
+        let text = format!("waypoints_m = [[1.0, 1.0]]\n{step}\n");
+        let mission: Mission = toml::from_str(&text).expect("a mission");
+        let path = "t.toml".into();
+        let mut script = script(&mission, &Source { path, text }).expect("known steps");
+        let wishes = core::iter::from_fn(|| script.take(protocols::Instant::from_secs(60)));
+        let wishes: Vec<Wish> = wishes.collect();
+        assert!(matches!(wishes[2], Wish::Do(SET_POSE, _)), "{wishes:?}");
+        assert_eq!(wishes[3..], [Wish::Navigate]);
     }
 }
