@@ -137,4 +137,6 @@ if __name__ == "__main__":
     name, path = sys.argv[1:]
     device = {"minimalmodbus": modbus, "pymodbus": modbus, "obd": elm, "pygmc": geiger,
               "pynmea2": nmea, "pyubx2": ubx, "tfmini": tfmini}[name]
-    device(serial.Serial(path, 115200, timeout=0.05 if name == "minimalmodbus" else None))
+    opened = serial.Serial(path, 115200, timeout=0.05 if name == "minimalmodbus" else None)
+    print("ready", flush=True)
+    device(opened)

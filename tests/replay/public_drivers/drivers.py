@@ -52,7 +52,10 @@ def obd():
 
 def pygmc():
     import pygmc
+    import serial
 
+    # At a USB adapter it discards nothing; at a pseudo-terminal, what the tap has not read yet.
+    serial.Serial.reset_output_buffer = lambda port: None
     counter = pygmc.GMC320(PORT, timeout=2)
     print(counter.get_version(), flush=True)
     pause()

@@ -88,6 +88,9 @@ pub struct Conversation {
     /// How many of those are of the stream, and what it is timed by.
     streaming: usize,
     stream_from: Instant,
+    /// The request whose answers are being said: how many pieces are still to come, and when the
+    /// stream among them began, or began again.
+    flow: Option<(usize, usize, Instant)>,
     numbered: u64,
     /// The message of which something was said last.
     saying: Option<(Source, usize)>,
@@ -156,6 +159,7 @@ impl Conversation {
             due: BTreeMap::new(),
             streaming: 0,
             stream_from: Instant::ZERO,
+            flow: None,
             numbered: 0,
             saying: None,
             ready: VecDeque::new(),
@@ -223,6 +227,25 @@ impl Conversation {
                 self.moved_at = now;
             }
             self.go_on_streaming();
+            self.go_on_flowing(due.source);
+        }
+    }
+
+    /// A stream that a request has started goes on until the next one.
+    fn go_on_flowing(&mut self, said: Source) {
+        let Some((exchange, left, from)) = &mut self.flow else {
+            return;
+        };
+        if said != Source::Exchange(*exchange) {
+            return;
+        }
+        *left = left.saturating_sub(1);
+        let tail = self.script.exchanges[*exchange].tail.as_ref();
+        if let Some(tail) = tail.filter(|_| *left == 0) {
+            *from += tail.period;
+            *left = pieces(&tail.messages);
+            let (from, messages) = (*from, tail.messages.clone());
+            self.plan(said, from, &messages, true);
         }
     }
 
@@ -373,6 +396,7 @@ impl Conversation {
         }
         self.drop_streams();
         let answers = self.script.exchanges[exchange].answers.clone();
+        self.flow = Some((exchange, pieces(&answers), self.heard_at));
         self.plan(
             Source::Exchange(exchange),
             self.heard_at,
@@ -423,6 +447,10 @@ impl Conversation {
         };
         self.due.retain(|_, due| !(may_go(due) && is_stream(due)));
     }
+}
+
+fn pieces(messages: &[Message]) -> usize {
+    messages.iter().map(|message| message.parts.len()).sum()
 }
 
 /// Whether the conversations of a session, which lasts until `end` at least, have nothing more to

@@ -83,17 +83,28 @@ impl Cut {
             Self::Frames(_) => (GAP_IN_MESSAGE, None),
         };
         let mut before: Option<(usize, Instant)> = None;
+        let mut begin = 0;
         for (at, piece) in track.pieces() {
             let start = line.byte_end(at, piece.len() as u64);
             let (from, last) = before.unwrap_or((0, start));
-            let is_broken = || {
+            let is_broken = |until: Instant| {
                 let next = breaks.partition_point(|&time| time < last);
-                breaks.get(next).is_some_and(|&time| time < start)
+                breaks.get(next).is_some_and(|&time| time < until)
             };
             let gap = start - last;
             let may_break = limit_at_break.is_some_and(|least| gap >= least);
-            if gap > limit || (may_break && is_broken()) {
+            // At a pseudo-terminal bytes take no time, so the other side may seem to have spoken
+            // while this piece was on its way. One that begins as the message before is a new one.
+            let begins_again = || {
+                let head = &piece[..piece.len().min(HEAD)];
+                matches!(self, Self::Gaps)
+                    && bytes[begin..from].len() >= piece.len()
+                    && bytes[begin..from].starts_with(head)
+                    && is_broken(at)
+            };
+            if gap > limit || (may_break && is_broken(start)) || begins_again() {
                 ends.insert(from);
+                begin = from;
             }
             before = Some((from + piece.len(), at));
         }
@@ -105,6 +116,8 @@ impl Cut {
     }
 }
 
+/// Bytes by which two messages are of the same kind.
+const HEAD: usize = 2;
 /// Messages of one form from which on, and share of all messages in per cent, it is taken for the
 /// form of a stream.
 const FORM_MIN: usize = 10;
@@ -217,6 +230,26 @@ mod tests {
         let pieces: [(u64, &[u8]); 2] = [(10, &[0x80]), (13, &[0x81])];
         assert_eq!(cut(&pieces, &[]), [vec![0x80, 0x81]]);
         assert_eq!(cut(&pieces, &[11]), [vec![0x80], vec![0x81]]);
+    }
+
+    /// Two requests of eight bytes 0.5 ms apart at a pseudo-terminal, where bytes take no time; an
+    /// answer came between. A request in two pieces is one, whatever came between.
+    #[test]
+    fn an_answer_ends_a_request_whose_bytes_took_no_time() {
+        let track = |second: &[u8]| {
+            let mut track = Track::default();
+            track.push(Instant::from_micros(10_000), b"BW000012");
+            track.push(Instant::from_micros(10_500), second);
+            track
+        };
+        let fast = LineConfig::new_8n1(115_200);
+        let count = |second: &[u8], breaks: &[Instant]| {
+            Cut::Gaps.messages(&track(second), fast, breaks).len()
+        };
+        let answer = [Instant::from_micros(10_200)];
+        assert_eq!(count(b"BW000016", &answer), 2);
+        assert_eq!(count(b"BW000016", &[]), 1);
+        assert_eq!(count(b"00001602", &answer), 1);
     }
 
     /// Frames of a range finder each 10 ms; the answer to a command comes at once behind one of

@@ -30,6 +30,9 @@ pub(super) struct Exchange {
     pub(super) byte: usize,
     /// What followed.
     pub(super) answers: Vec<Message>,
+    /// The end of a stream that the request has started, which is said again and again until the
+    /// next request.
+    pub(super) tail: Option<Tail>,
 }
 
 /// One link of a capture as a conversation.
@@ -132,6 +135,7 @@ impl Script {
                 at,
                 byte: first,
                 answers: Vec::new(),
+                tail: None,
             }
         });
         let mut this = Self {
@@ -151,6 +155,11 @@ impl Script {
         this.openings = vec![Vec::new(); opened.len()];
         this.attach(&said, &opened);
         this.tail = Tail::of(&this.stream, session.end - begins);
+        let next = this.exchanges.iter().skip(1).map(|one| one.at);
+        let ends: Vec<Instant> = next.chain([session.end]).collect();
+        for (exchange, end) in this.exchanges.iter_mut().zip(ends) {
+            exchange.tail = Tail::of(&exchange.answers, end - exchange.at);
+        }
         let times = this.exchanges.iter().map(|one| one.at);
         let times: Vec<Instant> = core::iter::once(begins).chain(times).collect();
         let gaps = times.windows(2).map(|pair| pair[1] - pair[0]);

@@ -355,3 +355,21 @@ fn a_stream_without_an_end_goes_on() {
     talk.open(ms(0));
     assert_eq!(said(&mut talk, 9_000).len(), 200);
 }
+
+/// A scanner sends a turn each 10 ms once it was told to, up to the end of the capture at 500 ms. A
+/// slower program reads turns for two seconds, and none comes any more after the next command.
+#[test]
+fn a_stream_that_a_request_has_started_goes_on_until_the_next_one() {
+    let turns: Vec<(u64, &[u8])> = (2..50).map(|n| (n * 10, &b"YYabc"[..])).collect();
+    let passage = passage(&[(5, b"\x01"), (10, b"\x20")], &turns);
+    let session = Instant::ZERO..ms(500);
+    let mut talk = Conversation::new(&passage, &session, false);
+    talk.receive(ms(5), b"\x01");
+    talk.receive(ms(10), b"\x20");
+    let heard = said(&mut talk, 2_500);
+    let expected: Vec<u64> = (2..=250).map(|n| n * 10).collect();
+    let times: Vec<u64> = heard.iter().map(|&(at, _)| at).collect();
+    assert_eq!(times, expected);
+    talk.receive(ms(2_505), b"\x01");
+    assert!(said(&mut talk, 5_000).len() <= LEFT_MAX);
+}
