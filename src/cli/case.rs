@@ -238,13 +238,17 @@ fn check(args: &CheckArgs) -> Result<Verdict, CliError> {
     let mut tried = Vec::new();
     for (number, foreign) in (1..).zip(args.programs.foreign()) {
         let out = args.out.join(format!("{number}"));
-        let judgement = try_case(&case, &foreign, &out, &stop)?.judgement;
+        let one = try_case(&case, &foreign, &out, &stop)?;
+        let judgement = one.judgement;
         let is_green = judgement.passed();
         let color = if is_green { "green" } else { "red" };
         println!("{color}  {}", foreign.command);
         let failed = |status| status == Status::Fail;
         let failed = judgement.checks.iter().filter(|check| failed(check.status));
         failed.for_each(|check| println!("  {check}"));
+        if let Some(cause) = one.cause {
+            println!("  probable cause: {cause}");
+        }
         tried.push(CaseTry {
             command: foreign.command,
             is_green,

@@ -1,4 +1,5 @@
 mod exec;
+mod links;
 
 use core::time::Duration;
 use std::io;

@@ -201,7 +201,7 @@ impl<C: Clock> Realtime<C> {
             from_client: port.traffic.from_client,
             to_client: port.traffic.to_client,
             lost: port.transport.counters(),
-            special: port.special,
+            special: port.all_special(),
             wrong_rate: port.wrong_rate.filter(|_| port.is_open),
             settings: port.transport.modes(),
             is_drained: port.transport.is_drained(),

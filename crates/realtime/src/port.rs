@@ -6,7 +6,7 @@ use emulators::{Event, EventKind};
 use protocols::{LineConfig, LineEvent};
 
 use super::{BACKLOG_MAX, Port};
-use crate::transport::{PortEvent, Settings, TransportError};
+use crate::transport::{PortEvent, Settings, Special, TransportError};
 use engine::rig::{Paced, PortRate, Rig};
 
 impl Port {
@@ -67,6 +67,13 @@ impl Port {
         Ok(len)
     }
 
+    /// Bytes that line settings may change.
+    pub(super) fn all_special(&self) -> [Special; 2] {
+        let [to_client, from_client] = self.special;
+        let cut = self.transport.cut();
+        [Special { cut, ..to_client }, from_client]
+    }
+
     /// What the rig has for the client.
     pub(super) fn carry_out(&mut self, rig: &mut Rig) {
         // The far end may have changed its rate as well.
@@ -95,7 +102,10 @@ impl Port {
         for piece in pieces {
             let written = self.transport.write_marked(&piece, &marks);
             self.traffic.to_client += written as u64;
-            self.special[0].count(&piece[..written.min(piece.len())]);
+            // What the line settings hold back has arrived as well.
+            if self.is_open {
+                self.special[0].count(&piece);
+            }
         }
         self.tell_losses(rig);
     }

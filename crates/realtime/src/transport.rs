@@ -127,6 +127,12 @@ pub trait Transport {
         None
     }
 
+    /// Characters so far that lost bits because the far end has fewer than eight in each, as far as
+    /// that can be seen.
+    fn cut(&self) -> u64 {
+        0
+    }
+
     /// The far end's side, opened once more for a moment; `None` where it is out of reach.
     fn client_side(&self) -> Option<OwnedFd> {
         None

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use protocols::Instant;
 
+use super::links::{own_links, parted};
 use super::{Heard, How, ReplayArgs, follow, report};
 use crate::capture::Capture;
 use crate::capture::case::{Case, Evidence, Expectation, Judgement, Play, Sound};
@@ -20,7 +21,6 @@ use crate::realtime::guest::Trial;
 use crate::realtime::playback::{Playback, ReplayPace, Side as PlayedSide, Socket};
 use crate::realtime::process::{Ended, Patience, Process};
 use crate::realtime::transport::{PortDir, Pty};
-use crate::robots::{self, Dut, PcEnd};
 use crate::run::check::{Check, Status};
 use crate::scenario::{Scenario, Source};
 
@@ -81,6 +81,8 @@ pub(in crate::cli) struct CaseTried {
     pub(in crate::cli) judgement: Judgement,
     /// What is expected, and no port tells.
     unjudged: Vec<String>,
+    /// Why it fails, as far as the ports tell.
+    pub(in crate::cli) cause: Option<String>,
     said: String,
     notes: Vec<String>,
 }
@@ -94,6 +96,9 @@ pub(in crate::cli) fn judge_case(
 ) -> Result<Judgement, CliError> {
     let tried = try_case(case, foreign, out, stop)?;
     println!("{}", tried.judgement);
+    if let Some(cause) = &tried.cause {
+        println!("  probable cause: {cause}");
+    }
     if !tried.unjudged.is_empty() {
         let names = tried.unjudged.join(", ");
         println!("  not judged, no device hears the program: {names}");
@@ -151,9 +156,14 @@ pub(in crate::cli) fn try_case(
             _ => Case::judge_damage(&tried.links, &without.links, late),
         });
     }
+    let cause = match judgement.passed() {
+        true => None,
+        false => parted(&tried.links).or(tried.cause),
+    };
     Ok(CaseTried {
         judgement,
         unjudged,
+        cause,
         said: tried.said,
         notes: tried.notes,
     })
@@ -247,6 +257,7 @@ fn play_with_devices(
             trace_hash: Some(outcome.trace_hash),
         },
         links: ear.played(),
+        cause: outcome.probable_cause,
         checks: outcome.checks,
         ended,
         said,
@@ -280,6 +291,8 @@ impl<'a> Shown<'a> {
 struct Tried {
     heard: Heard,
     links: Vec<Played>,
+    /// The probable cause of a failure, as the devices saw it.
+    cause: Option<String>,
     /// Verdicts on the program itself.
     checks: Vec<Check>,
     /// How the program ended, and when, if it did by itself.
@@ -358,6 +371,7 @@ fn play_in_real_time(
     ];
     checks.extend(stuck.map(|stuck| Check::new("program-reads", false, stuck)));
     Ok(Tried {
+        cause: None,
         checks,
         ended,
         heard: Heard::of(&playback),
@@ -428,8 +442,10 @@ fn play_in_virtual_time(
     let tallies = links
         .iter()
         .filter_map(|one| Some((one.link.clone(), one.talk.as_ref()?.tally)));
+    let cause = ended.outcome.probable_cause;
     let checks = ended.outcome.checks.into_iter();
     Ok(Tried {
+        cause,
         heard: Heard {
             now,
             counts: counts.collect(),
@@ -479,15 +495,4 @@ fn played<'a>(
         })
     };
     foreign.needs.iter().map(find).collect()
-}
-
-/// The links at which the captured robot's program is, if it is known which robot that was: what
-/// reaches the PC is not for it.
-fn own_links(robot: Option<&(Scenario, Source)>) -> Result<Option<Vec<String>>, CliError> {
-    let Some((scenario, source)) = robot else {
-        return Ok(None);
-    };
-    let wired = robots::wire(scenario, source, Dut::External, PcEnd::Scripted)?;
-    let ends = wired.open_ends.into_iter();
-    Ok(Some(ends.map(|end| end.link).collect()))
 }

@@ -8,6 +8,7 @@ mod devices;
 mod end;
 mod motion;
 mod port;
+mod trigger;
 
 use protocols::Instant;
 
@@ -50,10 +51,12 @@ mod weight {
     pub(super) const RATE: u32 = 100;
     pub(super) const NOT_OPENED: u32 = 95;
     pub(super) const SETTING: u32 = 90;
+    pub(super) const BUSY: u32 = 88;
     pub(super) const KILLED: u32 = 85;
     pub(super) const FORMAT: u32 = 80;
     pub(super) const UNREAD: u32 = 76;
     pub(super) const BLOCKED: u32 = 74;
+    pub(super) const AFTER_FAULT: u32 = 72;
     pub(super) const NOTHING_SENT: u32 = 70;
     pub(super) const ADDRESS: u32 = 66;
     pub(super) const SILENT: u32 = 64;
@@ -61,6 +64,7 @@ mod weight {
     pub(super) const LOST: u32 = 58;
     pub(super) const ORDER: u32 = 55;
     pub(super) const ENDED: u32 = 50;
+    pub(super) const MOTORS: u32 = 48;
     pub(super) const MOTION: u32 = 45;
     pub(super) const COLLISION: u32 = 35;
 }
@@ -84,9 +88,11 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     // rest, so only its like is told beside it.
     let least = match first.weight {
         weight::SETTING.. => weight::SETTING,
+        // Who ends and leaves motors on has two defects.
+        weight::ENDED => weight::MOTORS,
         other => weight::ORDER.max(other - 20),
     };
-    let next = causes.find(|next| next.weight >= least);
+    let next = causes.find(|next| next.weight >= least && next.text != first.text);
     Some(match next {
         Some(next) => format!("{}. Also: {}", first.text, next.text),
         None => first.text,

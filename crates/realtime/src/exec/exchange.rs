@@ -33,6 +33,8 @@ pub(crate) struct Rest<'a> {
     pub has_ended: bool,
     /// Whether somebody ended the run before its time.
     pub is_cut: bool,
+    /// Whether it printed nothing, and did not end with exit code 0 either.
+    pub is_mute: bool,
     /// Whether the user allows it to fall silent.
     pub may_idle: bool,
     /// Whether another check about the ports has failed already.
@@ -60,12 +62,19 @@ impl Ports {
         let brought: u64 = seen.iter().map(|port| port.to_client).sum();
         let has_read = seen.iter().any(|port| port.read_at.is_some());
         let passed = format!("sent {sent} B, {brought} B came for it");
+        let may_rest = rest.may_idle || is_done(rest.checks);
         let fail = |detail: String| Check::new(GOES_ON, false, detail);
         if sent == 0 && !has_read {
             return fail(match brought {
                 0 => "no byte passed in either direction: nothing was observed".to_owned(),
                 _ => format!("it sent nothing and read nothing; {brought} B came for it"),
             });
+        }
+        if sent == 0 && rest.is_mute && !may_rest {
+            return fail(format!(
+                "{passed}; it sent nothing and printed nothing: what it made of them was not \
+                 observed; let it print that, or allow it with --exec-may-idle"
+            ));
         }
         let mut wrong = seen.iter().filter(|port| port.is_mostly_wrong());
         if let Some((port, (own, far, _))) = wrong.find_map(|port| Some((port, port.was_wrong?))) {
@@ -88,7 +97,7 @@ impl Ports {
         let since = self.active_at.unwrap_or_default();
         let seconds = silent_for.as_secs_f64();
         let detail = format!("{passed}; the last of it at {since} s, silent for {seconds:.1} s");
-        if silent_for <= limit || rest.may_idle || is_done(rest.checks) {
+        if silent_for <= limit || may_rest {
             return Check::new(GOES_ON, true, detail);
         }
         fail(detail + "; allow it with --exec-may-idle")
@@ -133,7 +142,7 @@ impl Port {
     pub(super) fn acted(&self) -> Option<String> {
         let [to, from] = self.special;
         let effect = |setting: Setting| {
-            let what = effect(setting, self, to, from)?;
+            let what = effect(setting, to, from)?;
             Some(format!("{} {what}", setting.name()))
         };
         let acted: Vec<String> = self.settings.all().filter_map(effect).collect();
@@ -159,12 +168,12 @@ fn is_done(checks: &[Check]) -> bool {
 }
 
 /// What a setting did to the bytes that passed; `None` if it had nothing to do.
-fn effect(setting: Setting, port: &Port, to: Special, from: Special) -> Option<String> {
-    let brought = port.to_client;
+fn effect(setting: Setting, to: Special, from: Special) -> Option<String> {
+    let brought = to.all;
     let some = |count: u64, text: String| (count > 0).then_some(text);
     match setting {
         // What waits for the end of its line has not come yet, where time is virtual.
-        Setting::Canonical => (brought > 0 || port.hangs_at.is_some()).then(|| {
+        Setting::Canonical => (brought > 0).then(|| {
             let lines = match to.lf {
                 0 => "none came".to_owned(),
                 lf => format!("{lf} of {brought} B were that"),
@@ -185,6 +194,13 @@ fn effect(setting: Setting, port: &Port, to: Special, from: Special) -> Option<S
         Setting::Strip => some(
             to.high,
             format!("cuts the highest bit (7 bits are left): of {} B", to.high),
+        ),
+        Setting::FewBits => some(
+            to.cut,
+            format!(
+                "cuts characters to fewer than 8 bits in both directions: {} B; set CS8",
+                to.cut
+            ),
         ),
         Setting::CrToLf => some(to.cr, format!("makes 0x0A of 0x0D: {} times", to.cr)),
         Setting::LfToCr => some(to.lf, format!("makes 0x0D of 0x0A: {} times", to.lf)),

@@ -46,6 +46,9 @@ pub(crate) struct Port {
     pub(super) read_at: Option<Instant>,
     pub(super) heard_at: Option<Instant>,
     seen_at: Instant,
+    /// How many bytes had passed from the client and to it, and the first and the last look that
+    /// found so many.
+    passed: Vec<([Instant; 2], [u64; 2])>,
 }
 
 /// All ports at which clients can be seen.
@@ -186,17 +189,54 @@ impl Port {
             self.sent_at = Some(now);
             self.settings = self.settings.or(self.settings_now);
         }
-        if sign.to_client != self.to_client {
+        // Line settings may hold back what has arrived.
+        let has_arrived = sign.special[0].all != self.special[0].all;
+        if sign.to_client != self.to_client || has_arrived {
             self.heard_at = Some(now);
             self.settings = self.settings.or(self.settings_now);
         }
         (self.from_client, self.to_client) = (sign.from_client, sign.to_client);
+        self.keep_passed(now, [sign.from_client, sign.special[0].all]);
         (self.lost, self.special) = (sign.lost, sign.special);
         self.wrong_rate = sign.wrong_rate;
         if let (Some((own, far)), None) = (sign.wrong_rate, self.was_wrong) {
             self.was_wrong = Some((own, far, now));
         }
         has_read
+    }
+}
+
+/// Most times that are kept for a port; if there are more, each second one is left out.
+const PASSED_MAX: usize = 1 << 14;
+
+impl Port {
+    fn keep_passed(&mut self, now: Instant, bytes: [u64; 2]) {
+        if let Some(([_, until], last)) = self.passed.last_mut()
+            && *last == bytes
+        {
+            *until = now;
+            return;
+        }
+        if self.passed.len() >= PASSED_MAX {
+            let mut keeps = false;
+            self.passed.retain(|_| {
+                keeps = !keeps;
+                keeps
+            });
+        }
+        self.passed.push(([now; 2], bytes));
+    }
+
+    /// When byte number `byte`, counted from 0, had not passed yet, right before it did; `None` if
+    /// it has not.
+    pub(super) fn passed_at(&self, is_from_client: bool, byte: u64) -> Option<Instant> {
+        let side = usize::from(!is_from_client);
+        let index = self
+            .passed
+            .partition_point(|(_, bytes)| bytes[side] <= byte);
+        self.passed.get(index)?;
+        let before = index.checked_sub(1).map(|before| self.passed[before].0[1]);
+        Some(before.unwrap_or_default())
     }
 }
 

@@ -43,9 +43,13 @@ enum Call {
 const NEVER: u64 = 0xFFFF_FFFF;
 
 #[cfg(target_arch = "x86_64")]
-const CALLS: [(u64, Call); 20] = [
+const CALLS: [(u64, Call); 24] = [
     (0, Call::Read),
     (19, Call::Read),
+    (43, Call::Read),
+    (45, Call::Read),
+    (47, Call::Read),
+    (288, Call::Read),
     (1, Call::Write),
     (20, Call::Write),
     (16, Call::Ioctl),
@@ -67,9 +71,13 @@ const CALLS: [(u64, Call); 20] = [
 ];
 
 #[cfg(not(target_arch = "x86_64"))]
-const CALLS: [(u64, Call); 15] = [
+const CALLS: [(u64, Call); 19] = [
     (63, Call::Read),
     (65, Call::Read),
+    (202, Call::Read),
+    (207, Call::Read),
+    (212, Call::Read),
+    (242, Call::Read),
     (64, Call::Write),
     (66, Call::Write),
     (29, Call::Ioctl),

@@ -9,6 +9,8 @@ const INLCR: u32 = 0o100;
 const ICRNL: u32 = 0o400;
 const ISTRIP: u32 = 0o40;
 const IXON: u32 = 0o2000;
+const CSIZE: u32 = 0o60;
+const CS8: u32 = 0o60;
 const OPOST: u32 = 0o1;
 const ONLCR: u32 = 0o4;
 const OCRNL: u32 = 0o10;
@@ -27,6 +29,8 @@ pub enum Setting {
     XonXoff,
     /// The highest bit of what is read is lost.
     Strip,
+    /// Characters have fewer than eight bits, in both directions.
+    FewBits,
     /// CR is read as LF.
     CrToLf,
     /// LF is read as CR.
@@ -45,11 +49,12 @@ pub enum Setting {
 
 impl Setting {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Canonical,
         Self::Echo,
         Self::XonXoff,
         Self::Strip,
+        Self::FewBits,
         Self::CrToLf,
         Self::LfToCr,
         Self::IgnoreCr,
@@ -66,6 +71,7 @@ impl Setting {
             Self::Echo => "ECHO",
             Self::XonXoff => "IXON",
             Self::Strip => "ISTRIP",
+            Self::FewBits => "CSIZE (not CS8)",
             Self::CrToLf => "ICRNL",
             Self::LfToCr => "INLCR",
             Self::IgnoreCr => "IGNCR",
@@ -80,6 +86,7 @@ impl Setting {
         let Settings {
             input,
             output,
+            control,
             local,
             ..
         } = *settings;
@@ -88,6 +95,7 @@ impl Setting {
             Self::Echo => local & ECHO != 0,
             Self::XonXoff => input & IXON != 0,
             Self::Strip => input & ISTRIP != 0,
+            Self::FewBits => control & CSIZE != CS8,
             Self::CrToLf => input & ICRNL != 0 && input & IGNCR == 0,
             Self::LfToCr => input & INLCR != 0,
             Self::IgnoreCr => input & IGNCR != 0,
@@ -132,6 +140,8 @@ impl Modes {
 /// Bytes of one direction that settings may change or hold back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Special {
+    /// All of them.
+    pub all: u64,
     /// CR, 0x0D.
     pub cr: u64,
     /// LF, 0x0A.
@@ -142,11 +152,15 @@ pub struct Special {
     pub signals: u64,
     /// Those with the highest bit set.
     pub high: u64,
+    /// Those, of both directions, that lost bits because the client's characters have fewer than
+    /// eight.
+    pub cut: u64,
 }
 
 impl Special {
     /// Counts `bytes` as well.
     pub fn count(&mut self, bytes: &[u8]) {
+        self.all += bytes.len() as u64;
         for &byte in bytes {
             match byte {
                 b'\r' => self.cr += 1,
@@ -194,6 +208,8 @@ mod tests {
         let mut special = Special::default();
         special.count(b"ab\r\n\r\x11\x03\x80\xFF");
         let expected = Special {
+            all: 9,
+            cut: 0,
             cr: 2,
             lf: 1,
             flow: 1,

@@ -130,6 +130,9 @@ impl Pty {
             self.discard_unread();
             self.events.push_back(PortEvent::Closed);
             self.opened();
+        } else if seen.visited && !self.open {
+            // The next read finds that the client has gone.
+            self.opened();
         }
         open
     }
@@ -154,13 +157,18 @@ impl Pty {
         let Some(master) = self.master() else {
             return;
         };
-        if open_client_side(master).err() != Some(Errno::BUSY) {
+        let is_taken = open_client_side(master).err() == Some(Errno::BUSY);
+        // This opening is not a client's.
+        if let Some(plugged) = &mut self.plugged {
+            plugged.watch.look(false);
+        }
+        if !is_taken {
             return;
         }
-        let settings = tcgetattr(master);
+        let settings = self.master().map(tcgetattr);
         self.unplug();
         if self.plug(None).is_ok()
-            && let (Ok(settings), Some(master)) = (settings, self.master())
+            && let (Some(Ok(settings)), Some(master)) = (settings, self.master())
         {
             let _ = tcsetattr(master, OptionalActions::Now, &settings);
         }
@@ -352,6 +360,10 @@ impl Transport for Pty {
             (false, true) => (self.kernel_settings()).map(|kept| kept.with_modes_of(&told)),
         };
         settings.as_ref().map(Modes::of)
+    }
+
+    fn cut(&self) -> u64 {
+        self.terminal.cut()
     }
 
     fn client_side(&self) -> Option<OwnedFd> {

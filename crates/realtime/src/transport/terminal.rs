@@ -46,6 +46,8 @@ pub struct Terminal {
     column: usize,
     /// Damaged characters so far: without a stop bit, with wrong parity, breaks.
     damaged: [u32; 3],
+    /// Characters so far that lost bits because the client's have fewer than eight.
+    cut: u64,
     /// What the client's driver sends between its bytes: a start or stop character.
     urgent: Vec<u8>,
 }
@@ -214,6 +216,7 @@ impl Terminal {
     /// What the line gets of `bytes` that the client sends.
     pub fn send(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mask = self.settings.character_mask();
+        self.count_cut(bytes);
         if !self.is_whole || !has(self.settings.output, bits::OPOST) {
             return bytes.iter().map(|byte| byte & mask).collect();
         }
@@ -227,6 +230,7 @@ impl Terminal {
 
     /// Bytes arrive, and damaged characters among them.
     pub fn receive(&mut self, bytes: &[u8], marks: &[Mark]) -> Received {
+        self.count_cut(bytes);
         let mut received = Received::default();
         let mut marks = marks.iter().peekable();
         for place in 0..=bytes.len() {
@@ -240,6 +244,18 @@ impl Terminal {
             }
         }
         received
+    }
+
+    /// Counts characters that lose bits because the line carries fewer.
+    fn count_cut(&mut self, bytes: &[u8]) {
+        let mask = self.settings.character_mask();
+        self.cut += bytes.iter().filter(|&&byte| byte & !mask != 0).count() as u64;
+    }
+
+    /// Characters so far, in both directions, that lost bits because the client has fewer than
+    /// eight.
+    pub const fn cut(&self) -> u64 {
+        self.cut
     }
 
     /// A character that the UART knows to be damaged.

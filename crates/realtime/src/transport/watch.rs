@@ -20,6 +20,8 @@ pub(super) struct PortChanges {
     pub(super) reopened: bool,
     /// A client took bytes out.
     pub(super) read: bool,
+    /// Nobody is there, and a client opened and closed the node since the last look.
+    pub(super) visited: bool,
 }
 
 /// A watch on one node.
@@ -60,8 +62,13 @@ impl Watch {
                 }
             }
         }
+        let visited = self.clients.take_visit() && !open;
         let reopened = self.clients.looked(open);
-        PortChanges { reopened, read }
+        PortChanges {
+            reopened,
+            read,
+            visited,
+        }
     }
 
     pub(super) fn fd(&self) -> Option<BorrowedFd<'_>> {
@@ -82,11 +89,16 @@ struct Clients {
     reopened: bool,
     /// At the last look one was there that the queue may only now tell of.
     is_ahead: bool,
+    /// Somebody opened since the last look.
+    has_opened: bool,
+    /// Somebody did, and the last one closed after that.
+    has_visited: bool,
 }
 
 impl Clients {
     fn opened(&mut self) {
         self.reopened |= core::mem::take(&mut self.left) > 0;
+        self.has_opened = true;
         if !core::mem::take(&mut self.is_ahead) {
             self.count += 1;
         }
@@ -96,7 +108,14 @@ impl Clients {
         self.count = self.count.saturating_sub(1);
         if self.count == 0 {
             self.left = 2;
+            self.has_visited |= self.has_opened;
         }
+    }
+
+    /// Whether somebody opened and the last one closed after that, since the last look.
+    fn take_visit(&mut self) -> bool {
+        self.has_opened = false;
+        core::mem::take(&mut self.has_visited)
     }
 
     /// The queue is empty, and `open` is the truth about right before: whether somebody was there.
@@ -169,6 +188,29 @@ mod tests {
         assert!(!look(&mut clients, "+-", false));
         assert!(look(&mut clients, "+", true));
         assert!(!look(&mut clients, "+", true));
+    }
+
+    /// A client that opens and closes between two looks is noticed once; one that stays is not a
+    /// visit.
+    #[test]
+    fn a_visit_between_two_looks_is_noticed() {
+        let mut clients = Clients::default();
+        let mut visit = |told: &str, open| {
+            for what in told.chars() {
+                match what {
+                    '+' => clients.opened(),
+                    _ => clients.closed(),
+                }
+            }
+            let visited = clients.take_visit();
+            clients.looked(open);
+            visited
+        };
+        assert!(visit("+-", false));
+        assert!(!visit("", false));
+        assert!(!visit("+", true));
+        assert!(!visit("-", false));
+        assert!(visit("+-+-", false));
     }
 
     /// The queue tells of two that open at once as of one. When the first of them has closed, the

@@ -1,6 +1,9 @@
 //! Causes that devices tell: frames that they do not understand, addresses that they do not have,
 //! requests that come too early, a watchdog that fires.
 
+use protocols::Instant;
+
+use super::trigger::{Trigger, after};
 use super::{Cause, Evidence, weight};
 use engine::run::Outcome;
 use engine::run::check::WATCHDOG;
@@ -74,23 +77,79 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
                 .collect::<Vec<_>>()
         };
         causes.extend(format(outcome, &device, &of(&FORMAT)));
-        causes.extend(told(outcome, &device, &of(&ADDRESS)).map(|told| {
-            let text = format!(
-                "the program asks {device} for what it does not have or allow: {told}; compare \
-                 addresses, widths and limits with its table"
-            );
-            Cause::new(weight::ADDRESS, text)
-        }));
-        causes.extend(told(outcome, &device, &of(&ORDER)).map(|told| {
-            let text = format!(
-                "the program does not wait for {device}: {told}; send the next request when the \
-                 reply has come, or after a timeout"
-            );
-            Cause::new(weight::ORDER, text)
-        }));
+        causes.extend(address(evidence, &device, &of(&ADDRESS)));
+        causes.extend(order(evidence, &device, &of(&ORDER)));
     }
     causes.extend(watchdog(evidence));
     causes
+}
+
+/// What is asked for and not there.
+fn address(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
+    let told = told(evidence.outcome, device, rules)?;
+    let text = format!("the program asks {device} for what it does not have or allow: {told}");
+    let at = first_break(evidence.outcome, device, rules).unwrap_or_default();
+    let trigger = Trigger::from_device(evidence, at, device);
+    let remedy = trigger.as_ref().and_then(Trigger::remedy);
+    Some(match (trigger, remedy) {
+        (Some(trigger), Some(remedy)) => {
+            let words = trigger.words(at);
+            Cause::new(weight::AFTER_FAULT, format!("{text}{words}; {remedy}"))
+        }
+        _ => {
+            let swapped = first_detail(evidence.outcome, device, rules).and_then(swapped);
+            let swapped = swapped.map_or_else(String::new, |swapped| {
+                format!(" (with its bytes swapped it is {swapped}: compare the byte order as well)")
+            });
+            let text =
+                format!("{text}{swapped}; compare addresses, widths and limits with its table");
+            Cause::new(weight::ADDRESS, text)
+        }
+    })
+}
+
+/// What comes before the reply.
+fn order(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
+    let told = told(evidence.outcome, device, rules)?;
+    let at = first_break(evidence.outcome, device, rules);
+    let after = at.map_or_else(String::new, |at| after(evidence, at));
+    let text = format!(
+        "the program does not wait for {device}: {told}{after}; send the next request when the \
+         reply has come, or after a timeout"
+    );
+    Some(Cause::new(weight::ORDER, text))
+}
+
+/// What the first break of one of `rules` was.
+fn first_detail<'a>(outcome: &'a Outcome, device: &str, rules: &[(&str, u64)]) -> Option<&'a str> {
+    let mut events = outcome.events.iter();
+    let is_one = |rule: &str| rules.iter().any(|(known, _)| *known == rule);
+    let first = events.find(|logged| logged.source == device && is_one(logged.event.rule));
+    first.map(|logged| &*logged.event.detail)
+}
+
+/// The value in `speed = 10240, expected 0 to 1000` with its bytes in the other order, if that is
+/// in range.
+fn swapped(detail: &str) -> Option<i64> {
+    let (_, rest) = detail.split_once(" = ")?;
+    let (value, range) = rest.split_once(", expected ")?;
+    let (least, most) = range.split_once(" to ")?;
+    let [value, least, most] = [value, least, most].map(|text| text.trim().parse::<i64>().ok());
+    let (value, least, most) = (value?, least?, most?);
+    let narrow = i16::try_from(value).map(|value| value.swap_bytes().into());
+    let wide = u16::try_from(value).map(|value| value.swap_bytes().into());
+    let long = i32::try_from(value).map(|value| value.swap_bytes().into());
+    let all: [Option<i64>; 3] = [wide.ok(), narrow.ok(), long.ok()];
+    let in_range = |swapped: &i64| (least..=most).contains(swapped) && *swapped != 0;
+    all.into_iter().flatten().find(in_range)
+}
+
+/// When one of `rules` was first broken.
+fn first_break(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<Instant> {
+    let mut events = outcome.events.iter();
+    let is_one = |rule: &str| rules.iter().any(|(known, _)| *known == rule);
+    let first = events.find(|logged| logged.source == device && is_one(logged.event.rule));
+    first.map(|logged| logged.event.at)
 }
 
 /// The devices of which a rule was broken, each once.
@@ -158,11 +217,37 @@ fn watchdog(evidence: &Evidence<'_>) -> Option<Cause> {
         1 => "once".to_owned(),
         times => format!("{times} times"),
     };
+    let trigger = Trigger::from_device(evidence, at, device);
+    let remedy = trigger.as_ref().and_then(Trigger::remedy);
+    let (after, fix) = match (trigger, remedy) {
+        (Some(trigger), Some(remedy)) => (trigger.words(at), remedy),
+        _ => (String::new(), "repeat the command more often"),
+    };
     Some(Cause::new(
         weight::WATCHDOG,
         format!(
-            "the watchdog of {device} fired {times}, first at {at} s: the program pauses longer \
-             than it allows; repeat the command more often"
+            "the watchdog of {device} fired {times}, first at {at} s{after}: the program pauses \
+             longer than it allows; {fix}"
         ),
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 40 is 0x0028; 0x2800 is 10240. -2 is 0xFFFE; 0xFEFF is -257. 7 << 24 is 117440512.
+    #[test]
+    fn a_value_in_the_other_byte_order_is_recognised() {
+        assert_eq!(swapped("power = 10240, expected 0 to 1000"), Some(40));
+        assert_eq!(swapped("left = -257, expected -30 to 30"), Some(-2));
+        assert_eq!(swapped("wide = 117440512, expected 0 to 9"), Some(7));
+        for other in [
+            "fan = 295, expected 0 to 100",
+            "there is no register 7",
+            "x = , expected",
+        ] {
+            assert_eq!(swapped(other), None, "{other}");
+        }
+    }
 }

@@ -1,14 +1,51 @@
 //! Causes that lie in how the program ended.
 
+use super::trigger::after;
 use super::{Cause, Evidence, weight};
 use crate::process::Ended;
-use engine::run::check::Status;
+use engine::run::check::{Check, STOPS, Status};
 
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     own(evidence)
         .into_iter()
+        .chain(busy(evidence))
+        .chain(motors(evidence))
         .chain(left_behind(evidence))
         .collect()
+}
+
+/// A failed check of this name.
+fn failed<'a>(evidence: &'a Evidence<'_>, name: &str) -> Option<&'a Check> {
+    let mut checks = evidence.outcome.checks.iter();
+    checks.find(|check| check.name == name && check.status == Status::Fail)
+}
+
+/// A loop that never waits.
+fn busy(evidence: &Evidence<'_>) -> Option<Cause> {
+    let detail = &failed(evidence, "program-yields")?.detail;
+    let fix = match detail.contains("hung up") {
+        true => {
+            "; a read of 0 bytes or EIO there means that the device is unplugged: close the port \
+             and open it again"
+        }
+        false => "; let it wait for its ports with a timeout, e.g. in poll, select or a read",
+    };
+    Some(Cause::new(
+        weight::BUSY,
+        format!("the program never waits: {detail}{fix}"),
+    ))
+}
+
+/// Motors that go on when the program does not.
+fn motors(evidence: &Evidence<'_>) -> Option<Cause> {
+    let detail = &failed(evidence, STOPS)?.detail;
+    Some(Cause::new(
+        weight::MOTORS,
+        format!(
+            "motors go on when nobody commands them ({detail}); give the device a watchdog, or let \
+             the program stop the motors when it ends"
+        ),
+    ))
 }
 
 /// What the program started and did not end.
@@ -35,7 +72,7 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
     let last = evidence.said.lines().rev().map(str::trim);
     let last = last.clone().find(|line| !line.is_empty());
     let words = last.map_or_else(String::new, |line| format!("; its last words: {line}"));
-    let after = after_fault(evidence, at);
+    let after = after(evidence, at);
     Some(match ended {
         Ended::Signal(_) => Cause::new(
             weight::KILLED,
@@ -54,17 +91,3 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
         ),
     })
 }
-
-/// The fault that began last before `at`, if that was not long ago.
-fn after_fault(evidence: &Evidence<'_>, at: protocols::Instant) -> String {
-    let mut begun = evidence.outcome.events.iter().filter(|logged| {
-        let event = &logged.event;
-        event.rule.starts_with("fault-") && event.at <= at && at - event.at <= SOON
-    });
-    begun.next_back().map_or_else(String::new, |logged| {
-        format!(", after {} at {} s", logged.event.detail, logged.event.at)
-    })
-}
-
-/// What a fault does shows within this time.
-const SOON: core::time::Duration = core::time::Duration::from_secs(5);

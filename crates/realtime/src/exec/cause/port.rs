@@ -1,13 +1,19 @@
 //! Causes that show at a port: its rate, its settings, who opens it and reads there.
 
+use std::path::Path;
+
 use protocols::Instant;
 
+use super::trigger::Trigger;
 use super::{Cause, Evidence, weight};
 use crate::exec::exchange::{GOES_ON, SILENT_MAX};
 use crate::exec::ports::Port;
 use crate::process::waits::Wait;
 use crate::transport::Setting;
 use engine::run::check::Status;
+
+/// Name of the check that the lines carry bytes again.
+const BACK: &str = "at-work-again";
 
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     let mut causes = Vec::new();
@@ -19,6 +25,7 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     }
     causes.extend(not_opened(evidence));
     causes.extend(silent(evidence));
+    causes.extend(not_back(evidence));
     causes
 }
 
@@ -55,7 +62,7 @@ fn setting(port: &Port) -> Option<Cause> {
 /// A port of which nothing is read.
 fn unread(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
     let at = port.hangs_at?;
-    let (name, brought) = (&port.name, port.to_client);
+    let (name, brought) = (&port.name, port.special[0].all);
     let waits = what_for(evidence);
     let text = match port.read_at {
         None => format!(
@@ -72,15 +79,35 @@ fn unread(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
 
 /// What the program waited for in the end, as the end of a sentence.
 pub(super) fn what_for(evidence: &Evidence<'_>) -> String {
+    let is_port = |path: &Path| evidence.ports.all.iter().any(|port| port.path == path);
     let text = evidence.waits.iter().find_map(|wait| match wait {
         Wait::ModemLine(_) => Some("it waits for a modem line to change"),
         Wait::Write(_) => Some("it waits in a write"),
         Wait::Drain(_) => Some("it waits in tcdrain"),
         Wait::Sleep => Some("it sleeps"),
         Wait::Lock => Some("it waits for a lock or another thread"),
+        Wait::Read(path) if !is_port(path) => Some(match path.to_string_lossy() {
+            path if path.starts_with("pipe:") => "it waits in a read of a pipe",
+            path if path.starts_with("socket:") => "it waits for a socket",
+            _ => "it waits in a read of another file",
+        }),
         Wait::Read(_) | Wait::Any { .. } => None,
     });
-    text.map_or_else(String::new, |text| format!(" ({text} in the end)"))
+    let text = text.map_or_else(String::new, |text| format!(" ({text} in the end)"));
+    let last = evidence
+        .said
+        .lines()
+        .map(str::trim)
+        .rfind(|line| !line.is_empty());
+    // An error that ended a thread, not the program.
+    let is_error = |line: &&str| {
+        let words = ["Error", "Exception", "panicked", "error"];
+        words.iter().any(|word| line.contains(word))
+    };
+    match last.filter(is_error) {
+        Some(line) => format!("{text}; its last words: {line}"),
+        None => text,
+    }
 }
 
 /// Bytes that did not reach a client that reads too seldom.
@@ -109,10 +136,18 @@ fn not_opened(evidence: &Evidence<'_>) -> Option<Cause> {
         false => missing,
     };
     let why = match evidence.ended {
-        Some((ended, at)) => format!("it ended with {ended} at {at} s before that"),
+        Some((ended, at)) => {
+            let last = evidence
+                .said
+                .lines()
+                .map(str::trim)
+                .rfind(|line| !line.is_empty());
+            let words = last.map_or_else(String::new, |line| format!(" (its last words: {line})"));
+            format!("it ended with {ended} at {at} s before that{words}")
+        }
         None => match what_for(evidence) {
             waits if waits.is_empty() => "it was still there and did not try".to_owned(),
-            waits => waits.trim_matches([' ', '(', ')']).to_owned(),
+            waits => waits.trim_start_matches([' ', '(']).replacen(')', "", 1),
         },
     };
     Some(Cause::new(
@@ -120,6 +155,30 @@ fn not_opened(evidence: &Evidence<'_>) -> Option<Cause> {
         format!(
             "the program never opened {missing}: {why}; its path is in HILRIG_PORT_<NAME>; say with \
              --exec-needs which ports the program needs"
+        ),
+    ))
+}
+
+/// A program that reads on, but does not go back to its work after a fault.
+fn not_back(evidence: &Evidence<'_>) -> Option<Cause> {
+    let mut checks = evidence.outcome.checks.iter();
+    let check = checks.find(|check| check.name == BACK && check.status == Status::Fail)?;
+    if evidence.ended.is_some() {
+        return None;
+    }
+    let silent = |port: &&Port| check.detail.contains(&format!("{} to-device", port.name));
+    let port = evidence.ports.all.iter().find(silent)?;
+    let (name, at) = (&port.name, port.sent_at?);
+    let trigger = Trigger::of_silence(evidence, at);
+    let remedy = trigger.as_ref().and_then(Trigger::remedy);
+    let after = trigger.map_or_else(String::new, |trigger| trigger.words(at));
+    let remedy = remedy.unwrap_or("let it ask again after a timeout");
+    let waits = what_for(evidence);
+    Some(Cause::new(
+        weight::SILENT,
+        format!(
+            "the program does not go back to work: it sent on {name} last at {at} s{after}{waits}; \
+             {remedy}"
         ),
     ))
 }
@@ -136,6 +195,7 @@ fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
     }
     let sent: u64 = ports.all.iter().map(|port| port.from_client).sum();
     let brought: u64 = ports.all.iter().map(|port| port.to_client).sum();
+    let has_read = ports.all.iter().any(|port| port.read_at.is_some());
     if let Some((ended, at)) = evidence.ended {
         return (sent == 0).then(|| {
             Cause::new(
@@ -147,14 +207,29 @@ fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
             )
         });
     }
-    let name_of = |path: &std::path::Path| {
+    if sent == 0 && has_read && evidence.said.trim().is_empty() {
+        return Some(Cause::new(
+            weight::NOTHING_SENT,
+            format!(
+                "nothing was observed of the program: it read (last at {} s), but sent and printed \
+                 nothing{}; let it print what it reads, or allow it with --exec-may-idle",
+                ports.active_at.unwrap_or_default(),
+                what_for(evidence)
+            ),
+        ));
+    }
+    let name_of = |path: &Path| {
         let port = ports.all.iter().find(|port| port.path == path);
         port.map_or_else(|| path.display().to_string(), |port| port.name.clone())
     };
     let open = ports.names(|port| port.is_open);
     let since = ports.active_at.map_or_else(
         || "it never sent nor read anything".to_owned(),
-        |at| format!("the last it sent or read was at {at} s"),
+        |at| {
+            let trigger = Trigger::of_silence(evidence, at);
+            let after = trigger.map_or_else(String::new, |trigger| trigger.words(at));
+            format!("the last it sent or read was at {at} s{after}")
+        },
     );
     let no_timeout = |port: &Port| !port.settings_now.has(Setting::MayReadNothing);
     let blocked = evidence.waits.iter().find_map(|wait| match wait {
