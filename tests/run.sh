@@ -8,7 +8,8 @@
 #   --since REV   also the proofs whose files changed since REV
 #   --all         all seeds and cases of each test, and all proofs: bare metal, portable builds,
 #                 coverage, a release beside other builds, simulated microcontrollers, clients of
-#                 other languages, a robot in a crate of its own
+#                 other languages, drivers with a defect, sessions of public drivers, a robot in a
+#                 crate of its own
 #
 # What neither runs, because it takes longer or needs a cluster: tests/mutants.sh,
 # tests/browser/run.sh, tests/slurm/run.sh, tests/kubernetes/run.sh, tests/ci/run.sh,
@@ -212,6 +213,14 @@ if proof protocols emulators crates tests/lidar_clients; then
     step "the lidar and the telemetry, judged by what pip and cargo give"
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig TELEMETRY=$built/examples/telemetry \
         bash tests/lidar_clients/run.sh
+fi
+if proof crates src tests/drivers; then
+    step "drivers with a defect: causes and cases over twenty seeds"
+    HILRIG=$built/hilrig python3 tests/drivers/prove.py --seeds 20
+fi
+if proof crates/capture crates/realtime src tests/replay/public_drivers; then
+    step "sessions of public drivers, replayed to them"
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/replay/public_drivers/run.sh
 fi
 if proof crates src tests/outside; then
     step "a robot in a crate of its own"
