@@ -314,6 +314,7 @@ fn the_case_of_a_client_that_dies_of_an_overflow_is_red_until_it_does_not() {
         while True:\n    \
             buffer += os.read(fd, 4096)\n    \
             *whole, buffer = buffer.split(b'\\n')\n    \
+            print(len(whole), flush=True)\n    \
             for line in whole:\n        \
                 lines += 1\n        \
                 if len(line) != 37 and sys.argv[1] == 'dies' and lines > 1:\n            \
