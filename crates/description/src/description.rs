@@ -9,7 +9,7 @@ use protocols::LineConfig;
 use crate::behaviour::{After, Every, Fault, On};
 use crate::compile::{Compiler, Files};
 use crate::error::{DescriptionError, Places};
-use crate::framing::{Cutter, Frame, Frames, cutter};
+use crate::framing::{Cutter, Frame, Frames, Unused, cutter};
 use crate::message::Message;
 use crate::modbus;
 use crate::registers::Registers;
@@ -144,6 +144,25 @@ impl Description {
     /// An empty decoder of its frames.
     pub fn cutter(&self) -> Cutter {
         cutter(self.frames.clone())
+    }
+
+    /// The frame formats that `from` sends: those that carry a message of that end, or none at all.
+    pub(crate) fn frames_of(&self, from: From) -> Frames {
+        let is_sent = |format: usize| {
+            let mut carried = self
+                .messages
+                .iter()
+                .filter(|message| message.frame == format);
+            carried.clone().next().is_none() || carried.any(|message| message.is_from(from))
+        };
+        let unsent = (0..self.formats()).filter(|format| !is_sent(*format));
+        let unused = unsent.fold(Unused::default(), Unused::with);
+        self.frames.without(unused)
+    }
+
+    /// An empty decoder of the frames that `from` sends.
+    pub fn cutter_of(&self, from: From) -> Cutter {
+        cutter(self.frames_of(from))
     }
 
     /// The body of a frame: what the messages see.

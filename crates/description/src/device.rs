@@ -17,6 +17,7 @@ use protocols::{Instant, LineConfig, LineEvent, Port};
 use crate::description::{Description, Protocol};
 use crate::framing::Cutter;
 use crate::schema::behaviour::EventSpec;
+use crate::schema::message::From;
 use crate::state::State;
 use crate::value::Value;
 use act::{Doer, Timer};
@@ -82,7 +83,7 @@ impl Described {
         let state = State::new(description.variables.clone(), place.seed, &place.name);
         let dice = Rng::stream(place.seed, &format!("{}.behaviour", place.name));
         let mut device = Self {
-            cutter: description.cutter(),
+            cutter: description.cutter_of(From::Host),
             state,
             inbox: VecDeque::new(),
             quiet_at: None,
@@ -135,7 +136,7 @@ impl Described {
 
     /// Everything begins anew at `now`, the variables apart.
     fn begin(&mut self, now: Instant) {
-        self.cutter = self.description.cutter();
+        self.cutter = self.description.cutter_of(From::Host);
         self.inbox.clear();
         self.quiet_at = None;
         self.silent.clear();
@@ -202,15 +203,15 @@ impl Described {
 
     fn is_silence_framed(&self) -> bool {
         matches!(self.description.protocol, Some(Protocol::ModbusRtu))
-            || self.description.frames.ends_with_silence()
+            || self.description.frames_of(From::Host).ends_with_silence()
     }
 }
 
 impl Device for Described {
     fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
-        if port == Self::UART {
+        if port == Self::UART && !self.faults.is_off() {
             self.inbox.push_back((now, bytes.to_vec()));
-            if self.description.echoes && !self.faults.is_off() {
+            if self.description.echoes {
                 self.output.extend(bytes);
             }
         }
@@ -275,6 +276,10 @@ impl Device for Described {
     }
 
     fn poll_at(&self) -> Option<Instant> {
+        // A poll does nothing then, so timers that pass must not ask for one.
+        if self.faults.is_off() {
+            return self.log.poll_at();
+        }
         let due = self.pending.front().map(|(due, _)| *due);
         let inbox = self.inbox.front().map(|(at, _)| *at);
         let event = self.events.front().map(|(at, _)| *at);

@@ -17,8 +17,8 @@ use crate::number::Number;
 use crate::schema::wire::Stuffing;
 
 pub(crate) use cut::{hex_bytes, hex_text};
-pub(crate) use judge::cutter;
 pub use judge::{Cutter, Frame, Frames};
+pub(crate) use judge::{Unused, cutter};
 
 /// Most bytes of a frame.
 pub(crate) const FRAME_MAX: usize = 2_000;
@@ -128,13 +128,23 @@ impl Check {
     fn expected(&self, content: &[u8]) -> Option<(u128, usize)> {
         let at = place(self.at, content.len())?;
         let from = place(self.from, content.len())?;
-        let to = self.to.map_or(Some(at), |to| place(to, content.len()))?;
+        let to = match self.to {
+            None => at,
+            Some(0) => content.len(),
+            Some(to) => place(to, content.len())?,
+        };
         let covered = content.get(from..to)?;
-        let value = if self.extra.is_empty() {
+        // A checksum within what it covers counts as 0.
+        let own = at.max(from)..(at + self.len()).min(to);
+        let value = if self.extra.is_empty() && own.is_empty() {
             self.algorithm.compute(covered, self.width)
         } else {
-            self.algorithm
-                .compute(&[covered, &self.extra].concat(), self.width)
+            let mut covered = covered.to_vec();
+            if !own.is_empty() {
+                covered[own.start - from..own.end - from].fill(0);
+            }
+            covered.extend_from_slice(&self.extra);
+            self.algorithm.compute(&covered, self.width)
         };
         Some((value, at + self.separator.len()))
     }

@@ -143,7 +143,11 @@ impl Compiler<'_> {
                 send: &spec.send,
                 with: &spec.with,
             };
-            let deed = self.deed(&key, "send", parts, None, messages);
+            let request = match trigger {
+                Trigger::Message(index) => messages.get(index),
+                _ => None,
+            };
+            let deed = self.deed(&key, "send", parts, request, messages);
             if deed.send.is_empty() && deed.set.is_empty() {
                 self.wrong(&key, "does nothing, expected \"send\" or \"set\"");
             }

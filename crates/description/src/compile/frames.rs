@@ -71,13 +71,6 @@ impl Compiler<'_> {
                 self.wrong(key, message);
             }
         }
-        let silent = |frame: &Framing| matches!(frame.cut, Cut::Silence { .. });
-        if frames.iter().any(silent) && frames.len() > 1 {
-            self.wrong(
-                "frame",
-                "a silence ends all frames of a line, expected one format",
-            );
-        }
     }
 
     fn frame(&mut self, key: &str, spec: &FrameSpec, line: LineConfig) -> Framing {

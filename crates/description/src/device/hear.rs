@@ -7,6 +7,7 @@ use emulators::device::{EventKind, byte_end};
 use super::act::Doer;
 use crate::framing::Frame;
 use crate::schema::behaviour::EventSpec;
+use crate::schema::message::From;
 
 impl Doer<'_> {
     /// Takes what came in.
@@ -50,7 +51,10 @@ impl Doer<'_> {
         let started = device.description.line.byte_end(at, 1);
         if device.description.is_half_duplex {
             let is_waiting = !device.pending.is_empty();
-            if is_waiting || started < device.sending_until {
+            // Times of bytes are rounded. No receiver sees an overlap of less than a bit.
+            let line = device.description.line;
+            let bit = line.byte_time() / line.bits_per_byte();
+            if is_waiting || started + bit < device.sending_until {
                 let detail = || match is_waiting {
                     true => "bytes came before the reply to the last request".to_owned(),
                     false => "bytes came while the device sends, and are lost".to_owned(),
@@ -80,7 +84,8 @@ impl Doer<'_> {
         if bytes.is_empty() {
             return;
         }
-        let whole = self.device.description.frames.whole(bytes);
+        let heard = self.device.description.frames_of(From::Host);
+        let whole = heard.whole(bytes);
         match whole {
             Ok(frame) => self.frame(at, &frame),
             Err(error) => self.bad(at, error, bytes),

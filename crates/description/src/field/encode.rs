@@ -88,8 +88,14 @@ impl Encoding {
                         Value::Bytes(bytes) => {
                             bytes.iter().map(|&byte| Value::Int(byte.into())).collect()
                         }
-                        one if known.is_some() => vec![one.clone()],
-                        _ => Vec::new(),
+                        // One value is that of each.
+                        one => {
+                            let count = match size {
+                                Size::Rest => usize::from(known.is_some()),
+                                size => size.of(&scope, 0).unwrap_or(1),
+                            };
+                            vec![one.clone(); count]
+                        }
                     };
                     let count = match size {
                         Size::Rest => list.len(),

@@ -11,7 +11,28 @@ use crate::value::Value;
 
 /// The frame formats of a description.
 #[derive(Clone, Debug)]
-pub struct Frames(pub(crate) Arc<Vec<Framing>>);
+pub struct Frames(pub(crate) Arc<Vec<Framing>>, pub(crate) Unused);
+
+/// Formats that are not looked for, a bit for each; those beyond are looked for always.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Unused(u64);
+
+impl Unused {
+    /// With the format of this index.
+    pub(crate) fn with(self, index: usize) -> Self {
+        Self(
+            self.0
+                | u32::try_from(index)
+                    .ok()
+                    .and_then(|bit| 1_u64.checked_shl(bit))
+                    .unwrap_or(0),
+        )
+    }
+
+    fn has(self, index: usize) -> bool {
+        self.with(index) == self && index < 64
+    }
+}
 
 /// A frame whose checksums hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,7 +56,7 @@ impl Frames {
     /// asked, so that the pieces in which bytes come make no difference.
     fn verdict(&self, bytes: &[u8], is_last: bool) -> (usize, Candidate) {
         let mut rejected = None;
-        for (index, framing) in self.0.iter().enumerate() {
+        for (index, framing) in self.used() {
             match framing.judge(bytes, is_last) {
                 Candidate::Noise => {}
                 Candidate::Rejected(error) => {
@@ -54,11 +75,21 @@ impl Frames {
 }
 
 impl Frames {
+    /// The formats that are looked for, with their indices.
+    fn used(&self) -> impl Iterator<Item = (usize, &Framing)> {
+        let all = self.0.iter().enumerate();
+        all.filter(|(index, _)| !self.1.has(*index))
+    }
+
+    /// The same formats, without those that are `unused`.
+    pub(crate) fn without(&self, unused: Unused) -> Self {
+        Self(self.0.clone(), unused)
+    }
+
     /// Whether a silence ends frames.
     pub(crate) fn ends_with_silence(&self) -> bool {
-        self.0
-            .iter()
-            .any(|framing| matches!(framing.cut, Cut::Silence { .. }))
+        self.used()
+            .any(|(_, framing)| matches!(framing.cut, Cut::Silence { .. }))
     }
 
     /// The frame that all of `bytes` are, as a silence ended them.
@@ -66,7 +97,7 @@ impl Frames {
         let cut_off = FrameError::Truncated {
             found: len_u32(bytes.len()),
         };
-        let framing = self.0.first().ok_or(cut_off)?;
+        let (format, framing) = self.used().next().ok_or(cut_off)?;
         if bytes.len() <= framing.trailer {
             return Err(cut_off);
         }
@@ -77,7 +108,7 @@ impl Frames {
         match framing.whole(bytes) {
             Candidate::Rejected(error) => Err(error),
             _ => Ok(Frame {
-                format: 0,
+                format,
                 bytes: bytes.to_vec(),
             }),
         }

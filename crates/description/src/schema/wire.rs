@@ -192,7 +192,8 @@ pub struct ChecksumSpec {
     /// First byte that it covers; less than 0 from the end; 0 if not given.
     #[serde(default)]
     pub from: Option<i32>,
-    /// First byte behind those that it covers; its own place if not given.
+    /// First byte behind those that it covers; 0 is the end; its own place if not given. Its own
+    /// bytes count as 0.
     #[serde(default)]
     pub to: Option<i32>,
     /// Its place; less than 0 from the end; the end if not given.

@@ -1,0 +1,221 @@
+//! Host and device with formats of their own, and times at which nothing may happen.
+
+use core::time::Duration;
+use std::sync::Arc;
+
+use description::{Described, Description, Place, Record, Value};
+use emulators::device::{Device, next_poll};
+use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+use protocols::Instant;
+
+fn parse(text: &str) -> Arc<Description> {
+    let none = |_: &str| Err("no file".to_owned());
+    Description::parse("test.toml", text, &none).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn device(text: &str) -> Described {
+    let place = Place {
+        name: "dev".to_owned(),
+        seed: 1,
+        address: None,
+        is_alone: true,
+    };
+    Described::new(parse(text), place)
+}
+
+fn world() -> World {
+    let scene = Scene::new::<Shape>([], vec![]).expect("nothing");
+    World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free")
+}
+
+/// What the device sends until `millis`.
+fn said(device: &mut Described, millis: u64) -> String {
+    let (mut world, mut now) = (world(), Instant::ZERO);
+    let end = Instant::from_millis(millis);
+    let mut out = Vec::new();
+    while now < end {
+        now = next_poll(device, now, end);
+        device.poll(now, &mut world);
+        let mut buf = [0; 256];
+        let len = device.transmit(Described::UART, &mut buf);
+        out.extend_from_slice(&buf[..len]);
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+/// A host that ends its lines with LF, a device that ends them with CR LF; the host's format alone
+/// cuts what the device hears, though the device's is the first.
+#[test]
+fn a_device_hears_the_formats_of_the_host() {
+    let mut device = device(
+        r#"
+        name = "lines"
+        about = "two ends of lines"
+        line = { baud = 9600 }
+        frame = [{ name = "out", terminator = "\r\n" }, { name = "in", terminator = "\n" }]
+        message = [
+          { name = "ask", from = "host", frame = "in", text = "?" },
+          { name = "ok", from = "device", frame = "out", text = "ok" },
+        ]
+        on = [{ message = "ask", reply = "ok" }]
+        "#,
+    );
+    device.receive(Described::UART, Instant::from_millis(1), b"?\n");
+    assert_eq!(said(&mut device, 100), "ok\r\n");
+}
+
+/// Replies without a frame, of a device whose requests have markers: a silence ends the replies
+/// only.
+#[test]
+fn a_silence_may_end_the_frames_of_one_end() {
+    let mut device = device(
+        r#"
+        name = "counter"
+        about = "replies without a frame"
+        endian = "big"
+        line = { baud = 9600 }
+        frame = [{ name = "in", start = "<", end = ">>" }, { name = "out", silence = 3.5 }]
+        message = [
+          { name = "get", from = "host", frame = "in", text = "GET" },
+          { name = "is", from = "device", frame = "out", fields = [{ name = "n", type = "u16", calc = "0x4142" }] },
+        ]
+        on = [{ message = "get", reply = "is" }]
+        "#,
+    );
+    device.receive(Described::UART, Instant::from_millis(1), b"<GET>>");
+    assert_eq!(said(&mut device, 100), "AB");
+}
+
+/// 0x0201 ^ 0x0403 = 0x0602, low byte first; its own two bytes count as 0.
+#[test]
+fn a_checksum_within_what_it_covers_counts_as_0() {
+    let description = parse(
+        r#"
+        name = "sum"
+        about = "a sum in the middle"
+        endian = "little"
+        line = { baud = 9600 }
+        frame = { size = 6, checksum = { algorithm = "xor16", at = 2, to = 0 } }
+        message = [{ name = "four", from = "device", fields = [{ name = "n", type = "u8", repeat = 4 }] }]
+        every = [{ period = "1s", send = "four" }]
+        "#,
+    );
+    assert_eq!(
+        description.frame_of(0, &[1, 2, 3, 4]),
+        Some(vec![1, 2, 2, 6, 3, 4])
+    );
+    // One value is that of each.
+    let mut values = Record::default();
+    values.set("n", Value::Int(7));
+    let frame = description.frame(&description.messages()[0], &values);
+    assert_eq!(frame, Some(vec![7, 7, 0, 0, 7, 7]));
+}
+
+/// A device without power has timers that pass. It asks for no poll, or time would stand still.
+#[test]
+fn a_device_that_is_off_asks_for_no_poll_until_it_is_back() {
+    let mut device = device(
+        r#"
+        name = "ticks"
+        about = "a line each 10 ms"
+        watchdog = "50ms"
+        line = { baud = 9600 }
+        frame = { terminator = "\n" }
+        message = [
+          { name = "tick", from = "device", text = "t" },
+          { name = "hello", from = "host", text = "h" },
+        ]
+        every = [{ period = "10ms", send = "tick" }]
+        on = [{ message = "hello" }]
+        "#,
+    );
+    assert_eq!(said(&mut device, 25), "t\nt\n");
+    device.receive(Described::UART, Instant::from_millis(25), b"h\nh");
+    device.poll(Instant::from_millis(25), &mut world());
+    let off = Instant::from_millis(26);
+    device.set_fault(off, "off", None, true);
+    device.poll(off, &mut world());
+    device.receive(Described::UART, off, b"h\n");
+    for millis in [26, 40, 90, 5_000] {
+        let now = Instant::from_millis(millis);
+        device.poll(now, &mut world());
+        assert!(device.poll_at().is_none_or(|at| at > now), "{millis} ms");
+    }
+    let back = Instant::from_millis(6_000);
+    device.set_fault(back, "off", None, false);
+    assert_eq!(device.poll_at().map(|at| at.max(back)), Some(back));
+}
+
+/// A driver that asks as soon as the last byte of a reply is there, on a line with one sender at a
+/// time: times of bytes are rounded down, each by itself.
+#[test]
+fn a_request_right_behind_a_reply_is_heard() {
+    let mut device = device(
+        r#"
+        name = "bus"
+        about = "half duplex"
+        latency = "500us"
+        line = { baud = 115200, half_duplex = true }
+        frame = { size = 7 }
+        message = [
+          { name = "ask", from = "host", fields = [{ name = "n", type = "u8" }, { type = "pad", size = 6 }] },
+          { name = "is", from = "device", fields = [{ name = "n", type = "u8" }, { type = "pad", size = 6 }] },
+        ]
+        on = [{ message = "ask", reply = "is" }]
+        "#,
+    );
+    let line = device.description().line();
+    let mut world = world();
+    let heard = Instant::ZERO + line.bytes_time(7);
+    device.receive(Described::UART, heard, b"A\0\0\0\0\0\0");
+    let due = heard + Duration::from_micros(500);
+    device.poll(heard, &mut world);
+    device.poll(due, &mut world);
+    let mut buf = [0; 16];
+    assert_eq!(device.transmit(Described::UART, &mut buf), 7);
+    // The bytes one by one, as the line hands them over, then the request's.
+    let mut now = due;
+    for _ in 0..14 {
+        now += line.byte_time();
+    }
+    device.receive(Described::UART, now, b"B\0\0\0\0\0\0");
+    device.poll(now, &mut world);
+    device.poll(now + Duration::from_micros(500), &mut world);
+    assert_eq!(device.transmit(Described::UART, &mut buf), 7);
+    assert!(
+        device
+            .take_events()
+            .iter()
+            .all(|event| event.rule != "request-before-reply")
+    );
+    // One that comes before the reply has gone out is lost.
+    let early = now + Duration::from_micros(600);
+    device.receive(Described::UART, early, b"C\0\0\0\0\0\0");
+    device.poll(early, &mut world);
+    assert!(
+        device
+            .take_events()
+            .iter()
+            .any(|event| event.rule == "request-before-reply")
+    );
+}
+
+/// What is due later sees the fields of its message, also in its condition.
+#[test]
+fn what_is_due_later_sees_its_message() {
+    let mut device = device(
+        r#"
+        name = "later"
+        about = "an echo after a while"
+        line = { baud = 9600 }
+        frame = { terminator = "\n" }
+        message = [
+          { name = "say", from = "host", text = "say {n:d}" },
+          { name = "said", from = "device", text = "said {n:d}" },
+        ]
+        after = [{ message = "say", delay = "20ms", when = "n > 1", send = "said", with = { n = "n * 2" } }]
+        "#,
+    );
+    device.receive(Described::UART, Instant::from_millis(1), b"say 1\nsay 2\n");
+    assert_eq!(said(&mut device, 100), "said 4\n");
+}
