@@ -86,6 +86,10 @@ if proof emulators protocols tests/simavr; then
     command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] ||
         missing+=(gcc-avr avr-libc arduino-core-avr libsimavr-dev libelf-dev)
 fi
+if proof crates src devices tests/devices; then
+    # Reads the described receiver.
+    command -v gpsd >/dev/null && command -v gpspipe >/dev/null || missing+=(gpsd gpsd-clients)
+fi
 if proof protocols emulators crates tests/osc_clients; then
     # Drives the model car.
     command -v oscsend >/dev/null || missing+=(liblo-tools)
@@ -179,6 +183,9 @@ built=$target/debug
 step "the package for Python, and the programs of the docs"
 CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash python/run.sh
 
+step "the described devices, read by what pip gives"
+CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh
+
 step "the demo"
 "$built/hilrig" demo --out "$target/demo/tests"
 
@@ -221,6 +228,10 @@ fi
 if proof crates/capture crates/realtime src tests/replay/public_drivers; then
     step "sessions of public drivers, replayed to them"
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/replay/public_drivers/run.sh
+fi
+if proof crates src devices tests/devices; then
+    step "the described devices: fuzzed, their table, the trophies, other means"
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh --all
 fi
 if proof crates src tests/outside; then
     step "a robot in a crate of its own"

@@ -11,9 +11,36 @@ macro_rules! shipped {
 }
 
 shipped! {
+    "alicat",
     "cobs-sensor",
+    "crsf",
+    "daly-bms",
+    "dynamixel-xl430",
+    "elm327",
+    "epever-tracer",
+    "feetech-sts3215",
+    "gmc-320",
     "gps",
+    "grbl",
+    "iec-62056-21",
+    "ld14p",
+    "ld2410",
+    "lx16a",
+    "mavlink",
+    "mh-z19",
     "modbus-meter",
+    "mt-sics",
+    "pms5003",
+    "pzem-016",
+    "scpi-supply",
+    "sds011",
+    "senseair-s8",
+    "sps30",
+    "tfmini",
+    "tmcl",
+    "ve-direct",
+    "vesc",
+    "ydlidar-x4",
 }
 
 /// The text of the description called `name`.

@@ -112,10 +112,10 @@ fn untold(text: &str, error: &DescriptionError) -> Vec<String> {
 #[test]
 fn what_is_wrong_is_told_with_file_line_and_key() {
     assert_eq!(parse(EVERYTHING), Ok(()));
-    let texts = shipped::ALL
-        .iter()
-        .map(|(_, text)| *text)
-        .chain([EVERYTHING]);
+    // Three that differ most: each description has thousands of mutants.
+    let texts = ["cobs-sensor", "gps", "modbus-meter"];
+    let texts = texts.map(|name| shipped::text(name).expect("shipped"));
+    let texts = texts.into_iter().chain([EVERYTHING]);
     let (mut refused, mut tried) = (0_u32, 0_u32);
     let mut wrong = std::collections::BTreeSet::new();
     for text in texts {
@@ -138,7 +138,7 @@ fn what_is_wrong_is_told_with_file_line_and_key() {
 /// Text that is cut off anywhere is refused or sound, and never more.
 #[test]
 fn a_file_that_is_cut_off_is_no_panic() {
-    for text in [EVERYTHING, shipped::ALL[1].1] {
+    for text in [EVERYTHING, shipped::text("gps").expect("shipped")] {
         for end in (0..text.len())
             .step_by(7)
             .filter(|end| text.is_char_boundary(*end))
