@@ -18,8 +18,6 @@ def modbus(port):
     registers = {0: struct.pack(">f", 230.1), 12: struct.pack(">f", 57.5)}
     while True:
         request = port.read(8)
-        if len(request) < 8:
-            continue
         slave, function, register, count = struct.unpack(">BBHH", request[:6])
         data = registers.get(register)
         if data is None:
@@ -137,6 +135,6 @@ if __name__ == "__main__":
     name, path = sys.argv[1:]
     device = {"minimalmodbus": modbus, "pymodbus": modbus, "obd": elm, "pygmc": geiger,
               "pynmea2": nmea, "pyubx2": ubx, "tfmini": tfmini}[name]
-    opened = serial.Serial(path, 115200, timeout=0.05 if name == "minimalmodbus" else None)
+    opened = serial.Serial(path, 115200)
     print("ready", flush=True)
     device(opened)

@@ -20,7 +20,7 @@ def minimalmodbus():
     import minimalmodbus
 
     meter = minimalmodbus.Instrument(PORT, 1)
-    meter.serial.baudrate, meter.serial.timeout = 115200, 0.5
+    meter.serial.baudrate, meter.serial.timeout = 115200, 5
     for _ in range(3):
         print(round(meter.read_float(0, 4), 2), flush=True)
         pause()
@@ -31,7 +31,7 @@ def minimalmodbus():
 def pymodbus():
     from pymodbus.client import ModbusSerialClient
 
-    client = ModbusSerialClient(PORT, baudrate=115200, timeout=0.5)
+    client = ModbusSerialClient(PORT, baudrate=115200, timeout=5)
     assert client.connect()
     for _ in range(3):
         for register in (0, 13 if BROKEN else 12):
@@ -43,7 +43,7 @@ def pymodbus():
 def obd():
     import obd
 
-    car = obd.OBD(PORT, baudrate=115200, fast=False, timeout=2)
+    car = obd.OBD(PORT, baudrate=115200, fast=False, timeout=5)
     for command in (obd.commands.RPM, obd.commands.RUN_TIME if BROKEN else obd.commands.SPEED):
         print(car.query(command, force=True).value, flush=True)
         pause()
@@ -56,7 +56,7 @@ def pygmc():
 
     # At a USB adapter it discards nothing; at a pseudo-terminal, what the tap has not read yet.
     serial.Serial.reset_output_buffer = lambda port: None
-    counter = pygmc.GMC320(PORT, timeout=2)
+    counter = pygmc.GMC320(PORT, timeout=5)
     print(counter.get_version(), flush=True)
     pause()
     for _ in range(3):
@@ -69,7 +69,7 @@ def pynmea2():
     import pynmea2
     import serial
 
-    port = serial.Serial(PORT, 115200, timeout=2)
+    port = serial.Serial(PORT, 115200, timeout=5)
     for _ in range(15):
         line = port.readline().decode()
         try:
@@ -85,7 +85,7 @@ def pyubx2():
     import serial
     from pyubx2 import POLL, UBXMessage, UBXReader
 
-    port = serial.Serial(PORT, 115200, timeout=1)
+    port = serial.Serial(PORT, 115200, timeout=5)
     reader = UBXReader(port)
     for _ in range(3):
         port.write(UBXMessage("MON" if BROKEN else "NAV", "MON-VER" if BROKEN else "NAV-STATUS",
