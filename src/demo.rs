@@ -65,7 +65,7 @@ fn run(seed: Option<u64>, out: Option<PathBuf>) -> Result<bool, Box<dyn core::er
     let (scenario, source) = Scenario::parse(path, SCENARIO.to_owned())?;
     let seed = seed.unwrap_or(scenario.seed);
     let out = out.unwrap_or_else(|| format!("hilrig-out/{}-{seed}", scenario.name).into());
-    std::fs::create_dir_all(&out).map_err(|error| format!("{}: {error}", out.display()))?;
+    safefs::Dir::create(&out).map_err(|error| format!("{}: {error}", out.display()))?;
     let mut run = Run::new(scenario, &source, Some(seed))?;
     let scenario = run.scenario();
     let (name, duration) = (&scenario.name, scenario.duration);

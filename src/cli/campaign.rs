@@ -26,6 +26,7 @@ use crate::search::campaign::{
 use crate::search::generate::{self, Dice, Vary};
 use crate::show::folder::FolderError;
 use engine::workers;
+use safefs::Dir;
 
 /// Run scenarios with many seeds, on all processors and on many machines, and group what fails.
 ///
@@ -368,7 +369,8 @@ impl Worker<'_> {
         let ports = std::path::absolute(&ports).unwrap_or(ports);
         let logs = self.out.join("logs");
         let log = logs.join(format!("{}-{}.log", scenario.name, scenario.seed));
-        std::fs::create_dir_all(&logs).map_err(|source| FolderError { path: logs, source })?;
+        let made = Dir::create(&logs).map(drop);
+        made.map_err(|source| FolderError { path: logs, source })?;
         let places = [&ports, &log];
         let judged = campaign::run_foreign(scenario, source, foreign, places, goes_on)?;
         if judged
@@ -376,7 +378,7 @@ impl Worker<'_> {
             .is_none_or(|(record, _)| record.cause.is_none())
         {
             // Nobody asks what a sound program said.
-            let _ = std::fs::remove_file(&log);
+            let _ = safefs::remove_file(&log);
         }
         Ok(judged)
     }

@@ -12,7 +12,6 @@ use crate::capture::replay::Recorded;
 use crate::capture::{Capture, Section};
 use crate::run::check::Status;
 use crate::scenario::{Scenario, Source, Span};
-use crate::show::whole_file;
 
 /// Make regression tests from captures.
 #[derive(Debug, Args)]
@@ -280,7 +279,7 @@ fn decoder_case(args: &From, stem: &str, recorded: &Recorded) -> Result<(Case, S
 }
 
 fn write(path: &Path, text: &str) -> Result<(), CliError> {
-    whole_file::write(path, text).map_err(|error| CliError::write(path.display(), error))
+    safefs::write(path, text).map_err(|error| CliError::write(path.display(), error))
 }
 
 fn say_what_is_expected(args: &From, case: &Case, failed: Option<Vec<&str>>) {

@@ -8,6 +8,7 @@ use clap::Args;
 use super::answer::{ExperimentDone, ExperimentFigure, Experiments};
 use super::{CliError, Verdict, out, progress};
 use crate::experiment::{self, Experiment, Findings, Plan};
+use safefs::Dir;
 
 /// Do an experiment of a robot's report again: table and plot beside the report's own figures.
 ///
@@ -128,12 +129,11 @@ fn write(
     findings: &Findings,
 ) -> Result<[PathBuf; 2], CliError> {
     let failed = |error| CliError::write(format!("--out {}", args.out.display()), error);
-    std::fs::create_dir_all(&args.out).map_err(failed)?;
-    let [table, plot] =
-        ["csv", "svg"].map(|kind| args.out.join(format!("{}.{kind}", experiment.name)));
-    std::fs::write(&table, findings.table.csv()).map_err(failed)?;
-    std::fs::write(&plot, findings.plot.svg()).map_err(failed)?;
-    Ok([table, plot])
+    let out = Dir::create(&args.out).map_err(failed)?;
+    let names = ["csv", "svg"].map(|kind| format!("{}.{kind}", experiment.name));
+    out.write(&names[0], findings.table.csv()).map_err(failed)?;
+    out.write(&names[1], findings.plot.svg()).map_err(failed)?;
+    Ok(names.map(|name| args.out.join(name)))
 }
 
 fn answer(experiment: &Experiment, plan: &Plan, findings: &Findings, files: &[PathBuf; 2]) {

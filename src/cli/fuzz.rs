@@ -101,7 +101,7 @@ const PROGRESS: Duration = Duration::from_secs(2);
 pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
     if let Some(file) = &args.coverage_runtime {
         let what = || format!("--coverage-runtime {}", file.display());
-        fs::write(file, dut::RUNTIME).map_err(|error| CliError::write(what(), error))?;
+        safefs::write(file, dut::RUNTIME).map_err(|error| CliError::write(what(), error))?;
         return Ok(Verdict::Pass);
     }
     if args.exec.is_wanted() {

@@ -7,7 +7,6 @@ use super::answer::Imported;
 use super::{CliError, Verdict, out};
 use crate::capture::import::{self, Format, Options};
 use crate::realtime::playback::Side as PlayedSide;
-use crate::show::whole_file;
 
 /// Turn a file of another tool into a capture.
 ///
@@ -110,7 +109,7 @@ pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
     notes.extend(imported.notes.iter().cloned());
     notes.iter().for_each(|note| eprintln!("{note}"));
     let out = args.out.display();
-    whole_file::write(&args.out, imported.to_pcapng(format))
+    safefs::write(&args.out, imported.to_pcapng(format))
         .map_err(|error| CliError::write(&out, error))?;
     let bytes: usize = imported
         .records()

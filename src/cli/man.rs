@@ -34,11 +34,7 @@ pub(super) fn run(args: &ManArgs) -> Result<Verdict, CliError> {
 }
 
 /// Writes the pages of `command` and of all below it.
-fn put(
-    folder: &Folder<'_>,
-    command: clap::Command,
-    files: &mut Vec<String>,
-) -> Result<(), CliError> {
+fn put(folder: &Folder, command: clap::Command, files: &mut Vec<String>) -> Result<(), CliError> {
     for below in command.get_subcommands() {
         if below.get_name() != "help" {
             put(folder, below.clone(), files)?;

@@ -5,7 +5,6 @@ use clap::{Args, Subcommand};
 use super::answer::MapDifference;
 use super::{CliError, Verdict, out};
 use crate::show::folder::FolderError;
-use crate::show::whole_file;
 use crate::slam::map::diff::{Difference, Reach, diff, picture};
 use crate::slam::map::{CellState, RosMap};
 
@@ -79,7 +78,7 @@ pub(super) fn run(args: MapArgs) -> Result<Verdict, CliError> {
     });
     if let Some(path) = &args.picture {
         let image = picture(&first, &second, &found);
-        let written = image.png().and_then(|png| whole_file::write(path, png));
+        let written = image.png().and_then(|png| safefs::write(path, png));
         written.map_err(|source| FolderError {
             path: path.clone(),
             source,

@@ -5,7 +5,6 @@ use clap::Args;
 use super::answer::Files;
 use super::{CliError, Verdict, out};
 use crate::scenario::Scenario;
-use crate::show::whole_file;
 
 /// A mission of a built-in robot.
 const MISSION: &str = include_str!("new/mission.toml");
@@ -70,8 +69,7 @@ const fn verb(args: &NewArgs) -> &'static str {
 }
 
 fn make(path: &Path, text: &str) -> Result<(), CliError> {
-    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    folder
-        .and_then(|()| whole_file::write(path, text))
+    safefs::create_parent(path)
+        .and_then(|()| safefs::write(path, text))
         .map_err(|error| CliError::write(path.display(), error))
 }

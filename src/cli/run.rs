@@ -20,7 +20,6 @@ use crate::robots;
 use crate::run::check::Status;
 use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::{self, FolderError, Suite};
-use crate::show::whole_file;
 
 use exec::{Placement, judged_exec};
 use guest::{Guest, judged_guest};
@@ -133,7 +132,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     out::answer(&answers);
     if let Some(path) = args.junit {
         let text = folder::junit(ended.iter().map(Ended::suite), wall);
-        whole_file::write(&path, text).map_err(|source| FolderError { path, source })?;
+        safefs::write(&path, text).map_err(|source| FolderError { path, source })?;
     }
     let verdicts: Vec<Verdict> = ended.iter().map(Ended::verdict).collect();
     Ok(match stop.signal() {

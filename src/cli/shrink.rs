@@ -20,7 +20,7 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::search::campaign::{self, Record};
 use crate::search::shrink::{self, Branches, Effort, Judged, Repair, Unit};
 use crate::show::folder::FolderError;
-use crate::show::whole_file;
+use safefs::Dir;
 
 /// Make a failing case or a capture smaller while it still fails for the same reason.
 ///
@@ -105,7 +105,8 @@ fn shrink_file(args: &ShrinkArgs) -> Result<Verdict, CliError> {
 }
 
 fn make_folder(path: &Path) -> Result<(), CliError> {
-    fs::create_dir_all(path).map_err(|source| cannot_write(path, source))
+    let made = Dir::create(path).map(drop);
+    made.map_err(|source| cannot_write(path, source))
 }
 
 fn cannot_write(path: &Path, source: std::io::Error) -> CliError {
@@ -114,7 +115,7 @@ fn cannot_write(path: &Path, source: std::io::Error) -> CliError {
 }
 
 fn put(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    whole_file::write(path, bytes).map_err(|source| cannot_write(path, source))
+    safefs::write(path, bytes).map_err(|source| cannot_write(path, source))
 }
 
 /// Whether `command` finds `path` bad.
@@ -230,7 +231,7 @@ fn judge<'a>(
             _ => Judged::FailsOtherwise,
         },
         (Some(command), None) => {
-            let is_written = fs::write(path, candidate.to_toml()).is_ok();
+            let is_written = safefs::write(path, candidate.to_toml()).is_ok();
             match is_written && is_bad(command, path) {
                 true => Judged::FailsAlike,
                 false => Judged::Passes,
@@ -258,7 +259,7 @@ fn shrink_capture(args: &ShrinkArgs) -> Result<Verdict, CliError> {
         match &args.command {
             Some(command) => {
                 let bytes = shrink::to_bytes(&smaller);
-                fs::write(&path, bytes).is_ok() && is_bad(command, &path)
+                safefs::write(&path, bytes).is_ok() && is_bad(command, &path)
             }
             None => {
                 let again = shrink::units(&smaller);

@@ -1,4 +1,3 @@
-use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -25,7 +24,7 @@ use crate::run::Run;
 use crate::run::check::Check;
 use crate::scenario::{Scenario, Span};
 use crate::show::folder::FolderError;
-use crate::show::whole_file;
+use safefs::Dir;
 
 /// Run a scenario in real time, its links on ports for any program to open.
 ///
@@ -255,11 +254,9 @@ fn write_case(run: &Run, path: Option<PathBuf>, changed: bool) -> Result<(), Cli
     let Some(path) = path.or_else(|| changed.then(default)) else {
         return Ok(());
     };
-    if let Some(folder) = path.parent() {
-        // What is wrong with the folder shows when the file is written.
-        let _ = fs::create_dir_all(folder);
-    }
-    whole_file::write(&path, run.case().to_toml()).map_err(|source| FolderError {
+    let written =
+        safefs::create_parent(&path).and_then(|()| safefs::write(&path, run.case().to_toml()));
+    written.map_err(|source| FolderError {
         path: path.clone(),
         source,
     })?;
@@ -275,7 +272,7 @@ fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
     };
     if let Some(out) = &args.out {
         // Before the run: a folder that cannot be written must not cost a whole run.
-        fs::create_dir_all(out).map_err(|source| FolderError {
+        Dir::create(out).map_err(|source| FolderError {
             path: out.clone(),
             source,
         })?;

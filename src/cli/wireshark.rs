@@ -1,5 +1,4 @@
 use std::env;
-use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -8,7 +7,7 @@ use clap::Args;
 use super::answer::Files;
 use super::{CliError, Verdict, out};
 use crate::capture::wireshark::{FILE_NAME, dissector};
-use crate::show::whole_file;
+use safefs::Dir;
 
 /// Give Wireshark a decoder for the robots' protocols.
 ///
@@ -44,7 +43,7 @@ pub(super) fn run(args: Wireshark) -> Result<Verdict, CliError> {
     })?;
     let path = dir.join(FILE_NAME);
     if args.install {
-        let written = fs::create_dir_all(&dir).and_then(|()| whole_file::write(&path, dissector()));
+        let written = Dir::create(&dir).and_then(|dir| dir.write(FILE_NAME, dissector()));
         written.map_err(|error| CliError::write(format!("--install {}", path.display()), error))?;
         eprintln!("installed; Wireshark and tshark read it when they next start");
     } else {

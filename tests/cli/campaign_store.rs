@@ -250,7 +250,7 @@ fn what_is_no_campaign_is_refused_in_words() {
     ];
     let folders = [
         ("plan.json", "expected the plan of a campaign"),
-        ("plan.json.new", "plan.json.new: "),
+        ("plan.json.part", "plan.json: "),
         ("runs.jsonl", "expected the runs of a campaign"),
         ("campaign.lock", "expected the lock of a campaign"),
         ("campaign.json", "expected a file"),
@@ -266,7 +266,7 @@ fn what_is_no_campaign_is_refused_in_words() {
             assert_eq!(code, Some(2), "{name} {expected}: {errors}");
             let named = format!("night/{name}: ");
             assert!(
-                errors.contains(&named) || name.ends_with(".new"),
+                errors.contains(&named) || name.ends_with(".part"),
                 "{errors}"
             );
             assert!(errors.contains(expected), "{errors}");

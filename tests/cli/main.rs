@@ -14,6 +14,7 @@ mod fidelity;
 mod fuzz;
 mod json;
 mod mutated;
+mod prepared;
 mod results;
 mod robots;
 mod schema;

@@ -103,6 +103,50 @@ fn only_the_clock_and_the_real_time_runner_read_an_os_clock() {
     judge(&files.collect::<Vec<_>>(), os_clocks);
 }
 
+fn writers(file: &File) -> Findings {
+    // The second opens pipes of the program under test, in its place.
+    let others = [
+        "crates/safefs/",
+        "crates/realtime/src/guest/supervisor/fifos.rs",
+    ];
+    let may = others.iter().any(|other| file.path.starts_with(other)) || file.is_test();
+    let is_product = file.path.starts_with("src/") || file.path.contains("/src/");
+    let calls = [
+        "fs::write(",
+        "fs::copy(",
+        "fs::rename(",
+        "fs::remove_",
+        "fs::create_dir",
+        "fs::set_permissions(",
+        "fs::hard_link(",
+        "File::create",
+        "File::options",
+        "OpenOptions",
+        "symlink(",
+        "UnixListener::bind",
+    ];
+    let is_wrong = |line: &str| {
+        let line = line.replace("safefs::", "").replace("CaptureFile::", "");
+        is_product && !may && calls.iter().any(|call| line.contains(call))
+    };
+    let what = "writes files; crates/safefs does so without following links";
+    lines_that(file, file.product_lines(), is_wrong, what)
+}
+
+/// A folder that another user prepared must not lead anywhere else (S1, S2).
+#[test]
+fn files_are_written_by_one_crate() {
+    let sample = "std::fs::write(path, text)?;";
+    assert_eq!(found_in(writers, "src/cli/a.rs", sample), 1);
+    assert_eq!(found_in(writers, "crates/show/src/a.rs", sample), 1);
+    assert_eq!(found_in(writers, "crates/safefs/src/a.rs", sample), 0);
+    assert_eq!(
+        found_in(writers, "src/cli/a.rs", "safefs::write(path, text)?;"),
+        0
+    );
+    judge(&all(&[".rs"]), writers);
+}
+
 fn ignored_tests(file: &File) -> Findings {
     let attribute = ["#[", "ignore"].concat();
     let is_wrong = |line: &str| line.trim_start().starts_with(&attribute);

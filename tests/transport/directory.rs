@@ -118,7 +118,7 @@ fn a_note_is_not_written_through_a_link() {
 /// The same of the name under which a note is made before it gets its own.
 #[test]
 fn a_note_in_the_making_follows_no_link() {
-    let (path, victim) = trapped_dir("note_new_link", ".hilrig-scenario.toml.new");
+    let (path, victim) = trapped_dir("note_new_link", ".hilrig-scenario.toml.part");
     let mut dir = PortDir::open(&path).expect("free");
     dir.leave_note(Note::Scenario, "schema = 1")
         .expect("the link goes");

@@ -6,7 +6,6 @@
 //! | enterprise 4 | "hcon" | facts as key=value, one a line | 0 | scenario as it was run, TOML |
 //! ```
 
-use std::fs::OpenOptions;
 use std::io::{self, Write as _};
 use std::path::Path;
 
@@ -77,10 +76,7 @@ impl Conclusion {
     pub fn append(&self, path: &Path) -> io::Result<()> {
         let mut block = Vec::new();
         self.write(&mut block);
-        OpenOptions::new()
-            .append(true)
-            .open(path)?
-            .write_all(&block)
+        safefs::append(path)?.write_all(&block)
     }
 
     /// Appends its block.

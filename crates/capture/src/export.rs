@@ -22,7 +22,6 @@ use engine::run::LOOK_EVERY;
 use engine::scenario::{Scenario, Source};
 use show::folder;
 use show::render;
-use show::whole_file;
 
 pub use carmen::Laser;
 
@@ -170,7 +169,7 @@ impl Export<'_> {
             }
             Format::RosMap => self.map(path)?,
         };
-        whole_file::write(path, bytes)
+        safefs::write(path, bytes)
             .map_err(|error| ExportError::File(path.to_owned(), error.to_string()))?;
         Ok(words)
     }
@@ -183,7 +182,7 @@ impl Export<'_> {
         let picture = path.with_extension("pgm");
         let name = picture.file_name().unwrap_or_default().to_string_lossy();
         let text = render::ros_yaml(map, &name);
-        whole_file::write(&picture, render::ros_image(map).pgm())
+        safefs::write(&picture, render::ros_image(map).pgm())
             .map_err(|error| ExportError::File(picture.clone(), error.to_string()))?;
         let words = format!("{} x {} cells, picture {name}", map.width(), map.height());
         Ok((text.into_bytes(), words))

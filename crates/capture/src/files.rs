@@ -57,11 +57,11 @@ impl Files {
             set_aside = last_number(path)?;
             if holds_capture(path)? {
                 set_aside += 1;
-                fs::rename(path, aside(path, set_aside))?;
+                safefs::rename(path, &aside(path, set_aside))?;
             }
         }
         let mut files = Self {
-            file: File::create(path)?,
+            file: safefs::create(path)?,
             path: path.to_owned(),
             limits,
             head,
@@ -96,13 +96,16 @@ impl Files {
     /// deleted.
     fn rotate(&mut self) -> io::Result<()> {
         self.set_aside += 1;
-        or_gone(fs::rename(&self.path, aside(&self.path, self.set_aside)))?;
+        or_gone(safefs::rename(
+            &self.path,
+            &aside(&self.path, self.set_aside),
+        ))?;
         if let Some(old) = self.set_aside.checked_sub(self.limits.files)
             && old > 0
         {
-            or_gone(fs::remove_file(aside(&self.path, old)))?;
+            or_gone(safefs::remove_file(&aside(&self.path, old)))?;
         }
-        self.file = File::create(&self.path)?;
+        self.file = safefs::create(&self.path)?;
         self.begin()
     }
 }

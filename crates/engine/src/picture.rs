@@ -172,14 +172,6 @@ impl<P: Pixel> Picture<P> {
 
 #[cfg(feature = "pictures")]
 impl Picture {
-    /// Writes a PNG file.
-    ///
-    /// # Errors
-    /// If the file cannot be written, or the picture has no pixel.
-    pub fn write_png(&self, path: &Path) -> io::Result<()> {
-        std::fs::write(path, self.png()?)
-    }
-
     /// The bytes of a PNG file.
     ///
     /// # Errors

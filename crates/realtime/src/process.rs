@@ -10,7 +10,6 @@ pub(crate) mod words;
 use core::fmt;
 use core::time::Duration;
 use std::ffi::OsString;
-use std::fs::File;
 use std::io;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
@@ -165,7 +164,7 @@ impl Process {
         env: &[(String, OsString)],
         log: Option<&Path>,
     ) -> io::Result<Self> {
-        let words = Words::new(log.map(File::create).transpose()?);
+        let words = Words::new(log.map(safefs::create).transpose()?);
         let (ears, mouth) = io::pipe()?;
         shell
             .envs(env.iter().map(|(name, value)| (name, value)))

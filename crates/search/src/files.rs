@@ -2,9 +2,10 @@
 
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::error::{StoreError, failed};
+use safefs::Dir;
 
 /// The bytes of the file `path`, which should be `expected`.
 ///
@@ -38,21 +39,25 @@ pub(super) fn open(path: &Path, expected: &'static str) -> Result<File, StoreErr
     File::open(path).map_err(unusable)
 }
 
-/// Writes `bytes` beside `path` and renames: a kill leaves the old file or the new one. For what
-/// the same command makes again, because after a power cut there may be neither.
+/// Replaces the file `name` below `dir`: a kill leaves the old file or the new one. For what the
+/// same command makes again, because after a power cut there may be neither.
 ///
 /// # Errors
-/// If the folder cannot be written, or a folder has one of the two names.
-pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    replace_after(path, |file| file.write_all(bytes))
+/// If the folder cannot be written, or a folder has the name.
+pub(super) fn replace(dir: &Path, name: impl AsRef<Path>, bytes: &[u8]) -> Result<(), StoreError> {
+    replace_after(dir, name.as_ref(), |file| file.write_all(bytes))
 }
 
 /// As [`replace`], and a power cut leaves the old file or the new one as well.
 ///
 /// # Errors
 /// As [`replace`].
-pub(super) fn replace_for_good(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    replace_with(path, |file| file.write_all(bytes))
+pub(super) fn replace_for_good(
+    dir: &Path,
+    name: impl AsRef<Path>,
+    bytes: &[u8],
+) -> Result<(), StoreError> {
+    replace_with(dir, name, |file| file.write_all(bytes))
 }
 
 /// As [`replace_for_good`], for what `write` writes bit by bit.
@@ -60,44 +65,39 @@ pub(super) fn replace_for_good(path: &Path, bytes: &[u8]) -> Result<(), StoreErr
 /// # Errors
 /// As [`replace`].
 pub(super) fn replace_with(
-    path: &Path,
+    dir: &Path,
+    name: impl AsRef<Path>,
     write: impl FnOnce(&mut File) -> io::Result<()>,
 ) -> Result<(), StoreError> {
-    replace_after(path, |file| {
+    replace_after(dir, name.as_ref(), |file| {
         write(file)?;
         file.sync_data()
     })
 }
 
 fn replace_after(
-    path: &Path,
+    dir: &Path,
+    name: &Path,
     write: impl FnOnce(&mut File) -> io::Result<()>,
 ) -> Result<(), StoreError> {
+    let path = dir.join(name);
     if path.is_dir() {
         return Err(StoreError::Unusable {
-            path: path.to_owned(),
+            path,
             source: io::ErrorKind::IsADirectory.into(),
             expected: "a file",
         });
     }
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    let beside = PathBuf::from(beside);
-    let written = File::create(&beside).and_then(|mut file| write(&mut file));
-    if written.is_err() && beside.is_file() {
-        // Half of it is of use to nobody, and its disk may be full.
-        let _ = fs::remove_file(&beside);
-    }
-    written.map_err(failed(&beside))?;
-    fs::rename(&beside, path).map_err(failed(path))
+    let written = Dir::open(dir).and_then(|dir| dir.write_with(name, write));
+    written.map_err(failed(&path))
 }
 
 /// Makes the folder `path` if there is none.
 ///
 /// # Errors
 /// If something else has its name, or it cannot be made.
-pub(super) fn make_folder(path: &Path) -> Result<(), StoreError> {
-    fs::create_dir_all(path).map_err(|source| StoreError::Unusable {
+pub(super) fn make_folder(path: &Path) -> Result<Dir, StoreError> {
+    Dir::create(path).map_err(|source| StoreError::Unusable {
         path: path.to_owned(),
         source,
         expected: "a folder that can be written",

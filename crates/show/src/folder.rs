@@ -15,12 +15,12 @@ pub use crate::metrics::Metrics;
 pub use crate::metrics::factor;
 use crate::render;
 use crate::report;
-use crate::whole_file;
 use engine::TOOL;
 use engine::picture::Picture;
 use engine::robots::KeptMap;
 use engine::run::Outcome;
 use engine::run::check::{Check, Status};
+use safefs::Dir;
 
 /// `result.json`.
 #[derive(Clone, Debug, Serialize)]
@@ -62,26 +62,24 @@ pub struct FolderError {
 
 /// A folder that is being filled.
 #[derive(Debug)]
-pub struct Folder<'a>(&'a Path);
+pub struct Folder(Dir);
 
-impl<'a> Folder<'a> {
+impl Folder {
     /// The folder at `path`, made if need be.
-    pub fn at(path: &'a Path) -> Result<Self, FolderError> {
-        std::fs::create_dir_all(path).map_err(failed(path))?;
-        Ok(Self(path))
+    pub fn at(path: &Path) -> Result<Self, FolderError> {
+        Ok(Self(Dir::create(path).map_err(failed(path))?))
     }
 
     /// Writes a file.
     pub fn put(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), FolderError> {
-        let path = self.0.join(name);
-        whole_file::write(&path, bytes).map_err(failed(&path))
+        let written = self.0.write(name, bytes);
+        written.map_err(failed(&self.0.path().join(name)))
     }
 
     /// Writes a picture as PNG.
     pub fn picture(&self, name: &str, picture: &Picture) -> Result<(), FolderError> {
-        let path = self.0.join(name);
-        let written = picture.png().and_then(|png| whole_file::write(&path, png));
-        written.map_err(failed(&path))
+        let written = picture.png().and_then(|png| self.0.write(name, png));
+        written.map_err(failed(&self.0.path().join(name)))
     }
 }
 

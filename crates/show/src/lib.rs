@@ -9,6 +9,5 @@ pub mod render;
 pub mod report;
 mod summary;
 pub mod view;
-pub mod whole_file;
 
 pub use summary::Summary;

@@ -23,6 +23,7 @@ use crate::realtime::process::{Ended, Patience, Process};
 use crate::realtime::transport::{PortDir, Pty};
 use crate::run::check::{Check, Status};
 use crate::scenario::{Scenario, Source};
+use safefs::Dir;
 
 /// Plays `recorded` to the program and judges it.
 pub(super) fn into_foreign(
@@ -217,7 +218,7 @@ fn play_with_devices(
     stop: &Stop,
 ) -> Result<Tried, CliError> {
     let failed = |path: &Path, error| CliError::write(path.display(), error);
-    std::fs::create_dir_all(out).map_err(|error| failed(out, error))?;
+    Dir::create(out).map_err(|error| failed(out, error))?;
     let ports = out.join("ports");
     let ports = std::path::absolute(&ports).map_err(|error| failed(&ports, error))?;
     let log = out.join("program.log");
@@ -312,7 +313,7 @@ fn play_to(
     stop: &Stop,
 ) -> Result<Tried, CliError> {
     let failed = |path: &Path, error| CliError::write(path.display(), error);
-    std::fs::create_dir_all(shown.out).map_err(|error| failed(shown.out, error))?;
+    Dir::create(shown.out).map_err(|error| failed(shown.out, error))?;
     let ports = shown.out.join("ports");
     let ports = std::path::absolute(&ports).map_err(|error| failed(&ports, error))?;
     let dir = PortDir::open(&ports)?;

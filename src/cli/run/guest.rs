@@ -22,6 +22,7 @@ use crate::robots::{self, Dut};
 use crate::run::Run;
 use crate::run::check::Check;
 use crate::scenario::{Scenario, Source};
+use safefs::Dir;
 
 /// A program and how it is supervised.
 pub(super) struct Guest {
@@ -60,7 +61,7 @@ pub(super) fn judged_guest(
             [out, &again].map(|folder| folder.join(LOG)),
         );
         played.outcome.checks.push(check);
-        let _ = std::fs::remove_dir_all(&again);
+        let _ = Dir::open(out).and_then(|out| out.remove_tree("again"));
     }
     played.outcome.again.clone_from(&place.again);
     let ran = Ran {

@@ -18,6 +18,7 @@ use crate::run::{Outcome, Run};
 use crate::scenario::{Scenario, Source};
 use crate::show::Summary;
 use crate::show::folder::{self, FolderError, Metrics};
+use safefs::Dir;
 
 /// How much is said while a run goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,7 +96,8 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Makes the folder for the results. Before the run: one that cannot be written must not cost a
 /// whole run.
 pub(super) fn make_folder(out: &Path) -> Result<(), FolderError> {
-    std::fs::create_dir_all(out).map_err(|source| FolderError {
+    let made = Dir::create(out).map(drop);
+    made.map_err(|source| FolderError {
         path: out.to_owned(),
         source,
     })

@@ -1,10 +1,8 @@
 //! The socket and its clients.
 
-use std::fs;
 use std::io;
-use std::os::unix::fs::FileTypeExt as _;
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use protocols::Instant;
 
@@ -18,6 +16,7 @@ use crate::inputs::Inputs;
 use crate::transport::{PortDir, TransportError};
 use crate::{Lateness, Place, Sign};
 use engine::run::Run;
+use safefs::Dir;
 
 /// Name of the socket in the directory of the ports.
 pub const NAME: &str = "control";
@@ -28,7 +27,7 @@ pub const CLIENTS_MAX: usize = 64;
 /// Takes requests of any number of clients.
 #[derive(Debug)]
 pub struct Control {
-    path: PathBuf,
+    dir: Arc<Dir>,
     listener: UnixListener,
     clients: Vec<Client>,
     ports: Vec<Port>,
@@ -39,29 +38,31 @@ pub struct Control {
 }
 
 impl Control {
-    /// Opens the socket in `dir`. One that a killed rig left there is replaced.
+    /// Opens the socket in `dir`, for this user alone. One that a killed rig left there is
+    /// replaced.
     ///
     /// # Errors
     /// If it cannot be made, or something else stands there.
     pub fn open(dir: &PortDir) -> Result<Self, TransportError> {
-        let path = dir.path().join(NAME);
         let fail = |source| TransportError::Directory {
             path: dir.path().to_owned(),
             source,
         };
-        if is_left_behind(&path) {
-            fs::remove_file(&path).map_err(fail)?;
+        let place = dir.handle();
+        if is_left_behind(&place) {
+            place.remove_file(NAME).map_err(fail)?;
         }
-        let listener = match UnixListener::bind(&path) {
+        let listener = match place.listen(NAME) {
             Ok(listener) => listener,
             Err(error) if error.kind() == io::ErrorKind::AddrInUse => {
+                let path = dir.path().join(NAME);
                 return Err(TransportError::Occupied { path });
             }
             Err(source) => return Err(fail(source)),
         };
         listener.set_nonblocking(true).map_err(fail)?;
         Ok(Self {
-            path,
+            dir: place,
             listener,
             clients: Vec::new(),
             ports: Vec::new(),
@@ -191,13 +192,13 @@ impl Control {
 impl Drop for Control {
     fn drop(&mut self) {
         self.clients.iter_mut().for_each(Client::end);
-        let _ = fs::remove_file(&self.path);
+        let _ = self.dir.remove_file(NAME);
     }
 }
 
-/// Whether a socket stands at `path` that nobody listens on.
-fn is_left_behind(path: &Path) -> bool {
-    let is_socket = fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket());
+/// Whether the directory has a socket that nobody listens on.
+fn is_left_behind(dir: &Dir) -> bool {
+    let is_socket = dir.is_socket(NAME);
     let refused = |error: io::Error| error.kind() == io::ErrorKind::ConnectionRefused;
-    is_socket && UnixStream::connect(path).is_err_and(refused)
+    is_socket && UnixStream::connect(dir.path().join(NAME)).is_err_and(refused)
 }

@@ -55,7 +55,7 @@ impl Calls {
     /// With a file for people, if there is to be one.
     pub(super) fn new(file: Option<&Path>) -> Result<Self, GuestError> {
         let file = file.map(|path| {
-            File::create(path).map_err(|source| GuestError::Trace {
+            safefs::create(path).map_err(|source| GuestError::Trace {
                 path: path.to_owned(),
                 source,
             })

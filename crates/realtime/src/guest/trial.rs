@@ -111,7 +111,7 @@ impl Trial {
         let scenario = run.scenario().clone();
         realtime.plug_in(&scenario, &mut run.rig);
         let not_started = |error| GuestError::Exec(ExecError::NotStarted(error));
-        let words = Words::new(Some(File::create(log).map_err(not_started)?));
+        let words = Words::new(Some(safefs::create(log).map_err(not_started)?));
         let (ears, mouth) = io::pipe().map_err(not_started)?;
         let mouth = File::from(std::os::fd::OwnedFd::from(mouth));
         let pipe = mouth.metadata().map_err(not_started)?;

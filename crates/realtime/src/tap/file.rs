@@ -44,7 +44,7 @@ impl CaptureFile {
     /// # Errors
     /// Those of the system.
     pub fn create(path: &Path) -> Result<Self, FileError> {
-        let file = File::create(path).map_err(|source| FileError {
+        let file = safefs::create(path).map_err(|source| FileError {
             path: path.to_owned(),
             whole: 0,
             source,

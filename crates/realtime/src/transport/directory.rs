@@ -5,15 +5,15 @@
 //! killed the next one knows which links are its predecessor's, replaces those, and touches
 //! nothing else. Links are made in one step; a client sees either none or one that works.
 //!
-//! Somebody else may have prepared the directory: files are written without following links.
+//! Another user may have prepared the directory. Everything is done relative to its handle and
+//! without following links. Its record is data: a name in it that no port can have is ignored.
 
-use std::fs::{self, File, TryLockError};
+use std::fs::{File, TryLockError};
 use std::io::{self, Read, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt, symlink};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use rustix::fs::OFlags;
-use rustix::io::Errno;
+use safefs::Dir;
 
 use super::TransportError;
 
@@ -27,13 +27,13 @@ const RECORD_LEN_MAX: u64 = 64 * 1024;
 /// A directory for ports, owned until dropped.
 #[derive(Debug)]
 pub struct PortDir {
-    path: PathBuf,
+    dir: Arc<Dir>,
     record: File,
     /// Links that a predecessor left, as `(name, target)`.
     left_behind: Vec<(String, String)>,
     /// Whether the directory was not there before.
     created: bool,
-    notes: Vec<PathBuf>,
+    notes: Vec<Note>,
 }
 
 /// What a rig tells about itself in its directory.
@@ -46,8 +46,12 @@ pub enum Note {
 impl Note {
     /// Where it is in a directory of ports.
     pub fn path_in(self, dir: &Path) -> PathBuf {
+        dir.join(self.name())
+    }
+
+    const fn name(self) -> &'static str {
         match self {
-            Self::Scenario => dir.join(".hilrig-scenario.toml"),
+            Self::Scenario => ".hilrig-scenario.toml",
         }
     }
 }
@@ -63,10 +67,9 @@ impl PortDir {
             source,
         };
         let created = !path.exists();
-        fs::create_dir_all(path).map_err(fail)?;
-        let record_path = path.join(RECORD);
+        let dir = Dir::create(path).map_err(fail)?;
         for _ in 0..TRIES {
-            let mut record = open_record(&record_path)?;
+            let mut record = open_record(&dir)?;
             match record.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
@@ -77,10 +80,10 @@ impl PortDir {
                 Err(TryLockError::Error(source)) => return Err(fail(source)),
             }
             // The previous owner may have removed the file between our opening and locking it.
-            if is_file_at(&record, &record_path) {
+            if dir.holds(RECORD, &record) {
                 let left_behind = read_record(&mut record).map_err(fail)?;
                 return Ok(Self {
-                    path: path.to_owned(),
+                    dir: Arc::new(dir),
                     record,
                     left_behind,
                     created,
@@ -95,7 +98,12 @@ impl PortDir {
 
     /// The directory.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.dir.path()
+    }
+
+    /// The handle of the directory.
+    pub(crate) fn handle(&self) -> Arc<Dir> {
+        Arc::clone(&self.dir)
     }
 
     /// Leaves a note for clients that know of this tool, gone when the directory is given up.
@@ -103,42 +111,44 @@ impl PortDir {
     /// # Errors
     /// If it cannot be written, or if a link is in its place.
     pub fn leave_note(&mut self, note: Note, text: &str) -> Result<(), TransportError> {
-        let path = note.path_in(&self.path);
-        if path.is_symlink() {
+        if self.dir.read_link(note.name()).is_ok() {
+            let path = note.path_in(self.path());
             return Err(TransportError::LinkInTheWay { path });
         }
-        replace_file(&path, text).map_err(|source| TransportError::Directory {
-            path: self.path.clone(),
+        let written = self.dir.write(note.name(), text);
+        written.map_err(|source| TransportError::Directory {
+            path: self.path().to_owned(),
             source,
         })?;
-        self.notes.push(path);
+        self.notes.push(note);
         Ok(())
     }
 
     /// Makes `name` a link to `target`, which must not be a link that somebody else made.
     pub(super) fn publish(&self, name: &str, target: &Path) -> Result<Link, TransportError> {
-        if name.is_empty() || name.starts_with('.') || name.contains(['/', '\n', ' ', '\0']) {
+        if !is_port_name(name) {
             return Err(TransportError::Name {
                 name: name.to_owned(),
             });
         }
-        let path = self.path.join(name);
+        let path = self.path().join(name);
         let fail = |source| TransportError::Directory {
-            path: self.path.clone(),
+            path: self.path().to_owned(),
             source,
         };
         // Recorded first: a link that the record does not know would never be replaced.
         writeln!(&self.record, "{name} {}", target.display()).map_err(fail)?;
-        if let Ok(found) = fs::read_link(&path)
+        if let Ok(found) = self.dir.read_link(name)
             && self
                 .left_behind
                 .iter()
                 .any(|(left, to)| left == name && Path::new(to) == found)
         {
-            fs::remove_file(&path).map_err(fail)?;
+            self.dir.remove_file(name).map_err(fail)?;
         }
-        match symlink(target, &path) {
+        match self.dir.link(name, target) {
             Ok(()) => Ok(Link {
+                dir: self.handle(),
                 path,
                 target: target.to_owned(),
                 record: self.record.try_clone().map_err(fail)?,
@@ -155,66 +165,37 @@ impl Drop for PortDir {
     fn drop(&mut self) {
         // Best effort: what stays behind is recognised by the next owner.
         for (name, target) in &self.left_behind {
-            remove_link(&self.path.join(name), Path::new(target));
+            remove_link(&self.dir, name, Path::new(target));
         }
         for note in &self.notes {
-            let _ = fs::remove_file(note);
+            let _ = self.dir.remove_file(note.name());
         }
-        let _ = fs::remove_file(self.path.join(RECORD));
+        let _ = self.dir.remove_file(RECORD);
         if self.created {
-            let _ = fs::remove_dir(&self.path);
+            let _ = safefs::remove_dir(self.path());
         }
     }
 }
 
-/// Opens the record, or makes it. What is not a file of its own may lead to a file of somebody
-/// else's.
-fn open_record(path: &Path) -> Result<File, TransportError> {
-    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
-    let opened = File::options()
-        .read(true)
-        .append(true)
-        .create(true)
-        .custom_flags(flags.bits().cast_signed())
-        .open(path);
-    let in_the_way = || TransportError::LinkInTheWay {
-        path: path.to_owned(),
-    };
-    let fail = |source: io::Error| match source.raw_os_error().map(Errno::from_raw_os_error) {
-        Some(Errno::LOOP) => in_the_way(),
-        _ => TransportError::Directory {
-            path: path.parent().unwrap_or(path).to_owned(),
-            source,
-        },
-    };
-    let record = opened.map_err(fail)?;
-    let meta = record.metadata().map_err(fail)?;
-    // No link at all: removed by its owner right now, which the caller notices.
-    match meta.is_file() && meta.nlink() <= 1 {
-        true => Ok(record),
-        false => Err(in_the_way()),
-    }
-}
-
-/// Writes a new file beside `path` and lets it take that name.
-fn replace_file(path: &Path, text: &str) -> io::Result<()> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".new");
-    let beside = Path::new(&beside);
-    // Of a rig that was killed. A link goes itself, not what it leads to.
-    match fs::remove_file(beside) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-        _ => {}
-    }
-    let mut file = File::create_new(beside)?;
-    let written = file.write_all(text.as_bytes());
-    let renamed = written.and_then(|()| fs::rename(beside, path));
-    renamed.inspect_err(|_| drop(fs::remove_file(beside)))
+/// Opens the record, or makes it. It must be a file of its own.
+fn open_record(dir: &Dir) -> Result<File, TransportError> {
+    dir.append(RECORD)
+        .map_err(|source| match source.raw_os_error() {
+            // Refused: a link, a second name of another file, or another user's.
+            None => TransportError::LinkInTheWay {
+                path: dir.path().join(RECORD),
+            },
+            Some(_) => TransportError::Directory {
+                path: dir.path().to_owned(),
+                source,
+            },
+        })
 }
 
 /// A published name; gone when dropped.
 #[derive(Debug)]
 pub(super) struct Link {
+    dir: Arc<Dir>,
     path: PathBuf,
     target: PathBuf,
     record: File,
@@ -227,7 +208,12 @@ impl Link {
 
     /// Takes the name away.
     pub(super) fn withdraw(&self) {
-        remove_link(&self.path, &self.target);
+        remove_link(&self.dir, &self.name(), &self.target);
+    }
+
+    fn name(&self) -> String {
+        let name = self.path.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
     }
 
     /// Publishes another `target`, under `name` if that is given.
@@ -243,10 +229,10 @@ impl Link {
         if let Some(name) = name {
             self.path.set_file_name(name);
         }
-        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
+        let name = self.name();
         // As in `PortDir::publish`.
         let recorded = writeln!(&self.record, "{name} {}", target.display());
-        let made = recorded.and_then(|()| symlink(target, &self.path));
+        let made = recorded.and_then(|()| self.dir.link(&name, target));
         match made {
             Ok(()) => {
                 target.clone_into(&mut self.target);
@@ -258,7 +244,7 @@ impl Link {
                 })
             }
             Err(source) => Err(TransportError::Directory {
-                path: self.path.parent().unwrap_or(&self.path).to_owned(),
+                path: self.dir.path().to_owned(),
                 source,
             }),
         }
@@ -267,23 +253,20 @@ impl Link {
 
 impl Drop for Link {
     fn drop(&mut self) {
-        remove_link(&self.path, &self.target);
+        self.withdraw();
     }
 }
 
 /// Removes the link unless somebody put something else in its place.
-fn remove_link(path: &Path, target: &Path) {
-    if fs::read_link(path).is_ok_and(|found| found == target) {
-        let _ = fs::remove_file(path);
+fn remove_link(dir: &Dir, name: &str, target: &Path) {
+    if dir.read_link(name).is_ok_and(|found| found == target) {
+        let _ = dir.remove_file(name);
     }
 }
 
-fn is_file_at(file: &File, path: &Path) -> bool {
-    let identity = |meta: &fs::Metadata| (meta.dev(), meta.ino());
-    match (file.metadata(), fs::symlink_metadata(path)) {
-        (Ok(held), Ok(there)) => identity(&held) == identity(&there),
-        _ => false,
-    }
+/// Whether a port can have this name: a plain one in the directory.
+fn is_port_name(name: &str) -> bool {
+    !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\n', ' ', '\0'])
 }
 
 fn read_record(record: &mut File) -> io::Result<Vec<(String, String)>> {
@@ -292,6 +275,8 @@ fn read_record(record: &mut File) -> io::Result<Vec<(String, String)>> {
     Ok(String::from_utf8_lossy(&text)
         .lines()
         .filter_map(|line| line.split_once(' '))
+        // Anybody may have written it.
+        .filter(|(name, _)| is_port_name(name))
         .map(|(name, target)| (name.to_owned(), target.to_owned()))
         .collect())
 }

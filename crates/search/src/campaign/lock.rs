@@ -4,7 +4,7 @@
 //! file's content only names the process; one that a dead process left there counts for nothing.
 
 use core::time::Duration;
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{self, Write as _};
 use std::os::unix::fs::FileExt as _;
 use std::path::Path;
@@ -15,6 +15,7 @@ use rustix::process::{Pid, test_kill_process};
 
 use crate::error::{StoreError, failed};
 use realtime::clock::{Clock as _, WallClock};
+use safefs::Dir;
 
 const NAME: &str = "campaign.lock";
 /// Longest content of the file: a process id and the end of the line.
@@ -36,9 +37,8 @@ impl Lock {
     /// If another process has it, or its lock file is none.
     pub(super) fn take(dir: &Path) -> Result<Self, StoreError> {
         let path = dir.join(NAME);
-        let mut options = OpenOptions::new();
-        options.read(true).write(true).create(true).truncate(false);
-        let mut file = options.open(&path).map_err(|source| StoreError::Unusable {
+        let opened = Dir::open(dir).and_then(|dir| dir.open_or_create(NAME));
+        let mut file = opened.map_err(|source| StoreError::Unusable {
             path: path.clone(),
             source,
             expected: "the lock of a campaign",

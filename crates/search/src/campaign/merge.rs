@@ -217,7 +217,7 @@ fn minimise(
     let small = shrink::scenario(&case, &cause, judge, &mut Effort::until(tries, is_over));
     let name = format!("groups/{number:02}.toml");
     files::make_folder(&store.dir().join("groups"))?;
-    files::replace(&store.dir().join(&name), small.to_toml().as_bytes())?;
+    files::replace(store.dir(), &name, small.to_toml().as_bytes())?;
     group.left = Some(shrink::in_words(&small));
     if tries > 0 {
         // A case that cannot be wired any more, or panics, has no picture.
@@ -232,6 +232,6 @@ fn minimise(
 
 fn write(merged: &Merged, out: &Path) -> Result<(), StoreError> {
     let json = serde_json::to_string_pretty(merged).expect("plain data") + "\n";
-    files::replace(&out.join("campaign.json"), json.as_bytes())?;
+    files::replace(out, "campaign.json", json.as_bytes())?;
     Ok(())
 }

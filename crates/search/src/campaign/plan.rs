@@ -124,12 +124,12 @@ impl CampaignPlan {
         }
     }
 
-    /// Writes the plan to `path`.
+    /// Writes the plan as the file `name` of `dir`.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(super) fn write(&self, path: &Path) -> Result<(), StoreError> {
+    pub(super) fn write(&self, dir: &Path, name: &str) -> Result<(), StoreError> {
         let text = serde_json::to_string_pretty(self).expect("plain data");
-        files::replace_for_good(path, (text + "\n").as_bytes())
+        files::replace_for_good(dir, name, (text + "\n").as_bytes())
     }
 }

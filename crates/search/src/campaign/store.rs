@@ -4,7 +4,7 @@
 //! renamed, and one process at a time writes.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File, OpenOptions};
+use std::fs::File;
 use std::io::{BufReader, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -15,6 +15,7 @@ use super::{CampaignPlan, Record, Run};
 use crate::error::{StoreError, failed};
 use crate::files;
 use engine::scenario::Scenario;
+use safefs::Dir;
 
 /// A run of a campaign: name of its scenario, seed.
 type RunKey = (String, u64);
@@ -80,11 +81,11 @@ impl Store {
             let message = "has no plan.json beside it, expected both or another --out";
             return Err(wrong(&runs_path, message));
         } else {
-            plan.write(&plan_path)?;
+            plan.write(dir, PLAN)?;
         }
         files::make_folder(&dir.join(CASES))?;
         let (mut store, whole) = Self::read(dir, plan.clone())?;
-        let lines = append_to(&runs_path)?;
+        let lines = append_to(dir)?;
         let cut = lines.metadata().and_then(|file| {
             let is_torn = file.len() > whole;
             if is_torn {
@@ -208,7 +209,8 @@ impl Store {
         let replaced = match &record.cause {
             Some(cause) if self.first.get(cause).is_none_or(|first| key < *first) => {
                 if let Some(case) = case {
-                    files::replace_for_good(&self.case(&key.0, key.1), case.to_toml().as_bytes())?;
+                    let name = case_name(&key.0, key.1);
+                    files::replace_for_good(&self.dir, name, case.to_toml().as_bytes())?;
                 }
                 self.first.insert(cause.clone(), key.clone())
             }
@@ -223,7 +225,7 @@ impl Store {
         self.runs.insert(&line);
         if let Some((scenario, seed)) = replaced {
             // It was the first until now; its case is of no use any more.
-            let _ = fs::remove_file(self.case(&scenario, seed));
+            self.forget(&scenario, seed);
         }
         Ok(())
     }
@@ -247,23 +249,22 @@ impl Store {
             let mut cases = cases.map(|other| other.case(scenario, *seed));
             if let Some(from) = cases.find(|path| path.exists()) {
                 let case = files::read(&from, "a case")?;
-                files::replace_for_good(&self.case(scenario, *seed), &case)?;
+                files::replace_for_good(&self.dir, case_name(scenario, *seed), &case)?;
             }
         }
         if let Some(writer) = &mut self.writer {
-            let path = self.dir.join(RUNS);
-            files::replace_with(&path, |file| {
+            files::replace_with(&self.dir, RUNS, |file| {
                 let mut file = BufWriter::new(file);
                 for run in self.runs.iter() {
                     file.write_all(Line::of_kept(&run).text().as_bytes())?;
                 }
                 file.flush()
             })?;
-            writer.lines = append_to(&path)?;
+            writer.lines = append_to(&self.dir)?;
         }
         let needed: BTreeSet<&RunKey> = self.first.values().collect();
         for key in before.values().filter(|key| !needed.contains(key)) {
-            let _ = fs::remove_file(self.case(&key.0, key.1));
+            self.forget(&key.0, key.1);
         }
         Ok(())
     }
@@ -273,13 +274,18 @@ impl Store {
     /// # Errors
     /// If the folder cannot be written.
     pub fn show(&self, page: &str) -> Result<(), StoreError> {
-        files::replace(&self.dir.join(PAGE), page.as_bytes())
+        files::replace(&self.dir, PAGE, page.as_bytes())
     }
 
     /// The case of a run that was the first of its cause in this shard.
     pub(crate) fn case(&self, scenario: &str, seed: u64) -> PathBuf {
-        let name = format!("{scenario}-{seed}.toml");
-        self.dir.join(CASES).join(name)
+        self.dir.join(case_name(scenario, seed))
+    }
+
+    /// Removes a case that is of use no more. One that stays costs nothing but its space.
+    fn forget(&self, scenario: &str, seed: u64) {
+        let name = case_name(scenario, seed);
+        let _ = Dir::open(&self.dir).and_then(|dir| dir.remove_file(name));
     }
 }
 
@@ -297,7 +303,12 @@ fn first_of_causes(runs: &Runs) -> BTreeMap<String, RunKey> {
     first
 }
 
-fn append_to(path: &Path) -> Result<File, StoreError> {
-    let file = OpenOptions::new().append(true).create(true).open(path);
-    file.map_err(failed(path))
+/// Where the case of a run is, in the folder of its shard.
+fn case_name(scenario: &str, seed: u64) -> PathBuf {
+    Path::new(CASES).join(format!("{scenario}-{seed}.toml"))
+}
+
+fn append_to(dir: &Path) -> Result<File, StoreError> {
+    let file = Dir::open(dir).and_then(|dir| dir.append(RUNS));
+    file.map_err(failed(&dir.join(RUNS)))
 }

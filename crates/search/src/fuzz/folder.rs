@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::subject::{Kept, Subject, law};
 use crate::error::{StoreError, failed};
 use engine::hex;
+use safefs::Dir;
 
 /// What is fuzzed: only the same is gone on with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,8 +48,10 @@ struct State {
     targets: BTreeMap<String, Progress>,
 }
 
-fn put(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    fs::write(path, bytes).map_err(failed(path))
+/// Writes the file `name` below `dir`.
+fn put(dir: &Path, name: impl AsRef<Path>, bytes: &[u8]) -> Result<(), StoreError> {
+    let written = Dir::open(dir).and_then(|dir| dir.write(&name, bytes));
+    written.map_err(failed(&dir.join(name)))
 }
 
 /// Begins a file of the corpus; the choices follow in hexadecimal.
@@ -67,7 +70,8 @@ impl Folder {
     /// # Errors
     /// If it cannot be written, or belongs to another plan.
     pub fn create(dir: &Path, plan: FuzzPlan) -> Result<Self, StoreError> {
-        fs::create_dir_all(dir.join("findings")).map_err(failed(dir))?;
+        let made = Dir::create(dir).and_then(|dir| dir.below("findings"));
+        made.map_err(failed(dir))?;
         let path = dir.join("fuzz.json");
         let targets = if path.exists() {
             let text = fs::read_to_string(&path).map_err(failed(&path))?;
@@ -111,9 +115,7 @@ impl Folder {
         self.state.targets.insert(target.to_owned(), progress);
         let text = serde_json::to_string_pretty(&self.state).expect("plain data");
         // In one step, so that a kill leaves the old state or the new one.
-        let (new, path) = (self.dir.join("fuzz.json.new"), self.dir.join("fuzz.json"));
-        put(&new, (text + "\n").as_bytes())?;
-        fs::rename(&new, &path).map_err(failed(&path))
+        put(&self.dir, "fuzz.json", (text + "\n").as_bytes())
     }
 
     fn corpus_of(&self, subject: &dyn Subject) -> PathBuf {
@@ -141,13 +143,13 @@ impl Folder {
         number: usize,
         choices: &[u8],
     ) -> Result<(), StoreError> {
-        let dir = self.corpus_of(subject);
-        fs::create_dir_all(&dir).map_err(failed(&dir))?;
+        let dir = Path::new("corpus").join(subject.name());
         let mut text = CHOICES.to_owned();
         hex::push_digits(&mut text, choices);
         text += "\n";
         text += &subject.in_words(choices);
-        put(&dir.join(format!("{number:06}.txt")), text.as_bytes())
+        let name = dir.join(format!("{number:06}.txt"));
+        put(&self.dir, name, text.as_bytes())
     }
 
     /// Keeps a finding; its folder.
@@ -159,15 +161,15 @@ impl Folder {
         let hash = engine::rig::trace::fingerprint(case).to_ascii_uppercase();
         let hash: String = hash.chars().take(8).collect();
         let name = format!("{}-{hash}", file_name(law(&kept.fault.cause)));
-        let dir = self.dir.join("findings").join(name);
-        fs::create_dir_all(&dir).map_err(failed(&dir))?;
+        let folder = Path::new("findings").join(name);
+        let dir = self.dir.join(&folder);
         for (name, bytes) in &kept.files {
-            put(&dir.join(name), bytes)?;
+            put(&self.dir, folder.join(name), bytes)?;
         }
         let said = format!("{}\n{}\n", kept.fault.cause, kept.fault.detail);
-        put(&dir.join("cause.txt"), said.as_bytes())?;
+        put(&self.dir, folder.join("cause.txt"), said.as_bytes())?;
         let repeat = subject.repeat(&dir) + "\n";
-        put(&dir.join("repeat.txt"), repeat.as_bytes())?;
+        put(&self.dir, folder.join("repeat.txt"), repeat.as_bytes())?;
         Ok(dir)
     }
 }

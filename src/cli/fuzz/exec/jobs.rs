@@ -3,7 +3,7 @@
 
 use core::num::NonZeroUsize;
 use core::time::Duration;
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -16,6 +16,7 @@ use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict, out, progress};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::search::fuzz::dut::{Kept, State};
+use safefs::Dir;
 
 /// Between two looks at the searches.
 const LOOK: Duration = Duration::from_millis(100);
@@ -88,8 +89,11 @@ impl Job {
     fn start(args: &FuzzArgs, number: usize, jobs: usize) -> Result<Self, CliError> {
         let folder = args.out.join(format!("job-{number}"));
         let failed = |error| CliError::write(folder.display(), error);
-        fs::create_dir_all(&folder).map_err(failed)?;
-        let log = File::create(folder.join("log.txt")).map_err(failed)?;
+        let made = Dir::create(&args.out).and_then(|out| out.below(format!("job-{number}")));
+        let log = made
+            .map_err(failed)?
+            .create_file("log.txt")
+            .map_err(failed)?;
         let mut command = Command::new(std::env::current_exe().map_err(failed)?);
         command.arg("fuzz").args(words(args, number, jobs));
         command.arg("--out").arg(&folder);
@@ -214,23 +218,23 @@ fn put_together(args: &FuzzArgs, all: &[Job]) -> Result<Vec<Kept>, CliError> {
             .split_once('-')
             .map_or(&*kept.folder, |(_, name)| name);
         kept.folder = format!("{:02}-{name}", number + 1);
-        let to = args.out.join("findings").join(&kept.folder);
-        copy(&from, &to).map_err(|error| CliError::write(to.display(), error))?;
+        let to = Path::new("findings").join(&kept.folder);
+        let copied = Dir::create(&args.out).and_then(|out| copy(&from, &out.below(&to)?));
+        copied.map_err(|error| CliError::write(args.out.join(to).display(), error))?;
     }
     Ok(findings)
 }
 
-fn copy(from: &Path, to: &Path) -> std::io::Result<()> {
-    fs::create_dir_all(to)?;
-    for entry in fs::read_dir(from)? {
-        let entry = entry?;
-        let new = to.join(entry.file_name());
-        if entry.file_name() == "repeat.txt" {
-            let text = fs::read_to_string(entry.path())?;
-            let [old, new_place] = [from, to].map(|path| path.display().to_string());
-            fs::write(new, text.replace(&old, &new_place))?;
+fn copy(from: &Path, to: &Dir) -> std::io::Result<()> {
+    let folder = Dir::open(from)?;
+    for name in folder.names()? {
+        let bytes = folder.read(&name, u64::MAX)?;
+        if name == "repeat.txt" {
+            let text = String::from_utf8_lossy(&bytes);
+            let [old, new] = [from, to.path()].map(|path| path.display().to_string());
+            to.write(&name, text.replace(&old, &new))?;
         } else {
-            fs::copy(entry.path(), new)?;
+            to.write(&name, bytes)?;
         }
     }
     Ok(())

@@ -5,9 +5,9 @@
 //! that crashes or is killed leaves what it counted.
 
 use core::cell::Cell;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io;
-use std::os::unix::fs::FileExt as _;
+use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
 use super::compare::{Comparison, PAIR};
@@ -60,14 +60,8 @@ impl Counters {
     }
 
     fn at(path: PathBuf) -> io::Result<Self> {
-        // What a process of this number has left.
-        let _ = fs::remove_file(&path);
-        let mut options = OpenOptions::new();
-        let file = options
-            .read(true)
-            .write(true)
-            .create_new(true)
-            .open(&path)?;
+        // What a process of this number has left is replaced.
+        let file = safefs::create(&path)?;
         file.set_len((SIZE + HEAD + PAIRS * PAIR + PLACES) as u64)?;
         let was_used = Cell::new(false);
         Ok(Self {
@@ -134,15 +128,18 @@ fn remove_orphans(dir: &Path) {
         let process = number.and_then(|number| number.parse::<u32>().ok());
         let processes = Path::new("/proc");
         let is_gone = |id: u32| !processes.join(id.to_string()).exists();
-        if processes.join("self").exists() && process.is_some_and(is_gone) {
-            let _ = fs::remove_file(file.path());
+        let is_ours = file
+            .metadata()
+            .is_ok_and(|meta| meta.is_file() && meta.uid() == rustix::process::geteuid().as_raw());
+        if processes.join("self").exists() && is_ours && process.is_some_and(is_gone) {
+            let _ = safefs::remove_file(&file.path());
         }
     }
 }
 
 impl Drop for Counters {
     fn drop(&mut self) {
-        let _ = fs::remove_file(&self.path);
+        let _ = safefs::remove_file(&self.path);
     }
 }
 

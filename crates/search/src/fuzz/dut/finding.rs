@@ -12,6 +12,7 @@ use super::guide::Guide;
 use super::harness::HarnessError;
 use engine::codec::wire::Stream;
 use engine::scenario::{Scenario, Source};
+use safefs::Dir;
 
 /// Where a search stands: `dut.json`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -91,16 +92,17 @@ impl State {
     /// Writes it so that a killed process leaves the old one or the new one.
     pub fn write(&self, dir: &Path) -> Result<(), HarnessError> {
         let text = serde_json::to_string_pretty(self).expect("plain data with string keys");
-        let (path, new) = (dir.join(STATE), dir.join(".dut.json"));
-        put(&new, &text)?;
-        fs::rename(&new, &path).map_err(|error| HarnessError::File(path, error))
+        put(dir, STATE, &text)
     }
 }
 
 /// The folder of a finding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    dir: PathBuf,
+    /// The folder of the search.
+    out: PathBuf,
+    /// Name of the finding's folder.
+    folder: String,
 }
 
 const CASE: &str = "case.toml";
@@ -109,41 +111,50 @@ const CAUSE: &str = "cause.txt";
 const CAPTURE: &str = "capture.pcapng";
 
 impl Finding {
-    /// Makes the folder.
-    pub fn create(dir: PathBuf) -> Result<Self, HarnessError> {
-        fs::create_dir_all(&dir).map_err(|error| HarnessError::File(dir.clone(), error))?;
-        Ok(Self { dir })
+    /// Makes `folder` among the findings of the search in `out`.
+    pub fn create(out: &Path, folder: &str) -> Result<Self, HarnessError> {
+        let (out, folder) = (out.to_owned(), folder.to_owned());
+        let finding = Self { out, folder };
+        let made = Dir::create(&finding.out).and_then(|out| out.below(finding.file("")));
+        made.map_err(|error| HarnessError::File(finding.dir(), error))?;
+        Ok(finding)
     }
 
     /// The folder.
-    pub fn dir(&self) -> &Path {
-        &self.dir
+    pub fn dir(&self) -> PathBuf {
+        self.out.join(self.file(""))
+    }
+
+    /// The file `name` of the finding, seen from the folder of the search.
+    fn file(&self, name: &str) -> PathBuf {
+        let folder = Path::new("findings").join(&self.folder);
+        if name.is_empty() {
+            folder
+        } else {
+            folder.join(name)
+        }
     }
 
     /// Writes the case and what its program said, and takes the capture.
-    pub fn write_case(
-        &self,
-        case: &Case,
-        said: &str,
-        recording: &Path,
-    ) -> Result<(), HarnessError> {
-        put(&self.dir.join(CASE), &case.scenario.to_toml())?;
+    pub fn write_case(&self, case: &Case, said: &str, recording: &str) -> Result<(), HarnessError> {
+        put(&self.out, self.file(CASE), &case.scenario.to_toml())?;
         let told = toml::to_string_pretty(&case.told).expect("every field has a TOML form");
-        put(&self.dir.join(TOLD), &told)?;
-        put(&self.dir.join("stderr.txt"), said)?;
-        let capture = self.dir.join(CAPTURE);
-        fs::rename(recording, &capture).map_err(|error| HarnessError::File(capture, error))
+        put(&self.out, self.file(TOLD), &told)?;
+        put(&self.out, self.file("stderr.txt"), said)?;
+        let taken = Dir::open(&self.out).and_then(|out| out.rename(recording, self.file(CAPTURE)));
+        taken.map_err(|error| HarnessError::File(self.dir().join(CAPTURE), error))
     }
 
     /// Writes the cause, its key on the first line, and the command that repeats it.
     pub fn write_words(&self, key: &str, words: &str, repeat: &str) -> Result<(), HarnessError> {
-        put(&self.dir.join(CAUSE), &format!("{key}\n{words}\n"))?;
-        put(&self.dir.join("repeat.txt"), &format!("{repeat}\n"))
+        put(&self.out, self.file(CAUSE), &format!("{key}\n{words}\n"))?;
+        put(&self.out, self.file("repeat.txt"), &format!("{repeat}\n"))
     }
 
     /// Removes the folder: it was none.
     pub(super) fn remove(&self) -> Result<(), HarnessError> {
-        fs::remove_dir_all(&self.dir).map_err(|error| HarnessError::File(self.dir.clone(), error))
+        let removed = Dir::open(&self.out).and_then(|out| out.remove_tree(self.file("")));
+        removed.map_err(|error| HarnessError::File(self.dir(), error))
     }
 
     /// Reads the case of the finding in `dir` and the key of its cause.
@@ -170,6 +181,8 @@ fn get(path: &Path) -> Result<String, HarnessError> {
     fs::read_to_string(path).map_err(|error| HarnessError::File(path.to_owned(), error))
 }
 
-fn put(path: &Path, text: &str) -> Result<(), HarnessError> {
-    fs::write(path, text).map_err(|error| HarnessError::File(path.to_owned(), error))
+/// Writes the file `name` below `dir`.
+fn put(dir: &Path, name: impl AsRef<Path>, text: &str) -> Result<(), HarnessError> {
+    let written = Dir::open(dir).and_then(|dir| dir.write(&name, text));
+    written.map_err(|error| HarnessError::File(dir.join(name), error))
 }

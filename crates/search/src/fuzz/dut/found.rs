@@ -1,7 +1,6 @@
 //! A finding on its way into its folder: seen again, made smaller.
 
 use core::cell::RefCell;
-use std::fs;
 use std::path::Path;
 
 use super::case::{Case, Pair, Turn};
@@ -12,6 +11,7 @@ use super::plan::{Progress, RECORDINGS, TrialPlan};
 use super::speech::Speech;
 use super::trial::{self, TrialOutcome};
 use crate::shrink::{Effort, fewest};
+use safefs::Dir;
 
 /// Something new.
 pub(super) struct OpenFinding<'a> {
@@ -29,11 +29,13 @@ impl OpenFinding<'_> {
     /// Writes it down as it is, then tries it again, then makes it smaller. Whether it is to be
     /// kept: what may only be this machine's lateness must be seen again.
     pub(super) fn keep(&self, first: Case, seen: &TrialOutcome) -> Result<bool, HarnessError> {
-        let recording = self.plan.out.join(RECORDINGS[0]);
+        let [recording, copy, _] = RECORDINGS;
         // A second cause of the same case has the same capture.
-        let copy = self.plan.out.join(RECORDINGS[1]);
-        fs::copy(&recording, &copy).map_err(|error| HarnessError::File(recording, error))?;
-        self.finding.write_case(&first, &seen.said, &copy)?;
+        let copied = Dir::open(&self.plan.out)
+            .and_then(|out| out.write(copy, out.read(recording, u64::MAX)?));
+        let recording = self.plan.out.join(recording);
+        copied.map_err(|error| HarnessError::File(recording, error))?;
+        self.finding.write_case(&first, &seen.said, copy)?;
         self.write_words("not tried again")?;
         let is_there = matches!(self.harness.whose, Whose::Command { .. });
         if self.cause.is_final() && !is_there {
@@ -64,7 +66,7 @@ impl OpenFinding<'_> {
         let repeat = format!(
             "{} --repeat {}",
             self.plan.repeat,
-            quoted(self.finding.dir())
+            quoted(&self.finding.dir())
         );
         self.finding.write_words(&self.cause.key(), &words, &repeat)
     }
@@ -80,7 +82,7 @@ impl OpenFinding<'_> {
         let key = self.cause.key();
         let is_it = seen.causes.iter().any(|cause| cause.key() == key);
         if is_it {
-            self.finding.write_case(case, &seen.said, &recording)?;
+            self.finding.write_case(case, &seen.said, RECORDINGS[2])?;
             let turns = case.told.raw.iter().flat_map(|raw| &raw.turn);
             *self.kinds.borrow_mut() = turns.map(|turn| turn.kind.clone()).collect();
         }

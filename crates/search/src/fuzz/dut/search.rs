@@ -3,7 +3,6 @@
 use core::cell::RefCell;
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::PathBuf;
 
 use emulators::rng::Rng;
@@ -23,6 +22,7 @@ use super::traffic;
 use super::trial::{self, TrialOutcome};
 use engine::robots::OpenEnd;
 use engine::scenario::Span;
+use safefs::Dir;
 
 /// Most causes that are kept.
 const FINDINGS_MAX: usize = 100;
@@ -75,8 +75,7 @@ impl<'a> Search<'a> {
         if plan.corpus.is_some() {
             of += " | with a corpus";
         }
-        fs::create_dir_all(&plan.out)
-            .map_err(|error| HarnessError::File(plan.out.clone(), error))?;
+        Dir::create(&plan.out).map_err(|error| HarnessError::File(plan.out.clone(), error))?;
         let state = State::read(&plan.out, of)?;
         progress.findings.set(state.findings.len());
         Ok(Self {
@@ -353,14 +352,13 @@ impl<'a> Search<'a> {
             }
             Some(_) => {}
         }
-        let dir = self.plan.out.join("findings").join(&folder);
         let found = OpenFinding {
             harness: self.harness,
             plan: &self.plan,
             progress: self.progress,
             speech,
             cause,
-            finding: Finding::create(dir)?,
+            finding: Finding::create(&self.plan.out, &folder)?,
             kinds: RefCell::default(),
         };
         let kept = found.keep(first, seen);
@@ -385,7 +383,7 @@ impl<'a> Search<'a> {
 impl Drop for Search<'_> {
     fn drop(&mut self) {
         for name in RECORDINGS {
-            let _ = fs::remove_file(self.plan.out.join(name));
+            let _ = Dir::open(&self.plan.out).and_then(|out| out.remove_file(name));
         }
     }
 }

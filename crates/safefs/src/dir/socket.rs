@@ -1,0 +1,47 @@
+//! Sockets in a directory.
+
+use std::io;
+use std::os::unix::net::UnixListener;
+use std::path::Path;
+
+use rustix::fs::{self, AtFlags, FileType, Mode};
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketType};
+
+use super::{Dir, one};
+
+/// Connections that wait to be accepted.
+const BACKLOG: i32 = 128;
+
+impl Dir {
+    /// A socket `name` that only this user may connect to, whatever the umask. The name must be
+    /// free.
+    ///
+    /// # Errors
+    /// Those of the system; `AddrInUse` if something has the name.
+    pub fn listen(&self, name: impl AsRef<Path>) -> io::Result<UnixListener> {
+        let name = one(name.as_ref())?;
+        let socket = rustix::net::socket(AddressFamily::UNIX, SocketType::STREAM, None)?;
+        rustix::io::fcntl_setfd(&socket, rustix::io::FdFlags::CLOEXEC)?;
+        let mode = Mode::RUSR | Mode::WUSR;
+        // On Linux the file takes over the rights of the socket. Elsewhere this may fail.
+        let _ = fs::fchmod(&socket, mode);
+        rustix::net::bind(&socket, &SocketAddrUnix::new(self.path.join(name))?)?;
+        let stat = self.stat(name)?;
+        let made = stat.filter(|it| FileType::from_raw_mode(it.st_mode) == FileType::Socket);
+        let Some(made) = made else {
+            return Err(io::Error::other("the directory was exchanged"));
+        };
+        if Mode::from_raw_mode(made.st_mode) & Mode::from_raw_mode(0o777) != mode {
+            fs::chmodat(self.fd(), name, mode, AtFlags::empty())?;
+        }
+        // Only now can a client connect: the rights are right by then.
+        rustix::net::listen(&socket, BACKLOG)?;
+        Ok(socket.into())
+    }
+
+    /// Whether `name` is a socket.
+    pub fn is_socket(&self, name: impl AsRef<Path>) -> bool {
+        let kind = one(name.as_ref()).and_then(|name| self.kind(name));
+        kind.is_ok_and(|kind| kind == Some(FileType::Socket))
+    }
+}
