@@ -11,14 +11,14 @@ use super::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::robots;
 use crate::scenario::{Scenario, Span};
-use crate::show::whole_file;
 use ::ui::{Hub, Remote, SPEED_MAX, Server, Session};
 
 /// Show a run on a page in the browser: see it, steer it, disturb it, save it.
 ///
-/// The page is at the address that is printed, on this machine only unless told otherwise. What is
-/// done there by hand becomes part of the scenario: `/case.toml` of the page, or --save, is a run
-/// that does it all again.
+/// The page is at the address that is printed, on this machine only unless told otherwise. The
+/// token in that address is the key: a request without it is refused. What is done there by hand
+/// becomes part of the scenario: `/case.toml` of the page, or --save, is a run that does it all
+/// again.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig ui scenarios/rescue-flat.toml\n  \
@@ -88,7 +88,7 @@ impl ListenArgs {
                 self.port
             ))
         })?;
-        println!("page at http://{}/", server.address());
+        println!("page at {}", server.url());
         Ok(server)
     }
 }
@@ -128,7 +128,7 @@ fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     let run = session.run();
     if let Some(path) = &args.save {
         let case = run.case_so_far().to_toml();
-        let written = whole_file::write(path, case);
+        let written = safefs::write(path, case);
         written.map_err(|error| CliError::write(format!("--save {}", path.display()), error))?;
     }
     let (now, trace_hash) = (run.rig.now(), run.rig.trace_hash());

@@ -288,7 +288,7 @@ async function branch({ browser, at, value, wait }) {
     await wait(`hilrig.stage?.run === ${run + 1} && hilrig.now?.paused`);
   });
   await step(at("the session is a case"), async () => {
-    await value("(window.saved = null, fetch('/case.toml').then((reply) => reply.text())"
+    await value("(window.saved = null, fetch('/case.toml' + query()).then((reply) => reply.text())"
       + ".then((text) => { saved = text; }), true)");
     await wait("saved?.includes('schema = 1')");
   });

@@ -239,11 +239,11 @@ fn every_robot_has_a_page() {
         let urls = out.lines().map_while(Result::ok);
         let mut hosts = urls.filter_map(|line| Some(line.split_once("http://")?.1.to_owned()));
         let host = hosts.next().expect("it says where it is");
-        let host = host.trim_end_matches('/');
+        let (host, query) = host.split_once("/?").expect("its token");
         for (path, words) in [("/", "hilrig"), ("/case.toml", row.robot)] {
             let mut socket = TcpStream::connect(host).expect("it listens");
             let request =
-                format!("GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
+                format!("GET {path}?{query} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
             socket.write_all(request.as_bytes()).expect("is read");
             let mut answer = String::new();
             socket.read_to_string(&mut answer).expect("text");

@@ -40,7 +40,7 @@ impl Browser {
     /// word, on a machine without a browser; CI has to have one.
     pub(crate) fn at(name: &str, server: &Server) -> Option<Self> {
         let browser = Self::start(name)?;
-        browser.go(&format!("http://{}/", server.host));
+        browser.go(&server.url());
         browser.wait("hilrig.connected && hilrig.now && hilrig.stage");
         if browser.value("hilrig.now.paused") == true {
             browser.click("#play");

@@ -62,6 +62,66 @@ fn foreign_origins_and_hosts_are_refused() {
     assert_eq!(server.get("/../Cargo.toml").0, 404);
 }
 
+/// Another user of the machine reaches the port, but does not know the token.
+#[test]
+fn each_request_names_the_token() {
+    let server = Server::of("empty-room", "1");
+    let host = format!("Host: {}", server.host);
+    let upgrade = [
+        &*host,
+        "Upgrade: websocket",
+        "Connection: Upgrade",
+        "Sec-WebSocket-Version: 13",
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+    ];
+    let wrong = format!("token={}", "0".repeat(32));
+    for path in [
+        "/",
+        "/style.css",
+        "/view.js",
+        "/lanes.js",
+        "/page.js",
+        "/case.toml",
+        "/moment?at_ns=0",
+        "/frames?at_ns=0",
+        "/ws",
+        "/nowhere",
+    ] {
+        let joint = if path.contains('?') { '&' } else { '?' };
+        for path in [path, &format!("{path}{joint}{wrong}")] {
+            let (status, why) = server.ask_as_it_is(path, &upgrade);
+            assert_eq!(status, 403, "{path}");
+            assert!(why.contains("token"), "{path}: {why}");
+        }
+    }
+    assert_eq!(server.get("/").0, 200);
+    nothing_got_in(&server);
+}
+
+/// More connections that send half a header than the server keeps: the page is served all the same,
+/// in place of the oldest of them.
+#[test]
+fn half_headers_do_not_keep_the_page_away() {
+    use std::io::{Read as _, Write as _};
+    let server = Server::of("empty-room", "1");
+    let half = (0..200).map(|_| {
+        let mut socket = server.connect();
+        // One that was closed meanwhile cannot be written to.
+        let _ = socket.write_all(b"GET / HTTP/1.1\r\nX: ");
+        socket
+    });
+    let half: Vec<_> = half.collect();
+    assert_eq!(server.get("/").0, 200);
+    let mut page = server.page().expect("there is room");
+    a_second_passes(&mut page);
+    // All of them end: the read comes back, with a reset or nothing.
+    for mut socket in half {
+        let mut byte = [0; 64];
+        while matches!(socket.read(&mut byte), Ok(1..)) {}
+    }
+    nothing_got_in(&server);
+}
+
 #[test]
 fn messages_without_sense_are_refused_in_words() {
     let server = Server::of("empty-room", "4");

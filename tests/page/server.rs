@@ -97,6 +97,8 @@ pub(crate) struct Server {
     process: Process,
     /// Host and port.
     pub(crate) host: String,
+    /// What each request must name.
+    pub(crate) token: String,
 }
 
 impl Server {
@@ -108,9 +110,11 @@ impl Server {
     /// The page of a command that has one beside other things.
     pub(crate) fn of_process(mut process: Process) -> Self {
         let url = process.line("page at http://");
+        let (host, token) = url.split_once("/?").expect("its token");
         Self {
             process,
-            host: url.trim_end_matches('/').to_owned(),
+            host: host.to_owned(),
+            token: token.to_owned(),
         }
     }
 
@@ -130,15 +134,26 @@ impl Server {
         Self::start(&[&scenario(name), "--speed", speed, "--paused"])
     }
 
-    fn connect(&self) -> TcpStream {
+    /// The address of the page.
+    pub(crate) fn url(&self) -> String {
+        format!("http://{}/?{}", self.host, self.token)
+    }
+
+    pub(crate) fn connect(&self) -> TcpStream {
         let socket = TcpStream::connect(&self.host).expect("the server listens");
         let timeout = socket.set_read_timeout(Some(PATIENCE));
         timeout.expect("sixty seconds are a timeout");
         socket
     }
 
-    /// The answer to a GET with `headers`: status and body.
+    /// The answer to a GET with `headers` and the token: status and body.
     pub(crate) fn ask(&self, path: &str, headers: &[&str]) -> (u16, String) {
+        let joint = if path.contains('?') { '&' } else { '?' };
+        self.ask_as_it_is(&format!("{path}{joint}{}", self.token), headers)
+    }
+
+    /// The answer to a GET with `headers`: status and body.
+    pub(crate) fn ask_as_it_is(&self, path: &str, headers: &[&str]) -> (u16, String) {
         let mut socket = self.connect();
         let headers: String = headers.iter().map(|line| format!("{line}\r\n")).collect();
         let request = format!("GET {path} HTTP/1.1\r\n{headers}Connection: close\r\n\r\n");
@@ -169,9 +184,9 @@ impl Server {
     pub(crate) fn page(&self) -> Result<Page, u16> {
         let mut socket = self.connect();
         let request = format!(
-            "GET /ws HTTP/1.1\r\nHost: {}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+            "GET /ws?{} HTTP/1.1\r\nHost: {}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
              Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n",
-            self.host
+            self.token, self.host
         );
         socket.write_all(request.as_bytes()).expect("is read");
         let mut head = Vec::new();

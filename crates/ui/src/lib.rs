@@ -14,6 +14,7 @@
 
 mod checkpoints;
 mod command;
+mod connections;
 mod deed;
 mod delta;
 mod desk;
@@ -28,6 +29,7 @@ mod server;
 mod session;
 mod snapshot;
 mod timeline;
+mod token;
 mod told;
 mod wire;
 mod wire_log;

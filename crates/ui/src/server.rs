@@ -1,4 +1,7 @@
 //! The HTTP server: four files, moments of the past, frames, the case, and a WebSocket per page.
+//!
+//! Every request names the token of the page's address (`token`); connections are limited in number
+//! and time (`connections`).
 
 use core::future::{Future, poll_fn};
 use core::net::SocketAddr;
@@ -23,10 +26,12 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::timeout;
 
 use super::command::{Answer, COMMAND_MAX, Command};
+use super::connections;
 use super::delta::{Message, SentSoFar};
 use super::guard;
 use super::hub::Hub;
 use super::snapshot::Snapshot;
+use super::token::Token;
 use super::wire_log;
 use show::view;
 
@@ -62,13 +67,14 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
 pub struct Server {
     runtime: Option<Runtime>,
     address: SocketAddr,
+    token: Token,
 }
 
 impl Server {
     /// Listens at `listen`, port 0 for any free one.
     ///
     /// # Errors
-    /// If the address cannot be had.
+    /// If the address cannot be had, or the system has no random numbers.
     pub fn start(listen: SocketAddr, hub: Arc<Hub>) -> io::Result<Self> {
         let runtime = Builder::new_multi_thread()
             .worker_threads(1)
@@ -78,21 +84,28 @@ impl Server {
         let listener = StdListener::bind(listen)?;
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
-        let app = router(hub, address);
+        let token = Token::new()?;
+        let app = router(hub, address, &token);
         let listener = {
             let _context = runtime.enter();
             TcpListener::from_std(listener)?
         };
-        runtime.spawn(async move { axum::serve(listener, app).await });
+        runtime.spawn(connections::serve(listener, app));
         Ok(Self {
             runtime: Some(runtime),
             address,
+            token,
         })
     }
 
     /// Where it listens.
     pub const fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// The address of the page, with the token that each of its requests must name.
+    pub fn url(&self) -> String {
+        format!("http://{}/?{}", self.address, self.token.query())
     }
 }
 
@@ -104,19 +117,17 @@ impl Drop for Server {
     }
 }
 
-fn router(hub: Arc<Hub>, address: SocketAddr) -> Router {
+fn router(hub: Arc<Hub>, address: SocketAddr, token: &Token) -> Router {
     let file = |kind: &'static str, text: &'static str| {
         get(move || async move { ([(header::CONTENT_TYPE, kind)], text) })
     };
     let (script, style) = ("text/javascript; charset=utf-8", "text/css; charset=utf-8");
+    // What the page loads by itself names the token as well.
+    let index = include_str!("assets/index.html").replace("?token", &format!("?{}", token.query()));
+    let html = (header::CONTENT_TYPE, "text/html; charset=utf-8");
+    let index = get(move || async move { ([html], index) });
     Router::new()
-        .route(
-            "/",
-            file(
-                "text/html; charset=utf-8",
-                include_str!("assets/index.html"),
-            ),
-        )
+        .route("/", index)
         .route("/style.css", file(style, include_str!("assets/style.css")))
         .route("/view.js", file(script, view::SCRIPT))
         .route("/lanes.js", file(script, view::LANES))
@@ -126,13 +137,21 @@ fn router(hub: Arc<Hub>, address: SocketAddr) -> Router {
         .route("/case.toml", get(case))
         .route("/ws", get(page))
         .with_state(hub)
-        .layer(from_fn_with_state(address, guarded))
+        .layer(from_fn_with_state((address, token.clone()), guarded))
 }
 
 /// Lets only our own page in, and says what the browser may do with the answer.
-async fn guarded(State(listen): State<SocketAddr>, request: Request, next: Next) -> Response {
+async fn guarded(
+    State((listen, token)): State<(SocketAddr, Token)>,
+    request: Request,
+    next: Next,
+) -> Response {
     if !is_admitted(listen, request.headers()) {
         let expected = format!("expected a request for http://{listen}/ from its own page\n");
+        return (StatusCode::FORBIDDEN, expected).into_response();
+    }
+    if !token.is_in(request.uri().query()) {
+        let expected = "expected the address that hilrig printed, with its ?token=..\n";
         return (StatusCode::FORBIDDEN, expected).into_response();
     }
     let mut response = next.run(request).await;

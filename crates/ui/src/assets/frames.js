@@ -18,7 +18,7 @@ function showFrames(atOnce = false) {
   const key = `${at_ns} ${lane}`;
   if (framesBusy || shown.frames === key || !atOnce && time - framesAsked < 400) return;
   [framesBusy, framesAsked, shown.frames] = [true, time, key];
-  fetch(`/frames?at_ns=${at_ns}${lane === "" ? "" : `&lane=${lane}`}`)
+  fetch(`/frames${query(`&at_ns=${at_ns}${lane === "" ? "" : `&lane=${lane}`}`)}`)
     .then((reply) => reply.json())
     .then(({ frames }) => { framesTold = frames; listFrames(); })
     .catch(() => refuse("the frames cannot be had"))

@@ -29,8 +29,12 @@ function refuse(why) {
 
 // ---- what the server tells
 
+// Every request names the token of the page's own address.
+const query = (rest = "") =>
+  `?token=${new URLSearchParams(location.search).get("token") ?? ""}${rest}`;
+
 function open() {
-  socket = new WebSocket(`ws://${location.host}/ws`);
+  socket = new WebSocket(`ws://${location.host}/ws${query()}`);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => { hilrig.connected = true; showLink(); };
   socket.onclose = () => {
@@ -155,7 +159,7 @@ async function ask() {
     const at = wanted;
     wanted = null;
     try {
-      const reply = await fetch(`/moment?at_ns=${Math.round(at * 1e6)}`);
+      const reply = await fetch(`/moment${query(`&at_ns=${Math.round(at * 1e6)}`)}`);
       if (!reply.ok) throw new Error(await reply.text());
       showMoment(new Uint8Array(await reply.arrayBuffer()));
     } catch (error) {

@@ -1,0 +1,88 @@
+//! The secret in the page's address: whoever has it may see and steer the run.
+//!
+//! Other users of the machine reach its loopback address as well, and a browser sends cookies to
+//! every port of a host. So each request names the token in its query.
+
+use core::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, Read as _};
+use std::sync::Arc;
+
+/// Random bytes of a token.
+const LEN: usize = 16;
+/// What gives them.
+const SOURCE: &str = "/dev/urandom";
+const KEY: &str = "token";
+
+/// A token, new for each server.
+#[derive(Clone, Debug)]
+pub(super) struct Token(Arc<str>);
+
+impl Token {
+    /// One that nobody can guess.
+    pub(super) fn new() -> io::Result<Self> {
+        let mut bytes = [0; LEN];
+        File::open(SOURCE)?.read_exact(&mut bytes)?;
+        let mut text = String::new();
+        for byte in bytes {
+            write!(text, "{byte:02x}").expect("a string takes everything");
+        }
+        Ok(Self(text.into()))
+    }
+
+    /// As the query of an address names it.
+    pub(super) fn query(&self) -> String {
+        format!("{KEY}={}", self.0)
+    }
+
+    /// Whether `query` names it.
+    pub(super) fn is_in(&self, query: Option<&str>) -> bool {
+        let pairs = query.unwrap_or_default().split('&');
+        let mut named = pairs
+            .filter_map(|pair| pair.split_once('='))
+            .filter(|(key, _)| *key == KEY);
+        // A second one may be what somebody between looks at.
+        matches!((named.next(), named.next()), (Some((_, token)), None) if self.is(token))
+    }
+
+    /// Takes as long wherever the first difference is.
+    fn is(&self, token: &str) -> bool {
+        let pairs = self.0.bytes().zip(token.bytes());
+        let differences = pairs.fold(0, |all, (a, b)| all | (a ^ b));
+        self.0.len() == token.len() && differences == 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_whole_token_named_once_counts() {
+        let token = Token::new().expect("there are random numbers");
+        let query = token.query();
+        assert_eq!(query.len(), "token=".len() + 2 * LEN);
+        for right in [
+            query.clone(),
+            format!("at_ns=5&{query}"),
+            format!("{query}&a"),
+        ] {
+            assert!(token.is_in(Some(&right)), "{right}");
+        }
+        let short = &query[..query.len() - 1];
+        for wrong in [
+            short,
+            &format!("{query}0"),
+            &format!("{query}&{query}"),
+            &format!("x{query}"),
+            "token=",
+            "token",
+            "",
+        ] {
+            assert!(!token.is_in(Some(wrong)), "{wrong}");
+        }
+        assert!(!token.is_in(None));
+        let other = Token::new().expect("there are random numbers");
+        assert!(!other.is_in(Some(&query)));
+    }
+}
