@@ -415,6 +415,13 @@ fn wall(from: Point, to: Point) -> Result<Primitive, Cause> {
     if !from.is_finite() || !to.is_finite() {
         return Err(Cause::NotFinite);
     }
+    // The square of such a length is beyond the numbers, and what is derived from it as well.
+    if !from.distance(to).is_finite() {
+        return Err(Cause::OutOfBounds {
+            found: Bounds::around(from, 0.0).union(Bounds::around(to, 0.0)),
+            bounds: Bounds::around(Point::default(), COORDINATE_MAX_M),
+        });
+    }
     Segment::new(from, to)
         .map(Primitive::Segment)
         .ok_or(Cause::TooShort {

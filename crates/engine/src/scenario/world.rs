@@ -3,6 +3,7 @@
 mod body;
 mod floor_line;
 mod heat;
+mod reach;
 mod slick;
 
 use core::time::Duration;
@@ -284,8 +285,7 @@ impl WorldSpec {
         Pose::new(start.x_m, start.y_m, start.heading_deg.to_radians())
     }
 
-    /// Builds the world with a robot on `chassis`, or with one of two wheels and the figures of
-    /// [`body`](Self::body); `seed` is for the noise of its floor.
+    /// Builds the world: a robot on `chassis`, or on two wheels as in `body`; noise by `seed`.
     ///
     /// # Errors
     /// If something lies where it cannot.
@@ -320,6 +320,7 @@ impl WorldSpec {
     }
 
     fn scene(&self, source: &Source) -> Result<Scene, ScenarioError> {
+        self.check_reach(source)?;
         let (fixtures, fixture_origins) = self.fixtures(source)?;
         let (obstacles, obstacle_origins) = self.obstacles(source)?;
         let plates = self.heat_plates(source)?;

@@ -207,6 +207,22 @@ fn coordinates_that_are_no_number_are_refused() {
     );
 }
 
+/// Lengths whose square is no number any more lose what is derived from them.
+#[test]
+fn walls_beyond_the_numbers_are_refused() {
+    for far in [1e308, -1e200, 1e160, 1e150, 1e4] {
+        for shape in [
+            wall(0.0, 0.0, 2.0, far),
+            polygon(&[(0.0, 0.0), (1.0, 0.0), (far, 1.0)]),
+            circle(far, 0.0, 1.0),
+            circle(0.0, 0.0, far.abs()),
+        ] {
+            let (_, cause) = fault(vec![shape], vec![]);
+            assert!(matches!(cause, Cause::OutOfBounds { .. }), "{far}: {cause}");
+        }
+    }
+}
+
 #[test]
 fn walls_without_length_are_refused() {
     let dot = wall(1.0, 1.0, 1.0, 1.0);
