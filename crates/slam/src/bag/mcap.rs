@@ -8,6 +8,8 @@
 //! The frames are ours, so that of a file that is cut or damaged all else is read; the library
 //! reads what is in them.
 
+mod lengths;
+
 use core::panic::AssertUnwindSafe;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -136,6 +138,8 @@ impl Reader<'_> {
             } else if opcode == 0 {
                 self.unreadable(at, "no record begins with 0");
                 return End::Told;
+            } else if !lengths::fit(opcode, body) {
+                self.unreadable(at, "a length in it is beyond its end");
             } else {
                 match parse_record(opcode, body) {
                     Ok(record) => self.take(record),

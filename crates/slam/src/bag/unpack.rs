@@ -9,6 +9,11 @@ use ruzstd::decoding::StreamingDecoder;
 /// Most bytes that a file or a part of it may unpack to.
 pub const BYTES_MAX: u64 = 1 << 30;
 
+/// A packed file may always unpack to this.
+const SMALL: u64 = 64 << 20;
+/// Beyond that, how many times its own length. Logs of sensors, in text too, pack to a tenth or so.
+const RATIO_MAX: u64 = 100;
+
 /// How packed bytes begin.
 pub const GZIP: &[u8] = &[0x1F, 0x8B];
 /// How packed bytes begin.
@@ -35,8 +40,11 @@ impl Unpacked {
     }
 }
 
-/// Unpacks whatever begins like something packed, to at most `most` bytes; `None` for all else.
+/// Unpacks whatever begins like something packed, to at most `most` bytes and no more than a log of
+/// this length can hold; `None` for all else.
 pub fn any(bytes: &[u8], most: u64) -> Option<Unpacked> {
+    let likely = (bytes.len() as u64).saturating_mul(RATIO_MAX);
+    let most = most.min(likely.max(SMALL));
     let unpack = [
         (GZIP, gzip as fn(&[u8], u64) -> _),
         (ZSTD, zstd),
