@@ -261,6 +261,8 @@ pub fn main() -> ExitCode {
         eprintln!("error: {error}");
     }
     let exit_code = match &result {
+        // The verdict holds, but nobody has read all of it.
+        Ok(Verdict::Pass) if out::is_incomplete() => 2,
         Ok(Verdict::Pass) => 0,
         Ok(Verdict::Fail) => 1,
         Ok(Verdict::NotJudged) => 3,

@@ -1,5 +1,6 @@
 //! What the commands say. A reader who has seen enough, such as `head -1`, ends no command: what
-//! follows is not written, and work and exit code stay what they are.
+//! follows is not written, and work and exit code stay what they are. On a full disk the work is
+//! done as well, but the command does not exit with 0.
 //!
 //! With `--json` standard output carries one object, what the command came to; lines for people go
 //! to standard error then. On a terminal the verdicts among those lines are coloured.
@@ -100,6 +101,12 @@ pub(super) fn write(text: Arguments<'_>) {
         // The library's own macro would panic if standard error is as full.
         write_err(format_args!("cannot write to standard output: {error}\n"));
     }
+}
+
+/// Whether something could not be written to standard output, for another reason than that its
+/// reader has seen enough.
+pub(super) fn is_incomplete() -> bool {
+    TOLD.load(Ordering::Relaxed)
 }
 
 /// Writes `text` to standard error. If nobody can be told, nobody is.

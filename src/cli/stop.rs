@@ -3,6 +3,7 @@
 use core::sync::atomic::{AtomicU8, Ordering};
 use core::time::Duration;
 use std::io;
+use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::thread;
 
@@ -12,6 +13,9 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::CliError;
 
+/// Pairs of descriptors that the runtime needs at most: its queue, its alarm, two ends of a pipe
+/// for signals and copies of them.
+const SPARE_PAIRS: usize = 4;
 /// Numbers of the signals that are caught, the same on all of Linux's processors.
 const SIGINT: u8 = 2;
 pub(super) const SIGTERM: u8 = 15;
@@ -59,6 +63,11 @@ impl Stop {
 /// Waits for signals on a thread of its own. They are caught before this returns, so that none
 /// that comes later ends the process with its ports still in place.
 fn listen(caught: Arc<AtomicU8>) -> io::Result<()> {
+    // The runtime panics if it finds no descriptors for itself; an error tells that better.
+    let spare: Vec<_> = (0..SPARE_PAIRS)
+        .map(|_| UnixStream::pair())
+        .collect::<io::Result<_>>()?;
+    drop(spare);
     let runtime = runtime::Builder::new_current_thread().enable_io().build()?;
     let (mut interrupt, mut terminate) = {
         let _context = runtime.enter();
