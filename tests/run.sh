@@ -233,6 +233,15 @@ if proof crates src devices tests/devices; then
     step "the described devices: fuzzed, their table, the trophies, other means"
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh --all
 fi
+if proof Cargo.lock deny.toml; then
+    step "licences and sources of the dependencies"
+    # Two minutes of compiling, once a machine.
+    if command -v cargo-deny >/dev/null || cargo install --quiet --locked cargo-deny; then
+        cargo deny --all-features check bans licenses sources
+    else
+        echo "SKIPPED: cargo-deny cannot be installed; nobody has looked at the licences" >&2
+    fi
+fi
 if proof crates src tests/outside; then
     step "a robot in a crate of its own"
     CARGO_TARGET_DIR=$target bash tests/outside/run.sh
