@@ -142,7 +142,7 @@ pub fn earliest(deadlines: impl IntoIterator<Item = Option<Instant>>) -> Option<
 /// When a device by itself is to be polled next on the way from `now` to `end`, at `end` at the
 /// latest. One that asks for a moment that has passed is polled a nanosecond later, so that time
 /// moves.
-pub fn next_poll(device: &impl Device, now: Instant, end: Instant) -> Instant {
+pub fn next_poll(device: &(impl Device + ?Sized), now: Instant, end: Instant) -> Instant {
     let soonest = now + Duration::from_nanos(1);
     device.poll_at().map_or(end, |at| at.max(soonest).min(end))
 }

@@ -5,6 +5,7 @@
 
 mod catalogue;
 mod engine;
+mod lua;
 
 use std::sync::Arc;
 
@@ -13,7 +14,10 @@ pub use engine::Polynomial;
 
 /// An algorithm.
 #[derive(Clone, Debug)]
-pub struct Algorithm(Arc<Engine>);
+pub struct Algorithm {
+    engine: Arc<Engine>,
+    name: Arc<str>,
+}
 
 /// A sum: its names, and what makes it, with the bytes of its result.
 type Sum = (&'static [&'static str], fn() -> (Engine, u8));
@@ -81,15 +85,15 @@ impl Algorithm {
         let aliased = ALIASES.iter().find(|(alias, _)| *alias == plain);
         let wanted = aliased.map_or(plain.as_str(), |(_, name)| name);
         if wanted == "XV_11" {
-            return Ok((Self(Arc::new(Engine::Xv11)), 2));
+            return Ok((Self::new(Engine::Xv11, "xv11"), 2));
         }
         if let Some((_, make)) = SUMS.iter().find(|(names, _)| names.contains(&wanted)) {
             let (engine, bytes) = make();
-            return Ok((Self(Arc::new(engine)), bytes));
+            return Ok((Self::new(engine, &pretty(wanted)), bytes));
         }
         if let Some(engine) = catalogue::find(wanted) {
             let bytes = engine.bits().div_ceil(8);
-            return Ok((Self(Arc::new(engine)), bytes));
+            return Ok((Self::new(engine, &pretty(wanted)), bytes));
         }
         let alike = alike(&plain);
         Err(format!(
@@ -117,13 +121,27 @@ impl Algorithm {
                 ));
             }
         }
-        Ok((Self(Arc::new(Engine::of(polynomial))), width.div_ceil(8)))
+        let name = format!("CRC-{width} with the polynomial {poly:#x}");
+        let bytes = width.div_ceil(8);
+        Ok((Self::new(Engine::of(polynomial), &name), bytes))
     }
 
     /// The checksum of `bytes`, of which `width` bytes are kept.
     pub fn compute(&self, bytes: &[u8], width: u8) -> u128 {
         let kept = u128::MAX >> (128 - 8 * u32::from(width.clamp(1, 16)));
-        self.0.compute(bytes) & kept
+        self.engine.compute(bytes) & kept
+    }
+
+    /// Its name in the catalogue, or what it is.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn new(engine: Engine, name: &str) -> Self {
+        Self {
+            engine: Arc::new(engine),
+            name: name.into(),
+        }
     }
 
     /// All names: the sums, then the catalogue.

@@ -16,6 +16,7 @@
 //! 69 s (`rhai`) of compiling on a busy machine with two cores.
 
 mod eval;
+mod lua;
 mod parse;
 
 use core::fmt;

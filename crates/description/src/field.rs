@@ -10,7 +10,7 @@ use crate::expr::{Expr, Scope};
 use crate::number::Number;
 use crate::value::{Record, Value};
 
-pub(crate) use decode::{decode, number_value};
+pub(crate) use decode::{decode, number_value, places};
 pub(crate) use encode::{encode, example, number_bytes};
 
 /// Names of values.

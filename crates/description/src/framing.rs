@@ -251,26 +251,43 @@ impl Framing {
         (wire.len() <= self.max).then_some(wire)
     }
 
+    /// Writes the length of `content` into it.
+    pub(crate) fn write_length(&self, content: &mut [u8]) -> Option<()> {
+        let Cut::Length(length) = &self.cut else {
+            return None;
+        };
+        let counted = i64::try_from(content.len()).ok()? - length.base;
+        let value = counted.checked_div(length.unit)?;
+        let value = u64::try_from(value)
+            .ok()
+            .filter(|_| counted % length.unit == 0)?;
+        let Length {
+            at, number, mask, ..
+        } = *length;
+        let places = content.get_mut(at..at + usize::from(number.bytes))?;
+        let shift = mask.trailing_zeros();
+        let value = value.checked_shl(shift).filter(|bits| bits & !mask == 0)?;
+        let mut bytes = Vec::new();
+        number.put(number.bits(places) & !mask | value, &mut bytes);
+        places.copy_from_slice(&bytes);
+        Some(())
+    }
+
+    /// The frame of a content without what stands behind its body; its length is not changed.
+    pub(crate) fn assemble(&self, content: &[u8]) -> Option<Vec<u8>> {
+        let mut content = [content, &vec![0; self.trailer]].concat();
+        let len = content.len();
+        content[len - self.end.len()..].copy_from_slice(&self.end);
+        for check in &self.checks {
+            check.fill(&mut content)?;
+        }
+        Some(self.wire(content))
+    }
+
     /// Writes length and checksums into `content`.
     fn finish(&self, content: &mut [u8]) -> Option<()> {
-        let len = i64::try_from(content.len()).ok()?;
         match &self.cut {
-            Cut::Length(length) => {
-                let counted = len - length.base;
-                let value = counted.checked_div(length.unit)?;
-                let value = u64::try_from(value)
-                    .ok()
-                    .filter(|_| counted % length.unit == 0)?;
-                let Length {
-                    at, number, mask, ..
-                } = *length;
-                let places = content.get_mut(at..at + usize::from(number.bytes))?;
-                let shift = mask.trailing_zeros();
-                let value = value.checked_shl(shift).filter(|bits| bits & !mask == 0)?;
-                let mut bytes = Vec::new();
-                number.put(number.bits(places) & !mask | value, &mut bytes);
-                places.copy_from_slice(&bytes);
-            }
+            Cut::Length(_) => self.write_length(content)?,
             Cut::Fixed(size) if *size != content.len() => return None,
             Cut::Table { at, sizes } => {
                 let byte = content.get(*at).copied()?;

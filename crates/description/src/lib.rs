@@ -17,11 +17,15 @@
 //! | [`description`] | a description that was found sound |
 //! | [`device`] | the device that it describes |
 //! | [`wire`] | several devices on one wire |
+//! | [`speak`] | requests and replies in the words of a description |
+//! | [`peer`] | the other end of a line: a device in virtual time, a port |
+//! | [`conform`] | a device compared with its description |
 //! | [`shipped`] | the descriptions that come with the tool |
 
 mod behaviour;
 pub mod checksum;
 mod compile;
+pub mod conform;
 pub mod description;
 pub mod device;
 mod document;
@@ -29,14 +33,19 @@ pub mod error;
 pub mod expr;
 mod field;
 mod framing;
+mod lua;
 mod message;
 mod modbus;
 pub mod number;
+mod parts;
 mod pattern;
+pub mod peer;
+mod reference;
 mod registers;
 pub mod schema;
 pub mod shipped;
 pub mod span;
+pub mod speak;
 mod state;
 pub mod value;
 pub mod wire;
@@ -46,7 +55,9 @@ pub use description::{Description, Protocol};
 pub use device::{Described, Place};
 pub use error::{DescriptionError, Problem};
 pub use framing::{Cutter, Frame, Frames};
+pub use lua::{LuaField, LuaPart, RUNTIME as LUA_RUNTIME};
 pub use message::Message;
+pub use parts::NumberPlace;
 pub use schema::json_schema;
 pub use schema::message::From;
 pub use value::{Record, Value};

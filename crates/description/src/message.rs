@@ -48,7 +48,7 @@ impl Message {
         &self.about
     }
 
-    /// Who sends it.
+    /// The end that sends it.
     pub const fn from(&self) -> From {
         self.from
     }
@@ -61,6 +61,14 @@ impl Message {
     pub(crate) fn fields(&self) -> &[Field] {
         match &self.layout {
             Layout::Fields(fields) | Layout::Text { fields, .. } => fields,
+        }
+    }
+
+    /// Its text with names of fields in braces, if it is a text.
+    pub fn text(&self) -> Option<String> {
+        match &self.layout {
+            Layout::Fields(_) => None,
+            Layout::Text { pieces, .. } => Some(pattern::source(pieces)),
         }
     }
 

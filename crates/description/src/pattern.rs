@@ -20,6 +20,8 @@ pub(crate) enum Piece {
 /// A field within a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Hole {
+    /// As the file has it.
+    source: String,
     pub(crate) name: String,
     pub(crate) form: Form,
     /// Characters at least, filled up with zeros or spaces.
@@ -133,6 +135,7 @@ impl Hole {
             return Err(wrong());
         }
         Ok(Self {
+            source: text.to_owned(),
             name,
             form,
             width,
@@ -211,6 +214,15 @@ impl Hole {
             }
         }
     }
+}
+
+/// The text with its fields in braces.
+pub(crate) fn source(pieces: &[Piece]) -> String {
+    let pieces = pieces.iter().map(|piece| match piece {
+        Piece::Words(words) => words.replace('{', "{{").replace('}', "}}"),
+        Piece::Hole(hole) => format!("{{{}}}", hole.source),
+    });
+    pieces.collect()
 }
 
 /// The values in `text` if it fits the pieces.

@@ -74,7 +74,7 @@ type Values<'a> = &'a dyn Fn(usize) -> Value;
 
 impl Cell {
     /// Its bytes, as on the wire.
-    fn bytes(&self, value: &Value) -> Vec<u8> {
+    pub(crate) fn bytes(&self, value: &Value) -> Vec<u8> {
         let raw = match (self.scale, value.as_f64()) {
             (Some([scale, offset]), Some(value)) => Value::Float((value - offset) / scale),
             _ => value.clone(),
@@ -95,7 +95,7 @@ impl Cell {
     }
 
     /// The value of its bytes.
-    fn value(&self, bytes: &[u8]) -> Value {
+    pub(crate) fn value(&self, bytes: &[u8]) -> Value {
         let raw = match self.kind {
             CellKind::Bit => return Value::Bool(bytes.first().is_some_and(|byte| *byte != 0)),
             CellKind::Number(number) => {

@@ -15,7 +15,7 @@ mod phases;
 pub(crate) mod plan;
 pub mod schema;
 mod source;
-mod span;
+
 pub mod tuning;
 mod unused;
 pub mod world;
@@ -27,6 +27,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use ::description::span::Span;
 pub use board::{RaisesSpec, ResetSpec};
 pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
 pub use condition::{
@@ -50,7 +51,6 @@ pub use own::{
 };
 pub use phases::{BudgetSpec, PhasesSpec};
 pub use source::{ScenarioError, Source};
-pub use span::Span;
 pub use tuning::TuningSpec;
 pub use world::WorldSpec;
 pub use world::{PillarSpec, StartSpec, WallSpec};

@@ -345,7 +345,7 @@ impl Compiler<'_> {
     }
 }
 
-/// Whether a field without a name is lost on whoever reads it.
+/// Whether the value of a field without a name would be lost.
 const fn is_nameless(field: &Field) -> bool {
     field.constant.is_none()
         && field.calc.is_none()

@@ -439,7 +439,7 @@ impl Compiler<'_> {
     }
 }
 
-/// What a table consists of, and who changes it if nothing is said.
+/// The cells of a table, and their access by default.
 #[derive(Clone, Copy)]
 enum Of {
     Bits(Access),

@@ -380,7 +380,7 @@ impl Doer<'_> {
                         None => Duration::ZERO,
                         Some(most) => most.mul_f64(self.device.dice.uniform()),
                     };
-                    // A late poll does not make up for what nobody received.
+                    // A late poll sends no messages of the past.
                     let next = Timer {
                         at: (timer.at + every.period).max(now),
                         ..timer.clone()

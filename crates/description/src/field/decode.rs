@@ -8,10 +8,29 @@ use crate::value::{Record, Value};
 
 /// The values of `bytes` if they are these fields, all of them and nothing else.
 pub(crate) fn decode(fields: &[Field], bytes: &[u8], scope: &dyn Scope) -> Option<Record> {
-    let mut reader = Reader { bytes, bit: 0 };
+    let mut reader = Reader::of(bytes);
     let mut record = Record::default();
     reader.fields(fields, &mut record, scope)?;
     (reader.bytes.is_empty() && reader.bit == 0).then_some(record)
+}
+
+/// A number within bytes.
+#[derive(Clone, Debug)]
+pub(crate) struct Place {
+    pub(crate) at: usize,
+    pub(crate) number: Number,
+    /// Least and greatest count, if the field has limits.
+    pub(crate) limits: Option<[f64; 2]>,
+}
+
+/// The places of the numbers in `bytes` if they are these fields; constants are left out.
+pub(crate) fn places(fields: &[Field], bytes: &[u8]) -> Vec<Place> {
+    let mut reader = Reader {
+        places: Some(Vec::new()),
+        ..Reader::of(bytes)
+    };
+    let read = reader.fields(fields, &mut Record::default(), &crate::expr::Nothing);
+    read.map_or_else(Vec::new, |()| reader.places.unwrap_or_default())
 }
 
 /// The value of a number of a register.
@@ -27,9 +46,22 @@ struct Reader<'a> {
     bytes: &'a [u8],
     /// Bits of the first byte that were read.
     bit: u8,
+    /// How many bytes there were.
+    len: usize,
+    /// Where numbers were read, if that is wanted.
+    places: Option<Vec<Place>>,
 }
 
 impl<'a> Reader<'a> {
+    const fn of(bytes: &'a [u8]) -> Self {
+        Self {
+            bytes,
+            bit: 0,
+            len: bytes.len(),
+            places: None,
+        }
+    }
+
     fn take(&mut self, len: usize) -> Option<&'a [u8]> {
         if self.bit != 0 {
             return None;
@@ -37,6 +69,17 @@ impl<'a> Reader<'a> {
         let (taken, rest) = self.bytes.split_at_checked(len)?;
         self.bytes = rest;
         Some(taken)
+    }
+
+    fn note(&mut self, field: &Field, number: Number) {
+        let at = self.len - self.bytes.len();
+        if let Some(places) = self.places.as_mut().filter(|_| field.constant.is_none()) {
+            let count = |value: f64| field.unscaled(Value::Float(value)).as_f64();
+            let limits = field
+                .limits
+                .and_then(|[least, most]| Some([count(least)?, count(most)?]));
+            places.push(Place { at, number, limits });
+        }
     }
 
     fn bits(&mut self, count: u8, is_low_first: bool) -> Option<u64> {
@@ -110,7 +153,10 @@ impl<'a> Reader<'a> {
     fn value(&mut self, field: &Field, scope: &dyn Scope) -> Option<Value> {
         let size = |reader: &Self, size: &Size| size.of(scope, reader.bytes.len());
         let value = match &field.kind {
-            Kind::Number(number) => number_value(*number, self.take(number.bytes.into())?),
+            Kind::Number(number) => {
+                self.note(field, *number);
+                number_value(*number, self.take(number.bytes.into())?)
+            }
             Kind::Bits { bits, is_low_first } => {
                 Value::Int(self.bits(*bits, *is_low_first)?.into())
             }

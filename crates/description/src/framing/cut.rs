@@ -28,7 +28,7 @@ impl Stuffing {
 
 impl Framing {
     /// The content of `frame`, a whole one.
-    pub(super) fn content<'a>(&self, frame: &'a [u8]) -> Result<Cow<'a, [u8]>, FrameError> {
+    pub(crate) fn content<'a>(&self, frame: &'a [u8]) -> Result<Cow<'a, [u8]>, FrameError> {
         let Cut::Marked {
             start,
             end,

@@ -214,7 +214,7 @@ impl Framing {
     }
 
     /// Least bytes of the content.
-    fn least(&self) -> usize {
+    pub(crate) fn least(&self) -> usize {
         let holes: usize = self.holes.iter().map(|(_, len)| len).sum();
         (holes + self.trailer).max(1)
     }

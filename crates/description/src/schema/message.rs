@@ -30,7 +30,7 @@ pub struct MessageSpec {
     pub fields: Vec<FieldSpec>,
 }
 
-/// Who sends a message.
+/// The end that sends a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum From {

@@ -167,7 +167,7 @@ pub struct RegisterSpec {
     /// Bytes of a `str`.
     #[serde(default)]
     pub size: Option<u16>,
-    /// Who changes it.
+    /// Whether the driver may write it.
     #[serde(default)]
     pub access: Option<Access>,
     /// Order of its bytes.
@@ -211,7 +211,7 @@ pub struct RegisterSpec {
     pub about: String,
 }
 
-/// Who may change a register.
+/// Access to a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Access {

@@ -1,0 +1,359 @@
+//! A device compared with its description: whatever the description says is asked, and the answers
+//! are held against those of the device that the description emulates.
+//!
+//! ```text
+//! description --> probes --+--> the device: answers, times
+//!                          +--> several emulated twins: what answers and times may be
+//! ```
+//!
+//! What differs between the twins, which have different seeds and started at different times, may
+//! differ in the device too: a measured value lies within their range, a constant one is the same.
+
+mod judge;
+mod probes;
+
+use core::fmt;
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::description::Description;
+use crate::device::{Described, Place};
+use crate::field;
+use crate::framing::Frame;
+use crate::number::Number;
+use crate::peer::{Emulated, Peer, Speaker};
+use crate::schema::message::From;
+use crate::speak::{self, Asks};
+use crate::value::{Record, Value};
+use judge::Samples;
+use probes::Probe;
+
+/// What is compared, and how strictly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Strictness {
+    /// Also requests that change the device's state are sent.
+    pub writes: bool,
+    /// Times that a device may be off by, besides a fifth of what is expected.
+    pub slack: Duration,
+}
+
+impl Strictness {
+    /// For a device in virtual time.
+    pub const EMULATED: Self = Self {
+        writes: true,
+        slack: Duration::from_micros(100),
+    };
+}
+
+/// Something that differs.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Difference {
+    /// What kind of difference.
+    pub kind: DifferenceKind,
+    /// The request, message, field or register.
+    pub place: String,
+    /// What the description says.
+    pub expected: String,
+    /// What the device does.
+    pub found: String,
+}
+
+/// Kinds of differences.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DifferenceKind {
+    /// A request is not answered.
+    NoReply,
+    /// A request is answered that is not to be.
+    UnexpectedReply,
+    /// A request is answered by another message.
+    OtherReply,
+    /// A request is refused that is to be answered, or the other way round, or for another reason.
+    Refusal,
+    /// A reply has another length.
+    Length,
+    /// Replies come earlier or later.
+    Latency,
+    /// Messages come more or less often by themselves.
+    Period,
+    /// The bytes of a number stand in another order.
+    ByteOrder,
+    /// A count is worth more or less.
+    Scale,
+    /// The sign of a number is read otherwise.
+    Sign,
+    /// A value differs.
+    Value,
+}
+
+impl DifferenceKind {
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoReply => "no-reply",
+            Self::UnexpectedReply => "unexpected-reply",
+            Self::OtherReply => "other-reply",
+            Self::Refusal => "refusal",
+            Self::Length => "length",
+            Self::Latency => "latency",
+            Self::Period => "period",
+            Self::ByteOrder => "byte-order",
+            Self::Scale => "scale",
+            Self::Sign => "sign",
+            Self::Value => "value",
+        }
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            kind,
+            place,
+            expected,
+            found,
+        } = self;
+        write!(f, "{}: {place}: {found}, expected {expected}", kind.name())
+    }
+}
+
+/// What a comparison came to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Conformity {
+    /// Requests that were sent.
+    pub requests: usize,
+    /// Replies that came.
+    pub replies: usize,
+    /// Median and 99th percentile of the time from a request to its reply.
+    pub latency: Option<[Duration; 2]>,
+    /// What differs.
+    pub differences: Vec<Difference>,
+    /// Requests that were left out because they change the device's state.
+    pub left_out: usize,
+}
+
+/// Twins with which a device is compared.
+const TWINS: u64 = 6;
+/// Times at which the twins started before the comparison, milliseconds: counters and waves differ
+/// then.
+const STARTED_MS: [u64; 6] = [0, 3_370, 17_910, 61_230, 301_570, 1_801_830];
+/// Steps of a twin before the comparison at most.
+const STEPS_MAX: u32 = 100_000;
+/// Bytes of a reply whose time is waited for in any case.
+const REPLY_BYTES: u64 = 64;
+
+/// A frame that answered a probe.
+#[derive(Clone, Debug)]
+struct Answer {
+    label: String,
+    is_refusal: bool,
+    latency: Duration,
+    len: usize,
+    fields: Vec<Seen>,
+}
+
+/// A value in an answer.
+#[derive(Clone, Debug)]
+struct Seen {
+    place: String,
+    value: Value,
+    raw: Option<Raw>,
+}
+
+/// The bytes of a number, and what a count is worth.
+#[derive(Clone, Debug, PartialEq)]
+struct Raw {
+    bytes: Vec<u8>,
+    number: Number,
+    scale: [f64; 2],
+}
+
+/// Compares the device `peer` with its description.
+///
+/// # Errors
+/// If the port is gone.
+pub fn conform(
+    description: &Arc<Description>,
+    peer: &mut dyn Peer,
+    strictness: Strictness,
+) -> Result<Conformity, String> {
+    let all = probes::of(description);
+    let (probes, left_out): (Vec<_>, Vec<_>) = all
+        .into_iter()
+        .partition(|probe| strictness.writes || !probe.changes);
+    let time = patience(description) + 4 * strictness.slack;
+    let mut twins = Vec::new();
+    for (seed, started_ms) in (1..=TWINS).zip(STARTED_MS) {
+        let mut twin = emulated(description, seed);
+        twin.pass(Duration::from_millis(started_ms), STEPS_MAX);
+        twins.push(ask(description, &mut twin, &probes, time)?);
+    }
+    let found = ask(description, peer, &probes, time)?;
+    let mut conformity = judge::judge(&probes, &twins, &found, strictness);
+    conformity.left_out = left_out.len();
+    Ok(conformity)
+}
+
+/// The device of a description, in virtual time.
+pub fn emulated(description: &Arc<Description>, seed: u64) -> Emulated {
+    let place = Place {
+        name: description.name.clone(),
+        seed,
+        address: None,
+        is_alone: true,
+    };
+    let device = Described::new(description.clone(), place);
+    Emulated::new(Box::new(device), Described::UART)
+}
+
+/// The time within which a reply begins and mostly ends.
+fn patience(of: &Description) -> Duration {
+    let jitter = |jitter: Option<Duration>| jitter.unwrap_or(Duration::ZERO);
+    let latencies = of.on.iter().map(|on| on.latency + jitter(on.jitter));
+    let longest = latencies.max().unwrap_or(Duration::ZERO);
+    let longest = longest
+        .max(of.latency + jitter(of.jitter))
+        .max(of.turnaround);
+    let busy = of
+        .on
+        .iter()
+        .filter_map(|on| on.busy)
+        .max()
+        .unwrap_or(Duration::ZERO);
+    let settled = (2 * longest).max(busy) + of.line.bytes_time(REPLY_BYTES);
+    settled + of.idle() + Duration::from_millis(5)
+}
+
+/// The answers of a device to each probe.
+fn ask(
+    of: &Description,
+    peer: &mut dyn Peer,
+    probes: &[Probe],
+    time: Duration,
+) -> Result<Vec<Vec<Answer>>, String> {
+    if let Some(boot) = of.boot {
+        let until = peer.now() + boot;
+        while peer.hear(until)?.is_some() {}
+    }
+    let mut speaker = Speaker::new(of);
+    let mut all = Vec::new();
+    for probe in probes {
+        let time = probe.listen.unwrap_or(time);
+        let heard = speaker.exchange(peer, &probe.bytes, time, &mut |_| false)?;
+        let answers = heard.frames.iter();
+        let answers = answers.filter_map(|(latency, frame)| answer(of, probe, *latency, frame));
+        all.push(answers.collect());
+    }
+    Ok(all)
+}
+
+/// What a frame is as an answer to a probe; `None` if it came by itself.
+fn answer(of: &Description, probe: &Probe, latency: Duration, frame: &Frame) -> Option<Answer> {
+    let body = of.body(frame)?;
+    let mut answer = Answer {
+        label: String::new(),
+        is_refusal: false,
+        latency,
+        len: body.len(),
+        fields: Vec::new(),
+    };
+    if of.protocol.is_some() {
+        let function = body.get(1).copied().unwrap_or(0);
+        answer.is_refusal = function & 0x80 != 0;
+        answer.label = match (answer.is_refusal, body.get(2)) {
+            (true, Some(code)) => format!("exception {code}"),
+            _ => format!("function {function}"),
+        };
+        if let Some(Asks::Modbus {
+            read: Some(read), ..
+        }) = probe.asks.as_ref()
+            && !answer.is_refusal
+            && let Some(bytes) = body.get(3..)
+        {
+            answer.fields = register_values(of, read, bytes);
+        }
+        return Some(answer);
+    }
+    let Some((message, record)) = of.message(frame, From::Device) else {
+        answer.label = "an unknown message".to_owned();
+        return Some(answer);
+    };
+    let index = of
+        .messages
+        .iter()
+        .position(|other| other.name == message.name)?;
+    let is_streamed = of
+        .every
+        .iter()
+        .any(|every| every.deed.send.contains(&index));
+    let is_asked = match &probe.asks {
+        Some(Asks::Messages(asked)) => asked.contains(&index),
+        _ => false,
+    };
+    if is_streamed && !is_asked && probe.listen.is_none() {
+        return None;
+    }
+    message.name().clone_into(&mut answer.label);
+    seen(
+        message.name(),
+        message.fields(),
+        &record,
+        &mut answer.fields,
+    );
+    Some(answer)
+}
+
+fn seen(outer: &str, fields: &[field::Field], record: &Record, out: &mut Vec<Seen>) {
+    for (name, value) in &record.0 {
+        let known = field::find(fields, name);
+        let place = format!("{outer}.{name}");
+        if let (
+            Value::Record(inner),
+            Some(field::Field {
+                kind: field::Kind::Group(fields),
+                ..
+            }),
+        ) = (value, known)
+        {
+            seen(&place, fields, inner, out);
+            continue;
+        }
+        let raw = known.and_then(|field| match field.kind {
+            field::Kind::Number(number) if field.repeat.is_none() => Some(Raw {
+                bytes: field::number_bytes(number, &field.unscaled(value.clone())).0,
+                number,
+                scale: field.scale.unwrap_or([1.0, 0.0]),
+            }),
+            _ => None,
+        });
+        let value = value.clone();
+        out.push(Seen { place, value, raw });
+    }
+}
+
+fn register_values(of: &Description, read: &speak::Read, bytes: &[u8]) -> Vec<Seen> {
+    let values = speak::values(of, read, bytes)
+        .into_iter()
+        .map(|(cell, value)| {
+            let raw = match cell.kind {
+                crate::registers::CellKind::Number(number) => Some(Raw {
+                    bytes: cell.bytes(&value),
+                    number,
+                    scale: cell.scale.unwrap_or([1.0, 0.0]),
+                }),
+                _ => None,
+            };
+            let place = of.variables[cell.variable].name.to_string();
+            Seen { place, value, raw }
+        });
+    values.collect()
+}
+
+/// Values of all answers by their places.
+fn samples<'a>(all: impl Iterator<Item = &'a Answer>) -> BTreeMap<&'a str, Samples<'a>> {
+    let mut samples: BTreeMap<&str, Samples<'_>> = BTreeMap::new();
+    for seen in all.flat_map(|answer| &answer.fields) {
+        samples.entry(&seen.place).or_default().add(seen);
+    }
+    samples
+}

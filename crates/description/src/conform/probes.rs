@@ -1,0 +1,251 @@
+//! What a device is asked: each request with usual values and with values at and beyond limits,
+//! damaged and unknown frames, addresses that it does not have.
+
+use core::time::Duration;
+
+use crate::behaviour::Trigger;
+use crate::description::Description;
+use crate::field::{self, Field};
+use crate::message::Message;
+use crate::registers::{Cell, CellKind};
+use crate::schema::message::From;
+use crate::speak::{self, Asks, Request};
+use crate::value::{Record, Value};
+
+/// Something that a device is asked.
+#[derive(Clone, Debug)]
+pub(super) struct Probe {
+    /// The request by its name, for reports.
+    pub(super) place: String,
+    pub(super) bytes: Vec<u8>,
+    pub(super) asks: Option<Asks>,
+    /// It may change what the device does.
+    pub(super) changes: bool,
+    /// For how long the device is listened to, if not for the time of a reply.
+    pub(super) listen: Option<Duration>,
+}
+
+/// How often each plain request is sent: latencies and measured values need several.
+const REPEATS: usize = 4;
+/// Examples of each message.
+const EXAMPLES: usize = 3;
+/// Longest time for which the device is listened to.
+const LISTEN_MAX: Duration = Duration::from_secs(10);
+
+pub(super) fn of(description: &Description) -> Vec<Probe> {
+    let mut probes = Vec::new();
+    if let Some(longest) = description.every.iter().map(|every| every.period).max() {
+        probes.push(Probe {
+            place: "what comes by itself".to_owned(),
+            bytes: Vec::new(),
+            asks: None,
+            changes: false,
+            listen: Some((4 * longest).min(LISTEN_MAX)),
+        });
+    }
+    if description.protocol.is_some() {
+        modbus(description, &mut probes);
+    } else {
+        messages(description, &mut probes);
+    }
+    damaged(description, &mut probes);
+    probes
+}
+
+impl Probe {
+    fn of(place: impl Into<String>, request: Request, changes: bool) -> Self {
+        Self {
+            place: place.into(),
+            bytes: request.bytes,
+            asks: Some(request.asks),
+            changes,
+            listen: None,
+        }
+    }
+}
+
+/// A small generator: the same probes on each run.
+fn dice(seed: u64) -> impl FnMut(u64) -> u64 {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    move |below| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        state % below.max(1)
+    }
+}
+
+fn messages(of: &Description, probes: &mut Vec<Probe>) {
+    for (index, message) in of.messages.iter().enumerate() {
+        if message.from == From::Device {
+            continue;
+        }
+        let changes = changes(of, index);
+        let mut dice = dice(index as u64 + 1);
+        let mut examples: Vec<Record> = Vec::new();
+        for _ in 0..EXAMPLES {
+            let example = message.example(&mut dice);
+            if !examples.contains(&example) {
+                examples.push(example);
+            }
+        }
+        let first = examples.first().cloned();
+        let repeats = first.iter().cycle().take(REPEATS - 1).cloned();
+        for values in examples.iter().cloned().chain(repeats) {
+            if let Ok(request) = of.request(message, &values) {
+                probes.push(Probe::of(message.name(), request, changes));
+            }
+        }
+        for values in first.iter().flat_map(|values| beyond(message, values)) {
+            if let Ok(request) = of.request(message, &values.1) {
+                let place = format!("{} with {} beyond its limits", message.name(), values.0);
+                probes.push(Probe::of(place, request, true));
+            }
+        }
+    }
+}
+
+/// Whether a message changes what the device does.
+fn changes(of: &Description, message: usize) -> bool {
+    let fits =
+        |trigger: Trigger| trigger == Trigger::Message(message) || trigger == Trigger::AnyMessage;
+    let on = of
+        .on
+        .iter()
+        .filter(|on| fits(on.trigger))
+        .any(|on| !on.deed.set.is_empty() || on.write.is_some() || on.restarts);
+    on || of
+        .after
+        .iter()
+        .any(|after| fits(after.trigger) && !after.deed.set.is_empty())
+}
+
+/// Values of which one is beyond the limits of its field, with the field's name.
+fn beyond(message: &Message, values: &Record) -> Vec<(String, Record)> {
+    let mut all = Vec::new();
+    for (name, _) in &values.0 {
+        let Some(field) = field::find(message.fields(), name) else {
+            continue;
+        };
+        let Some([least, most]) = field.limits else {
+            continue;
+        };
+        let step = step(field);
+        for value in [least - step, most + step] {
+            let mut other = values.clone();
+            other.set(name, Value::Float(value));
+            all.push((name.to_string(), other));
+        }
+    }
+    all
+}
+
+/// The least by which values of a field differ.
+fn step(field: &Field) -> f64 {
+    field.scale.map_or(1.0, |[scale, _]| scale.abs())
+}
+
+fn modbus(of: &Description, probes: &mut Vec<Probe>) {
+    for (name, function, table) in speak::tables(of) {
+        for cell in &table.cells {
+            let variable = &of.variables[cell.variable];
+            let [at, count] =
+                [cell.at, cell.len].map(|value| u16::try_from(value).unwrap_or(u16::MAX));
+            let place = format!("read {}", variable.name);
+            let read = || Probe::of(&place, speak::read(of, function, at, count), false);
+            probes.extend((0..REPEATS).map(|_| read()));
+            let mut write = |value: Value, place: String| {
+                let request = speak::write(of, function, cell, &value);
+                probes.push(Probe::of(place, request, true));
+                probes.push(Probe {
+                    changes: true,
+                    ..read()
+                });
+            };
+            if !cell.is_writable {
+                if function == 3 {
+                    write(value_of(cell, 0.5), format!("write {}", variable.name));
+                }
+                continue;
+            }
+            for share in [0.0, 1.0, 0.5] {
+                write(value_of(cell, share), format!("write {}", variable.name));
+            }
+            if let Some([least, most]) = cell.limits {
+                let step = cell.scale.map_or(1.0, |[scale, _]| scale.abs());
+                for value in [least - step, most + step] {
+                    let place = format!("write {} beyond its limits", variable.name);
+                    write(Value::Float(value), place);
+                }
+            }
+            // As it was.
+            write(variable.initial.clone(), format!("write {}", variable.name));
+        }
+        let end = table.cells.last().map_or(0, |cell| cell.at + cell.len);
+        if let Ok(end) = u16::try_from(end) {
+            let place = format!("read {name} {end}, behind the last one");
+            probes.push(Probe::of(place, speak::read(of, function, end, 1), false));
+        }
+        let place = format!("read {name} with a count of 0");
+        probes.push(Probe::of(place, speak::read(of, function, 0, 0), false));
+    }
+    let unknown = speak::raw(of, &[0x41], String::new(), None);
+    probes.push(Probe::of("function 65", unknown, false));
+}
+
+/// A value within the limits of a register.
+fn value_of(cell: &Cell, share: f64) -> Value {
+    match (cell.kind, cell.limits) {
+        (CellKind::Text(len), _) => Value::Text("x".repeat(len.min(4))),
+        (CellKind::Bit, _) => Value::Bool(share > 0.4),
+        (CellKind::Number(_), Some([least, most])) => {
+            let value = least + (most - least) * share;
+            Value::Float(match cell.scale {
+                // A whole count.
+                Some([scale, offset]) => ((value - offset) / scale).round() * scale + offset,
+                None => value.round(),
+            })
+        }
+        (CellKind::Number(number), None) => {
+            let bits = u64::from(number.bytes).min(2) * 7;
+            let [scale, offset] = cell.scale.unwrap_or([1.0, 0.0]);
+            #[expect(clippy::cast_precision_loss, reason = "14 bits")]
+            let most = (1_u64 << bits) as f64;
+            Value::Float((most * share).round() * scale + offset)
+        }
+    }
+}
+
+/// Frames that no sound driver sends.
+fn damaged(of: &Description, probes: &mut Vec<Probe>) {
+    let sound = probes
+        .iter()
+        .find(|probe| probe.listen.is_none() && !probe.changes);
+    let Some(sound) = sound.map(|probe| probe.bytes.clone()) else {
+        return;
+    };
+    let probe = |place: &str, bytes: Vec<u8>| Probe {
+        place: place.to_owned(),
+        bytes,
+        asks: None,
+        changes: false,
+        listen: None,
+    };
+    let mut spoiled = sound.clone();
+    of.frames.spoil(0, &mut spoiled);
+    if spoiled != sound {
+        probes.push(probe("a frame with a wrong checksum", spoiled));
+    }
+    if sound.len() > 2 {
+        probes.push(probe("half a frame", sound[..sound.len() / 2].to_vec()));
+    }
+    // It still answers after that.
+    probes.push(Probe {
+        place: "a request after a damaged frame".to_owned(),
+        asks: probes
+            .iter()
+            .find(|probe| probe.bytes == sound)
+            .and_then(|probe| probe.asks.clone()),
+        ..probe("", sound)
+    });
+}

@@ -1,0 +1,232 @@
+//! The other end of a line as a driver sees it, and exchanges with it.
+//!
+//! A [`Peer`] takes bytes and gives bytes with their times. [`Emulated`] is a device in virtual
+//! time; a real port is a peer too.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use emulators::device::{Device, next_poll};
+use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+use protocols::{Decode as _, Instant, LineConfig, Port};
+
+use crate::description::Description;
+use crate::framing::{Cutter, Frame};
+use crate::schema::message::From;
+
+/// What is at the other end of a line.
+pub trait Peer {
+    /// The present time.
+    fn now(&self) -> Instant;
+
+    /// Sends bytes; returns when the last one has left the line.
+    ///
+    /// # Errors
+    /// If the port is gone.
+    fn send(&mut self, bytes: &[u8]) -> Result<Instant, String>;
+
+    /// The next bytes and when the first one began; `None` if none come until `until`.
+    ///
+    /// # Errors
+    /// If the port is gone.
+    fn hear(&mut self, until: Instant) -> Result<Option<(Instant, Vec<u8>)>, String>;
+}
+
+/// A device in virtual time, at the far end of an ideal line.
+pub struct Emulated {
+    device: Box<dyn Device>,
+    port: Port,
+    line: LineConfig,
+    world: World,
+    now: Instant,
+    /// Until when the device is sending.
+    sending_until: Instant,
+    heard: VecDeque<(Instant, Vec<u8>)>,
+}
+
+impl Emulated {
+    /// The device behind `port`, in an empty world.
+    pub fn new(device: Box<dyn Device>, port: Port) -> Self {
+        let scene = Scene::new::<Shape>([], Vec::new()).expect("an empty scene is sound");
+        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
+        Self {
+            line: device.line_config(port),
+            device,
+            port,
+            world: world.expect("nothing is in the way"),
+            now: Instant::ZERO,
+            sending_until: Instant::ZERO,
+            heard: VecDeque::new(),
+        }
+    }
+
+    /// Lets time pass; what the device sends meanwhile is lost. Gives up after `polls` steps, so
+    /// that a device that streams does not take for ever.
+    pub fn pass(&mut self, time: Duration, polls: u32) {
+        let end = self.now + time;
+        for _ in 0..polls {
+            if self.now >= end {
+                break;
+            }
+            self.step(end);
+        }
+        self.heard.clear();
+    }
+
+    fn step(&mut self, end: Instant) {
+        self.now = next_poll(&*self.device, self.now, end);
+        self.device.poll(self.now, &mut self.world);
+        let mut buf = [0; 1_024];
+        let len = self.device.transmit(self.port, &mut buf);
+        if len > 0 {
+            let start = self.sending_until.max(self.now);
+            self.sending_until = start + self.line.bytes_time(len as u64);
+            self.heard.push_back((start, buf[..len].to_vec()));
+        }
+    }
+}
+
+impl Peer for Emulated {
+    fn now(&self) -> Instant {
+        self.now
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<Instant, String> {
+        let end = self.now + self.line.bytes_time(bytes.len() as u64);
+        while self.now < end {
+            self.step(end);
+        }
+        self.device.receive(self.port, end, bytes);
+        Ok(end)
+    }
+
+    fn hear(&mut self, until: Instant) -> Result<Option<(Instant, Vec<u8>)>, String> {
+        while self.heard.is_empty() && self.now < until {
+            self.step(until);
+        }
+        Ok(self.heard.pop_front())
+    }
+}
+
+/// Time for the end of a frame that began in time.
+const LATE_MAX: Duration = Duration::from_secs(3);
+
+/// What came after a request.
+#[derive(Clone, Debug, Default)]
+pub struct Heard {
+    /// Frames, each with the time from the end of the request to its first byte.
+    pub frames: Vec<(Duration, Frame)>,
+    /// Bytes of no frame.
+    pub stray: usize,
+}
+
+/// The driver's end of a line to a described device.
+pub struct Speaker<'a> {
+    description: &'a Description,
+    cutter: Cutter,
+    /// Silence that a device may need between frames.
+    gap: Duration,
+}
+
+impl<'a> Speaker<'a> {
+    /// A driver of the device.
+    pub fn new(description: &'a Description) -> Self {
+        let gap = match description.protocol {
+            Some(_) => description.idle(),
+            None if description.frames_of(From::Host).ends_with_silence() => description.idle(),
+            None => Duration::ZERO,
+        };
+        Self {
+            description,
+            cutter: description.cutter_of(From::Device),
+            gap,
+        }
+    }
+
+    /// Sends `bytes` and takes frames until `is_last` says so of one, or until `time` is over.
+    ///
+    /// # Errors
+    /// If the port is gone.
+    pub fn exchange(
+        &mut self,
+        peer: &mut dyn Peer,
+        bytes: &[u8],
+        time: Duration,
+        is_last: &mut dyn FnMut(&Frame) -> bool,
+    ) -> Result<Heard, String> {
+        let mut heard = Heard::default();
+        self.wait(peer, self.gap, &mut Heard::default())?;
+        let sent = match bytes {
+            [] => peer.now(),
+            bytes => peer.send(bytes)?,
+        };
+        let until = sent + time;
+        let idle = self.description.idle();
+        let mut began = None;
+        let stop_at = until + LATE_MAX;
+        loop {
+            // A pause within a frame ends it; a frame that has begun in time is heard to its end.
+            let stop = match self.cutter.pending() {
+                0 => until,
+                _ => stop_at.min(peer.now() + idle),
+            };
+            let Some((start, piece)) = peer.hear(stop)? else {
+                let is_over = peer.now() >= until;
+                if self.cutter.pending() > 0 {
+                    self.cutter.idle();
+                    self.take(&[], began.unwrap_or(sent), sent, &mut heard);
+                    began = None;
+                    if heard.frames.last().is_some_and(|(_, frame)| is_last(frame)) {
+                        return Ok(heard);
+                    }
+                }
+                if is_over {
+                    return Ok(heard);
+                }
+                continue;
+            };
+            let first = *began.get_or_insert(start);
+            let known = heard.frames.len();
+            self.take(&piece, first, sent, &mut heard);
+            if self.cutter.pending() == 0 {
+                began = None;
+            } else if heard.frames.len() > known {
+                began = Some(start);
+            }
+            let new = &heard.frames[known..];
+            if new.iter().any(|(_, frame)| is_last(frame)) {
+                return Ok(heard);
+            }
+        }
+    }
+
+    /// Lets time pass and takes what comes.
+    fn wait(
+        &mut self,
+        peer: &mut dyn Peer,
+        time: Duration,
+        heard: &mut Heard,
+    ) -> Result<(), String> {
+        let until = peer.now() + time;
+        while peer.now() < until {
+            if let Some((start, piece)) = peer.hear(until)? {
+                self.take(&piece, start, start, heard);
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, bytes: &[u8], began: Instant, sent: Instant, heard: &mut Heard) {
+        let before = self.cutter.discarded();
+        for frame in self.cutter.push(bytes).flatten() {
+            let latency = if began > sent {
+                began - sent
+            } else {
+                Duration::ZERO
+            };
+            heard.frames.push((latency, frame));
+        }
+        let lost = self.cutter.discarded() - before;
+        heard.stray += usize::try_from(lost).unwrap_or(usize::MAX);
+    }
+}

@@ -1,0 +1,224 @@
+//! Diagrams of frames and bodies: what stands where.
+
+use super::number_name;
+use super::render::{Block, Page};
+use crate::description::{Description, Protocol};
+use crate::field::{Field, Kind, Size};
+use crate::framing::{Check, Cut, Framing};
+use crate::schema::wire::Stuffing;
+
+/// A part of a frame: what it is, and how long.
+pub(super) type Part = (String, String);
+
+pub(super) fn frames(of: &Description, page: &mut Page) {
+    for framing in of.frames.0.iter() {
+        if of.frames.0.len() > 1 {
+            page.heading_below(&framing.name);
+        }
+        page.text(end_of(of, framing));
+        page.add(Block::Diagram(parts(framing)));
+        for check in &framing.checks {
+            page.text(checksum(check));
+        }
+        page.text(format!(
+            "A frame has {} bytes at most. A pause of {} discards a partial frame.",
+            framing.max,
+            crate::span::Span(framing.idle)
+        ));
+    }
+}
+
+pub(super) fn hex(bytes: &[u8]) -> String {
+    let pairs: Vec<_> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    pairs.join(" ")
+}
+
+fn end_of(of: &Description, framing: &Framing) -> String {
+    let digits = if framing.is_hex {
+        " Its bytes are written as two hexadecimal digits each."
+    } else {
+        ""
+    };
+    let text = match &framing.cut {
+        Cut::Marked {
+            start,
+            end,
+            stuffing,
+            ..
+        } => {
+            let coding = match stuffing {
+                Stuffing::None => String::new(),
+                Stuffing::Slip => ", with SLIP escapes".to_owned(),
+                Stuffing::Hdlc => ", with HDLC escapes".to_owned(),
+                Stuffing::Cobs => ", coded with COBS".to_owned(),
+            };
+            let begins = match start.is_empty() {
+                true => String::new(),
+                false => format!("begins with {} and ", hex(start)),
+            };
+            format!("A frame {begins}ends with {}{coding}.", hex(end))
+        }
+        Cut::Length(length) => {
+            let unit = match length.unit {
+                1 => String::new(),
+                unit => format!(" times {unit}"),
+            };
+            let base = match length.base {
+                0 => String::new(),
+                base => format!(" {} {}", if base < 0 { '-' } else { '+' }, base.abs()),
+            };
+            format!(
+                "The number at byte {} ({}) says how long a frame is: its value{unit}{base} bytes.",
+                length.at,
+                number_name(length.number)
+            )
+        }
+        Cut::Fixed(size) => format!("Every frame has {size} bytes."),
+        Cut::Sized { head, size } => format!(
+            "The first {head} bytes say how long a frame is: {} bytes.",
+            size.source()
+        ),
+        Cut::Table { at, sizes } => {
+            let known = sizes.iter().enumerate().filter(|(_, size)| **size > 0);
+            let known: Vec<_> = known
+                .map(|(byte, size)| format!("{byte:02X}: {size}"))
+                .collect();
+            format!(
+                "Byte {at} says how many bytes a frame has: {}.",
+                known.join(", ")
+            )
+        }
+        Cut::Silence { .. } => match of.protocol {
+            Some(Protocol::ModbusRtu) => "A silence of 3.5 characters ends a frame.".to_owned(),
+            _ => format!(
+                "A silence of {} ends a frame.",
+                crate::span::Span(framing.idle)
+            ),
+        },
+    };
+    text + digits
+}
+
+fn checksum(check: &Check) -> String {
+    let place = |at: i64| match at {
+        0 => "the first byte".to_owned(),
+        at if at < 0 => format!("{} bytes before the end", -at),
+        at => format!("byte {at}"),
+    };
+    let to = check
+        .to
+        .map_or_else(|| "the checksum itself".to_owned(), place);
+    let order = match (check.width, check.is_little) {
+        (1, _) => "",
+        (_, true) => ", low byte first",
+        (_, false) => ", high byte first",
+    };
+    let digits = if check.is_hex {
+        ", in hexadecimal digits"
+    } else {
+        ""
+    };
+    let extra = match &check.extra[..] {
+        [] => String::new(),
+        extra => format!(", followed by the bytes {} that are not sent", hex(extra)),
+    };
+    format!(
+        "Checksum: {}{order}{digits}, over the bytes from {} up to {to}{extra}.",
+        check.algorithm.name(),
+        place(check.from)
+    )
+}
+
+/// The parts of a frame in their order.
+fn parts(framing: &Framing) -> Vec<Part> {
+    let bytes = |len: usize| format!("{len}");
+    let mut parts: Vec<Part> = Vec::new();
+    if let Cut::Marked { start, .. } = &framing.cut
+        && !start.is_empty()
+    {
+        parts.push((hex(start), bytes(start.len())));
+    }
+    let mut at = 0;
+    for &(hole, len) in &framing.holes {
+        if hole > at {
+            parts.push(("body".to_owned(), bytes(hole - at)));
+        }
+        parts.push((hole_name(framing, hole, len), bytes(len)));
+        at = hole + len;
+    }
+    parts.push(("body".to_owned(), "n".to_owned()));
+    let mut trailer: Vec<&Check> = framing.checks.iter().filter(|check| check.at < 0).collect();
+    trailer.sort_by_key(|check| check.at);
+    for check in trailer {
+        parts.push((check.algorithm.name().to_owned(), bytes(check.len())));
+    }
+    let end = match &framing.cut {
+        Cut::Marked { end, .. } => end,
+        _ => &framing.end,
+    };
+    if !end.is_empty() {
+        parts.push((hex(end), bytes(end.len())));
+    }
+    parts
+}
+
+fn hole_name(framing: &Framing, hole: usize, len: usize) -> String {
+    if hole == 0 && len == framing.sync.len() && !framing.sync.is_empty() {
+        return hex(&framing.sync);
+    }
+    if let Cut::Length(length) = &framing.cut
+        && length.at == hole
+    {
+        return "length".to_owned();
+    }
+    let at = |check: &&Check| usize::try_from(check.at) == Ok(hole);
+    let check = framing.checks.iter().find(at);
+    check
+        .map_or("fixed", |check| check.algorithm.name())
+        .to_owned()
+}
+
+/// The parts of a body.
+pub(super) fn body(fields: &[Field]) -> Vec<Part> {
+    let parts = fields.iter().map(|field| {
+        let name = match (&field.constant, field.name.is_empty()) {
+            (Some(constant), true) => match constant.as_int() {
+                Some(int) => format!("{int:02X}"),
+                None => constant.to_string(),
+            },
+            (None, true) => "-".to_owned(),
+            (_, false) => field.name.to_string(),
+        };
+        let size = match bits(field) {
+            Some(bits) if bits % 8 == 0 => (bits / 8).to_string(),
+            Some(bits) => format!("{bits} bit"),
+            None => "n".to_owned(),
+        };
+        (name, size)
+    });
+    parts.collect()
+}
+
+/// Bits of a field, if it always has as many.
+pub(super) fn bits(field: &Field) -> Option<usize> {
+    let one = match &field.kind {
+        Kind::Number(number) => 8 * usize::from(number.bytes),
+        Kind::Bits { bits, .. } => usize::from(*bits),
+        Kind::Bcd(Size::Fixed(size))
+        | Kind::Decimal(Size::Fixed(size))
+        | Kind::Hex(Size::Fixed(size))
+        | Kind::Str(Size::Fixed(size))
+        | Kind::Bytes(Size::Fixed(size))
+        | Kind::Pad(Size::Fixed(size)) => 8 * size,
+        Kind::Group(fields) => fields.iter().map(bits).sum::<Option<usize>>()?,
+        _ => return None,
+    };
+    if field.condition.is_some() || field.is_optional {
+        return None;
+    }
+    match &field.repeat {
+        None => Some(one),
+        Some(Size::Fixed(count)) => Some(one * count),
+        Some(_) => None,
+    }
+}

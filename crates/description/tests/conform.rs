@@ -1,0 +1,162 @@
+//! A device compared with its description: an emulated device never differs from its own one, and
+//! each difference that is planted is named by its kind and its place.
+
+use std::sync::Arc;
+
+use description::conform::{Difference, Strictness, conform, emulated};
+use description::{Description, shipped};
+
+fn parse(text: &str) -> Arc<Description> {
+    let csv = |_: &str| Ok("t,u\n0,1\n1,2\n".to_owned());
+    Description::parse("device.toml", text, &csv).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The differences of the device `real` from the description `said`.
+fn differences(said: &str, real: &str) -> Vec<Difference> {
+    let mut device = emulated(&parse(real), 4_711);
+    let found = conform(&parse(said), &mut device, Strictness::EMULATED);
+    let found = found.expect("an emulated device has no port to lose");
+    found.differences
+}
+
+#[test]
+fn no_device_differs_from_its_own_description() {
+    for name in ["cobs-sensor", "gps", "modbus-meter"] {
+        let text = shipped::text(name).expect("shipped");
+        let found = differences(text, text);
+        assert_eq!(found, [], "{name}");
+    }
+}
+
+/// Changes of a description, each with the difference that it makes: kind and place.
+type Planted<'a> = (&'a str, &'a str, &'a str, &'a str);
+
+/// Plants each change into the device and looks for its difference, and that no other place is
+/// accused of the same kind without reason.
+fn all_are_named(name: &str, planted: &[Planted<'_>]) {
+    let text = shipped::text(name).expect("shipped");
+    for (from, to, kind, place) in planted {
+        let real = text.replacen(from, to, 1);
+        assert_ne!(real, text, "{from} is not in {name}");
+        let found = differences(text, &real);
+        let told: Vec<String> = found.iter().map(ToString::to_string).collect();
+        let is_named = found
+            .iter()
+            .any(|one| one.kind.name() == *kind && one.place.contains(place));
+        assert!(
+            is_named,
+            "{name} with {to}: {kind} of {place} is not among {told:#?}"
+        );
+    }
+}
+
+#[test]
+fn ten_planted_differences_of_a_modbus_device_are_named() {
+    all_are_named(
+        "modbus-meter",
+        &[
+            (
+                "latency = \"20ms\"",
+                "latency = \"45ms\"",
+                "latency",
+                "read voltage",
+            ),
+            ("scale = 0.001", "scale = 0.01", "scale", "power_factor"),
+            (
+                "name = \"voltage\", type = \"f32\"",
+                "name = \"voltage\", type = \"f32\", words = \"little\"",
+                "byte-order",
+                "voltage",
+            ),
+            (
+                "  { at = 7, name = \"frequency\"",
+                "  # { at = 7, name = \"frequency\"",
+                "refusal",
+                "read frequency",
+            ),
+            (
+                "limits = [100, 300] }",
+                "limits = [100, 250] }",
+                "refusal",
+                "write alarm_voltage",
+            ),
+            (
+                "initial = 20261127",
+                "initial = 20261128",
+                "value",
+                "serial_number",
+            ),
+            (
+                "[registers]\n",
+                "[registers]\ngaps = true\n",
+                "refusal",
+                "behind the last one",
+            ),
+            (
+                "name = \"frequency\", unit",
+                "name = \"frequency\", endian = \"little\", unit",
+                "byte-order",
+                "frequency",
+            ),
+            (
+                "{ at = 3, name = \"label\", type = \"str\", size = 8",
+                "{ at = 3, name = \"label\", type = \"str\", size = 6",
+                "refusal",
+                "read label",
+            ),
+            ("address = 1", "address = 2", "no-reply", "read voltage"),
+        ],
+    );
+}
+
+#[test]
+fn planted_differences_of_devices_with_messages_are_named() {
+    all_are_named(
+        "cobs-sensor",
+        &[
+            ("latency = \"2ms\"", "latency = \"4ms\"", "latency", "read"),
+            (
+                "mean = 21, amplitude = 2",
+                "mean = 210, amplitude = 20",
+                "scale",
+                "reading.temperature",
+            ),
+            (
+                "name = \"pressure\", type = \"f32\"",
+                "name = \"pressure\", type = \"f32be\"",
+                "byte-order",
+                "reading.pressure",
+            ),
+            (
+                "limits = [0, 100], unit",
+                "limits = [0, 50], unit",
+                "value",
+                "reading.heater",
+            ),
+            (
+                "checksum = \"CRC-16/IBM-3740\"",
+                "checksum = \"CRC-16/XMODEM\"",
+                "no-reply",
+                "read",
+            ),
+            (
+                "[[on]]\nmessage = \"heat\"",
+                "[[on]]\nmessage = \"heat\"\nwhen = \"percent < 50\"",
+                "no-reply",
+                "heat",
+            ),
+        ],
+    );
+    all_are_named(
+        "gps",
+        &[
+            ("period = \"1s\"", "period = \"2s\"", "period", "gga"),
+            (
+                "name = \"lat\", type = \"i32\", scale = 1e-7",
+                "name = \"lat\", type = \"i32\", scale = 1e-6",
+                "scale",
+                "posllh.lat",
+            ),
+        ],
+    );
+}
