@@ -44,9 +44,10 @@ pub(super) struct ImportArgs {
     /// Channel or analyzer to read; give it once for each [default: all that carry serial bytes]
     #[arg(long, value_name = "NAME")]
     channel: Vec<String>,
-    /// Data bits, parity and stop bits of a line that is read from its levels
-    #[arg(long, value_name = "CODING", default_value = "8N1", value_parser = coding)]
-    coding: LineConfig,
+    /// Data bits, parity and stop bits of a line that is read from its levels, e.g. 8E1 [default: by
+    /// its characters]
+    #[arg(long, value_name = "CODING", value_parser = coding)]
+    coding: Option<LineConfig>,
     /// Who sent what the tool received, or what socat marks with >
     #[arg(long, value_name = "SIDE", default_value = "device")]
     from: PlayedSide,

@@ -18,15 +18,22 @@ mod limited;
 mod owncsv;
 mod packet;
 mod packets;
+mod rate;
 mod raw;
 mod roles;
 mod saleae;
+mod saleaebin;
 mod samples;
 mod sigrok;
 mod socat;
 mod spy;
 mod srzip;
+mod strace;
+mod table;
 mod text;
+mod textlog;
+mod threshold;
+mod tlog;
 mod trace;
 mod uart;
 mod unpack;
@@ -53,6 +60,8 @@ pub enum Format {
     Spy,
     /// Hex text: pairs, digits, 0x.., \x.., with or without times and directions
     Hex,
+    /// Logs that show bytes in hex among words: libmodbus, pymodbus, ESPHome, Portmon and others
+    Log,
     /// Dumps with offsets: xxd, hexdump, od, tshark -x
     #[cfg_attr(feature = "clap", value(aliases = ["xxd", "od"]))]
     Hexdump,
@@ -71,6 +80,16 @@ pub enum Format {
     Samples,
     /// Saleae Logic, export of the serial analyzer or of Logic 2's table
     Saleae,
+    /// Binary export of Saleae's Logic 2 of one channel
+    SaleaeBinary,
+    /// Tables with columns of time, direction and bytes: CSV or JSON
+    Table,
+    /// Reads and writes of a port, as strace shows them
+    Strace,
+    /// Telemetry log of a MAVLink ground station
+    Tlog,
+    /// Text with a time before each line (Arduino IDE, tio -t, TeraTerm), PuTTY's log, script
+    Text,
     /// `hilrig export` to CSV
     Csv,
     /// The bytes alone: `tio --log-file` without -t, `socat -r`, a dump of a port
@@ -184,6 +203,34 @@ const FORMATS: &[Row] = &[
         samples::read,
     ),
     row(
+        Format::SaleaeBinary,
+        "saleae-binary",
+        "\"<SALEAE>\" at the beginning",
+        saleaebin::look,
+        saleaebin::read,
+    ),
+    row(
+        Format::Tlog,
+        "tlog",
+        "microseconds since 1970 before each MAVLink packet",
+        tlog::look,
+        tlog::read,
+    ),
+    row(
+        Format::Strace,
+        "strace",
+        "\"read(3, \"..\", N) = N\" and \"write(3, ..\"",
+        strace::look,
+        strace::read,
+    ),
+    row(
+        Format::Table,
+        "table",
+        "columns called data or bytes, and time or direction; or JSON with such keys",
+        table::look,
+        table::read,
+    ),
+    row(
         Format::Hexdump,
         "hexdump",
         "rows of an offset and bytes, as xxd, hexdump and od write",
@@ -196,6 +243,20 @@ const FORMATS: &[Row] = &[
         "nothing but hex digits, separators, times and directions",
         hextext::look,
         hextext::read,
+    ),
+    row(
+        Format::Log,
+        "log",
+        "lines with TX, RX, send, read, arrows or times before bytes in hex",
+        hextext::log::look,
+        hextext::log::read,
+    ),
+    row(
+        Format::Text,
+        "text",
+        "a time before each line of text, or PuTTY's head",
+        textlog::look,
+        textlog::read,
     ),
     row(Format::Raw, "raw", "--format raw", |_| None, raw::read),
 ];
@@ -293,7 +354,7 @@ pub fn open<'a>(bytes: &'a [u8], path: &Path) -> Result<Opened<'a>, ImportError>
     let bytes = unpack::unpack(bytes, &mut notes)?;
     let certain = Format::certain(&bytes);
     // Firmware images and logs of other buses are hex text as well.
-    if certain.is_none_or(|format| format == Format::Hex)
+    if certain.is_none_or(|format| matches!(format, Format::Hex | Format::Log))
         && let Some(message) = foreign::refusal(&bytes, path)
     {
         return Err(ImportError::of_file(message));

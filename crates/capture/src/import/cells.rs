@@ -19,6 +19,11 @@ impl CellRow<'_> {
 
 /// All rows that are not empty, cells without the spaces around them.
 pub(super) fn rows(bytes: &[u8]) -> impl Iterator<Item = CellRow<'_>> {
+    rows_of(bytes, ',')
+}
+
+/// The same with another divider.
+pub(super) fn rows_of(bytes: &[u8], divider: char) -> impl Iterator<Item = CellRow<'_>> {
     let mut lines = lines(bytes).filter(|line| !line.text.is_empty());
     core::iter::from_fn(move || {
         let first = lines.next()?;
@@ -29,20 +34,25 @@ pub(super) fn rows(bytes: &[u8]) -> impl Iterator<Item = CellRow<'_>> {
             text.push('\n');
             text.push_str(utf8(more.text));
         }
-        let cells = cells(&text);
+        let cells = cells_of(&text, divider);
         Some(CellRow { line: first, cells })
     })
 }
 
 /// The cells of a row.
 pub(super) fn cells(row: &str) -> Vec<String> {
+    cells_of(row, ',')
+}
+
+/// The same with another divider.
+pub(super) fn cells_of(row: &str, divider: char) -> Vec<String> {
     let (mut cells, mut cell, mut quoted) = (Vec::new(), String::new(), false);
     let mut chars = row.chars().peekable();
     while let Some(c) = chars.next() {
         match c {
             '"' if quoted && chars.next_if_eq(&'"').is_some() => cell.push('"'),
             '"' => quoted = !quoted,
-            ',' if !quoted => cells.push(core::mem::take(&mut cell)),
+            c if c == divider && !quoted => cells.push(core::mem::take(&mut cell)),
             c => cell.push(c),
         }
     }

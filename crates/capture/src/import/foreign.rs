@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::raw;
 use super::text::{lines, number, utf8};
+use super::{raw, textlog};
 
 /// A known kind of file.
 struct Foreign {
@@ -26,7 +26,7 @@ const fn foreign(is: fn(&[u8], &str) -> bool, message: &'static str) -> Foreign 
 
 const FOREIGN: &[Foreign] = &[
     foreign(
-        |bytes, extension| extension == "sal" || bytes.starts_with(b"<SALEAE>"),
+        |_, extension| extension == "sal",
         "this is a capture of Saleae Logic 2; in Logic 2 export the Async Serial analyzers \
          (Data > Export Table, hexadecimal) or the channels (File > Export Raw Data, CSV)",
     ),
@@ -60,6 +60,69 @@ const FOREIGN: &[Foreign] = &[
         },
         "this is a compressed waveform; convert it to VCD: fst2vcd FILE > FILE.vcd (or lxt2vcd, \
          vzt2vcd of GTKWave)",
+    ),
+    foreign(
+        |bytes, extension| {
+            bytes.starts_with(b"LOGG") || bytes.starts_with(b"MDF ") || extension == "blf"
+        },
+        "this is a log of Vector tools (.blf, .mf4); export the serial or LIN channel as text \
+         there; hilrig has no CAN",
+    ),
+    foreign(
+        |bytes, _| any_line(bytes, |line| line.starts_with(b";$FILEVERSION=")),
+        "this is a trace of a CAN bus (PCAN), which has frames and no serial bytes; hilrig has no \
+         CAN",
+    ),
+    foreign(
+        |_, extension| ["dmslog", "dmslog8", "spm", "spml", "logx"].contains(&extension),
+        "this is a session of a serial port monitor; export it there as text or CSV with bytes in \
+         hex, then import that file",
+    ),
+    foreign(
+        |_, extension| ["kvdat", "dwf3work", "dwf3logic", "la", "xlog"].contains(&extension),
+        "this is a session of a logic analyzer's program; export the channels there as VCD or CSV, \
+         then import that file",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(b"ULog\x01\x12\x35"),
+        "this is a flight log (ULog) with values and no bytes of a line",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(&[0xA3, 0x95, 0x80, 0x80]),
+        "this is a flight log (DataFlash) with values and no bytes of a line",
+    ),
+    foreign(
+        |bytes, _| bytes.starts_with(b"{\\rtf") || bytes.starts_with(b"\xD0\xCF\x11\xE0"),
+        "this is a document of an office program; save it as plain text or CSV, then import that",
+    ),
+    foreign(
+        |bytes, _| {
+            let text = utf8(&bytes[..bytes.len().min(1 << 16)]).trim_start();
+            text.starts_with("peers:") && text.contains("packets:")
+        },
+        "this is Wireshark's YAML of a conversation; choose Show as Hex Dump there and save that, \
+         or import the pcap file",
+    ),
+    foreign(
+        |bytes, _| {
+            let text = utf8(&bytes[..bytes.len().min(1 << 12)]);
+            text.contains("<pdml") || text.contains("<psml")
+        },
+        "this is Wireshark's XML; import the pcap file itself",
+    ),
+    foreign(
+        |bytes, _| any_line(bytes, |line| line.starts_with(b"Acquisition with ")),
+        "these are samples of sigrok-cli as text (-O bits, hex or ascii), eight of one channel a \
+         byte; write them with -O csv, -O vcd or -o FILE.sr, then import that",
+    ),
+    foreign(
+        |bytes, _| any_line(bytes, is_usbmon),
+        "this is usbmon's text, which shows 32 bytes of a transfer at most; record with tcpdump -i \
+         usbmon1 -w FILE.pcapng, then import that",
+    ),
+    foreign(
+        |bytes, _| is_base64(bytes),
+        "this looks like base64; decode it first: base64 -d FILE > bytes.bin, then --format raw",
     ),
     foreign(
         |bytes, _| bytes.starts_with(b"\xFD7zXZ\0"),
@@ -123,8 +186,9 @@ const FOREIGN: &[Foreign] = &[
         "socat -v writes text, which does not tell all bytes; record with socat -x -v",
     ),
     foreign(
-        |bytes, _| any_line(bytes, raw::is_stamped),
-        "tio wrote times between the bytes: log without -t and import that with --format raw",
+        |bytes, _| any_line(bytes, raw::is_stamped) && !textlog::is_text(bytes),
+        "tio wrote times between bytes that are no text: log without -t and import that with \
+         --format raw",
     ),
     foreign(
         |bytes, _| any_line(bytes, is_other_annotation),
@@ -229,8 +293,50 @@ fn is_other_annotation(text: &[u8]) -> bool {
     DECODERS.contains(&name) && number(number_of).is_some()
 }
 
-/// `(1436509052.249713) can0 123#DEADBEEF`.
+/// `ffff88003a2c3c00 1234567890 S Bo:1:005:2 -115 5 = ab240a00 d9`.
+fn is_usbmon(text: &[u8]) -> bool {
+    let words: Vec<&str> = utf8(text).split_ascii_whitespace().collect();
+    let [tag, time, event, address, ..] = words[..] else {
+        return false;
+    };
+    let is_tag = tag.len() >= 8 && tag.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let starts = ["Bo:", "Bi:", "Co:", "Ci:", "Io:", "Ii:"];
+    is_tag
+        && number(time).is_some()
+        && matches!(event, "S" | "C" | "E")
+        && starts.iter().any(|start| address.starts_with(start))
+}
+
+/// Lines of base64 that are no hex.
+fn is_base64(bytes: &[u8]) -> bool {
+    let text = utf8(bytes);
+    let full = || text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let digits = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'/' | b'=');
+    let is_long = full().next().is_some_and(|line| line.len() >= 16);
+    let is_mixed = text
+        .bytes()
+        .any(|byte| byte.is_ascii_lowercase() && byte > b'f')
+        && text.bytes().any(|byte| byte.is_ascii_uppercase())
+        && text.bytes().any(|byte| byte.is_ascii_digit());
+    let joined: usize = full().map(str::len).sum();
+    is_long && is_mixed && joined.is_multiple_of(4) && full().all(|line| line.bytes().all(digits))
+}
+
+/// `(1436509052.249713) can0 123#DEADBEEF`, or ` can0  123   [2]  DE AD`.
 fn is_candump(text: &[u8]) -> bool {
+    let all: Vec<&str> = utf8(text).split_ascii_whitespace().collect();
+    let all = match all[..] {
+        [time, ref rest @ ..] if time.starts_with('(') && rest.len() > 2 => rest,
+        ref all => all,
+    };
+    if let [bus, id, len, ..] = *all
+        && bus.contains("can")
+        && u32::from_str_radix(id, 16).is_ok()
+        && len.starts_with('[')
+        && len.ends_with(']')
+    {
+        return true;
+    }
     let mut words = utf8(text).split_ascii_whitespace();
     let (Some(time), Some(_), Some(frame), None) =
         (words.next(), words.next(), words.next(), words.next())
@@ -280,11 +386,23 @@ mod tests {
                 "a",
                 "-x -v",
             ),
-            (b"[08:00:04.460] ab\n", "a", "without -t"),
+            (b"[08:00:04.460] \xFA\n", "a", "without -t"),
+            (b"  can0  123   [2]  DE AD\n", "a.log", "CAN"),
+            (b"qyQKANkrJAoA2asq\n", "a.txt", "base64 -d"),
+            (
+                b"ffff88003a2c3c00 1234567890 S Bo:1:005:2 -115 5 = ab240a00 d9\n",
+                "a.txt",
+                "tcpdump -i usbmon1",
+            ),
+            (
+                b"libsigrok 0.5.2\nAcquisition with 1/1 channels at 1 MHz\n0:ff ff 0f\n",
+                "a.txt",
+                "-O csv",
+            ),
             (b"<!DOCTYPE html>\n", "a", "web page"),
         ] {
             let said = of(bytes, name);
-            assert!(said.contains(step), "{name}: {said}");
+            assert!(said.contains(step), "{name} {bytes:?}: {said}");
         }
         assert_eq!(of(b"$GPGGA,1,2\r\n", "a.nmea"), "");
         assert_eq!(of(b"note: some text\n", "a.txt"), "");

@@ -5,6 +5,7 @@
 //! 00000000  ab 24 0a 00 d9 ab 24 0a  |.$....$.|    hexdump -C, od -A x -t x1z
 //! 0000000 24ab 000a abd9 0a24                      hexdump, od -x: words, low byte first
 //! 0000000 022253 000012 125731 005044              od: octal words
+//! 0x3ffb4280   ab 24 0a 00 d9   |.$...|            addresses of a memory, gdb's too
 //! *                                                the row before again, up to the next offset
 //! 0000010                                          the end
 //! ```
@@ -12,51 +13,64 @@
 //! What the cells mean is not guessed from one row: of all layouts that these tools have, the first
 //! is taken in which every offset follows from the bytes before it, and the text beside the bytes,
 //! if there is any, says the same.
+//!
+//! Lines of other words are heads: each begins a message, whose time and direction they may tell.
+//! Rows that are indented among others that are not are the other direction, as Wireshark shows a
+//! conversation. Rulers of columns say nothing; a prompt at an end of the file is left out.
 
 mod layout;
+mod lines;
 
 use super::Look;
+use super::hextext::{Message, emit, log};
 use super::imported::{ImportError, Imported, Options, Untimed};
-use super::text::{Line, lines, utf8};
-use layout::{Layout, Shape, layouts};
-
-/// A line of a dump.
-#[derive(Clone, Copy, Debug)]
-enum Row<'a> {
-    /// The row before, again and again.
-    Again,
-    /// An offset, and the rest of the line; nothing in it at the end.
-    At(&'a str, &'a str),
-}
+use super::text::Line;
+use layout::{Layout, Shape, layouts, same};
+use lines::{Row, rows};
 
 /// Most bytes of a dump.
 const BYTES_MAX: usize = 64 << 20;
 
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
-    let rows = rows(bytes).ok()?;
-    // A row alone or rows of few figures prove nothing: a device may send such lines.
-    let is_long = |row: &Row<'_>| match row {
-        Row::At(_, rest) => rest.split_ascii_whitespace().count() >= CELLS_MIN,
-        Row::Again => false,
+    let mut notes = Vec::new();
+    let rows = rows(bytes, &mut notes).ok()?;
+    let data = || {
+        rows.iter().filter_map(|(_, row)| match row {
+            Row::At { offset, rest, .. } => Some((offset, rest)),
+            _ => None,
+        })
     };
-    let first = rows.first().map(|(_, row)| row)?;
-    let is_marked = has_mark(first) || (rows.len() > 1 && is_long(first));
-    let has_data = rows
+    // A row alone or rows of few figures prove nothing: a device may send such lines.
+    let is_long = |rest: &str| rest.split_ascii_whitespace().count() >= CELLS_MIN;
+    let (offset, rest) = data().next()?;
+    let has_mark = offset.ends_with(':') || rest.ends_with('|');
+    let is_marked = has_mark || (data().count() > 1 && is_long(rest));
+    let has_data = data().any(|(_, rest)| !rest.is_empty());
+    let heads = rows
         .iter()
-        .any(|(_, row)| matches!(row, Row::At(_, rest) if !rest.is_empty()));
-    (has_data && is_marked && chunks(&rows).is_ok()).then_some(Look::Surely)
+        .filter(|(_, row)| matches!(row, Row::Head(_)))
+        .count();
+    let is_dump = heads <= data().count() && (heads == 0 || is_long(rest));
+    (is_dump && has_data && is_marked && chunks(&rows).is_ok()).then_some(Look::Surely)
 }
 
 /// Cells of a first row from which on several rows are believed.
 const CELLS_MIN: usize = 4;
 
-/// Whether a row has what only a tool writes: a colon behind the offset, or text in bars.
-fn has_mark(row: &Row<'_>) -> bool {
-    matches!(row, Row::At(offset, rest) if offset.ends_with(':') || rest.ends_with('|'))
+/// Bytes that came together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Chunk {
+    bytes: Vec<u8>,
+    /// Which row is its head.
+    head: Option<usize>,
+    /// Which row it begins with.
+    first: usize,
+    is_indented: bool,
 }
 
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
-    let rows = rows(bytes)?;
+    let rows = rows(bytes, &mut out.notes)?;
+    refuse_headers(&rows)?;
     let (layout, first, chunks) = chunks(&rows)?;
     if layout.is_swapped() {
         out.note(
@@ -69,53 +83,78 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             "the dump begins at offset {first}: what was before it is missing"
         ));
     }
-    let mut times = Untimed::new(options, out);
-    let is_one = chunks.len() == 1;
-    for chunk in chunks {
-        if is_one {
-            times.stream(options.direction, &chunk, out);
-        } else {
-            times.push(options.direction, &chunk, out);
-            times.pause();
+    if let [chunk] = &chunks[..] {
+        let prefix = prefix(chunk, &rows);
+        if prefix.at.is_none() && prefix.is_sent.is_none() {
+            Untimed::new(options, out).stream(options.direction, &chunk.bytes, out);
+            return Ok(());
+        }
+    }
+    emit(messages(chunks, &rows, out), options, out)
+}
+
+/// Dumps of whole packets are no bytes of a line.
+fn refuse_headers(rows: &[(Line<'_>, Row)]) -> Result<(), ImportError> {
+    const WORDS: [&str; 7] = [
+        " IP ", " IP6 ", " TCP ", " UDP ", "Ethernet", "URB_", "Frame (",
+    ];
+    for (line, row) in rows {
+        if let Row::Head(text) = row
+            && WORDS.iter().any(|word| text.contains(word))
+        {
+            return Err(line.wrong(
+                "these are packets with their headers, not the bytes of a line: import the pcap \
+                 file itself, or export the payload with tshark -T fields -e data.data",
+            ));
         }
     }
     Ok(())
 }
 
-fn rows(bytes: &[u8]) -> Result<Vec<(Line<'_>, Row<'_>)>, ImportError> {
-    let full = lines(bytes).filter(|line| !line.text.trim_ascii().is_empty());
-    full.map(|line| {
-        let row = row(utf8(line.text));
-        let wrong = || line.wrong("expected an offset and bytes, as xxd, hexdump and od write");
-        Ok((line, row.ok_or_else(wrong)?))
-    })
-    .collect()
+/// Time and direction of a chunk by its head, or by what stands before its first row.
+fn prefix(chunk: &Chunk, rows: &[(Line<'_>, Row)]) -> log::Stamp {
+    let head = chunk.head.and_then(|head| rows.get(head));
+    let own = rows.get(chunk.first);
+    let text = [head, own]
+        .into_iter()
+        .flatten()
+        .find_map(|(_, row)| match row {
+            Row::Head(text) => Some(text),
+            Row::At { before, .. } if !before.is_empty() => Some(before),
+            _ => None,
+        });
+    text.map_or_else(log::Stamp::default, |text| log::stamp(text))
 }
 
-fn row(text: &str) -> Option<Row<'_>> {
-    let text = text.trim_start();
-    if text.trim_end() == "*" {
-        return Some(Row::Again);
+fn messages<'a>(
+    chunks: Vec<Chunk>,
+    rows: &[(Line<'a>, Row)],
+    out: &mut Imported,
+) -> Vec<Message<'a>> {
+    let has_lanes = chunks.iter().any(|chunk| chunk.is_indented)
+        && chunks.iter().any(|chunk| !chunk.is_indented);
+    if has_lanes {
+        out.note("indented rows are taken as from the device, the others as to it");
     }
-    let end = text.find([' ', '\t']).unwrap_or(text.len());
-    let (offset, rest) = text.split_at(end);
-    let digits = offset.strip_suffix(':').unwrap_or(offset);
-    let is_offset =
-        (4..=16).contains(&digits.len()) && digits.bytes().all(|byte| byte.is_ascii_hexdigit());
-    let rest = if rest.trim().is_empty() { "" } else { rest };
-    is_offset.then_some(Row::At(offset, rest))
+    let message = |chunk: Chunk| {
+        let prefix = prefix(&chunk, rows);
+        let lane = has_lanes.then_some(!chunk.is_indented);
+        let line = rows[chunk.head.unwrap_or(chunk.first)].0;
+        Message::new(line, prefix.at, lane.or(prefix.is_sent), chunk.bytes)
+    };
+    chunks.into_iter().map(message).collect()
 }
 
 /// A layout, the offset of the first byte, and the bytes.
-type Fit = (Layout, usize, Vec<Vec<u8>>);
+type Fit = (Layout, usize, Vec<Chunk>);
 
 /// The bytes by the first layout in which all rows fit; a dump may begin anew at offset 0, as one
 /// of packets does.
-fn chunks(rows: &[(Line<'_>, Row<'_>)]) -> Result<Fit, ImportError> {
+fn chunks(rows: &[(Line<'_>, Row)]) -> Result<Fit, ImportError> {
     let offsets = || {
         rows.iter().filter_map(|(_, row)| match row {
-            Row::At(offset, _) => Some(*offset),
-            Row::Again => None,
+            Row::At { offset, .. } => Some(offset.as_str()),
+            _ => None,
         })
     };
     let shape = Shape {
@@ -148,12 +187,12 @@ fn chunks(rows: &[(Line<'_>, Row<'_>)]) -> Result<Fit, ImportError> {
 fn decided(
     mut fits: Vec<Fit>,
     digits: usize,
-    rows: &[(Line<'_>, Row<'_>)],
+    rows: &[(Line<'_>, Row)],
 ) -> Result<Fit, ImportError> {
     let is_same = fits.iter().all(|fit| fit.2 == fits[0].2);
     if !is_same && digits == 7 && fits[0].0.is_of_hexdump() {
         let mut data = rows.iter().filter_map(|(line, row)| match row {
-            Row::At(_, rest) if !rest.is_empty() => Some((line, rest)),
+            Row::At { rest, .. } if !rest.is_empty() => Some((line, rest)),
             _ => None,
         });
         let cells = |rest: &str| rest.split_ascii_whitespace().count();
@@ -177,62 +216,104 @@ fn decided(
     fit.ok_or_else(|| ImportError::of_file("expected rows of an offset and bytes"))
 }
 
+/// Where the rows of one indentation are.
+#[derive(Default)]
+struct Lane {
+    /// The offset behind the last row, if one was read.
+    reached: Option<usize>,
+    last_row: Vec<u8>,
+    repeats: bool,
+}
+
 /// The bytes by one layout.
 fn with(
     layout: Layout,
     shape: Shape,
-    rows: &[(Line<'_>, Row<'_>)],
-) -> Result<(usize, Vec<Vec<u8>>), ImportError> {
-    let mut chunks: Vec<Vec<u8>> = Vec::new();
-    let (mut first, mut base, mut last_row) = (None, 0, Vec::new());
-    let mut repeats = false;
+    rows: &[(Line<'_>, Row)],
+) -> Result<(usize, Vec<Chunk>), ImportError> {
+    let mut chunks: Vec<Chunk> = Vec::new();
+    let mut lanes = [Lane::default(), Lane::default()];
+    let (mut first, mut head, mut is_open, mut last) = (None, None, false, 0);
     for (index, (line, row)) in rows.iter().enumerate() {
-        let Row::At(offset, rest) = *row else {
-            repeats = true;
-            continue;
+        let (offset, rest, is_indented) = match row {
+            Row::Head(_) => {
+                (head, is_open) = (Some(index), false);
+                continue;
+            }
+            Row::Again => {
+                lanes[last].repeats = true;
+                continue;
+            }
+            Row::Same(text) => {
+                if !same(text, &lanes[last].last_row, shape) {
+                    return Err(line.wrong("expected the bytes of the row before in another form"));
+                }
+                continue;
+            }
+            Row::At {
+                offset,
+                rest,
+                is_indented,
+                ..
+            } => (offset, rest, *is_indented),
         };
         let offset = layout.offset(offset).ok_or_else(|| {
             line.wrong(format!("expected {} as the offset", layout.offset_name()))
         })?;
         first = first.or(Some(offset));
-        let is_new = chunks.is_empty() || (offset == 0 && !rest.is_empty());
-        if is_new {
-            (base, repeats) = (offset, false);
-            chunks.push(Vec::new());
+        let lane = usize::from(is_indented);
+        let is_anew = offset == 0 && !rest.is_empty() && !lanes[lane].repeats;
+        let own = &mut lanes[lane];
+        if is_anew || own.reached.is_none() {
+            own.reached = Some(offset);
+            own.repeats = false;
         }
+        if is_anew || !is_open || lane != last {
+            chunks.push(Chunk {
+                head: head.take(),
+                first: index,
+                is_indented,
+                ..Chunk::default()
+            });
+        }
+        (is_open, last) = (true, lane);
         let chunk = chunks.last_mut().expect("one was begun");
-        if repeats {
-            fill(chunk, base, offset, &last_row).map_err(|message| line.wrong(message))?;
-            repeats = false;
-        }
-        let reached = base + chunk.len();
-        if offset != reached {
+        let reached = own.reached.unwrap_or(offset);
+        if own.repeats {
+            own.repeats = false;
+            let missing = fill(&mut chunk.bytes, reached, offset, &own.last_row);
+            missing.map_err(|message| line.wrong(message))?;
+        } else if offset != reached {
             return Err(line.wrong(format!(
                 "the offset is {offset:#x}, the bytes before it end at {reached:#x}: rows are \
                  missing or damaged"
             )));
         }
+        own.reached = Some(offset);
         if rest.is_empty() {
             continue;
         }
-        let next = match rows.get(index + 1) {
-            Some((_, Row::At(next, _))) => layout.offset(next),
-            _ => None,
-        };
+        let next = rows[index + 1..].iter().find_map(|(_, row)| match row {
+            Row::Same(_) => None,
+            Row::At { offset, .. } => Some(layout.offset(offset)),
+            _ => Some(None),
+        });
         let len = next
+            .flatten()
             .and_then(|next| next.checked_sub(offset))
             .filter(|&len| len > 0);
-        last_row = layout
-            .row(rest, len, shape)
-            .map_err(|message| line.wrong(message))?;
-        chunk.extend_from_slice(&last_row);
+        let row = layout.row(rest, len, shape);
+        own.last_row = row.map_err(|message| line.wrong(message))?;
+        own.reached = Some(offset + own.last_row.len());
+        chunk.bytes.extend_from_slice(&own.last_row);
     }
+    chunks.retain(|chunk| !chunk.bytes.is_empty());
     Ok((first.unwrap_or(0), chunks))
 }
 
 /// Repeats the last row up to `offset`.
-fn fill(chunk: &mut Vec<u8>, base: usize, offset: usize, row: &[u8]) -> Result<(), String> {
-    let missing = offset.checked_sub(base + chunk.len());
+fn fill(chunk: &mut Vec<u8>, reached: usize, offset: usize, row: &[u8]) -> Result<(), String> {
+    let missing = offset.checked_sub(reached);
     let missing = missing.filter(|missing| {
         !row.is_empty() && missing.is_multiple_of(row.len()) && *missing <= BYTES_MAX
     });

@@ -11,6 +11,8 @@
 //! A line that begins with a time or a direction begins a message; lines without either go on with
 //! it. In a file that has neither, each line is a message, unless the lines are only wrapped.
 
+mod base;
+pub(super) mod log;
 mod prefix;
 mod tokens;
 
@@ -18,15 +20,78 @@ use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::{Line, lines, utf8};
 use super::{LOCAL, Look};
 use crate::Kind;
-use prefix::{Clock, Prefix};
+pub(super) use base::{Base, of as base_of};
+use prefix::Prefix;
+pub(super) use prefix::{Clock, split as split_prefix};
 use tokens::Found;
+pub(super) use tokens::escape;
 
 /// A message of the file.
-struct Message<'a> {
+pub(super) struct Message<'a> {
     line: Line<'a>,
     at: Option<(u64, Clock)>,
     is_sent: Option<bool>,
+    is_arrow: bool,
     bytes: Vec<u8>,
+}
+
+impl<'a> Message<'a> {
+    pub(super) const fn new(
+        line: Line<'a>,
+        at: Option<(u64, Clock)>,
+        is_sent: Option<bool>,
+        bytes: Vec<u8>,
+    ) -> Self {
+        Self {
+            line,
+            at,
+            is_sent,
+            is_arrow: false,
+            bytes,
+        }
+    }
+}
+
+/// The bytes that a text spells in a base.
+pub(super) fn bytes_of(text: &str, base: Base) -> Result<Vec<u8>, String> {
+    tokens::read(text, base).map(|found| found.bytes)
+}
+
+/// Whether words say that the host sent something.
+pub(super) fn is_sent(words: &str) -> Option<bool> {
+    log::stamp(&format!("{words} ")).is_sent
+}
+
+/// Records of messages that a reader of another form found.
+///
+/// # Errors
+/// If some have a time or a direction, and others none.
+pub(super) fn emit(
+    messages: Vec<Message<'_>>,
+    options: &Options,
+    out: &mut Imported,
+) -> Result<(), ImportError> {
+    let whole = Whole {
+        messages,
+        has_marks: true,
+        ..Whole::default()
+    };
+    let has_directions = whole.messages.iter().any(|one| one.is_sent.is_some());
+    let lost = whole.messages.iter().find(|one| one.is_sent.is_none());
+    if let Some(lost) = lost.filter(|_| has_directions) {
+        return Err(lost.line.wrong(
+            "these bytes have no direction, others have one: expected TX, RX, send, read or an \
+             arrow before them",
+        ));
+    }
+    say_doubts(&whole, out);
+    match whole.messages.iter().any(|one| one.at.is_some()) {
+        true => timed(&whole, options, out),
+        false => {
+            untimed(&whole, options, out);
+            Ok(())
+        }
+    }
 }
 
 /// All that a file says.
@@ -38,6 +103,9 @@ struct Whole<'a> {
     /// Groups of more than two digits.
     groups: usize,
     has_marks: bool,
+    base: Base,
+    /// Whether all directions were arrows that mean nothing.
+    had_arrows: bool,
 }
 
 /// Bytes without a letter among their digits from which on chance no longer explains it: a tenth
@@ -53,6 +121,10 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     // One unreadable line among many is an error of that line, and not another form.
     if count == 0 || bad.len() * 10 > whole.messages.len() {
         return None;
+    }
+    if matches!(whole.base, Base::Decimal | Base::Octal) {
+        let is_list = bytes.trim_ascii_start().starts_with(b"[");
+        return Some(if is_list { Look::Surely } else { Look::Perhaps });
     }
     let is_marked = whole.has_marks || whole.evident * 8 >= count;
     match count {
@@ -85,8 +157,20 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
 }
 
 fn say_doubts(whole: &Whole<'_>, out: &mut Imported) {
-    if whole.evident == 0 && !whole.has_marks {
-        out.note("no digit is a letter: the digits are taken as hex");
+    match whole.base {
+        Base::Hex if whole.evident == 0 && !whole.has_marks => {
+            out.note("no digit is a letter: the digits are taken as hex");
+        }
+        Base::Hex => {}
+        Base::Loose => out.note("hex without leading zeros: each number is taken as a byte"),
+        Base::Decimal => out.note("the numbers are taken as decimal: none has a letter or a 0x"),
+        Base::Octal => out.note("the numbers are taken as octal: three digits each, as od -b"),
+    }
+    if whole.had_arrows {
+        out.note(
+            "the arrow behind the times is taken as the Arduino IDE's and PlatformIO's: all was \
+             received; --from host if it was sent",
+        );
     }
     if whole.groups > 0 {
         out.note(
@@ -168,18 +252,25 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
     let mut open: Option<Prefix> = None;
     let mut is_comment = false;
     let has_array = is_array(bytes);
-    for line in lines(bytes) {
-        let text = tokens::without_comments(utf8(line.text), &mut is_comment);
-        let text = if has_array {
-            tokens::inside_braces(&text)
-        } else {
-            text
-        };
-        if text.trim().is_empty() {
-            continue;
-        }
-        let (prefix, body) = prefix::split(&text);
-        let found = match tokens::read(body) {
+    let texts: Vec<(Line<'_>, String)> = lines(bytes)
+        .map(|line| {
+            let text = tokens::without_comments(utf8(line.text), &mut is_comment);
+            let text = match has_array {
+                true => tokens::inside_braces(&text),
+                false => text,
+            };
+            (line, text)
+        })
+        .filter(|(_, text)| !text.trim().is_empty())
+        .collect();
+    match base::of(texts.iter().map(|(_, text)| prefix::split(text).1)) {
+        Ok(base) => whole.base = base,
+        Err(message) => bad.extend(texts.first().map(|(line, _)| line.wrong(message))),
+    }
+    for (line, text) in &texts {
+        let (line, base) = (*line, whole.base);
+        let (prefix, body) = prefix::split(text);
+        let found = match tokens::read(body, base) {
             Ok(found) => found,
             Err(message) => {
                 bad.push(line.wrong(message));
@@ -189,6 +280,7 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
         whole.take(line, prefix, &mut open, found);
     }
     whole.messages.retain(|one| !one.bytes.is_empty());
+    whole.drop_arrows();
     (whole, bad)
 }
 
@@ -199,6 +291,16 @@ fn is_array(bytes: &[u8]) -> bool {
 }
 
 impl<'a> Whole<'a> {
+    /// Arrows to the right alone are no directions.
+    fn drop_arrows(&mut self) {
+        let told = || self.messages.iter().filter(|one| one.is_sent.is_some());
+        if told().count() == 0 || !told().all(|one| one.is_arrow) {
+            return;
+        }
+        self.had_arrows = true;
+        self.messages.iter_mut().for_each(|one| one.is_sent = None);
+    }
+
     fn take(&mut self, line: Line<'a>, prefix: Prefix, open: &mut Option<Prefix>, found: Found) {
         self.evident += found.evident;
         self.groups += found.groups;
@@ -220,6 +322,7 @@ impl<'a> Whole<'a> {
                     line,
                     at: head.at,
                     is_sent: head.is_sent,
+                    is_arrow: head.is_arrow,
                     bytes: found.bytes,
                 });
             }

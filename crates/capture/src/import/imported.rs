@@ -20,8 +20,8 @@ pub struct Options {
     pub direction: Direction,
     /// Channels or analyzers to read; all that carry serial bytes if empty.
     pub channels: Vec<String>,
-    /// Data bits, parity and stop bits of levels; the rate in it is not used.
-    pub coding: LineConfig,
+    /// Data bits, parity and stop bits of levels, if known; the rate in it is not used.
+    pub coding: Option<LineConfig>,
 }
 
 impl Default for Options {
@@ -32,7 +32,7 @@ impl Default for Options {
             sample_rate: None,
             direction: Direction::ToMaster,
             channels: Vec::new(),
-            coding: LineConfig::new_8n1(1),
+            coding: None,
         }
     }
 }
@@ -45,7 +45,7 @@ impl Options {
     pub(super) fn byte_nanos(&self, count: usize) -> u64 {
         let line = self.baud.map(|baud| LineConfig {
             baud,
-            ..self.coding
+            ..self.coding.unwrap_or(LineConfig::new_8n1(baud))
         });
         let took = line.map_or(0, |line| line.bytes_time(count as u64).as_nanos());
         u64::try_from(took).unwrap_or(u64::MAX)

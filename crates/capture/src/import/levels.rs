@@ -1,10 +1,11 @@
 //! Channels of a logic analyzer as links: each is read as a UART.
 
-use protocols::LineConfig;
+use protocols::{LineConfig, Parity};
 
 use super::imported::{ImportError, Imported, Options};
+use super::rate::{derived, is_usual};
 use super::roles::roles;
-use super::uart::{Levels, Read, characters, doubt, rate};
+use super::uart::{Levels, Read, characters, doubt};
 use crate::Kind;
 
 /// One channel of a recording.
@@ -29,7 +30,7 @@ pub(super) fn read(
     let roles = roles(&names, options, out);
     for (Channel { name, levels }, role) in channels.into_iter().zip(roles) {
         let levels = upright(levels, &name, out);
-        let line = line(&levels, &name, options, out)?;
+        let (line, levels) = line(levels, &name, options, out)?;
         let read = characters(&levels, line);
         if let Some(doubt) = doubt(&levels, line, &read) {
             let baud = line.baud;
@@ -97,26 +98,64 @@ fn upright(levels: Levels, name: &str, out: &mut Imported) -> Levels {
     levels.inverted()
 }
 
+/// The line, and its levels with idle high. A line that fits nothing may be upside down all the
+/// same.
 fn line(
-    levels: &Levels,
+    mut levels: Levels,
     name: &str,
     options: &Options,
     out: &mut Imported,
-) -> Result<LineConfig, ImportError> {
-    let coding = options.coding;
-    if let Some(baud) = options.baud {
-        return Ok(LineConfig { baud, ..coding });
+) -> Result<(LineConfig, Levels), ImportError> {
+    let of = |levels: &Levels| derived(levels, options.baud, options.coding);
+    let mut found = of(&levels);
+    if found.is_none() {
+        let inverted = levels.clone().inverted();
+        found = of(&inverted);
+        if found.is_some() {
+            out.note(format!(
+                "channel \"{name}\" is read upside down: it fits so"
+            ));
+            levels = inverted;
+        }
     }
-    let baud = rate(levels, coding).ok_or_else(|| {
+    let given = || {
+        let coding = options.coding.unwrap_or(LineConfig::new_8n1(1));
+        options.baud.map(|baud| LineConfig { baud, ..coding })
+    };
+    let line = found.or_else(given).ok_or_else(|| {
         ImportError::of_file(format!(
-            "the pulses of channel \"{name}\" fit no usual rate: expected a UART line; --baud N \
-             sets the rate, --channel NAME chooses the channels"
+            "the pulses of channel \"{name}\" fit no rate: expected a UART line; --baud N sets \
+             the rate, --coding the bits of a character, --channel NAME chooses the channels"
         ))
     })?;
-    out.note(format!(
-        "channel \"{name}\": {baud} baud, by the length of its pulses"
-    ));
-    Ok(LineConfig { baud, ..coding })
+    say(line, name, options, out);
+    Ok((line, levels))
+}
+
+/// Says what was derived.
+fn say(line: LineConfig, name: &str, options: &Options, out: &mut Imported) {
+    let baud = line.baud;
+    if options.baud.is_none() {
+        let usual = match is_usual(baud) {
+            true => "",
+            false => ", which is no usual rate; --baud N sets another",
+        };
+        out.note(format!(
+            "channel \"{name}\": {baud} baud, by the length of its pulses{usual}"
+        ));
+    }
+    let is_plain = (line.data_bits, line.parity) == (8, Parity::None);
+    if options.coding.is_none() && !is_plain {
+        let parity = match line.parity {
+            Parity::None => 'N',
+            Parity::Even => 'E',
+            Parity::Odd => 'O',
+        };
+        let (bits, stop) = (line.data_bits, line.stop_bits);
+        out.note(format!(
+            "channel \"{name}\": {bits}{parity}{stop}, by its characters; --coding sets another"
+        ));
+    }
 }
 
 /// A number of samples per second as tools write it: `1 MHz`, `24MHz`, `115200`, `200 kHz`.

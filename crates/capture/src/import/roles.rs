@@ -82,6 +82,11 @@ fn of_told(own: &Told, all: &[Option<Told>], options: &Options) -> Role {
     role(&options.link, own.direction)
 }
 
+/// The name of a link that a port's path gives: what is behind the last slash.
+pub(super) fn link_of_path(path: &str) -> String {
+    path.rsplit('/').next().unwrap_or(path).to_owned()
+}
+
 fn of_name(name: &str, options: &Options) -> Option<Told> {
     for (end, direction) in EXPORTED {
         if let Some(link) = name.strip_suffix(end) {

@@ -1,4 +1,5 @@
-//! Levels of a logic analyzer as CSV: sigrok, DSView, Saleae's digital export.
+//! Levels of a logic analyzer as CSV: sigrok, DSView, Saleae's digital export; and voltages, as
+//! Saleae's analog export and oscilloscopes have them, by a threshold.
 //!
 //! ```text
 //! ; Channels (2/2): RX, TX            sigrok-cli -O csv: a row a sample
@@ -14,6 +15,7 @@ use super::cells::{CellRow, cells, rows};
 use super::imported::{ImportError, Imported, Options};
 use super::levels::{self, Channel, sample_nanos, sample_rate};
 use super::text::{Line, decimal_nanos, lines, utf8};
+use super::threshold::digital;
 use super::uart::Levels;
 
 /// What stands above the rows.
@@ -26,6 +28,8 @@ struct Head {
     /// Where the first row of levels begins in the file.
     rows_at: usize,
     has_mark: bool,
+    /// Whether cells are voltages.
+    is_analog: bool,
 }
 
 /// Lines that a head may have.
@@ -58,6 +62,15 @@ fn head(bytes: &[u8]) -> Option<Head> {
                 head.names = (0..count).map(|index| format!("channel {index}")).collect();
             }
             return (count > 0).then_some(head);
+        }
+        let skip = usize::from(head.time.is_some());
+        if head.time.is_some()
+            && cells.len() > 1
+            && cells.iter().skip(skip).all(|cell| volts(cell).is_some())
+            && cells[1..].iter().any(|cell| cell.contains('.'))
+        {
+            (head.rows_at, head.is_analog) = (line.offset, true);
+            return (head.names.len() == cells.len() - skip).then_some(head);
         }
         // The names of the columns; sigrok writes their kinds.
         let named = match time_unit(&cells[0]) {
@@ -103,9 +116,10 @@ impl Head {
 fn time_unit(name: &str) -> Option<u64> {
     let name = name.to_ascii_lowercase();
     let unit = name.strip_prefix("time")?.trim();
+    let unit = unit.trim_start_matches("stamp").trim();
     let unit = unit.trim_matches(['[', ']', '(', ')']);
     Some(match unit {
-        "" | "s" => 1_000_000_000,
+        "" | "s" | "sec" | "second" | "seconds" => 1_000_000_000,
         "ms" => 1_000_000,
         "us" => 1_000,
         "ns" => 1,
@@ -121,6 +135,10 @@ fn level(cell: &str) -> Option<bool> {
     }
 }
 
+fn volts(cell: &str) -> Option<f64> {
+    cell.parse().ok().filter(|volts: &f64| volts.is_finite())
+}
+
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     let head = head(bytes)?;
     head.has_mark.then_some(Look::Surely)
@@ -130,6 +148,9 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     let head = head(bytes).ok_or_else(|| {
         ImportError::of_file("expected columns of 0 and 1 below a head, as sigrok and Saleae write")
     })?;
+    if head.is_analog {
+        return analog(bytes, &head, options, out);
+    }
     let mut channels: Vec<Channel> = Vec::new();
     let rate = options.sample_rate.or(head.rate);
     let mut count = 0;
@@ -161,6 +182,31 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         }
     }
     levels::read(channels, options, out)
+}
+
+/// Voltages over time as levels.
+fn analog(
+    bytes: &[u8],
+    head: &Head,
+    options: &Options,
+    out: &mut Imported,
+) -> Result<(), ImportError> {
+    let mut samples: Vec<Vec<(u64, f64)>> = vec![Vec::new(); head.names.len()];
+    for row in rows(bytes).skip_while(|row| row.line.offset < head.rows_at) {
+        let nanos = time(&row, head.time.unwrap_or(1_000_000_000))?;
+        for (index, own) in samples.iter_mut().enumerate() {
+            let volts = volts(row.cell(1 + index));
+            let volts = volts.ok_or_else(|| row.line.wrong("expected a voltage in each column"))?;
+            own.push((nanos, volts));
+        }
+    }
+    out.note("the voltages are read as levels, by a threshold halfway of what each swings");
+    let channels = head.names.iter().zip(&samples);
+    let channels = channels.filter_map(|(name, samples)| {
+        let (name, levels) = (name.clone(), digital(samples)?);
+        Some(Channel { name, levels })
+    });
+    levels::read(channels.collect(), options, out)
 }
 
 fn wrong(line: Line<'_>, row: &CellRow<'_>) -> ImportError {

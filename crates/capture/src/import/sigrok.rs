@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! 5313-6147 uart-1: FA
+//! 5313-6147 UART: RX: FA        PulseView, export of annotations
 //! ```
 //!
 //! The range is in samples and covers the data bits; without it the bytes are taken as back to
@@ -16,7 +17,7 @@ use engine::rig::line::Direction;
 use protocols::LineEvent;
 
 struct Annotation<'a> {
-    decoder: &'a str,
+    decoder: String,
     samples: Option<(u64, u64)>,
     what: &'a str,
 }
@@ -27,7 +28,6 @@ fn annotation(text: &[u8]) -> Option<Annotation<'_>> {
         Some((range, decoder)) => (Some(range), decoder),
         None => (None, head),
     };
-    number(decoder.strip_prefix("uart-")?)?;
     let samples = match range {
         None => None,
         Some(range) => {
@@ -35,11 +35,32 @@ fn annotation(text: &[u8]) -> Option<Annotation<'_>> {
             Some((number(from)?, number(to)?))
         }
     };
+    // PulseView names the decoder and the row.
+    let in_row = what.split_once(": ").filter(|_| samples.is_some());
+    if let Some((row, what)) = in_row.filter(|_| decoder.to_lowercase().contains("uart")) {
+        let decoder = format!("{decoder} {row}");
+        return Some(Annotation {
+            decoder,
+            samples,
+            what,
+        });
+    }
+    number(decoder.strip_prefix("uart-")?)?;
     Some(Annotation {
-        decoder,
+        decoder: decoder.to_owned(),
         samples,
         what,
     })
+}
+
+/// Parts of a character that PulseView exports beside its bytes.
+fn is_part(one: &Annotation<'_>) -> bool {
+    let row = one.decoder.to_lowercase();
+    let is_other = ["bits", "packet", "break", "warning"]
+        .iter()
+        .any(|other| row.contains(other));
+    let parts = ["Start bit", "Stop bit", "Parity bit", "Idle"];
+    !row.starts_with("uart-") && (is_other || parts.iter().any(|part| one.what.starts_with(part)))
 }
 
 /// Whether a line is a byte.
@@ -62,8 +83,8 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     let full = || lines(bytes).filter(|line| !line.text.is_empty());
     let mut names: Vec<String> = Vec::new();
     for one in full().filter_map(|line| annotation(line.text)) {
-        if !names.iter().any(|name| name == one.decoder) {
-            names.push(one.decoder.to_owned());
+        if !is_part(&one) && !names.contains(&one.decoder) {
+            names.push(one.decoder);
         }
     }
     let roles = roles(&names, options, out);
@@ -75,7 +96,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             ..Decoder::default()
         });
     }
-    if names.len() == 1 {
+    if names.len() == 1 && names[0].starts_with("uart-") {
         out.note(
             "sigrok-cli's lines do not tell RX from TX: all are taken as one direction; if they \
              hold both, use --protocol-decoder-jsontrace, or import the .sr file",
@@ -84,7 +105,10 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     for line in full() {
         let expected = "expected \"FROM-TO uart-1: XX\" or \"uart-1: XX\"";
         let one = annotation(line.text).ok_or_else(|| line.wrong(expected))?;
-        let index = names.iter().position(|name| name == one.decoder);
+        if is_part(&one) {
+            continue;
+        }
+        let index = names.iter().position(|name| *name == one.decoder);
         let own = index.and_then(|index| decoders.get_mut(index));
         let own = own.ok_or_else(|| line.wrong(expected))?;
         let nanos = time(line, &one, options, own.count)?;

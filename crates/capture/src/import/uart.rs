@@ -26,8 +26,18 @@ impl Levels {
         self.first ^ !self.changes.len().is_multiple_of(2)
     }
 
+    /// The same up to this many changes.
+    pub(super) fn first_changes(&self, count: usize) -> Self {
+        let changes = &self.changes[..self.changes.len().min(count)];
+        Self {
+            first: self.first,
+            end: self.changes.get(count).copied().unwrap_or(self.end),
+            changes: changes.to_vec(),
+        }
+    }
+
     /// Lengths of the pulses between changes.
-    fn pulses(&self) -> Vec<u64> {
+    pub(super) fn pulses(&self) -> Vec<u64> {
         self.changes
             .windows(2)
             .map(|pair| pair[1] - pair[0])
@@ -48,57 +58,6 @@ pub(super) enum Read {
     Byte(u8),
     /// A character that is wrong, or none.
     Event(LineEvent),
-}
-
-/// Rates that adapters and devices use, bit/s, the slowest first.
-const RATES: [u32; 34] = [
-    50, 75, 110, 134, 150, 200, 300, 600, 1_200, 1_800, 2_400, 4_800, 9_600, 14_400, 19_200,
-    28_800, 31_250, 38_400, 57_600, 74_880, 76_800, 100_000, 115_200, 128_000, 153_600, 230_400,
-    250_000, 256_000, 420_000, 460_800, 500_000, 576_000, 921_600, 1_000_000,
-];
-/// Faster ones.
-const FAST_RATES: [u32; 7] = [
-    1_152_000, 1_500_000, 2_000_000, 2_500_000, 3_000_000, 3_500_000, 4_000_000,
-];
-/// Fewest pulses from which a rate can be told.
-const PULSES_MIN: usize = 6;
-
-/// The rate of a line: the slowest at which nearly all pulses are whole numbers of bits, and nearly
-/// all characters have their stop bit.
-pub(super) fn rate(levels: &Levels, coding: LineConfig) -> Option<u32> {
-    let pulses = levels.pulses();
-    if pulses.len() < PULSES_MIN {
-        return None;
-    }
-    let rates = RATES.iter().chain(&FAST_RATES).copied();
-    rates.filter(|&baud| fits(&pulses, baud)).find(|&baud| {
-        let line = LineConfig { baud, ..coding };
-        let read = characters(levels, line);
-        let bytes = read
-            .iter()
-            .filter(|(_, read)| matches!(read, Read::Byte(_)))
-            .count();
-        bytes > 0 && (read.len() - bytes) * 20 <= read.len()
-    })
-}
-
-/// Whether nearly all pulses inside of characters are whole numbers of bits at `baud`.
-fn fits(pulses: &[u64], baud: u32) -> bool {
-    const NANOS: f64 = 1e9;
-    let bit = NANOS / f64::from(baud);
-    #[expect(clippy::cast_precision_loss, reason = "a deviation is judged")]
-    let bits: Vec<f64> = pulses.iter().map(|&pulse| pulse as f64 / bit).collect();
-    // Longer ones have silence in them.
-    let inside: Vec<f64> = bits.into_iter().filter(|&bits| bits < 9.5).collect();
-    if inside.len() < PULSES_MIN {
-        return false;
-    }
-    let is_whole = |&&bits: &&f64| bits >= 0.7 && (bits - bits.round()).abs() < 0.22;
-    let whole = inside.iter().filter(is_whole).count();
-    // Single bits must occur, and not alone: pulses of one length are a clock or a servo's signal.
-    let singles = inside.iter().filter(|&&bits| bits < 1.5).count();
-    let is_mixed = singles * 20 >= inside.len() && singles < inside.len();
-    whole * 20 >= inside.len() * 19 && is_mixed
 }
 
 /// Why a line cannot be a UART at its rate, if it cannot: too few of its pulses are whole numbers
@@ -256,50 +215,6 @@ mod tests {
         let read = characters(&levels, LineConfig::new_8n1(100_000));
         assert_eq!(bytes(&read), sent);
         assert_eq!(read[0].0, 150_000);
-        assert_eq!(rate(&levels, LineConfig::new_8n1(1)), Some(100_000));
-    }
-
-    /// Samples of 1 us at 115,200 baud: a bit is 8 or 9 of them.
-    #[test]
-    fn a_rate_is_told_from_coarse_samples() {
-        let exact = levels(b"the quick brown fox", 20_000, 8_680);
-        let round = |at: &u64| at.div_ceil(1_000) * 1_000;
-        let coarse = Levels {
-            changes: exact.changes.iter().map(round).collect(),
-            ..exact
-        };
-        assert_eq!(rate(&coarse, LineConfig::new_8n1(1)), Some(115_200));
-        let read = characters(&coarse, LineConfig::new_8n1(115_200));
-        assert_eq!(bytes(&read), b"the quick brown fox");
-    }
-
-    #[test]
-    fn every_usual_rate_is_told() {
-        for baud in [
-            1_200, 9_600, 19_200, 57_600, 230_400, 460_800, 921_600, 3_000_000,
-        ] {
-            let levels = levels(
-                b"\x55\x00\x12\xF0hello\xFF\x01",
-                1_000_000,
-                1_000_000_000 / baud,
-            );
-            let found = rate(&levels, LineConfig::new_8n1(1)).map(u64::from);
-            assert_eq!(found, Some(baud));
-        }
-    }
-
-    /// Nothing but a square wave or nothing at all tells no rate.
-    #[test]
-    fn what_is_no_uart_has_no_rate() {
-        assert_eq!(rate(&Levels::default(), LineConfig::new_8n1(1)), None);
-        let pwm = Levels {
-            first: true,
-            changes: (0..400)
-                .map(|at| at / 2 * 20_000_000 + at % 2 * 1_500_000)
-                .collect(),
-            end: 5_000_000_000,
-        };
-        assert_eq!(rate(&pwm, LineConfig::new_8n1(1)), None);
     }
 
     /// 0x55 with a low stop bit is a framing error, a long low a break; then reading goes on. With

@@ -158,7 +158,7 @@ impl Layout {
     fn needs_proof(self, rest: &str, shape: Shape) -> bool {
         let token = next_token(rest, 0).map_or("", |(token, _)| token);
         match self.cell {
-            Cell::Pairs => token.len() > 2 && !shape.has_colon,
+            Cell::Pairs => token.len() > 2 && !token.starts_with("0x") && !shape.has_colon,
             Cell::Word { bytes, .. } => bytes > 1 && shape.has_colon,
             _ => false,
         }
@@ -166,7 +166,11 @@ impl Layout {
 
     fn cell(self, token: &str, shape: Shape) -> Option<Vec<u8>> {
         match self.cell {
-            Cell::Pairs => hex::bytes(token),
+            // gdb marks each byte.
+            Cell::Pairs => match token.strip_prefix("0x") {
+                Some(digits) => hex::byte(digits.as_bytes()).map(|byte| vec![byte]),
+                None => hex::bytes(token),
+            },
             Cell::Word {
                 radix,
                 digits,
@@ -195,6 +199,16 @@ impl Layout {
             Cell::Char => None,
         }
     }
+}
+
+/// Whether a line says the bytes of a row in any other form.
+pub(super) fn same(text: &str, bytes: &[u8], shape: Shape) -> bool {
+    CELLS.into_iter().any(|cell| {
+        let layout = Layout { radix: 16, cell };
+        layout
+            .row(text, Some(bytes.len()), shape)
+            .is_ok_and(|found| found == bytes)
+    })
 }
 
 /// The next word behind `from`, and where it ends.

@@ -8,9 +8,9 @@ fn source() -> Vec<u8> {
 }
 
 fn bytes(text: &str) -> Result<Vec<u8>, String> {
-    let rows = rows(text.as_bytes()).map_err(|error| error.to_string())?;
+    let rows = rows(text.as_bytes(), &mut Vec::new()).map_err(|error| error.to_string())?;
     let (_, _, chunks) = chunks(&rows).map_err(|error| error.to_string())?;
-    Ok(chunks.concat())
+    Ok(chunks.into_iter().flat_map(|chunk| chunk.bytes).collect())
 }
 
 #[test]
@@ -105,8 +105,9 @@ fn binary_digits_and_packets_are_read() {
     assert_eq!(bytes(bits), Ok(vec![0x41, 0xFF, 0]));
     let packets = "0000  ab 24 0a 00 d9                                    .$...\n\n\
                    0000  ab 24 84 09                                       .$..\n";
-    let rows = rows(packets.as_bytes()).expect("rows");
+    let rows = rows(packets.as_bytes(), &mut Vec::new()).expect("rows");
     let (_, _, chunks) = chunks(&rows).expect("packets");
+    let chunks: Vec<&[u8]> = chunks.iter().map(|chunk| &chunk.bytes[..]).collect();
     assert_eq!(chunks, [&b"\xAB\x24\x0A\x00\xD9"[..], b"\xAB\x24\x84\x09"]);
 }
 
@@ -162,4 +163,102 @@ fn other_text_is_no_dump() {
     ] {
         assert_eq!(look(text.as_bytes()), None, "{text:?}");
     }
+}
+
+/// Rulers, prompts, words of a log, addresses, frames: around the same rows.
+#[test]
+fn what_stands_around_the_rows_is_no_data() {
+    for (name, text) in [
+        (
+            "Format-Hex of PowerShell",
+            "           Path: C:\\a.bin\n\n\
+             \x20          00 01 02 03 04 05 06 07 08 09 0A 0B 0C 0D 0E 0F\n\n\
+             00000000   AB 24 0A 00 D9 AB 24 20 61 62 00 01 02 03 04 05  \u{ab}$..\u{d9}\u{ab}$ ab......\n\
+             00000010   AB 24 0A 00 D9 AB 24 20 61 62 00 01 02 03 04 05  \u{ab}$..\u{d9}\u{ab}$ ab......\n\
+             00000020   41 53 43 49 FF                                   ASCI\u{ff}\n",
+        ),
+        (
+            "a prompt",
+            "pi@host:~$ hexdump -C a.bin\n\
+             00000000  ab 24 0a 00 d9 ab 24 20  61 62 00 01 02 03 04 05  |.$....$ ab......|\n\
+             *\n00000020  41 53 43 49 ff                                    |ASCI.|\n\
+             00000025\npi@host:~$\n",
+        ),
+        (
+            "the kernel's print_hex_dump",
+            "[   12.345678] uart: 00000000: ab 24 0a 00 d9 ab 24 20 61 62 00 01 02 03 04 05  .$....$ ab......\n\
+             [   12.345678] uart: 00000010: ab 24 0a 00 d9 ab 24 20 61 62 00 01 02 03 04 05  .$....$ ab......\n\
+             [   12.345679] uart: 00000020: 41 53 43 49 ff                                   ASCI.\n",
+        ),
+        (
+            "ESP_LOG_BUFFER_HEXDUMP",
+            "I (357) uart: 0x3ffb4280   ab 24 0a 00 d9 ab 24 20  61 62 00 01 02 03 04 05  |.$....$ ab......|\n\
+             I (357) uart: 0x3ffb4290   ab 24 0a 00 d9 ab 24 20  61 62 00 01 02 03 04 05  |.$....$ ab......|\n\
+             I (358) uart: 0x3ffb42a0   41 53 43 49 ff                                    |ASCI.|\n",
+        ),
+        (
+            "x/16xb of gdb",
+            "0x20000000 <buf>:\t0xab\t0x24\t0x0a\t0x00\t0xd9\t0xab\t0x24\t0x20\n\
+             0x20000008 <buf+8>:\t0x61\t0x62\t0x00\t0x01\t0x02\t0x03\t0x04\t0x05\n\
+             0x20000010 <buf+16>:\t0xab\t0x24\t0x0a\t0x00\t0xd9\t0xab\t0x24\t0x20\n\
+             0x20000018 <buf+24>:\t0x61\t0x62\t0x00\t0x01\t0x02\t0x03\t0x04\t0x05\n\
+             0x20000020 <buf+32>:\t0x41\t0x53\t0x43\t0x49\t0xff\n",
+        ),
+        (
+            "hexyl",
+            "\u{250c}\u{2500}\u{2500}\u{2510}\n\
+             \u{2502}00000000\u{2502} ab 24 0a 00 d9 ab 24 20 \u{250a} 61 62 00 01 02 03 04 05 \u{2502}\u{d7}$_0\u{d7}\u{d7}$ \u{250a}ab0\u{2022}\u{2022}\u{2022}\u{2022}\u{2022}\u{2502}\n\
+             \u{2502}*       \u{2502}                         \u{250a}                         \u{2502}        \u{250a}        \u{2502}\n\
+             \u{2502}00000020\u{2502} 41 53 43 49 ff          \u{250a}                         \u{2502}ASCI\u{d7}   \u{250a}        \u{2502}\n\
+             \u{2514}\u{2500}\u{2500}\u{2518}\n",
+        ),
+        (
+            "od -t x1c",
+            "0000000  ab  24  0a  00  d9  ab  24  20  61  62  00  01  02  03  04  05\n\
+             \x20       253   $  \\n  \\0 331 253   $       a   b  \\0 001 002 003 004 005\n\
+             *\n0000040  41  53  43  49  ff\n\x20         A   S   C   I 377\n0000045\n",
+        ),
+    ] {
+        assert_eq!(bytes(text), Ok(source()), "{name}");
+        assert_eq!(look(text.as_bytes()), Some(Look::Surely), "{name}");
+    }
+}
+
+/// Heads with times and directions, as PuTTY's log of raw data and curl's trace have them; a
+/// conversation as Wireshark shows it; packets with their headers.
+#[test]
+fn heads_tell_times_and_directions() {
+    use crate::import::{Format, read as read_format};
+    let told = |text: &str| {
+        let found = read_format(text.as_bytes(), Format::Hexdump, &Options::default());
+        let found = found.map_err(|error| error.to_string())?;
+        let one = |one: &crate::Record| {
+            let is_sent = one.direction == engine::rig::line::Direction::ToDevice;
+            (is_sent, one.bytes.to_vec())
+        };
+        Ok::<_, String>(found.records().iter().map(one).collect::<Vec<_>>())
+    };
+    let expected = vec![
+        (true, b"\xAB\x24\x0A".to_vec()),
+        (false, b"\x00\xD9".to_vec()),
+    ];
+    for text in [
+        "Outgoing raw data at 2026-11-27 12:11:23\n  00000000  ab 24 0a    .$.\n\
+         Incoming raw data at 2026-11-27 12:11:24\n  00000000  00 d9    ..\n",
+        "=> Send data, 3 bytes (0x3)\n0000: ab 24 0a    .$.\n<= Recv data, 2 bytes (0x2)\n\
+         0000: 00 d9    ..\n",
+        "00000000  ab 24 0a                                          .$.\n\
+         \x20   00000000  00 d9                                             ..\n",
+    ] {
+        assert_eq!(told(text), Ok(expected.clone()), "{text}");
+    }
+    let packet = "12:11:23.000501 IP a.1 > b.2: Flags [P.], length 4\n\
+                  \t0x0000:  4500 002c 1234 4000 4006 0000 7f00 0001  E..,.4@.@.......\n";
+    assert!(
+        told(packet)
+            .expect_err("headers")
+            .contains("with their headers")
+    );
+    let lost = "0000  ab 24 0a 00\nwords\n0010  00 d9\n";
+    assert!(told(lost).expect_err("lost").contains("rows are missing"));
 }

@@ -4,7 +4,7 @@ use crate::import::text::{decimal_nanos, moment};
 
 /// What a time counts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Clock {
+pub(in crate::import) enum Clock {
     /// 1970, by a date and a time.
     Date,
     /// Midnight, by a time of the day.
@@ -15,10 +15,13 @@ pub(super) enum Clock {
 
 /// What stands before the bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Prefix {
-    pub(super) at: Option<(u64, Clock)>,
+pub(in crate::import) struct Prefix {
+    pub(in crate::import) at: Option<(u64, Clock)>,
     /// Whether the host sent the bytes; none if the line does not say.
-    pub(super) is_sent: Option<bool>,
+    pub(in crate::import) is_sent: Option<bool>,
+    /// Whether it says so by nothing but an arrow to the right behind the time, as the Arduino IDE
+    /// and PlatformIO write before what they received.
+    pub(in crate::import) is_arrow: bool,
 }
 
 /// Words of what the host sent.
@@ -44,7 +47,7 @@ const RECEIVED: [&str; 13] = [
 ];
 
 /// The prefix of a line, and the rest.
-pub(super) fn split(text: &str) -> (Prefix, &str) {
+pub(in crate::import) fn split(text: &str) -> (Prefix, &str) {
     let (mut prefix, mut rest) = (Prefix::default(), text.trim_start());
     loop {
         let Some((word, behind)) = next_word(rest) else {
@@ -53,6 +56,7 @@ pub(super) fn split(text: &str) -> (Prefix, &str) {
         if let Some((at, behind)) = time(word, behind).filter(|_| prefix.at.is_none()) {
             (prefix.at, rest) = (Some(at), behind);
         } else if let Some(is_sent) = direction(word).filter(|_| prefix.is_sent.is_none()) {
+            prefix.is_arrow = prefix.at.is_some() && matches!(word, "->" | ">");
             (prefix.is_sent, rest) = (Some(is_sent), behind);
         } else if prefix != Prefix::default() && matches!(word, "-" | "|" | ":" | ",") {
             rest = behind;
@@ -101,6 +105,12 @@ fn time<'a>(word: &str, behind: &'a str) -> Option<((u64, Clock), &'a str)> {
     {
         return Some(((nanos, Clock::Date), rest));
     }
+    if let Some((time, rest)) = next_word(behind)
+        && matches!(time, "AM" | "PM")
+        && let Some(nanos) = of_day(word).or_else(|| whole_of_day(word))
+    {
+        return Some(((half_of_day(nanos, time), Clock::Day), rest));
+    }
     if let Some(nanos) = of_day(word) {
         return Some(((nanos, Clock::Day), behind));
     }
@@ -117,28 +127,80 @@ fn time<'a>(word: &str, behind: &'a str) -> Option<((u64, Clock), &'a str)> {
     Some(((decimal_nanos(digits)? / unit, Clock::Seconds), behind))
 }
 
-/// `12:11:23.000501`; the fraction is needed, as three pairs are bytes as well.
+/// `12:11:23`, without a fraction.
+fn whole_of_day(word: &str) -> Option<u64> {
+    Some(moment("1970-01-01", word, '-')? * 1_000_000_000)
+}
+
+/// A time among the first words of a line: `12:11:23` in brackets or behind others, or the
+/// milliseconds of ESP-IDF, `I (357)`.
+pub(super) fn within(text: &str) -> Option<(u64, Clock)> {
+    let is_divider = |c: char| c.is_whitespace() || "[]".contains(c);
+    let words = text.split(is_divider).filter(|word| !word.is_empty());
+    let words: Vec<&str> = words.take(6).collect();
+    let of_word = |word: &&str| {
+        let word = word.trim_end_matches([':', ',']);
+        of_day(word).or_else(|| whole_of_day(word))
+    };
+    if let Some(nanos) = words.iter().find_map(of_word) {
+        return Some((nanos, Clock::Day));
+    }
+    let [level, ticks, ..] = words[..] else {
+        return None;
+    };
+    let ticks = ticks
+        .strip_prefix('(')
+        .and_then(|ticks| ticks.strip_suffix(')'));
+    let millis: u64 = ticks.filter(|_| level.len() == 1)?.parse().ok()?;
+    Some((millis.checked_mul(1_000_000)?, Clock::Seconds))
+}
+
+/// A time of a clock of twelve hours.
+fn half_of_day(nanos: u64, half: &str) -> u64 {
+    const HALF: u64 = 12 * 3_600 * 1_000_000_000;
+    match half {
+        "PM" => nanos % HALF + HALF,
+        _ => nanos % HALF,
+    }
+}
+
+/// `12:11:23.000501`, `12:11:23:501` or `12:11:23.000,501`; the fraction is needed, as three pairs
+/// are bytes as well.
 fn of_day(word: &str) -> Option<u64> {
-    let (time, fraction) = word.split_once(['.', ','])?;
+    let colons = word.matches(':').count();
+    let (time, fraction) = match word.rsplit_once(':') {
+        Some((time, fraction)) if colons == 3 && fraction.len() == 3 => (time, fraction),
+        _ => word.split_once(['.', ','])?,
+    };
+    let fraction = fraction.replacen(',', "", 1);
     let seconds = moment("1970-01-01", time, '-')?;
     let is_number = !fraction.is_empty() && fraction.bytes().all(|byte| byte.is_ascii_digit());
     let fraction = decimal_nanos(&format!("0.{fraction}")).filter(|_| is_number)?;
     Some(seconds * 1_000_000_000 + fraction)
 }
 
-/// A date as 2026-11-27, 2026/11/27 or 27.11.2026, and a time with or without fraction.
+/// A date as 2026-11-27, 2026/11/27, 27.11.2026, 27/11/2026 or 11/27/2026, and a time with or
+/// without fraction.
 fn date_and_time(date: &str, time: &str) -> Option<u64> {
     let turned: String;
-    let (date, mark) = match date.split('.').collect::<Vec<_>>()[..] {
-        [day, month, year] if year.len() == 4 => {
-            turned = format!("{year}-{month}-{day}");
+    let (date, mark) = match date.split(['.', '/']).collect::<Vec<_>>()[..] {
+        [first, second, year] if year.len() == 4 => {
+            // The day comes first, unless it cannot be one.
+            let is_month_first = second.parse::<u8>().is_ok_and(|second| second > 12);
+            turned = match is_month_first {
+                true => format!("{year}-{first}-{second}"),
+                false => format!("{year}-{second}-{first}"),
+            };
             (&*turned, '-')
         }
         _ if date.contains('/') => (date, '/'),
         _ => (date, '-'),
     };
     let time = time.trim_end_matches('Z');
-    let (time, fraction) = time.split_once(['.', ',']).unwrap_or((time, "0"));
+    let (time, fraction) = match time.rsplit_once(':') {
+        Some((whole, fraction)) if time.matches(':').count() == 3 => (whole, fraction),
+        _ => time.split_once(['.', ',']).unwrap_or((time, "0")),
+    };
     let seconds = moment(date, time, mark)?.checked_mul(1_000_000_000)?;
     Some(seconds + decimal_nanos(&format!("0.{fraction}"))?)
 }

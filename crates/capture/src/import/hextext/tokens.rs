@@ -2,6 +2,8 @@
 
 use engine::hex;
 
+use super::base::Base;
+
 /// What a line holds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Found {
@@ -42,7 +44,9 @@ pub(super) fn without_comments(text: &str, is_open: &mut bool) -> String {
     let rest = &rest[..end.unwrap_or(rest.len())];
     // A semicolon begins a comment unless bytes follow it.
     let rest = match rest.split_once(';') {
-        Some((before, behind)) if !behind.trim().is_empty() && read(behind).is_err() => before,
+        Some((before, behind)) if !behind.trim().is_empty() && read(behind, Base::Hex).is_err() => {
+            before
+        }
         _ => rest,
     };
     out.push_str(rest);
@@ -59,17 +63,35 @@ pub(super) fn inside_braces(text: &str) -> String {
     inside.to_owned()
 }
 
+/// What programs print around bytes.
+const WRAPPERS: [(&str, &str); 8] = [
+    ("<Buffer", ">"),
+    ("bytearray(", ")"),
+    ("bytes(", ")"),
+    ("Buffer.from(", ")"),
+    ("[]byte{", "}"),
+    ("vec![", "]"),
+    ("new byte[]", ""),
+    ("&[", "]"),
+];
+
 /// The bytes of a line behind its prefix.
-pub(super) fn read(text: &str) -> Result<Found, String> {
-    let text = text.trim();
-    if text.contains('\\') {
+pub(super) fn read(text: &str, base: Base) -> Result<Found, String> {
+    let mut text = text.trim().trim_end_matches(';');
+    for (open, close) in WRAPPERS {
+        let inside = text.strip_prefix(open);
+        if let Some(inside) = inside.and_then(|inside| inside.strip_suffix(close)) {
+            text = inside.trim();
+        }
+    }
+    if text.contains('\\') || is_literal(text) {
         return escapes(text);
     }
-    let all = numbers(text);
+    let all = numbers(text, base);
     let Some((body, shown)) = text_column(text) else {
         return all;
     };
-    match (numbers(body), all) {
+    match (numbers(body, base), all) {
         (Ok(found), _) if shows(shown, &found.bytes) => Ok(found),
         (_, Ok(all)) => Ok(all),
         (Ok(_), Err(_)) => Err(format!(
@@ -80,11 +102,27 @@ pub(super) fn read(text: &str) -> Result<Found, String> {
     }
 }
 
-fn numbers(text: &str) -> Result<Found, String> {
+/// Whether a text is a literal of bytes as Python and Rust print them. What is hex digits in quotes
+/// is taken as digits.
+fn is_literal(text: &str) -> bool {
+    let inside = ["b'", "b\""]
+        .iter()
+        .find_map(|open| text.strip_prefix(open));
+    let inside = inside.and_then(|inside| inside.strip_suffix(['\'', '"']));
+    inside.is_some_and(|inside| hex::bytes(inside).is_none())
+}
+
+fn numbers(text: &str, base: Base) -> Result<Found, String> {
+    let text = text
+        .strip_prefix('b')
+        .filter(|rest| rest.starts_with(['\'', '"']))
+        .unwrap_or(text);
     let mut found = Found::default();
-    let is_divider = |c: char| c.is_whitespace() || ",;:-_|{}[]()\"'".contains(c);
+    let is_divider = |c: char| {
+        c.is_whitespace() || ",;:_|{}[]()\"'".contains(c) || (c == '-' && base != Base::Decimal)
+    };
     let mut tokens = text.split(is_divider).filter(|token| !token.is_empty());
-    tokens.try_for_each(|token| found.take(token))?;
+    tokens.try_for_each(|token| found.take(token, base))?;
     Ok(found)
 }
 
@@ -103,7 +141,21 @@ fn shows(shown: &str, bytes: &[u8]) -> bool {
 }
 
 impl Found {
-    fn take(&mut self, token: &str) -> Result<(), String> {
+    fn take(&mut self, token: &str, base: Base) -> Result<(), String> {
+        let byte = match base {
+            Base::Hex => None,
+            Base::Loose => Some(hex::byte(format!("{token:0>2}").as_bytes())),
+            Base::Octal => Some(u8::from_str_radix(token, 8).ok()),
+            Base::Decimal => {
+                let signed = token.parse::<i8>().map(i8::cast_unsigned);
+                Some(token.parse::<u8>().or(signed).ok())
+            }
+        };
+        if let Some(byte) = byte {
+            self.bytes.push(byte.ok_or_else(|| unexpected(token))?);
+            self.evident += usize::from(base == Base::Loose);
+            return Ok(());
+        }
         let prefixes = ["0x", "0X", "$", "&h", "&H"];
         let marked = prefixes
             .iter()
@@ -173,7 +225,7 @@ fn escapes(text: &str) -> Result<Found, String> {
 }
 
 /// What stands behind a backslash.
-fn escape(chars: &mut core::str::Chars<'_>) -> Option<u8> {
+pub(in crate::import) fn escape(chars: &mut core::str::Chars<'_>) -> Option<u8> {
     Some(match chars.next()? {
         'x' | 'X' => {
             let digits: String = chars.by_ref().take(2).collect();

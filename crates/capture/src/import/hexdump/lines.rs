@@ -1,0 +1,213 @@
+//! Lines of a dump: rows, heads, and what says nothing.
+
+use crate::import::ImportError;
+use crate::import::hextext::log;
+use crate::import::text::{self, Line};
+
+/// A line of a dump.
+#[derive(Clone, Debug)]
+pub(super) enum Row {
+    /// The row before, again and again.
+    Again,
+    /// An offset and cells.
+    At {
+        offset: String,
+        /// The rest of the line; nothing in it at the end.
+        rest: String,
+        /// What a log puts before the row.
+        before: String,
+        is_indented: bool,
+    },
+    /// The bytes of the row before in another form, as od writes with two -t.
+    Same(String),
+    /// Words, behind which a message begins.
+    Head(String),
+}
+
+/// All lines that say something; a prompt that is left out is noted.
+pub(super) fn rows<'a>(
+    bytes: &'a [u8],
+    notes: &mut Vec<String>,
+) -> Result<Vec<(Line<'a>, Row)>, ImportError> {
+    let full = || text::lines(bytes).filter(|line| !line.text.trim_ascii().is_empty());
+    let last = full().last().map(|line| line.number);
+    let mut rows: Vec<(Line<'a>, Row)> = Vec::new();
+    for line in full() {
+        let text = plain(line.text);
+        if is_mute(&text) {
+            continue;
+        }
+        if let Some(row) = row(&text, rows.last().map(|(_, row)| row)) {
+            rows.push((line, row));
+            continue;
+        }
+        let is_edge = rows.is_empty() || Some(line.number) == last;
+        if is_edge && is_prompt(&text) {
+            notes.push(format!(
+                "line {} is a prompt and left out: {text}",
+                line.number
+            ));
+            continue;
+        }
+        // Words in the middle of a dump are damage, unless a message begins behind them.
+        rows.push((line, Row::Head(text)));
+    }
+    let is_row = |row: &Row| matches!(row, Row::At { .. });
+    if let Some((line, Row::Head(_))) = rows.last()
+        && !rows.iter().any(|(_, row)| is_row(row))
+    {
+        return Err(line.wrong("expected an offset and bytes, as xxd, hexdump and od write"));
+    }
+    if let Some((line, Row::Head(_))) = rows.last() {
+        return Err(line.wrong("expected rows of an offset and bytes behind this line"));
+    }
+    let mut pairs = rows.windows(2);
+    if let Some([_, (line, _)]) = pairs.find(|pair| {
+        matches!(
+            pair,
+            [
+                (_, Row::Head(_)),
+                (_, Row::Head(_) | Row::Again | Row::Same(_))
+            ]
+        )
+    }) {
+        return Err(line.wrong("expected an offset and bytes, as xxd, hexdump and od write"));
+    }
+    Ok(rows)
+}
+
+/// The text without the frames that hexyl draws, and without its column of characters.
+fn plain(text: &[u8]) -> String {
+    let text = log::plain(text);
+    let Some(inside) = text.trim_start().strip_prefix('\u{2502}') else {
+        return text;
+    };
+    let mut columns = inside.split('\u{2502}');
+    let offset = columns.next().unwrap_or_default().trim();
+    let cells: Vec<&str> = columns.collect();
+    // Two panels of cells and two of characters, or one of each.
+    let half = cells.len() / 2;
+    let cells = cells[..half].join(" ").replace('\u{250A}', " ");
+    format!("{offset}  {}", cells.trim()).trim_end().to_owned()
+}
+
+/// Whether a line says nothing: a ruler of columns, a frame, the head of a table.
+fn is_mute(text: &str) -> bool {
+    let trimmed = text.trim();
+    let is_drawn =
+        |c: char| "-=+_\u{2500}\u{250C}\u{252C}\u{2510}\u{2514}\u{2534}\u{2518}".contains(c);
+    if trimmed.chars().all(|c| is_drawn(c) || c.is_whitespace()) || trimmed.starts_with("```") {
+        return true;
+    }
+    let lower = trimmed.to_ascii_lowercase();
+    if ["offset", "label:", "path:", "address"]
+        .iter()
+        .any(|start| lower.starts_with(start))
+    {
+        return true;
+    }
+    // 00 01 02 .. 0F, as an editor writes above its columns.
+    let words = trimmed.split_ascii_whitespace();
+    let mut numbers = words.map_while(|word| u32::from_str_radix(word, 16).ok());
+    let is_next = |(index, number): (u32, u32)| index == number;
+    let count = numbers
+        .by_ref()
+        .zip(0..)
+        .map(|(number, index)| (index, number))
+        .take_while(|pair| is_next(*pair))
+        .count();
+    count >= 8
+}
+
+/// Whether a line is a shell's, with the command that made the dump or without one.
+fn is_prompt(text: &str) -> bool {
+    const TOOLS: [&str; 8] = [
+        "xxd", "hexdump", "hd", "od", "Format-Hex", "tshark", "hexyl", "certutil",
+    ];
+    let trimmed = text.trim();
+    let marks = ['$', '#', '%', '>'];
+    let Some(at) = trimmed.find(marks) else {
+        return false;
+    };
+    let command = trimmed[at + 1..].trim();
+    let mut words = command.split([' ', '|', '/']);
+    command.is_empty() || words.any(|word| TOOLS.contains(&word))
+}
+
+fn row(text: &str, last: Option<&Row>) -> Option<Row> {
+    let trimmed = text.trim_start();
+    let indent = text.len() - trimmed.len();
+    if trimmed.trim_end() == "*" {
+        return Some(Row::Again);
+    }
+    if let Some((offset, rest)) = at(trimmed) {
+        return Some(Row::At {
+            offset,
+            rest,
+            before: String::new(),
+            is_indented: indent > 0,
+        });
+    }
+    if let Some(
+        Row::At {
+            offset,
+            is_indented: false,
+            ..
+        }
+        | Row::Same(offset),
+    ) = last
+        && indent >= 5
+    {
+        // Cells begin where those of the row above do.
+        let width = match last {
+            Some(Row::Same(_)) => 0,
+            _ => offset.len(),
+        };
+        return Some(Row::Same(text.get(width..).unwrap_or_default().to_owned()));
+    }
+    // A log puts its own words before the row.
+    let marks = [": ", "] ", ")\t", "| ", ") "];
+    let mut starts: Vec<usize> = marks
+        .iter()
+        .flat_map(|mark| text.match_indices(mark).map(|(at, mark)| at + mark.len()))
+        .collect();
+    starts.sort_unstable();
+    starts.into_iter().find_map(|start| {
+        let (offset, rest) = at(text[start..].trim_start())?;
+        let is_row = rest.split_ascii_whitespace().next().is_some_and(is_cell);
+        is_row.then(|| Row::At {
+            offset,
+            rest,
+            before: text[..start].to_owned(),
+            is_indented: false,
+        })
+    })
+}
+
+fn is_cell(word: &str) -> bool {
+    word.len().is_multiple_of(2) && word.bytes().all(|byte| byte.is_ascii_hexdigit())
+}
+
+/// The offset that a line begins with, and the rest.
+fn at(text: &str) -> Option<(String, String)> {
+    let end = text.find([' ', '\t']).unwrap_or(text.len());
+    let (mut offset, mut rest) = text.split_at(end);
+    let has_prefix = offset.starts_with("0x");
+    offset = offset.strip_prefix("0x").unwrap_or(offset);
+    // gdb names the symbol behind the address.
+    let symbol = rest
+        .trim_start()
+        .strip_prefix('<')
+        .and_then(|rest| rest.split_once(">:"));
+    let mut colon = offset.ends_with(':');
+    if let Some((_, behind)) = symbol.filter(|_| has_prefix) {
+        (rest, colon) = (behind, true);
+    }
+    let digits = offset.trim_end_matches([':', 'h']);
+    let least = if colon { 2 } else { 4 };
+    let is_offset =
+        (least..=16).contains(&digits.len()) && digits.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let rest = if rest.trim().is_empty() { "" } else { rest };
+    let mark = if colon { ":" } else { "" };
+    is_offset.then(|| (format!("{digits}{mark}"), rest.to_owned()))
+}

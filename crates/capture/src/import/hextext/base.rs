@@ -1,0 +1,166 @@
+//! Base of the numbers in a text.
+
+/// How the numbers of a text are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::import) enum Base {
+    /// Pairs of hex digits.
+    #[default]
+    Hex,
+    /// Hex without leading zeros, as Arduino's `print(x, HEX)` writes.
+    Loose,
+    /// Decimal numbers, perhaps with a sign, as Python, Rust and Java print lists of bytes.
+    Decimal,
+    /// Three octal digits each.
+    Octal,
+}
+
+/// What the numbers of a text look like.
+#[derive(Default)]
+struct Shape {
+    all: usize,
+    /// Of one, two and three digits.
+    lens: [usize; 3],
+    longer: usize,
+    /// With a letter.
+    letters: usize,
+    /// Two digits of which the first is 0.
+    padded: usize,
+    /// Three digits of which the first is 0.
+    zeros: usize,
+    negative: usize,
+    /// Three digits that are octal, and up to 255 as decimal numbers.
+    octal: usize,
+    decimal: usize,
+    /// Six octal digits, as od writes words.
+    words: usize,
+    is_marked: bool,
+    is_last_short: bool,
+}
+
+/// The base of all numbers in `bodies`.
+///
+/// # Errors
+/// If they may be of two bases.
+pub(in crate::import) fn of<'a>(bodies: impl Iterator<Item = &'a str>) -> Result<Base, String> {
+    let mut shape = Shape::default();
+    let mut is_list = true;
+    for body in bodies {
+        let body = body.trim();
+        // Escapes and quoted text have no base.
+        if body.contains(['\\', '"', '\'']) {
+            return Ok(Base::Hex);
+        }
+        is_list &= body.contains('[') || body.contains(',');
+        shape.take(body);
+    }
+    shape.base(is_list)
+}
+
+impl Shape {
+    fn take(&mut self, body: &str) {
+        let is_divider = |c: char| c.is_whitespace() || ",;:|{}[]()_".contains(c);
+        for token in body.split(is_divider).filter(|token| !token.is_empty()) {
+            let is_negative =
+                token.starts_with('-') && token[1..].bytes().all(|b| b.is_ascii_digit());
+            if is_negative && (2..=4).contains(&token.len()) {
+                (self.negative, self.all) = (self.negative + 1, self.all + 1);
+                continue;
+            }
+            let parts = token.split('-').filter(|part| !part.is_empty());
+            parts.for_each(|part| self.number(part));
+        }
+    }
+
+    fn number(&mut self, token: &str) {
+        let is_hex = token.bytes().all(|byte| byte.is_ascii_hexdigit());
+        let has_letter = token.bytes().any(|byte| byte.is_ascii_alphabetic());
+        self.is_marked |= !is_hex && has_letter;
+        self.all += 1;
+        self.letters += usize::from(is_hex && has_letter);
+        match token.len() {
+            len @ 1..=3 => self.lens[len - 1] += 1,
+            _ => self.longer += 1,
+        }
+        let is_octal = token.bytes().all(|byte| matches!(byte, b'0'..=b'7'));
+        self.padded += usize::from(token.len() == 2 && token.starts_with('0'));
+        if token.len() == 3 {
+            self.zeros += usize::from(token.starts_with('0'));
+            self.octal += usize::from(is_octal && token <= "377");
+            self.decimal += usize::from(token.parse::<u8>().is_ok());
+        }
+        let is_word = token.len() == 6 && is_octal && token <= "177777";
+        self.words += usize::from(is_word);
+        self.is_last_short = token.len() == 1;
+    }
+
+    fn base(&self, is_list: bool) -> Result<Base, String> {
+        let [ones, twos, threes] = self.lens;
+        if self.is_marked || self.all == 0 {
+            return Ok(Base::Hex);
+        }
+        // The last digit of a text that was cut is no number.
+        let whole_ones = ones - usize::from(self.is_last_short).min(ones);
+        if self.letters > 0 {
+            let is_loose =
+                whole_ones > 0 && self.padded == 0 && ones + twos == self.all && self.negative == 0;
+            return Ok(if is_loose { Base::Loose } else { Base::Hex });
+        }
+        if threes == self.all && self.octal == threes && self.zeros > 0 {
+            return Ok(Base::Octal);
+        }
+        let are_bytes = self.decimal == threes && self.longer == 0 && self.padded == 0;
+        if are_bytes && self.zeros == 0 && (threes > 0 || self.negative > 0) {
+            return Ok(Base::Decimal);
+        }
+        if self.words == self.all && self.all >= 4 {
+            return Err(
+                "groups of six octal digits: words of od without offsets; dump with od \
+                        -t x1, or with the offsets"
+                    .to_owned(),
+            );
+        }
+        let is_short = ones + twos == self.all && self.padded == 0;
+        match (is_short, is_list) {
+            (true, true) => Ok(Base::Decimal),
+            (true, false) if whole_ones > 0 => Err(
+                "numbers of one and two digits, none with a letter: they may be decimal or hex; \
+                 write them as 0x0A, or as [10, 5] if they are decimal"
+                    .to_owned(),
+            ),
+            _ => Ok(Base::Hex),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn base(text: &str) -> Option<Base> {
+        of(text.lines()).ok()
+    }
+
+    #[test]
+    fn the_base_is_told_by_all_numbers() {
+        for (text, expected) in [
+            ("AB 24 0A 00 D9", Some(Base::Hex)),
+            ("ab240a00d9", Some(Base::Hex)),
+            ("AB-24-0A", Some(Base::Hex)),
+            ("01 03 00 10", Some(Base::Hex)),
+            ("0x1 0x3", Some(Base::Hex)),
+            ("AB 24 A 0 D9", Some(Base::Loose)),
+            ("AB 24 0A 00 D", Some(Base::Hex)),
+            ("AB 2", Some(Base::Hex)),
+            ("[171, 36, 10, 0, 217]", Some(Base::Decimal)),
+            ("171 36 10 0 217", Some(Base::Decimal)),
+            ("[-85, 36, 10, 0, -39]", Some(Base::Decimal)),
+            ("[1, 3, 0, 0, 0, 2]", Some(Base::Decimal)),
+            ("[10, 20, 30]", Some(Base::Decimal)),
+            ("253 044 012 000 331", Some(Base::Octal)),
+            ("1 3 0 10", None),
+            ("022253 000012 125731 020044", None),
+        ] {
+            assert_eq!(base(text), expected, "{text}");
+        }
+    }
+}

@@ -1,0 +1,471 @@
+//! Logs of programs that show bytes among words.
+//!
+//! ```text
+//! [01][03][00][00][00][02][C4][0B]                      libmodbus; what came is in < >
+//! Tx:000123-01 03 00 00 00 0A C5 CD                     Modbus Poll
+//! [12:11:23][D][uart_debug:114]: >>> 55:AA:03:07        ESPHome
+//! send: 0x1 0x3 0x0 0x0 0x0 0x2 0xc4 0xb                pymodbus
+//! 7  0.0001  a.exe  IRP_MJ_WRITE  Serial0  SUCCESS  Length 2: AB 24      Portmon
+//! [27/11/2026 12:11:23] Written data (COM3)             serial port monitors of Windows:
+//!     ab 24 0a 00 d9               .$...                rows of bytes below their head
+//! I (357) uart: ab 24 0a 00 d9                          ESP-IDF
+//! ```
+//!
+//! The bytes of a line are its longest run of hex numbers, at best at its end. A line without such
+//! a run is a comment, and is said to be left out. Each message needs a direction or a time.
+
+use super::prefix::{self, Clock, Prefix};
+use super::{Message, Whole, emit};
+use crate::import::Look;
+use crate::import::imported::{ImportError, Imported, Options};
+use crate::import::text::{Line, lines};
+use engine::hex;
+
+/// Bytes of a line, and what stands before them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Piece {
+    prefix: Prefix,
+    bytes: Vec<u8>,
+    evident: usize,
+    has_marks: bool,
+    /// How many bytes the line says there are.
+    told: Option<usize>,
+    /// Whether nothing stands before the bytes.
+    is_bare: bool,
+}
+
+/// Hex numbers one behind the other.
+#[derive(Clone, Debug, Default)]
+struct Run {
+    bytes: Vec<u8>,
+    evident: usize,
+    has_marks: bool,
+    start: usize,
+    end: usize,
+}
+
+/// Words of what was sent, and of what came.
+const SENT: [&str; 16] = [
+    "tx",
+    "txd",
+    "send",
+    "sent",
+    "sending",
+    "write",
+    "writes",
+    "wrote",
+    "writing",
+    "written",
+    "request",
+    "query",
+    "transmit",
+    "transmitted",
+    "outgoing",
+    "output",
+];
+const RECEIVED: [&str; 17] = [
+    "rx",
+    "rxd",
+    "recv",
+    "receive",
+    "received",
+    "receiving",
+    "rcv",
+    "rcvd",
+    "read",
+    "reads",
+    "reading",
+    "response",
+    "reply",
+    "answer",
+    "incoming",
+    "input",
+    "recvd",
+];
+/// Arrows; those of one character count right before the bytes only.
+const ARROWS: [(&str, bool); 10] = [
+    (">>>", true),
+    ("<<<", false),
+    ("-->", true),
+    ("<--", false),
+    ("==>", true),
+    ("<==", false),
+    (">>", true),
+    ("<<", false),
+    ("->", true),
+    ("<-", false),
+];
+
+/// The text without the colours of a terminal.
+pub(in crate::import) fn plain(text: &[u8]) -> String {
+    let text = String::from_utf8_lossy(text);
+    let mut out = String::new();
+    let mut rest = &*text;
+    while let Some((before, behind)) = rest.split_once("\x1B[") {
+        out.push_str(before);
+        let end = behind.find(|c: char| c.is_ascii_alphabetic());
+        rest = end.map_or("", |end| &behind[end + 1..]);
+    }
+    out.push_str(rest);
+    out
+}
+
+/// What a line holds; none if it has no bytes.
+fn piece(text: &str) -> Option<Piece> {
+    if let Some(piece) = bracketed(text) {
+        return Some(piece);
+    }
+    let run = best(text)?;
+    let (head, tail) = (&text[..run.start], &text[run.end..]);
+    if !is_head(head) || !is_tail(tail, &run) {
+        return None;
+    }
+    Some(Piece {
+        prefix: prefix_of(head),
+        told: told(head).or_else(|| told(tail)),
+        is_bare: head.trim().is_empty(),
+        bytes: run.bytes,
+        evident: run.evident,
+        has_marks: run.has_marks,
+    })
+}
+
+/// `[01][03]` or `<01><03>` of libmodbus, and `0 [30] . [14]` of avrdude.
+fn bracketed(text: &str) -> Option<Piece> {
+    for (open, close, is_sent) in [('[', ']', true), ('<', '>', false)] {
+        let mut run = Run::default();
+        let (mut rest, mut is_whole) = (text, true);
+        while let Some(at) = rest.find(open) {
+            let (before, inside) = (&rest[..at], &rest[at + 1..]);
+            let digits = inside
+                .split_once(close)
+                .filter(|(digits, _)| digits.len() == 2 && hex::byte(digits.as_bytes()).is_some());
+            let Some((digits, behind)) = digits else {
+                is_whole = false;
+                break;
+            };
+            // One character is the byte as text.
+            is_whole &= before.trim().chars().count() <= 1 || run.bytes.is_empty();
+            if run.bytes.is_empty() {
+                run.end = text.len() - rest.len() + at;
+            }
+            run.bytes.extend(hex::byte(digits.as_bytes()));
+            run.evident += usize::from(digits.bytes().any(|byte| byte.is_ascii_alphabetic()));
+            rest = behind;
+        }
+        if run.bytes.len() < 2 && !text.contains(": ") || !rest.trim().is_empty() || !is_whole {
+            continue;
+        }
+        if run.bytes.is_empty() {
+            continue;
+        }
+        let mut prefix = prefix_of(&text[..run.end]);
+        if text.trim_start().starts_with(open) {
+            prefix.is_sent = Some(is_sent);
+        }
+        return Some(Piece {
+            prefix,
+            bytes: run.bytes,
+            evident: run.evident.max(1),
+            has_marks: true,
+            ..Piece::default()
+        });
+    }
+    None
+}
+
+/// Kinds of numbers, which do not mix in one run.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Pair,
+    Marked,
+    Digits,
+}
+
+fn number(token: &str) -> Option<(Kind, Vec<u8>)> {
+    let marked = token
+        .strip_prefix("0x")
+        .or_else(|| token.strip_prefix("0X"));
+    if let Some(digits) = marked {
+        let byte = hex::byte(format!("{digits:0>2}").as_bytes()).filter(|_| !digits.is_empty())?;
+        return Some((Kind::Marked, vec![byte]));
+    }
+    match token.len() {
+        2 => hex::byte(token.as_bytes()).map(|byte| (Kind::Pair, vec![byte])),
+        0..=3 => None,
+        _ => {
+            let has_digit = token.bytes().any(|byte| byte.is_ascii_digit());
+            let bytes = hex::bytes(token).filter(|_| has_digit)?;
+            Some((Kind::Digits, bytes))
+        }
+    }
+}
+
+/// All runs of a line.
+fn runs(text: &str) -> Vec<Run> {
+    let is_inside = |c: char| c.is_alphanumeric() || c == '.' || c == '_';
+    let (mut runs, mut last): (Vec<Run>, Option<(Kind, usize)>) = (Vec::new(), None);
+    let mut at = 0;
+    while at < text.len() {
+        let rest = &text[at..];
+        let len = rest.find(|c| !is_inside(c)).unwrap_or(rest.len());
+        if len == 0 {
+            at += rest.chars().next().map_or(1, char::len_utf8);
+            continue;
+        }
+        let token = rest[..len].trim_end_matches('.');
+        let found = number(token);
+        if let Some((kind, bytes)) = &found {
+            let gap = last.map(|(_, end)| &text[end..at]);
+            let goes_on =
+                last.is_some_and(|(known, _)| known == *kind) && gap.is_some_and(|gap| is_gap(gap));
+            if !goes_on {
+                let start = at;
+                runs.push(Run {
+                    start,
+                    ..Run::default()
+                });
+            }
+            if let Some(run) = runs.last_mut() {
+                let letters = token.as_bytes().chunks(2);
+                let letters = letters.filter(|two| two.iter().any(u8::is_ascii_alphabetic));
+                run.evident += match kind {
+                    Kind::Marked => 1,
+                    _ => letters.count(),
+                };
+                run.has_marks |= *kind == Kind::Marked;
+                run.bytes.extend(bytes);
+                run.end = at + token.len();
+            }
+        }
+        last = found.map(|(kind, _)| (kind, at + token.len()));
+        at += len;
+    }
+    runs
+}
+
+/// What may stand between two numbers of a run: spaces, a comma, or one mark without spaces.
+fn is_gap(gap: &str) -> bool {
+    let marks = gap.trim();
+    gap.len() <= 3 && (marks.is_empty() || marks == "," || [":", "-", "|", ";"].contains(&gap))
+}
+
+/// The run at the end of the line, or the longest.
+fn best(text: &str) -> Option<Run> {
+    let all = runs(text);
+    let is_last = |run: &&Run| {
+        let tail =
+            text[run.end..].trim_matches(|c: char| c.is_whitespace() || "]})>'\"|.,;".contains(c));
+        tail.is_empty()
+    };
+    let last = all.iter().rfind(is_last).cloned();
+    last.filter(|run| run.has_marks || is_head(&text[..run.start]))
+        .or_else(|| all.into_iter().rev().max_by_key(|run| run.bytes.len()))
+}
+
+/// Whether bytes may follow this text.
+fn is_head(head: &str) -> bool {
+    let head = head
+        .trim_end()
+        .trim_end_matches(['\'', '"', 'b', '[', '{', '(', '<']);
+    let head = head.trim_end();
+    if head.is_empty() || head.ends_with([':', '-', '>', '<', ']', ')', '=', '|', '}']) {
+        return true;
+    }
+    let word = head.rsplit(|c: char| !c.is_alphanumeric()).next();
+    let word = word.unwrap_or_default().to_ascii_lowercase();
+    direction(&word).is_some() || matches!(word.as_str(), "bytes" | "data" | "frame" | "packet")
+}
+
+/// Whether this may follow the bytes: nothing, the same as text, or something in brackets; behind
+/// a run that is no chance, any words.
+fn is_tail(tail: &str, run: &Run) -> bool {
+    let shown = tail.trim_matches(|c: char| c.is_whitespace() || "]})>'\"|.,;".contains(c));
+    shown.is_empty()
+        || run.bytes.len() >= 3
+        || shown.starts_with('(')
+        || shown.chars().count() <= run.bytes.len()
+}
+
+fn direction(word: &str) -> Option<bool> {
+    let plain = word.trim_end_matches(|c: char| c.is_ascii_digit());
+    let ends = |ends: &[&str]| ends.iter().any(|end| plain.ends_with(end));
+    if SENT.contains(&plain) || ends(&["sent", "send"]) {
+        return Some(true);
+    }
+    (RECEIVED.contains(&plain) || ends(&["received", "recv"])).then_some(false)
+}
+
+/// Time and direction in the text before the bytes: the first time, the last direction.
+fn prefix_of(head: &str) -> Prefix {
+    let (mut prefix, rest) = prefix::split(head);
+    if prefix.at.is_none() {
+        prefix.at = prefix::within(head);
+    }
+    prefix.is_arrow = false;
+    let before = head
+        .trim_end()
+        .trim_end_matches(['[', '{', '(', '"', '\''])
+        .trim_end();
+    let arrow = ARROWS.iter().find(|(arrow, _)| {
+        let padded = format!(" {before} ");
+        padded.contains(&format!(" {arrow} "))
+    });
+    let single = match before.chars().next_back() {
+        Some('>') => Some(true),
+        Some('<') => Some(false),
+        _ => None,
+    };
+    let words = rest.split(|c: char| !c.is_alphanumeric());
+    let word = words
+        .map(str::to_ascii_lowercase)
+        .filter_map(|word| direction(&word));
+    let told = word
+        .last()
+        .or(arrow.map(|(_, is_sent)| *is_sent))
+        .or(single);
+    prefix.is_sent = told.or(prefix.is_sent);
+    prefix
+}
+
+/// Time and direction of a head.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::import) struct Stamp {
+    pub(in crate::import) at: Option<(u64, Clock)>,
+    pub(in crate::import) is_sent: Option<bool>,
+}
+
+/// Time and direction in the words of a head.
+pub(in crate::import) fn stamp(text: &str) -> Stamp {
+    let Prefix { at, is_sent, .. } = prefix_of(text);
+    Stamp { at, is_sent }
+}
+
+/// How many bytes a text says there are: `5 bytes`, `Length 5`, `len=5`.
+fn told(text: &str) -> Option<usize> {
+    let lower = text.to_ascii_lowercase();
+    if lower.contains("expect") || lower.contains(" of ") {
+        return None;
+    }
+    let words: Vec<&str> = lower
+        .split(|c: char| !c.is_alphanumeric())
+        .filter(|word| !word.is_empty())
+        .collect();
+    words.windows(2).find_map(|pair| match pair {
+        [count, "byte" | "bytes"] | ["length" | "len" | "size" | "count", count] => {
+            count.parse().ok()
+        }
+        _ => None,
+    })
+}
+
+/// A message that is not complete yet.
+struct Open<'a> {
+    message: Message<'a>,
+    told: Option<usize>,
+}
+
+/// All messages, the lines without bytes, and the first error.
+fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
+    let (mut whole, mut rest, mut error) = (Whole::default(), Vec::new(), None);
+    let mut open: Option<Open<'_>> = None;
+    for line in lines(bytes) {
+        let text = plain(line.text).trim_end().to_owned();
+        if text.is_empty() {
+            continue;
+        }
+        let Some(found) = piece(&text) else {
+            let prefix = prefix_of(&text);
+            error = error.or(close(open.take(), &mut whole));
+            // A line that only tells a direction is the head of those below.
+            if prefix.is_sent.is_some() {
+                open = Some(of(line, prefix, told(&text)));
+            } else {
+                rest.push(line);
+            }
+            continue;
+        };
+        whole.evident += found.evident;
+        whole.has_marks |= found.has_marks;
+        let goes_on = found.is_bare && found.prefix.is_sent.is_none() && found.prefix.at.is_none();
+        if !goes_on || open.is_none() {
+            error = error.or(close(open.take(), &mut whole));
+            open = Some(of(line, found.prefix, found.told));
+        }
+        if let Some(open) = &mut open {
+            open.message.bytes.extend(found.bytes);
+        }
+    }
+    error = error.or(close(open.take(), &mut whole));
+    (whole, rest, error)
+}
+
+const fn of(line: Line<'_>, prefix: Prefix, told: Option<usize>) -> Open<'_> {
+    let message = Message {
+        line,
+        at: prefix.at,
+        is_sent: prefix.is_sent,
+        is_arrow: false,
+        bytes: Vec::new(),
+    };
+    Open { message, told }
+}
+
+fn close<'a>(open: Option<Open<'a>>, whole: &mut Whole<'a>) -> Option<ImportError> {
+    let Open { message, told } = open?;
+    let found = message.bytes.len();
+    if found == 0 {
+        return None;
+    }
+    let error = told.filter(|&told| told > found).map(|told| {
+        message.line.wrong(format!(
+            "the line tells of {told} bytes and shows {found}: the log cuts them; log all bytes"
+        ))
+    });
+    whole.messages.push(message);
+    error
+}
+
+pub(in crate::import) fn look(bytes: &[u8]) -> Option<Look> {
+    let head = &bytes[..bytes.len().min(1 << 16)];
+    if head.contains(&0) || head.iter().filter(|byte| **byte >= 0x80).count() * 4 > head.len() {
+        return None;
+    }
+    let (whole, _, _) = parse(bytes);
+    let count: usize = whole.messages.iter().map(|one| one.bytes.len()).sum();
+    let is_told = |one: &Message<'_>| one.is_sent.is_some() || one.at.is_some();
+    let is_sure = count >= 2
+        && (whole.has_marks || whole.evident * 8 >= count)
+        && whole.messages.iter().all(is_told);
+    is_sure.then_some(Look::Surely)
+}
+
+pub(in crate::import) fn read(
+    bytes: &[u8],
+    options: &Options,
+    out: &mut Imported,
+) -> Result<(), ImportError> {
+    let (mut whole, rest, error) = parse(bytes);
+    if let Some(error) = error {
+        return Err(error);
+    }
+    if let Some(first) = rest.first() {
+        let shown: String = plain(first.text).chars().take(40).collect();
+        out.note(format!(
+            "{} lines without bytes are left out, the first is line {}: {shown}",
+            rest.len(),
+            first.number
+        ));
+    }
+    // A clock that only some lines have says nothing of the others.
+    let clock = |one: &Message<'_>| one.at.map(|at| at.1);
+    let first = whole.messages.first().and_then(clock);
+    let is_timed = first.is_some() && whole.messages.iter().all(|one| clock(one) == first);
+    if !is_timed {
+        whole.messages.iter_mut().for_each(|one| one.at = None);
+    }
+    emit(whole.messages, options, out)
+}
+
+#[cfg(test)]
+mod tests;

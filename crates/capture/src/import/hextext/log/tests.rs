@@ -1,0 +1,89 @@
+use super::*;
+use crate::import::{Format, read as read_format};
+use engine::rig::line::Direction;
+
+const READ: [u8; 8] = [0x01, 0x03, 0x00, 0x00, 0x00, 0x02, 0xC4, 0x0B];
+const REPLY: [u8; 9] = [0x01, 0x03, 0x04, 0x00, 0x06, 0x00, 0x05, 0xDA, 0x31];
+
+/// Direction and bytes of each message.
+fn told(text: &str) -> Vec<(bool, Vec<u8>)> {
+    assert_eq!(Format::detect(text.as_bytes()), Some(Format::Log), "{text}");
+    let found = read_format(text.as_bytes(), Format::Log, &Options::default());
+    let found = found.unwrap_or_else(|error| panic!("{text}: {error}"));
+    let pair = |one: &crate::Record| (one.direction == Direction::ToDevice, one.bytes.to_vec());
+    found.records().iter().map(pair).collect()
+}
+
+/// A read of two registers and its answer, as each of these programs logs it.
+#[test]
+fn logs_of_programs_are_read_with_their_directions() {
+    let expected = [(true, READ.to_vec()), (false, REPLY.to_vec())];
+    for text in [
+        "Opening /dev/ttyUSB0 at 9600 bauds (N, 8, 1)\n[01][03][00][00][00][02][C4][0B]\n\
+         Waiting for a confirmation...\n<01><03><04><00><06><00><05><DA><31>\n",
+        "Tx:000123-01 03 00 00 00 02 C4 0B\nRx:000124-01 03 04 00 06 00 05 DA 31\n",
+        "[RTU]>Tx > 12:11:23:456 - 01 03 00 00 00 02 C4 0B  \n\
+         [RTU]>Rx > 12:11:23:467 - 01 03 04 00 06 00 05 DA 31  \n",
+        "[12:11:23][D][uart_debug:114]: >>> 01:03:00:00:00:02:C4:0B\n\
+         [12:11:23][D][uart_debug:114]: <<< 01:03:04:00:06:00:05:DA:31\n",
+        "2026-11-27 12:11:23,123 DEBUG logging:103 send: 0x1 0x3 0x0 0x0 0x0 0x2 0xc4 0xb\n\
+         2026-11-27 12:11:23,143 DEBUG logging:103 recv: 0x1 0x3 0x4 0x0 0x6 0x0 0x5 0xda 0x31 \
+         old_data:  addr=None\n",
+        "MinimalModbus debug mode. Will write to instrument (expecting 9 bytes back): \
+         01 03 00 00 00 02 C4 0B (8 bytes)\nMinimalModbus debug mode. Clearing\n\
+         MinimalModbus debug mode. Response from instrument: 01 03 04 00 06 00 05 DA 31 (9 bytes), \
+         roundtrip time: 15.1 ms.\n",
+        "58\t0.00000335\ta.exe\tIRP_MJ_CREATE\tSerial0\tSUCCESS\tOptions: Open\n\
+         59\t0.00000335\ta.exe\tIRP_MJ_WRITE\tSerial0\tSUCCESS\tLength 8: 01 03 00 00 00 02 C4 0B\n\
+         60\t0.01551789\ta.exe\tIRP_MJ_READ\tSerial0\tSUCCESS\tLength 9: 01 03 04 00 06 00 05 DA 31\n",
+        "[27/11/2026 12:11:23] Open port COM3 (a.exe)\n[27/11/2026 12:11:23] Written data (COM3)\t\n\
+         \t01 03 00 00 00 02 c4 0b   ......\u{c4}.        \n[27/11/2026 12:11:23] Read data (COM3)\n\
+         \t01 03 04 00 06 00   ......\n\t05 da 31   .\u{da}1     \n",
+        "\x1B[0;32mI (357) tx: 01 03 00 00 00 02 c4 0b\x1B[0m\n\
+         \x1B[0;32mI (367) rx: 01 03 04 00 06 00 05 da 31\x1B[0m\n",
+        "TRACE +0.000 Write 8 bytes: 010300000002c40b\nTRACE +0.011 Read 9 bytes:\n\
+         \x20   0103040006000 | ...\n"
+            .replace("0103040006000 | ...", "01030400060005da31 | .......1")
+            .as_str(),
+        "zh:adapter: --> [010300000002c40b]\nzh:adapter: <-- [01030400060005da31]\n",
+    ] {
+        assert_eq!(told(text), expected, "{text}");
+    }
+    let avrdude = told("avrdude: Send: 0 [30]   [20] \navrdude: Recv: . [14] . [10] \n");
+    assert_eq!(
+        avrdude,
+        [(true, vec![0x30, 0x20]), (false, vec![0x14, 0x10])]
+    );
+}
+
+/// Bytes that the log cuts, and bytes without a direction among others, are errors with their line.
+#[test]
+fn what_a_log_does_not_say_is_an_error() {
+    let error = |text: &str| {
+        let found = read_format(text.as_bytes(), Format::Log, &Options::default());
+        found.expect_err("wrong").to_string()
+    };
+    let cut = error("1 0.1 a IRP_MJ_WRITE S SUCCESS Length 40: 01 03 AB\n");
+    assert!(
+        cut.starts_with("line 1") && cut.contains("tells of 40 bytes and shows 3"),
+        "{cut}"
+    );
+    let lost = error("send: AB CD EF\nother: AB CD EF\n");
+    assert!(
+        lost.starts_with("line 2") && lost.contains("no direction"),
+        "{lost}"
+    );
+}
+
+#[test]
+fn text_with_numbers_is_no_log_of_bytes() {
+    for text in [
+        "12:11:23.5 temperature: 42 deg\n12:11:24.5 temperature: 43 deg\n",
+        "boot: version 12\nready: 10 20\n",
+        "$GPGGA,123519,4807.038,N\r\n",
+        "some words of a log\n",
+        "",
+    ] {
+        assert_eq!(look(text.as_bytes()), None, "{text}");
+    }
+}

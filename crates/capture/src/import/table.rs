@@ -1,0 +1,287 @@
+//! Tables of messages with columns of any names: CSV with commas, semicolons or tabs, and JSON.
+//!
+//! ```text
+//! Time;Direction;Data                     a row a message, the bytes in hex
+//! 0.000501;TX;AB 24 0A 00 D9
+//! {"ts": 0.5, "dir": "rx", "data": "ab240a00d9"}     a line an object, or a list of objects
+//! ```
+//!
+//! The columns are known by their names; the table needs bytes, and times or directions.
+
+use serde_json::Value;
+
+use super::Look;
+use super::cells;
+use super::hextext::{Base, Clock, Message, base_of, bytes_of, emit, is_sent, split_prefix};
+use super::imported::{ImportError, Imported, Options};
+use super::text::{Line, decimal_nanos, lines, utf8};
+
+const TIMES: [&str; 15] = [
+    "time",
+    "timestamp",
+    "ts",
+    "t",
+    "date",
+    "datetime",
+    "elapsed",
+    "timems",
+    "timeus",
+    "timens",
+    "times",
+    "timestampms",
+    "timestampus",
+    "relativetime",
+    "seconds",
+];
+const DIRECTIONS: [&str; 9] = [
+    "direction",
+    "dir",
+    "type",
+    "function",
+    "event",
+    "rxtx",
+    "txrx",
+    "way",
+    "request",
+];
+const BYTES: [&str; 15] = [
+    "data", "bytes", "hex", "payload", "rawdata", "raw", "message", "frame", "datahex", "hexdata",
+    "packet", "content", "msg", "buffer", "rawbytes",
+];
+
+/// Rows below the names of their columns.
+struct Table<'a> {
+    names: Vec<String>,
+    rows: Vec<(Line<'a>, Vec<String>)>,
+}
+
+/// Which column holds what.
+struct Columns {
+    time: Option<usize>,
+    direction: Option<usize>,
+    bytes: usize,
+}
+
+/// A name in small letters, without units in brackets and marks.
+fn plain(name: &str) -> String {
+    let name = name.to_lowercase();
+    name.chars().filter(|c| c.is_alphanumeric()).collect()
+}
+
+fn columns(names: &[String]) -> Option<Columns> {
+    let names: Vec<String> = names.iter().map(|name| plain(name)).collect();
+    let find = |known: &[&str]| names.iter().position(|name| known.contains(&name.as_str()));
+    let columns = Columns {
+        time: find(&TIMES),
+        direction: find(&DIRECTIONS),
+        bytes: find(&BYTES)?,
+    };
+    (columns.time.is_some() || columns.direction.is_some()).then_some(columns)
+}
+
+/// Nanoseconds of the unit that the name of a time's column tells.
+fn unit(name: &str) -> Option<u64> {
+    let name = name.to_lowercase();
+    let units = [
+        ("ns", 1),
+        ("us", 1_000),
+        ("\u{b5}s", 1_000),
+        ("ms", 1_000_000),
+    ];
+    let found = units.iter().find(|(unit, _)| {
+        name.ends_with(&format!("_{unit}"))
+            || name.contains(&format!("[{unit}]"))
+            || name.contains(&format!("({unit})"))
+            || plain(&name) == format!("time{unit}")
+    });
+    found.map(|(_, nanos)| *nanos)
+}
+
+fn table(bytes: &[u8]) -> Option<Table<'_>> {
+    let first = lines(bytes).find(|line| !line.text.trim_ascii().is_empty())?;
+    if first.text.trim_ascii_start().starts_with(b"{") || first.text.trim_ascii().starts_with(b"[")
+    {
+        return objects(bytes);
+    }
+    let text = utf8(first.text);
+    let divider = [';', '\t', ',']
+        .into_iter()
+        .find(|divider| columns(&cut(text, *divider)).is_some())?;
+    let mut rows = cells::rows_of(bytes, divider).map(|row| (row.line, row.cells));
+    let (_, names) = rows.next()?;
+    let rows = rows.collect();
+    Some(Table { names, rows })
+}
+
+fn cut(text: &str, divider: char) -> Vec<String> {
+    cells::cells_of(text, divider)
+}
+
+/// A line an object, or one list of objects.
+fn objects(bytes: &[u8]) -> Option<Table<'_>> {
+    let mut all: Vec<(Line<'_>, Value)> = Vec::new();
+    let full = || lines(bytes).filter(|line| !line.text.trim_ascii().is_empty());
+    let first = full().next()?;
+    match serde_json::from_slice::<Value>(bytes) {
+        Ok(Value::Array(values)) => all.extend(values.into_iter().map(|value| (first, value))),
+        Ok(value) => all.push((first, value)),
+        Err(_) => {
+            for line in full() {
+                let text = utf8(line.text).trim().trim_end_matches(',');
+                if !matches!(text, "[" | "]") {
+                    all.push((line, serde_json::from_str(text).ok()?));
+                }
+            }
+        }
+    }
+    let names: Vec<String> = all.first()?.1.as_object()?.keys().cloned().collect();
+    let rows = all.into_iter().map(|(line, value)| {
+        let cell = |name: &String| match value.get(name) {
+            None | Some(Value::Null) => String::new(),
+            Some(Value::String(text)) => text.clone(),
+            Some(other) => other.to_string(),
+        };
+        (line, names.iter().map(cell).collect())
+    });
+    Some(Table {
+        rows: rows.collect(),
+        names: names.clone(),
+    })
+}
+
+pub(super) fn look(bytes: &[u8]) -> Option<Look> {
+    let table = table(bytes)?;
+    let columns = columns(&table.names)?;
+    let texts = || {
+        table
+            .rows
+            .iter()
+            .filter_map(|(_, cells)| cells.get(columns.bytes))
+    };
+    let base = base_of(texts().map(String::as_str)).ok()?;
+    let sound = texts().filter(|text| !text.is_empty() && bytes_of(text, base).is_ok());
+    (sound.count() > 0).then_some(Look::Surely)
+}
+
+pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    let expected = || {
+        ImportError::of_file(
+            "expected a table with columns of the time or the direction, and of bytes in hex",
+        )
+    };
+    let table = table(bytes).ok_or_else(expected)?;
+    let columns = columns(&table.names).ok_or_else(expected)?;
+    let cell = |cells: &[String], column: usize| cells.get(column).cloned().unwrap_or_default();
+    let texts: Vec<String> = table
+        .rows
+        .iter()
+        .map(|(_, cells)| cell(cells, columns.bytes))
+        .collect();
+    let base = base_of(texts.iter().map(String::as_str)).map_err(ImportError::of_file)?;
+    if base == Base::Decimal {
+        out.note("the numbers are taken as decimal: none has a letter or a 0x");
+    }
+    let mut messages = Vec::new();
+    for ((line, cells), text) in table.rows.iter().zip(&texts) {
+        if text.is_empty() {
+            continue;
+        }
+        let found = bytes_of(text, base).map_err(|message| line.wrong(message))?;
+        let at = match columns.time {
+            Some(column) => Some(time(&cell(cells, column), &table.names[column], *line)?),
+            None => None,
+        };
+        let way = columns.direction.map(|column| cell(cells, column));
+        let way = match way {
+            Some(way) => Some(is_sent(&way).ok_or_else(|| {
+                let way = way.escape_default().to_string();
+                line.wrong(format!(
+                    "found \"{way}\" as the direction, expected TX, RX, read or write"
+                ))
+            })?),
+            None => None,
+        };
+        messages.push(Message::new(*line, at, way, found));
+    }
+    let left = table.rows.len() - messages.len();
+    if left > 0 {
+        out.note(format!("{left} rows without bytes are left out"));
+    }
+    emit(messages, options, out)
+}
+
+/// A time of a cell: a number in the unit of its column, or a date.
+fn time(text: &str, name: &str, line: Line<'_>) -> Result<(u64, Clock), ImportError> {
+    if let (Some(at), "") = (split_prefix(text).0.at, split_prefix(text).1)
+        && at.1 != Clock::Seconds
+    {
+        return Ok(at);
+    }
+    let wrong = || line.wrong("expected a number, a date or a time of the day as the time");
+    let number = decimal_nanos(text).ok_or_else(wrong)?;
+    let whole = number / 1_000_000_000;
+    // Seconds, milliseconds, microseconds or nanoseconds since 1970 tell themselves apart.
+    let unit = unit(name).unwrap_or(match whole {
+        0..100_000_000_000 => 1_000_000_000,
+        100_000_000_000..100_000_000_000_000 => 1_000_000,
+        _ => 1_000,
+    });
+    Ok((number / (1_000_000_000 / unit), Clock::Seconds))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
+
+    fn told(text: &str) -> Result<Vec<(u64, bool, Vec<u8>)>, String> {
+        assert_eq!(
+            Format::detect(text.as_bytes()),
+            Some(Format::Table),
+            "{text}"
+        );
+        let found = read_format(text.as_bytes(), Format::Table, &Options::default());
+        let found = found.map_err(|error| error.to_string())?;
+        let one = |one: &crate::Record| {
+            let is_sent = one.direction == Direction::ToDevice;
+            (one.at.as_nanos() / 1_000, is_sent, one.bytes.to_vec())
+        };
+        Ok(found.records().iter().map(one).collect())
+    }
+
+    #[test]
+    fn columns_are_known_by_their_names() {
+        let expected = vec![(501, true, vec![0xAB, 0x24]), (1_500, false, vec![0x0A])];
+        for text in [
+            "Time;Direction;Data\n0.000501;TX;AB 24\n0.0015;RX;0A\n",
+            "time_us,dir,bytes\n501,write,AB24\n1500,read,0A\n",
+            "#\tTime\tFunction\tData\n1\t0.000501\tIRP_MJ_WRITE\tab 24\n2\t0.0012\tIRP_MJ_CREATE\t\n\
+             3\t0.0015\tIRP_MJ_READ\t0a\n",
+            "{\"ts\": 0.000501, \"dir\": \"tx\", \"data\": \"ab24\"}\n\
+             {\"ts\": 0.0015, \"dir\": \"rx\", \"data\": \"0a\"}\n",
+            "[{\"time_ms\": 0.501, \"direction\": \"sent\", \"bytes\": [171, 36]},\n\
+             {\"time_ms\": 1.5, \"direction\": \"received\", \"bytes\": [10]}]\n",
+        ] {
+            assert_eq!(told(text), Ok(expected.clone()), "{text}");
+        }
+        let error = told("time,dir,data\n0.1,up,AB\n").expect_err("a way");
+        assert!(
+            error.starts_with("line 2") && error.contains("\"up\""),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn other_tables_are_none() {
+        for text in [
+            "time,temperature\n0.1,23\n",
+            "name,data\na,AB\n",
+            "{\"a\": 1}\n",
+            "",
+            "data\nAB\n",
+        ] {
+            assert!(look(text.as_bytes()).is_none(), "{text}");
+        }
+    }
+}

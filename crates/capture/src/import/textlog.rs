@@ -1,0 +1,169 @@
+//! Text that a terminal logged: a line of the port behind each time, or a session below a head.
+//!
+//! ```text
+//! 12:11:23.456 -> $GPGGA,123519,..          Arduino IDE; also tio -t, TeraTerm, grabserial, ts
+//! =~=~=~= PuTTY log 2026.11.27 12:11:23 =~=~=~=
+//! ```
+//!
+//! Behind times each line is taken to have ended with CR LF, which the terminal does not show.
+//! Where bytes are no text, times and bytes cannot be told apart: that is an error.
+
+use super::Look;
+use super::hextext::{Clock, Message, emit, split_prefix};
+use super::imported::{ImportError, Imported, Options, Untimed};
+use super::text::{Line, lines, utf8};
+
+/// Where the head of a session ends, if a terminal wrote one.
+fn session(text: &[u8]) -> bool {
+    let text = utf8(text);
+    (text.starts_with("=~=~=~=") && text.contains("PuTTY log"))
+        || text.starts_with("Script started on ")
+}
+
+/// Whether a line is the terminal's own behind a session.
+fn is_end(text: &[u8]) -> bool {
+    text.starts_with(b"Script done on ")
+}
+
+/// A line with its time.
+struct Stamped<'a> {
+    line: Line<'a>,
+    at: (u64, Clock),
+    is_sent: Option<bool>,
+    is_arrow: bool,
+    text: &'a str,
+}
+
+fn stamped<'a>(line: Line<'a>) -> Option<Stamped<'a>> {
+    let text = core::str::from_utf8(line.text).ok()?;
+    let (prefix, rest) = split_prefix(text);
+    text.starts_with(|c: char| c.is_ascii_digit() || c == '[' || c == '(').then_some(())?;
+    Some(Stamped {
+        line,
+        at: prefix.at?,
+        is_sent: prefix.is_sent,
+        is_arrow: prefix.is_arrow,
+        text: rest,
+    })
+}
+
+/// All lines of a log of times.
+fn all(bytes: &[u8]) -> Option<Vec<Stamped<'_>>> {
+    let full = lines(bytes).filter(|line| !line.text.trim_ascii().is_empty());
+    full.map(stamped).collect()
+}
+
+/// Whether every line has a time and the rest is text.
+pub(super) fn is_text(bytes: &[u8]) -> bool {
+    let is_plain = |one: &Stamped<'_>| {
+        one.text
+            .bytes()
+            .all(|byte| matches!(byte, b' '..=b'~' | b'\t'))
+    };
+    all(bytes).is_some_and(|all| !all.is_empty() && all.iter().all(is_plain))
+}
+
+pub(super) fn look(bytes: &[u8]) -> Option<Look> {
+    let first = lines(bytes).next()?;
+    if session(first.text) {
+        return Some(Look::Surely);
+    }
+    // A device may send times of its own.
+    is_text(bytes).then_some(Look::Perhaps)
+}
+
+pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    if lines(bytes).next().is_some_and(|line| session(line.text)) {
+        return session_bytes(bytes, options, out);
+    }
+    let all = all(bytes).ok_or_else(|| {
+        ImportError::of_file("expected a time before each line, as terminals log text")
+    })?;
+    let binary = all.iter().find(|one| {
+        one.text
+            .bytes()
+            .any(|byte| !matches!(byte, b' '..=b'~' | b'\t'))
+    });
+    if let Some(binary) = binary {
+        return Err(binary.line.wrong(
+            "bytes that are no text stand between the times: log without times and import with \
+             --format raw, or log in hex",
+        ));
+    }
+    out.note("each line is taken to have ended with CR LF, which the log does not show");
+    let are_arrows = all.iter().all(|one| one.is_sent.is_none() || one.is_arrow);
+    let messages = all.into_iter().map(|one| {
+        let is_sent = one.is_sent.filter(|_| !are_arrows);
+        let text = [one.text.as_bytes(), b"\r\n"].concat();
+        Message::new(one.line, Some(one.at), is_sent, text)
+    });
+    let messages = messages.collect();
+    emit(messages, options, out)
+}
+
+/// The bytes of a session, without what the terminal wrote itself.
+fn session_bytes(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    out.note(
+        "the session of a terminal: what it showed is taken as received, without times; it may \
+         lack what the terminal does not show",
+    );
+    let mut own = Vec::new();
+    for line in lines(bytes) {
+        if session(line.text) || is_end(line.text) {
+            continue;
+        }
+        let end = bytes[line.offset..].iter().position(|byte| *byte == b'\n');
+        let end = end.map_or(bytes.len(), |end| line.offset + end + 1);
+        own.extend_from_slice(&bytes[line.offset..end]);
+    }
+    Untimed::new(options, out).stream(options.direction, &own, out);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::{Format, read as read_format};
+    use engine::rig::line::Direction;
+
+    fn told(text: &str) -> Result<Vec<(u64, bool, Vec<u8>)>, String> {
+        let found = read_format(text.as_bytes(), Format::Text, &Options::default());
+        let found = found.map_err(|error| error.to_string())?;
+        let one = |one: &crate::Record| {
+            let is_sent = one.direction == Direction::ToDevice;
+            (one.at.as_millis(), is_sent, one.bytes.to_vec())
+        };
+        Ok(found.records().iter().map(one).collect())
+    }
+
+    /// 12:11:23.456 is 43,883,456 ms after midnight. The arrow of the IDE is no direction.
+    #[test]
+    fn lines_with_times_are_text_of_the_port() {
+        let text = "12:11:23.456 -> $GPGGA,1\r\n12:11:24.000 -> OK\r\n";
+        assert_eq!(Format::detect(text.as_bytes()), Some(Format::Text));
+        let expected = vec![
+            (43_883_456, false, b"$GPGGA,1\r\n".to_vec()),
+            (43_884_000, false, b"OK\r\n".to_vec()),
+        ];
+        assert_eq!(told(text), Ok(expected));
+        let both = told("[0.5] TX: AT\n[0.6] RX: OK\n").expect("sound");
+        assert_eq!((both[0].1, both[1].1), (true, false));
+        assert!(
+            told("[0.5] A\u{e9}\n")
+                .expect_err("bytes")
+                .contains("no text")
+        );
+    }
+
+    #[test]
+    fn a_session_loses_its_head() {
+        let text = "=~=~=~=~=~=~= PuTTY log 2026.11.27 12:11:23 =~=~=~=~=\r\nOK\r\n\r\n$GP\r\n";
+        assert_eq!(Format::detect(text.as_bytes()), Some(Format::Text));
+        let bytes: Vec<u8> = told(text)
+            .expect("sound")
+            .into_iter()
+            .flat_map(|one| one.2)
+            .collect();
+        assert_eq!(bytes, b"OK\r\n\r\n$GP\r\n");
+    }
+}

@@ -1,0 +1,99 @@
+//! Telemetry logs of MAVLink ground stations (.tlog): before each packet its time.
+//!
+//! ```text
+//! | microseconds since 1970, 8 bytes, high first | FE or FD .. the packet |
+//! ```
+//!
+//! The log holds both directions and does not tell which is which.
+
+use super::Look;
+use super::imported::{ImportError, Imported, Options};
+use crate::Kind;
+
+/// Times that are believed: 2001 to 2100.
+const TIMES: core::ops::Range<u64> = 978_000_000_000_000..4_102_000_000_000_000;
+
+/// The time and the packet that `bytes` begins with, and how long both are.
+fn entry(bytes: &[u8]) -> Option<(u64, &[u8])> {
+    let (time, packet) = bytes.split_first_chunk::<8>()?;
+    let micros = u64::from_be_bytes(*time);
+    let len = match *packet {
+        [0xFE, len, ..] => usize::from(len) + 8,
+        // With a signature of 13 bytes.
+        [0xFD, len, flags, ..] => usize::from(len) + 12 + 13 * usize::from(flags & 1),
+        _ => return None,
+    };
+    let packet = packet.get(..len)?;
+    TIMES.contains(&micros).then_some((micros, packet))
+}
+
+pub(super) fn look(bytes: &[u8]) -> Option<Look> {
+    let (_, first) = entry(bytes)?;
+    entry(&bytes[8 + first.len()..]).map(|_| Look::Surely)
+}
+
+pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    out.note("a telemetry log does not tell directions: all is taken as from the device");
+    let link = out.link(&options.link, options);
+    let mut at = 0;
+    while at < bytes.len() {
+        let Some((micros, packet)) = entry(&bytes[at..]) else {
+            let rest = bytes.len() - at;
+            if rest > 8 + 280 {
+                return Err(ImportError::at_byte(
+                    at,
+                    "expected a time and a MAVLink packet: the log is damaged here",
+                ));
+            }
+            out.note(format!(
+                "the log was cut: {rest} bytes at its end are no whole packet"
+            ));
+            break;
+        };
+        let nanos = micros.saturating_mul(1_000);
+        out.push(link, nanos, options.direction, Kind::Data, packet);
+        at += 8 + packet.len();
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::{Format, read as read_format};
+
+    /// A heartbeat of MAVLink 1 and an empty packet of MAVLink 2.
+    #[test]
+    fn packets_have_their_times_and_the_times_are_no_bytes_of_the_line() {
+        let first = [&[0xFE, 9, 0, 1, 1, 0][..], &[0; 9], &[0x12, 0x34]].concat();
+        let second = [0xFD, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0x56, 0x78];
+        let time = |micros: u64| micros.to_be_bytes();
+        let file = [
+            &time(1_795_247_928_000_001)[..],
+            &first,
+            &time(1_795_247_928_500_000),
+            &second,
+            &[1, 2, 3],
+        ]
+        .concat();
+        assert_eq!(Format::detect(&file), Some(Format::Tlog));
+        let found = read_format(&file, Format::Tlog, &Options::default()).expect("sound");
+        let times: Vec<u64> = found
+            .records()
+            .iter()
+            .map(|one| one.at.as_nanos())
+            .collect();
+        assert_eq!(
+            times,
+            [1_795_247_928_000_001_000, 1_795_247_928_500_000_000]
+        );
+        assert_eq!(&found.records()[0].bytes[..], first);
+        assert_eq!(&found.records()[1].bytes[..], second);
+        assert!(
+            found
+                .notes
+                .iter()
+                .any(|note| note.contains("3 bytes at its end"))
+        );
+    }
+}
