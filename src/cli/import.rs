@@ -90,7 +90,7 @@ pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
             let Some(format) = opened.format else {
                 let what = format!(
                     "{}\nbytes as they came from a port are read by --format raw --baud N",
-                    import::looked_for()
+                    import::looked_for(&opened.bytes)
                 );
                 return Err(CliError::content(&args.file, what));
             };

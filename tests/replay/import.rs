@@ -328,7 +328,7 @@ fn what_a_logic_analyzer_saw_is_imported_with_both_directions() {
         // A trace tells where the data bits end, a bit earlier.
         assert!(first.abs_diff(130_208) <= 9_000, "{file}: {first}");
     }
-    let channel = ["--channel", "1", "--from", "program", "--baud", "115200"];
+    let channel = ["--channel", "1", "--from", "program"];
     assert_eq!(
         imported(&folder, "two.sr", &channel),
         [vec![], tx],

@@ -369,12 +369,13 @@ pub fn open<'a>(bytes: &'a [u8], path: &Path) -> Result<Opened<'a>, ImportError>
 }
 
 /// What was looked for, for the message that a file has none of these forms.
-pub fn looked_for() -> String {
+pub fn looked_for(bytes: &[u8]) -> String {
     let rows = FORMATS
         .iter()
         .map(|row| format!("\n  {:<12} {}", row.name, row.mark));
     let rows: String = rows.collect();
-    format!("this file has none of the forms that can be imported; looked for:{rows}")
+    let doubt = hextext::doubt(bytes).map_or_else(String::new, |doubt| format!("\n{doubt}"));
+    format!("this file has none of the forms that can be imported; looked for:{rows}{doubt}")
 }
 
 /// Reads a file of `format`.

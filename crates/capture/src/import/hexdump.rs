@@ -41,9 +41,12 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
         })
     };
     // A row alone or rows of few figures prove nothing: a device may send such lines.
-    let is_long = |rest: &str| rest.split_ascii_whitespace().count() >= CELLS_MIN;
+    let is_long = |rest: &str| {
+        let mut cells = rest.split_ascii_whitespace();
+        cells.clone().count() >= CELLS_MIN || cells.any(|cell| cell.len() >= 8)
+    };
     let (offset, rest) = data().next()?;
-    let has_mark = offset.ends_with(':') || rest.ends_with('|');
+    let has_mark = offset.ends_with(':') || rest.ends_with('|') || has_text(offset, rest);
     let is_marked = has_mark || (data().count() > 1 && is_long(rest));
     let has_data = data().any(|(_, rest)| !rest.is_empty());
     let heads = rows
@@ -52,6 +55,16 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
         .count();
     let is_dump = heads <= data().count() && (heads == 0 || is_long(rest));
     (is_dump && has_data && is_marked && chunks(&rows).is_ok()).then_some(Look::Surely)
+}
+
+/// Whether the first bytes of something stand beside the same as text.
+fn has_text(offset: &str, rest: &str) -> bool {
+    let pairs = rest.split_ascii_whitespace();
+    let is_pair = |cell: &&str| cell.len() == 2 && engine::hex::byte(cell.as_bytes()).is_some();
+    let is_zero = offset.bytes().all(|byte| byte == b'0');
+    is_zero
+        && pairs.clone().take_while(is_pair).count() >= 2
+        && pairs.last().is_some_and(|last| !is_pair(&last))
 }
 
 /// Cells of a first row from which on several rows are believed.

@@ -52,6 +52,14 @@ impl<'a> Message<'a> {
     }
 }
 
+/// Why the numbers of a text are not read, if it is numbers of which the base cannot be told.
+pub(super) fn doubt(bytes: &[u8]) -> Option<String> {
+    let text = core::str::from_utf8(bytes).ok()?;
+    let is_number = |c: char| c.is_ascii_digit() || c.is_whitespace() || ",;:-".contains(c);
+    let is_numbers = !text.is_empty() && text.chars().all(is_number);
+    base_of(text.lines()).err().filter(|_| is_numbers)
+}
+
 /// The bytes that a text spells in a base.
 pub(super) fn bytes_of(text: &str, base: Base) -> Result<Vec<u8>, String> {
     tokens::read(text, base).map(|found| found.bytes)
@@ -161,7 +169,7 @@ fn say_doubts(whole: &Whole<'_>, out: &mut Imported) {
         Base::Hex if whole.evident == 0 && !whole.has_marks => {
             out.note("no digit is a letter: the digits are taken as hex");
         }
-        Base::Hex => {}
+        Base::Hex | Base::Text => {}
         Base::Loose => out.note("hex without leading zeros: each number is taken as a byte"),
         Base::Decimal => out.note("the numbers are taken as decimal: none has a letter or a 0x"),
         Base::Octal => out.note("the numbers are taken as octal: three digits each, as od -b"),

@@ -30,6 +30,8 @@ struct Head {
     has_mark: bool,
     /// Whether cells are voltages.
     is_analog: bool,
+    /// Columns before those of levels, of which the first may be the time.
+    skipped: usize,
 }
 
 /// Lines that a head may have.
@@ -53,17 +55,17 @@ fn head(bytes: &[u8]) -> Option<Head> {
         let cells = cells(text);
         if cells
             .iter()
-            .skip(usize::from(head.time.is_some()))
+            .skip(head.skipped)
             .all(|cell| level(cell).is_some())
         {
             head.rows_at = line.offset;
-            let count = cells.len() - usize::from(head.time.is_some());
+            let count = cells.len().saturating_sub(head.skipped);
             if head.names.len() != count {
                 head.names = (0..count).map(|index| format!("channel {index}")).collect();
             }
             return (count > 0).then_some(head);
         }
-        let skip = usize::from(head.time.is_some());
+        let skip = head.skipped;
         if head.time.is_some()
             && cells.len() > 1
             && cells.iter().skip(skip).all(|cell| volts(cell).is_some())
@@ -75,8 +77,13 @@ fn head(bytes: &[u8]) -> Option<Head> {
         // The names of the columns; sigrok writes their kinds.
         let named = match time_unit(&cells[0]) {
             Some(unit) => {
-                head.time = Some(unit);
+                (head.time, head.skipped) = (Some(unit), 1);
                 head.has_mark = true;
+                &cells[1..]
+            }
+            // sigrok's csv:time=true counts nothing there; the rate tells the times.
+            None if cells[0] == "samples" => {
+                head.skipped = 1;
                 &cells[1..]
             }
             None => &cells[..],
@@ -115,14 +122,18 @@ impl Head {
 /// Nanoseconds of the unit of a time's column, by its name.
 fn time_unit(name: &str) -> Option<u64> {
     let name = name.to_ascii_lowercase();
-    let unit = name.strip_prefix("time")?.trim();
-    let unit = unit.trim_start_matches("stamp").trim();
+    // sigrok's csv:time=true names the unit alone.
+    let unit = match name.strip_prefix("time") {
+        Some(unit) => unit.trim().trim_start_matches("stamp").trim(),
+        None if name.ends_with("seconds") => name.trim_end_matches("econds"),
+        None => return None,
+    };
     let unit = unit.trim_matches(['[', ']', '(', ')']);
     Some(match unit {
         "" | "s" | "sec" | "second" | "seconds" => 1_000_000_000,
-        "ms" => 1_000_000,
-        "us" => 1_000,
-        "ns" => 1,
+        "ms" | "millis" => 1_000_000,
+        "us" | "micros" => 1_000,
+        "ns" | "nanos" => 1,
         _ => return None,
     })
 }
@@ -167,7 +178,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             }
         };
         count += 1;
-        let first = usize::from(head.time.is_some());
+        let first = head.skipped;
         for (index, name) in head.names.iter().enumerate() {
             let level = level(row.cell(first + index)).ok_or_else(|| wrong(row.line, &row))?;
             if channels.len() == index {

@@ -37,7 +37,8 @@ struct Stamped<'a> {
 fn stamped<'a>(line: Line<'a>) -> Option<Stamped<'a>> {
     let text = core::str::from_utf8(line.text).ok()?;
     let (prefix, rest) = split_prefix(text);
-    text.starts_with(|c: char| c.is_ascii_digit() || c == '[' || c == '(').then_some(())?;
+    text.starts_with(|c: char| c.is_ascii_digit() || c == '[' || c == '(')
+        .then_some(())?;
     Some(Stamped {
         line,
         at: prefix.at?,

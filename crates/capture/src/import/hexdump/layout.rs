@@ -66,7 +66,8 @@ pub(super) fn layouts(digits: usize) -> impl Iterator<Item = [Layout; 3]> {
     let radixes = if digits == 7 {
         [8, 10, 16]
     } else {
-        [16, 10, 8]
+        // Octal offsets have seven digits.
+        [16, 10, 16]
     };
     let of = move |cell| radixes.map(|radix| Layout { radix, cell });
     CELLS.into_iter().map(of)
@@ -235,6 +236,16 @@ fn shown_beside(behind: &str, bytes: &[u8]) -> bool {
         {
             return true;
         }
+    }
+    // Wireshark divides a conversation's text after eight characters.
+    let undivided: String = text
+        .trim_start()
+        .char_indices()
+        .filter(|(at, _)| *at != 8)
+        .map(|(_, c)| c)
+        .collect();
+    if bytes.len() > 8 && shows(&undivided, bytes) {
+        return true;
     }
     let count = behind.chars().count();
     let least = text.chars().count();

@@ -108,21 +108,25 @@ fn is_mute(text: &str) -> bool {
     }
     // 00 01 02 .. 0F, as an editor writes above its columns.
     let words = trimmed.split_ascii_whitespace();
-    let mut numbers = words.map_while(|word| u32::from_str_radix(word, 16).ok());
-    let is_next = |(index, number): (u32, u32)| index == number;
+    let short = words.take_while(|word| word.len() <= 2);
+    let numbers = short.map_while(|word| u32::from_str_radix(word, 16).ok());
     let count = numbers
-        .by_ref()
         .zip(0..)
-        .map(|(number, index)| (index, number))
-        .take_while(|pair| is_next(*pair))
-        .count();
-    count >= 8
+        .take_while(|(number, index)| number == index);
+    count.count() >= 8
 }
 
 /// Whether a line is a shell's, with the command that made the dump or without one.
 fn is_prompt(text: &str) -> bool {
     const TOOLS: [&str; 8] = [
-        "xxd", "hexdump", "hd", "od", "Format-Hex", "tshark", "hexyl", "certutil",
+        "xxd",
+        "hexdump",
+        "hd",
+        "od",
+        "Format-Hex",
+        "tshark",
+        "hexyl",
+        "certutil",
     ];
     let trimmed = text.trim();
     let marks = ['$', '#', '%', '>'];

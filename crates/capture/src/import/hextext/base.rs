@@ -1,5 +1,7 @@
 //! Base of the numbers in a text.
 
+use super::tokens::is_literal;
+
 /// How the numbers of a text are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::import) enum Base {
@@ -12,6 +14,8 @@ pub(in crate::import) enum Base {
     Decimal,
     /// Three octal digits each.
     Octal,
+    /// Literals of bytes, of which some are no digits.
+    Text,
 }
 
 /// What the numbers of a text look like.
@@ -43,17 +47,20 @@ struct Shape {
 /// If they may be of two bases.
 pub(in crate::import) fn of<'a>(bodies: impl Iterator<Item = &'a str>) -> Result<Base, String> {
     let mut shape = Shape::default();
-    let mut is_list = true;
+    let (mut is_list, mut is_text, mut is_quoted) = (true, false, false);
     for body in bodies {
         let body = body.trim();
         // Escapes and quoted text have no base.
-        if body.contains(['\\', '"', '\'']) {
-            return Ok(Base::Hex);
-        }
+        is_text |= body.contains('\\') || is_literal(body);
+        is_quoted |= body.contains(['\\', '"', '\'']);
         is_list &= body.contains('[') || body.contains(',');
         shape.take(body);
     }
-    shape.base(is_list)
+    match (is_text, is_quoted) {
+        (true, _) => Ok(Base::Text),
+        (_, true) => Ok(Base::Hex),
+        _ => shape.base(is_list),
+    }
 }
 
 impl Shape {

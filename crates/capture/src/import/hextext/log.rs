@@ -40,6 +40,7 @@ struct Run {
     bytes: Vec<u8>,
     evident: usize,
     has_marks: bool,
+    is_pairs: bool,
     start: usize,
     end: usize,
 }
@@ -120,10 +121,17 @@ fn piece(text: &str) -> Option<Piece> {
     if !is_head(head) || !is_tail(tail, &run) {
         return None;
     }
+    let prefix = prefix_of(head);
+    let is_bare = head.trim().is_empty();
+    // A decimal figure behind words that tell no direction.
+    let is_figure = run.evident == 0 && !run.is_pairs && prefix.is_sent.is_none() && !is_bare;
+    if is_figure {
+        return None;
+    }
     Some(Piece {
-        prefix: prefix_of(head),
+        prefix,
         told: told(head).or_else(|| told(tail)),
-        is_bare: head.trim().is_empty(),
+        is_bare,
         bytes: run.bytes,
         evident: run.evident,
         has_marks: run.has_marks,
@@ -217,8 +225,15 @@ fn runs(text: &str) -> Vec<Run> {
         let found = number(token);
         if let Some((kind, bytes)) = &found {
             let gap = last.map(|(_, end)| &text[end..at]);
-            let goes_on =
-                last.is_some_and(|(known, _)| known == *kind) && gap.is_some_and(|gap| is_gap(gap));
+            // Groups of eight bytes, of which the last is shorter.
+            let is_rest = gap == Some(" ")
+                && runs
+                    .last()
+                    .is_some_and(|run| run.bytes.len().is_multiple_of(8));
+            let is_kind = |(known, _): (Kind, usize)| {
+                known == *kind || (known == Kind::Digits && *kind == Kind::Pair && is_rest)
+            };
+            let goes_on = last.is_some_and(is_kind) && gap.is_some_and(is_gap);
             if !goes_on {
                 let start = at;
                 runs.push(Run {
@@ -234,6 +249,7 @@ fn runs(text: &str) -> Vec<Run> {
                     _ => letters.count(),
                 };
                 run.has_marks |= *kind == Kind::Marked;
+                run.is_pairs |= *kind == Kind::Pair;
                 run.bytes.extend(bytes);
                 run.end = at + token.len();
             }

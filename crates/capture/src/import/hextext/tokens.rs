@@ -34,17 +34,18 @@ pub(super) fn without_comments(text: &str, is_open: &mut bool) -> String {
         (*is_open, rest) = (true, behind);
     }
     // Inside of quotes these are bytes.
-    let quoted = if rest.contains('\\') {
-        rest.rfind(['"', '\''])
-    } else {
-        None
-    };
+    let has_literal = ["\\", "b'", "b\""].iter().any(|mark| rest.contains(mark));
+    let quoted = rest.rfind(['"', '\'']).filter(|_| has_literal);
     let ends = ["//", "#"].map(|mark| rest.find(mark).filter(|&at| Some(at) > quoted));
     let end = ends.into_iter().flatten().min();
     let rest = &rest[..end.unwrap_or(rest.len())];
     // A semicolon begins a comment unless bytes follow it.
     let rest = match rest.split_once(';') {
-        Some((before, behind)) if !behind.trim().is_empty() && read(behind, Base::Hex).is_err() => {
+        Some((before, behind))
+            if !behind.trim().is_empty()
+                && quoted.is_none_or(|quoted| before.len() > quoted)
+                && read(behind, Base::Hex).is_err() =>
+        {
             before
         }
         _ => rest,
@@ -84,7 +85,7 @@ pub(super) fn read(text: &str, base: Base) -> Result<Found, String> {
             text = inside.trim();
         }
     }
-    if text.contains('\\') || is_literal(text) {
+    if text.contains('\\') || is_literal(text) || (base == Base::Text && is_quoted(text)) {
         return escapes(text);
     }
     let all = numbers(text, base);
@@ -102,14 +103,21 @@ pub(super) fn read(text: &str, base: Base) -> Result<Found, String> {
     }
 }
 
-/// Whether a text is a literal of bytes as Python and Rust print them. What is hex digits in quotes
-/// is taken as digits.
-fn is_literal(text: &str) -> bool {
+/// What a literal of bytes, as Python and Rust print them, has between its quotes.
+fn inside_quotes(text: &str) -> Option<&str> {
     let inside = ["b'", "b\""]
         .iter()
-        .find_map(|open| text.strip_prefix(open));
-    let inside = inside.and_then(|inside| inside.strip_suffix(['\'', '"']));
-    inside.is_some_and(|inside| hex::bytes(inside).is_none())
+        .find_map(|open| text.strip_prefix(open))?;
+    inside.strip_suffix(['\'', '"'])
+}
+
+fn is_quoted(text: &str) -> bool {
+    inside_quotes(text).is_some()
+}
+
+/// Whether a text is such a literal. What is hex digits alone may be digits in quotes.
+pub(super) fn is_literal(text: &str) -> bool {
+    inside_quotes(text).is_some_and(|inside| hex::bytes(inside).is_none())
 }
 
 fn numbers(text: &str, base: Base) -> Result<Found, String> {
@@ -143,7 +151,7 @@ fn shows(shown: &str, bytes: &[u8]) -> bool {
 impl Found {
     fn take(&mut self, token: &str, base: Base) -> Result<(), String> {
         let byte = match base {
-            Base::Hex => None,
+            Base::Hex | Base::Text => None,
             Base::Loose => Some(hex::byte(format!("{token:0>2}").as_bytes())),
             Base::Octal => Some(u8::from_str_radix(token, 8).ok()),
             Base::Decimal => {
