@@ -78,9 +78,10 @@ command -v tshark >/dev/null || missing+=(tshark)
 command -v chromium >/dev/null && command -v chromedriver >/dev/null ||
     missing+=(chromium chromium-driver)
 # Write the dumps that the importers are tested with.
-for tool in socat jpnevulator sigrok-cli tio; do
+for tool in socat jpnevulator sigrok-cli tio strace hexyl xxd zip; do
     command -v "$tool" >/dev/null || missing+=("$tool")
 done
+command -v hexdump >/dev/null || missing+=(bsdextrautils)
 if proof emulators protocols tests/simavr; then
     # Compile and simulate sketches for an ATmega2560, whose chips are ours.
     command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] ||

@@ -10,10 +10,11 @@ use crate::realtime::playback::Side as PlayedSide;
 
 /// Turn a file of another tool into a capture.
 ///
-/// Reads hex text, dumps of xxd, hexdump and od, logs of socat, jpnevulator, interceptty and
-/// pySerial's spy://, pcap and pcapng, sigrok and Saleae exports, VCD, the CSV of `hilrig export`,
-/// and bytes alone. The form is recognised by itself; --format forces one. gzip and zip archives
-/// and UTF-16 are unpacked first. A line that does not fit is an error with its place.
+/// Reads hex text, dumps of xxd, hexdump and od, logs of socat, strace, Modbus tools and port
+/// monitors, tables, pcap and pcapng, sigrok and Saleae exports, VCD, text with times, the CSV of
+/// `hilrig export`, and bytes alone; docs/import.md lists all. The form is recognised by itself;
+/// --format forces one. gzip and zip archives and UTF-16 are unpacked first. A line that does not
+/// fit is an error with its place.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     socat -x -v /dev/ttyUSB0,raw PTY,link=/tmp/robot 2> dump.txt   # then\n  \

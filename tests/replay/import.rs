@@ -319,7 +319,7 @@ fn what_a_logic_analyzer_saw_is_imported_with_both_directions() {
     );
     for file in ["two.sr", "two.vcd", "two.csv", "two.json"] {
         assert_eq!(
-            imported(&folder, file, &["--baud", "115200"]),
+            imported(&folder, file, &[]),
             [rx.clone(), tx.clone()],
             "{file}"
         );
@@ -516,7 +516,13 @@ fn an_error_in_a_dump_is_told_with_its_line_and_byte() {
     }
 }
 
-const FORMATS: [Format; 15] = [
+const FORMATS: [Format; 21] = [
+    Format::Log,
+    Format::SaleaeBinary,
+    Format::Table,
+    Format::Strace,
+    Format::Tlog,
+    Format::Text,
     Format::Socat,
     Format::Jpnevulator,
     Format::Interceptty,
@@ -535,7 +541,7 @@ const FORMATS: [Format; 15] = [
 ];
 
 /// One sound dump of each form, to be damaged.
-const SOUND: [&str; 14] = [
+const SOUND: [&str; 19] = [
     "> 2026/11/21 07:58:48.000761120  length=4 from=0 to=3\n fa a0 0a   ...\n 41   A\n--\n",
     "2026-11-21 07:58:50.596918: A\n00000000\tFA A0 0A 41\t...A\n",
     "5313-6147 uart-1: FA\n6148-6150 uart-1: Frame error\nuart-1: 0A\n",
@@ -550,6 +556,11 @@ const SOUND: [&str; 14] = [
     "$timescale 1 us $end $var wire 1 ! RX $end $enddefinitions $end\n#0 1!\n#5 0!\n#99 1!\n",
     "; Samplerate: 1 MHz\nlogic\n1\n0\n0\n1\nTime [s],RX\n0.1,1\n0.2,0\n",
     "time_s,link,direction,event,bytes,comment\r\n1.0,a,to-master,data,FAA0,\"b\nc\"\r\n",
+    "[12:11:23][D][uart:114]: >>> 01:03:C4\n[12:11:24][D][uart:114]: <<< 01:03 (2 bytes)\n",
+    "12:11:23.1 write(3</dev/ttyS0>, \"\\xab$\\n\\0\", 4) = 4\n7 <... read resumed>\"\", 9) = 0\n",
+    "time_us;dir;data\n1;TX;AB 24\n2;RX;0A\n{\"ts\": 1, \"dir\": \"rx\", \"data\": [1, 2]}\n",
+    "12:11:23.456 -> OK\r\n=~=~=~= PuTTY log 2026.11.27 12:11:23 =~=~\r\n",
+    "Outgoing data at 12:11:23\n  00000000  ab 24 0a   .$.\n      00000000  00 d9   ..\n",
 ];
 
 /// A dump of any content is records, or an error with a place inside it.
@@ -585,7 +596,7 @@ proptest! {
     /// Mostly sound, which gets deeper than noise.
     #[test]
     fn no_damaged_dump_panics_an_importer(
-        which in 0_usize..14,
+        which in 0_usize..19,
         edits in prop::collection::vec((0_usize..200, 0_u8..4, any::<u8>()), 1..8),
     ) {
         let mut bytes = SOUND[which].repeat(2).into_bytes();

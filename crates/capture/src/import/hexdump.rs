@@ -32,6 +32,8 @@ use lines::{Row, rows};
 const BYTES_MAX: usize = 64 << 20;
 
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
+    // Most other files have no row at their beginning; nothing more is looked at.
+    lines::begins_with_rows(bytes).then_some(())?;
     let mut notes = Vec::new();
     let rows = rows(bytes, &mut notes).ok()?;
     let data = || {

@@ -138,29 +138,29 @@ fn dumps_of_the_tools_are_read() {
 
 /// Levels of two lines at eight and two thirds samples a bit, with idle of no whole number of bits.
 fn logic() -> Vec<u8> {
+    const BIT_NANOS: u64 = 1_000_000_000 / 115_200;
     let mut levels = vec![3_u8; 100];
-    let mut at = 0.0;
-    let mut send = |mask: u8, bytes: &[u8], levels: &mut Vec<u8>| {
+    let mut at = 100_000;
+    let mut until = |at: u64, level: u8| {
+        while (levels.len() as u64) * 1_000 < at {
+            levels.push(level);
+        }
+    };
+    for (mask, bytes) in (0..3).flat_map(|_| [(2_u8, &ASK[..]), (1, &ANSWER[..])]) {
         for (index, &byte) in (0_u8..).zip(bytes) {
             let bits = (0..8).map(|bit| byte >> bit & 1 == 1);
             for bit in core::iter::once(false).chain(bits).chain([true]) {
-                at += 1e6 / 115_200.0;
-                while (levels.len() as f64) < at + 100.0 {
-                    levels.push(if bit { 3 } else { 3 & !mask });
-                }
+                at += BIT_NANOS;
+                until(at, if bit { 3 } else { 3 & !mask });
             }
             // Some characters stand apart.
             if index % 3 == 0 {
-                at += 23.7;
-                levels.resize((at + 100.0).ceil() as usize, 3);
+                at += 23_700;
+                until(at, 3);
             }
         }
-        at += 500.3;
-        levels.resize((at + 100.0).ceil() as usize, 3);
-    };
-    for _ in 0..3 {
-        send(2, &ASK, &mut levels);
-        send(1, &ANSWER, &mut levels);
+        at += 500_300;
+        until(at, 3);
     }
     levels
 }

@@ -76,6 +76,14 @@ pub(super) fn rows<'a>(
     Ok(rows)
 }
 
+/// Whether a row is among the first lines.
+pub(super) fn begins_with_rows(bytes: &[u8]) -> bool {
+    const LINES: usize = 60;
+    let mut full = text::lines(bytes).filter(|line| !line.text.trim_ascii().is_empty());
+    let mut full = full.by_ref().take(LINES);
+    full.any(|line| matches!(row(&plain(line.text), None), Some(Row::At { .. })))
+}
+
 /// The text without the frames that hexyl draws, and without its column of characters.
 fn plain(text: &[u8]) -> String {
     let text = log::plain(text);

@@ -47,13 +47,13 @@ struct Shape {
 /// If they may be of two bases.
 pub(in crate::import) fn of<'a>(bodies: impl Iterator<Item = &'a str>) -> Result<Base, String> {
     let mut shape = Shape::default();
-    let (mut is_list, mut is_text, mut is_quoted) = (true, false, false);
+    let (mut is_list, mut is_text, mut is_quoted) = (false, false, false);
     for body in bodies {
         let body = body.trim();
         // Escapes and quoted text have no base.
         is_text |= body.contains('\\') || is_literal(body);
         is_quoted |= body.contains(['\\', '"', '\'']);
-        is_list &= body.contains('[') || body.contains(',');
+        is_list |= body.starts_with('[');
         shape.take(body);
     }
     match (is_text, is_quoted) {

@@ -447,6 +447,11 @@ pub(in crate::import) fn look(bytes: &[u8]) -> Option<Look> {
     if head.contains(&0) || head.iter().filter(|byte| **byte >= 0x80).count() * 4 > head.len() {
         return None;
     }
+    const LINES: usize = 200;
+    let mut first = lines(head).take(LINES);
+    first
+        .any(|line| piece(plain(line.text).trim_end()).is_some())
+        .then_some(())?;
     let (whole, _, _) = parse(bytes);
     let count: usize = whole.messages.iter().map(|one| one.bytes.len()).sum();
     let is_told = |one: &Message<'_>| one.is_sent.is_some() || one.at.is_some();
