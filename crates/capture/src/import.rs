@@ -374,7 +374,8 @@ pub fn looked_for(bytes: &[u8]) -> String {
         .iter()
         .map(|row| format!("\n  {:<12} {}", row.name, row.mark));
     let rows: String = rows.collect();
-    let doubt = hextext::doubt(bytes).map_or_else(String::new, |doubt| format!("\n{doubt}"));
+    let doubt = hexdump::doubt(bytes).or_else(|| hextext::doubt(bytes));
+    let doubt = doubt.map_or_else(String::new, |doubt| format!("\n{doubt}"));
     format!("this file has none of the forms that can be imported; looked for:{rows}{doubt}")
 }
 

@@ -1,7 +1,5 @@
-//! Streams of formats that the tool does not know: none is claimed as known. And streams of those
-//! that it knows, short, damaged and cut: they are still recognised.
+//! Streams of formats that the tool does not know: none is claimed as known.
 
-use engine::codec::wire::Choices;
 use engine::codec::{self, Codec};
 use engine::rig::line::Direction;
 use hilrig_capture::decode::transcript::Transcript;
@@ -279,7 +277,7 @@ fn claimed(bytes: &[u8]) -> Vec<&'static str> {
 fn no_unknown_format_is_claimed_as_known() {
     let mut wrong = Vec::new();
     for (name, frame) in UNKNOWN {
-        for (seed, frames) in [(1, 3), (2, 20), (3, 200), (4, 700)] {
+        for (seed, frames) in [(1, 3), (2, 20), (3, 150)] {
             let mut chance = Chance(seed);
             let bytes: Vec<u8> = (0..frames)
                 .flat_map(|turn| frame(&mut chance, turn))
@@ -288,55 +286,6 @@ fn no_unknown_format_is_claimed_as_known() {
             let claimed = claimed(&bytes);
             if guess.is_some() || !claimed.is_empty() {
                 wrong.push(format!("{name}, {frames} frames: {guess:?} {claimed:?}"));
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-}
-
-/// Frames of a known format.
-fn known(codec: &Codec, count: usize, chance: &mut Chance) -> Vec<Vec<u8>> {
-    let mut frames = Vec::new();
-    while frames.len() < count {
-        let choices = chance.bytes(2_000);
-        let mut frame = Vec::new();
-        codec.build(&mut Choices::new(&choices), &mut frame);
-        // Values that cannot be are no evidence, so a device does not send them.
-        if codec.plausible_frames(&frame).len() == 1 {
-            frames.push(frame);
-        }
-    }
-    frames
-}
-
-/// Three frames, or as many as a format without a checksum needs; sixty of which each twentieth is
-/// damaged; the same from the middle of a frame on.
-#[test]
-fn short_damaged_and_cut_streams_of_known_formats_are_recognised() {
-    let mut wrong = Vec::new();
-    for codec in codec::all() {
-        let mut chance = Chance(11);
-        let few =
-            3.max(usize::from(codec.floor().frames)) + 3 * usize::from(codec.floor().share > 0);
-        let short = known(codec, few, &mut chance).concat();
-        let mut frames = known(codec, 60, &mut chance);
-        for (index, frame) in frames.iter_mut().enumerate() {
-            if index % 20 == 9 {
-                let place = frame.len() / 2;
-                frame[place] ^= 0x10;
-            }
-        }
-        let cut = frames[0].len() / 2;
-        let long = frames.concat();
-        for (what, bytes) in [
-            ("short", &short[..]),
-            ("damaged", &long),
-            ("cut", &long[cut..]),
-        ] {
-            let guess = codec::guess(bytes);
-            // Either order of the register bus may be told where sums are below 256.
-            if guess != Some(codec) {
-                wrong.push(format!("{what} {}: {guess:?}", codec.name()));
             }
         }
     }

@@ -59,6 +59,15 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     (is_dump && has_data && is_marked && chunks(&rows).is_ok()).then_some(Look::Surely)
 }
 
+/// Why a file that begins with rows is no dump.
+pub(super) fn doubt(bytes: &[u8]) -> Option<String> {
+    lines::begins_with_rows(bytes).then_some(())?;
+    let found = rows(bytes, &mut Vec::new()).and_then(|rows| chunks(&rows).map(|_| ()));
+    found
+        .err()
+        .map(|error| format!("as a dump with offsets: {error}"))
+}
+
 /// Whether the first bytes of something stand beside the same as text.
 fn has_text(offset: &str, rest: &str) -> bool {
     let pairs = rest.split_ascii_whitespace();

@@ -28,7 +28,7 @@ fn foreign_and_broken_files_name_the_next_step() {
         ("strace that cuts", b"write(3, \"\\xab\"..., 40) = 40\n", "-s 99999"),
         ("numbers of two bases", b"1 3 0 10 20 30 5 7 9\n", "decimal or hex"),
         ("tcpdump -X", b"12:11:23.000501 IP a.1 > b.2: Flags [P.], length 4\n\t0x0000:  4500 002c 1234 4000 4006 0000 7f00 0001  E..,.4@.@.......\n", "with their headers"),
-        ("a dump with a lost row", b"00000000  01 02 03 04 05 06 07 08  09 0a 0b 0c 0d 0e 0f 10  |................|\n00000020  01 02                                             |..|\n", "rows are missing"),
+        ("a dump with a lost row", b"00000000  01 02 03 04 05 06 07 08  09 0a 0b 0c 0d 0e 0f 10  |................|\n00000020  01 02                                             |..|\n", "bytes up to the next offset"),
         ("a row of I2C", b"name,type,start_time,duration,data,error,ack,address,read\n\"I2C\",\"data\",0.0002,8e-05,0xA0,,true,,\n", "--channel NAME"),
         ("an office document", b"{\\rtf1 AB 24}", "plain text"),
         ("words of od without offsets", b" 022253 000012 125731 020044 061141 000400\n", "od -t x1"),
