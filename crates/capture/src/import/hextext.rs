@@ -12,6 +12,7 @@
 //! it. In a file that has neither, each line is a message, unless the lines are only wrapped.
 
 mod base;
+mod literal;
 pub(super) mod log;
 mod prefix;
 mod tokens;

@@ -1,6 +1,6 @@
 //! Base of the numbers in a text.
 
-use super::tokens::is_literal;
+use super::literal::is_literal;
 
 /// How the numbers of a text are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

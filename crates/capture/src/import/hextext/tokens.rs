@@ -3,6 +3,7 @@
 use engine::hex;
 
 use super::base::Base;
+use super::literal::{is_literal, is_quoted};
 
 /// What a line holds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -101,23 +102,6 @@ pub(super) fn read(text: &str, base: Base) -> Result<Found, String> {
         )),
         (Err(error), _) => Err(error),
     }
-}
-
-/// What a literal of bytes, as Python and Rust print them, has between its quotes.
-fn inside_quotes(text: &str) -> Option<&str> {
-    let inside = ["b'", "b\""]
-        .iter()
-        .find_map(|open| text.strip_prefix(open))?;
-    inside.strip_suffix(['\'', '"'])
-}
-
-fn is_quoted(text: &str) -> bool {
-    inside_quotes(text).is_some()
-}
-
-/// Whether a text is such a literal. What is hex digits alone may be digits in quotes.
-pub(super) fn is_literal(text: &str) -> bool {
-    inside_quotes(text).is_some_and(|inside| hex::bytes(inside).is_none())
 }
 
 fn numbers(text: &str, base: Base) -> Result<Found, String> {
