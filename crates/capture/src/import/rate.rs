@@ -96,6 +96,8 @@ fn usual(levels: &Levels, coding: LineConfig) -> Option<LineConfig> {
 /// A rate that nobody uses: the bit is as long as the shortest pulses, and then as the edges say.
 fn unusual(levels: &Levels, coding: LineConfig) -> Option<LineConfig> {
     let mut pulses = levels.pulses();
+    // The longest bit of interest is far shorter.
+    pulses.retain(|pulse| *pulse < 1 << 40);
     pulses.sort_unstable();
     // A few glitches may be shorter.
     let shortest = *pulses.get(pulses.len() / 20)?;
@@ -153,7 +155,7 @@ fn edges(levels: &Levels, line: LineConfig) -> Vec<Vec<f64>> {
     let own = read.iter().map(|&(end, _)| {
         let start = end.saturating_sub(whole);
         let first = levels.changes.partition_point(|&change| change <= start);
-        let last = start + nanos(2 * stop_at + 1);
+        let last = start.saturating_add(nanos(2 * stop_at + 1));
         let own = levels.changes[first..].iter();
         let own = own.take_while(|&&change| change < last);
         #[expect(clippy::cast_precision_loss, reason = "a deviation is judged")]

@@ -16,6 +16,8 @@ pub(super) struct Levels {
 impl Levels {
     /// Takes the level at `at`; equal ones change nothing.
     pub(super) fn set(&mut self, at: u64, level: bool) {
+        // A time that goes back in the file does not go back here.
+        let at = self.changes.last().map_or(at, |last| at.max(*last));
         if self.last() != level {
             self.changes.push(at);
         }
