@@ -333,11 +333,11 @@ fn prefix_of(head: &str) -> Prefix {
         _ => None,
     };
     let words = rest.split(|c: char| !c.is_alphanumeric());
-    let word = words
+    let mut word = words
         .map(str::to_ascii_lowercase)
         .filter_map(|word| direction(&word));
     let told = word
-        .last()
+        .next_back()
         .or(arrow.map(|(_, is_sent)| *is_sent))
         .or(single);
     prefix.is_sent = told.or(prefix.is_sent);
