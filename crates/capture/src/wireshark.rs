@@ -2,6 +2,9 @@
 //! register names of the register table.
 
 use core::fmt::Write as _;
+use std::sync::Arc;
+
+use description::{Description, LUA_RUNTIME, LuaField as DescribedField, LuaPart};
 
 use protocols::avr::registers::{TABLE, Width};
 
@@ -20,15 +23,82 @@ const PLACES: [&str; 4] = [
     "--@FORMATS\n",
 ];
 
+/// Fields of every described device.
+const DESCRIBED_FIELDS: &str = "\
+  words = ProtoField.string(\"hilrig.words\", \"Frame in words\"),
+  message = ProtoField.string(\"hilrig.message\", \"Message\"),
+  modbus_address = ProtoField.uint8(\"hilrig.modbus.address\", \"Modbus address\"),
+  modbus_function = ProtoField.uint8(\"hilrig.modbus.function\", \"Modbus function\"),
+  modbus_exception = ProtoField.uint8(\"hilrig.modbus.exception\", \"Modbus exception\"),
+  modbus_register = ProtoField.uint16(\"hilrig.modbus.register\", \"Modbus register\"),
+  modbus_count = ProtoField.uint16(\"hilrig.modbus.count\", \"Modbus count\"),
+  modbus_data = ProtoField.string(\"hilrig.modbus.data\", \"Modbus data\"),
+";
+
 /// The whole file.
 pub fn dissector() -> String {
+    dissector_of(&[])
+}
+
+/// The whole file, with described devices: their formats come first.
+pub fn dissector_of(descriptions: &[Arc<Description>]) -> String {
     let rows = codec::all().into_iter();
     let rows: Vec<(&Codec, &Lua)> = rows.filter_map(|row| Some((row, row.lua()?))).collect();
-    let texts = [registers(), fields(&rows), sources(&rows), formats(&rows)];
+    let parts = described(descriptions);
+    let texts = [
+        registers(),
+        fields(&rows) + &described_fields(&parts),
+        sources(&rows) + if parts.is_empty() { "" } else { LUA_RUNTIME },
+        described_rows(&parts) + &formats(&rows),
+    ];
     let texts = PLACES.into_iter().zip(texts);
     texts.fold(TEMPLATE.to_owned(), |file, (place, text)| {
         file.replace(place, &text)
     })
+}
+
+/// The parts of described devices; one of a name that an earlier one has gets a number.
+fn described(descriptions: &[Arc<Description>]) -> Vec<LuaPart> {
+    let mut names: Vec<String> = Vec::new();
+    let parts = descriptions.iter().map(|description| {
+        let own = description.name().to_owned();
+        let free = |name: &String| !names.contains(name);
+        let mut numbered = (2..).map(|number| format!("{own}-{number}"));
+        let name = match free(&own) {
+            true => own.clone(),
+            false => numbered.find(free).unwrap_or_default(),
+        };
+        names.push(name.clone());
+        description.lua(&name)
+    });
+    parts.collect()
+}
+
+/// The fields of all described devices, and those of each.
+fn described_fields(parts: &[LuaPart]) -> String {
+    if parts.is_empty() {
+        return String::new();
+    }
+    let mut out = DESCRIBED_FIELDS.to_owned();
+    for field in parts.iter().flat_map(|part| &part.fields) {
+        let DescribedField {
+            key,
+            kind,
+            filter,
+            label,
+        } = field;
+        writeln!(
+            out,
+            "  {key} = ProtoField.{kind}(\"{filter}\", \"{label}\"),"
+        )
+        .expect(TAKES_ALL);
+    }
+    out
+}
+
+fn described_rows(parts: &[LuaPart]) -> String {
+    let rows = parts.iter().map(|part| format!("{},\n", part.row));
+    rows.collect()
 }
 
 fn registers() -> String {

@@ -44,7 +44,8 @@ end
 -- judge(s, state) says how long the frame at the start of s is; 0 for none, nil for "more"; state is
 -- the line's own table, for formats whose frames say what the next ones are. tell(s) returns a title
 -- and a list of { field, value }. Each row: name, judge, tell, seconds of silence after which half a
--- frame is given up, per cent of the bytes in frames below which it is not guessed.
+-- frame is given up, per cent of the bytes in frames below which it is not guessed; of a described
+-- device a function that says whether a frame is a message of it.
 
 --@SOURCES
 local FORMATS = {
@@ -82,7 +83,7 @@ end
 local function cut(line, out, quiet)
   local format, at, from = line.format, 1, 1
   while at <= #line.buf do
-    local length = format[2](line.buf:sub(at, at + FRAME_MAX - 1), line.state)
+    local length = format[2](line.buf:sub(at, at + FRAME_MAX - 1), line.state, quiet)
     if length == nil and not quiet then break end
     if length and length > 0 then
       tell_bad(out, line.buf:sub(from, at - 1))
@@ -99,17 +100,23 @@ local function cut(line, out, quiet)
   line.buf = line.buf:sub(at)
 end
 
--- The format with the most bytes in sound frames.
-local function guess(buf)
+-- The format with the most bytes in sound frames; one of a described device, which has a function
+-- that says whether a frame is a message of it, before others.
+local function guess(buf, quiet)
   local best, most = nil, 0
   for _, format in ipairs(FORMATS) do
     local at, framed, state = 1, 0, {}
     while at <= #buf do
-      local length = format[2](buf:sub(at, at + FRAME_MAX - 1), state)
-      if length and length > 0 then framed = framed + length end
+      local length = format[2](buf:sub(at, at + FRAME_MAX - 1), state, quiet)
+      if length and length > 0 and (not format[6] or format[6](buf:sub(at, at + length - 1))) then
+        framed = framed + length
+      end
       at = at + math.max(length or 1, 1)
     end
-    if framed > most and framed * 100 >= format[5] * #buf then best, most = format, framed end
+    local is_later = best and best[6] and not format[6]
+    if not is_later and framed > most and framed * 100 >= format[5] * #buf then
+      best, most = format, framed
+    end
   end
   return best
 end
@@ -118,6 +125,7 @@ local function take(line, bytes, time)
   local out = {}
   local quiet = line.format and line.format[4] or QUIET
   if line.time and time - line.time > quiet and #line.buf > 0 then
+    line.format = line.format or guess(line.buf, true)
     if line.format then cut(line, out, true) else tell_bad(out, line.buf); line.buf = "" end
   end
   line.time = time
@@ -158,7 +166,10 @@ function proto.dissector(tvb, pinfo, tree)
     local data = ByteArray.new(hex):tvb(name)
     local branch = tree:add(proto, data(), "hilrig " .. title)
     branch:add(f.protocol, data(), name)
-    for _, item in ipairs(items) do branch:add(item[1], data(), item[2]) end
+    for _, item in ipairs(items) do
+      local added = branch:add(item[1], data(), item[2])
+      if item[3] then added:append_text(item[3]) end
+    end
     pinfo.cols.info:append(" [" .. title .. "]")
   end
 end
