@@ -5,6 +5,7 @@ mod error;
 mod files;
 pub mod fuzz;
 pub mod generate;
+pub mod learn;
 pub mod shrink;
 
 pub use error::StoreError;

@@ -40,6 +40,7 @@ mod traffic;
 mod trial;
 mod wiring;
 
+pub use crate::learn::{Corpus, CorpusError};
 pub use case::{Answered, Case, Exchange, Hex, Known, Pair, Raw, Told, Turn};
 pub use cause::Cause;
 pub use coverage::{RUNTIME, Reached};
@@ -47,7 +48,6 @@ pub use errors::ErrorRule;
 pub use finding::{Finding, Kept, State};
 pub use guide::Guide;
 pub use harness::{Harness, HarnessError, Spent, Whose};
-pub use learn::{Corpus, CorpusError};
 pub use plan::{Progress, TrialPlan};
 pub use probe::Probed;
 pub use search::Search;

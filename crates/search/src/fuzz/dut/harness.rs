@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 use super::coverage::{Counters, VARIABLE};
 use super::errors::ErrorRule;
-use super::learn::CorpusError;
 use super::speech::Speech;
 use super::wiring::{self, Placed};
+use crate::learn::CorpusError;
 use engine::robots::OpenEnd;
 use engine::scenario::{Scenario, ScenarioError, Source};
 use realtime::exec::Supervision;

@@ -9,27 +9,17 @@
 //!                            Turn: what is said next, changed or not
 //! ```
 
-mod checksum;
-mod corpus;
-mod description;
-mod format;
-mod framing;
 mod mutate;
-mod seeds;
-mod sums;
 
 use std::collections::BTreeSet;
 use std::path::Path;
 
 use emulators::rng::Rng;
-use protocols::Instant;
-
-pub use corpus::{Corpus, CorpusError};
-use seeds::{Gathered, Seeds, Spoken};
 
 use super::case::{Exchange, Hex, Turn, index};
-use capture::{Capture, Kind};
-use engine::rig::line::Direction;
+use crate::learn::{Corpus, DescribedFormat, Gathered, Seeds, conversation};
+use capture::Capture;
+use mutate::Material;
 
 /// What was learned of the device on a link.
 #[derive(Clone, Debug)]
@@ -38,8 +28,14 @@ pub(super) struct Lesson {
 }
 
 impl Lesson {
-    /// What the capture at `path` and `corpus` teach of `link`. The program is that link's master.
-    pub(super) fn of(path: &Path, link: &str, corpus: Option<&Corpus>) -> Self {
+    /// What the capture at `path` and `corpus` teach of `link`, whose frames are `described` if
+    /// that is given. The program is that link's master.
+    pub(super) fn of(
+        path: &Path,
+        link: &str,
+        corpus: Option<&Corpus>,
+        described: Option<DescribedFormat>,
+    ) -> Self {
         let mut gathered = Gathered::default();
         if let Ok(capture) = Capture::read(path) {
             gathered.conversation(&conversation(&capture, Some(link)));
@@ -47,7 +43,7 @@ impl Lesson {
         if let Some(corpus) = corpus {
             corpus.teach(link, &mut gathered);
         }
-        let seeds = gathered.learned();
+        let seeds = gathered.learned(described);
         Self { seeds }
     }
 
@@ -63,7 +59,7 @@ impl Lesson {
     /// The frame format, in words.
     pub(super) fn in_words(&self) -> String {
         let (requests, unasked) = (self.seeds.exchanges.len(), self.seeds.unasked.len());
-        let format = &self.seeds.format;
+        let format = self.seeds.format.in_words();
         format!("format: {format}; {requests} requests with replies, {unasked} frames unasked")
     }
 
@@ -83,8 +79,8 @@ impl Lesson {
     }
 
     /// Whether the device speaks in lines of text.
-    pub(super) const fn is_text(&self) -> bool {
-        self.seeds.format.is_text
+    pub(super) fn is_text(&self) -> bool {
+        self.seeds.format.is_text()
     }
 
     /// `count` turns; kinds of `avoided` are rarer.
@@ -119,7 +115,10 @@ impl Lesson {
                 (None, chunk.map_or(&[][..], Vec::as_slice))
             }
         };
-        let material = seeds.material();
+        let material = Material {
+            format: &*seeds.format,
+            contents: &seeds.contents,
+        };
         let mut mutant = mutate::mutant(&material, chunk, rng);
         // Another one in place of most that are of a kind that led to a known finding.
         if avoided.contains(mutant.kind) && rng.below(4) > 0 {
@@ -132,27 +131,6 @@ impl Lesson {
             say: mutant.pieces.into_iter().map(Hex).collect(),
         }
     }
-}
-
-/// The bytes of `link` in `capture`, or of its only link.
-fn conversation(capture: &Capture, link: Option<&str>) -> Vec<Spoken> {
-    let named = capture
-        .links
-        .iter()
-        .position(|one| Some(&*one.name) == link);
-    let link = named.unwrap_or(0);
-    let records = capture.records.iter();
-    let bytes = records.filter(|record| record.link == link && record.kind == Kind::Data);
-    let spoken = bytes.map(|record| Spoken {
-        is_program: record.direction == Direction::ToDevice,
-        at: nanos(record.at),
-        bytes: record.bytes.to_vec(),
-    });
-    spoken.collect()
-}
-
-fn nanos(at: Instant) -> u64 {
-    u64::try_from((at - Instant::ZERO).as_nanos()).unwrap_or(u64::MAX)
 }
 
 #[cfg(test)]

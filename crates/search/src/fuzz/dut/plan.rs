@@ -3,8 +3,11 @@
 use core::cell::Cell;
 use core::time::Duration;
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use super::learn::Corpus;
+use description::Description;
+
+use crate::learn::Corpus;
 use engine::scenario::Scenario;
 
 /// What is searched for, and how.
@@ -14,6 +17,8 @@ pub struct TrialPlan {
     pub scenario: Scenario,
     /// Frames and conversations to learn from, besides the program's own.
     pub corpus: Option<Corpus>,
+    /// Descriptions of the devices on links, by the link; one without a link is of any.
+    pub descriptions: Vec<(Option<String>, Arc<Description>)>,
     /// The one link to be fuzzed with raw traffic; none: faults everywhere, and each link in turn.
     pub link: Option<String>,
     /// Chooses everything.

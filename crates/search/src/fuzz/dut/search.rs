@@ -20,6 +20,7 @@ use super::probe::Probed;
 use super::speech::Speech;
 use super::traffic;
 use super::trial::{self, TrialOutcome};
+use crate::learn::DescribedFormat;
 use engine::robots::OpenEnd;
 use engine::scenario::Span;
 use safefs::Dir;
@@ -74,6 +75,9 @@ impl<'a> Search<'a> {
         let mut of = format!("{program} | {scenario} | {link} | seed {}", plan.seed);
         if plan.corpus.is_some() {
             of += " | with a corpus";
+        }
+        for (_, description) in &plan.descriptions {
+            of += &format!(" | described as {}", description.name());
         }
         Dir::create(&plan.out).map_err(|error| HarnessError::File(plan.out.clone(), error))?;
         let state = State::read(&plan.out, of)?;
@@ -221,7 +225,10 @@ impl<'a> Search<'a> {
         let (recording, plan) = (self.recording(), &self.plan);
         let lasting = plan.lasting.max(LESSON);
         let (met, case, seen) = self.harness.meet(&plan.scenario, lasting, &recording)?;
-        let lesson = Lesson::of(&recording, &link, plan.corpus.as_ref());
+        let of_link = |of: &Option<String>| of.as_ref().is_none_or(|of| *of == link);
+        let described = plan.descriptions.iter().find(|(of, _)| of_link(of));
+        let described = described.map(|(_, description)| DescribedFormat::of(description));
+        let lesson = Lesson::of(&recording, &link, plan.corpus.as_ref(), described);
         // What it says depends on what it is told.
         let known = Known {
             speaks: BTreeSet::new(),

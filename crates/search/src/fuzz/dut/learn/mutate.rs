@@ -3,7 +3,7 @@
 
 use emulators::rng::Rng;
 
-use super::description::FrameFormat;
+use crate::learn::{FieldLimits, FrameFormat};
 
 /// What is said in one go, and how it was made.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -296,6 +296,13 @@ fn change(material: &Material<'_>, frame: &mut Vec<u8>, rng: &mut Rng) -> &'stat
         true => CHANGES[CHANGES.len() - 1],
         false => changes[index(rng, changes.len())],
     };
+    let known = format.fields(&content);
+    // Of a described format a field at its limits is worth more than any bytes.
+    if !known.is_empty() && rng.below(2) == 0 {
+        put_limit(&mut content, &known, rng);
+        *frame = format.frame(&content, 0);
+        return "field-at-limit";
+    }
     change(&mut content, material, rng);
     if rng.below(8) == 0 {
         let (_, other) = changes[index(rng, changes.len())];
@@ -357,6 +364,11 @@ fn wrong_length(content: &mut Vec<u8>, material: &Material<'_>, rng: &mut Rng) {
         limit(content, 1, rng);
         return;
     }
+    put_limit(content, &fields, rng);
+}
+
+/// Puts one of the values of a field there.
+fn put_limit(content: &mut Vec<u8>, fields: &[FieldLimits], rng: &mut Rng) {
     let field = &fields[index(rng, fields.len())];
     if let Some(value) = field.values.get(index(rng, field.values.len())) {
         content.splice(field.range.clone(), value.iter().copied());

@@ -1,173 +1,29 @@
-//! The learner against streams of known formats, and against chance.
+//! Mutants of frames whose format was learned.
 
 use std::collections::BTreeSet;
 
-use super::corpus::Corpus;
-use super::format::{Coding, Format};
-use super::mutate::{self, Material};
-use super::seeds::{Gathered, Spoken};
 use super::*;
-
-/// A line of the NMEA 0183 standard's own examples, as receivers' manuals print it.
-const RMC: &[u8] = b"$GPRMC,081836,A,3751.65,S,14507.36,E,000.0,360.0,130998,011.3,E*62\r\n";
-
-fn chance(rng: &mut Rng, len: u64) -> Vec<u8> {
-    (0..len).map(|_| rng.next_u64().to_be_bytes()[0]).collect()
-}
-
-/// Frames of a made-up sensor: a number, 8 bytes of values, a count of 16 bits and as many bytes,
-/// then the checksum of the catalogue under that name, low byte first, COBS.
-fn sensor_frames(count: u8) -> Vec<Vec<u8>> {
-    let crc = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740);
-    let stuffed = Format {
-        end: vec![0],
-        coding: Coding::Cobs,
-        ..Format::unknown()
-    };
-    let rng = &mut Rng::stream(3, "sensor");
-    let frame = |number: u8| {
-        let mut body = vec![number];
-        body.extend(chance(rng, 8));
-        let note = rng.below(5);
-        body.extend([note.to_le_bytes()[0], 0]);
-        body.extend(chance(rng, note));
-        body.extend(crc.checksum(&body).to_le_bytes());
-        stuffed.frame(&body, 0)
-    };
-    (0..count).map(frame).collect()
-}
-
-/// Sets of random frames of the same and of different lengths: none has a checksum.
-#[test]
-fn random_bytes_have_no_checksum() {
-    for seed in 1..40 {
-        let rng = &mut Rng::stream(seed, "chance");
-        let (count, len, is_fixed) = (1 + rng.below(30), 2 + rng.below(40), rng.below(2) == 0);
-        let chunks: Vec<Vec<u8>> = (0..count)
-            .map(|_| {
-                let len = if is_fixed { len } else { 1 + rng.below(40) };
-                chance(rng, len)
-            })
-            .collect();
-        let (format, _) = framing::infer(&chunks);
-        let claimed = format.checksum.filter(|checksum| checksum.is_sure);
-        assert!(claimed.is_none(), "seed {seed}: {format}");
-    }
-}
-
-/// As `random_bytes_have_no_checksum`, for what is alike from frame to frame: a counter, zeros.
-#[test]
-fn frames_that_hardly_differ_have_no_checksum() {
-    let counted: Vec<Vec<u8>> = (0..60)
-        .map(|at| vec![0xAA, at, at, 0, 0, 0, 0x55])
-        .collect();
-    let zeros: Vec<Vec<u8>> = (2..20).map(|len| vec![0; len]).collect();
-    for chunks in [counted, zeros] {
-        let (format, _) = framing::infer(&chunks);
-        let claimed = format.checksum.filter(|checksum| checksum.is_sure);
-        assert!(claimed.is_none(), "{format}");
-    }
-}
-
-/// One line is enough, because of the star before the sum; the sum of the example is the
-/// standard's.
-#[test]
-fn the_sum_of_a_line_is_learned_from_one_line() {
-    let (format, _) = framing::infer(&[RMC.to_vec()]);
-    assert!(format.is_text);
-    assert_eq!(format.is_sound(RMC), Some(true));
-    let content = format.content(RMC).expect("sound");
-    assert_eq!(format.frame(&content, 0), RMC);
-    // 62 with another digit in the line: '8' for '0' at the first field changes it by 08.
-    let other = RMC.strip_prefix(b"$GPRMC,0").expect("as above");
-    let other = [b"$GPRMC,8", other].concat();
-    assert_eq!(format.is_sound(&other), Some(false));
-    let repaired = format.frame(&format.content(&other).expect("a line"), 0);
-    assert!(
-        repaired.ends_with(b"*6A\r\n"),
-        "{}",
-        repaired.escape_ascii()
-    );
-}
-
-/// Frames in one stream or one by one: the same stuffing, checksum and count.
-#[test]
-fn a_stuffed_frame_with_a_count_is_learned() {
-    let frames = sensor_frames(6);
-    for chunks in [frames.clone(), vec![frames.concat()]] {
-        let (format, _) = framing::infer(&chunks);
-        assert_eq!(format.coding, Coding::Cobs);
-        let count = format.lengths.first().expect("a count");
-        assert_eq!(
-            (count.at, count.bytes, count.is_big, count.rest),
-            (9, 2, false, 11)
-        );
-        assert!(format.checksum.is_some_and(|checksum| checksum.is_sure));
-        for frame in &frames {
-            assert_eq!(format.is_sound(frame), Some(true));
-            let content = format.content(frame).expect("sound");
-            assert_eq!(&format.frame(&content, 0), frame);
-            assert_eq!(format.is_sound(&format.frame(&content, 1)), Some(false));
-        }
-    }
-}
-
-/// A damaged frame among 20 does not hide the checksum.
-#[test]
-fn a_damaged_frame_is_no_reason_to_give_up() {
-    let mut frames = sensor_frames(20);
-    frames[7][3] ^= 0x10;
-    let (format, _) = framing::infer(&frames);
-    assert!(format.checksum.is_some_and(|checksum| checksum.is_sure));
-    let damaged: Vec<usize> = (0..20)
-        .filter(|&at| format.is_sound(&frames[at]) == Some(false))
-        .collect();
-    assert_eq!(damaged, [7]);
-}
-
-/// Every algorithm, low byte first and high byte first, after a header that it leaves out: it holds
-/// in frames that are made anew by what was learned.
-#[test]
-fn every_checksum_is_found() {
-    for sum in sums::ALL.iter() {
-        for is_big in [false, true] {
-            let rng = &mut Rng::stream(5, sum.name);
-            let frame = |at: u64| {
-                let content = chance(rng, 6 + at % 5);
-                let content: Vec<u8> = [&[0xAA, 0x55][..], &content].concat();
-                let value = sum.of([&content[2..]]);
-                let mut field = value.to_le_bytes()[..sum.bytes].to_vec();
-                if is_big {
-                    field.reverse();
-                }
-                [content, field].concat()
-            };
-            let frames: Vec<Vec<u8>> = (0..8).map(frame).collect();
-            let checksum = checksum::infer(&frames);
-            let checksum = checksum
-                .filter(|checksum| checksum.is_sure)
-                .expect(sum.name);
-            for frame in &frames {
-                let content = checksum.without(frame).expect("long enough");
-                assert_eq!(&checksum.put(&content, 0), frame, "{}", sum.name);
-            }
-        }
-    }
-}
+use crate::learn::tests::sensor_frames;
 
 /// Half of what is said has a right checksum and another content, some has a wrong one, some is
 /// sound and comes in pieces.
 #[test]
 fn mutants_are_sound_frames_damage_and_other_deliveries() {
     let frames = sensor_frames(6);
-    let (format, _) = framing::infer(&frames);
-    let contents: Vec<Vec<u8>> = frames
+    let mut gathered = Gathered::default();
+    frames
         .iter()
-        .filter_map(|frame| format.content(frame))
-        .collect();
+        .for_each(|frame| gathered.unasked(frame.clone()));
+    let Seeds {
+        format, contents, ..
+    } = gathered.learned(None);
     let material = Material {
-        format: &format,
+        format: &*format,
         contents: &contents,
+    };
+    let is_sound = |frame: &[u8]| {
+        let content = format.content(frame);
+        content.is_some_and(|content| format.frame(&content, 0) == frame)
     };
     let rng = &mut Rng::stream(1, "test");
     let mut kinds = BTreeSet::new();
@@ -176,10 +32,10 @@ fn mutants_are_sound_frames_damage_and_other_deliveries() {
         let mutant = mutate::mutant(&material, &frames[0], rng);
         let whole = mutant.pieces.concat();
         kinds.insert(mutant.kind);
-        match format.is_sound(&whole) {
-            Some(true) if whole != frames[0] => other += 1,
-            Some(false) => wrong += 1,
-            _ => {}
+        match is_sound(&whole) {
+            true if whole != frames[0] => other += 1,
+            false => wrong += 1,
+            true => {}
         }
         if !mutant.is_altered {
             assert_eq!(whole, frames[0], "{}", mutant.kind);
@@ -202,48 +58,53 @@ fn mutants_are_sound_frames_damage_and_other_deliveries() {
     }
 }
 
-/// A request, its reply 5 ms later, a line that comes by itself 2 s later.
+/// Shipped devices with binary frames: a changed field stays within a frame whose
+/// checksums hold, a length may lie, and a value lies at a limit of its field or beyond.
 #[test]
-fn a_conversation_is_requests_with_replies_and_what_comes_by_itself() {
-    let spoken = |is_program, at_ms: u64, bytes: &[u8]| Spoken {
-        is_program,
-        at: at_ms * 1_000_000,
-        bytes: bytes.to_vec(),
-    };
-    let mut gathered = Gathered::default();
-    gathered.conversation(&[
-        spoken(true, 0, b"re"),
-        spoken(true, 1, b"ad\n"),
-        spoken(false, 6, b"mm="),
-        spoken(false, 7, b"12\n"),
-        spoken(false, 2007, b"alive\n"),
-        spoken(true, 2100, b"read\n"),
-        spoken(false, 2105, b"mm=17\n"),
-    ]);
-    let seeds = gathered.learned();
-    let replies = vec![b"mm=12\n".to_vec(), b"mm=17\n".to_vec()];
-    assert_eq!(seeds.exchanges, [(b"read\n".to_vec(), replies)]);
-    assert_eq!(seeds.unasked, [b"alive\n".to_vec()]);
-    assert!(seeds.asks && seeds.format.is_text);
+fn mutants_of_a_described_format_have_fields_at_their_limits() {
+    use protocols::Decode as _;
+    for name in ["cobs-sensor", "gps"] {
+        let text = description::shipped::text(name).expect("shipped");
+        let nothing = |_: &str| Err(String::new());
+        let of = description::Description::parse(name, text, &nothing).expect("sound");
+        let format = DescribedFormat::of(&of);
+        let frames = format.examples();
+        let Seeds {
+            format, contents, ..
+        } = Gathered::default().learned(Some(format));
+        let material = Material {
+            format: &*format,
+            contents: &contents,
+        };
+        let rng = &mut Rng::stream(1, "described");
+        let (mut limits, mut sound) = (0, 0);
+        for at in 0..600 {
+            let frame = &frames[at % frames.len()];
+            let mutant = mutate::mutant(&material, frame, rng);
+            if mutant.kind != "field-at-limit" {
+                continue;
+            }
+            limits += 1;
+            let mut cutter = of.cutter();
+            let whole = mutant.pieces.concat();
+            sound += usize::from(cutter.push(&whole).flatten().count() == 1);
+        }
+        assert!(limits > 30, "{name}: {limits}");
+        assert_eq!(sound, limits, "{name}: each is a sound frame");
+    }
 }
 
-/// A folder with bytes and with hexadecimal text, a frame a line; an empty folder is refused.
+/// A frame goes through its content unchanged, whichever of the formats it has.
 #[test]
-fn frames_are_read_from_a_folder() {
-    let dir = std::env::temp_dir().join(format!("hilrig-corpus-{}", std::process::id()));
-    std::fs::create_dir_all(&dir).expect("room");
-    let error = Corpus::read(&dir).expect_err("nothing there").to_string();
-    assert!(
-        error.contains("no bytes there; expected captures"),
-        "{error}"
-    );
-    std::fs::write(dir.join("a.txt"), "# two\nAB 01 02\nAB 03\n").expect("room");
-    std::fs::write(dir.join("b.bin"), [0xAB, 0x04]).expect("room");
-    let mut gathered = Gathered::default();
-    Corpus::read(&dir)
-        .expect("frames")
-        .teach("any", &mut gathered);
-    std::fs::remove_dir_all(&dir).expect("ours");
-    let expected = [vec![0xAB, 1, 2], vec![0xAB, 3], vec![0xAB, 4]];
-    assert_eq!(gathered.learned().unasked, expected);
+fn described_frames_are_taken_apart_and_put_together() {
+    for (name, text) in description::shipped::ALL {
+        let nothing = |_: &str| Err(String::new());
+        let of = description::Description::parse(name, text, &nothing).expect("sound");
+        let format = DescribedFormat::of(&of);
+        for frame in format.examples() {
+            let content = crate::learn::FrameFormat::content(&format, &frame).expect("a frame");
+            let again = crate::learn::FrameFormat::frame(&format, &content, 0);
+            assert_eq!(again, frame, "{name}");
+        }
+    }
 }

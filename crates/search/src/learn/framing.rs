@@ -33,7 +33,7 @@ const ENOUGH_BITS: f64 = 20.0;
 const STARTS_MAX: usize = 6;
 
 /// The format of `chunks`, each what came in one go, and their frames.
-pub(super) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
+pub(crate) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
     let chunks = few(chunks);
     let mut found: Vec<(f64, Format, Vec<Vec<u8>>)> = Vec::new();
     for (end, flag, coding) in ENDS {

@@ -115,7 +115,7 @@ impl Corpus {
     }
 
     /// Adds what is told here of `link` to `gathered`.
-    pub(super) fn teach(&self, link: &str, gathered: &mut Gathered) {
+    pub(crate) fn teach(&self, link: &str, gathered: &mut Gathered) {
         for capture in &self.captures {
             let mut spoken = super::conversation(capture, Some(link));
             let known = |is_program: bool, spoken: &[Spoken]| {

@@ -6,14 +6,14 @@ use std::sync::LazyLock;
 use crc::{Algorithm, Crc};
 
 /// A checksum algorithm.
-pub(super) struct Sum {
+pub(crate) struct Sum {
     /// Name, of a CRC that of the catalogue.
-    pub(super) name: &'static str,
+    pub(crate) name: &'static str,
     /// Bytes of its value.
-    pub(super) bytes: usize,
+    pub(crate) bytes: usize,
     /// Whether a constant may be added to it (to an exclusive or: combined with it), which covers
     /// start values and complements.
-    pub(super) is_free: bool,
+    pub(crate) is_free: bool,
     how: How,
 }
 
@@ -46,7 +46,7 @@ impl Sum {
     }
 
     /// Evidence in bits that one value gives.
-    pub(super) const fn bits(&self) -> usize {
+    pub(crate) const fn bits(&self) -> usize {
         match self.how {
             How::Add7 => 7,
             _ => 8 * self.bytes,
@@ -54,7 +54,7 @@ impl Sum {
     }
 
     /// The value for `parts`, one after the other.
-    pub(super) fn of<'a>(&self, parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
+    pub(crate) fn of<'a>(&self, parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
         let mut parts = parts.into_iter();
         let mask = u64::MAX >> (64 - 8 * self.bytes);
         let each = |fold: fn(u64, u8) -> u64, parts: &mut dyn Iterator<Item = &'a [u8]>| {
@@ -98,7 +98,7 @@ impl Sum {
     }
 
     /// `value` with the constant `free`.
-    pub(super) const fn with(&self, value: u64, free: u64) -> u64 {
+    pub(crate) const fn with(&self, value: u64, free: u64) -> u64 {
         let mask = u64::MAX >> (64 - 8 * self.bytes);
         match self.how {
             How::Xor => value ^ free,
@@ -108,7 +108,7 @@ impl Sum {
     }
 
     /// The constant that turns `value` into `wanted`.
-    pub(super) const fn free(&self, value: u64, wanted: u64) -> u64 {
+    pub(crate) const fn free(&self, value: u64, wanted: u64) -> u64 {
         let mask = u64::MAX >> (64 - 8 * self.bytes);
         match self.how {
             How::Xor => value ^ wanted,
@@ -118,7 +118,7 @@ impl Sum {
     }
 
     /// Bits by which this algorithm is likelier than another one, before anything is seen.
-    pub(super) fn prior(&self) -> f64 {
+    pub(crate) fn prior(&self) -> f64 {
         match self.name {
             "CRC_16_MODBUS" | "CRC_16_IBM_3740" | "CRC_16_XMODEM" | "CRC_16_KERMIT"
             | "CRC_32_ISO_HDLC" | "CRC_8_SMBUS" | "CRC_8_MAXIM_DOW" | "CRC_16_ARC" => 2.0,
@@ -138,7 +138,7 @@ macro_rules! crcs {
 }
 
 /// All algorithms.
-pub(super) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
+pub(crate) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
     let mut all = vec![
         Sum::new("exclusive or", 1, true, How::Xor),
         Sum::new("sum of bytes", 1, true, How::Add),
@@ -179,3 +179,23 @@ pub(super) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
     ));
     all
 });
+
+/// Sums that descriptions have too: the name here, the constant that is added, and the name there.
+pub(crate) const DESCRIBED: [(&str, u64, &str); 12] = [
+    ("exclusive or", 0, "xor"),
+    ("sum of bytes", 0, "sum8"),
+    ("negative sum of bytes", 0, "lrc"),
+    ("negative sum of bytes", 0xFF, "ones-complement"),
+    ("sum of bytes, 16 bits", 0, "sum16"),
+    ("negative sum of bytes, 16 bits", 0, "twos-complement16"),
+    (
+        "negative sum of bytes, 16 bits",
+        0xFFFF,
+        "ones-complement16",
+    ),
+    ("sum of bytes, 32 bits", 0, "sum32"),
+    ("Fletcher, modulus 256", 0, "fletcher8"),
+    ("Fletcher, modulus 255", 0, "fletcher16"),
+    ("Adler-32", 0, "adler32"),
+    ("sum of bytes, 24 bits", 0, "sum24"),
+];

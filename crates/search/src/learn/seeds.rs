@@ -1,10 +1,10 @@
 //! What a device says, learned from a conversation: replies to requests, and what comes by itself.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
-use super::format::Format;
-use super::framing;
-use super::mutate::Material;
+use super::frame_format::FrameFormat;
+use super::{DescribedFormat, framing};
 
 /// Replies that are kept of one request, requests, and what comes by itself.
 const REPLIES_MAX: usize = 32;
@@ -17,33 +17,33 @@ const REPLY_NANOS: u64 = 1_000_000_000;
 
 /// Bytes of a conversation.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Spoken {
+pub(crate) struct Spoken {
     /// Whether the program said them, not the device.
-    pub(super) is_program: bool,
+    pub(crate) is_program: bool,
     /// When, nanoseconds.
-    pub(super) at: u64,
+    pub(crate) at: u64,
     /// The bytes.
-    pub(super) bytes: Vec<u8>,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// What a program may be told, learned from what devices told it.
 #[derive(Clone, Debug)]
-pub(super) struct Seeds {
+pub(crate) struct Seeds {
     /// Requests of the program, each with what the device said to it.
-    pub(super) exchanges: Vec<(Vec<u8>, Vec<Vec<u8>>)>,
+    pub(crate) exchanges: Vec<(Vec<u8>, Vec<Vec<u8>>)>,
     /// What came by itself.
-    pub(super) unasked: Vec<Vec<u8>>,
+    pub(crate) unasked: Vec<Vec<u8>>,
     /// Whether the program said anything.
-    pub(super) asks: bool,
+    pub(crate) asks: bool,
     /// The format of what the device says; of the requests, if it never says anything.
-    pub(super) format: Format,
+    pub(crate) format: Arc<dyn FrameFormat>,
     /// Contents of its frames.
-    pub(super) contents: Vec<Vec<u8>>,
+    pub(crate) contents: Vec<Vec<u8>>,
 }
 
 /// Seeds as they are gathered.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Gathered {
+pub(crate) struct Gathered {
     requests: Vec<Vec<u8>>,
     replies: BTreeMap<Vec<u8>, Vec<Vec<u8>>>,
     unasked: Vec<Vec<u8>>,
@@ -51,7 +51,7 @@ pub(super) struct Gathered {
 
 impl Gathered {
     /// Takes a conversation in the order of time.
-    pub(super) fn conversation(&mut self, spoken: &[Spoken]) {
+    pub(crate) fn conversation(&mut self, spoken: &[Spoken]) {
         let mut chunks: Vec<Spoken> = Vec::new();
         let mut last_at = 0;
         for one in spoken.iter().filter(|one| !one.bytes.is_empty()) {
@@ -81,7 +81,7 @@ impl Gathered {
     }
 
     /// Takes what a device says, to whatever it is asked.
-    pub(super) fn unasked(&mut self, chunk: Vec<u8>) {
+    pub(crate) fn unasked(&mut self, chunk: Vec<u8>) {
         let is_new = !chunk.is_empty() && !self.unasked.contains(&chunk);
         if is_new && self.unasked.len() < CHUNKS_MAX {
             self.unasked.push(chunk);
@@ -105,18 +105,29 @@ impl Gathered {
     }
 
     /// Whether the program said anything of this as its request.
-    pub(super) fn knows_request(&self, chunk: &[u8]) -> bool {
+    pub(crate) fn knows_request(&self, chunk: &[u8]) -> bool {
         self.requests.iter().any(|request| request == chunk)
     }
 
-    /// What can be learned.
-    pub(super) fn learned(self) -> Seeds {
+    /// What can be learned; the format is `described` if that is given.
+    pub(crate) fn learned(self, described: Option<DescribedFormat>) -> Seeds {
         let replies = self.replies.values().flatten().chain(&self.unasked);
         let mut chunks: Vec<Vec<u8>> = replies.cloned().collect();
         if chunks.is_empty() {
             chunks.clone_from(&self.requests);
         }
-        let (format, frames) = framing::infer(&chunks);
+        let (format, frames): (Arc<dyn FrameFormat>, Vec<Vec<u8>>) = match described {
+            None => {
+                let (format, frames) = framing::infer(&chunks);
+                (Arc::new(format), frames)
+            }
+            Some(format) => {
+                let frames = chunks.iter().flat_map(|chunk| format.split(chunk));
+                let mut frames: Vec<Vec<u8>> = frames.map(<[u8]>::to_vec).collect();
+                frames.extend(format.examples());
+                (Arc::new(format), frames)
+            }
+        };
         let contents = frames.iter().filter_map(|frame| format.content(frame));
         let contents: BTreeSet<Vec<u8>> = contents.collect();
         let mut contents: Vec<Vec<u8>> = contents.into_iter().take(CHUNKS_MAX).collect();
@@ -138,16 +149,6 @@ impl Gathered {
             asks: !self.requests.is_empty(),
             format,
             contents,
-        }
-    }
-}
-
-impl Seeds {
-    /// What mutants are made of.
-    pub(super) fn material(&self) -> Material<'_> {
-        Material {
-            format: &self.format,
-            contents: &self.contents,
         }
     }
 }

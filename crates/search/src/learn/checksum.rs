@@ -29,7 +29,7 @@ const NMEA_BITS: f64 = 14.0;
 
 /// How a value is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(crate) enum Encoding {
     /// Bytes, least significant first.
     Little,
     /// Bytes, most significant first.
@@ -90,7 +90,7 @@ enum Place {
 
 /// A checksum as it stands in frames.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Checksum {
+pub(crate) struct Checksum {
     sum: &'static Sum,
     encoding: Encoding,
     place: Place,
@@ -99,9 +99,9 @@ pub(super) struct Checksum {
     /// A constant that is added.
     free: u64,
     /// Whether the evidence is enough to say so.
-    pub(super) is_sure: bool,
+    pub(crate) is_sure: bool,
     /// Evidence, bits.
-    pub(super) bits: f64,
+    pub(crate) bits: f64,
     /// What is always between its range and itself, and behind it.
     fixed: [u8; TAIL_MAX + 1],
 }
@@ -127,7 +127,58 @@ impl core::fmt::Display for Checksum {
     }
 }
 
+/// Where a checksum stands, and what is around it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Placed {
+    /// Bytes at the beginning that it does not cover.
+    pub(crate) start: usize,
+    /// What is always between its range and itself.
+    pub(crate) gap: Vec<u8>,
+    /// What is always behind it.
+    pub(crate) tail: Vec<u8>,
+    /// Bytes of its value, and of its field.
+    pub(crate) bytes: usize,
+    pub(crate) len: usize,
+    pub(crate) is_big: bool,
+    pub(crate) is_hex: bool,
+}
+
 impl Checksum {
+    /// The name of its algorithm.
+    pub(crate) const fn name(&self) -> &'static str {
+        self.sum.name
+    }
+
+    /// The constant that is added.
+    pub(crate) const fn free(&self) -> u64 {
+        self.free
+    }
+
+    /// Where it stands, if that is at the end.
+    pub(crate) fn placed(&self) -> Option<Placed> {
+        let Place::End { tail, gap } = self.place else {
+            return None;
+        };
+        let is_hex = matches!(self.encoding, Encoding::Upper | Encoding::Lower);
+        Some(Placed {
+            start: self.start,
+            gap: self.fixed[..gap].to_vec(),
+            tail: self.fixed[gap..gap + tail].to_vec(),
+            bytes: self.sum.bytes,
+            len: self.len(),
+            is_big: is_hex || self.encoding == Encoding::Big,
+            is_hex,
+        })
+    }
+
+    /// Bytes that it and what is around it take at the end.
+    pub(crate) const fn len_behind(&self) -> usize {
+        match self.place {
+            Place::End { tail, gap } => tail + gap + self.len(),
+            Place::Head { .. } => self.len(),
+        }
+    }
+
     /// Bytes of its field.
     const fn len(&self) -> usize {
         self.encoding.len(self.sum.bytes)
@@ -157,7 +208,7 @@ impl Checksum {
     }
 
     /// Whether it holds in `body`.
-    pub(super) fn holds(&self, body: &[u8]) -> bool {
+    pub(crate) fn holds(&self, body: &[u8]) -> bool {
         let at = self.at(body);
         at.is_some_and(|at| {
             let value = self.encoding.read(&body[at..at + self.len()]);
@@ -166,7 +217,7 @@ impl Checksum {
     }
 
     /// `body` without its field and what is always around that.
-    pub(super) fn without(&self, body: &[u8]) -> Option<Vec<u8>> {
+    pub(crate) fn without(&self, body: &[u8]) -> Option<Vec<u8>> {
         let at = self.at(body)?;
         Some(match self.place {
             Place::End { gap, .. } => body[..at - gap].to_vec(),
@@ -175,7 +226,7 @@ impl Checksum {
     }
 
     /// `content` with the field, which holds; with `off` it is off by that much.
-    pub(super) fn put(&self, content: &[u8], off: u64) -> Vec<u8> {
+    pub(crate) fn put(&self, content: &[u8], off: u64) -> Vec<u8> {
         let mut body = content.to_vec();
         let field = vec![0; self.len()];
         let at = match self.place {
@@ -289,7 +340,7 @@ fn varying<'a>(parts: impl Iterator<Item = &'a [u8]>) -> usize {
 }
 
 /// The checksum of `bodies`, frames without what ends them, if they carry one.
-pub(super) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
+pub(crate) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
     let distinct: BTreeSet<&[u8]> = bodies.iter().map(Vec::as_slice).collect();
     let distinct: Vec<&[u8]> = distinct.into_iter().take(FRAMES_MAX).collect();
     let shortest = distinct.iter().map(|body| body.len()).min()?;

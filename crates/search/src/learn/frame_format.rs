@@ -1,8 +1,8 @@
-//! What a mutation needs to know of a frame format, learned from bytes or described by somebody.
+//! What a mutation needs to know of a frame format, learned from bytes or taken from a description.
 
 /// A frame format as mutations see it. A *content* is a frame without its end, its stuffing and its
 /// checksum: changed contents become frames again whose checksum holds.
-pub(super) trait FrameFormat: core::fmt::Debug {
+pub(crate) trait FrameFormat: core::fmt::Debug + Send + Sync {
     /// Splits `chunk` into frames; what is behind the last one is a frame too.
     fn split<'a>(&self, chunk: &'a [u8]) -> Vec<&'a [u8]>;
 
@@ -20,15 +20,23 @@ pub(super) trait FrameFormat: core::fmt::Debug {
     /// place may be a number.
     fn limits(&self, content: &[u8]) -> Vec<FieldLimits>;
 
+    /// The places of known fields in `content`, each with values at and beyond its limits.
+    fn fields(&self, _content: &[u8]) -> Vec<FieldLimits> {
+        Vec::new()
+    }
+
+    /// The format in words.
+    fn in_words(&self) -> String;
+
     /// Whether contents are text.
     fn is_text(&self) -> bool;
 }
 
 /// A number in a content, and values to be tried there.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct FieldLimits {
+pub(crate) struct FieldLimits {
     /// Its place.
-    pub(super) range: core::ops::Range<usize>,
+    pub(crate) range: core::ops::Range<usize>,
     /// The values, as bytes.
-    pub(super) values: Vec<Vec<u8>>,
+    pub(crate) values: Vec<Vec<u8>>,
 }

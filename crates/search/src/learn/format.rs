@@ -1,11 +1,11 @@
 //! A frame format: what ends a frame, how its bytes are stuffed, its checksum and its lengths.
 
 use super::checksum::Checksum;
-use super::description::{FieldLimits, FrameFormat};
+use super::frame_format::{FieldLimits, FrameFormat};
 
 /// How the bytes of a frame are kept apart from what ends it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Coding {
+pub(crate) enum Coding {
     /// As they are.
     Raw,
     /// Consistent overhead byte stuffing: no zero inside.
@@ -18,22 +18,22 @@ pub(super) enum Coding {
 
 /// A field that tells how long the frame is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Length {
+pub(crate) struct Length {
     /// Where it is in the content.
-    pub(super) at: usize,
+    pub(crate) at: usize,
     /// Its bytes.
-    pub(super) bytes: usize,
+    pub(crate) bytes: usize,
     /// Whether the most significant byte comes first.
-    pub(super) is_big: bool,
+    pub(crate) is_big: bool,
     /// Bytes of the content for each one it counts.
-    pub(super) scale: usize,
+    pub(crate) scale: usize,
     /// Bytes of the content that it does not count.
-    pub(super) rest: isize,
+    pub(crate) rest: isize,
 }
 
 impl Length {
     /// What it says in `content`.
-    pub(super) fn read(&self, content: &[u8]) -> Option<usize> {
+    pub(crate) fn read(&self, content: &[u8]) -> Option<usize> {
         let field = content.get(self.at..self.at + self.bytes)?;
         let number = |value: usize, byte: &u8| value << 8 | usize::from(*byte);
         Some(match self.is_big {
@@ -43,7 +43,7 @@ impl Length {
     }
 
     /// Whether it says how long `content` is.
-    pub(super) fn holds(&self, content: &[u8]) -> bool {
+    pub(crate) fn holds(&self, content: &[u8]) -> bool {
         self.read(content) == self.wanted(content.len())
     }
 
@@ -55,14 +55,14 @@ impl Length {
     }
 
     /// Writes how long `content` is, if there is room for the field.
-    pub(super) fn repair(&self, content: &mut [u8]) {
+    pub(crate) fn repair(&self, content: &mut [u8]) {
         if let Some(wanted) = self.wanted(content.len()) {
             self.write(content, wanted);
         }
     }
 
     /// Writes `value`.
-    pub(super) fn write(&self, content: &mut [u8], value: usize) {
+    pub(crate) fn write(&self, content: &mut [u8], value: usize) {
         if let Some(field) = content.get_mut(self.at..self.at + self.bytes) {
             let little = value.to_le_bytes();
             field.copy_from_slice(&little[..self.bytes]);
@@ -75,24 +75,24 @@ impl Length {
 
 /// A frame format.
 #[derive(Clone, Debug)]
-pub(super) struct Format {
+pub(crate) struct Format {
     /// Ends a frame; empty: nothing does.
-    pub(super) end: Vec<u8>,
+    pub(crate) end: Vec<u8>,
     /// Begins each frame besides, e.g. the flag of HDLC.
-    pub(super) flag: Vec<u8>,
+    pub(crate) flag: Vec<u8>,
     /// How bytes are stuffed.
-    pub(super) coding: Coding,
+    pub(crate) coding: Coding,
     /// The checksum.
-    pub(super) checksum: Option<Checksum>,
+    pub(crate) checksum: Option<Checksum>,
     /// Fields that tell lengths.
-    pub(super) lengths: Vec<Length>,
+    pub(crate) lengths: Vec<Length>,
     /// Whether frames are lines of text.
-    pub(super) is_text: bool,
+    pub(crate) is_text: bool,
 }
 
 impl Format {
     /// Bytes of which nothing is known.
-    pub(super) const fn unknown() -> Self {
+    pub(crate) const fn unknown() -> Self {
         Self {
             end: Vec::new(),
             flag: Vec::new(),
@@ -104,7 +104,7 @@ impl Format {
     }
 
     /// Splits `chunk` into frames, each with its end; what is behind the last end is one too.
-    pub(super) fn split<'a>(&self, chunk: &'a [u8]) -> Vec<&'a [u8]> {
+    pub(crate) fn split<'a>(&self, chunk: &'a [u8]) -> Vec<&'a [u8]> {
         if self.end.is_empty() {
             return vec![chunk];
         }
@@ -128,7 +128,7 @@ impl Format {
     }
 
     /// The bytes of a frame without its end and its stuffing; `None` if that is damaged.
-    pub(super) fn body(&self, frame: &[u8]) -> Option<Vec<u8>> {
+    pub(crate) fn body(&self, frame: &[u8]) -> Option<Vec<u8>> {
         let inner = frame.strip_suffix(&*self.end)?;
         let inner = inner.strip_prefix(&*self.flag).unwrap_or(inner);
         match self.coding {
@@ -140,7 +140,7 @@ impl Format {
     }
 
     /// The same without the checksum.
-    pub(super) fn content(&self, frame: &[u8]) -> Option<Vec<u8>> {
+    pub(crate) fn content(&self, frame: &[u8]) -> Option<Vec<u8>> {
         let body = self.body(frame)?;
         match &self.checksum {
             Some(checksum) => checksum.without(&body),
@@ -149,14 +149,14 @@ impl Format {
     }
 
     /// Whether the checksum of `frame` holds; `None` if it has none, as far as is known.
-    pub(super) fn is_sound(&self, frame: &[u8]) -> Option<bool> {
+    pub(crate) fn is_sound(&self, frame: &[u8]) -> Option<bool> {
         let checksum = self.checksum.as_ref()?;
         let body = self.body(frame);
         Some(body.is_some_and(|body| checksum.holds(&body)))
     }
 
     /// A frame of `content`; its checksum is off by `off`.
-    pub(super) fn frame(&self, content: &[u8], off: u64) -> Vec<u8> {
+    pub(crate) fn frame(&self, content: &[u8], off: u64) -> Vec<u8> {
         let body = match &self.checksum {
             Some(checksum) => checksum.put(content, off),
             None => content.to_vec(),
@@ -327,6 +327,10 @@ impl FrameFormat for Format {
             })
         };
         self.lengths.iter().filter_map(limits).collect()
+    }
+
+    fn in_words(&self) -> String {
+        self.to_string()
     }
 
     fn is_text(&self) -> bool {

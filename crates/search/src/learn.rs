@@ -1,0 +1,56 @@
+//! What bytes of an unknown device tell: how frames are told apart, their checksum and lengths,
+//! requests and replies.
+//!
+//! ```text
+//!  capture, folder --+
+//!                    +--> Gathered --> Seeds: requests and replies, frames, their format
+//!  conversation -----+
+//! ```
+//!
+//! Fuzzing makes mutants of it; `hilrig learn` proposes a description.
+
+mod checksum;
+mod corpus;
+mod described;
+mod format;
+mod frame_format;
+mod framing;
+mod propose;
+mod seeds;
+mod stream;
+mod sums;
+
+use protocols::Instant;
+
+use capture::{Capture, Kind};
+use engine::rig::line::Direction;
+
+pub use corpus::{Corpus, CorpusError};
+pub(crate) use described::DescribedFormat;
+pub(crate) use frame_format::{FieldLimits, FrameFormat};
+pub use propose::{Claim, Confidence, Proposal};
+pub(crate) use seeds::{Gathered, Seeds, Spoken};
+
+/// The bytes of `link` in `capture`, or of its only link.
+pub(crate) fn conversation(capture: &Capture, link: Option<&str>) -> Vec<Spoken> {
+    let named = capture
+        .links
+        .iter()
+        .position(|one| Some(&*one.name) == link);
+    let link = named.unwrap_or(0);
+    let records = capture.records.iter();
+    let bytes = records.filter(|record| record.link == link && record.kind == Kind::Data);
+    let spoken = bytes.map(|record| Spoken {
+        is_program: record.direction == Direction::ToDevice,
+        at: nanos(record.at),
+        bytes: record.bytes.to_vec(),
+    });
+    spoken.collect()
+}
+
+fn nanos(at: Instant) -> u64 {
+    u64::try_from((at - Instant::ZERO).as_nanos()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

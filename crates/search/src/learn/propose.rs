@@ -1,0 +1,228 @@
+//! A description proposed from captured bytes of an unknown device.
+//!
+//! Each claim has its evidence, and whether it is sure. What is not supported is left as bytes. The
+//! draft is read back as a description, and its share of the captured bytes is told.
+
+mod frame;
+mod message;
+
+use core::fmt;
+use core::time::Duration;
+use std::sync::Arc;
+
+use capture::Capture;
+use description::Description;
+use protocols::Decode as _;
+
+use super::{Spoken, conversation};
+use frame::Proposed;
+
+/// How far a claim can be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Confidence {
+    /// Chance is ruled out: less than one in a million.
+    Sure,
+    /// It fits, and other readings may fit too.
+    Guess,
+}
+
+/// Something that is said of the device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Claim {
+    /// What: `framing`, `checksum`, `length`, `messages`, `replies`.
+    pub topic: &'static str,
+    /// The claim.
+    pub words: String,
+    /// What supports it.
+    pub evidence: String,
+    /// How far it can be trusted.
+    pub confidence: Confidence,
+}
+
+impl fmt::Display for Claim {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sure = match self.confidence {
+            Confidence::Sure => "sure",
+            Confidence::Guess => "a guess",
+        };
+        write!(
+            f,
+            "{}: {} ({sure}; {})",
+            self.topic, self.words, self.evidence
+        )
+    }
+}
+
+/// A proposed description.
+#[derive(Clone, Debug)]
+pub struct Proposal {
+    /// What is claimed.
+    pub claims: Vec<Claim>,
+    /// The draft; none if nothing can be claimed.
+    pub draft: Option<String>,
+    /// Bytes in frames of the draft, and all bytes.
+    pub covered: [usize; 2],
+}
+
+/// What came in one go.
+#[derive(Clone, Debug)]
+struct Chunk {
+    is_host: bool,
+    at: u64,
+    bytes: Vec<u8>,
+}
+
+/// Silence that divides chunks, in characters, and its least.
+const GAP_CHARACTERS: u32 = 3;
+const GAP_MIN: Duration = Duration::from_millis(2);
+/// Rate of a line whose rate is not known.
+const BAUD: u32 = 115_200;
+/// Longest time from a request to its reply, nanoseconds.
+const REPLY_NANOS: u64 = 1_000_000_000;
+
+impl Proposal {
+    /// What the bytes of `link`, or of the only link, tell.
+    ///
+    /// # Errors
+    /// If there is no such link, or no byte on it; with what was expected.
+    pub fn of(capture: &Capture, link: Option<&str>) -> Result<Self, String> {
+        let names: Vec<&str> = capture.links.iter().map(|link| &*link.name).collect();
+        let known = names.join(", ");
+        let at = match link {
+            Some(name) => {
+                let found = names.iter().position(|known| *known == name);
+                found.ok_or_else(|| {
+                    format!("--link {name}: no such link, expected one of {known}")
+                })?
+            }
+            None if names.len() > 1 => {
+                return Err(format!(
+                    "there are {} links, expected --link with one of {known}",
+                    names.len()
+                ));
+            }
+            None => 0,
+        };
+        let link = names.get(at).ok_or("there is no link with bytes in it")?;
+        // Of a file that does not say it, what most devices have.
+        let baud = match capture.links[at].baud {
+            0 => BAUD,
+            baud => baud.max(300),
+        };
+        let spoken = conversation(capture, Some(link));
+        if spoken.is_empty() {
+            return Err(format!(
+                "there are no bytes on {link}, expected some of the device"
+            ));
+        }
+        Ok(Self::of_bytes(&spoken, baud))
+    }
+
+    fn of_bytes(spoken: &[Spoken], baud: u32) -> Self {
+        let character = Duration::from_secs(10) / baud.max(300);
+        let gap = (character * GAP_CHARACTERS).max(GAP_MIN);
+        let chunks = chunks(spoken, u64::try_from(gap.as_nanos()).unwrap_or(u64::MAX));
+        let all: usize = spoken.iter().map(|one| one.bytes.len()).sum();
+        let nothing = Self {
+            claims: Vec::new(),
+            draft: None,
+            covered: [0, all],
+        };
+        let Some(found) = frame::find(&chunks) else {
+            return nothing;
+        };
+        let head = format!(
+            "# A draft from captured bytes: what stands here fits them, and no more is known.\n\
+             name = \"learned\"\nabout = \"Device of which {all} bytes were seen\"\n\
+             line = {{ baud = {baud} }}\n\n"
+        );
+        let head = comments(&found) + &head;
+        let plain = format!("{head}{}\n{}", found.toml, message::PLAIN);
+        let Ok(read) = parse(&plain) else {
+            return nothing;
+        };
+        let covered = covered(&read, &chunks);
+        let mut claims = found.claims.clone();
+        let is_all = covered * 100 >= all * 85;
+        if !is_all {
+            // A format that most bytes do not have is none.
+            for claim in &mut claims {
+                claim.confidence = Confidence::Guess;
+            }
+        }
+        if claims
+            .iter()
+            .all(|claim| claim.confidence == Confidence::Guess)
+            && !is_all
+        {
+            return nothing;
+        }
+        let (told, more) = message::messages(&read, &chunks, found.is_text);
+        let fuller = format!("{head}{}\n{told}", found.toml);
+        let draft = match parse(&fuller) {
+            Ok(_) => {
+                claims.extend(more);
+                fuller
+            }
+            Err(_) => plain,
+        };
+        Self {
+            claims,
+            draft: Some(draft),
+            covered: [covered, all],
+        }
+    }
+}
+
+fn comments(found: &Proposed) -> String {
+    let lines = found.claims.iter().map(|claim| format!("# {claim}\n"));
+    lines.collect()
+}
+
+fn parse(text: &str) -> Result<Arc<Description>, String> {
+    let nothing = |_: &str| Err(String::new());
+    Description::parse("draft", text, &nothing).map_err(|error| error.to_string())
+}
+
+/// Bytes of chunks that lie in frames.
+fn covered(of: &Description, chunks: &[Chunk]) -> usize {
+    let mut all = 0;
+    for is_host in [false, true] {
+        let mut cutter = of.cutter();
+        for chunk in chunks.iter().filter(|chunk| chunk.is_host == is_host) {
+            all += cutter
+                .push(&chunk.bytes)
+                .flatten()
+                .map(|frame| frame.bytes.len())
+                .sum::<usize>();
+            cutter.idle();
+            all += cutter
+                .push(&[])
+                .flatten()
+                .map(|frame| frame.bytes.len())
+                .sum::<usize>();
+        }
+    }
+    all
+}
+
+/// What came together, in the order of time.
+fn chunks(spoken: &[Spoken], gap: u64) -> Vec<Chunk> {
+    let mut chunks: Vec<Chunk> = Vec::new();
+    let mut last_at = 0;
+    for one in spoken.iter().filter(|one| !one.bytes.is_empty()) {
+        let is_close = one.at.saturating_sub(last_at) < gap;
+        last_at = one.at;
+        match chunks.last_mut() {
+            Some(chunk) if chunk.is_host == one.is_program && is_close => {
+                chunk.bytes.extend(&one.bytes);
+            }
+            _ => chunks.push(Chunk {
+                is_host: one.is_program,
+                at: one.at,
+                bytes: one.bytes.clone(),
+            }),
+        }
+    }
+    chunks
+}

@@ -1,0 +1,350 @@
+//! The messages of a proposal: bodies that are alike, what in them counts and what stays, and which
+//! answers which.
+
+use core::fmt::Write as _;
+use std::collections::BTreeMap;
+
+use description::Description;
+use protocols::Decode as _;
+
+use super::{Chunk, Claim, Confidence, REPLY_NANOS};
+
+/// The messages of a draft of which nothing is known.
+pub(super) const PLAIN: &str = "\
+[[message]]
+name = \"asked\"
+from = \"host\"
+fields = [{ name = \"data\", type = \"bytes\", size = \"rest\" }]
+
+[[message]]
+name = \"told\"
+from = \"device\"
+fields = [{ name = \"data\", type = \"bytes\", size = \"rest\" }]
+
+[[on]]
+message = \"asked\"
+reply = \"told\"
+";
+
+/// Kinds of messages of one side at most.
+const KINDS_MAX: usize = 24;
+/// Bodies from which something is said of their bytes.
+const BODIES_MIN: usize = 5;
+
+/// Bodies of one kind.
+struct Kind {
+    name: String,
+    is_host: bool,
+    bodies: Vec<Vec<u8>>,
+}
+
+const TAKES_ALL: &str = "a string takes everything";
+
+/// Messages and behaviour, and what is claimed of them.
+pub(super) fn messages(of: &Description, chunks: &[Chunk], is_text: bool) -> (String, Vec<Claim>) {
+    let spoken = bodies(of, chunks);
+    let mut kinds: Vec<Kind> = Vec::new();
+    let mut order: Vec<(usize, u64)> = Vec::new();
+    let keys: Vec<(bool, Vec<u8>)> = keys(&spoken, is_text);
+    let mut index: BTreeMap<&(bool, Vec<u8>), usize> = BTreeMap::new();
+    for (key, (is_host, at, body)) in keys.iter().zip(&spoken) {
+        let next = kinds.len();
+        let kind = *index.entry(key).or_insert(next);
+        if kind == next {
+            let count = kinds.iter().filter(|kind| kind.is_host == *is_host).count() + 1;
+            let what = if *is_host { "request" } else { "reply" };
+            kinds.push(Kind {
+                name: format!("{what}_{count}"),
+                is_host: *is_host,
+                bodies: Vec::new(),
+            });
+        }
+        kinds[kind].bodies.push(body.clone());
+        order.push((kind, *at));
+    }
+    let per_side = |is_host: bool| kinds.iter().filter(|kind| kind.is_host == is_host).count();
+    if per_side(true) > KINDS_MAX || per_side(false) > KINDS_MAX || kinds.is_empty() {
+        return (PLAIN.to_owned(), Vec::new());
+    }
+    let mut text = String::new();
+    for kind in &kinds {
+        let from = if kind.is_host { "host" } else { "device" };
+        let count = kind.bodies.len();
+        write!(
+            text,
+            "# {count} of them\n[[message]]\nname = \"{}\"\nfrom = \"{from}\"\n",
+            kind.name
+        )
+        .expect(TAKES_ALL);
+        match is_text {
+            true => writeln!(text, "text = {}\n", line(&kind.bodies)).expect(TAKES_ALL),
+            false => writeln!(text, "fields = [\n{}]\n", fields(&kind.bodies)).expect(TAKES_ALL),
+        }
+    }
+    let (behaviour, claims) = behaviour(&kinds, &order);
+    let (requests, replies) = (per_side(true), per_side(false));
+    let mut all = vec![Claim {
+        topic: "messages",
+        words: format!("{requests} kinds of the driver, {replies} of the device"),
+        evidence: format!("{} frames", spoken.len()),
+        confidence: Confidence::Guess,
+    }];
+    all.extend(claims);
+    (text + &behaviour, all)
+}
+
+/// The bodies of all frames in the order of time, with their ends.
+fn bodies(of: &Description, chunks: &[Chunk]) -> Vec<(bool, u64, Vec<u8>)> {
+    let mut cutters = [of.cutter(), of.cutter()];
+    let mut all = Vec::new();
+    for chunk in chunks {
+        let cutter = &mut cutters[usize::from(chunk.is_host)];
+        let mut frames: Vec<_> = cutter.push(&chunk.bytes).flatten().collect();
+        cutter.idle();
+        frames.extend(cutter.push(&[]).flatten());
+        for frame in frames {
+            if let Some(body) = of.body(&frame) {
+                all.push((chunk.is_host, chunk.at, body));
+            }
+        }
+    }
+    all
+}
+
+/// What tells kinds of bodies apart: of text its form, else the first byte and the length.
+fn keys(spoken: &[(bool, u64, Vec<u8>)], is_text: bool) -> Vec<(bool, Vec<u8>)> {
+    let mut firsts: BTreeMap<bool, BTreeMap<u8, usize>> = BTreeMap::new();
+    for (is_host, _, body) in spoken {
+        let first = body.first().copied().unwrap_or(0);
+        *firsts
+            .entry(*is_host)
+            .or_default()
+            .entry(first)
+            .or_default() += 1;
+    }
+    let keys = spoken.iter().map(|(is_host, _, body)| {
+        if is_text {
+            return (*is_host, skeleton(body).0.into_bytes());
+        }
+        let is_kind = firsts.get(is_host).is_some_and(|counts| {
+            let all: usize = counts.values().sum();
+            counts.len() <= 12 && counts.len() * 2 <= all.max(2)
+        });
+        let first = body.first().copied().filter(|_| is_kind);
+        let len = u16::try_from(body.len()).unwrap_or(u16::MAX).to_be_bytes();
+        (*is_host, first.into_iter().chain(len).collect())
+    });
+    keys.collect()
+}
+
+/// The form of a line, numbers in braces, and the decimals that each number has.
+pub(super) fn skeleton(line: &[u8]) -> (String, Vec<usize>) {
+    let text: String = line.iter().map(|&byte| char::from(byte)).collect();
+    let text = text.trim_end_matches(['\r', '\n']);
+    let (mut out, mut decimals) = (String::new(), Vec::new());
+    let mut rest = text;
+    while let Some(c) = rest.chars().next() {
+        let signed = rest.strip_prefix(['-', '+']).unwrap_or(rest);
+        let is_word = out.ends_with(|c: char| c.is_ascii_alphanumeric());
+        if signed.starts_with(|c: char| c.is_ascii_digit()) && !is_word {
+            let whole = signed.bytes().take_while(u8::is_ascii_digit).count();
+            let behind = &signed[whole..];
+            let fraction = behind.strip_prefix('.').map_or(0, |digits| {
+                digits.bytes().take_while(u8::is_ascii_digit).count()
+            });
+            let len =
+                (rest.len() - signed.len()) + whole + if fraction > 0 { 1 + fraction } else { 0 };
+            out += "{}";
+            decimals.push(fraction);
+            rest = &rest[len..];
+            continue;
+        }
+        match c {
+            '{' => out += "{{",
+            '}' => out += "}}",
+            c => out.push(c),
+        }
+        rest = &rest[c.len_utf8()..];
+    }
+    (out, decimals)
+}
+
+/// The text of a message of lines of one form.
+fn line(lines: &[Vec<u8>]) -> String {
+    let (form, mut decimals) = skeleton(lines.first().map_or(&[][..], Vec::as_slice));
+    for line in lines {
+        let (_, others) = skeleton(line);
+        for (all, other) in decimals.iter_mut().zip(others) {
+            if *all != other {
+                *all = usize::MAX;
+            }
+        }
+    }
+    let mut text = String::new();
+    let mut numbers = decimals.into_iter().enumerate();
+    let mut rest = form.as_str();
+    while let Some(at) = rest.find("{}") {
+        // A doubled brace is no number.
+        let is_brace = rest[..at].ends_with('{');
+        text += &rest[..at];
+        rest = &rest[at + 2..];
+        match (is_brace, numbers.next()) {
+            (false, Some((number, 0 | usize::MAX))) => write!(text, "{{n{number}}}"),
+            (false, Some((number, decimals))) => write!(text, "{{n{number}:.{decimals}f}}"),
+            _ => write!(text, "{{}}"),
+        }
+        .expect(TAKES_ALL);
+    }
+    toml::Value::String(text + rest).to_string()
+}
+
+/// Fields of bodies of one length: constants, counters, and bytes of which nothing is known.
+fn fields(bodies: &[Vec<u8>]) -> String {
+    let mut out = String::new();
+    let len = bodies.first().map_or(0, Vec::len);
+    let column = |at: usize| {
+        bodies
+            .iter()
+            .map(move |body| body.get(at).copied().unwrap_or(0))
+    };
+    let is_constant = |at: usize| column(at).all(|byte| Some(byte) == bodies[0].get(at).copied());
+    let is_enough = bodies.len() >= BODIES_MIN;
+    let mut at = 0;
+    while at < len {
+        if at == 0 && (is_constant(0) || bodies.len() == 1) {
+            let value = bodies[0][0];
+            writeln!(out, "  {{ type = \"u8\", value = 0x{value:02X} }},").expect(TAKES_ALL);
+            at += 1;
+            continue;
+        }
+        if let Some((kind, size)) = counter(bodies, at).filter(|_| is_enough) {
+            writeln!(
+                out,
+                "  {{ name = \"counter_{at}\", type = \"{kind}\", about = \"counts up\" }},"
+            )
+            .expect(TAKES_ALL);
+            at += size;
+            continue;
+        }
+        let same = |other: usize| is_constant(other) == is_constant(at);
+        let mut end = at + 1;
+        while end < len && same(end) && counter(bodies, end).is_none() {
+            end += 1;
+        }
+        let about = match is_constant(at) && is_enough {
+            true => {
+                let bytes = bodies[0][at..end].iter().map(|byte| format!("{byte:02X}"));
+                let bytes: Vec<_> = bytes.collect();
+                format!(", about = \"always {}\"", bytes.join(" "))
+            }
+            false => String::new(),
+        };
+        let size = end - at;
+        writeln!(
+            out,
+            "  {{ name = \"bytes_{at}\", type = \"bytes\", size = {size}{about} }},"
+        )
+        .expect(TAKES_ALL);
+        at = end;
+    }
+    if len == 0 {
+        out += "  { name = \"data\", type = \"bytes\", size = \"rest\" },\n";
+    }
+    out
+}
+
+/// The type of a counter at `at`, if the numbers there go up by one from body to body.
+fn counter(bodies: &[Vec<u8>], at: usize) -> Option<(&'static str, usize)> {
+    let kinds: [(&str, usize); 3] = [("u16le", 2), ("u16be", 2), ("u8", 1)];
+    kinds.into_iter().find(|(kind, size)| {
+        let read = |body: &Vec<u8>| -> Option<u32> {
+            let bytes = body.get(at..at + size)?;
+            Some(match *kind {
+                "u16le" => u32::from(bytes[1]) << 8 | u32::from(bytes[0]),
+                "u16be" => u32::from(bytes[0]) << 8 | u32::from(bytes[1]),
+                _ => u32::from(bytes[0]),
+            })
+        };
+        let values: Vec<u32> = bodies.iter().filter_map(read).collect();
+        let modulus = 1_u32 << (8 * size);
+        let rises = values
+            .windows(2)
+            .filter(|pair| (pair[0] + 1) % modulus == pair[1])
+            .count();
+        // A counter of 16 bits has to carry, or its low byte is the counter.
+        let carries = *size == 1 || values.iter().any(|value| value >> 8 != values[0] >> 8);
+        values.len() >= BODIES_MIN && rises * 10 >= (values.len() - 1) * 9 && carries
+    })
+}
+
+/// What answers what, or how often the device speaks by itself.
+fn behaviour(kinds: &[Kind], order: &[(usize, u64)]) -> (String, Vec<Claim>) {
+    let (mut text, mut claims) = (String::new(), Vec::new());
+    let mut pairs: BTreeMap<usize, Vec<(usize, u64)>> = BTreeMap::new();
+    for pair in order.windows(2) {
+        let [(first, asked), (second, answered)] = pair else {
+            continue;
+        };
+        let time = answered.saturating_sub(*asked);
+        if kinds[*first].is_host && !kinds[*second].is_host && time < REPLY_NANOS {
+            pairs.entry(*first).or_default().push((*second, time));
+        }
+    }
+    for (request, replies) in &pairs {
+        let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
+        for (reply, _) in replies {
+            *counts.entry(*reply).or_default() += 1;
+        }
+        let Some((reply, count)) = counts.into_iter().max_by_key(|(_, count)| *count) else {
+            continue;
+        };
+        let mut times: Vec<u64> = replies.iter().map(|(_, time)| *time).collect();
+        times.sort_unstable();
+        let latency_us = times[times.len() / 2] / 1_000;
+        let (asked, answer) = (&kinds[*request].name, &kinds[reply].name);
+        write!(
+            text,
+            "[[on]]\nmessage = \"{asked}\"\nreply = \"{answer}\"\nlatency = \"{latency_us}us\"\n\n"
+        )
+        .expect(TAKES_ALL);
+        claims.push(Claim {
+            topic: "replies",
+            words: format!(
+                "{asked} is answered by {answer} after {:.1} ms (median)",
+                latency_us as f64 / 1e3
+            ),
+            evidence: format!("{count} of {} times", replies.len()),
+            confidence: Confidence::Guess,
+        });
+    }
+    if pairs.is_empty() {
+        for (index, kind) in kinds.iter().enumerate().filter(|(_, kind)| !kind.is_host) {
+            let at: Vec<u64> = order
+                .iter()
+                .filter(|(of, _)| *of == index)
+                .map(|(_, at)| *at)
+                .collect();
+            let mut gaps: Vec<u64> = at
+                .windows(2)
+                .map(|pair| pair[1].saturating_sub(pair[0]))
+                .collect();
+            gaps.sort_unstable();
+            let period = gaps
+                .get(gaps.len() / 2)
+                .copied()
+                .unwrap_or(1_000_000_000)
+                .max(1_000_000)
+                / 1_000;
+            write!(
+                text,
+                "[[every]]\nperiod = \"{period}us\"\nsend = \"{}\"\n\n",
+                kind.name
+            )
+            .expect(TAKES_ALL);
+        }
+    }
+    if text.is_empty() {
+        text += "[[on]]\nevent = \"start\"\n";
+    }
+    (text, claims)
+}
