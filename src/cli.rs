@@ -8,8 +8,11 @@ mod bugs;
 mod campaign;
 mod case;
 mod completions;
+mod conform;
 mod decode;
 mod demo;
+mod describe;
+mod described;
 mod dut;
 mod ends;
 mod exec;
@@ -19,11 +22,13 @@ mod fault;
 mod fidelity;
 mod fuzz;
 mod import;
+mod learn;
 mod link;
 mod man;
 mod map;
 mod new;
 mod place;
+mod port;
 mod ports;
 mod progress;
 mod record;
@@ -34,6 +39,7 @@ mod show;
 mod shrink;
 mod slam;
 mod stop;
+mod talk;
 #[cfg(feature = "ui")]
 mod ui;
 mod up;
@@ -103,6 +109,10 @@ enum Command {
     Import(import::ImportArgs),
     Export(export::ExportArgs),
     Decode(decode::DecodeArgs),
+    Describe(describe::DescribeArgs),
+    Learn(learn::LearnArgs),
+    Talk(talk::TalkArgs),
+    Conform(conform::ConformArgs),
     Bugs(bugs::Bugs),
     Campaign(campaign::CampaignArgs),
     Fuzz(fuzz::FuzzArgs),
@@ -324,6 +334,10 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
         Command::Import(args) => import::run(args),
         Command::Export(args) => export::run(args),
         Command::Decode(args) => decode::run(args),
+        Command::Describe(args) => describe::run(&args),
+        Command::Learn(args) => learn::run(&args),
+        Command::Talk(args) => talk::run(&args),
+        Command::Conform(args) => conform::run(&args),
         Command::Bugs(args) => bugs::run(args),
         Command::Campaign(args) => campaign::run(args),
         Command::Fuzz(args) => fuzz::run(&args),

@@ -36,7 +36,7 @@ pub use engine::{NameTaken, TOOL, codec, picture, rig, robots, run, scenario};
 #[cfg(feature = "demo")]
 pub use {capture, show};
 /// The crates below, so that another crate needs this one alone; see the [`prelude`].
-pub use {emulators, firmware_core, protocols};
+pub use {description, emulators, firmware_core, protocols};
 #[cfg(feature = "command")]
 pub use {museum, museum::experiment, realtime, search, slam};
 /// The crates that the settings of an own device are derived with.

@@ -3,6 +3,8 @@
 //! taken away or means something else.
 
 mod case;
+mod described;
+mod experiment;
 
 use schemars::generate::{SchemaGenerator, SchemaSettings};
 use schemars::{JsonSchema, Schema, json_schema};
@@ -10,6 +12,10 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 pub(super) use case::{CaseChecked, CaseMade, CaseTry};
+pub(super) use described::{
+    ClaimTold, Conformed, DifferenceTold, Exchanged, Learned, RepliedWith, Talked, ValueTold,
+};
+pub(super) use experiment::{ExperimentDone, ExperimentFigure, Experiments};
 
 use super::{CliError, Verdict};
 use crate::TOOL;
@@ -81,7 +87,7 @@ fn made_or_checked(generator: &mut SchemaGenerator) -> Schema {
 }
 
 /// What the commands come to.
-const RESULTS: [(&str, Subschema); 27] = [
+const RESULTS: [(&str, Subschema); 31] = [
     ("demo", of::<Runs>),
     ("run", of::<Runs>),
     ("up", of::<UpEnded>),
@@ -96,6 +102,10 @@ const RESULTS: [(&str, Subschema); 27] = [
     ("import", of::<Imported>),
     ("export", of::<Exported>),
     ("decode", of::<Decoded>),
+    ("describe", files_or_text),
+    ("learn", of::<Learned>),
+    ("talk", of::<Talked>),
+    ("conform", of::<Conformed>),
     ("bugs", of::<Bugs>),
     ("campaign", of::<CampaignEnded>),
     ("fuzz", of::<FuzzEnded>),
@@ -151,36 +161,6 @@ pub(super) fn json_schema() -> Value {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Text {
     pub(super) text: String,
-}
-
-/// Experiments that were done, or can be.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct Experiments {
-    pub(super) experiments: Vec<ExperimentDone>,
-}
-
-/// An experiment.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct ExperimentDone {
-    pub(super) name: String,
-    /// Where the report has it.
-    pub(super) place: String,
-    /// The first seed, and how many there are, one after the other.
-    pub(super) first_seed: u64,
-    pub(super) seeds: u64,
-    pub(super) figures: Vec<ExperimentFigure>,
-    /// Table and plot.
-    pub(super) files: Vec<String>,
-}
-
-/// A figure of an experiment.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct ExperimentFigure {
-    pub(super) name: String,
-    /// As found, with its unit.
-    pub(super) ours: String,
-    /// As the report has it.
-    pub(super) report: Option<String>,
 }
 
 /// Files that were written.

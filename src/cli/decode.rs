@@ -2,14 +2,14 @@ mod follow;
 pub(super) mod source;
 
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use protocols::Instant;
 
 use super::answer::{Decoded, EntryDecoded, LineDecoded};
-use super::{CliError, Verdict, out};
+use super::{CliError, Verdict, described, out};
 use crate::capture::decode::diagnose::{Damage, Line, diagnose};
 use crate::capture::decode::profile::Profile;
 use crate::capture::decode::transcript::{Entry, Known, Sum, Transcript};
@@ -80,8 +80,7 @@ fn codec_parser() -> impl TypedValueParser<Value = &'static Codec> {
 
 pub(super) fn run(mut args: DecodeArgs) -> Result<Verdict, CliError> {
     if let Some(name) = &args.description {
-        let loaded = description::load(name, Path::new(""));
-        let loaded = loaded.map_err(|error| CliError::Usage(format!("--description: {error}")))?;
+        let loaded = described::load("--description", name)?;
         args.protocol = Some(description::codec_of(&loaded));
     }
     if out::is_json() {

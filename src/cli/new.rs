@@ -1,6 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use description::Description;
 
 use super::answer::Files;
 use super::{CliError, Verdict, out};
@@ -12,23 +13,34 @@ const MISSION: &str = include_str!("new/mission.toml");
 const ROBOT: &str = include_str!("new/robot.toml");
 /// Devices alone, without robot and world.
 const DEVICES: &str = include_str!("new/devices.toml");
+/// A described device, the scenario of its bench and a driver of it.
+const DEVICE: [&str; 3] = [
+    include_str!("new/device.toml"),
+    include_str!("new/bench.toml"),
+    include_str!("new/driver.py"),
+];
 
-/// Make a scenario to begin with: it runs as it is, and its comments say what can be changed.
+/// Make a scenario or a device to begin with: it runs as it is, and its comments say what can be
+/// changed.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig new kitchen                # kitchen.toml: a room, a mission, a fault\n  \
     hilrig new tests/mine --robot     # a robot of your own, described by data\n  \
-    hilrig new gripper --devices      # devices on their wires, no robot")]
+    hilrig new gripper --devices      # devices on their wires, no robot\n  \
+    hilrig new thermostat --device    # a device described in a file, its bench, a driver in Python")]
 pub(super) struct NewArgs {
     /// Name of the scenario, or the file to write
     #[arg(value_name = "NAME|PATH")]
     path: PathBuf,
     /// A robot of your own: chassis, devices and registers as data, the program is yours
-    #[arg(long, conflicts_with = "devices")]
+    #[arg(long, conflicts_with_all = ["devices", "device"])]
     robot: bool,
     /// Devices alone, without robot and world
-    #[arg(long)]
+    #[arg(long, conflicts_with = "device")]
     devices: bool,
+    /// A device described in a file, with a scenario for it and a driver in Python
+    #[arg(long)]
+    device: bool,
 }
 
 pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
@@ -40,6 +52,9 @@ pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
     if path.exists() {
         let error = format!("{}: is there already, expected a free name", path.display());
         return Err(CliError::Usage(error));
+    }
+    if args.device {
+        return device(&path, &name);
     }
     let text = match (args.robot, args.devices) {
         (true, _) => ROBOT,
@@ -56,6 +71,45 @@ pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
     println!("{shown}");
     eprintln!("try it: hilrig {} {shown}", verb(args));
     let files = vec![shown.to_string()];
+    out::answer(&Files { files });
+    Ok(Verdict::Pass)
+}
+
+/// The description `path` of the device `name`, and beside it the scenario and the driver.
+fn device(path: &Path, name: &str) -> Result<Verdict, CliError> {
+    let file = |path: &Path| {
+        path.file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    let beside = |ending: &str| path.with_file_name(format!("{name}{ending}"));
+    let paths = [path.to_owned(), beside("-bench.toml"), beside("_driver.py")];
+    for path in &paths {
+        if path.exists() {
+            let error = format!("{} exists already; choose another name", path.display());
+            return Err(CliError::Usage(error));
+        }
+    }
+    let [own, bench, driver] = [0, 1, 2].map(|at: usize| file(&paths[at]));
+    let texts = DEVICE.map(|text| {
+        let text = text.replace("BENCH", &bench).replace("DRIVER", &driver);
+        text.replace("FILE", &own).replace("NAME", name)
+    });
+    let shown = path.display().to_string();
+    Description::parse(&shown, &texts[0], &|_| Err(String::new()))
+        .map_err(|error| CliError::Usage(error.to_string()))?;
+    Scenario::parse(&paths[1], texts[1].clone())?;
+    for (path, text) in paths.iter().zip(&texts) {
+        make(path, text)?;
+        println!("{}", path.display());
+    }
+    let [_, bench, driver] = paths.each_ref().map(|path| path.display());
+    eprintln!("try it: hilrig run {bench} --exec 'python3 {driver}'");
+    let files = paths
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
     out::answer(&Files { files });
     Ok(Verdict::Pass)
 }

@@ -4,7 +4,7 @@ use super::{CliError, Verdict, answer, out};
 use crate::realtime::control;
 use crate::scenario::schema;
 
-/// Print the JSON Schema of a scenario file.
+/// Print the JSON Schema of a scenario file, or of a device description.
 ///
 /// It is derived from what reads the file: every table and key, the settings of each kind of
 /// device, the keys of each kind of fault. Editors complete and check scenarios with it.
@@ -12,6 +12,7 @@ use crate::scenario::schema;
 #[command(after_long_help = "Examples:\n  \
     hilrig schema > scenario.schema.json       # for an editor\n  \
     hilrig schema --markdown                   # the reference, docs/scenario.md\n  \
+    hilrig schema --device > device.schema.json  # of descriptions, see docs/own-device.md\n  \
     hilrig schema --control                    # requests to the control socket\n  \
     hilrig schema --output                     # what --json prints\n\n\
     Exit codes: 0 printed, 2 the output cannot be written.")]
@@ -25,12 +26,16 @@ pub(super) struct SchemaArgs {
     /// Print the JSON Schema of what a command prints with --json
     #[arg(long, conflicts_with_all = ["markdown", "control"])]
     output: bool,
+    /// Print the JSON Schema of a device description
+    #[arg(long, conflicts_with_all = ["markdown", "control", "output"])]
+    device: bool,
 }
 
 pub(super) fn run(args: &SchemaArgs) -> Result<Verdict, CliError> {
     let schema = match () {
         () if args.control => control::json_schema(),
         () if args.output => answer::json_schema(),
+        () if args.device => description::json_schema().to_value(),
         () => schema::json_schema(),
     };
     let text = if args.markdown {

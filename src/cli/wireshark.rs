@@ -5,19 +5,22 @@ use std::process::Command;
 use clap::Args;
 
 use super::answer::Files;
-use super::{CliError, Verdict, out};
-use crate::capture::wireshark::{FILE_NAME, dissector};
+use super::{CliError, Verdict, described, out};
+use crate::capture::wireshark::{FILE_NAME, dissector_of};
 use safefs::Dir;
 
 /// Give Wireshark a decoder for the robots' protocols.
 ///
 /// Wireshark opens a capture as it is and shows links, directions, times and faults. With this file
 /// in its personal plugin folder it also shows what the bytes mean: lidar packets, bus registers,
-/// messages of the PC. Without an option the command says where the file belongs.
+/// messages of the PC. With --description it also decodes devices that files describe: each field
+/// of a message can be filtered for as hilrig.DEVICE.FIELD. Without an option the command says
+/// where the file belongs.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig wireshark --install\n  \
     hilrig wireshark --print > hilrig.lua\n  \
+    hilrig wireshark --description meter.toml gps --install\n  \
     tshark -X lua_script:hilrig.lua -r capture.pcapng -T fields -e hilrig.xv11.distance")]
 pub(super) struct Wireshark {
     /// Write the file into the personal plugin folder
@@ -26,14 +29,21 @@ pub(super) struct Wireshark {
     /// Print the file
     #[arg(long)]
     print: bool,
+    /// Decode these devices too: descriptions that come with the tool, by name, or files that end
+    /// with .toml
+    #[arg(long, value_name = "NAME|FILE", num_args = 1..)]
+    description: Vec<String>,
     /// Plugin folder in place of the personal one
     #[arg(long, value_name = "DIR")]
     dir: Option<PathBuf>,
 }
 
 pub(super) fn run(args: Wireshark) -> Result<Verdict, CliError> {
+    let described = args.description.iter();
+    let described = described.map(|name| described::load("--description", name));
+    let text = dissector_of(&described.collect::<Result<Vec<_>, _>>()?);
     if args.print {
-        return out::write_text("the file", dissector().as_bytes());
+        return out::write_text("the file", text.as_bytes());
     }
     let dir = args.dir.or_else(plugin_dir).ok_or_else(|| {
         let expected = "expected --dir DIR, or tshark or HOME to find it by";
@@ -43,7 +53,7 @@ pub(super) fn run(args: Wireshark) -> Result<Verdict, CliError> {
     })?;
     let path = dir.join(FILE_NAME);
     if args.install {
-        let written = Dir::create(&dir).and_then(|dir| dir.write(FILE_NAME, dissector()));
+        let written = Dir::create(&dir).and_then(|dir| dir.write(FILE_NAME, &text));
         written.map_err(|error| CliError::write(format!("--install {}", path.display()), error))?;
         eprintln!("installed; Wireshark and tshark read it when they next start");
     } else {

@@ -45,7 +45,7 @@ impl Verb {
 }
 
 /// All of them. `base` is the folder of an earlier run, a rig runs in `live`.
-pub(crate) const VERBS: [Verb; 27] = [
+pub(crate) const VERBS: [Verb; 31] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
     verb("new", "new o/new"),
@@ -71,6 +71,17 @@ pub(crate) const VERBS: [Verb; 27] = [
     ),
     verb("export", "export base -o o/exported.csv"),
     verb("decode", "decode base/capture.pcapng").reads_only(),
+    verb("describe", "describe modbus-meter -o o/meter.md"),
+    // Bytes without any form.
+    verb("learn", "learn dump").reads_only().fails(),
+    // Nothing of the sort is at that port.
+    verb(
+        "talk",
+        "talk --rig live lidar --description modbus-meter --timeout 100ms read voltage",
+    )
+    .reads_only()
+    .fails(),
+    verb("conform", "conform --description cobs-sensor").reads_only(),
     verb("bugs", "bugs PU-01").reads_only(),
     verb("campaign", "campaign s.toml --seeds 0..2 --out o/campaign"),
     verb("fuzz", "fuzz pcui --cases 100 --out o/fuzz"),

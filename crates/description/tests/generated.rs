@@ -144,6 +144,43 @@ fn described(checksums: &'static [&'static str]) -> impl Strategy<Value = Arc<De
     })
 }
 
+/// A piece of a line: words, and a field of a form behind them.
+fn piece() -> impl Strategy<Value = (&'static str, &'static str)> {
+    let words = select(vec![",", " ", ";", "=", "/", ",,", " mm "]);
+    let form = select(vec![
+        "", ":d", ":05d", ":.2f", ":09.4f", ":02X", ":08x", ":s", ":.3s", "?", ":d?",
+    ]);
+    (words, form)
+}
+
+/// A device that speaks in lines: with or without a start and a checksum, each message with its own
+/// first word.
+fn speaking() -> impl Strategy<Value = Arc<Description>> {
+    let frame = select(vec![
+        "terminator = \"\\r\\n\"",
+        "terminator = \"\\n\"",
+        "start = \"$\"\nend = \"\\r\\n\"\nchecksum = \"nmea\"",
+        "start = \"<\"\nend = \">\"",
+        "terminator = \"\\r\"\nchecksum = { algorithm = \"CRC-8/SMBUS\", encoding = \"hex\" }",
+    ]);
+    (frame, vec(vec(piece(), 1..5), 1..4)).prop_map(|(frame, messages)| {
+        let mut text = format!(
+            "name = \"generated\"\nabout = \"x\"\nline = {{ baud = 9600 }}\n\
+             on = [{{ message = \"*\", violation = \"heard\" }}]\n[frame]\n{frame}\n"
+        );
+        for (number, pieces) in messages.iter().enumerate() {
+            let fields = pieces.iter().enumerate();
+            let line = fields.map(|(at, (words, form))| format!("{words}{{f{at}{form}}}"));
+            text += &format!(
+                "[[message]]\nname = \"m{number}\"\nfrom = \"both\"\ntext = \"M{number}{}\"\n",
+                line.collect::<String>()
+            );
+        }
+        let parsed = Description::parse("generated.toml", &text, &|_| Err(String::new()));
+        parsed.unwrap_or_else(|error| panic!("{error}\n{text}"))
+    })
+}
+
 /// Frames with the values that were put into them.
 fn frames(description: &Description, choices: &[u64]) -> Vec<(Vec<u8>, Record)> {
     let mut dice = choices.iter().copied().cycle();
@@ -221,6 +258,30 @@ proptest! {
             prop_assert_eq!(known.name(), message.name());
             prop_assert!(holds(&values, &read), "{:?} became {:?}", values, read);
             // And its bytes again.
+            prop_assert_eq!(description.frame(known, &read), Some(frame));
+        }
+    }
+
+    /// Lines too; the pieces in which they come make no difference.
+    #[test]
+    fn a_line_is_read_as_it_was_written(
+        description in speaking(),
+        choices in vec(any::<u64>(), 40),
+        sizes in vec(1..30_usize, 1..6),
+    ) {
+        let made = frames(&description, &choices);
+        let bytes: Vec<u8> = made.iter().flat_map(|(frame, _)| frame.clone()).collect();
+        let whole = found(&description, &bytes, &[bytes.len()]);
+        prop_assert_eq!(found(&description, &bytes, &sizes), whole);
+        for (message, (frame, values)) in description.messages().iter().zip(made) {
+            let mut cutter = description.cutter();
+            let found: Vec<_> = cutter.push(&frame).collect();
+            let [Ok(found)] = &found[..] else {
+                panic!("{found:?} in {}", frame.escape_ascii());
+            };
+            let (known, read) = description.message(found, From::Both).expect("a message");
+            prop_assert_eq!(known.name(), message.name());
+            prop_assert!(holds(&values, &read), "{:?} became {:?}", values, read);
             prop_assert_eq!(description.frame(known, &read), Some(frame));
         }
     }

@@ -5,16 +5,19 @@ mod jobs;
 use core::cell::Cell;
 use core::time::Duration;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use ::description::Description;
 use clap::Args;
 use protocols::Instant;
 
 use super::FuzzArgs;
 use crate::cli::answer::FuzzEnded;
 use crate::cli::stop::Stop;
-use crate::cli::{CliError, Verdict, out, progress};
+use crate::cli::{CliError, Verdict, described, out, progress};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Supervision;
+use crate::scenario::device::description::DescriptionSpec;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::fuzz::dut::{
     self, Corpus, ErrorRule, Finding, Harness, HarnessError, Progress, Search, Speech, Spent,
@@ -57,6 +60,11 @@ pub(super) struct ExecArgs {
     /// error and end
     #[arg(long, value_name = "WHEN", default_value = "unaltered")]
     errors: ErrorRule,
+    /// Description of the device that the program speaks to: its frames, fields and limits are
+    /// known then, not guessed. One that comes with the tool, by its name, or a file that ends with
+    /// .toml [default: those of the scenario's described devices]
+    #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["targets", "vary"])]
+    description: Option<String>,
     /// Baud rate of the port, without a scenario [default: the program's]
     #[arg(long, value_name = "N", requires = "exec", conflicts_with = "scenario",
         value_parser = clap::value_parser!(u32).range(300..=4_000_000))]
@@ -125,6 +133,9 @@ impl ExecArgs {
         words += if self.is_virtual { " --virtual" } else { "" };
         if self.exec.is_some() {
             words += &format!(" --start {}", self.start);
+        }
+        if let Some(description) = &self.description {
+            words += &format!(" --description {}", quoted(description));
         }
         if let Some(baud) = self.baud {
             words += &format!(" --baud {baud}");
@@ -209,19 +220,27 @@ fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
 fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
     let (scenario, source) = match (&args.scenario, &args.corpus) {
         (Some(path), _) => Scenario::read(path)?,
+        (None, _) if args.exec.exec.is_some() && args.exec.description.is_some() => {
+            described_port(args)?
+        }
         (None, Some(_)) if args.exec.exec.is_some() => one_port(args)?,
         _ => {
             let text = "--scenario is missing, expected the one whose devices the program is to \
-                        meet, or --corpus with what a device says to it";
+                        meet, --description of its device, or --corpus with what a device says to it";
             return Err(CliError::Usage(text.to_owned()));
         }
     };
     let corpus = args.corpus.as_deref().map(Corpus::read).transpose();
-    let link = match args.scenario {
-        Some(_) => args.link.clone(),
-        None => Some(args.port().to_owned()),
+    let link = match (&args.scenario, &args.exec.description) {
+        (None, None) => Some(args.port().to_owned()),
+        (None, Some(_)) => args
+            .link
+            .clone()
+            .or_else(|| scenario.device.keys().next().cloned()),
+        _ => args.link.clone(),
     };
     let plan = TrialPlan {
+        descriptions: descriptions(args, &scenario, &source)?,
         scenario,
         corpus: corpus.map_err(HarnessError::from)?,
         link,
@@ -271,6 +290,51 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         true => Verdict::Pass,
         false => Verdict::Fail,
     })
+}
+
+/// The descriptions of the devices: the one that was named, or those of the scenario.
+fn descriptions(
+    args: &FuzzArgs,
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<Vec<(Option<String>, Arc<Description>)>, CliError> {
+    if let Some(name) = &args.exec.description {
+        let description = described::load("--description", name)?;
+        return Ok(vec![(args.link.clone(), description)]);
+    }
+    let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
+    let mut all = Vec::new();
+    for (link, device) in &scenario.device {
+        // Several devices on one wire have no format in common.
+        let Some(DescriptionSpec(units)) = device.settings() else {
+            continue;
+        };
+        if let [unit] = &units[..]
+            && let Ok(description) = unit.load(base)
+        {
+            all.push((Some(link.clone()), description));
+        }
+    }
+    Ok(all)
+}
+
+/// A scenario of the described device alone.
+fn described_port(args: &FuzzArgs) -> Result<(Scenario, Source), CliError> {
+    let file = args.exec.description.as_deref().unwrap_or_default();
+    let description = described::load("--description", file)?;
+    let link = args.link.as_deref().unwrap_or(description.name());
+    let file = match file.strip_suffix(".toml") {
+        Some(_) => std::path::absolute(file)
+            .map_or_else(|_| file.into(), |path| path.display().to_string()),
+        None => file.to_owned(),
+    };
+    let text = format!(
+        "schema = 1\nname = \"{}\"\nrobot = \"none\"\nduration = \"60s\"\n\
+         [device]\n{link} = {{ description = {} }}\n",
+        description.name(),
+        toml::Value::String(file),
+    );
+    Ok(Scenario::parse(Path::new("--description"), text)?)
 }
 
 /// A scenario of one port, on which nobody speaks.

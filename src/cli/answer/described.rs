@@ -1,0 +1,90 @@
+//! What commands on described devices came to.
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// Requests to a device and its replies.
+#[derive(Debug, Default, Serialize, JsonSchema)]
+pub(in crate::cli) struct Talked {
+    pub(in crate::cli) exchanges: Vec<Exchanged>,
+}
+
+/// A request and what came after it.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct Exchanged {
+    /// The request in words.
+    pub(in crate::cli) request: String,
+    /// Replies to it.
+    pub(in crate::cli) replies: Vec<RepliedWith>,
+    /// Frames that came by themselves, in words.
+    pub(in crate::cli) unasked: Vec<String>,
+}
+
+/// A reply.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct RepliedWith {
+    pub(in crate::cli) words: String,
+    /// Whether the device refused the request.
+    pub(in crate::cli) refused: bool,
+    /// From the end of the request to the first byte of the reply.
+    pub(in crate::cli) latency_ms: f64,
+    pub(in crate::cli) values: Vec<ValueTold>,
+}
+
+/// A value of a reply.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct ValueTold {
+    pub(in crate::cli) name: String,
+    /// The value as a number, if it is one.
+    pub(in crate::cli) number: Option<f64>,
+    /// The value with its unit or name.
+    pub(in crate::cli) words: String,
+}
+
+/// A device compared with its description.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct Conformed {
+    pub(in crate::cli) requests: u64,
+    pub(in crate::cli) replies: u64,
+    /// Median and 99th percentile of the time from a request to its reply.
+    pub(in crate::cli) latency_ms: Option<Vec<f64>>,
+    /// Requests that were not sent because they change the device's state.
+    pub(in crate::cli) left_out: u64,
+    pub(in crate::cli) differences: Vec<DifferenceTold>,
+}
+
+/// A difference.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct DifferenceTold {
+    /// Its kind, e.g. `latency`, `scale`, `byte-order`.
+    pub(in crate::cli) kind: String,
+    /// The request, message, field or register.
+    pub(in crate::cli) place: String,
+    /// What the description says.
+    pub(in crate::cli) expected: String,
+    /// What the device does.
+    pub(in crate::cli) found: String,
+}
+
+/// What was learned from captured bytes.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct Learned {
+    pub(in crate::cli) claims: Vec<ClaimTold>,
+    /// Bytes of the link.
+    pub(in crate::cli) bytes: u64,
+    /// Bytes in frames of the draft.
+    pub(in crate::cli) framed: u64,
+    /// The draft of a description, if anything can be claimed.
+    pub(in crate::cli) draft: Option<String>,
+}
+
+/// A claim.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct ClaimTold {
+    /// Its subject: `framing`, `checksum`, `messages`, `replies`.
+    pub(in crate::cli) topic: String,
+    pub(in crate::cli) words: String,
+    pub(in crate::cli) evidence: String,
+    /// Whether chance is ruled out.
+    pub(in crate::cli) sure: bool,
+}

@@ -1,0 +1,145 @@
+use std::path::Path;
+use std::sync::Arc;
+
+use clap::Args;
+use description::Description;
+use description::conform::{Strictness, conform, emulated};
+use description::peer::Emulated;
+
+use super::answer::{Conformed, DifferenceTold};
+use super::port::PortPeer;
+use super::{CliError, Verdict, described, out};
+use crate::scenario::{Scenario, Span};
+
+/// Compare a device with its description.
+///
+/// The command asks the device everything that the description says: each message or register,
+/// values at limits and beyond them, damaged frames, unknown addresses. It holds the answers against
+/// those of several emulated devices with other seeds: replies, refusals, latencies, periods, and
+/// each value. What differs is printed with its kind, e.g. `byte-order` or `scale`. A port is asked only
+/// what changes nothing, unless --writes is given.
+#[derive(Debug, Args)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig conform /dev/ttyUSB0 --description meter.toml\n  \
+    hilrig conform /dev/ttyUSB0 --description meter.toml --writes   # moves motors, sets relays\n  \
+    hilrig conform bench.toml --description meter.toml --link meter # the device of a scenario\n  \
+    hilrig conform --description meter.toml                         # its own emulation\n\n\
+    Exit codes: 0 no difference, 1 differences, 2 usage or set-up.")]
+pub(super) struct ConformArgs {
+    /// Serial port of the device, or a scenario with it [default: the description's own emulation]
+    #[arg(value_name = "PORT|SCENARIO")]
+    device: Option<String>,
+    /// Description: one that comes with the tool, by its name, or a file that ends with .toml
+    #[arg(long, value_name = "NAME|FILE")]
+    description: String,
+    /// The scenario's device [default: the only one]
+    #[arg(long, value_name = "NAME")]
+    link: Option<String>,
+    /// Also send a port what changes the device's state
+    #[arg(long)]
+    writes: bool,
+    /// Time that a latency at a port may be off by, besides a fifth
+    #[arg(long, value_name = "TIME", default_value = "20ms")]
+    slack: Span,
+    /// Seed of an emulated device
+    #[arg(long, value_name = "N", default_value_t = 4711)]
+    seed: u64,
+}
+
+pub(super) fn run(args: &ConformArgs) -> Result<Verdict, CliError> {
+    let description = described::load("--description", &args.description)?;
+    let found = match &args.device {
+        None => {
+            let mut peer = emulated(&description, args.seed);
+            conform(&description, &mut peer, Strictness::EMULATED)
+        }
+        Some(path) if path.ends_with(".toml") => {
+            let mut peer = of_scenario(args, Path::new(path))?;
+            conform(&description, &mut peer, Strictness::EMULATED)
+        }
+        Some(path) => of_port(args, &description, Path::new(path))?,
+    };
+    let found = found.map_err(CliError::Usage)?;
+    for difference in &found.differences {
+        println!("{difference}");
+    }
+    let times = found.latency.map_or_else(String::new, |[median, high]| {
+        let [median, high] = [median, high].map(|time| time.as_secs_f64() * 1e3);
+        format!(", latency {median:.1} ms (median), {high:.1} ms (99th percentile)")
+    });
+    let (requests, replies) = (found.requests, found.replies);
+    eprintln!("{requests} requests, {replies} replies{times}");
+    if found.left_out > 0 {
+        let count = found.left_out;
+        eprintln!("{count} requests were not sent: they change the device's state (--writes)");
+    }
+    // A device that never answered was not observed.
+    let is_silent = replies == 0 && requests > 0 && found.differences.is_empty();
+    match (found.differences.len(), is_silent) {
+        (_, true) => println!("the device never answered"),
+        (0, _) => println!("no difference"),
+        (1, _) => println!("1 difference"),
+        (count, _) => println!("{count} differences"),
+    }
+    let passes = found.differences.is_empty() && !is_silent;
+    out::answer(&Conformed {
+        requests: found.requests as u64,
+        replies: found.replies as u64,
+        latency_ms: found
+            .latency
+            .map(|times| times.map(|time| time.as_secs_f64() * 1e3).to_vec()),
+        left_out: found.left_out as u64,
+        differences: found
+            .differences
+            .into_iter()
+            .map(|one| DifferenceTold {
+                kind: one.kind.name().to_owned(),
+                place: one.place,
+                expected: one.expected,
+                found: one.found,
+            })
+            .collect(),
+    });
+    Ok(if passes { Verdict::Pass } else { Verdict::Fail })
+}
+
+type Found = Result<description::conform::Conformity, String>;
+
+fn of_port(
+    args: &ConformArgs,
+    description: &Arc<Description>,
+    path: &Path,
+) -> Result<Found, CliError> {
+    let mut peer = PortPeer::open(path, description.line())?;
+    let strictness = Strictness {
+        writes: args.writes,
+        slack: args.slack.0,
+    };
+    Ok(conform(description, &mut peer, strictness))
+}
+
+/// The device of a scenario, in virtual time and without the scenario's faults.
+fn of_scenario(args: &ConformArgs, path: &Path) -> Result<Emulated, CliError> {
+    let (scenario, source) = Scenario::read(path)?;
+    let names: Vec<&String> = scenario.device.keys().collect();
+    let wrong = |message: String| {
+        let known: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
+        CliError::Usage(format!("{message}, expected one of: {}", known.join(", ")))
+    };
+    let name = match (&args.link, &names[..]) {
+        (Some(name), _) => name.clone(),
+        (None, [only]) => (*only).clone(),
+        (None, many) => {
+            return Err(wrong(format!(
+                "--link is missing: there are {} devices",
+                many.len()
+            )));
+        }
+    };
+    let spec = scenario.device.get(&name);
+    let spec = spec.ok_or_else(|| wrong(format!("--link {name}: no such device")))?;
+    let built = spec.build(&name, args.seed, &source)?;
+    let port = built.ports.first().map(|port| port.port);
+    let port = port.ok_or_else(|| CliError::Usage(format!("--link {name}: it has no port")))?;
+    Ok(Emulated::new(built.device, port))
+}

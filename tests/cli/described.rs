@@ -1,0 +1,265 @@
+//! One description goes through all of its uses, and each use by itself.
+
+use std::process::{Command, Stdio};
+
+use hilrig::description;
+
+use super::verbs::wait;
+use super::{Session, text};
+
+/// Runs a command that must end with `code`; its standard output.
+fn run(session: &Session, line: &[&str], code: i32) -> String {
+    let output = session.hilrig(line);
+    let (said, told) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{line:?}\n{said}\n{told}");
+    said.to_owned()
+}
+
+/// The starter device: made, emulated for its driver, decoded, dissected, fuzzed, spoken to,
+/// compared, documented, and learned again from the capture.
+#[test]
+fn one_description_goes_through_all_uses() {
+    let session = Session::new("all-uses");
+    let made = run(&session, &["new", "box", "--device"], 0);
+    assert_eq!(made, "box.toml\nbox-bench.toml\nbox_driver.py\n");
+    run(&session, &["new", "box", "--device"], 2);
+
+    // Emulated: the driver passes, and its output is the device's values.
+    let driver = "python3 box_driver.py";
+    let ran = run(
+        &session,
+        &[
+            "run",
+            "box-bench.toml",
+            "--exec",
+            driver,
+            "--exec-wait",
+            "60s",
+            "--out",
+            "out",
+        ],
+        0,
+    );
+    assert!(ran.contains("PASS"), "{ran}");
+    let capture = "out/capture.pcapng";
+
+    // Decoded: one set, reads, and a report after each.
+    let decoded = run(
+        &session,
+        &[
+            "decode",
+            capture,
+            "--link",
+            "box",
+            "--description",
+            "box.toml",
+        ],
+        0,
+    );
+    assert!(
+        decoded.matches("report: temperature").count() > 3,
+        "{decoded}"
+    );
+    assert!(decoded.contains("set: target 22.5 C"), "{decoded}");
+
+    // Dissected.
+    let lua = run(
+        &session,
+        &["wireshark", "--description", "box.toml", "--print"],
+        0,
+    );
+    assert!(
+        lua.contains("ProtoField.double(\"hilrig.box.temperature\""),
+        "the field is there"
+    );
+
+    // Fuzzed: the driver knows what to do with all that a few cases bring, or is told so.
+    let fuzzed = session.hilrig(&[
+        "fuzz",
+        "--exec",
+        driver,
+        "--description",
+        "box.toml",
+        "--cases",
+        "2",
+        "--shrink",
+        "0",
+        "--start",
+        "60s",
+        "--alive",
+        "30s",
+        "--out",
+        "fuzz",
+    ]);
+    let said = text(&fuzzed.stdout);
+    assert!(
+        matches!(fuzzed.status.code(), Some(0 | 1)),
+        "{said}\n{}",
+        text(&fuzzed.stderr)
+    );
+    assert!(said.contains("format: as box is described"), "{said}");
+
+    // On the ports of a rig.
+    let long = session
+        .read("box-bench.toml")
+        .replace("\"5s\"", "\"10min\"");
+    session.write("long.toml", &long);
+    let mut up = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+    up.args(["up", "long.toml", "--dir", "live", "--until-eof"])
+        .current_dir(&session.folder);
+    up.stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    let mut rig = up.spawn().expect("starts");
+    for _ in 0..1_000 {
+        if session.path("live/control").exists() {
+            break;
+        }
+        wait(core::time::Duration::from_millis(10));
+    }
+    // Compared at the port, with what changes nothing.
+    let found = run(
+        &session,
+        &[
+            "conform",
+            "live/box",
+            "--description",
+            "box.toml",
+            "--slack",
+            "300ms",
+        ],
+        0,
+    );
+    assert!(found.contains("no difference"), "{found}");
+    // Spoken to.
+    let talk = [
+        "talk",
+        "--rig",
+        "live",
+        "box",
+        "--description",
+        "box.toml",
+        "--timeout",
+        "5s",
+    ];
+    let said = run(&session, &[&talk[..], &["set", "target=25"]].concat(), 0);
+    assert!(said.contains("target 25 C, heating on"), "{said}");
+    run(&session, &[&talk[..], &["set", "aim=25"]].concat(), 2);
+    drop(rig.stdin.take());
+    rig.wait().expect("it was started");
+
+    // Compared in virtual time: with its own emulation, and with one that differs.
+    run(
+        &session,
+        &["conform", "box-bench.toml", "--description", "box.toml"],
+        0,
+    );
+    let other = session
+        .read("box.toml")
+        .replace("latency = \"2ms\"", "latency = \"9ms\"");
+    session.write("other.toml", &other);
+    let found = run(
+        &session,
+        &["conform", "box-bench.toml", "--description", "other.toml"],
+        1,
+    );
+    assert!(
+        found.contains("latency: read: 2.0 ms (median), expected 9.0 ms"),
+        "{found}"
+    );
+
+    // Documented.
+    let page = run(&session, &["describe", "box.toml", "--html"], 0);
+    assert!(
+        page.starts_with("<!DOCTYPE html>") && page.contains("<h3>report (device to driver)</h3>")
+    );
+
+    // Learned again: the checksum of the frames, from a few of them.
+    let learned = session.hilrig(&["learn", capture, "--link", "box", "-o", "learned.toml"]);
+    let told = text(&learned.stderr);
+    assert_eq!(learned.status.code(), Some(0), "{told}");
+    assert!(
+        session.read("learned.toml").contains("CRC-16/MODBUS"),
+        "{told}"
+    );
+}
+
+/// Tags that stand open in a page; those that need no end left out.
+fn open_tags(page: &str) -> Vec<String> {
+    let mut open: Vec<String> = Vec::new();
+    for tag in page.split('<').skip(1) {
+        let tag = tag.split('>').next().unwrap_or_default();
+        let name = tag.split(' ').next().unwrap_or_default().to_owned();
+        match name.strip_prefix('/') {
+            Some(ended) => assert_eq!(open.pop().as_deref(), Some(ended), "{tag}"),
+            None if ["meta", "!DOCTYPE"].contains(&name.as_str()) => {}
+            None => open.push(name),
+        }
+    }
+    open
+}
+
+#[test]
+fn every_shipped_description_has_its_page() {
+    for (name, text) in description::shipped::ALL {
+        let nothing = |_: &str| Err(String::new());
+        let of = description::Description::parse(name, text, &nothing).expect("sound");
+        assert_eq!(open_tags(&of.html()), Vec::<String>::new(), "{name}");
+        let page = of.markdown();
+        assert!(page.starts_with(&format!("# {name}\n")));
+        for message in of.messages() {
+            let heading = format!("\n### {} (", message.name().replace('_', "\\_"));
+            assert!(page.contains(&heading), "{name} has no {heading}");
+        }
+        // Each row of a table has as many cells as its head.
+        let rows: Vec<&str> = page.lines().filter(|line| line.starts_with('|')).collect();
+        let cells = |row: &str| row.replace("\\|", "").matches('|').count();
+        for pair in rows.windows(2).filter(|pair| pair[1].starts_with("|---")) {
+            assert_eq!(cells(pair[0]), cells(pair[1]), "{name}: {pair:?}");
+        }
+    }
+}
+
+/// The words for people name the option, the file, the line and the key.
+#[test]
+fn a_wrong_description_is_told_with_its_place_by_every_command() {
+    let session = Session::new("wrong-description");
+    let text_of = description::shipped::text("modbus-meter").expect("shipped");
+    session.write("wrong.toml", &text_of.replace("baud = 9600", "baud = 96"));
+    session.write("bytes", "x");
+    for line in [
+        &["describe", "wrong.toml"][..],
+        &["talk", "nowhere", "--description", "wrong.toml"],
+        &["conform", "--description", "wrong.toml"],
+        &["wireshark", "--print", "--description", "wrong.toml"],
+        &["decode", "bytes", "--description", "wrong.toml"],
+        &["fuzz", "--exec", "true", "--description", "wrong.toml"],
+    ] {
+        let output = session.hilrig(line);
+        let told = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line:?}: {told}");
+        let place = "wrong.toml:10: line.baud: is 96, expected 300 to 4000000";
+        assert!(told.contains(place), "{line:?}: {told}");
+    }
+}
+
+/// The schema of descriptions knows every table that the docs name.
+#[test]
+fn the_schema_of_descriptions_is_printed() {
+    let session = Session::new("device-schema");
+    let schema: serde_json::Value =
+        serde_json::from_str(&run(&session, &["schema", "--device"], 0)).expect("JSON");
+    for key in [
+        "line",
+        "frame",
+        "message",
+        "state",
+        "registers",
+        "on",
+        "every",
+        "after",
+        "faults",
+    ] {
+        assert!(schema["properties"][key].is_object(), "{key}");
+    }
+}

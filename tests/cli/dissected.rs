@@ -1,0 +1,281 @@
+//! The dissector of described devices, judged by tshark: for frames of every shipped description it
+//! says what `hilrig decode` says, and each field has the value that the description gives it.
+
+use std::fs;
+use std::process::Command;
+use std::sync::Arc;
+
+use hilrig::capture::{Interface, Kind, Record, Section};
+use hilrig::description::{self, Description, From, Message, Value};
+use hilrig::rig::line::Direction;
+use protocols::{Decode as _, Instant};
+
+use super::captures::skipped;
+use super::{Session, text};
+
+/// Frames of each description, unless the variable `HILRIG_FRAMES` says how many: 10,000 take fifty
+/// times as long.
+const FRAMES: usize = 200;
+/// Separates several values of a packet; no example holds it.
+const AGGREGATOR: char = '~';
+
+fn shipped(name: &str) -> Arc<Description> {
+    let text = description::shipped::text(name).expect("shipped");
+    let nothing = |_: &str| Err("no file".to_owned());
+    Description::parse(name, text, &nothing).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A small generator: the same frames on each run.
+fn dice(mut state: u64) -> impl FnMut(u64) -> u64 {
+    move |below| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) % below.max(1)
+    }
+}
+
+/// A frame of the description.
+fn frame(of: &Description, number: usize, dice: &mut dyn FnMut(u64) -> u64) -> Vec<u8> {
+    let messages = of.messages();
+    if messages.is_empty() {
+        return modbus(of, number, dice);
+    }
+    let message: &Message = &messages[number % messages.len()];
+    let values = message.example(dice);
+    of.frame(message, &values).expect("an example fits")
+}
+
+/// Requests, responses and refusals of Modbus in turn, by the specification's tables.
+fn modbus(of: &Description, number: usize, dice: &mut dyn FnMut(u64) -> u64) -> Vec<u8> {
+    let mut byte = |below: u64| u8::try_from(dice(below)).expect("a byte");
+    let (address, is_request) = (1 + byte(3), number % 2 == 0);
+    let mut body = vec![address];
+    match (number / 2 % 8, is_request) {
+        (0, true) => body.extend([3, byte(256), byte(256), 0, 1 + byte(100)]),
+        (0, false) => body.extend([3, 4, byte(256), byte(256), byte(256), byte(256)]),
+        (1, true) => body.extend([4, byte(256), byte(256), 0, 1 + byte(100)]),
+        (1, false) => body.extend([4, 2, byte(256), byte(256)]),
+        (2, true) => body.extend([1, 0, byte(16), 0, 1 + byte(8)]),
+        (2, false) => body.extend([1, 1, byte(256)]),
+        (3, _) => body.extend([6, byte(256), byte(256), byte(256), byte(256)]),
+        (4, true) => body.extend([16, 0, byte(256), 0, 2, 4, byte(256), 2, byte(256), 4]),
+        (4, false) => body.extend([16, 0, byte(256), 0, 2]),
+        (5, true) => body.extend([15, 0, byte(256), 0, 9, 2, byte(256), 1]),
+        (5, false) => body.extend([15, 0, byte(256), 0, 9]),
+        (6, _) => body.extend([5, 0, byte(256), 0xFF, 0]),
+        (_, true) => body.extend([22, 0, byte(256), byte(256), 0xF2, 0, byte(256)]),
+        (_, false) => body.extend([0x80 | 3, 1 + byte(6)]),
+    }
+    of.frame_of(0, &body).expect("it fits")
+}
+
+/// The capture of frames, each in a record of its own.
+fn capture(frames: &[Vec<u8>]) -> Vec<u8> {
+    let mut out = Vec::new();
+    Section::default().write(&mut out);
+    Interface::new("device", 115_200).write(&mut out);
+    for (number, bytes) in frames.iter().enumerate() {
+        // Further apart than any pause that ends a frame.
+        let at = Instant::from_millis(3_000 * (number as u64 + 1));
+        let record = Record {
+            link: 0,
+            sequence: None,
+            at,
+            direction: Direction::ToMaster,
+            kind: Kind::Data,
+            bytes: bytes.clone().into(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: String::new(),
+        };
+        record.write(0, &mut out);
+    }
+    out
+}
+
+/// What the description says of a frame: words, and values by the paths of their fields.
+fn told(of: &Description, bytes: &[u8]) -> Option<(String, Vec<(String, Value)>)> {
+    let mut cutter = of.cutter();
+    let mut found: Vec<_> = cutter.push(bytes).flatten().collect();
+    cutter.idle();
+    found.extend(cutter.push(&[]).flatten());
+    let [frame] = &found[..] else {
+        return None;
+    };
+    let mut values = Vec::new();
+    if let Some((_, record)) = of.message(frame, From::Both) {
+        flatten("", &Value::Record(record), &mut values);
+    }
+    Some((of.words(frame), values))
+}
+
+fn flatten(path: &str, value: &Value, out: &mut Vec<(String, Value)>) {
+    match value {
+        Value::Record(record) => {
+            for (name, value) in &record.0 {
+                let dot = if path.is_empty() { "" } else { "." };
+                flatten(&format!("{path}{dot}{name}"), value, out);
+            }
+        }
+        Value::List(list) => list.iter().for_each(|value| flatten(path, value, out)),
+        value => out.push((path.to_ascii_lowercase(), value.clone())),
+    }
+}
+
+/// Whether tshark shows `value` as `shown`.
+fn is_same(value: &Value, shown: &str) -> bool {
+    match (value, shown.parse::<f64>()) {
+        (Value::Float(wanted), Ok(found)) => {
+            (wanted - found).abs() <= 1e-9 * wanted.abs() || wanted.is_nan() && found.is_nan()
+        }
+        (Value::Int(wanted), _) if wanted.to_string() == shown => true,
+        // Fields that also hold fractions in other messages.
+        (Value::Int(_), Ok(found)) => value.as_f64().is_some_and(|wanted| wanted == found),
+        (Value::Text(wanted), _) => wanted == shown,
+        (value, _) => value.to_string() == shown,
+    }
+}
+
+/// What tshark shows of `fields`, a line a packet.
+fn tshark(session: &Session, fields: &[String]) -> Option<Vec<Vec<String>>> {
+    let mut tshark = Command::new("tshark");
+    tshark.current_dir(&session.folder);
+    tshark.args([
+        "-n",
+        "-X",
+        "lua_script:d.lua",
+        "-r",
+        "c.pcapng",
+        "-T",
+        "fields",
+    ]);
+    tshark.args([
+        "-E",
+        "separator=|",
+        "-E",
+        &format!("aggregator={AGGREGATOR}"),
+    ]);
+    tshark.args(fields.iter().flat_map(|field| ["-e", field.as_str()]));
+    match tshark.output() {
+        Ok(output) => {
+            let errors = text(&output.stderr);
+            let is_sound = output.status.success() && !errors.contains("Lua");
+            assert!(is_sound, "{errors}");
+            let rows = text(&output.stdout).lines().map(|line| {
+                let cells = line.split('|').map(str::to_owned);
+                cells.collect()
+            });
+            Some(rows.collect())
+        }
+        Err(error) if std::env::var_os("CI").is_none() => {
+            skipped(&format!("no tshark: {error}"));
+            None
+        }
+        Err(error) => panic!("tshark: {error}"),
+    }
+}
+
+/// What the dissector says of frames of `name` that it should not.
+fn differences(name: &str) -> Option<Vec<String>> {
+    let of = shipped(name);
+    let session = Session::new(&format!("dissected-{name}"));
+    let dice = &mut dice(7);
+    let count = std::env::var("HILRIG_FRAMES")
+        .ok()
+        .and_then(|count| count.parse().ok());
+    let count: usize = count.unwrap_or(FRAMES);
+    let frames: Vec<_> = (0..count).map(|number| frame(&of, number, dice)).collect();
+    fs::write(session.folder.join("c.pcapng"), capture(&frames)).expect("writable");
+    let printed = session.hilrig(&["wireshark", "--description", name, "--print"]);
+    assert_eq!(printed.status.code(), Some(0), "{}", text(&printed.stderr));
+    fs::write(session.folder.join("d.lua"), printed.stdout).expect("writable");
+    let known = of.lua(of.name()).fields;
+    let mut fields = vec!["hilrig.words".to_owned()];
+    fields.extend(known.iter().map(|field| field.filter.clone()));
+    let rows = tshark(&session, &fields)?;
+    // A frame that only a silence ends is shown with the next packet of its direction.
+    let cells = |column: usize| -> Vec<&str> {
+        let cells = rows.iter().map(|row| row[column].as_str());
+        cells
+            .filter(|cell| !cell.is_empty())
+            .flat_map(|cell| cell.split(AGGREGATOR))
+            .collect()
+    };
+    let told: Vec<_> = frames.iter().map(|bytes| told(&of, bytes)).collect();
+    assert!(
+        told.iter().all(Option::is_some),
+        "{name}: each frame is one"
+    );
+    let mut wrong = Vec::new();
+    let words = cells(0);
+    let is_late = rows.first().is_some_and(|row| row[0].is_empty());
+    let wanted = told.iter().flatten().map(|(words, _)| words.as_str());
+    let mut wanted: Vec<&str> = wanted.collect();
+    if is_late {
+        wanted.truncate(words.len());
+        assert!(
+            wanted.len() + 2 >= count,
+            "{name}: {} of {count}",
+            wanted.len()
+        );
+    }
+    for (words, wanted) in words.iter().zip(&wanted) {
+        if words != wanted {
+            wrong.push(format!("{name}: \"{words}\", decode says \"{wanted}\""));
+        }
+    }
+    if words.len() != wanted.len() {
+        wrong.push(format!(
+            "{name}: {} frames, decode has {}",
+            words.len(),
+            wanted.len()
+        ));
+    }
+    let values = || {
+        told.iter()
+            .take(wanted.len())
+            .flatten()
+            .flat_map(|(_, values)| values)
+    };
+    let label = |path: &str| format!("{} {path}", of.name());
+    for (column, field) in known.iter().enumerate() {
+        let wanted = values().filter(|(path, _)| label(path) == field.label.to_ascii_lowercase());
+        let wanted: Vec<_> = wanted.map(|(_, value)| value).collect();
+        let shown = cells(column + 1);
+        for (wanted, shown) in wanted.iter().zip(&shown) {
+            if !is_same(wanted, shown) {
+                wrong.push(format!("{}: {shown}, decode has {wanted}", field.filter));
+            }
+        }
+        let empty = wanted
+            .iter()
+            .filter(|value| **value == &Value::Text(String::new()))
+            .count();
+        if wanted.len() != shown.len() && wanted.len() - empty != shown.len() {
+            wrong.push(format!(
+                "{}: {} times, decode has {}",
+                field.filter,
+                shown.len(),
+                wanted.len()
+            ));
+        }
+    }
+    Some(wrong)
+}
+
+/// A device with stuffing and floats, one with two formats of frames, and Modbus.
+#[test]
+fn tshark_agrees_with_decode_on_every_field() {
+    for name in ["cobs-sensor", "gps", "modbus-meter"] {
+        let Some(wrong) = differences(name) else {
+            return;
+        };
+        let count = wrong.len();
+        assert!(
+            wrong.is_empty(),
+            "{count} differences, e.g.\n{}",
+            wrong[..count.min(9)].join("\n")
+        );
+    }
+}
