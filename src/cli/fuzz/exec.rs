@@ -292,12 +292,15 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
     })
 }
 
+/// A description, and the link that it is for; `None`: any link.
+type LinkDescription = (Option<String>, Arc<Description>);
+
 /// The descriptions of the devices: the one that was named, or those of the scenario.
 fn descriptions(
     args: &FuzzArgs,
     scenario: &Scenario,
     source: &Source,
-) -> Result<Vec<(Option<String>, Arc<Description>)>, CliError> {
+) -> Result<Vec<LinkDescription>, CliError> {
     if let Some(name) = &args.exec.description {
         let description = described::load("--description", name)?;
         return Ok(vec![(args.link.clone(), description)]);
