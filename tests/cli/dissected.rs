@@ -49,7 +49,7 @@ fn frame(of: &Description, number: usize, dice: &mut dyn FnMut(u64) -> u64) -> V
 /// Requests, responses and refusals of Modbus in turn, by the specification's tables.
 fn modbus(of: &Description, number: usize, dice: &mut dyn FnMut(u64) -> u64) -> Vec<u8> {
     let mut byte = |below: u64| u8::try_from(dice(below)).expect("a byte");
-    let (address, is_request) = (1 + byte(3), number % 2 == 0);
+    let (address, is_request) = (1 + byte(3), number.is_multiple_of(2));
     let mut body = vec![address];
     match (number / 2 % 8, is_request) {
         (0, true) => body.extend([3, byte(256), byte(256), 0, 1 + byte(100)]),
