@@ -14,10 +14,10 @@ use crate::scenario::{Scenario, Span};
 /// Compare a device with its description.
 ///
 /// The command asks the device everything that the description says: each message or register,
-/// values at limits and beyond them, damaged frames, unknown addresses. It holds the answers against
-/// those of several emulated devices with other seeds: replies, refusals, latencies, periods, and
-/// each value. What differs is printed with its kind, e.g. `byte-order` or `scale`. A port is asked only
-/// what changes nothing, unless --writes is given.
+/// values at limits and beyond them, damaged frames, unknown addresses. It compares the answers
+/// with those of several emulated devices with other seeds: replies, refusals, latencies, periods,
+/// and each value. Each difference is printed with its kind, e.g. `byte-order` or `scale`. A port
+/// is only asked what changes nothing, unless --writes is given.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig conform /dev/ttyUSB0 --description meter.toml\n  \

@@ -45,8 +45,8 @@ pub(super) struct ImportArgs {
     /// Channel or analyzer to read; give it once for each [default: all that carry serial bytes]
     #[arg(long, value_name = "NAME")]
     channel: Vec<String>,
-    /// Data bits, parity and stop bits of a line that is read from its levels, e.g. 8E1 [default: by
-    /// its characters]
+    /// Data bits, parity and stop bits of a line that is read from its levels, e.g. 8E1 [default:
+    /// by its characters]
     #[arg(long, value_name = "CODING", value_parser = coding)]
     coding: Option<LineConfig>,
     /// Who sent what the tool received, or what socat marks with >

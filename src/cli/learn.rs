@@ -11,10 +11,10 @@ use crate::search::learn::{Confidence, Proposal};
 /// Propose a description of an unknown device from captured bytes.
 ///
 /// The command tries to cut the bytes into frames by terminators, stuffing, sync bytes with a
-/// length field or a fixed size, and silences. It tries each algorithm of the CRC catalogue and the common
-/// sums over the likely ranges. It finds counters, constant bytes, forms of text lines, and which
-/// message answers which. Each claim is printed with its evidence and whether it is sure. The draft
-/// is a description that decodes the capture.
+/// length field or a fixed size, and silences. It tries each algorithm of the CRC catalogue and the
+/// common sums over the likely ranges. It finds counters, constant bytes, forms of text lines, and
+/// which message answers which. Each claim is printed with its evidence and whether it is sure. The
+/// draft is a description that decodes the capture.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig learn field.pcapng -o learned.toml\n  \

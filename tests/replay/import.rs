@@ -586,7 +586,7 @@ fn judge(bytes: &[u8]) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2000))]
+    #![proptest_config(crate::thorough::cases(2000))]
 
     #[test]
     fn no_bytes_panic_an_importer(bytes in prop::collection::vec(any::<u8>(), 0..400)) {

@@ -9,3 +9,6 @@ mod ports;
 mod record;
 mod support;
 mod tools;
+
+#[path = "../support/thorough.rs"]
+mod thorough;

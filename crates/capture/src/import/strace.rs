@@ -223,16 +223,23 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     }
     transfers.retain(|one| !one.bytes.is_empty());
     let chosen = chosen(&transfers, &paths, options)?;
+    // A port that was opened twice is one link.
+    let (mut names, mut links) = (Vec::<String>::new(), Vec::new());
     for &fd in &chosen {
         let name = match (chosen.len(), paths.get(&fd)) {
             (1, _) => options.link.clone(),
             (_, Some(path)) => link_of_path(path),
             (_, None) => format!("fd-{fd}"),
         };
-        let baud = options.baud.or(rates.get(&fd).copied()).unwrap_or(0);
-        out.link_at(&name, baud);
+        let known = names.iter().position(|known| *known == name);
+        links.push((fd, known.unwrap_or(names.len())));
+        if known.is_none() {
+            let baud = options.baud.or(rates.get(&fd).copied()).unwrap_or(0);
+            out.link_at(&name, baud);
+            names.push(name);
+        }
     }
-    emit(&transfers, &chosen, options, out)
+    emit(&transfers, &links, options, out)
 }
 
 /// The descriptors that are ports.
@@ -276,12 +283,18 @@ fn chosen(
 
 fn emit(
     transfers: &[Transfer<'_>],
-    chosen: &[u64],
+    links: &[(u64, usize)],
     options: &Options,
     out: &mut Imported,
 ) -> Result<(), ImportError> {
     out.clock = "virtual";
-    let own = || transfers.iter().filter(|one| chosen.contains(&one.fd));
+    let link_of = |fd| {
+        links
+            .iter()
+            .find(|(of, _)| *of == fd)
+            .map(|(_, link)| *link)
+    };
+    let own = || transfers.iter().filter(|one| link_of(one.fd).is_some());
     if let Some(cut) = own().find(|one| one.is_cut) {
         return Err(cut
             .line
@@ -304,9 +317,8 @@ fn emit(
             None => index * 1_000_000,
         };
         last = nanos;
-        let link = chosen.iter().position(|fd| *fd == one.fd).unwrap_or(0);
         out.push(
-            link,
+            link_of(one.fd).unwrap_or(0),
             nanos,
             options.way(one.is_read),
             Kind::Data,
