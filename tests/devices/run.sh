@@ -3,9 +3,10 @@
 #
 # usage: tests/devices/run.sh [--all] [--write] [NAME..]
 #
-#   (nothing)   each driver reads its device; once with damage, losses and silence
-#   --all       also a fuzz run for each, the table of docs/devices.md, the trophies, gpsd, and
-#               three devices by other means
+#   (nothing)   each driver reads its device
+#   NAME..      these drivers or devices, also with damage, losses and silence
+#   --all       all of them so, a fuzz run for each, the table of docs/devices.md, the trophies,
+#               gpsd, and three devices by other means
 #   --write     makes the table anew
 #
 # HILRIG names the program where it is built already.
