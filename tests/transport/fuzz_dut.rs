@@ -344,8 +344,8 @@ fn programs_that_cannot_be_fuzzed_are_named_with_the_reason() {
     let exec = |command: &str, more: &[&str]| said(&[&["--exec", command], more, &on].concat());
     assert_eq!(
         said(&["--exec", "true"]),
-        "error: --scenario is missing, expected the one whose devices the program is to meet, or \
-         --corpus with what a device says to it\n"
+        "error: --scenario is missing, expected the one whose devices the program is to meet, \
+         --description of its device, or --corpus with what a device says to it\n"
     );
     assert_eq!(
         exec("echo no port >&2; exit 3", &[]),

@@ -13,14 +13,28 @@ const LEN: usize = 16;
 /// What gives them.
 const SOURCE: &str = "/dev/urandom";
 const KEY: &str = "token";
+/// Environment variable with a token of the user's own, which outlives a restart of the server.
+const VARIABLE: &str = "HILRIG_TOKEN";
+/// Least length of such a token.
+const LEN_MIN: usize = 16;
 
-/// A token, new for each server.
+/// A token: the user's own, or new for each server.
 #[derive(Clone, Debug)]
 pub(super) struct Token(Arc<str>);
 
 impl Token {
-    /// One that nobody can guess.
+    /// The one in `HILRIG_TOKEN`; without that, a random one.
     pub(super) fn new() -> io::Result<Self> {
+        if let Some(own) = std::env::var_os(VARIABLE) {
+            let own = own.to_str().filter(|own| is_usable(own));
+            return own.map(|own| Self(own.into())).ok_or_else(|| {
+                let kind = io::ErrorKind::InvalidInput;
+                let message = format!(
+                    "{VARIABLE}: expected at least {LEN_MIN} letters, digits, \"-\" and \"_\""
+                );
+                io::Error::new(kind, message)
+            });
+        }
         let mut bytes = [0; LEN];
         File::open(SOURCE)?.read_exact(&mut bytes)?;
         let mut text = String::new();
@@ -53,9 +67,23 @@ impl Token {
     }
 }
 
+/// Whether a token is long enough, and needs no escapes in an address.
+fn is_usable(token: &str) -> bool {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_".contains(&byte);
+    token.len() >= LEN_MIN && token.bytes().all(is_plain)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_token_of_the_users_own_is_long_and_plain() {
+        assert!(is_usable("0123456789abcdef") && is_usable("a-long_enough-token"));
+        for wrong in ["", "short", "0123456789abcde ", "0123456789abcdef&x=1"] {
+            assert!(!is_usable(wrong), "{wrong}");
+        }
+    }
 
     #[test]
     fn only_the_whole_token_named_once_counts() {

@@ -176,7 +176,11 @@ fn traceback(said: &str) -> Option<LastWords> {
     let kind = end.split(':').next().unwrap_or(end).trim();
     let source = source.map(str::trim);
     let is_raised = match source {
-        Some(source) => source.starts_with("raise"),
+        // Also behind a condition on the same line.
+        Some(source) => {
+            let mut statements = source.split([':', ';']).map(str::trim_start);
+            statements.any(|one| one.split_whitespace().next() == Some("raise"))
+        }
         None => !INTERPRETED.contains(&kind),
     };
     let own = frames.iter().rev().find(|frame| frame.is_own());
@@ -267,6 +271,10 @@ mod tests {
         let own = ("/srv/a/meter.py", 7, "value = bus.read(4)");
         let words = LastWords::of(&python(&[own, library], "bus.BadFrame: b'\\x01'"));
         assert_eq!((&*words.key, words.is_failure), ("bus.BadFrame", false));
+
+        let own = ("/srv/a/meter.py", 8, "if x > 3: raise BadFrame(x)");
+        let words = LastWords::of(&python(&[own], "BadFrame: x"));
+        assert_eq!((&*words.key, words.is_failure), ("BadFrame", false));
 
         let own = ("/srv/a/meter.py", 9, "value = fields[3]");
         let words = LastWords::of(&python(&[own], "IndexError: list index out of range"));
