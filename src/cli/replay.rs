@@ -381,7 +381,7 @@ fn follow(
         playback.turn()?;
         if let (Some(socket), false) = (playback.waits_for(), said) {
             said = true;
-            eprintln!("waiting until somebody opens {}", socket.link());
+            eprintln!("waiting until a client opens {}", socket.link());
         }
         if let Some(trouble) = playback.trouble()
             && playback.clock().now() >= next_word

@@ -338,8 +338,8 @@ impl Rig {
         self.events_dropped
     }
 
-    /// How often a master broke a rule of its device: every break counts, also those that share an
-    /// entry of the log, but for those that were [charged to nobody](Self::excused).
+    /// Number of rules that masters broke: each break counts, also if several share one entry of
+    /// the log. [Excused](Self::excused) ones do not count.
     pub fn violations(&self) -> u64 {
         let counted = self.broken_rules().map(|(.., count)| count);
         self.violations + counted.sum::<u64>() - self.excused_counts
@@ -422,8 +422,7 @@ impl Rig {
         }
     }
 
-    /// How many characters arrived at an outside end since somebody took them, damaged ones
-    /// included.
+    /// Number of characters that wait at an outside end, damaged ones included.
     pub fn output_len(&self, node: usize) -> usize {
         match &self.nodes[node].body {
             Body::Outside(outside) => outside.from_rig.len() + outside.marks.len(),

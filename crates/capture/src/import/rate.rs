@@ -26,7 +26,7 @@ const CODINGS: [(u8, Parity); 6] = [
 ];
 /// Changes of a level that are looked at: more would only take longer.
 const CHANGES_MAX: usize = 20_000;
-/// Fewest edges inside of characters that tell a usual rate, and one that nobody uses.
+/// Fewest edges inside characters from which a usual and an unusual rate are derived.
 const EDGES_MIN: usize = 6;
 const UNUSUAL_EDGES_MIN: usize = 40;
 /// Fewest bytes that tell seven bits from eight.
@@ -93,7 +93,7 @@ fn usual(levels: &Levels, coding: LineConfig) -> Option<LineConfig> {
     fits.iter().find(is_best).map(|fit| fit.line)
 }
 
-/// A rate that nobody uses: the bit is as long as the shortest pulses, and then as the edges say.
+/// An unusual rate: the bit is first estimated from the shortest pulses, then from all edges.
 fn unusual(levels: &Levels, coding: LineConfig) -> Option<LineConfig> {
     let mut pulses = levels.pulses();
     // The longest bit of interest is far shorter.

@@ -58,8 +58,8 @@ impl Rig {
         }
     }
 
-    /// Input and control modes of the terminal at an outside end, as termios(3) has them, where
-    /// somebody told them. Nothing here looks at them.
+    /// Input and control modes of the terminal at an outside end, as termios(3) has them; `None` if
+    /// they are not known. The rig itself does not use them.
     pub fn terminal_modes(&self, node: usize) -> Option<[u32; 2]> {
         match &self.nodes[node].body {
             Body::Outside(outside) => outside.modes,

@@ -62,7 +62,7 @@ pub(super) struct Outside {
     pub(super) marks: Vec<Mark>,
     /// How many faults keep the plug out, and the name by which the port is to come back.
     pub(super) unplugged: (u32, Option<String>),
-    /// Input and control modes of its client's terminal, where somebody told them.
+    /// Input and control modes of its client's terminal, if they are known.
     pub(super) modes: Option<[u32; 2]>,
     /// What arrived last.
     pub(super) last: Option<u8>,
@@ -198,7 +198,7 @@ pub(super) struct Node {
     /// When it is polled next: what the node was last asked, so that it is not asked again each
     /// time, or [`AT_ONCE`].
     pub(super) polled_at: Instant,
-    /// Broken rules of its device that are not charged to anybody, up to this count.
+    /// Number of broken rules of its device that do not count against a client.
     pub(super) excused_from: u64,
 }
 
@@ -222,7 +222,7 @@ impl Node {
         }
     }
 
-    /// What is broken from now on may be charged to nobody.
+    /// Rules broken from now on may be excused.
     pub(super) fn note_breaks(&mut self) {
         self.excused_from = self.broken_rules().map_or(0, BrokenRules::total);
     }
