@@ -12,13 +12,12 @@
 //! | module | is | feature |
 //! |---|---|---|
 //! | `cli` | the commands | `command` |
-//! | `demo` | the demo alone | `demo` without `command` |
 //! | `museum` | the defects of the fielded programs, each with its reproduction; the reports' experiments | `command` |
 //! | `search` | fuzzing, campaigns, generated missions, shrinking | `command` |
 //! | `slam` | the mapper over logs of any robot; ROS maps, and how two differ | `command` |
 //! | `realtime` | the rig, or the program alone, at the pace of the wall clock; foreign programs in virtual time | `command` |
-//! | `capture` | captures: written, read, decoded, compared, replayed, imported, exported | `demo` |
-//! | `show` | report, pictures, result folder | `demo` |
+//! | `capture` | captures: written, read, decoded, compared, replayed, imported, exported | `command` |
+//! | `show` | report, pictures, result folder | `command` |
 //! | [`run`] | a run watched and judged | |
 //! | [`robots`] | devices, links and program of each robot | built-in ones: `robots` |
 //! | [`scenario`] | a run as data; floor plans | |
@@ -28,16 +27,12 @@
 
 #[cfg(feature = "command")]
 pub mod cli;
-#[cfg(all(feature = "demo", not(feature = "command")))]
-pub mod demo;
 pub mod prelude;
 
 pub use engine::{NameTaken, TOOL, codec, picture, rig, robots, run, scenario};
-#[cfg(feature = "demo")]
-pub use {capture, show};
+#[cfg(feature = "command")]
+pub use {capture, museum, museum::experiment, realtime, search, show, slam};
 /// The crates below, so that another crate needs this one alone; see the [`prelude`].
 pub use {description, emulators, firmware_core, protocols};
-#[cfg(feature = "command")]
-pub use {museum, museum::experiment, realtime, search, slam};
 /// The crates that the settings of an own device are derived with.
 pub use {schemars, serde, toml};

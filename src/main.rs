@@ -3,8 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    #[cfg(feature = "command")]
-    return hilrig::cli::main();
-    #[cfg(not(feature = "command"))]
-    return hilrig::demo::main();
+    hilrig::cli::main()
 }

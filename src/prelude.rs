@@ -65,5 +65,5 @@ pub use crate::scenario::device::{
     read_settings, register as register_device, schema_of,
 };
 pub use crate::scenario::{FaultKind, FaultSpec, Scenario, ScenarioError, Source, Span};
-#[cfg(feature = "demo")]
+#[cfg(feature = "command")]
 pub use capture::Capture;

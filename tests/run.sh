@@ -128,7 +128,7 @@ lints_and_docs() {
     renice -n 10 "$BASHPID"
     cargo clippy --locked --workspace --all-targets -- -D warnings
     # The demo alone, and the library of a test in another crate.
-    cargo clippy --locked --no-default-features --features demo -- -D warnings
+    cargo clippy --locked -p hilrig-demo -- -D warnings
     cargo clippy --locked --no-default-features --lib -- -D warnings
     cargo clippy --locked -p hilrig-firmware --features host,large -- -D warnings
     # The coverage-guided targets, on stable. Nothing is linked, so libFuzzer's C++ is not

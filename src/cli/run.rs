@@ -19,7 +19,8 @@ use crate::capture::case::{Case, Judgement};
 use crate::robots;
 use crate::run::check::Status;
 use crate::scenario::{Scenario, ScenarioError, Source};
-use crate::show::folder::{self, FolderError, Suite};
+use crate::show::folder::FolderError;
+use crate::show::junit::{Suite, junit};
 
 use exec::{Placement, judged_exec};
 use guest::{Guest, judged_guest};
@@ -131,7 +132,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     }
     out::answer(&answers);
     if let Some(path) = args.junit {
-        let text = folder::junit(ended.iter().map(Ended::suite), wall);
+        let text = junit(ended.iter().map(Ended::suite), wall);
         safefs::write(&path, text).map_err(|source| FolderError { path, source })?;
     }
     let verdicts: Vec<Verdict> = ended.iter().map(Ended::verdict).collect();

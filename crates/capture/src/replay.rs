@@ -486,3 +486,6 @@ pub fn scenario_of(
     };
     Scenario::parse(path, text.clone()).map(Some)
 }
+
+#[cfg(test)]
+mod tests;

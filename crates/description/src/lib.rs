@@ -44,7 +44,6 @@ mod reference;
 mod registers;
 pub mod schema;
 pub mod shipped;
-pub mod span;
 pub mod speak;
 mod state;
 pub mod value;

@@ -70,7 +70,7 @@ fn facts(of: &Description) -> Block {
     if let Some(address) = of.address {
         rows.push(("Address", address.to_string()));
     }
-    let time = |time: core::time::Duration| crate::span::Span(time).to_string();
+    let time = |time: core::time::Duration| span::Span(time).to_string();
     let jitter = of.jitter.map_or_else(String::new, |most| {
         format!(" to {}", time(of.latency + most))
     });
@@ -434,7 +434,7 @@ fn variables(of: &Description, page: &mut Page) {
 }
 
 fn source_of(source: &Source) -> String {
-    let time = |time: &core::time::Duration| crate::span::Span(*time).to_string();
+    let time = |time: &core::time::Duration| span::Span(*time).to_string();
     match source {
         Source::Stored => String::new(),
         Source::Counter(period) => format!("counts one up each {}", time(period)),

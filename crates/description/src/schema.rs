@@ -11,10 +11,10 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::span::Span;
 use behaviour::{AfterSpec, EverySpec, FaultSpec, OnSpec, ProgramSpec};
 use message::MessageSpec;
 use short::{Many, Short};
+use span::Span;
 use state::{RegistersSpec, StateSpec};
 use wire::{Endian, FrameSpec, LineSpec};
 

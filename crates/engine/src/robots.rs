@@ -12,7 +12,7 @@ pub(crate) mod custom;
 pub mod instruments;
 mod kept_map;
 pub mod overlay;
-#[cfg(feature = "robots")]
+#[cfg(feature = "rescue")]
 pub mod rescue;
 #[cfg(feature = "robots")]
 mod script;
@@ -135,7 +135,7 @@ impl Named for dyn Robot {
 }
 
 static ROBOTS: Registry<dyn Robot> = Registry::new(&[
-    #[cfg(feature = "robots")]
+    #[cfg(feature = "rescue")]
     &rescue::RescueRobot,
     #[cfg(feature = "robots")]
     &yellow::YellowRobot,

@@ -27,7 +27,6 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use ::description::span::Span;
 pub use board::{RaisesSpec, ResetSpec};
 pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
 pub use condition::{
@@ -51,6 +50,7 @@ pub use own::{
 };
 pub use phases::{BudgetSpec, PhasesSpec};
 pub use source::{ScenarioError, Source};
+pub use span::Span;
 pub use tuning::TuningSpec;
 pub use world::WorldSpec;
 pub use world::{PillarSpec, StartSpec, WallSpec};
@@ -260,7 +260,9 @@ impl Scenario {
             let (path, source) = (source.path.clone(), Box::new(error));
             ScenarioError::Parse { path, source }
         })?;
+        #[cfg(feature = "described")]
         let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
+        #[cfg(feature = "described")]
         for device in scenario.device.values_mut() {
             if let Some(described) = device.settings_mut::<device::description::DescriptionSpec>() {
                 described.embed(base);

@@ -2,6 +2,8 @@
 
 pub mod folder;
 pub mod html;
+#[cfg(feature = "junit")]
+pub mod junit;
 pub mod meaning;
 mod metrics;
 pub mod moment;

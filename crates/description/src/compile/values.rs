@@ -11,9 +11,9 @@ use crate::registers::{Cell, CellKind, Registers, Table};
 use crate::schema::short::{Plain, Short};
 use crate::schema::state::{Access, RegisterSpec, RegistersSpec, SourceSpec, StateSpec};
 use crate::schema::wire::Endian;
-use crate::span::Span;
 use crate::state::{Recording, Source, Variable};
 use crate::value::Value;
+use span::Span;
 
 /// Time for which noise stays, if a file does not say.
 const NOISE: Duration = Duration::from_millis(100);

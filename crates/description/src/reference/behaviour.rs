@@ -6,7 +6,7 @@ use super::render::{Block, Page};
 use crate::behaviour::{Deed, Trigger};
 use crate::description::Description;
 use crate::schema::behaviour::EventSpec;
-use crate::span::Span;
+use span::Span;
 
 pub(super) fn tell(of: &Description, page: &mut Page) {
     let mut rows = Vec::new();

@@ -23,7 +23,7 @@ pub(super) fn frames(of: &Description, page: &mut Page) {
         page.text(format!(
             "A frame has {} bytes at most. A pause of {} discards a partial frame.",
             framing.max,
-            crate::span::Span(framing.idle)
+            span::Span(framing.idle)
         ));
     }
 }
@@ -90,10 +90,7 @@ fn end_of(of: &Description, framing: &Framing) -> String {
         }
         Cut::Silence { .. } => match of.protocol {
             Some(Protocol::ModbusRtu) => "A silence of 3.5 characters ends a frame.".to_owned(),
-            _ => format!(
-                "A silence of {} ends a frame.",
-                crate::span::Span(framing.idle)
-            ),
+            _ => format!("A silence of {} ends a frame.", span::Span(framing.idle)),
         },
     };
     text + digits

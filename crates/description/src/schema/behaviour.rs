@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::message::Names;
 use super::short::Plain;
-use crate::span::Span;
+use span::Span;
 
 /// What the device does when something happens; the first that fits is done.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]

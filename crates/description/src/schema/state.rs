@@ -5,8 +5,8 @@ use serde::Deserialize;
 
 use super::short::{FromPlain, Plain};
 use super::wire::Endian;
-use crate::span::Span;
 use crate::value::Value;
+use span::Span;
 
 /// A variable; its initial value is the short form.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]

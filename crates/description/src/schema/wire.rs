@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::short::{FromPlain, Many, Marker, Short};
-use crate::span::Span;
 use crate::value::Value;
+use span::Span;
 
 /// The serial line.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]

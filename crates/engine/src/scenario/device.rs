@@ -4,6 +4,7 @@ mod avr_base;
 mod camera;
 pub mod camera_scans;
 mod car_board;
+#[cfg(feature = "described")]
 pub mod description;
 mod hc06;
 mod kind;
@@ -74,6 +75,7 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     MPU6050,
     registers::REGISTERS,
     text::TEXT,
+    #[cfg(feature = "described")]
     description::DESCRIPTION,
 ]);
 

@@ -22,6 +22,7 @@ pub enum ScenarioError {
         source: Box<toml::de::Error>,
     },
     /// A description of a device that it names is wrong.
+    #[cfg(feature = "described")]
     #[error(transparent)]
     Description(#[from] ::description::DescriptionError),
     /// The scenario says something that cannot be.

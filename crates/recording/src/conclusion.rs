@@ -11,8 +11,8 @@ use std::path::Path;
 
 use protocols::Instant;
 
-use super::pcapng::{self, Block};
-use super::record::ENTERPRISE;
+use crate::pcapng::{self, Block};
+use crate::record::ENTERPRISE;
 use engine::run::Outcome;
 use engine::run::check::{Check, Status};
 

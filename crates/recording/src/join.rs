@@ -7,7 +7,7 @@
 
 use core::mem::take;
 
-use super::record::{Kind, Packet};
+use crate::record::{Kind, Packet};
 use engine::rig::line::Direction;
 use engine::rig::{Link, Rig};
 use protocols::{Instant, LineConfig, LineEvent};

@@ -11,25 +11,25 @@
 use bytes::{Bytes, BytesMut};
 
 /// Begins a section; reads the same in both byte orders.
-pub(crate) const SECTION: u32 = 0x0A0D_0D0A;
+pub const SECTION: u32 = 0x0A0D_0D0A;
 /// Describes one interface.
-pub(crate) const INTERFACE: u32 = 1;
+pub const INTERFACE: u32 = 1;
 /// One packet.
-pub(crate) const PACKET: u32 = 6;
+pub const PACKET: u32 = 6;
 /// What one tool alone knows.
-pub(crate) const CUSTOM_BLOCK: u32 = 0x0BAD;
+pub const CUSTOM_BLOCK: u32 = 0x0BAD;
 /// Says the byte order of a section.
 const MAGIC: u32 = 0x1A2B_3C4D;
 /// Longest block that is believed. Ours stay below a kilobyte.
 const BLOCK_MAX: u32 = 16 << 20;
 /// Option: a text for people.
-pub(crate) const COMMENT: u16 = 1;
+pub const COMMENT: u16 = 1;
 /// Option: private bytes, which tools copy.
-pub(crate) const CUSTOM: u16 = 2989;
+pub const CUSTOM: u16 = 2989;
 
 /// Byte order of a section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Order {
+pub enum Order {
     /// Least significant byte first; what we write.
     #[default]
     Little,
@@ -39,7 +39,7 @@ pub(crate) enum Order {
 
 impl Order {
     /// Two bytes as a number.
-    pub(crate) const fn u16(self, bytes: [u8; 2]) -> u16 {
+    pub const fn u16(self, bytes: [u8; 2]) -> u16 {
         match self {
             Self::Little => u16::from_le_bytes(bytes),
             Self::Big => u16::from_be_bytes(bytes),
@@ -47,7 +47,7 @@ impl Order {
     }
 
     /// Four bytes as a number.
-    pub(crate) const fn u32(self, bytes: [u8; 4]) -> u32 {
+    pub const fn u32(self, bytes: [u8; 4]) -> u32 {
         match self {
             Self::Little => u32::from_le_bytes(bytes),
             Self::Big => u32::from_be_bytes(bytes),
@@ -55,7 +55,7 @@ impl Order {
     }
 
     /// Eight bytes as a number.
-    pub(crate) const fn u64(self, bytes: [u8; 8]) -> u64 {
+    pub const fn u64(self, bytes: [u8; 8]) -> u64 {
         match self {
             Self::Little => u64::from_le_bytes(bytes),
             Self::Big => u64::from_be_bytes(bytes),
@@ -63,13 +63,13 @@ impl Order {
     }
 
     /// The number at `at` of `bytes`, if they are that long.
-    pub(crate) fn u32_at(self, bytes: &[u8], at: usize) -> Option<u32> {
+    pub fn u32_at(self, bytes: &[u8], at: usize) -> Option<u32> {
         let bytes = bytes.get(at..at.checked_add(4)?)?;
         Some(self.u32(bytes.try_into().ok()?))
     }
 
     /// The number at `at` of `bytes`, if they are that long.
-    pub(crate) fn u16_at(self, bytes: &[u8], at: usize) -> Option<u16> {
+    pub fn u16_at(self, bytes: &[u8], at: usize) -> Option<u16> {
         let bytes = bytes.get(at..at.checked_add(2)?)?;
         Some(self.u16(bytes.try_into().ok()?))
     }
@@ -116,7 +116,7 @@ pub enum BlockFault {
 
 /// One whole block.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Block {
+pub struct Block {
     /// Where it begins in the file.
     pub offset: u64,
     /// Its type.
@@ -129,16 +129,16 @@ pub(crate) struct Block {
 
 /// Cuts a stream of bytes, fed in any pieces, into blocks.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Blocks {
+pub struct Blocks {
     buf: BytesMut,
-    pub(super) offset: u64,
+    pub(crate) offset: u64,
     order: Option<Order>,
     broken: bool,
 }
 
 impl Blocks {
     /// Takes more of the file.
-    pub(crate) fn push(&mut self, bytes: &[u8]) {
+    pub fn push(&mut self, bytes: &[u8]) {
         if self.broken {
             return;
         }
@@ -146,11 +146,11 @@ impl Blocks {
     }
 
     /// Bytes of a block that is not whole yet.
-    pub(crate) fn pending(&self) -> usize {
+    pub fn pending(&self) -> usize {
         self.buf.len()
     }
     /// The next whole block. `None` if more bytes are needed, or after an error.
-    pub(crate) fn next_block(&mut self) -> Option<Result<Block, BlockError>> {
+    pub fn next_block(&mut self) -> Option<Result<Block, BlockError>> {
         if self.broken {
             return None;
         }
@@ -209,7 +209,7 @@ impl Blocks {
 }
 
 /// The options in `bytes`, up to the end mark, the end, or the first that does not fit.
-pub(crate) fn options(order: Order, mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u8])> {
+pub fn options(order: Order, mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u8])> {
     core::iter::from_fn(move || {
         let (code, len) = (order.u16_at(bytes, 0)?, order.u16_at(bytes, 2)?);
         let value = bytes.get(4..4 + usize::from(len))?;
@@ -222,12 +222,12 @@ pub(crate) fn options(order: Order, mut bytes: &[u8]) -> impl Iterator<Item = (u
 }
 
 /// `len` rounded up to a multiple of four.
-pub(crate) const fn padded(len: usize) -> usize {
+pub const fn padded(len: usize) -> usize {
     len.next_multiple_of(4)
 }
 
 /// Appends a block to `out`; `body` appends what lies between the lengths.
-pub(crate) fn write_block(out: &mut Vec<u8>, kind: u32, body: impl FnOnce(&mut Vec<u8>)) {
+pub fn write_block(out: &mut Vec<u8>, kind: u32, body: impl FnOnce(&mut Vec<u8>)) {
     let start = out.len();
     out.extend_from_slice(&kind.to_le_bytes());
     out.extend_from_slice(&[0; 4]);
@@ -239,20 +239,20 @@ pub(crate) fn write_block(out: &mut Vec<u8>, kind: u32, body: impl FnOnce(&mut V
 }
 
 /// Fills up to a multiple of four bytes since `start`.
-pub(crate) fn pad(out: &mut Vec<u8>, start: usize) {
+pub fn pad(out: &mut Vec<u8>, start: usize) {
     let len = padded(out.len() - start);
     out.resize(start + len, 0);
 }
 
 /// Appends the fixed part of a section header: byte order, version, unknown length.
-pub(crate) fn write_section_head(out: &mut Vec<u8>) {
+pub fn write_section_head(out: &mut Vec<u8>) {
     out.extend_from_slice(&MAGIC.to_le_bytes());
     out.extend_from_slice(&[1, 0, 0, 0]);
     out.extend_from_slice(&[0xFF; 8]);
 }
 
 /// Appends an option; a value too long for one is cut.
-pub(crate) fn write_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
+pub fn write_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
     let value = &value[..value.len().min(usize::from(u16::MAX))];
     let len = u16::try_from(value.len()).unwrap_or(u16::MAX);
     out.extend_from_slice(&code.to_le_bytes());
@@ -263,7 +263,7 @@ pub(crate) fn write_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
 }
 
 /// Appends the mark after the last option.
-pub(crate) fn write_options_end(out: &mut Vec<u8>) {
+pub fn write_options_end(out: &mut Vec<u8>) {
     out.extend_from_slice(&[0; 4]);
 }
 

@@ -1,49 +1,38 @@
-//! `hilrig demo` by itself, in a build of the feature `demo` without `command`: only what the demo
-//! needs is compiled.
+//! `hilrig demo` by itself: only what the demo needs is compiled.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::{Parser, Subcommand};
+use clap::Parser;
 
-use crate::capture::{Limits, Recording, about};
-use crate::run::Run;
-use crate::scenario::Scenario;
-use crate::show::{Summary, folder};
+use engine::run::Run;
+use engine::scenario::Scenario;
+use recording::{Limits, Recording, about};
+use show::{Summary, folder};
 
 /// The scenario that the demo runs.
-const SCENARIO: &str = include_str!("../scenarios/rescue-flat.toml");
+const SCENARIO: &str = include_str!("../../../scenarios/rescue-flat.toml");
 
 /// The demo of hilrig, a hardware-in-the-loop rig for serial robots and devices.
 #[derive(Debug, Parser)]
 #[command(
-    name = "hilrig",
-    version = concat!(env!("CARGO_PKG_VERSION"), env!("HILRIG_BUILD")),
-    arg_required_else_help = true,
-    after_help = "This build holds the demo alone. All commands: cargo install --path ."
+    name = "cargo demo",
+    version,
+    after_help = "All commands: cargo install --path ."
 )]
-struct Cli {
-    #[command(subcommand)]
-    command: Command,
-}
-
-#[derive(Debug, Subcommand)]
-enum Command {
-    /// Run the built-in mission in virtual time: the rescue robot maps a furnished flat
-    Demo {
-        /// Seed of all randomness [default: the scenario's, 1]
-        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
-        seed: Option<u64>,
-        /// Folder for the results [default: hilrig-out/rescue-flat-SEED]
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
-    },
+struct Demo {
+    /// Seed of all randomness [default: the scenario's, 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    seed: Option<u64>,
+    /// Folder for the results [default: hilrig-out/rescue-flat-SEED]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
 /// Runs the demo. Exit codes: 0 all expectations hold, 1 some fail, 2 usage or set-up.
-pub fn main() -> ExitCode {
-    let Command::Demo { seed, out } = Cli::parse().command;
+fn main() -> ExitCode {
+    let Demo { seed, out } = Demo::parse();
     match run(seed, out) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,

@@ -9,7 +9,7 @@
 use bytes::Bytes;
 use protocols::{Instant, LineConfig, LineEvent};
 
-use super::pcapng::{self, Block, Order};
+use crate::pcapng::{self, Block, Order};
 use engine::rig::line::Direction;
 
 /// Link type "RTAC serial".

@@ -8,10 +8,10 @@ use core::time::Duration;
 
 use protocols::{Instant, LineEvent};
 
-use super::files::{Files, Limits};
-use super::join::{Extra, Joiner, event_words, line_of};
-use super::record::{Interface, Kind, Section};
-use super::writer_thread::WriterThread;
+use crate::files::{Files, Limits};
+use crate::join::{Extra, Joiner, event_words, line_of};
+use crate::record::{Interface, Kind, Section};
+use crate::writer_thread::WriterThread;
 use engine::TOOL;
 use engine::rig::Rig;
 use engine::rig::line::{Delivery, Direction, Original};

@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
-use super::pcapng::SECTION;
+use crate::pcapng::SECTION;
 
 /// How much a recording may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

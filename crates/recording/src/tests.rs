@@ -1,11 +1,8 @@
-use core::time::Duration;
-
 use proptest::prelude::*;
 
 use protocols::{Instant, LineEvent};
 
 use super::record::{Kind, Record, Sent};
-use super::replay::Recorded;
 use super::*;
 use engine::rig::line::Direction;
 
@@ -69,31 +66,6 @@ fn what_was_written_is_read() {
     let links: Vec<_> = capture.links.iter().map(|l| (&*l.name, l.baud)).collect();
     assert_eq!(links, [("lidar", 115_200), ("base", 1_000_000)]);
     assert_eq!((capture.broken, capture.cut, capture.skipped), (None, 0, 0));
-}
-
-/// Three bytes a nanosecond apart, of which the second is the last that is asked for: by the clock
-/// of a run, or by another one since the first of them.
-#[test]
-fn what_is_to_be_played_ends_at_the_time_asked_for() {
-    let heard = |clock: &str, until_ns: u64| {
-        let capture = Capture {
-            sections: vec![Section {
-                about: format!("clock={clock}"),
-                ..Section::default()
-            }],
-            links: ["lidar", "base"]
-                .map(|name| Interface::new(name, 9600))
-                .to_vec(),
-            records: (0..3)
-                .map(|number| record(number, Kind::Data, &[7]))
-                .collect(),
-            ..Capture::default()
-        };
-        let recorded = Recorded::of(&capture, Some(Duration::from_nanos(until_ns)));
-        (recorded.links[1].arrivals.len(), recorded.end.as_nanos())
-    };
-    assert_eq!(heard("virtual", 5_000_000_124), (2, 5_000_000_124));
-    assert_eq!(heard("utc", 1), (2, 1));
 }
 
 /// Records are numbered through; what a damaged file says of its last one may be any number.

@@ -8,9 +8,9 @@ use std::thread::{self, JoinHandle};
 
 use protocols::Instant;
 
-use super::files::Files;
-use super::join::{Extra, Joiner};
-use super::record::Kind;
+use crate::files::Files;
+use crate::join::{Extra, Joiner};
+use crate::record::Kind;
 
 /// What lines delivered, in the order in which they did.
 #[derive(Debug, Default)]
