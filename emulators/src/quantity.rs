@@ -77,6 +77,47 @@ pub enum ValueSource {
 }
 
 impl ValueSource {
+    /// What it comes to in `world`, `elapsed` after it began; `initial` and `stored` are what the
+    /// variable was at the start and what it was told last.
+    pub fn read(&self, [initial, stored]: [i64; 2], elapsed: Duration, world: &World) -> i64 {
+        let elapsed = elapsed.as_nanos();
+        match self {
+            Self::Stored => stored,
+            Self::Counter { period } => {
+                let counts = elapsed / period.as_nanos().max(1);
+                stored.saturating_add(i64::try_from(counts).unwrap_or(i64::MAX))
+            }
+            Self::Ramp { from, to, period } => {
+                let nanos = period.as_nanos().max(1);
+                let share = i128::try_from(elapsed % nanos).unwrap_or(0);
+                let rise = i128::from(*to - *from) * share / i128::try_from(nanos).unwrap_or(1);
+                *from + i64::try_from(rise).unwrap_or(0)
+            }
+            Self::Encoder(wheel) => {
+                let counts = world.encoder_ticks(*wheel);
+                initial.saturating_add(counts)
+            }
+            Self::EncoderNamed(name) => {
+                let counts = world.encoder(name).unwrap_or(0);
+                initial.saturating_add(counts)
+            }
+            Self::SpeedMmS => whole(world.speed() * 1000.0),
+            Self::TurnRateMradS => whole(world.turn_rate() * 1000.0),
+            Self::Touching => i64::from(world.is_touching()),
+            Self::Contacts => i64::try_from(world.contact_count()).unwrap_or(i64::MAX),
+            Self::XMm => whole(world.pose().x * 1000.0),
+            Self::YMm => whole(world.pose().y * 1000.0),
+            Self::HeadingMrad => whole(world.pose().theta * 1000.0),
+            Self::RangeMm { angle, max_mm } => {
+                let pose = world.pose();
+                #[expect(clippy::cast_precision_loss, reason = "a range is below 2^53 mm")]
+                let max_m = *max_mm as f64 / 1000.0;
+                let hit = world.cast_ray(pose.point(), pose.theta + angle, max_m);
+                hit.map_or(*max_mm, |hit| whole(hit.distance * 1000.0))
+            }
+        }
+    }
+
     /// Whether the initial value is where it begins.
     const fn begins_anywhere(&self) -> bool {
         matches!(
@@ -192,42 +233,10 @@ impl Variables {
 
     /// What a master reads at `now`.
     pub(crate) fn read(&self, index: usize, now: Instant, world: &World) -> i64 {
-        let elapsed = (now - self.began).as_nanos();
-        match &self.known[index].source {
-            ValueSource::Stored => self.values[index],
-            ValueSource::Counter { period } => {
-                let counts = elapsed / period.as_nanos().max(1);
-                self.values[index].saturating_add(i64::try_from(counts).unwrap_or(i64::MAX))
-            }
-            ValueSource::Ramp { from, to, period } => {
-                let nanos = period.as_nanos().max(1);
-                let share = i128::try_from(elapsed % nanos).unwrap_or(0);
-                let rise = i128::from(*to - *from) * share / i128::try_from(nanos).unwrap_or(1);
-                *from + i64::try_from(rise).unwrap_or(0)
-            }
-            ValueSource::Encoder(wheel) => {
-                let counts = world.encoder_ticks(*wheel);
-                self.known[index].initial.saturating_add(counts)
-            }
-            ValueSource::EncoderNamed(name) => {
-                let counts = world.encoder(name).unwrap_or(0);
-                self.known[index].initial.saturating_add(counts)
-            }
-            ValueSource::SpeedMmS => whole(world.speed() * 1000.0),
-            ValueSource::TurnRateMradS => whole(world.turn_rate() * 1000.0),
-            ValueSource::Touching => i64::from(world.is_touching()),
-            ValueSource::Contacts => i64::try_from(world.contact_count()).unwrap_or(i64::MAX),
-            ValueSource::XMm => whole(world.pose().x * 1000.0),
-            ValueSource::YMm => whole(world.pose().y * 1000.0),
-            ValueSource::HeadingMrad => whole(world.pose().theta * 1000.0),
-            ValueSource::RangeMm { angle, max_mm } => {
-                let pose = world.pose();
-                #[expect(clippy::cast_precision_loss, reason = "a range is below 2^53 mm")]
-                let max_m = *max_mm as f64 / 1000.0;
-                let hit = world.cast_ray(pose.point(), pose.theta + angle, max_m);
-                hit.map_or(*max_mm, |hit| whole(hit.distance * 1000.0))
-            }
-        }
+        let variable = &self.known[index];
+        let stored = self.values[index];
+        let source = &variable.source;
+        source.read([variable.initial, stored], now - self.began, world)
     }
 
     /// Takes `value`, or the nearest that is allowed; whether it was allowed.

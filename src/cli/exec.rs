@@ -178,17 +178,17 @@ pub(super) fn print(seen: &ProgramEnd, passed: bool, is_doubtful: bool, log: &Pa
         eprintln!("  the rig itself was late, so the program may not be to blame");
     }
     if !passed {
-        show_words(&seen.said, log);
+        show_words("the program", &seen.said, log);
     }
 }
 
-/// Shows the end of what a program said; all of it is in `log`.
-pub(super) fn show_words(said: &str, log: &Path) {
+/// Shows the end of what `whose` program said; all of it is in `log`.
+pub(super) fn show_words(whose: &str, said: &str, log: &Path) {
     let lines: Vec<&str> = said.lines().collect();
     if lines.is_empty() {
         return;
     }
-    println!("  the program's last words, all in {}:", log.display());
+    println!("  {whose}'s last words, all in {}:", log.display());
     for line in &lines[lines.len().saturating_sub(LINES)..] {
         println!("  | {line}");
     }

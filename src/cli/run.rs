@@ -63,6 +63,9 @@ pub(super) struct RunArgs {
     /// Write what virtual time answered to each call of the program
     #[arg(long, value_name = "FILE", requires = "is_virtual")]
     trace_calls: Option<PathBuf>,
+    /// Speak JSON with node programs, one object a line, in place of the binary form
+    #[arg(long)]
+    json_nodes: bool,
     /// Directory in which the ports of --exec appear [default: OUT/ports]
     #[arg(long, value_name = "DIR", requires = "exec")]
     dir: Option<PathBuf>,
@@ -89,6 +92,9 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     let files = files.collect::<Result<Vec<_>, CliError>>()?;
     check(&args)?;
     check_folders(&args, &files)?;
+    if args.json_nodes {
+        nodes::set_form(nodes::Form::Json);
+    }
     let mut show = args.show.start()?;
     let stop = Stop::new(None)?;
     if args.until_eof {

@@ -122,7 +122,7 @@ fn scenarios_give_the_bytes_maps_and_cases_that_they_always_gave() {
 fn a_fork_goes_on_as_the_rig_itself_does() {
     let mut run = start(shipped("two-rooms"));
     run.rig.run_until(Instant::from_nanos(7_123_456_789));
-    let mut fork = run.rig.fork();
+    let mut fork = run.rig.fork().expect("no node programs");
     let end = Instant::from_secs(12);
     run.rig.run_until(end);
     assert_ne!(

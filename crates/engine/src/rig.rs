@@ -10,6 +10,11 @@ mod link_kind;
 mod logged;
 mod modem;
 mod node;
+#[cfg(feature = "described")]
+mod node_programs;
+#[cfg(not(feature = "described"))]
+#[path = "rig/no_node_programs.rs"]
+mod node_programs;
 mod paced;
 mod reach;
 pub(crate) mod resample;
@@ -29,6 +34,8 @@ use crate::rig::cpu::CpuModel;
 use crate::rig::fault::Budget;
 use crate::rig::line::{Direction, End, Line};
 use crate::rig::trace::{Tap, Trace};
+#[cfg(feature = "described")]
+pub use ::nodes::Stopwatch;
 pub use disturb::Disturbance;
 pub use link_kind::{LinkKind, PortRate};
 pub use logged::Logged;
@@ -206,10 +213,12 @@ impl Rig {
     }
 
     /// The same rig in the same state, to go on by itself. Nobody watches the copy: whoever listens
-    /// to this one does not hear it.
-    #[must_use]
-    pub fn fork(&self) -> Self {
-        Self {
+    /// to this one does not hear it. `None`: a node program cannot save its state.
+    pub fn fork(&self) -> Option<Self> {
+        if !self.can_save_nodes() {
+            return None;
+        }
+        Some(Self {
             now: self.now,
             world: self.world.clone(),
             cpu: self.cpu,
@@ -228,7 +237,7 @@ impl Rig {
             room: self.room,
             due: Vec::new(),
             touched: self.touched.clone(),
-        }
+        })
     }
 
     /// The line coding at both ends of a line: sender, receiver.

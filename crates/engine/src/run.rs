@@ -231,7 +231,8 @@ impl Run {
         let came = self.progress.is_over(now) || self.has_come_home(now);
         let over = judged && received && !self.steps.is_waiting() && came;
         let done = !self.scenario.mission.to_the_end && over;
-        self.is_over = now >= self.scenario.duration.instant() || done;
+        let lost = self.rig.has_lost_node();
+        self.is_over = now >= self.scenario.duration.instant() || done || lost;
     }
 
     /// Whether what the robot searched by itself is done and it rests, with no order to come that
@@ -343,7 +344,8 @@ impl Run {
         self.outcome(wall_overlap)
     }
 
-    fn outcome(self, wall_overlap: Option<WallOverlap>) -> Outcome {
+    fn outcome(mut self, wall_overlap: Option<WallOverlap>) -> Outcome {
+        self.rig.end_nodes();
         let program = self.rig.program();
         let map = self.instruments.map(&self.rig).map(KeptMap::from);
         let layers = self.instruments.layers(&self.rig).into_iter();
@@ -381,6 +383,8 @@ impl Run {
             violations: self.rig.violations(),
             broken_rules: self.broken_rules(),
             probable_cause: None,
+            node_words: self.rig.node_words(),
+            slow_node: self.rig.slow_node(),
             waypoints: [self.progress.visits().len(), self.progress.waypoints()],
             collided_at: self.contacts.first_in_earnest(),
             trace_hash: self.rig.trace_hash(),
@@ -426,6 +430,8 @@ impl Run {
     ) -> Vec<Check> {
         let mut checks = self.watchers.verdicts();
         let is_over = self.is_over || self.rig.now() >= self.scenario.duration.instant();
+        #[cfg(feature = "described")]
+        checks.extend(check::node_programs(&self.rig));
         checks.extend(check::fired(self.rig.events()));
         checks.extend(self.steps.checks(is_over));
         checks.extend(self.expectations(pose_error, wall_overlap, is_over));

@@ -267,6 +267,9 @@ impl Scenario {
             if let Some(described) = device.settings_mut::<device::description::DescriptionSpec>() {
                 described.embed(base);
             }
+            if let Some(program) = device.settings_mut::<device::program::NodeProgramSpec>() {
+                program.embed(base);
+            }
         }
         if scenario.world.is_nowhere() && scenario.robot != NO_ROBOT {
             let message = "is missing, expected a table with the robot's start and what is solid";

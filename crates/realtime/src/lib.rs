@@ -36,11 +36,12 @@ pub mod transport;
 
 use core::time::Duration;
 use std::os::fd::OwnedFd;
+use std::rc::Rc;
 
 use emulators::{Event, EventKind};
 use protocols::{Instant, LineEvent};
 
-use crate::clock::Clock;
+use crate::clock::{Clock, WallClock};
 use crate::transport::{Special, Transport, TransportError, stirred, wait};
 use engine::rig::{Paced, PortRate, Rig};
 use engine::robots::OpenEnd;
@@ -319,6 +320,10 @@ impl<C: Clock> Realtime<C> {
             // usual.
             self.is_prompt = true;
             clock::be_prompt();
+            // A slow answer makes the rig late, and is the node program's doing.
+            let wall = WallClock::start();
+            let stopwatch: engine::rig::Stopwatch = Rc::new(move || wall.now() - Instant::ZERO);
+            paced.rig().measure_nodes(&stopwatch);
         }
         let mut present = self.clock.now();
         let due = paced.rig().next_event().filter(|&due| due <= present);

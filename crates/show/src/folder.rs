@@ -103,6 +103,9 @@ pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), Folder
     folder.put("estimate.tum", tum(&estimate))?;
     #[cfg(feature = "junit")]
     folder.put("junit.xml", crate::junit::junit([outcome.into()], wall))?;
+    for (name, words) in &outcome.node_words {
+        folder.put(&format!("node-{name}.log"), words)?;
+    }
     if let Some(display) = &outcome.display {
         folder.picture("display.png", display)?;
     }

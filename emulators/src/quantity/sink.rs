@@ -33,7 +33,13 @@ impl Sink {
             clippy::cast_precision_loss,
             reason = "rounding beyond 2^53 is harmless"
         )]
-        let figure = value as f64 * self.scale;
+        let value = value as f64;
+        self.command_of(value)
+    }
+
+    /// The same for a value with a fraction.
+    pub fn command_of(&self, value: f64) -> Command {
+        let figure = value * self.scale;
         match self.kind {
             #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
             SinkKind::Power => Command::Power(figure.clamp(-255.0, 255.0).round() as i16),

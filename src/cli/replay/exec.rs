@@ -66,7 +66,7 @@ pub(super) fn into_foreign(
         (None, false) => Verdict::Fail,
     };
     if verdict != Verdict::Pass {
-        show_words(&tried.said, &args.out.join("program.log"));
+        show_words("the program", &tried.said, &args.out.join("program.log"));
     }
     Ok(verdict)
 }
@@ -106,7 +106,7 @@ pub(in crate::cli) fn judge_case(
     }
     tell(&tried.notes);
     if !tried.judgement.passed() {
-        show_words(&tried.said, &out.join("program.log"));
+        show_words("the program", &tried.said, &out.join("program.log"));
     }
     Ok(tried.judgement)
 }

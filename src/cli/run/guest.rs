@@ -77,7 +77,7 @@ pub(super) fn judged_guest(
         println!("  leaves virtual time: {note}");
     }
     if !ran.outcome.passed() {
-        show_words(&played.said, &out.join(LOG));
+        show_words("the program", &played.said, &out.join(LOG));
     }
     let command = Some(&*guest.foreign.command);
     finish_capture(played.recorded, out, &ran.outcome, command)?;

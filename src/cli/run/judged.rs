@@ -7,6 +7,7 @@ use protocols::Instant;
 
 use crate::capture::{self, Conclusion, Limits, Recording, Section};
 use crate::cli::answer::RunEnded;
+use crate::cli::exec::show_words;
 use crate::cli::progress;
 use crate::cli::show::Show;
 use crate::cli::stop::{SIGTERM, Stop};
@@ -58,7 +59,9 @@ impl Ran {
             failed.clone().next().is_some() && failed.all(|check| !exec::is_fact(check));
         self.is_doubtful = is_doubted && lateness.is_too_much();
         if self.is_doubtful {
-            let detail = format!("{lateness}: what failed may be its fault");
+            let node = self.outcome.slow_node.as_ref();
+            let node = node.map_or(String::new(), |node| format!("; {node}"));
+            let detail = format!("{lateness}{node}: what failed may be its fault");
             let checks = &mut self.outcome.checks;
             checks.insert(0, Check::not_observed("rig-on-time", detail));
         }
@@ -245,6 +248,14 @@ pub(in crate::cli) fn write_results(ran: Ran, out: &Path) -> Result<Ran, FolderE
     let written = folder::write(out, &ran.outcome, ran.wall);
     // Also if the disk is full: what came of the run is known.
     print_summary(&ran.outcome, ran.wall, out);
+    let words = ran.outcome.node_words.iter();
+    if let Some(slow) = &ran.outcome.slow_node {
+        println!("  {slow}");
+    }
+    for (name, words) in words.filter(|_| !ran.outcome.passed()) {
+        let log = out.join(format!("node-{name}.log"));
+        show_words(&format!("node program {name}"), words, &log);
+    }
     written?;
     Ok(ran)
 }

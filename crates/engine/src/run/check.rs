@@ -9,10 +9,16 @@ use crate::robots::{Axis, Instruments};
 
 mod accepted;
 mod at_work;
+#[cfg(feature = "described")]
+mod node_programs;
 mod silence;
 
 pub use accepted::SetPointsAsAccepted;
 pub use at_work::AtWorkAgain;
+#[cfg(feature = "described")]
+pub use node_programs::NODE_PROGRAMS;
+#[cfg(feature = "described")]
+pub(crate) use node_programs::node_programs;
 pub use silence::MotorsStopAfterSilence;
 pub(crate) use silence::fired;
 pub use silence::{STOPS, WATCHDOG};

@@ -7,10 +7,10 @@
 //!           +----------resume_as--> the end of a run with other faults from here on
 //! ```
 //!
-//! All nodes are plain state, so a copy goes on as the run itself does. A run of another scenario
-//! that has come to the same moment in the same state need not be run again up to there: that is
-//! known of one that only leaves out, adds, or begins later, what has not come to bear by then, or
-//! ends it earlier.
+//! All nodes are plain state, or programs that can save theirs, so a copy goes on as the run itself
+//! does. A run of another scenario that has come to the same moment in the same state need not be
+//! run again up to there: that is known of one that only leaves out, adds, or begins later, what has
+//! not come to bear by then, or ends it earlier.
 
 use std::rc::Rc;
 
@@ -32,8 +32,8 @@ impl core::fmt::Debug for Checkpoint {
 
 impl Run {
     /// The run as it is now. `None` if it cannot be copied: if somebody waits for bytes on its
-    /// lines, or one of its own checkers cannot be copied. Taps do not go with it: nobody but the
-    /// checkers listens to what goes on from a checkpoint.
+    /// lines, or one of its own checkers or node programs cannot be copied. Taps do not go with it:
+    /// nobody but the checkers listens to what goes on from a checkpoint.
     pub fn checkpoint(&self) -> Option<Checkpoint> {
         self.fork().map(Checkpoint)
     }
@@ -42,7 +42,7 @@ impl Run {
         if self.line_watches.is_some() {
             return None;
         }
-        let mut rig = self.rig.fork();
+        let mut rig = self.rig.fork()?;
         let watchers = self.watchers.fork(&mut rig)?;
         Some(Self {
             rig,

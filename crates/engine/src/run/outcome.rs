@@ -62,6 +62,10 @@ pub struct Outcome {
     pub broken_rules: Vec<(String, &'static str, u64)>,
     /// The probable cause of a failure, if the program was somebody's and its ports were watched.
     pub probable_cause: Option<String>,
+    /// What node programs said on standard error, the end of it, by the names of their nodes.
+    pub node_words: Vec<(String, String)>,
+    /// Which node program answered late in real time, in a sentence.
+    pub slow_node: Option<String>,
     /// Waypoints visited and demanded.
     pub waypoints: [usize; 2],
     /// When the robot first ran into something in earnest.

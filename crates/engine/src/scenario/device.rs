@@ -11,6 +11,8 @@ mod kind;
 mod mount;
 mod mpu6050;
 mod odometer;
+#[cfg(feature = "described")]
+pub mod program;
 mod read;
 mod registers;
 mod rplidar;
@@ -77,6 +79,8 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     text::TEXT,
     #[cfg(feature = "described")]
     description::DESCRIPTION,
+    #[cfg(feature = "described")]
+    program::PROGRAM,
 ]);
 
 /// Adds a kind of device. Scenarios that are read from then on may name it.

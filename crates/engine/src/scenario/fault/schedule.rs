@@ -191,7 +191,8 @@ impl Rig {
         figure: Option<f64>,
     ) -> Result<Disturbance, Flaw> {
         let known = self.known_faults(key, name)?;
-        if !known.contains(&fault) {
+        // A node program that could not be greeted fails the run by itself.
+        if !known.contains(&fault) && !self.is_lost(name) {
             let known = known.join(", ");
             let message = format!("\"{name}\" knows no fault \"{fault}\", expected one of {known}");
             return Err(Flaw::new(key, message));

@@ -1,0 +1,97 @@
+//! The nodes of a rig that are programs of their own.
+
+use core::any::Any;
+
+use nodes::device::SLOW;
+use nodes::{NodeDevice, NodeError, Slowness, Stopwatch};
+use protocols::Port;
+
+use super::{AnyDevice, Body, End, Rig};
+
+impl Rig {
+    /// The node programs with the names of their nodes.
+    pub fn node_programs(&self) -> impl Iterator<Item = (&str, &NodeDevice)> {
+        self.nodes.iter().filter_map(|node| {
+            let Body::Device(device) = &node.body else {
+                return None;
+            };
+            let device: &dyn Any = device.as_ref();
+            Some((node.name.as_str(), device.downcast_ref()?))
+        })
+    }
+
+    fn node_programs_mut(&mut self) -> impl Iterator<Item = &mut NodeDevice> {
+        let nodes = self.nodes.iter_mut();
+        nodes.filter_map(|node| node.device_mut())
+    }
+
+    /// The node programs that cannot go on, and why.
+    pub fn lost_nodes(&self) -> impl Iterator<Item = (&str, NodeError)> {
+        let nodes = self.node_programs();
+        nodes.filter_map(|(name, node)| Some((name, node.error()?)))
+    }
+
+    /// Whether there is one.
+    pub(crate) fn has_lost_node(&self) -> bool {
+        self.lost_nodes().next().is_some()
+    }
+
+    /// Whether copies of all node programs could go on as they do.
+    pub(super) fn can_save_nodes(&self) -> bool {
+        self.node_programs().all(|(_, node)| node.can_save())
+    }
+
+    /// Whether the node `name` is a program that cannot go on.
+    pub(crate) fn is_lost(&self, name: &str) -> bool {
+        self.lost_nodes().any(|(lost, _)| lost == name)
+    }
+
+    /// Tells all node programs to exit and waits for them.
+    pub fn end_nodes(&mut self) {
+        self.node_programs_mut().for_each(NodeDevice::end);
+    }
+
+    /// What node programs said on standard error, the end of it.
+    pub fn node_words(&self) -> Vec<(String, String)> {
+        let words = self.node_programs();
+        let words = words.map(|(name, node)| (name.to_owned(), node.said()));
+        words.filter(|(_, said)| !said.is_empty()).collect()
+    }
+
+    /// From now on, how long node programs take for their answers is measured.
+    pub fn measure_nodes(&mut self, stopwatch: &Stopwatch) {
+        self.node_programs_mut()
+            .for_each(|node| node.measure_by(stopwatch.clone()));
+    }
+
+    /// Which node program answered late in real time, in a sentence.
+    pub fn slow_node(&self) -> Option<String> {
+        let nodes = self.node_programs();
+        let nodes = nodes.map(|(name, node)| (name, node.slowness()));
+        let slow = nodes.filter(|(_, slowness)| slowness.answers > 0);
+        let (name, Slowness { answers, longest }) =
+            slow.max_by_key(|(_, slowness)| slowness.longest)?;
+        let (most, longest) = (SLOW.as_millis(), longest.as_millis());
+        Some(format!(
+            "node program {name} was late: {answers} answers took longer than {most} ms, the \
+             longest {longest} ms"
+        ))
+    }
+
+    /// Puts `device` in the place of the outside ends `ends`, each of which becomes one of its
+    /// ports, numbered in this order; the number of its node.
+    pub fn seat(&mut self, name: &str, device: Box<dyn AnyDevice>, ends: &[usize]) -> usize {
+        let node = self.add_boxed_device(name, device);
+        let lines = self.links.iter_mut().flat_map(|link| &mut link.lines);
+        for end in lines.flat_map(|line| [&mut line.from, &mut line.to]) {
+            let port = ends.iter().position(|outside| *outside == end.node);
+            if let Some(port) = port.and_then(|port| u8::try_from(port).ok()) {
+                *end = End {
+                    node,
+                    port: Port(port),
+                };
+            }
+        }
+        node
+    }
+}

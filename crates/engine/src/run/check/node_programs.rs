@@ -1,0 +1,28 @@
+//! The verdict on node programs: each answered to the end, and ended well.
+
+use super::Check;
+use crate::rig::Rig;
+
+/// Name of the check.
+pub const NODE_PROGRAMS: &str = "node-programs";
+
+/// Whether all node programs of `rig` keep the contract; `None`: there are none.
+pub(crate) fn node_programs(rig: &Rig) -> Option<Check> {
+    rig.node_programs().next()?;
+    let lost = rig.lost_nodes().next();
+    if let Some((name, error)) = lost {
+        let node = rig.node_programs().find(|(known, _)| *known == name);
+        let said = node.map(|(_, node)| node.said()).unwrap_or_default();
+        let last = said.lines().rfind(|line| !line.trim().is_empty());
+        let words = last.map(|line| format!("; its last words: {}", line.trim()));
+        let detail = format!("{name} {error}{}", words.unwrap_or_default());
+        return Some(Check::new(NODE_PROGRAMS, false, detail));
+    }
+    let counts = rig.node_programs().map(|(name, node)| {
+        let exchanges = node.exchanges();
+        format!("{name}: {exchanges} exchanges")
+    });
+    let detail = counts.collect::<Vec<_>>().join(", ");
+    let observed = rig.node_programs().all(|(_, node)| node.exchanges() > 0);
+    Some(Check::new(NODE_PROGRAMS, true, detail).if_observed(observed))
+}

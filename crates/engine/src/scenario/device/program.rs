@@ -1,0 +1,361 @@
+//! `program`: a device that a program of one's own plays, in any language.
+
+use core::any::Any;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use emulators::quantity::{ValueSource, Wanted};
+use emulators::world::World;
+use nodes::{Drive, NodeDevice, NodePort, NodeSpec, Quantity, forever, line_of};
+use protocols::{LineConfig, Port};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use toml::de::ValueDeserializer;
+
+use super::description::{LoadError, codec_of, load};
+use super::{
+    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, read_settings, schema_of,
+};
+use crate::codec::Codec;
+use crate::rig::{AnyDevice, Rig};
+use crate::scenario::drives::DrivesSpec;
+use crate::scenario::{ScenarioError, SourceSpec};
+
+const EXAMPLE: &str = r#"[device.scale.program]
+exec = "python3 scale.py"
+rate = 9600
+settings = { capacity_g = 3000 }
+"#;
+
+/// Slowest and fastest line that is not taken for a mistake.
+const RATES: core::ops::RangeInclusive<u32> = 300..=4_000_000;
+/// Most ports of a program.
+const PORTS_MAX: usize = 64;
+
+/// The kind `program`.
+pub(super) const PROGRAM: &dyn DeviceKind = &ProgramKind;
+
+struct ProgramKind;
+
+/// A device that a program plays.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NodeProgramSpec {
+    /// Shell command that starts the program. It runs in the scenario's folder and speaks the node
+    /// protocol on its standard input and output.
+    pub exec: String,
+    /// Rate of its line, bit/s, 300 to 4000000; the description's if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate: Option<u32>,
+    /// Data bits, parity and stop bits of its line, e.g. `8N1`, which it is if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub format: Option<String>,
+    /// Description of the device: a file that ends with `.toml`, from the scenario's folder on, or
+    /// one that comes with the tool, by its name. Its line, its frames and their words are used;
+    /// the program behaves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub description: Option<String>,
+    /// Most bytes that the program is told of at once, 1 to 64: more is faster, and it hears of
+    /// them when the last one is complete; 1 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 64))]
+    pub piece: Option<u8>,
+    /// Folder in which it is started, from the scenario's folder on. Saved cases have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub folder: Option<PathBuf>,
+    /// Ports, if it has several; one called `uart` if not given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ports: Vec<NodePortSpec>,
+    /// Values that the rig gives to the program, by their names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub quantities: BTreeMap<String, SourceSpec>,
+    /// Actuators of the robot's chassis that follow outputs of the program, by the outputs' names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub drives: BTreeMap<String, DrivesSpec>,
+    /// Whatever the program is to be told when it starts.
+    #[serde(default, skip_serializing_if = "Map::is_empty")]
+    pub settings: Map<String, Value>,
+}
+
+/// A port of a program.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NodePortSpec {
+    /// Its name: letters, digits, `-` and `_`.
+    pub name: String,
+    /// Rate of its line, bit/s, 300 to 4000000.
+    #[schemars(range(min = 300, max = 4_000_000))]
+    pub rate: u32,
+    /// Data bits, parity and stop bits of its line, e.g. `8N1`, which it is if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub format: Option<String>,
+}
+
+/// A port as it will be.
+struct Planned {
+    port: NodePort,
+    codec: Option<&'static Codec>,
+}
+
+impl NodeProgramSpec {
+    /// Remembers the folder `base`, so that a saved case runs wherever it lies.
+    pub(in crate::scenario) fn embed(&mut self, base: &Path) {
+        let base = match base.as_os_str().is_empty() {
+            true => Path::new("."),
+            false => base,
+        };
+        let folder = match &self.folder {
+            Some(folder) => base.join(folder),
+            None => base.to_owned(),
+        };
+        self.folder = Some(std::path::absolute(&folder).unwrap_or(folder));
+    }
+
+    fn base(&self, context: &BuildContext<'_>) -> PathBuf {
+        let parent = context.source.path.parent();
+        let base = parent.unwrap_or_else(|| Path::new(""));
+        match &self.folder {
+            Some(folder) => base.join(folder),
+            None => base.to_owned(),
+        }
+    }
+
+    fn plan(&self, context: &BuildContext<'_>) -> Result<Vec<Planned>, ScenarioError> {
+        let (source, at) = (context.source, context.key());
+        let wrong = |key: &str, message: String| {
+            Err(source.invalid(source.find(context.name), format!("{at}{key}"), message))
+        };
+        let line = |key: &str, rate: u32, format: &Option<String>| {
+            if !RATES.contains(&rate) {
+                let (least, most) = (RATES.start(), RATES.end());
+                let message = format!("is {rate}, expected {least} to {most}");
+                return wrong(&format!("{key}.rate"), message).map(|()| None);
+            }
+            let format = format.as_deref().unwrap_or("8N1");
+            let message = format!("is \"{format}\", expected e.g. 8N1, 8E1 or 7O2");
+            match line_of(rate, format) {
+                None => wrong(&format!("{key}.format"), message).map(|()| None),
+                line => Ok(line),
+            }
+        };
+        let described = self.description.as_ref().map(|name| {
+            load(name, &self.base(context)).map_err(|error| match error {
+                LoadError::Description(error) => ScenarioError::Description(error),
+                LoadError::Read(message) => {
+                    let span = source.find(context.name);
+                    source.invalid(span, format!("{at}.description"), message)
+                }
+            })
+        });
+        let described = described.transpose()?;
+        let codec = described.as_ref().map(codec_of);
+        let uart = |line: LineConfig| {
+            let port = NodePort::uart("uart", line);
+            vec![Planned { port, codec }]
+        };
+        match (&self.ports[..], self.rate, &described) {
+            ([], None, Some(described)) => Ok(uart(described.line())),
+            ([], Some(rate), _) => {
+                let line = line("", rate, &self.format)?;
+                Ok(line.map(uart).unwrap_or_default())
+            }
+            ([], None, None) => wrong(
+                ".rate",
+                "is missing, expected rate, ports or description".to_owned(),
+            )
+            .map(|()| Vec::new()),
+            (_, Some(_), _) => wrong(
+                ".rate",
+                "stands beside ports, expected a rate in each of them".to_owned(),
+            )
+            .map(|()| Vec::new()),
+            (ports, None, _) => {
+                if ports.len() > PORTS_MAX {
+                    let message = format!("has {}, expected at most {PORTS_MAX}", ports.len());
+                    return wrong(".ports", message).map(|()| Vec::new());
+                }
+                let mut planned: Vec<Planned> = Vec::new();
+                for (index, spec) in ports.iter().enumerate() {
+                    let key = format!(".ports[{index}]");
+                    let name = &spec.name;
+                    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+                    if name.is_empty() || !name.chars().all(is_plain) {
+                        let message =
+                            format!("is \"{name}\", expected letters, digits, '-' and '_'");
+                        return wrong(&format!("{key}.name"), message).map(|()| Vec::new());
+                    }
+                    if planned.iter().any(|other| other.port.name == *name) {
+                        let message = format!("\"{name}\" is there twice, expected another name");
+                        return wrong(&format!("{key}.name"), message).map(|()| Vec::new());
+                    }
+                    let line = line(&key, spec.rate, &spec.format)?;
+                    planned.extend(line.map(|line| Planned {
+                        port: NodePort::uart(name, line),
+                        codec: codec.filter(|_| index == 0),
+                    }));
+                }
+                Ok(planned)
+            }
+        }
+    }
+
+    fn drive_list(&self, context: &BuildContext<'_>) -> Result<Vec<Drive>, ScenarioError> {
+        let drive = |(output, spec): (&String, &DrivesSpec)| {
+            let sink = spec.sink().map_err(|message| {
+                let key = format!("{}.drives.{output}", context.key());
+                context
+                    .source
+                    .invalid(context.source.find(output), key, message)
+            })?;
+            let output = output.clone();
+            Ok(Drive { output, sink })
+        };
+        self.drives.iter().map(drive).collect()
+    }
+}
+
+impl DeviceKind for ProgramKind {
+    fn name(&self) -> &'static str {
+        "program"
+    }
+
+    fn about(&self) -> &'static str {
+        "Device that a program of one's own plays, in any language"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
+    }
+
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        schema_of::<NodeProgramSpec>(generator)
+    }
+
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
+        read_settings::<NodeProgramSpec>(settings)
+    }
+
+    fn drives(&self, settings: &dyn Settings) -> Option<Drives> {
+        let settings: &dyn Any = settings;
+        let spec = settings.downcast_ref::<NodeProgramSpec>()?;
+        let actuators = spec
+            .drives
+            .values()
+            .map(|spec| (spec.actuator.clone(), None));
+        let actuators: Vec<_> = actuators.collect();
+        (!actuators.is_empty()).then_some(Drives {
+            silence_max: None,
+            actuators,
+        })
+    }
+
+    fn rows(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {
+        rows_of(rig, name)
+    }
+
+    fn check(
+        &self,
+        context: &BuildContext<'_>,
+        device: &dyn AnyDevice,
+        world: &World,
+    ) -> Result<(), ScenarioError> {
+        let device: &dyn Any = device;
+        match device.downcast_ref::<NodeDevice>() {
+            Some(node) if context.has_robot => check_chassis(context, node, world),
+            _ => Ok(()),
+        }
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
+        let spec: &NodeProgramSpec = context.settings()?;
+        let planned = spec.plan(context)?;
+        let piece = spec.piece.unwrap_or(1);
+        context.within("piece", Some(piece.into()), 1.0..=64.0)?;
+        let port = |(number, planned): (u8, &Planned)| {
+            let (name, line) = (forever(&planned.port.name), planned.port.line);
+            let port = PortInfo::uart(name, Port(number), line, "your own program");
+            let port = port.in_pieces(piece.into());
+            planned.codec.map_or(port, |codec| port.speaking(codec))
+        };
+        let ports = (0..).zip(&planned).map(port).collect();
+        let quantity = |(name, source): (&String, &SourceSpec)| Quantity {
+            name: name.clone(),
+            source: source.clone().into(),
+        };
+        let node = NodeSpec {
+            folder: Some(spec.base(context)),
+            seed: context.seed,
+            ports: planned.into_iter().map(|planned| planned.port).collect(),
+            quantities: spec.quantities.iter().map(quantity).collect(),
+            drives: spec.drive_list(context)?,
+            settings: spec.settings.clone(),
+            ..NodeSpec::new(context.name, &spec.exec)
+        };
+        Ok(Built {
+            device: Box::new(NodeDevice::new(node)),
+            ports,
+        })
+    }
+}
+
+/// Values that a node program gives, to be shown.
+pub fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
+    let node = rig.device::<NodeDevice>(name).into_iter();
+    let outputs = node.flat_map(NodeDevice::outputs);
+    let row = |(name, value): (&str, f64)| {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let whole = value.round() as i64;
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "compared with what it came from"
+        )]
+        let is_whole = (whole as f64 - value).abs() < 1e-9;
+        // A row holds whole numbers; a fraction is told by the words beside the name.
+        let name = match is_whole {
+            true => name.to_owned(),
+            false => format!("{name} ({value})"),
+        };
+        ValueRow {
+            address: None,
+            name,
+            value: whole,
+        }
+    };
+    outputs.map(row).collect()
+}
+
+/// Whether the chassis of `world` has what the node senses and drives.
+fn check_chassis(
+    context: &BuildContext<'_>,
+    node: &NodeDevice,
+    world: &World,
+) -> Result<(), ScenarioError> {
+    let chassis = world.chassis();
+    let wrong = |key: String, message| {
+        let span = context.source.find(context.name);
+        Err(context.source.invalid(span, key, message))
+    };
+    for drive in &node.spec().drives {
+        if let Some(message) = Wanted::Actuator(&drive.sink).missing(chassis) {
+            return wrong(
+                format!("{}.drives.{}", context.key(), drive.output),
+                message,
+            );
+        }
+    }
+    for quantity in &node.spec().quantities {
+        let encoder = match &quantity.source {
+            ValueSource::Encoder(wheel) => wheel.name(),
+            ValueSource::EncoderNamed(name) => name,
+            _ => continue,
+        };
+        if let Some(message) = Wanted::Encoder(encoder).missing(chassis) {
+            return wrong(
+                format!("{}.quantities.{}", context.key(), quantity.name),
+                message,
+            );
+        }
+    }
+    Ok(())
+}

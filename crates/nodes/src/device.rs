@@ -1,0 +1,479 @@
+//! A node program as a device of a rig.
+//!
+//! What arrives is kept until the rig polls the device; then one exchange covers all of it. What
+//! the program sends is kept until its time has come and the line takes it. A program that asks not
+//! to be called costs nothing.
+//!
+//! The process is started when the node is first needed. A copy of the device begins as the saved
+//! state of its program, and starts a process of its own when it is first needed.
+
+mod port;
+
+use core::cell::{Ref, RefCell};
+use core::time::Duration;
+use std::rc::Rc;
+
+use emulators::device::{Device, Event, EventKind, earliest};
+use emulators::world::World;
+use protocols::{Instant, LineConfig, LineEvent, Port};
+
+use crate::error::NodeError;
+use crate::host::{BYTES_MAX, Host};
+use crate::intern::forever;
+use crate::message::{Input, Item, Note, Output};
+use crate::spec::{NodeSpec, line_of};
+use port::{Out, PortState};
+
+/// A clock that says how much wall time has passed.
+pub type Stopwatch = Rc<dyn Fn() -> Duration>;
+
+/// A node program in a rig.
+pub struct NodeDevice {
+    spec: Rc<NodeSpec>,
+    life: RefCell<Life>,
+    now: Instant,
+    has_greeted: bool,
+    /// The log says that the program is gone.
+    has_failed: bool,
+    inbox: Vec<Item<Input>>,
+    ports: Vec<PortState>,
+    next: Option<Instant>,
+    events: Vec<Event>,
+    /// Names and values of what the program gives.
+    outputs: Vec<(String, Option<f64>)>,
+    /// What the program was last told of each quantity.
+    told: Vec<Option<f64>>,
+    stopwatch: Option<Stopwatch>,
+    slowness: Slowness,
+}
+
+/// How the process is.
+enum Life {
+    /// Not needed so far; begins with this state, if there is one.
+    Waiting(Option<Rc<[u8]>>),
+    /// Runs.
+    Running(Box<Host>),
+    /// Ended: why, unless it was told to, what it said last, and how often it was asked.
+    Over {
+        error: Option<NodeError>,
+        said: String,
+        exchanges: u64,
+    },
+}
+
+/// How long a node program took for its answers, in wall time; measured in real time only.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Slowness {
+    /// Answers that took longer than [`SLOW`].
+    pub answers: u64,
+    /// The longest time for an answer.
+    pub longest: Duration,
+}
+
+/// An answer that takes longer than this makes a rig in real time late.
+pub const SLOW: Duration = Duration::from_millis(5);
+
+impl NodeDevice {
+    /// The node that `spec` describes; its process is started when it is first needed.
+    pub fn new(spec: NodeSpec) -> Self {
+        Self {
+            life: RefCell::new(Life::Waiting(None)),
+            now: Instant::ZERO,
+            has_greeted: false,
+            has_failed: false,
+            inbox: Vec::new(),
+            ports: spec.ports.iter().map(PortState::new).collect(),
+            next: Some(Instant::ZERO),
+            events: Vec::new(),
+            outputs: Vec::new(),
+            told: vec![None; spec.quantities.len()],
+            stopwatch: None,
+            slowness: Slowness::default(),
+            spec: Rc::new(spec),
+        }
+    }
+
+    /// What it was made from.
+    pub fn spec(&self) -> &NodeSpec {
+        &self.spec
+    }
+
+    /// Why the program cannot go on, if so.
+    pub fn error(&self) -> Option<NodeError> {
+        match &*self.life.borrow() {
+            Life::Over { error, .. } => error.clone(),
+            _ => None,
+        }
+    }
+
+    /// How often it answered.
+    pub fn exchanges(&self) -> u64 {
+        match &*self.life.borrow() {
+            Life::Waiting(_) => 0,
+            Life::Running(host) => host.exchanges(),
+            Life::Over { exchanges, .. } => *exchanges,
+        }
+    }
+
+    /// What it said on standard error so far, the end of it.
+    pub fn said(&self) -> String {
+        match &*self.life.borrow() {
+            Life::Waiting(_) => String::new(),
+            Life::Running(host) => host.said(),
+            Life::Over { said, .. } => said.clone(),
+        }
+    }
+
+    /// Values that the program gives, by their names.
+    pub fn outputs(&self) -> impl Iterator<Item = (&str, f64)> {
+        let known = self.outputs.iter();
+        known.filter_map(|(name, value)| Some((name.as_str(), (*value)?)))
+    }
+
+    /// Whether a copy of it could go on as it does. Starts the program if need be.
+    pub fn can_save(&self) -> bool {
+        self.host().is_some_and(|host| host.greeting().save)
+    }
+
+    /// From now on, how long its answers take is measured by `stopwatch`.
+    pub fn measure_by(&mut self, stopwatch: Stopwatch) {
+        self.stopwatch = Some(stopwatch);
+    }
+
+    /// How long its answers took, as far as that was measured.
+    pub const fn slowness(&self) -> Slowness {
+        self.slowness
+    }
+
+    /// Tells the program to exit, if it runs, and waits for it.
+    pub fn end(&mut self) {
+        let life = self.life.get_mut();
+        if let Life::Running(host) = life {
+            let error = host.end().err();
+            *life = over(host, error);
+        }
+    }
+
+    /// The program; starts it if need be. `None`: it has ended.
+    fn host(&self) -> Option<Ref<'_, Host>> {
+        if matches!(&*self.life.borrow(), Life::Waiting(_)) {
+            let life = &mut *self.life.borrow_mut();
+            if let Life::Waiting(state) = life {
+                *life = begin(&self.spec, state.as_deref());
+            }
+        }
+        let running = |life: &Life| matches!(life, Life::Running(_));
+        if !running(&self.life.borrow()) {
+            return None;
+        }
+        Ref::filter_map(self.life.borrow(), |life| match life {
+            Life::Running(host) => Some(&**host),
+            _ => None,
+        })
+        .ok()
+    }
+
+    /// Takes over what the program said of itself.
+    fn greet(&mut self) -> bool {
+        let Some(host) = self.host() else {
+            return false;
+        };
+        if self.has_greeted {
+            return true;
+        }
+        let greeting = host.greeting().clone();
+        drop(host);
+        self.has_greeted = true;
+        for port in greeting.ports {
+            let number = self
+                .spec
+                .ports
+                .iter()
+                .position(|known| known.name == port.name);
+            if let (Some(number), Some(line)) = (number, line_of(port.rate, &port.format)) {
+                self.ports[number].line = line;
+            }
+        }
+        let outputs = greeting.outputs.into_iter();
+        self.outputs = outputs.map(|name| (name, None)).collect();
+        true
+    }
+
+    fn fail(&mut self, error: NodeError) {
+        let life = self.life.get_mut();
+        if let Life::Running(host) = life {
+            *life = over(host, Some(error));
+        }
+        self.note_failure();
+    }
+
+    /// The program has ended: says so in the log, once.
+    fn note_failure(&mut self) {
+        self.inbox.clear();
+        self.next = None;
+        for port in &mut self.ports {
+            port.clear();
+        }
+        if let Some(error) = self.error().filter(|_| !self.has_failed) {
+            self.has_failed = true;
+            self.events.push(Event {
+                at: self.now,
+                kind: EventKind::Note,
+                rule: FAILED,
+                detail: format!("the node program {error}"),
+                bytes: Vec::new(),
+            });
+        }
+    }
+
+    /// One exchange with all that has happened.
+    fn exchange(&mut self, world: &mut World) {
+        let now = self.now;
+        for (number, quantity) in self.spec.quantities.iter().enumerate() {
+            let value = quantity.source.read([0, 0], now - Instant::ZERO, world);
+            #[expect(clippy::cast_precision_loss, reason = "the nearest number is meant")]
+            let value = value as f64;
+            if self.told[number] != Some(value) {
+                self.told[number] = Some(value);
+                self.inbox.push(Item {
+                    port: u8::try_from(number).unwrap_or(u8::MAX),
+                    at: now,
+                    what: Input::Quantity(value),
+                });
+            }
+        }
+        let Life::Running(host) = self.life.get_mut() else {
+            return;
+        };
+        let began = self.stopwatch.as_ref().map(|stopwatch| stopwatch());
+        let reply = host.exchange(now, &self.inbox);
+        self.inbox.clear();
+        if let (Some(stopwatch), Some(began)) = (&self.stopwatch, began) {
+            let took = stopwatch().saturating_sub(began);
+            self.slowness.answers += u64::from(took > SLOW);
+            self.slowness.longest = self.slowness.longest.max(took);
+        }
+        let reply = match reply {
+            Ok(reply) => reply,
+            Err(error) => return self.fail(error),
+        };
+        self.next = reply.next;
+        for item in reply.items {
+            let port = usize::from(item.port);
+            let out = match item.what {
+                Output::Note(note) => {
+                    self.events.push(event_of(item.at, note));
+                    continue;
+                }
+                Output::Quantity(value) => {
+                    self.give(port, value, world);
+                    continue;
+                }
+                Output::Bytes(bytes) => Out::Bytes(bytes.into()),
+                Output::Line(event) => Out::Line(event),
+                Output::Coding(line) => Out::Coding(line),
+            };
+            self.ports[port].put(item.at, out);
+        }
+        let ports = self.ports.iter().enumerate();
+        let flooded = ports.map(|(number, port)| (number, port.waiting));
+        if let Some((port, len)) = flooded.into_iter().find(|(_, len)| *len > BYTES_MAX) {
+            let what = format!(
+                "{len} bytes wait for the line of port {port}, which carries {} B/s, at most \
+                 {BYTES_MAX} may wait",
+                self.ports[port].line.baud / self.ports[port].line.bits_per_byte()
+            );
+            self.fail(NodeError::Flood(what));
+        }
+    }
+
+    /// The program gives a value; actuators follow it.
+    fn give(&mut self, number: usize, value: f64, world: &mut World) {
+        let Some((name, known)) = self.outputs.get_mut(number) else {
+            return;
+        };
+        *known = Some(value);
+        for drive in self
+            .spec
+            .drives
+            .iter()
+            .filter(|drive| drive.output == *name)
+        {
+            let command = drive.sink.command_of(value);
+            if let Err(error) = world.actuate(&drive.sink.actuator, command) {
+                self.events.push(Event {
+                    at: self.now,
+                    kind: EventKind::Note,
+                    rule: "not-driven",
+                    detail: format!("{name}: {error}"),
+                    bytes: Vec::new(),
+                });
+            }
+        }
+    }
+}
+
+/// Name of the entry of the log that says why a node program is gone.
+pub const FAILED: &str = "node-failed";
+
+fn begin(spec: &NodeSpec, state: Option<&[u8]>) -> Life {
+    let ended = |(error, said)| Life::Over {
+        error: Some(error),
+        said,
+        exchanges: 0,
+    };
+    match Host::start(spec) {
+        Err(failed) => ended(failed),
+        Ok(mut host) => match state.map_or(Ok(()), |state| host.load(state)) {
+            Ok(()) => Life::Running(Box::new(host)),
+            Err(error) => ended((error, host.last_words())),
+        },
+    }
+}
+
+fn over(host: &mut Host, error: Option<NodeError>) -> Life {
+    Life::Over {
+        error,
+        said: host.last_words(),
+        exchanges: host.exchanges(),
+    }
+}
+
+fn event_of(at: Instant, note: Note) -> Event {
+    Event {
+        at,
+        kind: match note.is_violation {
+            true => EventKind::Violation,
+            false => EventKind::Note,
+        },
+        rule: forever(&note.rule),
+        detail: note.detail,
+        bytes: note.bytes,
+    }
+}
+
+impl Clone for NodeDevice {
+    /// The copy begins with what its program has saved; if that fails, with the reason.
+    fn clone(&self) -> Self {
+        let life = match &mut *self.life.borrow_mut() {
+            Life::Waiting(state) => Life::Waiting(state.clone()),
+            Life::Running(host) => match host.save() {
+                Ok(state) => Life::Waiting(Some(state.into())),
+                Err(error) => Life::Over {
+                    error: Some(error),
+                    said: host.said(),
+                    exchanges: host.exchanges(),
+                },
+            },
+            Life::Over {
+                error,
+                said,
+                exchanges,
+            } => Life::Over {
+                error: error.clone(),
+                said: said.clone(),
+                exchanges: *exchanges,
+            },
+        };
+        Self {
+            spec: Rc::clone(&self.spec),
+            life: RefCell::new(life),
+            now: self.now,
+            has_greeted: self.has_greeted,
+            has_failed: self.has_failed,
+            inbox: self.inbox.clone(),
+            ports: self.ports.clone(),
+            next: self.next,
+            events: self.events.clone(),
+            outputs: self.outputs.clone(),
+            told: self.told.clone(),
+            stopwatch: None,
+            slowness: Slowness::default(),
+        }
+    }
+}
+
+impl Device for NodeDevice {
+    fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
+        self.inbox.push(Item {
+            port: port.0,
+            at: now,
+            what: Input::Bytes(bytes.to_vec()),
+        });
+    }
+
+    fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
+        self.inbox.push(Item {
+            port: port.0,
+            at: now,
+            what: Input::Line(event),
+        });
+    }
+
+    fn poll(&mut self, now: Instant, world: &mut World) {
+        self.now = now;
+        let is_asked = !self.inbox.is_empty() || self.next.is_some_and(|next| next <= now);
+        if !is_asked {
+            return;
+        }
+        match self.greet() {
+            true => self.exchange(world),
+            false => self.note_failure(),
+        }
+    }
+
+    fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
+        let now = self.now;
+        let port = self.ports.get_mut(usize::from(port.0));
+        port.map_or(0, |port| port.transmit(now, buf))
+    }
+
+    fn may_send(&self, port: Port) -> bool {
+        let port = self.ports.get(usize::from(port.0));
+        port.is_some_and(|port| port.is_due(self.now))
+    }
+
+    fn line_change(&mut self, port: Port) -> Option<LineEvent> {
+        let now = self.now;
+        self.ports.get_mut(usize::from(port.0))?.line_change(now)
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let out = self.ports.iter().map(|port| port.poll_at(self.now));
+        earliest(out.chain([self.next]))
+    }
+
+    fn line_config(&self, port: Port) -> LineConfig {
+        let port = self.ports.get(usize::from(port.0));
+        port.map_or(LineConfig::new_8n1(9_600), |port| port.line)
+    }
+
+    fn known_faults(&self) -> &'static [&'static str] {
+        let Some(host) = self.host() else {
+            return &[];
+        };
+        let names: Vec<_> = host
+            .greeting()
+            .faults
+            .iter()
+            .map(|name| forever(name))
+            .collect();
+        crate::intern::list_forever(names)
+    }
+
+    fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
+        self.inbox.push(Item {
+            port: 0,
+            at: now,
+            what: Input::Fault {
+                name: fault.to_owned(),
+                begins,
+                figure,
+            },
+        });
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        core::mem::take(&mut self.events)
+    }
+}

@@ -1,0 +1,52 @@
+//! Names that a node program chooses, kept for as long as the process lives: rules of a device's
+//! log and names of faults are `'static` everywhere.
+
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+
+static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+
+/// Most names of all node programs together.
+const NAMES_MAX: usize = 4_096;
+
+/// `name` for ever; one name for all further ones if there are too many.
+pub fn forever(name: &str) -> &'static str {
+    let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = names.get(name) {
+        return known;
+    }
+    if names.len() >= NAMES_MAX {
+        return "one-name-too-many";
+    }
+    let name: &'static str = Box::leak(name.to_owned().into_boxed_str());
+    names.insert(name);
+    name
+}
+
+static LISTS: Mutex<BTreeSet<&'static [&'static str]>> = Mutex::new(BTreeSet::new());
+
+/// A list of such names for ever.
+pub(crate) fn list_forever(list: Vec<&'static str>) -> &'static [&'static str] {
+    let mut lists = LISTS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = lists.get(&list[..]) {
+        return known;
+    }
+    if lists.len() >= NAMES_MAX {
+        return &[];
+    }
+    let list: &'static [&'static str] = Vec::leak(list);
+    lists.insert(list);
+    list
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_kept_once() {
+        let [one, other] = ["tare-lost", "tare-lost"].map(forever);
+        assert_eq!(one, "tare-lost");
+        assert!(core::ptr::eq(one, other));
+    }
+}

@@ -1,0 +1,256 @@
+//! Messages in their form for people: one JSON object a line, bytes as hexadecimal text.
+
+use protocols::{Instant, LineEvent};
+use serde_json::{Map, Value, json};
+
+use crate::message::{Answer, Input, Item, LINE_EVENTS, Note, Output, Reply, Request};
+use crate::spec::{format_of, line_of};
+
+/// Writes a request as one line.
+pub fn write_request(to: &mut Vec<u8>, request: &Request) {
+    let value = match request {
+        Request::Hello(hello) => json!({ "hello": hello }),
+        Request::Exchange { now, items } => {
+            let items: Vec<Value> = items.iter().map(input).collect();
+            json!({ "exchange": { "now": now.as_nanos(), "items": items } })
+        }
+        Request::Save => json!({ "save": true }),
+        Request::Load(state) => json!({ "load": hex(state) }),
+        Request::End => json!({ "end": true }),
+    };
+    line(to, &value);
+}
+
+/// Writes an answer as one line.
+pub fn write_answer(to: &mut Vec<u8>, answer: &Answer) {
+    let value = match answer {
+        Answer::Hello(hello) => json!({ "hello": hello }),
+        Answer::Exchange(reply) => {
+            let items: Vec<Value> = reply.items.iter().map(output).collect();
+            let next = reply.next.map(Instant::as_nanos);
+            json!({ "exchange": { "next": next, "items": items } })
+        }
+        Answer::Saved(state) => json!({ "saved": hex(state) }),
+        Answer::Loaded => json!({ "loaded": true }),
+    };
+    line(to, &value);
+}
+
+fn line(to: &mut Vec<u8>, value: &Value) {
+    to.extend_from_slice(value.to_string().as_bytes());
+    to.push(b'\n');
+}
+
+fn input(item: &Item<Input>) -> Value {
+    let (port, time) = (item.port, item.at.as_nanos());
+    match &item.what {
+        Input::Bytes(bytes) => json!({ "bytes": hex(bytes), "port": port, "time": time }),
+        Input::Line(event) => json!({ "line": name_of(*event), "port": port, "time": time }),
+        Input::Fault {
+            name,
+            begins,
+            figure,
+        } => json!({ "fault": name, "begins": begins, "figure": figure, "time": time }),
+        Input::Quantity(value) => json!({ "quantity": port, "value": value, "time": time }),
+    }
+}
+
+fn output(item: &Item<Output>) -> Value {
+    let (port, time) = (item.port, item.at.as_nanos());
+    match &item.what {
+        Output::Bytes(bytes) => json!({ "bytes": hex(bytes), "port": port, "time": time }),
+        Output::Line(event) => json!({ "line": name_of(*event), "port": port, "time": time }),
+        Output::Coding(line) => json!({
+            "rate": line.baud, "format": format_of(*line), "port": port, "time": time,
+        }),
+        Output::Note(note) => {
+            let kind = match note.is_violation {
+                true => "violation",
+                false => "note",
+            };
+            json!({ kind: note.rule, "detail": note.detail, "bytes": hex(&note.bytes), "time": time })
+        }
+        Output::Quantity(value) => json!({ "quantity": port, "value": value, "time": time }),
+    }
+}
+
+/// The line at the front of `bytes` and how long it is with its end. `None`: there is more to
+/// come.
+///
+/// # Errors
+/// If it is too long.
+pub fn split(bytes: &[u8]) -> Result<Option<(&[u8], usize)>, String> {
+    match bytes.iter().position(|byte| *byte == b'\n') {
+        Some(end) => Ok(Some((&bytes[..end], end + 1))),
+        None if bytes.len() > crate::binary::MESSAGE_MAX => {
+            Err("it has no line end, expected one JSON object a line".to_owned())
+        }
+        None => Ok(None),
+    }
+}
+
+fn object(text: &[u8]) -> Result<(String, Value), String> {
+    let shown = || String::from_utf8_lossy(&text[..text.len().min(40)]).into_owned();
+    let map: Map<String, Value> = serde_json::from_slice(text)
+        .map_err(|error| format!("{:?} is no JSON object: {error}", shown()))?;
+    let mut entries = map.into_iter();
+    match (entries.next(), entries.next()) {
+        (Some(only), None) => Ok(only),
+        _ => Err(format!("{:?} has not exactly one key", shown())),
+    }
+}
+
+/// Reads an answer.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn read_answer(text: &[u8]) -> Result<Answer, String> {
+    let (key, value) = object(text)?;
+    match key.as_str() {
+        "hello" => Ok(Answer::Hello(value)),
+        "exchange" => {
+            let next = &value["next"];
+            let next = match next.as_u64() {
+                None if next.is_null() => None,
+                None => return Err("\"next\" is no time, expected nanoseconds or null".to_owned()),
+                next => next.filter(|next| *next != u64::MAX),
+            };
+            Ok(Answer::Exchange(Reply {
+                next: next.map(Instant::from_nanos),
+                items: items(&value, read_output)?,
+            }))
+        }
+        "saved" => Ok(Answer::Saved(bytes(&value)?)),
+        "loaded" => Ok(Answer::Loaded),
+        other => Err(format!(
+            "its key is \"{other}\", expected hello, exchange, saved or loaded"
+        )),
+    }
+}
+
+/// Reads a request.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn read_request(text: &[u8]) -> Result<Request, String> {
+    let (key, value) = object(text)?;
+    match key.as_str() {
+        "hello" => serde_json::from_value(value)
+            .map(Request::Hello)
+            .map_err(|error| format!("the greeting cannot be read: {error}")),
+        "exchange" => {
+            let now = value["now"].as_u64().ok_or("\"now\" is no time")?;
+            Ok(Request::Exchange {
+                now: Instant::from_nanos(now),
+                items: items(&value, read_input)?,
+            })
+        }
+        "save" => Ok(Request::Save),
+        "load" => Ok(Request::Load(bytes(&value)?)),
+        "end" => Ok(Request::End),
+        other => Err(format!(
+            "its key is \"{other}\", expected hello, exchange, save, load or end"
+        )),
+    }
+}
+
+fn items<T>(value: &Value, read: fn(&Value) -> Result<T, String>) -> Result<Vec<Item<T>>, String> {
+    let all = match &value["items"] {
+        Value::Array(all) => all.as_slice(),
+        Value::Null => &[],
+        _ => return Err("\"items\" is no list".to_owned()),
+    };
+    let item = |(number, item): (usize, &Value)| {
+        let wrong = |what: String| format!("item {number} {what}");
+        let at = item["time"]
+            .as_u64()
+            .ok_or_else(|| wrong("has no time, expected \"time\" in nanoseconds".to_owned()))?;
+        let port = item.get("port").or_else(|| item.get("quantity"));
+        let port = port.map_or(Some(0), Value::as_u64);
+        let port = port.and_then(|port| u8::try_from(port).ok());
+        Ok(Item {
+            port: port.ok_or_else(|| wrong("has no such port".to_owned()))?,
+            at: Instant::from_nanos(at),
+            what: read(item).map_err(wrong)?,
+        })
+    };
+    all.iter().enumerate().map(item).collect()
+}
+
+fn read_input(item: &Value) -> Result<Input, String> {
+    if let Some(found) = item.get("bytes") {
+        return bytes(found).map(Input::Bytes);
+    }
+    if let Some(event) = item["line"].as_str() {
+        return event_of(event).map(Input::Line);
+    }
+    if let Some(name) = item["fault"].as_str() {
+        return Ok(Input::Fault {
+            name: name.to_owned(),
+            begins: item["begins"].as_bool().unwrap_or_default(),
+            figure: item["figure"].as_f64(),
+        });
+    }
+    let value = item["value"].as_f64();
+    value
+        .map(Input::Quantity)
+        .ok_or_else(|| "is of no kind, expected bytes, line, fault or quantity".to_owned())
+}
+
+fn read_output(item: &Value) -> Result<Output, String> {
+    for (kind, is_violation) in [("note", false), ("violation", true)] {
+        if let Some(rule) = item[kind].as_str().filter(|rule| !rule.is_empty()) {
+            return Ok(Output::Note(Note {
+                is_violation,
+                rule: rule.to_owned(),
+                detail: item["detail"].as_str().unwrap_or_default().to_owned(),
+                bytes: item.get("bytes").map_or(Ok(Vec::new()), bytes)?,
+            }));
+        }
+    }
+    if let Some(found) = item.get("bytes") {
+        return bytes(found).map(Output::Bytes);
+    }
+    if let Some(event) = item["line"].as_str() {
+        return event_of(event).map(Output::Line);
+    }
+    if let Some(rate) = item["rate"].as_u64() {
+        let rate = u32::try_from(rate).unwrap_or(0);
+        let line = line_of(rate, item["format"].as_str().unwrap_or("8N1"));
+        return line
+            .map(Output::Coding)
+            .ok_or_else(|| "is a line coding that cannot be, expected e.g. 9600, 8N1".to_owned());
+    }
+    let value = item["value"].as_f64();
+    value.map(Output::Quantity).ok_or_else(|| {
+        "is of no kind, expected bytes, line, rate, note, violation or quantity".to_owned()
+    })
+}
+
+fn name_of(event: LineEvent) -> &'static str {
+    let known = LINE_EVENTS.iter().find(|(_, known, _)| *known == event);
+    known.map_or("opened", |(.., name)| name)
+}
+
+fn event_of(name: &str) -> Result<LineEvent, String> {
+    let known = LINE_EVENTS.iter().find(|(.., known)| *known == name);
+    known
+        .map(|(_, event, _)| *event)
+        .ok_or_else(|| format!("is the line event \"{name}\", expected opened, closed or break"))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn bytes(value: &Value) -> Result<Vec<u8>, String> {
+    let wrong = || "has bytes that are no hexadecimal text".to_owned();
+    let digits = value.as_str().ok_or_else(wrong)?.as_bytes();
+    let digit = |digit: u8| char::from(digit).to_digit(16);
+    let pairs = digits.chunks(2).map(|pair| match *pair {
+        [high, low] => Some(digit(high)? << 4 | digit(low)?),
+        _ => None,
+    });
+    let bytes = pairs.map(|pair| pair.and_then(|pair| u8::try_from(pair).ok()));
+    bytes.collect::<Option<Vec<u8>>>().ok_or_else(wrong)
+}

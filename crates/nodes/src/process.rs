@@ -1,0 +1,289 @@
+//! A process with pipes: started in a process group of its own, written to and read from with a
+//! limit of wall time, ended with all that it started.
+//!
+//! What leaves its group (a daemon that begins a session of its own) is out of reach and goes on.
+
+use core::time::Duration;
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::thread::{self, JoinHandle};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+use rustix::io::Errno;
+use rustix::process::{Pid, Signal, kill_process_group};
+
+use crate::error::NodeError;
+
+/// As much of standard error as is kept, from its end.
+const WORDS_MAX: usize = 64 << 10;
+/// How long its last words may be on their way.
+const LAST_WORDS: Duration = Duration::from_millis(500);
+/// Most pieces of one answer, besides those that its length explains: a program that sends a byte
+/// now and then hangs.
+const PIECES_MAX: usize = 1_000;
+
+/// A process that answers requests.
+#[derive(Debug)]
+pub struct Process {
+    child: Option<Child>,
+    group: Option<Pid>,
+    stdin: Option<ChildStdin>,
+    stdout: ChildStdout,
+    /// What came and was not taken: bytes, and where the rest begins.
+    came: (Vec<u8>, usize),
+    words: Arc<Mutex<Vec<u8>>>,
+    listener: Option<JoinHandle<()>>,
+    limit: Duration,
+}
+
+impl Process {
+    /// Starts `command` by the shell in `folder`, with `env` added to its environment. `limit` is
+    /// the wall time for which it may be silent.
+    ///
+    /// # Errors
+    /// If the system refuses.
+    pub fn start(
+        command: &str,
+        folder: Option<&Path>,
+        env: &[(String, String)],
+        limit: Duration,
+    ) -> Result<Self, NodeError> {
+        Self::try_start(command, folder, env, limit).map_err(|error| {
+            let place = folder.map(|folder| format!(" in {}", folder.display()));
+            NodeError::NotStarted(format!("{error}{}", place.unwrap_or_default()))
+        })
+    }
+
+    fn try_start(
+        command: &str,
+        folder: Option<&Path>,
+        env: &[(String, String)],
+        limit: Duration,
+    ) -> io::Result<Self> {
+        let mut shell = Command::new("sh");
+        shell
+            .args(["-c", command])
+            .envs(env.iter().map(|(name, value)| (name, value)))
+            .process_group(0)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        if let Some(folder) = folder.filter(|folder| !folder.as_os_str().is_empty()) {
+            shell.current_dir(folder);
+        }
+        let mut child = shell.spawn()?;
+        let stream = || io::Error::other("a standard stream is missing");
+        let stdin = child.stdin.take().ok_or_else(stream)?;
+        let stdout = child.stdout.take().ok_or_else(stream)?;
+        let stderr = child.stderr.take().ok_or_else(stream)?;
+        let group = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
+        let words = Arc::default();
+        let heard = Arc::clone(&words);
+        let listener = thread::spawn(move || listen(stderr, &heard));
+        let process = Self {
+            child: Some(child),
+            group,
+            stdin: Some(stdin),
+            stdout,
+            came: (Vec::new(), 0),
+            words,
+            listener: Some(listener),
+            limit,
+        };
+        if let Some(stdin) = &process.stdin {
+            fcntl_setfl(stdin, fcntl_getfl(stdin)? | OFlags::NONBLOCK)?;
+        }
+        Ok(process)
+    }
+
+    /// Writes `bytes`, a part of the request called `to`.
+    ///
+    /// # Errors
+    /// If it does not take them.
+    pub fn write(&mut self, bytes: &[u8], to: &'static str) -> Result<(), NodeError> {
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let Some(stdin) = &mut self.stdin else {
+                return Err(self.gone("input", to));
+            };
+            match stdin.write(rest) {
+                Ok(len) => rest = &rest[len..],
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    let ready = PollFd::new(stdin, PollFlags::OUT);
+                    if !wait(ready, self.limit) {
+                        let limit = self.limit;
+                        return Err(NodeError::Hung { to, limit });
+                    }
+                }
+                Err(_) => return Err(self.gone("input", to)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads until `message` finds one at the front of what came: what it makes of it, and how long
+    /// it was.
+    ///
+    /// # Errors
+    /// If it is silent or gone, or if what came cannot be a message.
+    pub fn read<T>(
+        &mut self,
+        to: &'static str,
+        message: impl Fn(&[u8]) -> Result<Option<(T, usize)>, String>,
+    ) -> Result<T, NodeError> {
+        let mut pieces = 0;
+        loop {
+            let (came, from) = &mut self.came;
+            let found = message(&came[*from..]);
+            let found = found.map_err(|what| NodeError::Unreadable { to, what })?;
+            if let Some((found, len)) = found {
+                *from += len;
+                if *from == came.len() {
+                    came.clear();
+                    *from = 0;
+                }
+                return Ok(found);
+            }
+            let is_slow = pieces > PIECES_MAX + came.len() / 512;
+            let ready = PollFd::new(&self.stdout, PollFlags::IN);
+            if is_slow || !wait(ready, self.limit) {
+                let limit = self.limit;
+                return Err(NodeError::Hung { to, limit });
+            }
+            pieces += 1;
+            if !self.fill() {
+                return Err(self.gone("output", to));
+            }
+        }
+    }
+
+    /// Takes what came; whether its standard output is open.
+    fn fill(&mut self) -> bool {
+        let mut buf = [0; 4096];
+        loop {
+            match self.stdout.read(&mut buf) {
+                Ok(0) => return false,
+                Ok(len) => {
+                    let (came, from) = &mut self.came;
+                    came.drain(..*from);
+                    *from = 0;
+                    came.extend_from_slice(&buf[..len]);
+                    return true;
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(_) => return false,
+            }
+        }
+    }
+
+    /// Bytes that came and belong to no answer.
+    pub fn excess(&self) -> usize {
+        self.came.0.len() - self.came.1
+    }
+
+    /// Why one of its streams is closed.
+    fn gone(&mut self, stream: &'static str, to: &'static str) -> NodeError {
+        match self.wait_for_end(LAST_WORDS) {
+            Some(status) => NodeError::Exited {
+                how: how(status),
+                to,
+            },
+            None => NodeError::Closed { stream, to },
+        }
+    }
+
+    /// Closes its standard input and waits until it has ended; kills it after `patience`. How it
+    /// ended, if it ended by itself.
+    pub fn end(&mut self, patience: Duration) -> Option<ExitStatus> {
+        self.stdin = None;
+        self.wait_for_end(patience)
+    }
+
+    /// Nobody of its group is there any more when this returns.
+    fn wait_for_end(&mut self, patience: Duration) -> Option<ExitStatus> {
+        let mut child = self.child.take()?;
+        let (tell, told) = mpsc::channel();
+        let waiter = thread::spawn(move || {
+            let _ = tell.send(child.wait());
+        });
+        let status = told.recv_timeout(patience).ok().and_then(Result::ok);
+        if let Some(group) = self.group {
+            let _ = kill_process_group(group, Signal::KILL);
+        }
+        let _ = waiter.join();
+        status
+    }
+
+    /// What it said on standard error, the end of it.
+    pub fn said(&self) -> String {
+        let words = self.words.lock().unwrap_or_else(PoisonError::into_inner);
+        String::from_utf8_lossy(&words).into_owned()
+    }
+
+    /// The same once it has ended: waits for its last words.
+    pub fn said_at_last(&mut self) -> String {
+        if let Some(listener) = self.listener.take() {
+            let (tell, told) = mpsc::channel();
+            thread::spawn(move || {
+                let _ = tell.send(listener.join());
+            });
+            let _ = told.recv_timeout(LAST_WORDS);
+        }
+        self.said()
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.end(Duration::ZERO);
+    }
+}
+
+/// Waits until something can be done; whether it came true.
+fn wait(ready: PollFd<'_>, limit: Duration) -> bool {
+    let limit = Timespec::try_from(limit).ok();
+    let mut all = [ready];
+    loop {
+        match poll(&mut all, limit.as_ref()) {
+            Ok(count) => return count > 0,
+            Err(Errno::INTR) => {}
+            Err(_) => return false,
+        }
+    }
+}
+
+/// Exit code or signal, in words.
+fn how(status: ExitStatus) -> String {
+    match (status.signal(), status.code()) {
+        (Some(signal), _) => format!("signal {signal}"),
+        (None, Some(127)) => "exit code 127: the shell did not find the command".to_owned(),
+        (None, code) => format!("exit code {}", code.unwrap_or_default()),
+    }
+}
+
+/// How a program ended, if that was not well.
+pub(crate) fn trouble(status: ExitStatus) -> Option<String> {
+    (!status.success()).then(|| how(status))
+}
+
+/// Hears all that is said, until nobody can say anything more.
+fn listen(mut from: impl io::Read, words: &Mutex<Vec<u8>>) {
+    let mut buf = [0; 4096];
+    loop {
+        match from.read(&mut buf) {
+            Ok(len @ 1..) => {
+                let mut words = words.lock().unwrap_or_else(PoisonError::into_inner);
+                words.extend_from_slice(&buf[..len]);
+                let excess = words.len().saturating_sub(WORDS_MAX);
+                words.drain(..excess);
+            }
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            _ => return,
+        }
+    }
+}
