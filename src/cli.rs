@@ -134,7 +134,7 @@ pub enum Verdict {
     Pass,
     /// An expectation failed.
     Fail,
-    /// An expectation failed while the rig was so late that nobody can say why.
+    /// An expectation failed while the rig was so late that the cause is unknown.
     NotJudged,
     /// A program ended with this exit code, as a shell has it.
     Program(u8),
@@ -271,7 +271,7 @@ pub fn main() -> ExitCode {
         eprintln!("error: {error}");
     }
     let exit_code = match &result {
-        // The verdict holds, but nobody has read all of it.
+        // The verdict holds, but not all of it was read.
         Ok(Verdict::Pass) if out::is_incomplete() => 2,
         Ok(Verdict::Pass) => 0,
         Ok(Verdict::Fail) => 1,

@@ -172,7 +172,7 @@ const BOOT: Duration = Duration::from_millis(30);
 const STALE_BOOT: Duration = Duration::from_secs(5);
 /// Counts of the divider for which the stop button works on.
 const BUTTON_COUNTS: u16 = 120;
-/// Counts of the divider after which the light shows that nobody speaks.
+/// Counts of the divider after which the light shows that the master is silent.
 const SILENT_COUNTS: u16 = 120;
 /// Line rate of the debug port: 16 MHz / 16 / 9, called 115200 in the source.
 const DEBUG_BAUD: u32 = 111_111;

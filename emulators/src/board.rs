@@ -165,11 +165,11 @@ impl Board {
         log.note(at, "board-reset", detail);
     }
 
-    /// Whether nobody hears what comes at `now`, because the board is starting; tells it then.
+    /// Whether bytes at `now` are lost because the board is starting; logs it then.
     pub(crate) fn is_deaf(&self, now: Instant, log: &mut EventLog) -> bool {
         let up = self.boots_until.filter(|&up| now < up);
         if let Some(up) = up {
-            let detail = || format!("bytes that nobody hears: the board starts, until {up} s");
+            let detail = || format!("bytes lost: the board starts, until {up} s");
             log.repeated(now, EventKind::Note, "board-deaf", detail);
         }
         up.is_some()

@@ -35,7 +35,7 @@ use crate::world::{Scene, World};
 const QUEUE_MAX: usize = 64;
 /// Of the network, bit/s.
 pub const RATE: u32 = 20_000_000;
-/// From one picture to the next when the camera is slow and nobody says how slow.
+/// From one picture to the next when the camera is slow, by default.
 const SLOW_MS: f64 = 200.0;
 
 /// What the camera tells of a picture.
@@ -112,7 +112,7 @@ impl Default for CameraConfig {
 const FAULTS: [&str; 6] = ["off", "slow", "garbage", "stuck", "blind", "battery"];
 /// Share of the columns without a depth while its battery collapses: a guess.
 const FAILING: f64 = 0.5;
-/// From the first gaps to nothing at all, seconds, if nobody says: a guess.
+/// From the first gaps to nothing at all, seconds, by default: a guess.
 const COLLAPSE_S: f64 = 5.0;
 
 /// What is wrong with the camera itself.
@@ -250,11 +250,11 @@ impl Device for Camera {
         &FAULTS
     }
 
-    /// `off`. `slow`: so many milliseconds between pictures, 200 if nobody says. `garbage`:
+    /// `off`. `slow`: so many milliseconds between pictures, 200 by default. `garbage`:
     /// messages of their lengths, but of random bytes. `stuck`: the last picture for ever. `blind`:
-    /// that share of the columns has no depth, all if nobody says, and then no marker is
+    /// that share of the columns has no depth, all by default, and then no marker is
     /// recognised. `battery`: its own pack, which nothing protects, collapses within so many
-    /// seconds, 5 if nobody says; the end of the fault is another pack.
+    /// seconds, 5 by default; the end of the fault is another pack.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" => {

@@ -372,7 +372,7 @@ impl Device for CarBoard {
     }
 
     /// `off`, `restart`; `stuck`: the last frame for ever. `slow`: so many milliseconds between
-    /// frames, 1000 if nobody says. `battery-low`: 6.85 V. `motor`, `servo`: does nothing any more.
+    /// frames, 1000 by default. `battery-low`: 6.85 V. `motor`, `servo`: does nothing any more.
     /// `hall`: no pulses. `line`: a line everywhere. `front`, `right`, `left`: hears no echo.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {

@@ -7,7 +7,7 @@ use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::world::World;
 
-/// A piece of hardware with one or more serial ports, advanced by whoever owns the clock.
+/// A piece of hardware with one or more serial ports, advanced by the owner of the clock.
 ///
 /// The four verbs are those of a master on the other side of the wire: bytes come in with
 /// [`receive`](Self::receive), work is done in [`poll`](Self::poll), bytes leave with
@@ -222,7 +222,7 @@ mod tests {
         assert_eq!(mute.peek(0), None);
         assert_eq!(mute.known_faults(), [""; 0]);
         assert_eq!(mute.line_change(Port(0)), None);
-        // Who does not know whether there is anything is asked each time.
+        // A device that cannot tell is asked each time.
         assert!(mute.may_send(Port(0)));
     }
 }

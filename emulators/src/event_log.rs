@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use crate::device::{BrokenRules, Event, EventKind, earliest};
 
-/// Most entries kept until somebody takes them; further ones are only counted.
+/// Most entries kept until they are taken; further ones are only counted.
 const EVENTS_MAX: usize = 1024;
 /// First pause between two entries about the same rule; doubles while the rule is being broken.
 const PAUSE_MIN: Duration = Duration::from_secs(1);

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!            UART                                   AIR
-//! robot  --> command parser (nobody connected)
+//! robot  --> command parser (not connected)
 //!        --> FIFO, 700 B, overflows --> 20.5 kB/s --> host
 //!        <-- 20.5 kB/s, holds the writer up     <-- host
 //! ```
@@ -72,7 +72,7 @@ pub enum Radio {
 pub enum Lamp {
     /// No power, or switched off by command.
     Dark,
-    /// Nobody is connected.
+    /// No connection.
     Blinking,
     /// A host is connected.
     Steady,
@@ -165,7 +165,7 @@ impl Hc06 {
     }
 
     /// Bytes that `port` takes without losing any. A host's operating system makes a writer wait
-    /// when this is 0; whoever feeds [`AIR`](Self::AIR) from outside should do the same.
+    /// when this is 0; a caller that feeds [`AIR`](Self::AIR) should do the same.
     pub fn room(&self, port: Port) -> usize {
         match port {
             Self::AIR => self.air.down.room(),
@@ -274,7 +274,7 @@ impl Hc06 {
     /// `count` bytes of the UART were taken for a command, and are none.
     fn count_vanished(&mut self, count: u64, now: Instant) {
         if self.vanished.is_none() {
-            let detail = "nobody is connected: bytes of the UART are taken as commands".to_owned();
+            let detail = "no connection: bytes of the UART are taken as commands".to_owned();
             self.log.note(now, "data-in-command-mode", detail);
         }
         self.vanished = Some(self.vanished.unwrap_or(0) + count);

@@ -29,7 +29,7 @@ use crate::world::World;
 
 /// Messages that wait at most; further ones are lost.
 const QUEUE_MAX: usize = 16;
-/// From the end of a request to the beginning of the answer: a bus waits for nobody.
+/// From the end of a request to the beginning of the answer: a bus does not wait.
 const LATENCY: Duration = Duration::from_micros(5);
 /// First byte of a frame.
 const FRAME: u8 = 0x01;
@@ -55,7 +55,7 @@ pub trait RegisterChip: Clone {
         register.wrapping_add(count)
     }
 
-    /// Whether a master that reads from `address` although nobody acknowledges finds the bus up,
+    /// Whether a master that reads from `address` without an acknowledge finds the bus up,
     /// all ones: a chip that is there and busy.
     fn is_busy(&self, _now: Instant, _address: u8) -> bool {
         false
@@ -124,7 +124,7 @@ impl<C: RegisterChip> OnBus<C> {
         &self.chip
     }
 
-    /// Does a transaction; what was read, `None` if nobody acknowledges.
+    /// Does a transaction; what was read, `None` without an acknowledge.
     fn obey(&mut self, now: Instant, message: &[u8], world: &World) -> Option<Vec<u8>> {
         let (&address, rest) = message.split_first()?;
         let count = rest.first().copied().unwrap_or(0);

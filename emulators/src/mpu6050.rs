@@ -17,7 +17,7 @@
 //! other way, which makes an integrated heading climb slowly and start over (report, page 14).
 //!
 //! A sample is ready each (1 + divider) / 8 kHz, or / 1 kHz with a filter of 1 to 6; reading the
-//! status clears it. Samples that went into the FIFO while nobody asked are all as the first look
+//! status clears it. Samples that went into the FIFO between two requests are all as the first look
 //! at them finds the body.
 //!
 //! Sources: register map RM-MPU-6000A, data sheet PS-MPU-6000A. Bias and its walk are guesses that

@@ -357,9 +357,9 @@ impl Device for Odometer {
     }
 
     /// `off`: no supply. `restart`: a reset. `stuck`: the program hangs until a reset. `slow`: a
-    /// loop works for so many milliseconds, 12 if nobody says. `wrong`: the encoder's wires are
-    /// exchanged. `worn`: chance that a contact is open at a look, 0.2 if nobody says. `iron`: so
-    /// many microtesla more along y of the world, 40 if nobody says. `imu-..`: as the sensor's own.
+    /// loop works for so many milliseconds, 12 by default. `wrong`: the encoder's wires are
+    /// exchanged. `worn`: chance that a contact is open at a look, 0.2 by default. `iron`: so
+    /// many microtesla more along y of the world, 40 by default. `imu-..`: as the sensor's own.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" if begins => {

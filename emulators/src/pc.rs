@@ -164,7 +164,7 @@ impl Pc {
         self.next_step == self.script.steps().len() && self.confirmed_at().is_some()
     }
 
-    /// Does something that is not in the script, as somebody at the keyboard would.
+    /// Does something that is not in the script, as a person at the keyboard would.
     pub fn perform(&mut self, now: Instant, action: Action) -> Result<(), ScriptError> {
         action.check()?;
         self.do_it(now, action);
@@ -246,7 +246,7 @@ impl Pc {
         }
     }
 
-    /// The connection is gone, whoever ended it.
+    /// The connection is gone, whichever end closed it.
     fn lose(&mut self, now: Instant) {
         self.connection = Connection::Closed;
         self.quiet_at = None;

@@ -182,7 +182,7 @@ impl Registers {
     /// Whether `chassis` has all that is [wanted](Self::wanted).
     ///
     /// # Errors
-    /// The first register for which something is missing, and what there is instead.
+    /// The first register that lacks its source, and the sources that exist.
     pub fn check_chassis(&self, chassis: &dyn Chassis) -> Result<(), VariableError> {
         self.variables.check_chassis(chassis)
     }
@@ -207,7 +207,7 @@ impl Registers {
     fn hear(&mut self, at: Instant, heard: Result<Frame, FrameError>) {
         let request = match heard {
             Ok(frame) => Some(frame),
-            // A cut-off frame is told and not answered: nobody waits for it any more.
+            // A truncated frame is logged and not answered: its master waits no longer.
             Err(error @ FrameError::Truncated { .. }) => {
                 return self.tell(at, "frame-cut-off", || error.to_string());
             }

@@ -1,9 +1,9 @@
 //! Named random streams from one seed.
 //!
-//! Whoever needs chance asks for a stream of its own: `Rng::stream(seed, "lidar.noise")`. Streams
-//! share nothing, so a new stream, or one more draw in an old one, never shifts another. Every
-//! method draws a fixed number of words, whatever its arguments: a fault of probability 0 leaves
-//! the stream where a fault of probability 1 leaves it.
+//! Each consumer of chance asks for a stream of its own: `Rng::stream(seed, "lidar.noise")`.
+//! Streams share nothing, so a new stream, or one more draw in an old one, never shifts another.
+//! Every method draws a fixed number of words, whatever its arguments: a fault of probability 0
+//! leaves the stream where a fault of probability 1 leaves it.
 
 use core::f64::consts::TAU;
 
@@ -57,7 +57,7 @@ impl Rng {
     }
 
     /// About normal with mean 0 and standard deviation 1, never beyond 3.47: the sum of four even
-    /// ones of 16 bits. One draw, and no logarithm, for whoever needs very many.
+    /// ones of 16 bits. One draw, and no logarithm, for callers that need very many.
     pub fn bell(&mut self) -> f64 {
         let word = self.next_u64();
         let sum = (0..4)

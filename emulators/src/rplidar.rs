@@ -113,7 +113,7 @@ pub struct Rplidar {
     profile: Profile,
     motor: MotorControl,
     rotor: Rotor,
-    /// Level of DTR; low before anybody has opened the adapter's port.
+    /// Level of DTR; low before the adapter's port is opened.
     dtr_high: bool,
     optics: Optics,
     requests: RequestDecoder,
@@ -210,7 +210,7 @@ impl Rplidar {
         self.rotor.speed_rpm()
     }
 
-    /// Packets dropped because nobody took them.
+    /// Packets dropped because the line did not take them.
     pub const fn dropped(&self) -> u64 {
         self.output.dropped()
     }

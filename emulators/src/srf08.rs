@@ -261,7 +261,7 @@ impl RegisterChip for Srf08 {
     }
 
     /// `off`: does not acknowledge. `deaf`: no echo. `stuck`: the last echo for ever. `wrong`: so
-    /// many metres too far, 0.5 if nobody says.
+    /// many metres too far, 0.5 by default.
     fn set_fault(&mut self, _now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" => self.is_off = begins,

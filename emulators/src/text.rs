@@ -182,7 +182,7 @@ impl Text {
     /// Whether `chassis` has all that is [wanted](Self::wanted).
     ///
     /// # Errors
-    /// The first variable for which something is missing, and what there is instead.
+    /// The first variable that lacks its source, and the sources that exist.
     pub fn check_chassis(&self, chassis: &dyn Chassis) -> Result<(), VariableError> {
         self.variables.check_chassis(chassis)
     }
@@ -398,7 +398,7 @@ impl Device for Text {
             && at <= now
         {
             self.say(&line, now, world);
-            // A late poll does not make up for lines that nobody heard.
+            // A late poll does not make up for lines that were not sent.
             self.next_period = Some((at + period).max(now));
         }
         self.watchdog.poll(now, &mut self.variables, &mut self.log);

@@ -90,7 +90,7 @@ impl TouchPanel {
         }
     }
 
-    /// Somebody taps at `place`, column and row, at `at` or when the taps before are over.
+    /// Taps at `place`, column and row, at `at` or when the taps before are over.
     pub fn tap(&mut self, at: Instant, place: [u16; 2]) {
         if self.taps.len() < TAPS_MAX {
             let index = self.taps.partition_point(|tap| tap.at <= at);

@@ -6,9 +6,9 @@
 //! outputs frame   -> duties of two bridges, their enable, channel of the multiplexer
 //! ```
 //!
-//! The wire is [`protocols::peripherals`]. Whoever closes the loop sits at its other end: the board
-//! holds the last duty for ever, and has no watchdog. It drives the motors `left` and `right` of
-//! the world's chassis and counts that chassis's encoders of the same names.
+//! The wire is [`protocols::peripherals`]. The controller that closes the loop is at its other end:
+//! the board holds the last duty for ever, and has no watchdog. It drives the motors `left` and
+//! `right` of the world's chassis and counts that chassis's encoders of the same names.
 
 mod config;
 mod drive;
@@ -219,7 +219,7 @@ impl WheelBoard {
             return;
         }
         let sample = self.sample(now);
-        // A sample that nobody has fetched is gone with the next one, as a register's content is.
+        // A sample that was not fetched is gone with the next one, as a register's content is.
         if self.queue.len() < SAMPLE_LEN {
             self.queue.extend(sample.encode());
         }

@@ -304,7 +304,7 @@ impl World {
         self.bumper.clearance(&self.scene, self.now, self.pose())
     }
 
-    /// Somebody pushes the robot: the body moves by (`dx`, `dy`) metres in world axes and turns by
+    /// A person pushes the robot: the body moves by (`dx`, `dy`) metres in world axes and turns by
     /// `dtheta` radians, evenly `over` this time and beside what its wheels do, which do not count
     /// it. No faster than 5 m/s and 20 rad/s: a shorter time is stretched. What is left of a push
     /// under way is added. Walls hold the robot all the same.
@@ -315,7 +315,7 @@ impl World {
         self.push.add(Pose::new(dx, dy, dtheta), over);
     }
 
-    /// Somebody puts the robot elsewhere at once; its wheels go on as before.
+    /// Puts the robot elsewhere at once; its wheels go on as before.
     ///
     /// # Panics
     /// If a coordinate is not finite.

@@ -22,7 +22,7 @@ const STEADY: usize = 117 * TURN;
 ///
 /// Found: tooth speeds 50 %, codes 50 %, distances 84 %, strengths 99 %. Windows of one room are
 /// all alike in what its walls reflect, so that any difference of the mean gives them away; how the
-/// real walls were painted, nobody knows. So strengths are shown and not judged.
+/// real walls were painted, is unknown. So strengths are shown and not judged.
 const GROUPS: [(&str, Figures, f64); 4] = [
     ("tooth speeds", tooth_speeds, 0.65),
     ("distances", distances, 0.90),

@@ -197,7 +197,7 @@ fn a_flat_bumper_is_stopped_by_a_leg() {
     assert!(close(contact.speed_m_s, 1.2, 1e-9) && close(contact.place.y, 0.05, 1e-9));
 }
 
-/// Somebody of 0.2 m radius walks at 0.5 m/s to x = 0 from behind: the rear bumper, 0.101 m behind
+/// A person of 0.2 m radius walks at 0.5 m/s to x = 0 from behind: the rear bumper, 0.101 m behind
 /// the axle, ends at his front.
 #[test]
 fn somebody_who_walks_into_a_car_shoves_it_along_but_not_into_a_wall() {
@@ -329,7 +329,7 @@ fn a_car_that_would_begin_in_a_wall_is_refused() {
     );
 }
 
-/// A drive train of somebody else: a winch that pulls the body along, and knows nothing else.
+/// A foreign drive train: a winch that pulls the body along, and knows nothing else.
 #[derive(Clone, Debug)]
 struct Winch {
     footprint: Footprint,
@@ -499,7 +499,7 @@ proptest! {
         }
     }
 
-    /// Who polls the world, and how often, must not matter.
+    /// It must not matter which device polls the world, and how often.
     #[test]
     fn a_car_does_not_depend_on_when_the_world_is_advanced(
         seed: u64,

@@ -10,7 +10,7 @@ use emulators::world::{
 };
 use protocols::Instant;
 
-/// A small room with a leg, a wall to lean on and somebody who walks to and fro.
+/// A small room with a leg, a wall to lean on and a person who walks to and fro.
 fn room(seed: u64) -> World {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let corners = corners.map(|(x, y)| Point::new(x, y)).to_vec();

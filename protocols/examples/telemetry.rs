@@ -1,4 +1,4 @@
-//! Reads messages of the telemetry link and says what is in them, for whoever checks them against
+//! Reads messages of the telemetry link and says what is in them, to check them against
 //! another library of protocol buffers.
 //!
 //! Each line of standard input is `telemetry HEX` or `telecommand HEX`. The answer is a line: the

@@ -1,6 +1,6 @@
 //! AT command set of the HC-06 Bluetooth module.
 //!
-//! The module takes commands only while nobody is connected over the air. The three firmware
+//! The module takes commands only without a connection over the air. The three firmware
 //! families differ in how a command ends and how replies are worded:
 //!
 //! | family | a command ends | words | replies |

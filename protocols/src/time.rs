@@ -5,7 +5,7 @@ use core::time::Duration;
 /// A point in time: nanoseconds since the run began.
 ///
 /// Nanoseconds because a byte at 460800 baud takes 21,701 ns; whole microseconds would run that
-/// line 3 % fast. Nobody can ask for "now": time is an argument.
+/// line 3 % fast. There is no "now": time is an argument.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Instant(u64);
 

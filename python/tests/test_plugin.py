@@ -133,7 +133,7 @@ def test_a_killed_pytest_leaves_no_process_and_no_port(inner, pytester) -> None:
         ports = [Path(path.read_text()) for path in pids.iterdir()]
         assert all((path / "lidar").exists() for path in ports)
     finally:
-        # All of pytest, its workers too, at once: nobody has time to clean up.
+        # All of pytest, its workers too, at once: no process has time to clean up.
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     rigs = [Path("/proc", path.name) for path in pids.iterdir()]

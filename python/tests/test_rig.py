@@ -33,7 +33,7 @@ def test_a_program_drives_waits_and_is_judged(scenario: Path) -> None:
             live = rig.verdict()
             assert live.folder is None and live.checks
         result = rig.finish()
-        # The waypoint is far away, and nobody drove there.
+        # The waypoint is far away, and the robot did not drive there.
         # On a busy machine that is not judged: the rig may have been too late for the program.
         assert not result and result.verdict in ("fail", "not-judged")
         assert [check.name for check in result.failures] == ["waypoints-visited"]

@@ -184,7 +184,7 @@ pub(super) struct RunEnded {
     pub(super) seed: Option<u64>,
     pub(super) verdict: Status,
     pub(super) checks: Vec<Check>,
-    /// The probable cause, if somebody's program failed.
+    /// The probable cause, if the foreign program failed.
     pub(super) probable_cause: Option<String>,
     /// None of a case of bytes.
     pub(super) metrics: Option<Metrics>,
@@ -196,12 +196,12 @@ pub(super) struct RunEnded {
     pub(super) repeat: Option<String>,
 }
 
-/// A run in real time that nobody or `--out` judged.
+/// A run in real time that was not judged, or judged by `--out`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct UpEnded {
     /// Rig time.
     pub(super) ran_s: f64,
-    /// Ports that somebody used.
+    /// Ports that were used.
     pub(super) used: Vec<String>,
     /// Faults and orders that came by hand.
     pub(super) changed_by_hand: bool,
@@ -292,7 +292,7 @@ pub(super) struct LinkRecorded {
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub(super) struct ReplayEnded {
     pub(super) played_s: f64,
-    /// Bytes to whoever was played to.
+    /// Bytes played to the program.
     pub(super) bytes_sent: u64,
     /// Bytes from there.
     pub(super) bytes_back: u64,
@@ -402,7 +402,7 @@ pub(super) struct FuzzEnded {
     pub(super) folder: String,
     /// Causes, earlier runs in the same folder included.
     pub(super) findings: u64,
-    /// Each target; of somebody's program none.
+    /// Each target; none with a foreign program.
     pub(super) targets: Vec<TargetFuzzed>,
 }
 

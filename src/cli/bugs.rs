@@ -33,7 +33,7 @@ pub(super) struct Bugs {
 pub(super) fn run(args: Bugs) -> Result<Verdict, CliError> {
     match print(&args, &mut io::stdout().lock()) {
         Err(Failure::Usage(text)) => Err(CliError::Usage(text)),
-        // Whoever reads has seen enough, e.g. "head".
+        // The reader closed the pipe early, e.g. "head".
         Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
             Ok(Verdict::Pass)
         }
@@ -99,7 +99,7 @@ fn print(args: &Bugs, to: &mut dyn Write) -> Result<Verdict, Failure> {
     })
 }
 
-/// Time after which whoever waits is told of the exhibit that runs.
+/// Time after which the running exhibit is named.
 const PROGRESS: Duration = Duration::from_secs(2);
 
 /// Tells which exhibit runs, when it takes long.

@@ -32,7 +32,7 @@ use safefs::Dir;
 ///
 /// Each shard is stateless and goes on where it stopped when it is given the same folder. Whatever
 /// is made anew for a seed (--vary) depends on the seed alone. With --exec each run is one of
-/// somebody's program in real time, one after the other unless --jobs says otherwise.
+/// a foreign program in real time, one after the other unless --jobs says otherwise.
 #[derive(Debug, Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -125,7 +125,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         let merged = summarise(&store, earlier.as_ref(), &|| false)?;
         return Ok(report(&merged, &args.out, args.all_situations));
     }
-    // Before the first run, so that nobody waits a night for the error.
+    // Before the first run, so that the error does not come after a night.
     let shard = shard_of(&args)?;
     let earlier = earlier(args.against.as_deref())?;
     let mut read = read_all(&args.scenarios)?;
@@ -168,11 +168,11 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     } else {
         report_shard(&store, left, &args.out)?
     };
-    // A queue must not take for done what has runs left because somebody ended it.
+    // A queue must not take for done what has runs left because the user ended it.
     Ok(ended_by.map_or(verdict, Verdict::Interrupted))
 }
 
-/// Counts, and makes the case of each cause smaller: who watches is told why it takes long.
+/// Counts, and makes the case of each cause smaller; progress says why it takes long.
 fn summarise(
     store: &Store,
     earlier: Option<&(PathBuf, Store)>,
@@ -247,8 +247,8 @@ fn read_all(paths: &[PathBuf]) -> Result<BTreeMap<String, (Scenario, Source)>, C
     Ok(read)
 }
 
-/// Leaves out robots whose program is somebody else's, where others bring their own: without
-/// `--exec` nobody drives them, and each run would fail for that.
+/// Leaves out robots that need a foreign program, where others bring their own: without
+/// `--exec` they are not driven, and each run would fail for that.
 fn leave_out_bare(read: &mut BTreeMap<String, (Scenario, Source)>) -> Result<(), CliError> {
     let mut bare = Vec::new();
     for (name, (scenario, source)) in &*read {
@@ -326,7 +326,7 @@ fn jobs(args: &CampaignArgs, is_foreign: bool) -> usize {
     jobs.map_or(1, core::num::NonZeroUsize::get)
 }
 
-/// One of those who run at the same time.
+/// One of the workers.
 struct Worker<'a> {
     foreign: Option<&'a Foreign>,
     out: &'a Path,
@@ -377,7 +377,7 @@ impl Worker<'_> {
             .as_ref()
             .is_none_or(|(record, _)| record.cause.is_none())
         {
-            // Nobody asks what a sound program said.
+            // The output of a sound program is not kept.
             let _ = safefs::remove_file(&log);
         }
         Ok(judged)

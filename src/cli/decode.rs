@@ -92,7 +92,7 @@ pub(super) fn run(mut args: DecodeArgs) -> Result<Verdict, CliError> {
         false => print(&args, &mut out),
     };
     match told.and_then(|()| Ok(out.flush()?)) {
-        // Whoever reads has seen enough, e.g. "head".
+        // The reader closed the pipe early, e.g. "head".
         Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {}
         Err(Failure::Output(error)) => {
             return Err(CliError::write("the frames", error));

@@ -13,7 +13,7 @@ use crate::robots::{Instruments, OpenEnd, Wired};
 /// Links that are on real ports.
 #[derive(Debug, Args)]
 pub(super) struct EndArgs {
-    /// Put a real device, or somebody's pseudo-terminal, in the place of the emulated one
+    /// Put a real device, or a pseudo-terminal of yours, in place of the emulated one
     #[arg(long, value_name = "LINK=PATH")]
     device_at: Vec<NamedPort>,
     /// Offer the robot's end of a link on a serial port in place of a pseudo-terminal, or that of a

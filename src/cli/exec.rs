@@ -1,4 +1,4 @@
-//! `--exec`: somebody's program in the place of the robot's own.
+//! `--exec`: a foreign program in place of the robot's own.
 
 use core::time::Duration;
 use std::path::Path;
@@ -10,9 +10,9 @@ use crate::realtime::guest::HAS_LINES;
 use crate::robots;
 use crate::scenario::{Scenario, ScenarioError, Source, Span};
 
-/// Somebody's program.
+/// The foreign program.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Somebody's program")]
+#[command(next_help_heading = "Your program")]
 pub(super) struct ExecArgs {
     /// Start this shell command on the rig's ports and judge it, in real time or virtual. Its
     /// environment has HILRIG_DIR (directory of the ports), HILRIG_PORT_<NAME> (each port),
@@ -26,7 +26,7 @@ pub(super) struct ExecArgs {
 
 /// Several programs, each of which is tried.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Somebody's program")]
+#[command(next_help_heading = "Your program")]
 pub(super) struct ManyExecArgs {
     /// Shell command of a program; given several times, the programs are tried in this order
     #[arg(long, value_name = "CMD", required = true)]
@@ -163,7 +163,7 @@ pub(super) fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', "'\\''"))
 }
 
-/// Whether nobody drives the robot unless `--exec` starts somebody's program.
+/// Whether the robot has no program unless `--exec` starts one.
 pub(super) fn is_bare(scenario: &Scenario, source: &Source) -> Result<bool, ScenarioError> {
     let program = robots::of(scenario, source)?.program(scenario, source)?;
     Ok(program.is_none())

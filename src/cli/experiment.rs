@@ -19,7 +19,7 @@ use safefs::Dir;
     hilrig experiment                      # which there are\n  \
     hilrig experiment push                 # figure 8 of the report, 20 seeds\n  \
     hilrig experiment mazes --out mazes    # 100 mazes; mazes/mazes.csv and mazes/mazes.svg\n  \
-    hilrig experiment mazes --seeds 500..520 # others: nobody has tuned anything on them\n  \
+    hilrig experiment mazes --seeds 500..520 # other mazes, on which nothing was tuned\n  \
     hilrig experiment turning --seeds 5 --json")]
 pub(super) struct ExperimentArgs {
     /// Which [default: list them]

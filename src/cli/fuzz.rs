@@ -23,8 +23,8 @@ use crate::search::generate::Vary;
 use crate::search::shrink::Effort;
 use crate::show::folder::factor;
 
-/// Look for what nobody thought of: bytes into decoders and programs, whole missions made of bytes,
-/// or traffic for somebody else's program.
+/// Find failing inputs: bytes into decoders and programs, whole missions made of bytes,
+/// or traffic for your own program.
 ///
 /// Inputs that do something new are kept and changed further. What is found is kept as a value that
 /// people can read, made small, with the command that repeats it. The same seed and number of

@@ -49,7 +49,7 @@ pub(super) struct ImportArgs {
     /// by its characters]
     #[arg(long, value_name = "CODING", value_parser = coding)]
     coding: Option<LineConfig>,
-    /// Who sent what the tool received, or what socat marks with >
+    /// The side that sent what the tool received, or what socat marks with >
     #[arg(long, value_name = "SIDE", default_value = "device")]
     from: PlayedSide,
 }

@@ -1,4 +1,4 @@
-//! What the commands say. A reader who has seen enough, such as `head -1`, ends no command: what
+//! What the commands say. A reader that closes early, such as `head -1`, ends no command: what
 //! follows is not written, and work and exit code stay what they are. On a full disk the work is
 //! done as well, but the command does not exit with 0.
 //!
@@ -18,7 +18,7 @@ use serde_json::Value;
 use super::answer::Text;
 use super::{CliError, Verdict};
 
-/// Whether somebody was told that standard output cannot be written.
+/// Whether the failure of standard output was reported.
 static TOLD: AtomicBool = AtomicBool::new(false);
 /// Whether standard output is for the object of `--json` alone.
 static JSON: AtomicBool = AtomicBool::new(false);
@@ -55,7 +55,7 @@ pub(super) fn take_answer() -> Option<Value> {
     answer.take()
 }
 
-/// Writes to standard output. A reader who has seen enough is no error.
+/// Writes to standard output. A reader that closes early is no error.
 ///
 /// # Errors
 /// What the system says.
@@ -70,7 +70,7 @@ pub(super) fn write_all(text: &[u8]) -> io::Result<()> {
 /// Prints text that is itself what a command came to; `what` names it.
 ///
 /// # Errors
-/// If it cannot be written. A reader who has seen enough is no error.
+/// If it cannot be written. A reader that closes early is no error.
 pub(super) fn write_text(what: &str, text: &[u8]) -> Result<Verdict, CliError> {
     if is_json() {
         let text = String::from_utf8_lossy(text).into_owned();
@@ -109,7 +109,7 @@ pub(super) fn is_incomplete() -> bool {
     TOLD.load(Ordering::Relaxed)
 }
 
-/// Writes `text` to standard error. If nobody can be told, nobody is.
+/// Writes `text` to standard error. A failure to write is ignored.
 pub(super) fn write_err(text: Arguments<'_>) {
     let _ = io::stderr().lock().write_fmt(text);
 }

@@ -38,7 +38,7 @@ pub(super) use exec::{judge_case, sound_of, try_case};
 ///
 /// With --to, --dir or --exec the capture is played as a conversation: it answers when the program
 /// has asked, as late after the request as it did in the capture. So a program may start later, be
-/// slower, ask in another order or ask again. Bytes that nobody asked for follow what caused them:
+/// slower, ask in another order or ask again. Unsolicited bytes follow what caused them:
 /// the answer or message before them, or the opening of the port. With --by-time each byte comes at
 /// its recorded time instead.
 ///

@@ -29,9 +29,9 @@ pub(super) use judged::{Clocking, Ran, Talk, judged_run, write_results};
 /// Run scenarios and judge them, for CI.
 ///
 /// Each run leaves a result folder. When something fails, the one command that repeats the case is
-/// printed. With --exec somebody's program takes the place of the robot's own and is judged as
+/// printed. With --exec your program takes the place of the robot's own and is judged as
 /// well: whether it opens its ports, lives, goes on reading, and what it leaves behind. What it
-/// says is in program.log of the result folder. Ctrl-C and SIGTERM judge what there is so far.
+/// says is in program.log of the result folder. Ctrl-C and SIGTERM judge the run so far.
 #[derive(Debug, Args)]
 #[command(
     after_long_help = "Examples:\n  hilrig run scenarios/rescue-flat.toml\n  \
@@ -71,7 +71,7 @@ pub(super) struct RunArgs {
     dir: Option<PathBuf>,
     #[command(flatten)]
     ends: EndArgs,
-    /// Take it for a SIGTERM when standard input is closed, so that it never outlives whoever
+    /// Treat the end of standard input as SIGTERM, so that it never outlives the process that
     /// started it with a pipe there
     #[arg(long)]
     until_eof: bool,
@@ -181,7 +181,7 @@ fn answer_of(judgement: &Judgement, repeat: &str) -> RunEnded {
     }
 }
 
-/// Runs one scenario, with somebody's program if there is one.
+/// Runs one scenario, with a foreign program if one is given.
 fn one(
     args: &RunArgs,
     (mut scenario, source): (Scenario, Source),
@@ -193,9 +193,7 @@ fn one(
     let Some(foreign) = args.program.foreign() else {
         if is_bare(&scenario, &source)? {
             let name = &scenario.name;
-            eprintln!(
-                "{name}: its robot has no program and nobody drives it; --exec CMD starts one"
-            );
+            eprintln!("{name}: its robot has no program; --exec CMD starts one");
         }
         let pace = match args.realtime {
             true => Clocking::Realtime(show),
@@ -226,7 +224,7 @@ fn one(
     judged_guest((&scenario, &source), &guest, &place, stop)
 }
 
-/// Plays one case of bytes, to somebody's program if there is one.
+/// Plays one case of bytes, to a foreign program if one is given.
 fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgement, CliError> {
     if let Some(foreign) = args.program.foreign() {
         let out = args.out.clone();
@@ -249,7 +247,7 @@ fn check(args: &RunArgs) -> Result<(), CliError> {
             "--dut-at, --device-at: expected --exec beside it, or \"hilrig up\""
         }
         () if args.show.is_wanted() && args.program.is_virtual() => {
-            "--ui: expected no --virtual beside it: nobody can look on at that speed"
+            "--ui: expected no --virtual beside it: a page cannot follow at that speed"
         }
         () if args.ends.is_given() && args.program.is_virtual() => {
             "--dut-at, --device-at: expected no --virtual: what is on a real port keeps real time"

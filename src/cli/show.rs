@@ -77,7 +77,7 @@ impl Show {
         }
     }
 
-    /// Whether somebody has changed the run.
+    /// Whether the run was changed by hand.
     pub(super) fn has_changed_it(&self) -> bool {
         let desk = self.0.as_ref().and_then(|page| page.desk.as_ref());
         desk.is_some_and(|desk| desk.changes() > 0)

@@ -32,7 +32,7 @@ use safefs::Dir;
 /// With --while a command of yours decides instead: it gets the file as its last argument
 /// and exits with 0 as long as the file is still bad.
 ///
-/// With --exec somebody's program is what fails: each try is a run in real time, 100 at most, and
+/// With --exec your program is what fails: each try is a run in real time, 100 at most, and
 /// what fails only now and then is hard to make smaller.
 ///
 /// Ctrl-C ends the search; the best so far is the result.
@@ -65,7 +65,7 @@ pub(super) struct ShrinkArgs {
 
 /// Most tries; a search that comes to an end needs far fewer.
 const TRIES: u32 = 20_000;
-/// Most tries with somebody's program: each takes as long as its run.
+/// Most tries with a foreign program: each takes as long as its run.
 const TRIES_EXEC: u32 = 100;
 
 pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
@@ -194,7 +194,7 @@ fn shrink_case(
     Ok(Verdict::Pass)
 }
 
-/// Runs somebody's program; `None` if it is time to stop.
+/// Runs the foreign program; `None` if it is time to stop.
 fn run_foreign(
     args: &ShrinkArgs,
     foreign: &Foreign,

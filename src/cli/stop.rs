@@ -38,7 +38,7 @@ impl Stop {
         })
     }
 
-    /// Takes it for a SIGTERM when standard input is closed: when whoever holds its other end is
+    /// Takes it for a SIGTERM when standard input is closed: when the process at its other end is
     /// gone, by whatever signal. What comes in before that is not looked at.
     pub(super) fn at_end_of_input(&self) {
         let signal = Arc::clone(&self.signal);

@@ -64,7 +64,7 @@ pub(super) struct Up {
     /// End by itself when the scenario is over: its mission, or its time
     #[arg(long)]
     until_over: bool,
-    /// End by itself when standard input is closed, so that it never outlives whoever started it
+    /// End when standard input is closed, so that it never outlives the process that started it
     /// with a pipe there
     #[arg(long)]
     until_eof: bool,
@@ -175,7 +175,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     ended.map(|()| verdict)
 }
 
-/// Whether anybody used a port: of a robot without a program nothing is to be said.
+/// Whether a port was used; nothing is said of a robot without a program.
 fn connected(realtime: &Realtime<Held>) -> Check {
     let used: Vec<String> = realtime
         .reports()
@@ -183,7 +183,7 @@ fn connected(realtime: &Realtime<Held>) -> Check {
         .map(|report| report.name)
         .collect();
     let detail = match used.is_empty() {
-        true => "nobody used any port".to_owned(),
+        true => "no port was used".to_owned(),
         false => format!("used {}", used.join(", ")),
     };
     Check::new("program-connected", !used.is_empty(), detail)
@@ -200,7 +200,7 @@ fn go(
     let mut log = Log::default();
     while !stop.is_due(realtime.clock().now()) && !going.is_over() && !control.has_quit() {
         realtime.turn(going)?;
-        // Who opens a port and asks for its lines at once finds them raised.
+        // A client that reads the modem lines right after opening finds them raised.
         if control.hear() {
             realtime.carry(going)?;
         }
@@ -296,7 +296,7 @@ fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
     Ok(Some(path))
 }
 
-/// A run that goes on when its mission is over, because whoever is connected may have other plans,
+/// A run that goes on when its mission is over, because connected clients may have other plans,
 /// unless it is not to.
 struct Going {
     run: Run,
@@ -332,7 +332,7 @@ fn print_report(realtime: &Realtime<Held>, run: &Run) {
         let count = run.rig.excused();
         println!("  {count} broken rules not charged: the rig was late");
     }
-    // What the scenario's PC misses of a robot that nobody plays is nobody's fault.
+    // A robot without a player is not to blame for what the scenario's PC misses.
     let used = reports.iter().filter(|report| is_used(report));
     let used: Vec<&str> = used.map(|report| &*report.name).collect();
     let of_clients =
@@ -363,7 +363,7 @@ struct Log {
 
 /// Most lines a second: a client that breaks a rule with each byte must not bury the rest.
 const LINES_MAX: u32 = 20;
-/// Who comes and goes is said all the same: others wait for it.
+/// Clients that come and go are still logged: scripts wait for these lines.
 const ALWAYS: [&str; 2] = ["port-opened", "port-closed"];
 
 impl Log {

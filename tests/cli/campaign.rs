@@ -161,7 +161,7 @@ fn a_robot_without_a_program_is_left_out_beside_others() {
     // A single run says why it stands still, that of a robot with a program has nothing to say.
     let told = |file: &str| {
         let output = session.hilrig(&["run", file, "--out", "one"]);
-        text(&output.stderr).contains("has no program and nobody drives it; --exec CMD starts one")
+        text(&output.stderr).contains("has no program; --exec CMD starts one")
     };
     assert_eq!(["bare.toml", "short.toml"].map(told), [true, false]);
 }

@@ -62,7 +62,7 @@ pub struct Case {
     /// How long it is, ns.
     pub end_ns: u64,
     /// Whether the captured program was none of ours: a robot's own program is tested in its place,
-    /// unless the case is run with somebody's program.
+    /// unless the case is run with a foreign program.
     #[serde(default, rename = "foreign", skip_serializing_if = "is_false")]
     pub is_foreign: bool,
     /// What answers a foreign program; the robot's own program is played to by time.

@@ -197,7 +197,7 @@ impl Passage {
     }
 }
 
-/// Who sends to the devices in a replay.
+/// The sender to the devices in a replay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Voice {
     /// The program.

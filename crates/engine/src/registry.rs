@@ -1,7 +1,7 @@
 //! Lists of things with names that come with the tool and that others may add to.
 //!
 //! A list only grows, and what is in it stays for as long as the process lives: so a handle is a
-//! plain `&'static T` that is copied, compared and kept without anybody owning it. The order is
+//! plain `&'static T` that is copied, compared and kept without an owner. The order is
 //! always the same: what is built in first, then what was added, as it was added.
 
 use core::fmt;

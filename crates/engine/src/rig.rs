@@ -84,7 +84,7 @@ pub struct Rig {
     events: Vec<Logged>,
     events_dropped: u64,
     violations: u64,
-    /// Until then broken rules are charged to nobody.
+    /// Until then broken rules are not charged.
     excused_until: Instant,
     excused: u64,
     /// Those among them that devices count by themselves.
@@ -197,7 +197,7 @@ impl Rig {
         self.links.len() - 1
     }
 
-    /// Adds someone who sees every chunk.
+    /// Adds an observer of every chunk.
     pub fn add_tap(&mut self, tap: Box<dyn Tap>) {
         self.taps.push(tap);
     }
@@ -212,8 +212,8 @@ impl Rig {
         self.taps.iter_mut().try_for_each(|tap| tap.finish())
     }
 
-    /// The same rig in the same state, to go on by itself. Nobody watches the copy: whoever listens
-    /// to this one does not hear it. `None`: a node program cannot save its state.
+    /// The same rig in the same state, to go on by itself. Observers of this rig do not see the
+    /// copy. `None`: a node program cannot save its state.
     pub fn fork(&self) -> Option<Self> {
         if !self.can_save_nodes() {
             return None;
@@ -363,7 +363,7 @@ impl Rig {
         })
     }
 
-    /// Broken rules that were charged to nobody, see [`excuse_until`](Self::excuse_until).
+    /// Broken rules that were not charged, see [`excuse_until`](Self::excuse_until).
     pub const fn excused(&self) -> u64 {
         self.excused
     }

@@ -166,7 +166,7 @@ pub fn find(name: &str) -> Option<&'static dyn Robot> {
 /// The robot that a scenario names.
 ///
 /// # Errors
-/// If nobody knows it.
+/// If it is unknown.
 pub fn of(scenario: &Scenario, source: &Source) -> Result<&'static dyn Robot, ScenarioError> {
     ROBOTS.find(&scenario.robot).ok_or_else(|| {
         let known = ROBOTS.names().join(", ");
@@ -192,27 +192,27 @@ pub struct WirePlan<'a> {
     pub source: &'a Source,
     /// Ground truth, the robot's body in it.
     pub world: World,
-    /// Who takes the part of the program.
+    /// What takes the part of the program.
     pub dut: Dut,
-    /// Who takes the part of the PC.
+    /// What takes the part of the PC.
     pub pc: PcEnd,
 }
 
-/// Who takes the part of the robot's program.
+/// What takes the part of the robot's program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dut {
     /// The program in this process.
     Internal,
-    /// Somebody outside, on the open ends of the links.
+    /// A foreign program on the open ends of the links.
     External,
 }
 
-/// Who takes the part of the PC, if the robot has one.
+/// What takes the part of the PC, if the robot has one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PcEnd {
     /// The mission's script.
     Scripted,
-    /// Somebody outside.
+    /// A foreign program.
     External,
 }
 
@@ -229,7 +229,7 @@ pub struct OpenEnd {
     pub line: LineConfig,
     /// Which baud rates of a client are right.
     pub rate: PortRate,
-    /// Who is to connect, for people.
+    /// The program that is to connect, for people.
     pub connect: &'static str,
     /// Whether a robot can do without.
     pub is_optional: bool,
@@ -425,7 +425,7 @@ fn add_devices(
 
 /// A world without anything in it, for devices without a robot.
 pub fn nowhere() -> World {
-    let scene = Scene::new([] as [Shape; 0], Vec::new()).expect("nothing is in nobody's way");
+    let scene = Scene::new([] as [Shape; 0], Vec::new()).expect("an empty scene is valid");
     World::new(scene, BodyConfig::default(), WorldPose::default(), 0)
         .expect("an empty place is free")
 }

@@ -99,9 +99,9 @@ pub struct Run {
     pairs: Vec<PosePair>,
     history: History,
     contacts: Contacts,
-    /// Steps of the mission that wait for something, and those that somebody added.
+    /// Steps of the mission that wait for something, and those added during the run.
     steps: Steps,
-    /// What hears the lines for those who wait for bytes, once somebody does.
+    /// What hears the lines for conditions on bytes, once there are any.
     line_watches: Option<LineWatches>,
     looks: u32,
     next_look: Instant,
@@ -198,7 +198,7 @@ impl Run {
         self.watchers.add(checker);
     }
 
-    /// What the robot touched since somebody last took it, the latest thousand.
+    /// What the robot touched since it was last taken, the latest thousand.
     pub fn take_contacts(&mut self) -> Vec<Contact> {
         self.contacts.take()
     }
@@ -288,7 +288,7 @@ impl Run {
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
         self.looks += 1;
-        // Nobody judges what comes after the scenario's time, and it may go on for days.
+        // The time after the scenario's end is not judged, and it may go on for days.
         if now > self.scenario.duration.instant() {
             return;
         }
@@ -337,7 +337,7 @@ impl Run {
         self.outcome(wall_overlap)
     }
 
-    /// The same for somebody who reads the verdicts alone: map and world are compared only if the
+    /// The same for callers that read the verdicts alone: map and world are compared only if the
     /// scenario expects something of that, which takes as long as a second of the run.
     pub fn judge_what_is_expected(self) -> Outcome {
         let wall_overlap = self.expected_overlap();

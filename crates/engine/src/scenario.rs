@@ -1,5 +1,5 @@
 //! A run as data: world, robot, devices, faults, mission, expectations. One TOML file with a
-//! closed schema: a key that nobody reads is an error, not a silent wish.
+//! closed schema: an unknown key is an error.
 
 mod board;
 mod chassis;

@@ -1,5 +1,5 @@
 //! The files of a recording: the newest has the plain name, older ones are put aside, the oldest
-//! go. Somebody may move or delete those at any time; a recording does without.
+//! go. Other processes may move or delete those at any time; a recording does without.
 
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
@@ -189,7 +189,7 @@ fn holds_capture(path: &Path) -> io::Result<bool> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
         Err(error) => return Err(error),
     };
-    // A pipe, say, into which somebody else looks.
+    // A pipe, say, with another reader.
     if !meta.is_file() || meta.len() == 0 {
         return Ok(false);
     }

@@ -5,7 +5,7 @@
 //! *reached its receiver*, or several that came back to back; where the line changed or delayed it,
 //! the record also holds the bytes as sent, and a comment says in words what was done to them, so
 //! that a capture explains itself.
-//! Bytes on their way when the run ends reached nobody and are not in the file.
+//! Bytes on their way when the run ends were not received and are not in the file.
 
 mod conclusion;
 mod files;

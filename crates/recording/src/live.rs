@@ -164,7 +164,7 @@ impl Tap for Recording {
 
 impl Drop for Recording {
     fn drop(&mut self) {
-        // Whoever wants to know of errors has called it before.
+        // Callers that need its errors have called it before.
         let _ = self.finish();
     }
 }
@@ -195,7 +195,7 @@ mod tests {
     use crate::Capture;
     use engine::rig::bare;
 
-    /// Who gives up a rig in the middle, by an error or a panic, has in the file what came so far.
+    /// When a rig is dropped early, by an error or a panic, the file has everything so far.
     #[test]
     fn a_recording_that_is_dropped_is_whole() {
         let (mut rig, [ends]) = bare::linked(["one"], 9600);

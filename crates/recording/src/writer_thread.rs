@@ -20,7 +20,7 @@ pub(super) struct Batch {
     bytes: Vec<u8>,
     /// What those have to say that are never joined.
     extras: Vec<Extra>,
-    /// All before this time is in; write what there is.
+    /// All before this time is in; write it.
     reached: Option<Instant>,
 }
 
@@ -114,7 +114,7 @@ impl WriterThread {
             for mut batch in batches {
                 state.take(&mut batch)?;
                 batch.clear();
-                // Whoever gave it may be gone, or have enough of them.
+                // The recorder may be gone, or have enough of them.
                 let _ = back.try_send(batch);
             }
             state.finish()

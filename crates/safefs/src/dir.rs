@@ -13,7 +13,7 @@ use std::path::{Component, Path, PathBuf};
 use rustix::fs::{self, AtFlags, CWD, FileType, Mode, OFlags, Stat};
 use rustix::io::Errno;
 
-/// Root of the default folders. Nobody types it, so a link of this name is not the user's wish.
+/// Root of the default folders. No user types it, so a link of this name is not the user's wish.
 const DEFAULT_ROOT: &str = "hilrig-out";
 /// Rights of new files and folders before the umask.
 const FILE_MODE: u32 = 0o666;

@@ -5,7 +5,7 @@
 //! pipes in it. Therefore:
 //!
 //! - A [`Dir`] is a handle. Its files are opened, renamed and removed relative to that handle, so
-//!   that nobody can exchange a parent folder in between.
+//!   that no parent folder can be exchanged in between.
 //! - Below a [`Dir`] no link is ever followed. Each component is opened by itself with
 //!   `O_NOFOLLOW`, which is what `openat2` with `RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS` does, and
 //!   works on every Unix.
@@ -14,7 +14,7 @@
 //! - A name that was read from a file is one component, or it is refused.
 //!
 //! Paths that the user gives are resolved as usual up to their last component, which is not
-//! followed. The default folder `hilrig-out`, which nobody types, is not followed either.
+//! followed. The default folder `hilrig-out`, which no user types, is not followed either.
 
 mod dir;
 mod named;

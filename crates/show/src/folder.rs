@@ -36,7 +36,7 @@ pub struct ResultFile<'a> {
     pub verdict: Status,
     /// All verdicts.
     pub checks: &'a [Check],
-    /// The probable cause, if somebody's program failed.
+    /// The probable cause, if the foreign program failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub probable_cause: Option<&'a str>,
     /// Figures of the run.

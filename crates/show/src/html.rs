@@ -1,4 +1,4 @@
-//! Text in HTML that cannot be taken for markup, whoever wrote it.
+//! Text in HTML that cannot be taken for markup, wherever it comes from.
 
 use core::fmt::{self, Write as _};
 

@@ -68,7 +68,7 @@ const MEANINGS: [(&str, &str); 25] = [
     ("map-received", "The PC got the whole map."),
     ("violations", "The program keeps the rules of its devices."),
     ("rig-on-time", "The rig itself kept up with the wall clock."),
-    ("ran-to-its-end", "Nobody ended the run before its time."),
+    ("ran-to-its-end", "The run was not ended early."),
     (
         "mission-step",
         "A condition of the mission came true in time.",

@@ -62,7 +62,7 @@ pub enum DebugText {
 
 /// Chance of a torn encoder as it follows from the firmware: a copy of 1 us in a main loop of
 /// 38 us, of which the one before the reply counts, while the last look was up to 25 ms ago. An
-/// estimate; nobody has seen one.
+/// estimate; none has been seen.
 pub const NATURAL_TEAR: f64 = 4e-5;
 
 impl Default for AvrBaseConfig {

@@ -106,7 +106,7 @@ pub(super) struct Cpu {
     line_free: u64,
 }
 
-/// Who has the processor until when, unless somebody comes in between.
+/// The task that has the processor, and until when, unless an interrupt comes in between.
 enum Slice {
     Interrupt(u64),
     Tick(u64),
@@ -177,7 +177,7 @@ impl Cpu {
             // Whatever comes meanwhile waits for its end.
             Slice::Interrupt(left) => return Instant::from_nanos(self.at + left),
             Slice::Tick(left) | Slice::Reply(left) => left,
-            // A step at which nobody looked.
+            // A step without a look.
             Slice::Main(0) => PASS,
             Slice::Main(left) => left,
             Slice::Idle => u64::MAX,
@@ -185,7 +185,7 @@ impl Cpu {
         Instant::from_nanos(self.at.saturating_add(left).min(self.next_entry()))
     }
 
-    /// The next step up to `limit`, and when it is. While nobody is `attentive` the main loop goes
+    /// The next step up to `limit`, and when it is. While nothing is `attentive` the main loop goes
     /// round without steps.
     pub(super) fn advance(&mut self, limit: Instant, attentive: bool) -> Option<(Instant, Step)> {
         let limit = limit.as_nanos();

@@ -5,7 +5,7 @@ use protocols::Instant;
 use super::{Announce, AvrBase, StartCause};
 use crate::world::Wheel;
 
-/// Names of the faults; the last is that of a base that tells of its stop button, which somebody
+/// Names of the faults; the last is that of a base that tells of its stop button, which a person
 /// holds.
 const NAMES: [&str; 6] = [
     "off",
@@ -16,7 +16,7 @@ const NAMES: [&str; 6] = [
     "stop-button",
 ];
 
-/// Counts for each true one if nobody says how wrong they are: the two wires of each encoder are
+/// Counts for each true one by default: the two wires of each encoder are
 /// exchanged, so that it counts backwards.
 const WRONG: f64 = -1.0;
 
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(with_button[5..], ["stop-button"]);
     }
 
-    /// By half as much again, or backwards if nobody says; sound again when the fault ends.
+    /// By half as much again, or backwards without a figure; sound again when the fault ends.
     #[test]
     fn wrong_encoders_are_sound_again_when_the_fault_ends() {
         let mut base = AvrBase::new(super::super::AvrBaseConfig::default(), 7);

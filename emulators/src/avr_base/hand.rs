@@ -1,4 +1,4 @@
-//! What somebody does to the base by hand.
+//! Actions on the base by hand.
 
 use protocols::Instant;
 
@@ -6,7 +6,7 @@ use super::profile::Button;
 use super::{AvrBase, BUTTON_COUNTS, BatteryConfig, ButtonState, DIVIDER};
 
 impl AvrBase {
-    /// Somebody presses the stop button.
+    /// Presses the stop button.
     pub fn press_stop(&mut self, now: Instant) {
         self.button = match (self.quirks.button, self.button) {
             (Button::Toggle, ButtonState::Toggled) => ButtonState::Released,
@@ -17,7 +17,7 @@ impl AvrBase {
         self.announce(now);
     }
 
-    /// Somebody lets the stop button go.
+    /// Releases the stop button.
     pub fn release_stop(&mut self, now: Instant) {
         if self.button == ButtonState::Pressed {
             let until = self.ticks.after(now, DIVIDER, BUTTON_COUNTS);

@@ -2,8 +2,8 @@
 //!
 //! The report looks forward to inertial sensors without a type. Ours is a rate gyroscope of the
 //! MPU-6050's kind whose samples the base integrates: registers 54 to 57 hold the sum in hundredths
-//! of a degree, counter-clockwise. The base knows nothing of the offset; whoever reads the sum at
-//! rest sees it drift.
+//! of a degree, counter-clockwise. The base knows nothing of the offset; a master that reads the
+//! sum at rest sees it drift.
 
 use protocols::Instant;
 use protocols::avr::registers::YAW;

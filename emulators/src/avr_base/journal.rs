@@ -1,4 +1,4 @@
-//! What the base tells about itself and about its master, without flooding anybody.
+//! What the base tells about itself and about its master, without flooding the log.
 
 use std::collections::BTreeMap;
 
@@ -43,7 +43,7 @@ pub mod rules {
     pub const BREAK: &str = "break";
 }
 
-/// Events kept until somebody takes them.
+/// Events kept until they are taken.
 const CAPACITY: usize = 256;
 /// A rule that is broken again this soon is only counted.
 const REPEAT: Duration = Duration::from_millis(100);

@@ -77,7 +77,7 @@ impl AvrBase {
 
     fn judge_haste(&mut self, at: Instant, byte: u8) {
         let waits = self.pending.back().is_some_and(|last| last.request.valid);
-        // What the base says unasked, nobody can wait for.
+        // No master can wait for an unsolicited report.
         let answers = at < self.bus.free_at() && at >= self.announces_until;
         let replies = self.chip.cpu.is_replying() || answers;
         if waits || replies {

@@ -395,7 +395,7 @@ mod tests {
     }
 
     /// AB + 24 + 0A = D9. A write of four bytes of which the last is missing: the pause lets the
-    /// frame within it be found, if that is sound; one that is not is answered by nobody. What was
+    /// frame within it be found, if that is sound; one that is not gets no answer. What was
     /// refused before the pause stays refused.
     #[test]
     fn a_pause_sets_free_what_an_unfinished_frame_hid() {

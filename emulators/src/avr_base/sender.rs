@@ -6,7 +6,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-/// Bytes that wait at most, in case nobody takes them; a queue of the longest replies fits.
+/// Bytes that wait at most, in case the line takes none; a queue of the longest replies fits.
 const CAPACITY: usize = 2_048;
 
 /// Bytes on their way out.

@@ -1,4 +1,4 @@
-//! Who is connected to whom: power, radio and the host's port.
+//! The state of the connection: power, radio and the host's port.
 //!
 //! ```text
 //!                     connect delay

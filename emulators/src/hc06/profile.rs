@@ -31,7 +31,7 @@ pub enum Leftovers {
 /// What the module remembers without power.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Name shown to whoever looks for modules, at most 20 bytes.
+    /// Name shown to a host that scans for modules, at most 20 bytes.
     pub name: Vec<u8>,
     /// Pairing code.
     pub pin: [u8; 4],
@@ -48,8 +48,8 @@ pub struct Profile {
     pub family: Family,
     /// Wording of the replies.
     pub texts: Texts,
-    /// Written to the UART when a connection ends. Some newer builds are said to print one, nobody
-    /// says which; empty by default.
+    /// Written to the UART when a connection ends. Some newer builds are said to print one, no
+    /// source says which; empty by default.
     pub disconnect_text: &'static [u8],
     /// Settings of the module as shipped.
     pub settings: Settings,
@@ -57,7 +57,7 @@ pub struct Profile {
     pub address: [u8; 6],
     /// Silence that ends a command, families without line ends. Public tools that set real modules
     /// up look for the reply 0.55, 0.6 or 1 s after their command, and one says that the module
-    /// takes 0.6 s: about half a second. "One command a second" is a rule for who sends them.
+    /// takes 0.6 s: about half a second. "One command a second" is a rule for the sender.
     pub silence: Duration,
     /// Longest time from the first to the last byte of a command, families without line ends:
     /// typing by hand fails, pasting works. About 1 s by report.
@@ -129,7 +129,7 @@ impl Profile {
         }
     }
 
-    /// The same module set to `baud`, as somebody did before it was built in.
+    /// The same module set to `baud`, as done before it was built in.
     #[must_use]
     pub fn at_baud(mut self, baud: u32) -> Self {
         self.settings.line = LineConfig::new_8n1(baud);

@@ -291,7 +291,7 @@ fn f6_the_silence_can_be_set() {
     assert_eq!(bench.robot[0].0, Instant::from_nanos(1_003_124_999));
 }
 
-/// F7, the module's own side: what its UART is set to is told as soon as it is used, so whoever
+/// F7, the module's own side: what its UART is set to is told as soon as it is used, so a rig that
 /// judges a client by it blames the right one.
 #[test]
 fn f7_the_line_that_the_module_tells_is_the_one_it_uses() {
@@ -431,7 +431,7 @@ fn a_port_closed_early_never_connects() {
     );
 }
 
-/// Bytes sent while nobody is connected are commands that nobody knows: they vanish.
+/// Bytes sent without a connection are unknown commands: they vanish.
 #[test]
 fn bytes_sent_before_the_connection_are_never_delivered() {
     let mut bench = Bench::new(at(BAUD));
@@ -813,7 +813,7 @@ fn a_host_that_does_not_wait_is_judged() {
     assert_eq!(bench.radio.down().lost, 3);
 }
 
-/// Bytes over a port that nobody opened come from a wrongly wired rig, or a foreign program.
+/// Bytes over a port that is not open come from a wrongly wired rig, or a foreign program.
 #[test]
 fn bytes_over_a_closed_port_are_judged() {
     let mut bench = Bench::new(at(BAUD));
@@ -849,7 +849,7 @@ fn a_line_end_becomes_part_of_the_name() {
 }
 
 /// T3: the fault by its name is the lost radio: nothing goes over, what fits the FIFO of 700 bytes
-/// arrives once it ends, and nobody was disconnected within the 20 s.
+/// arrives once it ends, and no connection was lost within the 20 s.
 #[test]
 fn out_of_reach_begins_and_ends_by_its_name() {
     let mut bench = Bench::connected(at(BAUD));
@@ -1020,7 +1020,7 @@ fn an_end_may_send_what_waits_for_it() {
 }
 
 /// What is already under way takes room of the window as well: of 10 bytes six are moved at once,
-/// and four later, whoever waits.
+/// and four later, whichever end waits.
 #[test]
 fn what_is_under_way_fills_the_window() {
     let mut profile = at(BAUD);

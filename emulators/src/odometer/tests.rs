@@ -196,7 +196,7 @@ fn each_program_prints_what_the_car_does() {
     assert_eq!(raw.field, [0.0; 3], "it has no magnetometer");
 }
 
-/// Whoever opens the port resets the board: distance and time are 0. Its bootloader waits 833 ms,
+/// Opening the port resets the board: distance and time are 0. Its bootloader waits 833 ms,
 /// and the first line comes 265 ms later, 1.10 s in all as on the chip.
 #[test]
 fn opening_the_port_begins_anew() {

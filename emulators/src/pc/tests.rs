@@ -298,7 +298,7 @@ fn steps_wait_for_their_condition() {
     assert_eq!(desk.pc.map_complete_at(), Some(Instant::from_secs(30)));
 }
 
-/// Whom the far end does not answer, as after a bad line took the call away, calls again after ten
+/// A PC without an answer, for example after a lost call, calls again after ten
 /// seconds. Found by a campaign: the PC waited for ever.
 #[test]
 fn a_far_end_that_does_not_answer_is_called_again() {
@@ -676,7 +676,7 @@ fn a_lost_radio_ends_in_a_new_connection() {
     assert_eq!(station.pc.record().counts.states, 1);
 }
 
-/// What a refused row says to whoever reads a log.
+/// The words of a refused row in a log.
 #[test]
 fn a_refused_row_says_what_the_map_has() {
     let row = RowError::Row {

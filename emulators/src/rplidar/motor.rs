@@ -60,7 +60,7 @@ pub(super) fn rotor(control: MotorControl, angle_deg: f64) -> Rotor {
         _ => MotorSupply::Host { volts: VOLTS },
     };
     let mut rotor = Rotor::new(MOTOR, supply, angle_deg);
-    // Nobody has opened the adapter's port yet, so DTR is low.
+    // The adapter's port is not open yet, so DTR is low.
     if control == MotorControl::Dtr {
         rotor.duty = ADAPTER_DUTY;
     }

@@ -45,7 +45,7 @@ impl Output {
         self.send(packet, faults);
     }
 
-    /// Sends a packet, or drops it as a whole if nobody takes any.
+    /// Sends a packet, or drops it as a whole if the line takes none.
     pub(super) fn send(&mut self, packet: &[u8], faults: &mut Faults) {
         if let Some(bytes) = faults.take(Fault::Burst) {
             #[expect(

@@ -69,7 +69,7 @@ impl Profile {
         }
     }
 
-    /// Who it is. The serial number is that of a real sensor with firmware 1.29.
+    /// Its identity. The serial number is that of a real sensor with firmware 1.29.
     pub const fn info(self) -> Info {
         let (minor, hardware) = match self {
             Self::Fw120 => (20, 0),

@@ -276,7 +276,7 @@ impl Rplidar {
 
     /// Takes one sample.
     fn sample(&mut self, at: Instant, mut scanning: Box<Scanning>, world: &World) {
-        // Turns before the first sample are nobody's: a real sensor's first node starts none.
+        // Turns before the first sample do not count: a real sensor's first node starts none.
         let starts_turn = self.wrap_angle() && scanning.sample > 0;
         let due = self.faults.figure(Fault::ProtectionStop);
         if self.faults.has(Fault::LaserOff) {

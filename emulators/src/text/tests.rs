@@ -223,7 +223,7 @@ fn a_rising_dtr_starts_the_board_anew() {
     assert_eq!(rules(&mut slave), ["board-reset"]);
 }
 
-/// Whom a break does not reset hears a NUL, as a UART says it, in front of its next line.
+/// A device that a break does not reset receives a NUL before its next line, as a UART does.
 #[test]
 fn a_break_is_a_nul_or_a_reset() {
     let mut slave = on_board(ResetOn::Dtr);

@@ -99,7 +99,7 @@ fn a_tap_is_reported_until_the_finger_is_lifted() {
     );
 }
 
-/// Beside the panel, to the right of it or below it, a finger is felt by nobody.
+/// Beside the panel, to the right of it or below it, a finger is not felt.
 #[test]
 fn a_tap_beside_the_panel_is_not_reported() {
     let mut panel = TouchPanel::new(Vec::new());

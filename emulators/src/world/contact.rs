@@ -16,13 +16,13 @@ use super::geometry::{Point, Pose};
 use super::scene::{Near, Scene};
 pub(super) use push::Push;
 
-/// Free distance beyond which nobody looks.
+/// Free distance beyond which contacts are not computed.
 const REACH_M: f64 = 1.0;
 /// Where to look first.
 const CLOSE_M: f64 = 0.02;
 /// The body has left a surface when it is this far off.
 const LEFT_M: f64 = 1e-3;
-/// Contacts kept until somebody takes them; more are counted only.
+/// Contacts kept until they are taken; more are counted only.
 const CONTACTS_MAX: usize = 1024;
 
 /// The body met a surface.
@@ -32,7 +32,7 @@ pub struct Contact {
     pub at: Instant,
     /// How fast body and surface approached each other, m/s.
     pub speed_m_s: f64,
-    /// How fast the body itself approached the surface, m/s: 0 if somebody ran into it.
+    /// How fast the body itself approached the surface, m/s: 0 if a person ran into it.
     pub own_m_s: f64,
     /// Where on the surface.
     pub place: Point,
@@ -174,8 +174,8 @@ mod tests {
     use super::super::scene::Shape;
     use super::*;
 
-    /// Nobody looks while the free distance that was measured lasts: 0.9 m are left beside a body
-    /// of 0.1 m at the side of a wall 1 m away, and 1 m at most where nothing is.
+    /// Nothing is computed while the free distance that was measured lasts: 0.9 m are left beside a
+    /// body of 0.1 m at the side of a wall 1 m away, and 1 m at most where nothing is.
     #[test]
     fn free_distance_is_used_up_before_anybody_looks_again() {
         let wall = Shape::Wall {

@@ -15,7 +15,7 @@ pub struct OccupancyImage {
     /// The corner of square 0 with the least coordinates.
     pub origin: Point,
     /// Row by row, the row with the least y first; missing squares are free. (Images store the
-    /// upper row first: whoever decodes one turns it over.)
+    /// upper row first: decoders turn it over.)
     pub cells: Vec<bool>,
 }
 

@@ -436,7 +436,7 @@ fn walker(from: Point, to: Point, secs: u64) -> Obstacle {
     }
 }
 
-/// Somebody walks at 0.5 m/s into the resting robot, 0.36 m centre to centre on contact, and shoves
+/// A person walks at 0.5 m/s into the resting robot, 0.36 m centre to centre on contact, and shoves
 /// it along until he stops at x = 0.
 #[test]
 fn somebody_who_walks_into_the_robot_shoves_it_along() {
@@ -498,7 +498,7 @@ fn a_robot_drives_up_to_somebody_who_stands_still() {
     assert_eq!(world.contact_count(), 1);
 }
 
-/// Somebody who never walks is as solid as who does.
+/// A standing person is as solid as a walking one.
 #[test]
 fn a_robot_drives_up_to_somebody_who_never_moves() {
     let mut person = walker(Point::new(1.0, 0.0), Point::new(1.0, 0.0), 1);
@@ -511,7 +511,7 @@ fn a_robot_drives_up_to_somebody_who_never_moves() {
         assert!(close(world.pose().x, 0.64, 1e-6), "{:?}", world.pose());
         assert_eq!(world.contact_count(), 1);
     }
-    // Whom the robot is not near, it never meets.
+    // The robot never meets a person far away.
     person.path.waypoints[0].position.y = 3.0;
     person.path.waypoints[1].position.y = 3.0;
     let mut world = ideal(Scene::new::<Shape>([], vec![person]).unwrap());
@@ -614,7 +614,7 @@ fn a_body_of_impossible_figures_is_refused_by_name() {
     assert!(World::new(scene, config, Pose::default(), 1).is_err());
 }
 
-/// What somebody does to the world, and when.
+/// A change of the world, and when.
 #[derive(Clone, Debug)]
 enum Act {
     Drive(i16, i16),
@@ -644,7 +644,7 @@ fn act() -> impl Strategy<Value = Act> {
     ]
 }
 
-/// A small room with a leg and somebody who walks to and fro: much to bump into.
+/// A small room with a leg and a person who walks to and fro: much to bump into.
 fn crowded_room(seed: u64) -> World {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let corners = corners.map(|(x, y)| Point::new(x, y)).to_vec();
@@ -686,8 +686,8 @@ fn run(seed: u64, acts: &[(u64, Act)], cuts: &[u64]) -> World {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Who polls the world, and how often, must not matter: devices are polled by chance of their
-    /// deadlines. The printed state holds every bit of every number.
+    /// It must not matter which device polls the world, and how often: devices are polled by chance
+    /// of their deadlines. The printed state holds every bit of every number.
     #[test]
     fn the_world_does_not_depend_on_when_it_is_advanced(
         seed: u64,

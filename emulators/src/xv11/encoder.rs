@@ -184,7 +184,7 @@ impl Encoder {
         ahead.is_none()
     }
 
-    /// A draw for whoever turns the ring.
+    /// A draw for the motor that turns the ring.
     pub(super) fn draw(&mut self) -> f64 {
         self.rng.gauss()
     }

@@ -245,7 +245,7 @@ impl Xv11 {
             .note(at, "restarted", "the processor restarts".to_owned());
     }
 
-    /// Somebody wants a restart: in the middle of the next packet, or at once if there is none.
+    /// Restarts: in the middle of the next packet, or at once if there is none.
     pub(super) fn order_restart(&mut self, now: Instant) {
         match self.firmware.phase {
             Phase::Off => {}

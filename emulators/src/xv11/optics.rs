@@ -4,7 +4,7 @@
 
 use crate::lidar::Direction;
 
-/// Geometry of the optics. Nobody has documented it with certainty.
+/// Geometry of the optics. No document gives it with certainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Optics {
     /// Angle of the first reading to the axis of the housing, degrees; the wiki says -10 or 0.

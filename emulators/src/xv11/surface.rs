@@ -5,7 +5,7 @@
 //! "hand in box" capture, over 17 turns without the hand: the logarithm of strength times distance
 //! squared has a deviation of 0.196, neighbouring degrees are alike by 0.93, 8 degrees apart by
 //! 0.85, 20 apart by 0.63, 30 apart by 0.42; a degree is 8 to 10 mm there. What part of it is the
-//! surface and what part the angle of incidence, nobody can tell from one box.
+//! surface and what part the angle of incidence, one box cannot tell.
 
 use crate::world::Point;
 

@@ -637,7 +637,7 @@ fn a_host_that_behaves_is_told_nothing() {
     assert_eq!(bench.lidar.state(), State::Locked);
 }
 
-/// Parameters that nobody documents turn and shift the picture as they say: the wall that is 1 m
+/// Undocumented parameters turn and shift the picture as they say: the wall that is 1 m
 /// ahead is found 10 degrees later, and a scan that turns the other way is mirrored.
 #[test]
 fn index_angle_and_direction_turn_the_scan() {
@@ -973,7 +973,7 @@ fn a_restart_while_it_spins_up_is_at_once() {
     assert_eq!(bench.rules(), ["restarted"]);
 }
 
-/// Something is mended that was not broken, or not all that was: nobody switches anything on.
+/// Something is mended that was not broken, or not all that was: nothing switches on by itself.
 #[test]
 fn only_what_was_off_is_switched_on() {
     let mut bench = plain();
@@ -986,7 +986,7 @@ fn only_what_was_off_is_switched_on() {
     assert!(bench.frames().len() > 100);
 }
 
-/// A duty that nobody waits for is told once.
+/// A duty without a waiting client is logged once.
 #[test]
 fn a_motor_that_is_not_wired_is_told_once() {
     let mut bench = plain();

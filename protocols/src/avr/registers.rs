@@ -6,14 +6,14 @@
 /// Registers in the map.
 pub const COUNT: usize = 53;
 
-/// Who may write a register.
+/// The side that may write a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// The slave overwrites it all the time: a write is acknowledged and lost.
     ReadOnly,
     /// The master sets it.
     ReadWrite,
-    /// Nobody feeds it: it keeps what was written.
+    /// It has no source: it keeps what was written.
     Scratch,
 }
 
@@ -50,7 +50,7 @@ pub struct Register {
     pub name: &'static str,
     /// How its bytes make a value.
     pub width: Width,
-    /// Who may write it.
+    /// The side that may write it.
     pub access: Access,
     /// Unit of the value, empty if it has none.
     pub unit: &'static str,

@@ -14,7 +14,7 @@ pub const DIAGNOSIS_LEN: usize = 12;
 /// Bytes of a victim.
 const VICTIM_LEN: usize = 4;
 
-/// Something that somebody at the PC should know, one bit each.
+/// Conditions that the operator should know, one bit each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Condition {
     /// The battery is all but empty: the robot goes home slowly.
@@ -27,7 +27,7 @@ pub enum Condition {
     Lost,
     /// The robot, or what it has to reach, is not on its map.
     OffMap,
-    /// Somebody has pressed the stop button.
+    /// The stop button is pressed.
     Stopped,
     /// Full drive does not bring the lidar to its speed.
     LidarWeak,
@@ -96,7 +96,7 @@ impl Conditions {
 /// How far the search of the maze has got.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Search {
-    /// Nobody has asked for one.
+    /// None was asked for.
     #[default]
     None,
     /// The robot looks for what is unknown.
@@ -150,7 +150,7 @@ pub fn encode_diagnosis(told: &Diagnosis, frame: &mut [u8]) -> Option<usize> {
     seal(frame, *b"DIA", DIAGNOSIS_LEN)
 }
 
-/// Reads the payload of a DIA frame; bits and states that nobody knows are left out.
+/// Reads the payload of a DIA frame; unknown bits and states are left out.
 pub(super) fn diagnosis(payload: &[u8; DIAGNOSIS_LEN]) -> Diagnosis {
     let word = |at: usize| u16::from_le_bytes([payload[at], payload[at + 1]]);
     let search = Search::ALL.get(usize::from(payload[5])).copied();

@@ -400,7 +400,7 @@ mod tests {
         assert_eq!(super::state(&[5; 9]), Err(MessageError::Mode(5)));
     }
 
-    /// What a refusal says to whoever reads a log.
+    /// The words of a refusal in a log.
     #[test]
     fn errors_say_what_was_found_and_expected() {
         extern crate std;

@@ -413,7 +413,7 @@ fn each_kind_of_answer_has_its_length() {
     assert_eq!(judged(5, 0x80, kind::NODES), wrong(128, 0x8000_0005));
 }
 
-/// Flags of the accessory board, the lowest byte first; a kind that nobody knows.
+/// Flags of the accessory board, the lowest byte first; an unknown kind.
 #[test]
 fn replies_without_a_type_of_their_own_are_read() {
     let flags = Answer::new(kind::ACC_BOARD, &[1, 2, 3, 4]);

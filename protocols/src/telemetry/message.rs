@@ -6,7 +6,7 @@
 //! Telecommand  PC -> robot   state, speeds, poses, requests
 //! ```
 //!
-//! Fields that nobody knows are skipped, those that are missing keep their defaults. Numbers of
+//! Unknown fields are skipped, those that are missing keep their defaults. Numbers of
 //! fields and values: published code of the robot yellow, `.proto` files; the schema is our own.
 //! The robot's buffer bounds a message: see [`PAYLOAD_MAX`](super::PAYLOAD_MAX).
 

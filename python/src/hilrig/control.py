@@ -57,4 +57,4 @@ class Control:
             try:
                 end.close()
             except OSError:
-                pass  # What was not sent reaches nobody any more.
+                pass  # Bytes that were not sent are lost.

@@ -75,7 +75,7 @@ class Rig:
         self.out = Path(out) if out is not None else self._work / "out"
         self._result: Optional[Result] = None
         words = [self._binary, "up", os.fspath(scenario), "--dir", str(self.dir)]
-        # The result folder has the case; nobody needs another one where all tests run.
+        # The result folder has the case; no other copy is needed where all tests run.
         words += ["--out", str(self.out), "--case", str(self._work / "up.toml")]
         words += ["--until-eof", "--json", *options]
         words += [] if seed is None else ["--seed", str(seed)]

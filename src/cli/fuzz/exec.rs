@@ -1,4 +1,4 @@
-//! `hilrig fuzz --exec` and `--dut-dir`: somebody else's program or board.
+//! `hilrig fuzz --exec` and `--dut-dir`: a foreign program or board.
 
 mod jobs;
 
@@ -24,9 +24,9 @@ use crate::search::fuzz::dut::{
     TrialPlan, Whose,
 };
 
-/// Somebody else's program.
+/// The program under test.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Somebody else's program")]
+#[command(next_help_heading = "Your program")]
 pub(super) struct ExecArgs {
     /// Fuzz the program that this shell command starts, anew for each case; its ports are in the
     /// directory $HILRIG_DIR
@@ -89,7 +89,7 @@ const BAUD: u32 = 115_200;
 const CASE_MAX: Duration = Duration::from_secs(3600);
 
 impl ExecArgs {
-    /// Whether it is somebody else's program that is to be fuzzed.
+    /// Whether a foreign program is to be fuzzed.
     pub(super) const fn is_wanted(&self) -> bool {
         self.exec.is_some() || self.dut_dir.is_some()
     }
@@ -340,7 +340,7 @@ fn described_port(args: &FuzzArgs) -> Result<(Scenario, Source), CliError> {
     Ok(Scenario::parse(Path::new("--description"), text)?)
 }
 
-/// A scenario of one port, on which nobody speaks.
+/// A scenario of one port, on which no device speaks.
 fn one_port(args: &FuzzArgs) -> Result<(Scenario, Source), CliError> {
     let (name, baud) = (args.port(), args.exec.baud.unwrap_or(BAUD));
     let text = format!(

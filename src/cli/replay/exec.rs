@@ -1,4 +1,4 @@
-//! A capture played to somebody's program, which is started on pseudo-terminals.
+//! A capture played to a foreign program, which is started on pseudo-terminals.
 
 use core::time::Duration;
 use std::path::Path;
@@ -382,7 +382,7 @@ fn play_in_real_time(
     })
 }
 
-/// The verdicts on a program that are made of a replay: what it reads and when nobody judges.
+/// The verdicts on a program that are made of a replay: what it reads and when none is judged.
 const JUDGED: [&str; 4] = [
     "program-connected",
     "program-alive",

@@ -1,4 +1,4 @@
-//! A run of somebody's program, judged, its result folder written.
+//! A run of a foreign program, judged, its result folder written.
 
 use core::time::Duration;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ pub(super) struct Placement<'a> {
     pub(super) again: Option<String>,
 }
 
-/// Runs `scenario` with somebody's program and writes the result folder, whatever ends it.
+/// Runs `scenario` with a foreign program and writes the result folder, whatever ends it.
 pub(super) fn judged_exec(
     scenario: Scenario,
     source: &Source,

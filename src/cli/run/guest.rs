@@ -1,4 +1,4 @@
-//! A run of somebody's program in virtual time, judged, its result folder written.
+//! A run of a foreign program in virtual time, judged, its result folder written.
 
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ pub(super) struct Guest {
     pub(super) is_checked: bool,
 }
 
-/// Runs `scenario` with somebody's program in virtual time and writes the result folder, whatever
+/// Runs `scenario` with a foreign program in virtual time and writes the result folder, whatever
 /// ends it.
 pub(super) fn judged_guest(
     (scenario, source): (&Scenario, &Source),

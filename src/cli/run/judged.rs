@@ -202,7 +202,7 @@ impl Progress {
     }
 }
 
-/// The verdict on a run that a signal ended before its time: whatever else held, nobody knows what
+/// The verdict on a run that a signal ended before its time: whatever else held, it is unknown what
 /// would have come.
 pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
     let signal = stop.signal().filter(|_| !run.is_over())?;

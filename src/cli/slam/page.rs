@@ -105,7 +105,7 @@ impl Page {
         }
     }
 
-    /// The log is over: the page shows what came of it until somebody ends it.
+    /// The log is over: the page shows the result until the user ends it.
     pub(super) fn stay(&mut self, survey: &Survey) {
         let Some(open) = &mut self.0 else {
             return;

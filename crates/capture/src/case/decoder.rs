@@ -37,7 +37,7 @@ pub struct Decoded {
 type Piece<'a> = (Instant, &'a [u8]);
 
 impl Recorded {
-    /// Whether nobody answered: nothing reached the program, or it sent nothing.
+    /// Whether no answer came: nothing reached the program, or it sent nothing.
     pub fn is_one_way(&self) -> bool {
         let is_heard = self.links.iter().any(|one| !one.arrivals.is_empty());
         let is_sent = self.links.iter().any(|one| !one.sent.bytes().is_empty());

@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// What was lost on the way came to nobody, and a break is no bytes.
+    /// What was lost on the way did not arrive, and a break is no bytes.
     #[test]
     fn bytes_that_came_are_messages_of_their_link_and_direction() {
         let [to_master, to_device] = [Direction::ToMaster, Direction::ToDevice];

@@ -73,7 +73,7 @@ fn draw(wire: usize, arrivals: &[Arrival], line: LineConfig, edges: &mut Vec<Edg
         u64::try_from(took).unwrap_or(u64::MAX)
     };
     let byte_nanos = nanos(1);
-    // Without some idle line before it nobody sees a start bit begin.
+    // Without idle line before it a start bit has no visible edge.
     let (mut free, mut count) = (byte_nanos, 0);
     for arrival in arrivals {
         for (index, &byte) in arrival.bytes.iter().enumerate() {

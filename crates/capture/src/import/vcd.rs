@@ -164,7 +164,7 @@ impl Wire {
         }
     }
 
-    /// Takes a value; a line that nobody drives is idle, an unknown one stays as it was.
+    /// Takes a value; an undriven line is idle, an unknown one stays as it was.
     fn set(&mut self, now: u64, value: &str) {
         let level = match value {
             "0" => false,

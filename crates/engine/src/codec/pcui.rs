@@ -145,7 +145,7 @@ impl Wire for Pcui {
             }
             Ok(Message::Order(order)) => message::encode_order(&order, &mut made),
             Ok(Message::State(state)) => message::encode_state(&state, &mut made),
-            // Bits and states that nobody knows are not said again.
+            // Unknown bits and states are not printed.
             Ok(Message::Diagnosis(_)) => return Ok(()),
             Ok(Message::Victims(list)) => {
                 let places: Vec<_> = list.iter().collect();

@@ -57,7 +57,7 @@ pub trait OwnFormat: Send + Sync {
 /// that a device leaves inside of a frame.
 pub const IDLE: Duration = Duration::from_millis(50);
 
-/// How whoever talks to a program in frames tells its answers apart, and what is worth asking.
+/// How a client of a program tells its answers apart, and which requests are worth sending.
 #[derive(Clone, Copy, Debug)]
 pub struct Answers {
     /// The bytes of a frame that say what kind of frame it is.

@@ -2,7 +2,7 @@
 
 use protocols::hc06::{Command, LineCommand};
 
-/// Somebody's comment, on one line whatever it holds.
+/// A free comment, on one line whatever it holds.
 pub fn one_line(comment: &str) -> String {
     let plain = |c: char| if c.is_control() { ' ' } else { c };
     comment.chars().map(plain).collect()

@@ -408,8 +408,8 @@ impl Line {
         self.echo.take()
     }
 
-    /// Puts `bytes` of the other direction on this line; they are lost if nobody takes what is on
-    /// its way already.
+    /// Puts `bytes` of the other direction on this line; they are lost if the receiver takes
+    /// nothing its way already.
     pub(crate) fn receive(&mut self, at: Instant, bytes: Vec<u8>) {
         if self.chunks.len() >= CHUNKS_MAX {
             return;
@@ -461,7 +461,7 @@ impl Line {
         })
     }
 
-    /// Cuts `bytes` to what there is `room` for until `release`; whether any were lost.
+    /// Cuts `bytes` to the `room` until `release`; whether any were lost.
     fn overflow(&mut self, release: Instant, room: usize, bytes: &mut Vec<u8>) -> bool {
         if self.overrun.0 != release {
             self.overrun = (release, 0);

@@ -15,7 +15,7 @@ impl Rig {
         }
     }
 
-    /// Modem lines that somebody sets by hand at an outside end, in the order of drivers: CTS, DSR,
+    /// Modem lines set by hand at an outside end, in the order of drivers: CTS, DSR,
     /// RI, DCD. Nothing here looks at them.
     pub fn forced_lines(&self, node: usize) -> [Option<bool>; 4] {
         match &self.nodes[node].body {

@@ -68,7 +68,7 @@ pub(super) struct Outside {
     pub(super) last: Option<u8>,
     /// What is to be sent stays here.
     is_held: bool,
-    /// Modem lines that somebody sets by hand at this end.
+    /// Modem lines set by hand at this end.
     pub(super) forced: [Option<bool>; 4],
     /// Lengths of the messages in `to_rig` and `from_rig`, if its link carries messages.
     messages: Option<[VecDeque<usize>; 2]>,
@@ -382,7 +382,7 @@ mod tests {
         assert_eq!(taken(&mut end, 9), b"");
     }
 
-    /// 4096 bytes wait for who reads; the rest is lost, but the last one is known.
+    /// 4096 bytes wait for the reader; the rest is lost, but the last one is known.
     #[test]
     fn an_open_end_has_room_for_4096_bytes() {
         let mut end = outside();
@@ -426,7 +426,7 @@ mod tests {
         assert_eq!(end.take_messages(), [Bytes::from_static(&[5; 2])]);
     }
 
-    /// Whoever asks for what has passed comes a nanosecond later.
+    /// A node that asks for a past moment is polled a nanosecond later.
     #[test]
     fn time_moves_between_two_polls() {
         let at = Instant::from_nanos;

@@ -1,4 +1,4 @@
-//! Who is within reach of whom.
+//! Which nodes are connected, directly or through others.
 
 use std::collections::BTreeSet;
 
@@ -48,8 +48,8 @@ mod tests {
     use crate::robots::{self, Dut, PcEnd};
     use crate::scenario::Scenario;
 
-    /// The PC of a scenario waits for the program at the radio. Who only reads the lidar has
-    /// nothing to do with it.
+    /// The PC of a scenario waits for the program at the radio. A program that only reads the lidar
+    /// has nothing to do with it.
     #[test]
     fn a_client_reaches_what_hangs_on_its_port_and_nothing_else() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");

@@ -291,7 +291,8 @@ mod tests {
         assert_eq!(polls(&|rig| ring(rig.device_mut("clock"))), [0, 10, 20]);
     }
 
-    /// Who was told something is asked at once, then it rings at 20 ms; nothing comes after that.
+    /// A node that was told something is asked at once, then it rings at 20 ms; nothing comes after
+    /// that.
     #[test]
     fn where_nobody_waits_for_anything_nothing_comes_next() {
         let mut rig = rig();

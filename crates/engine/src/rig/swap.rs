@@ -51,12 +51,12 @@ impl Rig {
             return;
         };
         node.stir();
-        let nobody = Body::Outside(Outside::new(LineConfig::new_8n1(1)));
+        let silent = Body::Outside(Outside::new(LineConfig::new_8n1(1)));
         if let Body::Program {
             program,
             busy_until,
             last_cost,
-        } = core::mem::replace(&mut node.body, nobody)
+        } = core::mem::replace(&mut node.body, silent)
         {
             node.body = Body::Program {
                 program: replace(program),

@@ -170,14 +170,14 @@ fn connect_devices(wired: &mut Wired, devices: [(&'static str, Built); 3], progr
     }
 }
 
-/// The phone at its link: the mission's script, or somebody outside.
+/// The phone at its link: the mission's script, or a foreign program.
 fn connect_phone(
     wired: &mut Wired,
     pc: PcEnd,
     (scenario, source): (&Scenario, &Source),
     program: Option<usize>,
 ) -> Result<(), ScenarioError> {
-    // Who follows a wall is going nowhere.
+    // A car that follows a wall has no goal.
     let has_goals = scenario.program.start_mode.is_none();
     let phone = Phone::new(script(&scenario.mission, source)?, has_goals);
     let is_idle = !scenario.mission.gives_orders();

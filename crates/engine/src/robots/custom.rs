@@ -1,5 +1,5 @@
 //! Robots that a scenario describes itself: a chassis, devices of the catalogue with their places
-//! on it, slaves as data whose values drive the chassis. The program is always somebody else's.
+//! on it, slaves as data whose values drive the chassis. The program is always a foreign one.
 //!
 //! And devices without a robot, on their wires alone.
 
@@ -81,7 +81,7 @@ impl Robot for Bare {
     }
 }
 
-/// Nobody takes orders for waypoints or modes: the program has no station.
+/// Orders for waypoints or modes are refused: the program has no station.
 fn refuse_orders(plan: &WirePlan<'_>) -> Result<(), ScenarioError> {
     if plan.scenario.mission.step.is_empty() {
         return Ok(());
@@ -91,7 +91,7 @@ fn refuse_orders(plan: &WirePlan<'_>) -> Result<(), ScenarioError> {
     Err(plan.source.invalid(span, "mission.step", message))
 }
 
-/// What can never come true, and settings of a program that there is not: the program is somebody
+/// What can never come true, and settings of a program that there is not: the program is one
 /// else's and says nothing of its pose, map and findings.
 fn refuse_expectations(plan: &WirePlan<'_>, has_body: bool) -> Result<(), ScenarioError> {
     let (scenario, source) = (plan.scenario, plan.source);

@@ -86,7 +86,7 @@ pub struct PanelRow {
     pub unit: Cow<'static, str>,
 }
 
-/// Who a robot says that it has found.
+/// People that the robot reports as found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
     /// Where, in the frame of the world, metres.
@@ -169,8 +169,8 @@ pub trait Instruments {
     }
 
     /// How much older than its time an [`estimate`](Self::estimate) may be: of one that came over a
-    /// radio nobody knows when it held. It is judged by the nearest true pose of that span, at most
-    /// 250 ms.
+    /// radio it is unknown when it held. It is judged by the nearest true pose of that span, at
+    /// most 250 ms.
     fn estimate_age(&self, _rig: &Rig) -> Duration {
         Duration::ZERO
     }
@@ -222,7 +222,7 @@ pub trait Instruments {
         rig.program()?.is_done()
     }
 
-    /// Who the robot has found; `None` if it looks for nobody.
+    /// The people that the robot has found; `None` if it does not search.
     fn found(&self, _rig: &Rig) -> Option<Found> {
         None
     }

@@ -186,7 +186,7 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
             Some(node) => End { node, port },
             None => wired.open_end(name, info.line, info.connect),
         };
-        // Without orders nobody needs the radio.
+        // Without orders the radio is not needed.
         let is_idle = name == "radio" && !scenario.mission.gives_orders();
         wired.set_optional(master, info.is_optional || is_idle);
         wired.set_rate(master, info.rate);

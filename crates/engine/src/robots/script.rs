@@ -1,4 +1,4 @@
-//! What whoever steers a robot does, and when: a mission's steps in the words of its station.
+//! The operator's script: a mission's steps in the words of its station.
 
 use protocols::Instant;
 

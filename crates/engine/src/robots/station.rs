@@ -1,4 +1,4 @@
-//! Whoever steers a robot from afar: the far end of its radio or telemetry link, and the hand at
+//! The operator's station of a robot: the far end of its radio or telemetry link, and the hand at
 //! the page that uses it.
 
 use core::time::Duration;
@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::scenario::{Action, SetPoint, Step};
 
-/// Silence of whoever drives by hand after which the robot is stopped: a page that hangs or was
+/// Silence of the driver by hand after which the robot is stopped: a page that hangs or was
 /// closed must not go on driving.
 pub const HAND_OFF: Duration = Duration::from_millis(1000);
 
@@ -25,7 +25,7 @@ pub fn with_pose(mode: &str) -> Option<(&str, [f32; 3])> {
     are_finite.then_some((name, figures))
 }
 
-/// What somebody wants. Places are in millimetres of the robot's map.
+/// Orders. Places are in millimetres of the robot's map.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Gesture {
     /// Another waypoint at the end of the list.
@@ -37,7 +37,7 @@ pub enum Gesture {
     Move {
         /// Its place in the list, from 0.
         index: usize,
-        /// Where it is, as whoever moves it sees it.
+        /// Where it is, as the operator sees it.
         from: [i32; 2],
         /// Where it goes.
         to: [i32; 2],
@@ -46,7 +46,7 @@ pub enum Gesture {
     Delete {
         /// Its place in the list, from 0.
         index: usize,
-        /// Where it is, as whoever deletes it sees it.
+        /// Where it is, as the operator sees it.
         at: [i32; 2],
     },
     /// All waypoints are taken out.
@@ -153,7 +153,7 @@ pub trait Station {
     /// The modes that it can order.
     fn modes(&self) -> &'static [&'static str];
 
-    /// What it can do with a place that somebody points at.
+    /// What it can do with a place on the map.
     fn place_acts(&self) -> &'static [PlaceAct] {
         &[]
     }
@@ -208,7 +208,7 @@ pub trait RemoteStation: Station + Device {
     fn radius_m(&self) -> f64;
 }
 
-/// Somebody's hand on the axes. Says what to order when the hand moves, and lets go by itself.
+/// The operator's hand on the axes. Says what to order when the hand moves, and lets go by itself.
 #[derive(Clone, Debug, Default)]
 pub struct Hand {
     held: Option<(Vec<SetPoint>, Instant)>,
@@ -223,7 +223,7 @@ impl Hand {
         is_news.then(|| Gesture::Drive(set_points.to_owned()))
     }
 
-    /// Somebody ordered something else.
+    /// Another order came.
     pub fn let_go(&mut self) {
         self.held = None;
     }

@@ -150,7 +150,7 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     Ok(wired)
 }
 
-/// The PC at its link: the program in this process, or somebody outside.
+/// The PC at its link: the program in this process, or a foreign program.
 fn connect_pc(
     wired: &mut Wired,
     pc: PcEnd,

@@ -8,8 +8,8 @@
 //!
 //! A read that finds nothing lets the rig run until a byte arrives or the port's timeout is over; a
 //! write is taken at once as by an operating system, [`flush`](Write::flush) waits until the last
-//! bit is on the wire. Between calls no time passes: computing costs nothing, and who waits for
-//! something else calls [`Bench::sleep`]. The same calls give the same bytes, always.
+//! bit is on the wire. Between calls no time passes: computing costs nothing, and a program that
+//! waits for something else calls [`Bench::sleep`]. The same calls give the same bytes, always.
 //!
 //! ```
 //! use std::io::Read as _;
@@ -73,7 +73,7 @@ struct Inner {
 
 impl Bench {
     /// Wires `scenario` with the program's ends of all links open, and the PC's if its robot has
-    /// one that nobody plays.
+    /// one without a player.
     ///
     /// # Errors
     /// If the scenario sets the robot up in a way that it cannot be.
@@ -196,7 +196,7 @@ fn wait(run: &mut Run, deadline: Instant) {
 ///
 /// When the scenario's time is up the port is hung up: `read` gives 0 bytes, `write` and `flush`
 /// are a `BrokenPipe`; so a program that serves its ports for ever ends all the same. As with a
-/// real driver, bytes beyond 4096 that nobody reads are lost. On a link that carries messages one
+/// real driver, unread bytes beyond 4096 are lost. On a link that carries messages one
 /// read gives one message, whose rest is lost if `buf` is too short, and one write is one.
 #[derive(Clone, Debug)]
 pub struct VirtualPort {
@@ -319,7 +319,7 @@ impl Write for VirtualPort {
         };
         let taken = &buf[..buf.len().min(room)];
         run.rig.inject(node, taken);
-        // The line takes the first byte now, not when somebody next waits for something.
+        // The line takes the first byte now, not at the next wait.
         run.go_on_until(run.rig.now());
         Ok(taken.len())
     }

@@ -93,7 +93,7 @@ impl Checker for SetPointsInRange {
     }
 }
 
-/// The robot does not run into anything. That somebody runs into the robot is not its fault: what
+/// The robot does not run into anything. A person who runs into the robot is not its fault: what
 /// counts is its own way towards what it touches.
 #[derive(Clone, Debug, Default)]
 pub struct NoCollisionAtSpeed {

@@ -31,9 +31,9 @@ impl core::fmt::Debug for Checkpoint {
 }
 
 impl Run {
-    /// The run as it is now. `None` if it cannot be copied: if somebody waits for bytes on its
+    /// The run as it is now. `None` if it cannot be copied: if a condition waits for bytes on its
     /// lines, or one of its own checkers or node programs cannot be copied. Taps do not go with it:
-    /// nobody but the checkers listens to what goes on from a checkpoint.
+    /// only the checkers see what goes on from a checkpoint.
     pub fn checkpoint(&self) -> Option<Checkpoint> {
         self.fork().map(Checkpoint)
     }

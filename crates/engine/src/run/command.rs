@@ -1,4 +1,4 @@
-//! What somebody wants of a run while it goes on. It becomes part of the scenario, so that the same
+//! Orders to a run while it goes on. It becomes part of the scenario, so that the same
 //! run can be had again.
 
 use protocols::Instant;

@@ -1,4 +1,4 @@
-//! Whether what somebody waits for has come true.
+//! Whether a condition has come true.
 
 use core::cell::RefCell;
 use std::rc::Rc;
@@ -268,7 +268,7 @@ mod tests {
         assert!(!holds(Figure::SetPoint, Op::Unequal, told));
     }
 
-    /// What is not there cannot be waited for; the message lists what there is.
+    /// What is not there cannot be waited for; the message lists the known names.
     #[test]
     fn only_what_there_is_can_be_waited_for() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");

@@ -82,7 +82,7 @@ mod tests {
         assert_eq!((contacts.take().len(), contacts.take().len()), (1000, 0));
     }
 
-    /// A robot that is no faster than 0.05 m/s does no harm, whoever runs into it.
+    /// A robot that is no faster than 0.05 m/s does no harm, whatever runs into it.
     #[test]
     fn the_first_touch_that_may_do_harm_stays_the_first() {
         let mut contacts = Contacts::default();

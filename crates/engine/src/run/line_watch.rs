@@ -1,4 +1,4 @@
-//! Hears a line for whoever waits for bytes or frames on it.
+//! Watches a line for conditions on its bytes or frames.
 
 use core::cell::RefCell;
 use std::rc::{Rc, Weak};
@@ -168,7 +168,7 @@ mod tests {
         assert!(!is_found_after(idle + Duration::from_nanos(1)));
     }
 
-    /// Only what is received on the own line counts, and only as long as somebody waits.
+    /// Only what is received on the own line counts, and only while a condition waits.
     #[test]
     fn a_watch_hears_its_own_line_alone() {
         let mut watches = LineWatches::default();

@@ -60,7 +60,8 @@ pub struct Outcome {
     pub violations: u64,
     /// Which rules of which devices, and how often each.
     pub broken_rules: Vec<(String, &'static str, u64)>,
-    /// The probable cause of a failure, if the program was somebody's and its ports were watched.
+    /// The probable cause of a failure, if the program was a foreign one and its ports were
+    /// watched.
     pub probable_cause: Option<String>,
     /// What node programs said on standard error, the end of it, by the names of their nodes.
     pub node_words: Vec<(String, String)>,

@@ -1,4 +1,4 @@
-//! What somebody waits for: a mission's step, a client of the control socket, a fault.
+//! Conditions that are waited for by a mission's step, a client of the control socket, a fault.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

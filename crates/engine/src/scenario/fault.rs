@@ -39,11 +39,11 @@ pub enum AdapterSpec {
     /// None: bytes come as the device sends them.
     #[default]
     Direct,
-    /// 62 bytes or what there is each 16 ms.
+    /// Up to 62 bytes each 16 ms.
     Ftdi,
-    /// 64 bytes or what there is each 4 ms.
+    /// Up to 64 bytes each 4 ms.
     Cp2102,
-    /// 32 bytes or what there is each millisecond.
+    /// Up to 32 bytes each millisecond.
     Ch340,
 }
 
@@ -215,7 +215,7 @@ impl FaultSpec {
     }
 }
 
-/// What is wrong with a fault that somebody asked for.
+/// What is wrong with a requested fault.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[error("{key}: {message}")]
 pub struct Flaw {

@@ -28,7 +28,7 @@ pub struct Mission {
 }
 
 impl Mission {
-    /// Whether somebody has to tell the robot what to do.
+    /// Whether the robot needs orders.
     pub fn gives_orders(&self) -> bool {
         !self.waypoints_m.is_empty() || !self.step.is_empty()
     }

@@ -73,7 +73,7 @@ pub struct WorldSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<MovingSpec>")]
     pub moving: Vec<Spanned<MovingSpec>>,
-    /// Somebody pushes the robot.
+    /// Pushes of the robot.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub push: Vec<PushSpec>,
     /// The scenario has no world.
@@ -133,8 +133,8 @@ pub struct WallSpec {
     /// Is not on the floor plan that a robot may be given.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub unmapped: bool,
-    /// Is of glass: an `xv11` looks through it; infrared sensors see it, and whoever drives there
-    /// meets it.
+    /// Is of glass: an `xv11` looks through it; infrared sensors see it, and a robot that drives
+    /// there meets it.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub glass: bool,
 }
@@ -215,7 +215,7 @@ pub enum RepeatSpec {
     PingPong,
 }
 
-/// Somebody pushes the robot: the body moves, the wheels do not turn.
+/// A push of the robot: the body moves, the wheels do not turn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PushSpec {

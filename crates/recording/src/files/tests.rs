@@ -34,7 +34,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Whoever fetches the files while they are written takes them away.
+/// Another process takes the files away while they are written.
 #[test]
 fn a_file_that_was_moved_away_ends_nothing() {
     let folder = folder("moved");
@@ -89,7 +89,7 @@ fn a_file_that_is_no_capture_is_left_alone() {
     fs::remove_dir_all(folder).expect("ours");
 }
 
-/// Who makes a file to reserve its name, or is killed before the first byte, leaves nothing that
+/// A process that reserves a name, or is killed before the first byte, leaves nothing that
 /// would be lost: no number is spent on it.
 #[test]
 fn an_empty_file_of_the_same_name_is_written_over() {

@@ -331,7 +331,7 @@ proptest! {
         if crashed {
             bench.run(Duration::from_secs(7));
         }
-        // Pieces of frames may have made a frame that nobody sent; its reply tells.
+        // Pieces of frames may have made a frame that was not sent; its reply tells.
         let sent = bench.take();
         let by_chance = acknowledged(&sent, bench.order()).any(|register| {
             register < 46 && !attacks.iter().any(|attack| attack.register == register)

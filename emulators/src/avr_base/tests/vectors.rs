@@ -43,7 +43,7 @@ fn three_registers_are_written_and_read_back() {
     let mut bench = fielded();
     row(&mut bench, "AB 2E 83 14 EC 00 02 5C", "AB 2E 00 00 D9");
     row(&mut bench, "AB 2E 03 00 DC", "AB 2E 83 14 EC 00 02 5C");
-    // Who looks at the memory past the wire sees the same.
+    // The memory, read past the wire, is the same.
     let seen = [46, 47, 48].map(|address| bench.base.peek(address));
     assert_eq!(seen, [Some(0x14), Some(0xEC), Some(0)]);
 

@@ -309,7 +309,7 @@ proptest! {
     }
 }
 
-/// A break is dropped, noise is judged, on the host's line only; without supply nobody notices.
+/// A break is dropped, noise is judged, on the host's line only; without supply nothing is noticed.
 #[test]
 fn breaks_and_noise_are_told_while_there_is_supply() {
     let told = |port, event, is_off| {

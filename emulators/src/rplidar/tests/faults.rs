@@ -400,7 +400,7 @@ fn inverted_dtr_stops_the_motor_at_the_start() {
     });
 }
 
-/// Before anybody sets it DTR is low, which stops the head of an inverted adapter; the level counts
+/// DTR is low until it is set, which stops the head of an inverted adapter; the level counts
 /// when the polarity changes, too.
 #[test]
 fn inverted_dtr_counts_from_the_start() {

@@ -559,7 +559,7 @@ mod tests {
     }
 
     /// One disc comes in from the right by a millimetre; another one, looked at after it, comes
-    /// nearer from below and is still a decimetre away: it shoves nobody.
+    /// nearer from below and is still a decimetre away: it shoves nothing.
     #[test]
     fn an_obstacle_that_is_still_away_shoves_nobody() {
         let footprint = Footprint::rectangle(0.1, 0.1, 0.2).expect("a square");

@@ -35,7 +35,7 @@ fn assert_near(rows: &[Row], name: &str, factor: f64) {
 
 /// What makes the replica worth comparing: the encoder's own codes within a quarter, noise within
 /// 30 %, coast-down within 15 %, the dropped carry 3 % +-1. The codes of the optics depend on the
-/// shape of a real hand, which nobody has recorded: within half as much again; two codes of which
+/// shape of a real hand, which is not recorded: within half as much again; two codes of which
 /// the capture has a dozen, within a factor of two.
 #[test]
 fn the_emulated_hand_in_box_has_the_figures_of_the_captured_one() {

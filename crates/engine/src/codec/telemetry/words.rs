@@ -1,8 +1,8 @@
 //! What a payload says: which message it is, and what is in it.
 //!
 //! Nothing in a payload says whether robot or PC sent it. Some fields are only the robot's
-//! (odometry, scan, lines, IR), some only the PC's; a field of the other message is one that nobody
-//! knows, and is left out when the message is written again.
+//! (odometry, scan, lines, IR), some only the PC's; a field of the other message is one that no
+//! reader knows, and is left out when the message is written again.
 
 use core::fmt::Write as _;
 

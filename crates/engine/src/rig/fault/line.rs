@@ -326,7 +326,7 @@ impl LineFaults {
 
     /// Counts frames, ends what a pause ends, and starts what waited for this.
     fn notice(&mut self, first: u64, len: u64, start: Instant, line: LineConfig) {
-        // Nobody counted while nothing could go wrong: what comes then begins a frame.
+        // Nothing is counted without faults: what comes then begins a frame.
         let is_first = first == 0 || self.wire.frames == 0;
         if is_first || start >= self.wire.quiet_from + line.bytes_time(2) {
             self.wire.truncated = 0;

@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(sent(&mut fast, &[write]), [(95, 0x40)]);
     }
 
-    /// A transaction that nobody acknowledges is lost as a whole; a slave that stretches the clock
+    /// A transaction without an acknowledge is lost as a whole; a slave that stretches the clock
     /// until 2 ms holds back the one that ended at 1140 us, and that alone.
     #[test]
     fn a_transaction_is_not_acknowledged_or_stretched() {

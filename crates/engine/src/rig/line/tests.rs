@@ -416,7 +416,7 @@ fn a_sender_at_a_wrong_rate_takes_its_own_time() {
     assert_eq!(bytes, [0x9C]);
 }
 
-/// Nobody takes what is on its way: the sender is not asked any more, and an echo is lost.
+/// The receiver takes nothing: the sender is not asked any more, and an echo is lost.
 #[test]
 fn a_line_holds_so_many_pieces_and_no_more() {
     let mut line = line();

@@ -2,7 +2,7 @@
 //!
 //! Addresses are those of the car's layout: `/1/speed`, `/1/direction`, `/1/kill`,
 //! `/modes/toggle4`, `/modes/follow_aruco`, and ours `/modes/mapping`. Goals, which in the seed are
-//! set by mouse on the PC, go as `/goal` with x, y and heading. Packets are lost and nobody
+//! set by mouse on the PC, go as `/goal` with x, y and heading. Packets are lost and no end
 //! confirms them, so the app says again and again where its controls stand, and a new goal for some
 //! seconds. The person sends the next goal when the car has come to rest near the last one. When it
 //! rests elsewhere, they say where it is, as with the mouse of the seed, `/pose`, and order the
@@ -33,11 +33,11 @@ const LOOK: Duration = Duration::from_millis(100);
 const NEAR_M: f64 = 0.30;
 /// It has come to rest.
 const RESTED: Duration = Duration::from_millis(1_500);
-/// Whoever orders the same goals just after the last one was reached has not seen it yet.
+/// A phone that orders the same goals just after the last one was reached has not seen it yet.
 const JUST_NOW: Duration = Duration::from_secs(5);
 /// It has given up.
 const GAVE_UP: Duration = Duration::from_secs(12);
-/// How exactly somebody clicks on a map: to 10 cm, to 10 degrees.
+/// Precision of a click on a map: to 10 cm, to 10 degrees.
 const CLICK_M: f32 = 0.1;
 const CLICK_RAD: f32 = core::f32::consts::PI / 18.0;
 /// Steering value of straight ahead.
@@ -53,7 +53,7 @@ pub(super) struct Phone {
     has_goals: bool,
     by_hand: [i8; 2],
     goals: Vec<[f64; 2]>,
-    /// Heading at the only goal, radians, if somebody said it.
+    /// Heading at the only goal, radians, if given.
     heading: Option<f32>,
     /// The goal on the way, of `goals`.
     goal: usize,
@@ -218,7 +218,7 @@ impl Phone {
         }
     }
 
-    /// The car does not know where it is: somebody clicks on the place that they see.
+    /// The car does not know where it is: the operator clicks on the place that they see.
     fn say_pose(&mut self, world: &World) {
         let car = world.pose();
         #[expect(clippy::cast_possible_truncation, reason = "metres fit an f32")]
@@ -273,7 +273,7 @@ impl Phone {
         }
     }
 
-    /// A car that stands may not have heard what it was ordered: nobody confirms it.
+    /// A car that stands may not have heard what it was ordered: orders are not confirmed.
     fn watch_without_goal(&mut self, now: Instant, world: &World) {
         if world.is_moving() {
             self.rests_since = None;

@@ -1,4 +1,4 @@
-//! What whoever holds the phone does: the mission's steps.
+//! The phone's script: the mission's steps.
 
 use protocols::car_board::{Level, Steering};
 

@@ -1,4 +1,4 @@
-//! The PC program: what somebody at the page wants of the robot, turned into what the PC says.
+//! The PC program: orders from the page, turned into frames of the PC.
 //!
 //! ```text
 //! gesture -> answer (what the robot told so far) -> action -> PC -> PCUI bytes -> radio
@@ -22,7 +22,7 @@ use crate::scenario::Action;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// Nobody at the far end.
+    /// No connection.
     #[error("not connected to the robot")]
     NotConnected,
     /// The robot has not told the size of its map yet: no place has a meaning.

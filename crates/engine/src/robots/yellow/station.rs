@@ -170,7 +170,7 @@ impl PcStation {
                     self.refuse(now, refused);
                 }
             }
-            // Who wants to go somewhere needs a map.
+            // A destination needs a map.
             Err(Refused::NoMap) if self.tour.is_some() => {
                 self.wanted = Some(PcCommand::MapStart);
             }
@@ -320,7 +320,7 @@ impl Device for PcStation {
 
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
         let len = self.program.transmit(port, buf);
-        // Nobody carries what is written to a closed connection.
+        // Bytes written to a closed connection are lost.
         if self.connected { len } else { 0 }
     }
 

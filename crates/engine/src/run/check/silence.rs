@@ -13,7 +13,7 @@ use crate::robots::{Axis, Silence, Stops};
 
 /// Name of the check.
 pub const STOPS: &str = "motors-stop-after-silence";
-/// What devices note when they stop by themselves because nobody speaks to them.
+/// What devices note when they stop by themselves because their master is silent.
 pub const WATCHDOG: [&str; 3] = ["made-safe", "watchdog", "dead-man"];
 
 /// The motors come to rest when nothing reaches their device any more.

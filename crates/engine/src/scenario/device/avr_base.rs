@@ -29,7 +29,7 @@ pub struct AvrBaseSpec {
     /// `document`.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub imu: bool,
-    /// Tells the robot at once of its stop button, which somebody holds by the fault
+    /// Tells the robot at once of its stop button, which is held by the fault
     /// `stop-button`; only with the firmware `document`.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub announce: bool,

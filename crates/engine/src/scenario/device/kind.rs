@@ -242,7 +242,7 @@ pub struct PortInfo {
     pub line: LineConfig,
     /// Bytes that are delivered at once, see [`Line::piece`](crate::rig::line::Line::piece).
     pub piece: usize,
-    /// Who is to connect, for people.
+    /// The program that is to connect, for people.
     pub connect: &'static str,
     /// Whether the far end can do without.
     pub is_optional: bool,

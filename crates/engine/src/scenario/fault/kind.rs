@@ -98,7 +98,7 @@ kinds! {
     Latency "latency" Line PACKETS ["by"],
     /// Bytes come later by chance, and what was delayed comes in a burst.
     Jitter "jitter" Line PACKETS ["by", "stream"],
-    /// Nothing gets through, and nobody is told: a half-open line.
+    /// Nothing gets through, without a sign: a half-open line.
     Cut "cut" Line EVERY [],
     /// The plug is out: nothing gets through, the receiver is told, and the port of a client hangs
     /// up, goes, and comes back.

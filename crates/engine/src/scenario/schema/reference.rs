@@ -11,7 +11,7 @@ const INTRODUCTION: &str = "\
 # The scenario file
 
 A scenario is a TOML file that says what is run: robot, world, mission, what goes wrong, what must
-come true. Its schema is closed: a key that nobody reads is an error with file, line and key.
+come true. Its schema is closed: an unknown key is an error with file, line and key.
 `hilrig schema` prints it as JSON Schema for editors and generators; this page is
 `hilrig schema --markdown`.
 

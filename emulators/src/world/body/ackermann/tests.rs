@@ -135,7 +135,7 @@ fn the_outer_wheel_travels_farther() {
     assert!((car.axis_speed(1) - 0.5 * 0.9225).abs() < 1e-9);
 }
 
-/// Whoever does not want them has the list of before.
+/// Without the option the list is as before.
 #[test]
 fn a_car_counts_its_shaft_alone_by_default() {
     assert_eq!(car(prompt()).encoders().len(), 1);

@@ -384,7 +384,8 @@ fn a_fault_is_ended_left_out_or_numbered_anew() {
     assert_eq!(through(&mut faults, &[1, 2]), [2]);
 }
 
-/// Nobody counted before there were faults: what comes first then begins a frame, and is number 0.
+/// Nothing is counted before the first fault: what comes first then begins a frame, and is number
+/// 0.
 #[test]
 fn frames_are_counted_from_the_first_that_is_seen() {
     let mut faults = LineFaults::default();

@@ -1,5 +1,5 @@
 //! The fielded PC program, as far as its faults go: what it makes of the robot's bytes, and what it
-//! sends when somebody clicks. It is the other side of the comparison only; nothing here is used
+//! sends at a click. It is the other side of the comparison only; nothing here is used
 //! by the rig's own PC.
 //!
 //! ```text
@@ -397,8 +397,8 @@ mod tests {
     }
 
     proptest! {
-        /// Its faults are an exception and what is painted wrong, never the end of whoever shows
-        /// them: whatever frames it hears, between whatever clicks.
+        /// Its faults are an exception and what is painted wrong, never the end of the process that
+        /// shows them: whatever frames it hears, between whatever clicks.
         #[test]
         fn no_frame_brings_the_comparison_down(
             frames in prop::collection::vec(

@@ -382,7 +382,7 @@ fn nothing_is_asked_of_a_robot_that_is_not_there() {
     assert_eq!(desk.add(1, 1), Err(Refusal::NotConnected));
 }
 
-/// An order by hand holds half a second on the wire and is repeated; whoever gives it has to be
+/// An order by hand holds half a second on the wire and is repeated; its source has to be
 /// felt once a second.
 #[test]
 fn a_hand_that_is_not_felt_any_more_stops_the_robot() {
