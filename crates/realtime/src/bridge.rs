@@ -54,7 +54,7 @@ impl Bridge {
             node: self.rig.add_outside(name, line),
             line,
             rate: PortRate::OfLine,
-            connect: "anybody",
+            connect: "any program",
             is_optional: false,
         });
         let port = Port(0);

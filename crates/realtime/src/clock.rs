@@ -86,7 +86,7 @@ pub(super) fn be_prompt() {
 #[cfg(not(target_os = "linux"))]
 pub(super) const fn be_prompt() {}
 
-/// Wakes this thread as late as usual again: whoever is started by it inherits that.
+/// Restores the usual timer slack of this thread. Threads and processes that it starts inherit it.
 #[cfg(target_os = "linux")]
 pub(super) fn be_usual() {
     let _ = rustix::thread::set_current_timer_slack(None);
@@ -105,7 +105,7 @@ pub fn utc() -> Instant {
     Instant::ZERO + since_1970.unwrap_or_default()
 }
 
-/// A clock that stands still until somebody sleeps, then jumps there.
+/// A clock that stands still until its owner sleeps, then jumps to the end of that sleep.
 #[derive(Clone, Debug, Default)]
 pub struct SimClock {
     now: Cell<Instant>,

@@ -12,9 +12,8 @@
 //! {"ok":false,"key":"do","message":"is \"begin\", expected one of hello, state, .."}
 //! ```
 //!
-//! Answers come in the order of the requests of a client. A client that waits keeps nobody else
-//! waiting, and nobody keeps the rig from its work: lines, requests, clients and answers that are
-//! not read are bounded.
+//! Answers come in the order of the requests of a client. A waiting client blocks neither the other
+//! clients nor the rig: lines, requests, clients and unread answers are bounded.
 
 mod answer;
 mod client;
@@ -40,11 +39,11 @@ pub const PROTOCOL: u32 = 1;
 /// Longest request that is read, bytes, its line end included.
 pub const LINE_MAX: usize = 16 << 10;
 
-/// Virtual time between two looks at what is waited for, if nobody else moves the clock.
+/// Virtual time between two checks of a wait condition, if no other caller advances the clock.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
-/// Does what the line `request`, seen at `asked`, wants of `run`, whose clock nobody else moves:
-/// `wait` and `step` run it on.
+/// Executes `request`, a line seen at `asked`, on `run`. No other caller advances the clock of
+/// `run`: `wait` and `step` do.
 pub fn obey(run: &mut Run, request: &[u8], asked: Instant) -> Answer {
     let (mut session, mut tally) = Default::default();
     let mut office = Office {

@@ -1,4 +1,4 @@
-//! Somebody's program in a run: started on the rig's ports, watched, judged, ended.
+//! A user's program in a run: started on the rig's ports, watched, judged, ended.
 //!
 //! ```text
 //!  start --> opens its ports --> rig time runs --> run over, or program gone --> end, verdict
@@ -64,7 +64,7 @@ pub fn is_fact(check: &Check) -> bool {
     }
 }
 
-/// Somebody's program, and what it may do.
+/// A user's program, and its permissions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Foreign {
     /// For the shell.
@@ -98,13 +98,12 @@ pub struct Seat {
     pub end: OpenEnd,
     /// Its port.
     pub transport: Box<dyn Transport>,
-    /// Whether the program finds it in the directory of ports; else it is a real one, at which
-    /// nobody can be seen.
+    /// Whether the program finds it in the directory of ports. If not, it is a real port, and the
+    /// rig cannot see its clients.
     pub is_terminal: bool,
 }
 
-/// Who is the PC when nobody says so: the mission's script if it gives orders, else somebody
-/// outside.
+/// The default for the PC end: the mission's script if it gives orders, else an external program.
 pub fn pc_end(scenario: &Scenario) -> PcEnd {
     match scenario.mission.gives_orders() {
         true => PcEnd::Scripted,
@@ -126,7 +125,7 @@ pub struct Trial {
     gave_up: bool,
     /// How the program ended, and the rig's time then.
     ended: Option<(Ended, Instant)>,
-    /// Since when there is nobody at the ports any more.
+    /// The rig's time at which the last client left the ports.
     gone_at: Option<Instant>,
     /// When it was last looked whether the machine holds the program up, and what was seen.
     held_up: (Instant, bool),
@@ -237,7 +236,7 @@ impl Trial {
         let before = self.run.rig.now();
         let behind = self.realtime.clock().now() - before;
         let mut turned = self.realtime.turn(&mut self.run);
-        // Who opens a port and asks for its lines at once finds them raised.
+        // A program that reads the modem lines right after it opens a port sees them raised.
         if self.control.hear() {
             turned = turned.and(self.realtime.carry(&mut self.run));
         }
@@ -277,7 +276,7 @@ impl Trial {
         if self.ended.is_none() {
             self.ended = self.process.ended().map(|ended| (ended, now));
         }
-        // Whoever may end may have started others that go on at the ports.
+        // A program that may end can leave child processes that still use the ports.
         let is_gone = self.ended.is_some_and(|(ended, _)| {
             !(self.foreign.may_end && ended == Ended::Code(0) && self.ports.any_open())
         });
@@ -297,7 +296,7 @@ impl Trial {
         }
     }
 
-    /// Ends the program and judges what there is.
+    /// Ends the program and judges the run so far.
     pub fn end(mut self) -> Judged {
         self.look_at_process(self.run.rig.now());
         let waits = self.process.waits();
@@ -420,8 +419,8 @@ pub fn log_contacts(run: &mut Run) {
     }
 }
 
-/// Runs `scenario` with the program from beginning to end, its ports in `dir` and what it says in
-/// `log`; for whoever only wants the verdict. `None` if `goes_on` said no.
+/// Runs `scenario` with the program from beginning to end, with its ports in `dir` and its output
+/// in `log`, for callers that only need the verdict. `None` if `goes_on` returned false.
 ///
 /// # Errors
 /// If it cannot be put on trial.
@@ -443,7 +442,7 @@ pub(crate) fn judge(
     Ok(Some(trial.end()))
 }
 
-/// `scenario` wired for a program of somebody's, all its ports in `dir`.
+/// Wires `scenario` for a user's program, with all its ports in `dir`.
 ///
 /// # Errors
 /// If it cannot be wired, or the ports cannot be had.

@@ -77,9 +77,9 @@ pub use trial::{Played, Trial};
 /// Whether programs can have modem lines here.
 pub const HAS_LINES: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));
 
-/// Runs `scenario` with the program from beginning to end, its ports in the first of `places` and
-/// what it says in the second, in virtual time or in real time as the program is to be; for whoever
-/// only wants the verdict. `None` if `goes_on` said no.
+/// Runs `scenario` with the program from beginning to end, with its ports in the first of `places`
+/// and its output in the second, in virtual time or in real time as the program requires. For
+/// callers that only need the verdict. `None` if `goes_on` returned false.
 ///
 /// # Errors
 /// If it cannot be put on trial.

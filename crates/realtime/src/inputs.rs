@@ -1,4 +1,4 @@
-//! Modem lines that a port's client sees: what a device sets by its pins, or somebody by hand.
+//! Modem lines that a port's client sees: set by a device's pins, or by hand.
 
 use super::Place;
 use engine::rig::Rig;

@@ -5,13 +5,13 @@
 //!                         turn by turn, never ahead of the clock
 //! ```
 //!
-//! The rig is the same as in virtual time; only who moves its clock differs. Each turn runs it up
-//! to the present, carries bytes and events across, and waits for the rig's next event or for a
+//! The rig is the same as in virtual time; only the source of its clock differs. Each turn runs it
+//! up to the present, carries bytes and events across, and waits for the rig's next event or for a
 //! client. After a short delay the rig catches up in small slices, so that no virtual time is
-//! skipped and a client can read and answer in between. After one of more than 20 ms rig time stood
-//! meanwhile, where the clock can: nothing is poured over clients, and what they break for that is
-//! charged to nobody. Nothing here is exact to better than a few hundred microseconds, and how late
-//! it was is measured: verdicts come from virtual time.
+//! skipped and a client can read and answer in between. A delay of more than 20 ms stops rig time,
+//! where the clock can stop: clients get no burst of data, and rules that they break because of it
+//! are excused. Nothing here is exact to better than a few hundred microseconds, and the lateness
+//! is measured: verdicts come from virtual time.
 
 mod adapter;
 pub mod bridge;
@@ -59,8 +59,8 @@ use spread::Spread;
 /// Most virtual time that passes in one turn. Late by more than this, the rig takes several turns,
 /// between which clients get a chance to read and to answer.
 const SLICE: Duration = Duration::from_millis(5);
-/// Least time between two turns when nobody sends. Single bytes at 1 Mbaud are 10 us apart; to
-/// wake up for each would cost a whole processor, and no client could tell the difference.
+/// Least time between two turns while no client sends. Single bytes at 1 Mbaud are 10 us apart;
+/// waking up for each would take a whole processor, and no client could tell the difference.
 const GRAIN: Duration = Duration::from_micros(200);
 /// Least time between two turns while catching up: room for a client to breathe.
 const BREATH: Duration = Duration::from_millis(1);
@@ -210,7 +210,7 @@ impl<C: Clock> Realtime<C> {
         })
     }
 
-    /// Carries across what there is at both sides, without a look at the clock.
+    /// Carries bytes and events across in both directions, without reading the clock.
     ///
     /// # Errors
     /// If a port went away.

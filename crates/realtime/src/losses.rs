@@ -25,7 +25,7 @@ pub(super) struct Losses {
 }
 
 impl Losses {
-    /// By `now` `lost` bytes are lost; what there is to say about it.
+    /// Updates the count to `lost` bytes by `now`; returns the text for the log, if any is due.
     pub(super) fn see(&mut self, now: Instant, lost: u64) -> Option<String> {
         if lost > self.lost {
             self.lost = lost;

@@ -31,9 +31,9 @@ pub struct Traffic {
 pub struct Sign<'a> {
     /// The port's name.
     pub name: &'a str,
-    /// Whether somebody has it open.
+    /// Whether a client has it open.
     pub is_open: bool,
-    /// How often it was opened. Who closes and opens it between two looks is seen by this alone.
+    /// Number of openings. Only this shows a client that closed and reopened it between two looks.
     pub openings: u64,
     /// Bytes that clients sent so far.
     pub from_client: u64,

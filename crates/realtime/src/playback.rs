@@ -197,7 +197,7 @@ impl Socket {
                 self.pending.extend_from_slice(&buf[..len]);
             }
             if self.was_closed() {
-                // As on a wire: nobody hears it.
+                // As on a wire without a listener: the bytes are lost.
                 self.pending.clear();
             }
             return;
@@ -422,8 +422,8 @@ impl<C: Clock> Playback<C> {
         Some((at, socket.link.clone(), bytes))
     }
 
-    /// Whether somebody read since the last was said, where that can be known. To be asked when all
-    /// was said, before the ports are given up.
+    /// Whether a client has read since the last line was sent, where the transport can tell. Call
+    /// it after the last line, before the ports are closed.
     pub fn is_drained(&mut self) -> bool {
         let mut sockets = self.sockets.iter_mut();
         sockets.all(|socket| socket.port.is_drained())
@@ -490,7 +490,7 @@ mod tests {
         buf[..len].to_vec()
     }
 
-    /// A port that holds 4096 bytes takes no more until somebody reads; nothing is lost.
+    /// A port that holds 4096 bytes blocks until a client reads; nothing is lost.
     #[test]
     fn what_a_port_does_not_take_waits() {
         let (mut socket, mut far) = socket("base", &[]);

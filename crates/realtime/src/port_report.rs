@@ -30,7 +30,7 @@ impl fmt::Display for PortReport {
         )?;
         let Counters { unheard, overrun } = self.lost;
         if unheard > 0 {
-            write!(f, ", {unheard} B while nobody had it open")?;
+            write!(f, ", {unheard} B while no client had it open")?;
         }
         if overrun > 0 {
             write!(f, ", {overrun} B lost because the client did not read")?;

@@ -1,5 +1,5 @@
-//! Somebody's program: started in a process group of its own, watched, and ended with all that it
-//! has started. The one place that starts programs which are not ours.
+//! A user's program: started in a process group of its own, watched, and ended with all processes
+//! that it has started. The one place that starts programs which are not ours.
 //!
 //! What leaves its group (a daemon that begins a session of its own) is out of reach and goes on.
 
@@ -41,7 +41,7 @@ pub struct Patience {
 }
 
 impl Patience {
-    /// Of whoever ends programs by the thousand.
+    /// For campaigns that end thousands of programs.
     pub const LITTLE: Self = Self {
         program: Duration::from_millis(500),
         children: Duration::ZERO,
@@ -177,7 +177,8 @@ impl Process {
             .stderr(Stdio::from(mouth));
         clock::be_usual();
         let child = shell.spawn()?;
-        // It holds our copies of the pipe's mouth: as long as it does, nobody falls silent.
+        // The shell object holds our copy of the pipe's write end; until it is dropped the pipe
+        // stays open.
         drop(shell);
         let group = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
         let hearing = Arc::clone(&words);
@@ -211,8 +212,8 @@ impl Process {
         waits::waits(self.group.pids())
     }
 
-    /// Ends it and whatever it started: asks first, then kills. Nobody of its group is there any
-    /// more when this returns.
+    /// Ends the program and its child processes: first by a request, then by SIGKILL. No process of
+    /// its group is left when this returns.
     pub fn end(mut self, patience: Patience) -> Farewell {
         let (left, was_killed) = self.stop(patience);
         self.is_silent_within(LAST_WORDS);
@@ -236,28 +237,30 @@ impl Process {
         words.map(|words| words.text()).unwrap_or_default()
     }
 
-    /// Waits until nobody can say anything more; whether that came true. What left the group, a
-    /// daemon, goes on.
+    /// Waits until no process can write output any more; whether that happened in time. A process
+    /// that left the group, a daemon, goes on.
     fn is_silent_within(&self, most: Duration) -> bool {
         wait_until(most, || {
             self.listener.as_ref().is_none_or(JoinHandle::is_finished)
         })
     }
 
-    /// Who was left behind, and whether the program itself had to be killed.
+    /// Stops the group. Returns the processes that were left behind, and whether the program itself
+    /// was killed.
     fn stop(&mut self, patience: Patience) -> (Vec<Left>, bool) {
         self.is_stopped = true;
         let group = self.group;
         let is_running = self.ended().is_none();
-        // Whoever outlived a program that ended by itself was left behind, however fast it ends.
+        // A child process that outlives a program that ended by itself was left behind, even if it
+        // ends soon.
         let mut left = match is_running {
             true => Vec::new(),
             false => group.members(),
         };
         group.signal(Signal::TERM);
         let was_killed = is_running && !wait_until(patience.program, || self.ended().is_some());
-        // Whoever began while its tracer ended stands still until it is told to go on, and hears
-        // nothing before.
+        // A process that started while its tracer ended stays stopped and receives no signal until
+        // SIGCONT.
         group.signal(Signal::CONT);
         if is_running && !was_killed {
             wait_until(TOGETHER.min(patience.children), || {
@@ -346,7 +349,7 @@ mod tests {
     }
 
     /// The shell waits for its child, and both ignore the request to end. The child has the
-    /// standard error too: that nobody can say anything any more means that both are dead.
+    /// standard error too: the end of the output proves that both are dead.
     #[test]
     fn whoever_does_not_end_when_asked_is_killed_with_all_that_it_started() {
         let stubborn = "trap '' TERM; echo ready >&2; sh -c \"trap '' TERM; sleep 60\"; true";
@@ -400,7 +403,7 @@ mod tests {
     /// One that was stopped hears a request to end as soon as it goes on: it need not be killed.
     #[test]
     fn a_child_that_stands_still_is_woken_to_hear_that_it_shall_end() {
-        // Not before its parent has ended: whoever is stopped then is hung up on by the system.
+        // The child stops only after its parent has ended: then the system sends it SIGHUP.
         let command = "export parent=$$; sh -c 'while kill -0 $parent 2>/dev/null; do \
                        sleep 0.01; done; kill -STOP $$; sleep 60; true' & exit 0";
         let mut process = Process::start(command, &ports(), None).expect("a shell");

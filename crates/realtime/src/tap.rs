@@ -42,7 +42,7 @@ pub struct Wire {
 pub struct Passed {
     /// Bytes read at one end.
     pub read: u64,
-    /// Of those, bytes that nobody could take, because the other end was closed.
+    /// Of those, bytes that were lost because the other end was closed.
     pub lost: u64,
 }
 
@@ -384,7 +384,7 @@ mod tests {
         bench.capture();
     }
 
-    /// Nobody takes what comes for a closed port: it is lost, counted, and said in the file.
+    /// Bytes for a closed port are lost, counted, and recorded in the file.
     #[test]
     fn what_comes_for_a_closed_port_is_lost() {
         let mut bench = bench("lost");

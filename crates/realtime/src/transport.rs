@@ -1,9 +1,9 @@
 //! Where bytes leave the process: pseudo-terminals, real serial ports, network ports, memory.
 //!
 //! A transport carries bytes and nothing else: no timing, no faults, no line coding. Those belong
-//! to the line of the rig, which a pseudo-terminal would hide (it has no baud rate and holds some
-//! 16 kB before anybody notices that nobody reads). What a transport adds is what only the
-//! outside knows: whether somebody has the port open, at which baud rate, and that the plug was
+//! to the line of the rig. A pseudo-terminal would hide them: it has no baud rate, and it holds
+//! some 16 kB before a writer notices that the reader has stopped. A transport adds only what the
+//! outside knows: whether a client has the port open, at which baud rate, and whether the plug was
 //! pulled.
 
 mod directory;
@@ -35,8 +35,8 @@ pub use udp::Udp;
 
 /// One end of a byte pipe whose other end is outside the rig.
 ///
-/// Nothing here ever waits. Time is nobody's business: the owner asks when it likes, and waits
-/// with [`wait`].
+/// Nothing here ever waits. The transport has no clock: its owner polls it, and waits with
+/// [`wait`].
 pub trait Transport {
     /// Moves bytes that the far end has sent into `buf`; 0: nothing now, or `buf` is empty.
     ///
@@ -48,9 +48,9 @@ pub trait Transport {
     /// [`TransportError::Lost`] if the port went away. Bytes that arrived before come first.
     fn read(&mut self, buf: &mut [u8]) -> Result<usize, TransportError>;
 
-    /// Sends `bytes`, oldest first, and returns how many the far end will be able to read. The
-    /// rest is lost, as on a UART, and counted in [`counters`](Self::counters): nobody keeps bytes
-    /// for a far end that is closed or does not read.
+    /// Sends `bytes`, oldest first, and returns how many the far end will be able to read. The rest
+    /// is lost, as on a UART, and counted in [`counters`](Self::counters): the transport keeps no
+    /// bytes for a far end that is closed or does not read.
     fn write(&mut self, bytes: &[u8]) -> usize;
 
     /// The same where characters among them are damaged, `marks`: what the far end has of those is
@@ -63,8 +63,8 @@ pub trait Transport {
     /// cannot be.
     fn unplug(&mut self) {}
 
-    /// The plug is back: another port is there under the same name or under `name`, and nobody has
-    /// it open.
+    /// The plug is back: another port is there under the same name or under `name`, and no client
+    /// has it open yet.
     ///
     /// # Errors
     /// If there is none left, or the name is taken.
@@ -139,7 +139,7 @@ pub trait Transport {
     }
 
     /// Appends what becomes readable when a [`read`](Self::read) may bring something new. May be
-    /// empty for a while, so whoever waits also looks again after a few milliseconds.
+    /// empty for a while, so the caller also polls again after a few milliseconds.
     fn readiness<'a>(&'a self, fds: &mut Vec<BorrowedFd<'a>>);
 
     /// The files of which one is ready, or hung up, if a [`read`](Self::read) would bring anything
@@ -152,7 +152,7 @@ pub trait Transport {
 /// Something besides bytes happened at the far end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortEvent {
-    /// Somebody opened the port.
+    /// A client opened the port.
     Opened,
     /// The last one who had the port open closed it.
     Closed,
@@ -160,7 +160,7 @@ pub enum PortEvent {
     BaudChanged(u32),
 }
 
-/// Bytes that were given to a transport and reached nobody, by reason.
+/// Bytes that were given to a transport and lost, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Written while the far end was closed.
@@ -247,7 +247,7 @@ pub enum TransportError {
     /// A link stands where a rig would write a file of its own.
     #[error(
         "{}: expected a file of hilrig's or nothing, found a link: it may lead to a \
-         file of somebody else's; remove it or choose another directory",
+         file of another user; remove it or choose another directory",
         .path.display()
     )]
     LinkInTheWay {
@@ -302,7 +302,7 @@ pub enum TransportError {
         /// What the system said.
         source: io::Error,
     },
-    /// There is no such address here, or somebody else listens there.
+    /// There is no such address here, or another process listens there.
     #[error("udp:{address}: expected a free port of this machine: {source}")]
     Network {
         /// As given.

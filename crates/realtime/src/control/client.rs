@@ -9,7 +9,7 @@ use super::LINE_MAX;
 use super::answer::{Answer, Refusal};
 use super::perform::{Office, Pending, Reply, Session};
 
-/// Most requests of one client in one look: nobody may keep the rig from its work.
+/// Most requests of one client in one turn, so that no client blocks the rig.
 const REQUESTS_MAX: usize = 8;
 /// Answers that may wait for a client that does not read, bytes; as long as there are more, none
 /// of its requests are done.
@@ -137,7 +137,7 @@ impl Client {
         })
     }
 
-    /// Reads a piece of what there is; whether there was anything.
+    /// Reads the bytes that are available now; true if there were any.
     fn fill(&mut self, look: u64) -> bool {
         let mut buf = [0; 4096];
         let room = LINE_MAX.saturating_sub(self.request.len()).min(buf.len());

@@ -31,7 +31,7 @@ pub(super) struct Tally {
     pub(super) refused: u64,
     /// Those that changed the run.
     pub(super) changes: u64,
-    /// Somebody wants the run to end.
+    /// A client has asked to end the run.
     pub(super) quits: bool,
 }
 
@@ -40,7 +40,7 @@ pub(super) struct Tally {
 pub(super) struct Session {
     /// Contacts that it was told of.
     pub(super) contacts: u64,
-    /// It sets the modem lines of whoever opens ports.
+    /// It sets the modem lines of the clients that open ports.
     pub(super) has_modem: bool,
 }
 
@@ -160,7 +160,7 @@ impl Office<'_> {
         port: Option<&str>,
         wish: Wish,
     ) -> Result<Answer, Refusal> {
-        // Who only sets by hand what a client sees is no client's supervisor.
+        // A client that only sets lines by hand does not supervise the programs at the ports.
         session.has_modem |= wish.inputs == [None; 4];
         let lines = port.map(|port| modem::change(self.ports, self.run, port, wish));
         let lines = lines.transpose()?;
@@ -195,7 +195,7 @@ impl Office<'_> {
             return Err(Refusal::new("by", message));
         }
         let until = match self.tempo {
-            // Nobody else moves the clock.
+            // No other caller advances the clock.
             None => self.run.rig.now() + by.0,
             Some(_) => {
                 let tempo = self.tempo_that_began()?;

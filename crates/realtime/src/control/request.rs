@@ -9,12 +9,12 @@ use super::answer::Refusal;
 use engine::rig::fault::FaultId;
 use engine::scenario::{Action, Condition, FaultSpec, Span};
 
-/// What a client wants. A closed schema: a key that nobody reads is refused. A fault by itself,
-/// an object with `kind` and without `do`, is an `add`.
+/// A request of a client. The schema is closed: an unknown key is an error. A fault by itself, an
+/// object with `kind` and without `do`, is an `add`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Request {
-    /// Who answers: version of the interface, tool, scenario, links and ports.
+    /// Describes the rig: version of the interface, tool, scenario, links and ports.
     Hello {},
     /// How the run is: time, poses, axes, registers, counters, contacts, links.
     State {},

@@ -94,8 +94,8 @@ impl Control {
             || self.ports.iter().any(|port| port.opening.is_some())
     }
 
-    /// Whether somebody has a port open. It counts for its modem lines if a client of this socket
-    /// sets them.
+    /// Records whether a client has the port open. This raises its modem lines if a client of this
+    /// socket sets them.
     pub fn see(&mut self, sign: &Sign<'_>, run: &mut Run) {
         let has_lines = self.clients.iter().any(Client::has_modem);
         let opening = (sign.is_open && has_lines).then_some(sign.openings);
@@ -196,7 +196,7 @@ impl Drop for Control {
     }
 }
 
-/// Whether the directory has a socket that nobody listens on.
+/// Whether the directory has a socket without a listening process.
 fn is_left_behind(dir: &Dir) -> bool {
     let is_socket = dir.is_socket(NAME);
     let refused = |error: io::Error| error.kind() == io::ErrorKind::ConnectionRefused;

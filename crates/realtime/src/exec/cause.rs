@@ -88,7 +88,7 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     // rest, so only its like is told beside it.
     let least = match first.weight {
         weight::SETTING.. => weight::SETTING,
-        // Who ends and leaves motors on has two defects.
+        // A program that ends and leaves motors on has two defects.
         weight::ENDED => weight::MOTORS,
         other => weight::ORDER.max(other - 20),
     };

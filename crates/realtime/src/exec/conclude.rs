@@ -1,4 +1,4 @@
-//! What a run with somebody's program comes to: checks about the program before those of the run,
+//! The verdict of a run with a user's program: checks about the program before those of the run,
 //! and the probable cause of a failure.
 
 use core::time::Duration;

@@ -31,7 +31,7 @@ pub(crate) struct Rest<'a> {
     pub now: Instant,
     /// Whether the program ended by itself.
     pub has_ended: bool,
-    /// Whether somebody ended the run before its time.
+    /// Whether the operator ended the run early.
     pub is_cut: bool,
     /// Whether it printed nothing, and did not end with exit code 0 either.
     pub is_mute: bool,

@@ -133,7 +133,7 @@ impl Trial {
         match *self {}
     }
 
-    /// Who computes on and on.
+    /// The thread that computes without a system call.
     pub(crate) const fn spins(&self) -> Option<&str> {
         match *self {}
     }

@@ -20,7 +20,7 @@ use super::inject::{Hands, NotMade};
 use super::memory::Memory;
 use super::pending::Pending;
 
-/// The signal that is lent: nobody sends it.
+/// The borrowed signal: no program sends it.
 const LENT: Signal = Signal::SIGSTKFLT;
 /// Below its stack pointer a program keeps this to itself.
 const RED_ZONE: u64 = 128;
@@ -52,7 +52,7 @@ const OLD_ACTION: u64 = 80;
 pub(super) enum Delivered {
     /// It can go on, at the handler or where it was.
     Goes,
-    /// It has to be killed: nobody handles the signal.
+    /// The signal has no handler and kills the process.
     Fatal,
     /// It has ended meanwhile, with this status.
     Ended(i32),

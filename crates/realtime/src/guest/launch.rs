@@ -64,7 +64,7 @@ pub(super) const TIOCSSERIAL: u64 = 0x541F;
 pub(super) const NOT_TRACED: i32 = 125;
 /// Exit code of a launcher that could not put on the filter, or find the shell.
 pub(super) const NOT_LAUNCHED: i32 = 126;
-/// A flag of clone: whoever traces the parent is not told of the child.
+/// A flag of clone that hides the child from the tracer of its parent.
 pub(super) const CLONE_UNTRACED: u64 = 0x0080_0000;
 /// What the filter says of a call that a 32-bit program would make.
 pub(super) const OTHER_ARCHITECTURE: u8 = 1;
@@ -212,9 +212,9 @@ pub(super) fn requests_to_end() -> SigSet {
     set
 }
 
-/// Becomes a program with its arguments, supervised by whoever started this process.
+/// Becomes a program with its arguments, supervised by the parent process.
 pub fn become_guest_with_lines(words: impl IntoIterator<Item = OsString>) -> ExitCode {
-    // Whoever started this one holds them back.
+    // The parent process blocks these signals.
     let _ = requests_to_end().thread_unblock();
     let mut words = words.into_iter();
     let mut program = Command::new(words.next().unwrap_or_default());
@@ -222,7 +222,7 @@ pub fn become_guest_with_lines(words: impl IntoIterator<Item = OsString>) -> Exi
     become_supervised(&mut program, about_lines)
 }
 
-/// Becomes `command`, supervised by whoever started this process.
+/// Becomes `command`, supervised by the parent process.
 pub fn become_guest(command: &str) -> ExitCode {
     // Where things lie in memory is the same in each run; some systems forbid even that.
     let _ = personality::get()
@@ -281,7 +281,7 @@ pub(super) fn show_child(tid: Pid, call: &Call) {
     };
 }
 
-/// Children that are to be hidden from whoever traces their parent.
+/// Rules that hide children from the tracer of their parent.
 fn about_children() -> Result<Rules, seccompiler::BackendError> {
     let is_hidden = SeccompCmpOp::MaskedEq(CLONE_UNTRACED);
     let hides = SeccompCondition::new(0, SeccompCmpArgLen::Qword, is_hidden, CLONE_UNTRACED)?;

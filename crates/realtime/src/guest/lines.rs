@@ -104,7 +104,7 @@ fn code_of(status: i32) -> u8 {
     }
 }
 
-/// Whoever started this process gives the program its lines already.
+/// Runs the command as it is: the supervisor that started this process provides the modem lines.
 fn run_plain(command: &[OsString], speaks: Stdio) -> Result<u8, GuestError> {
     let [program, words @ ..] = command else {
         return Ok(0);
@@ -162,7 +162,7 @@ impl Rig {
         let stream = UnixStream::connect(dir.join(control::NAME))?;
         stream.set_read_timeout(Some(PATIENCE))?;
         let mut rig = Self(BufReader::new(stream));
-        // From now on whoever opens a port raises its lines.
+        // From now on each opening of a port raises its lines.
         rig.ask(&json!({"do": "modem"}))?;
         Ok(rig)
     }
@@ -238,7 +238,7 @@ impl Tracer {
                     }
                     None
                 }
-                // A thread begins with a stop that nobody sent.
+                // A thread begins with a stop signal of the kernel, not of another process.
                 0 if is_new && signal == libc::SIGSTOP => None,
                 0 if is_stop(signal) && ptrace::getsiginfo(pid).is_err() => {
                     // It stands until it has a signal that lets it go on.

@@ -1,5 +1,5 @@
 //! Links that name ports: libraries look up a port's driver before they open it (libserialport and
-//! whoever uses it, as sigrok), and a terminal of this kind has none.
+//! the programs built on it, such as sigrok), and a terminal of this kind has none.
 
 use std::os::unix::fs::MetadataExt as _;
 

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::Read as _;
 
-/// Signals that do nothing unless somebody handles them: SIGCHLD, SIGCONT, SIGURG, SIGWINCH.
+/// Signals that do nothing without a handler: SIGCHLD, SIGCONT, SIGURG, SIGWINCH.
 const MILD: u64 = 1 << 16 | 1 << 17 | 1 << 22 | 1 << 27;
 
 /// Signals that let a stopped process go on: SIGKILL, SIGCONT.

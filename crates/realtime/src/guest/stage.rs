@@ -33,7 +33,7 @@ pub(super) struct Slot {
     device: u64,
     /// How many ports there were at its place so far.
     made: u64,
-    /// Bytes that were brought to its client when somebody looked last, and when more came.
+    /// Number of bytes delivered to its client at the last look, and the time of the last delivery.
     brought: u64,
     heard: Instant,
     is_open: bool,
@@ -184,9 +184,8 @@ impl Stage {
         }
     }
 
-    /// When something happens at the rig next, in the program's time: until then a look at a clock
-    /// is
-    /// nobody else's business. `None`: never.
+    /// Time of the rig's next event, in the program's time: until then reading a clock has no
+    /// effect on other threads. `None`: there is no such event.
     pub(super) fn quiet_until(&self) -> Option<Instant> {
         if self.is_touched {
             return Some(self.now);
@@ -216,8 +215,9 @@ impl Stage {
         Ok(())
     }
 
-    /// Nobody can run: time passes until something happens at a port, at most until `deadline`, and
-    /// not for long. `watches`: that the line takes bytes is something, too.
+    /// Lets time pass while no thread can run: until the next event at a port, at most until
+    /// `deadline`, and only for a short time. `watches`: free room in the line counts as an event
+    /// as well.
     pub(super) fn leap(
         &mut self,
         deadline: Option<Instant>,
@@ -250,7 +250,7 @@ impl Stage {
         self.is_touched = true;
     }
 
-    /// Carries across what there is at both sides of the ports if one of them was touched.
+    /// Transfers pending bytes in both directions if the program touched a port.
     pub(super) fn carry_touched(&mut self) -> Result<(), TransportError> {
         match self.is_touched {
             true => self.carry(),
@@ -258,7 +258,7 @@ impl Stage {
         }
     }
 
-    /// Carries across what there is at both sides of the ports, now.
+    /// Transfers pending bytes in both directions now.
     pub(super) fn carry(&mut self) -> Result<(), TransportError> {
         match core::mem::take(&mut self.is_touched) || self.now >= self.next_look {
             true => self.realtime.carry(&mut self.run)?,
@@ -305,7 +305,7 @@ impl Stage {
             }
         }
         if !turned.is_empty() {
-            // Whoever opens and goes at once was there all the same.
+            // A client that opens and closes between two looks still counts.
             self.observe();
         }
         // A serial port raises its lines when it is opened, and lowers them when it is closed.

@@ -64,9 +64,10 @@ pub(super) enum Outcome {
     Kernel,
     /// The thread waits.
     Block(Wait),
-    /// The kernel does it, and nobody knows how long that takes; so long this is the state.
+    /// The kernel executes the call for an unknown time; the thread stays in this state until it
+    /// ends.
     Leave(State),
-    /// As an answer, but whoever else can run is first.
+    /// As an answer, but other threads that can run go first.
     Yield(i64),
 }
 
@@ -99,7 +100,7 @@ pub(super) struct Supervisor {
     threads: BTreeMap<i32, Thread>,
     processes: BTreeMap<i32, Process>,
     queue: VecDeque<i32>,
-    /// First stops of threads of which nobody has told yet.
+    /// First stops of threads whose creation has not been reported yet.
     early: BTreeSet<i32>,
     /// How many threads and processes there were.
     born: [u32; 2],
@@ -229,7 +230,7 @@ impl Supervisor {
             .filter(move |&pid| pid != root)
     }
 
-    /// Whether anybody is there.
+    /// Whether any process is left.
     pub(super) fn is_anybody_there(&self) -> bool {
         !self.processes.is_empty()
     }
@@ -268,7 +269,7 @@ impl Supervisor {
     }
 
     fn let_time_pass(&mut self) -> Result<(), GuestError> {
-        // Whoever waits for the child that has its memory does so in virtual time.
+        // A parent that waits for its vfork child waits in virtual time.
         let lends = |tid: i32| {
             let mut others = self.threads.values();
             others.any(|other| other.vfork_parent == Some(tid))

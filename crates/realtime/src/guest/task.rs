@@ -19,14 +19,14 @@ pub(super) enum Next {
     Go(Option<Signal>),
     /// It tries the call at which it stands once more.
     Attempt,
-    /// It has stopped with this status, which nobody has looked at.
+    /// It has stopped with this status, which the supervisor has not handled yet.
     Stopped(i32),
 }
 
 /// What a thread waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum On {
-    /// Somebody else's call, or nothing.
+    /// Another thread's call, or nothing.
     Others,
     /// A word in memory: where it is, and which of its bits.
     Futex(FutexKey, u32),
@@ -173,7 +173,7 @@ pub(super) struct TimerFile {
     pub(super) file: OwnedFd,
     pub(super) clock: i64,
     pub(super) timer: Timer,
-    /// Expirations that nobody has read.
+    /// Expirations that no thread has read yet.
     pub(super) expired: u64,
 }
 
@@ -190,12 +190,12 @@ pub(super) struct PosixTimer {
     pub(super) clock: i64,
     /// The signal that it sends; 0: none.
     pub(super) signal: i32,
-    /// What it tells whoever takes the signal.
+    /// Value for the thread that takes the signal.
     pub(super) value: u64,
     /// The thread for which the signal is.
     pub(super) thread: Option<i32>,
     pub(super) timer: Timer,
-    /// It has expired, and nobody has taken its signal.
+    /// It has expired, and no thread has taken its signal yet.
     pub(super) is_due: bool,
     /// The kernel has its signal for some thread.
     pub(super) is_sent: bool,

@@ -54,9 +54,9 @@ pub struct Trial {
     listener: JoinHandle<()>,
     /// How the program ended, and the rig's time then.
     ended: Option<(Ended, Instant)>,
-    /// Since when there is nobody at the ports any more, in the program's time.
+    /// Time at which the last client left the ports, in the program's time.
     gone_at: Option<Instant>,
-    /// Who computes on and on.
+    /// The thread that computes without a system call.
     spins: Option<String>,
     /// On which processors this thread may run.
     processors: Option<CpuSet>,
@@ -222,7 +222,7 @@ impl Trial {
         self.supervisor.fault()
     }
 
-    /// Who computes on and on.
+    /// The thread that computes without a system call.
     pub fn spins(&self) -> Option<&str> {
         self.spins.as_deref()
     }
@@ -236,7 +236,7 @@ impl Trial {
         (farewell.said, run)
     }
 
-    /// Ends the program and judges what there is.
+    /// Ends the program and judges the run so far.
     pub fn end(mut self) -> Played {
         let is_over = self.supervisor.stage.run.is_over();
         self.supervisor.note_halted();
@@ -288,7 +288,7 @@ impl Trial {
 
     /// Ends the program.
     fn finish(&mut self) -> Farewell {
-        // What it did last may have been seen by nobody.
+        // The rig may not have seen the program's last actions.
         let _ = self.supervisor.stage.carry();
         self.supervisor.stage.look();
         self.supervisor.stage.is_frozen = true;
@@ -308,8 +308,8 @@ impl Trial {
         }
     }
 
-    /// Ends it and whatever it started: asks first, then kills. Who was left behind, and whether
-    /// the program itself had to be killed.
+    /// Ends the program and its child processes: first by a request, then by SIGKILL. Returns the
+    /// processes that were left behind, and whether the program itself was killed.
     fn stop(&mut self) -> (Vec<Left>, bool) {
         let is_running = self.supervisor.root_status.is_none();
         let mut left = match is_running {
@@ -374,7 +374,7 @@ impl Trial {
         words.map(|words| words.text()).unwrap_or_default()
     }
 
-    /// Waits until nobody can say anything more, but not for ever.
+    /// Waits until no process can write output any more, with a time limit.
     fn is_silent(&self) {
         let clock = WallClock::start();
         while !self.listener.is_finished() && clock.now() - Instant::ZERO < LAST_WORDS {
@@ -392,8 +392,8 @@ fn of_fixed_length(path: &OsStr) -> String {
     format!("{folder}{number:/>NUMBER_LEN$}")
 }
 
-/// Keeps this thread, and whom it starts, on the processor on which it is: one of them runs at a
-/// time, and to wake up on another processor takes three times as long. Where it could run before.
+/// Keeps this thread and the processes that it starts on its current processor: one of them runs at
+/// a time, and waking on another processor takes three times as long. Returns the previous set.
 fn stay_here() -> Option<CpuSet> {
     let before = sched_getaffinity(None).ok()?;
     let mut here = CpuSet::new();

@@ -66,7 +66,7 @@ impl Watchdog {
     pub(super) fn start(root: i32, spin_max: Duration) -> Self {
         let shared = Arc::<Shared>::default();
         let watching = Arc::clone(&shared);
-        // Without it nothing is lost but the name of who hangs.
+        // Without this thread only the name of a hanging thread is lost.
         let _ = thread::Builder::new()
             .name("watchdog".to_owned())
             .spawn(move || watch(&watching, root, spin_max));
@@ -106,7 +106,7 @@ impl Watchdog {
         (seconds > 0).then(|| Duration::from_secs(seconds.into()))
     }
 
-    /// Nobody runs.
+    /// No thread runs.
     pub(super) fn rest(&self) {
         self.shared.tid.store(0, Ordering::Relaxed);
     }
@@ -147,7 +147,7 @@ fn watch(shared: &Shared, root: i32, spin_max: Duration) {
         if core::mem::replace(&mut time, shared.now.load(Ordering::Relaxed)) != time {
             moved_at = wall;
         }
-        // Between two turns nobody lets it go on.
+        // Nothing resumes the thread between two turns.
         let has_turned =
             core::mem::replace(&mut turns, shared.turns.load(Ordering::Relaxed)) != turns;
         if !has_turned && !shared.is_at_work.load(Ordering::Relaxed) {

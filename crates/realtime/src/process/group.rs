@@ -1,4 +1,4 @@
-//! Who is in a process group, as the system lists it.
+//! The members of a process group, as the system lists them.
 
 use core::fmt;
 use std::fs;
@@ -8,7 +8,7 @@ use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
 /// Longest command that is told.
 const COMMAND_MAX: usize = 120;
 
-/// A process that somebody's program started and left behind.
+/// A process that a user's program started and left behind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Left {
     /// Its number.
@@ -35,7 +35,7 @@ impl Group {
         let _ = kill_process_group(self.0, signal);
     }
 
-    /// Its members, the dead ones that nobody has buried yet left out.
+    /// Its members without zombies.
     pub(super) fn members(self) -> Vec<Left> {
         let left = |pid| Left {
             pid,
@@ -47,7 +47,7 @@ impl Group {
 
     /// Their numbers.
     pub(super) fn pids(self) -> Vec<u32> {
-        // The list of all processes is long; mostly there is nobody to look for.
+        // The list of all processes is long, and most groups are empty.
         if test_kill_process_group(self.0).is_err() {
             return Vec::new();
         }

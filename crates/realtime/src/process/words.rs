@@ -62,7 +62,7 @@ impl Words {
     }
 }
 
-/// Hears all that is said, until nobody can say anything more.
+/// Collects the output until the last writer closes the pipe.
 pub(crate) fn listen(mut from: impl Read, words: &Mutex<Words>) {
     let mut buf = [0; 4096];
     loop {

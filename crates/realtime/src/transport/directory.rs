@@ -124,7 +124,7 @@ impl PortDir {
         Ok(())
     }
 
-    /// Makes `name` a link to `target`, which must not be a link that somebody else made.
+    /// Makes `name` a link to `target`. An existing link that another program made is an error.
     pub(super) fn publish(&self, name: &str, target: &Path) -> Result<Link, TransportError> {
         if !is_port_name(name) {
             return Err(TransportError::Name {
@@ -257,7 +257,7 @@ impl Drop for Link {
     }
 }
 
-/// Removes the link unless somebody put something else in its place.
+/// Removes the link unless another program has replaced it.
 fn remove_link(dir: &Dir, name: &str, target: &Path) {
     if dir.read_link(name).is_ok_and(|found| found == target) {
         let _ = dir.remove_file(name);
@@ -275,7 +275,7 @@ fn read_record(record: &mut File) -> io::Result<Vec<(String, String)>> {
     Ok(String::from_utf8_lossy(&text)
         .lines()
         .filter_map(|line| line.split_once(' '))
-        // Anybody may have written it.
+        // Other users can write this file: names are checked.
         .filter(|(name, _)| is_port_name(name))
         .map(|(name, target)| (name.to_owned(), target.to_owned()))
         .collect())

@@ -6,7 +6,7 @@
 //! nothing of it is promised by a standard.
 //!
 //! The master has no notion of "open": it reports a hang-up after the last client closed, until the
-//! next one opens. A terminal that nobody ever opened reports none, so we open and close it once.
+//! next one opens. A terminal that was never opened reports none, so we open and close it once.
 //!
 //! How much a client has not read only the kernel knows: the client may read a part, or flush. The
 //! count kept here is an upper bound; the kernel is asked before a byte is given up for lost.
@@ -112,7 +112,7 @@ impl Pty {
         self.plugged.as_ref().map(|plugged| &plugged.master)
     }
 
-    /// Notices who came and went; whether anybody is there.
+    /// Records clients that came and went; whether any client is there.
     fn look(&mut self) -> bool {
         let open = !self.is_hung_up();
         let Some(plugged) = &mut self.plugged else {
@@ -151,8 +151,8 @@ impl Pty {
         self.open_up();
     }
 
-    /// Who took the port for itself alone has closed it. That ends with the last client of a serial
-    /// port, but not of a pseudo-terminal: another one takes its place.
+    /// The client that took the port for itself alone has closed it. That ends with the last client
+    /// of a serial port, but not of a pseudo-terminal: another one takes its place.
     fn open_up(&mut self) {
         let Some(master) = self.master() else {
             return;
@@ -448,7 +448,7 @@ impl Transport for Pty {
             return None;
         }
         let mut fds = vec![plugged.watch.fd()?];
-        // Nobody is there, and so it is hung up.
+        // Without a client the terminal reports a hang-up all the time.
         fds.extend(self.open.then(|| plugged.master.as_fd()));
         Some(fds)
     }

@@ -1,4 +1,4 @@
-//! A serial port of this machine, real or somebody's pseudo-terminal.
+//! A serial port of this machine: a real one, or another program's pseudo-terminal.
 //!
 //! The port library waits: for bytes, for room, for a cable that is not there. So two threads
 //! stand between it and the rig, with a pipe each: nothing that the port does can stop the rig,
@@ -55,7 +55,7 @@ impl Serial {
     /// Opens `path` for this process alone, sets it to `line` and forgets what had arrived before.
     ///
     /// # Errors
-    /// If there is no such port, somebody else has it, or it cannot be set up that way.
+    /// If there is no such port, another process has it, or it cannot be set up that way.
     pub fn open(path: &Path, line: LineConfig) -> Result<Self, TransportError> {
         let port = open_port(path, line)?;
         Self::start(path, port).map_err(|source| TransportError::Open {
@@ -172,8 +172,9 @@ impl Drop for Serial {
         self.shared.stop.store(true, Ordering::Relaxed);
         self.incoming = None;
         self.outgoing = None;
-        // What is on its way goes out. What nobody takes is thrown away; the system does not tell a
-        // write that waits for room about that, but any setting of the port makes it look again.
+        // Pending output is sent. Output that the port does not take is discarded; the system does
+        // not tell a write that waits for room about that, but any setting of the port makes it
+        // look again.
         let _ = self.port.flush();
         let _ = self.port.clear(ClearBuffer::Output);
         let _ = self.port.set_flow_control(FlowControl::None);
@@ -183,7 +184,7 @@ impl Drop for Serial {
     }
 }
 
-/// From the port to the rig, until the port fails or nobody listens.
+/// Copies bytes from the port to the rig, until the port fails or the rig closes the pipe.
 fn carry_in(mut port: TTYPort, mut to_rig: PipeWriter, shared: &Shared) {
     let mut buf = [0; 4096];
     while !shared.stop.load(Ordering::Relaxed) {

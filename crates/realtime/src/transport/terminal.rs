@@ -28,7 +28,7 @@ const DISABLED: u8 = 0;
 #[derive(Clone, Debug, Default)]
 pub struct Terminal {
     settings: Settings,
-    /// Whether nobody else does the line discipline's work.
+    /// Whether the rig does all the work of the line discipline.
     is_whole: bool,
     /// A line that has not ended, in canonical mode.
     line: Vec<u8>,
@@ -78,7 +78,7 @@ impl Terminal {
         &self.settings
     }
 
-    /// Whether nobody else does the line discipline's work.
+    /// Whether the rig does all the work of the line discipline.
     pub const fn is_whole(&self) -> bool {
         self.is_whole
     }
@@ -88,7 +88,7 @@ impl Terminal {
         self.unread
     }
 
-    /// Somebody else has taken bytes: so many are left.
+    /// Another process has read bytes: `unread` are left.
     pub(crate) fn correct_unread(&mut self, unread: usize) {
         self.took(self.unread.saturating_sub(unread));
     }

@@ -1,7 +1,7 @@
 //! A network port of this machine: packets of UDP, one a message, for links that carry messages.
 //!
-//! Nobody opens or closes such a port. Who sent the last packet is the far end, which is open from
-//! its first packet on; what is sent before that is heard by nobody.
+//! Such a port has no open or close. The sender of the last packet is the far end. It counts as
+//! open from its first packet on; packets sent before that are lost.
 
 use core::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::collections::VecDeque;
@@ -39,7 +39,8 @@ impl Udp {
     /// Listens at `address`.
     ///
     /// # Errors
-    /// [`TransportError::Network`] if somebody else does, or there is no such address here.
+    /// [`TransportError::Network`] if another process listens there, or there is no such address
+    /// here.
     pub fn open(address: SocketAddr) -> Result<Self, TransportError> {
         let opened = || {
             let socket = UdpSocket::bind(address)?;
@@ -129,7 +130,7 @@ mod tests {
         assert_eq!(address("/dev/ttyUSB0"), None);
     }
 
-    /// Two packets are two messages; the answer goes to who sent them.
+    /// Two packets are two messages; the answer goes to their sender.
     #[test]
     fn packets_are_messages_and_the_sender_is_the_far_end() {
         let mut port = Udp::open("127.0.0.1:0".parse().expect("one")).expect("a free port");

@@ -1,8 +1,9 @@
-//! Who opens, closes and reads the client's end of a pseudo-terminal.
+//! Openings, closings and reads of the client's end of a pseudo-terminal.
 //!
-//! The master alone cannot tell a client that closed and reopened between two looks, nor whether
-//! a client reads. inotify on the terminal's node tells both. It is a help, not a need: where it is
-//! not to be had (its instances are limited per user), only who is away at a look is seen to go.
+//! The master alone cannot tell a client that closed and reopened between two looks, nor whether a
+//! client reads. inotify on the terminal's node tells both. It is a help, not a need: where inotify
+//! is not available (its instances are limited per user), the rig only notices a client that is
+//! away at the moment of a look.
 
 use core::mem::MaybeUninit;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -16,11 +17,11 @@ const ENTRIES_MAX: usize = 64;
 /// What happened since the last look.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct PortChanges {
-    /// The last client closed, and somebody opened after that.
+    /// The last client closed, and a client opened after that.
     pub(super) reopened: bool,
     /// A client took bytes out.
     pub(super) read: bool,
-    /// Nobody is there, and a client opened and closed the node since the last look.
+    /// No client is there, but one opened and closed the node since the last look.
     pub(super) visited: bool,
 }
 
@@ -81,17 +82,17 @@ impl Watch {
 #[derive(Clone, Copy, Debug, Default)]
 struct Clients {
     count: u32,
-    /// Nobody was there at the last look.
+    /// No client was there at the last look.
     was_away: bool,
-    /// For so many looks more, who opens does it after the last one has closed.
+    /// For this many looks more, an opening counts as one after the last client closed.
     left: u8,
-    /// Somebody did, and nobody was told yet.
+    /// A client did reopen the port, and the rig has not been told yet.
     reopened: bool,
     /// At the last look one was there that the queue may only now tell of.
     is_ahead: bool,
-    /// Somebody opened since the last look.
+    /// A client opened since the last look.
     has_opened: bool,
-    /// Somebody did, and the last one closed after that.
+    /// A client opened, and the last one closed after that.
     has_visited: bool,
 }
 
@@ -112,14 +113,14 @@ impl Clients {
         }
     }
 
-    /// Whether somebody opened and the last one closed after that, since the last look.
+    /// Whether a client opened and the last one closed after that, since the last look.
     fn take_visit(&mut self) -> bool {
         self.has_opened = false;
         core::mem::take(&mut self.has_visited)
     }
 
-    /// The queue is empty, and `open` is the truth about right before: whether somebody was there.
-    /// Whether it is somebody who opened after the last look's client had closed.
+    /// The queue is empty, and `open` tells whether a client was there right before that. Returns
+    /// whether this client opened after the last look's client had closed.
     fn looked(&mut self, open: bool) -> bool {
         self.left = self.left.saturating_sub(1);
         self.is_ahead = open && self.count == 0;
@@ -136,7 +137,8 @@ impl Clients {
 mod tests {
     use super::*;
 
-    /// What the queue tells in one look, oldest first, and whether anybody is there right before.
+    /// Feeds the queue's events of one look, oldest first, and whether a client is there right
+    /// before.
     fn look(clients: &mut Clients, told: &str, open: bool) -> bool {
         for what in told.chars() {
             match what {
@@ -147,8 +149,8 @@ mod tests {
         clients.looked(open)
     }
 
-    /// A client of before closes, another opens. Wherever the rig looks meanwhile, it hears of it
-    /// once, when somebody is there.
+    /// A client of before closes, another opens. The rig reports this once, when a client is there,
+    /// at whatever moments it looks.
     #[test]
     fn who_opens_again_is_heard_of_wherever_the_looks_fall() {
         let looks: [&[(&str, bool)]; 6] = [
@@ -157,7 +159,7 @@ mod tests {
             // The old one is there when it asks, and closes before it empties the queue.
             &[("-", true), ("+", true)],
             &[("-+", true), ("", true)],
-            // Nobody is there when it asks, the new one comes before it empties the queue.
+            // No client is there when it asks, the new one comes before it empties the queue.
             &[("-+", false), ("", true)],
             &[("-", false), ("+", true)],
             // The new one is there when it asks, the queue says so later.
@@ -177,7 +179,7 @@ mod tests {
         }
     }
 
-    /// Who is away at a look has closed, and opens when somebody is there again.
+    /// A client that is away at a look has closed, and opens when a client is there again.
     #[test]
     fn who_was_away_opens_once() {
         let mut clients = Clients::default();
@@ -213,8 +215,8 @@ mod tests {
         assert!(visit("+-+-", false));
     }
 
-    /// The queue tells of two that open at once as of one. When the first of them has closed, the
-    /// second is still there, and who comes later comes beside it.
+    /// The queue reports two openings at the same moment as one. When the first of them has closed,
+    /// the second is still there, and a later client comes beside it.
     #[test]
     fn who_comes_beside_another_has_not_opened_again() {
         let mut clients = Clients::default();
@@ -225,7 +227,7 @@ mod tests {
         assert!(!look(&mut clients, "-+", true));
     }
 
-    /// Somebody is there before the queue says so: that is one client.
+    /// A client is there before the queue says so: that is one client.
     #[test]
     fn who_is_there_before_the_queue_says_so_counts_once() {
         let mut clients = Clients::default();

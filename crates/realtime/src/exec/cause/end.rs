@@ -42,7 +42,7 @@ fn motors(evidence: &Evidence<'_>) -> Option<Cause> {
     Some(Cause::new(
         weight::MOTORS,
         format!(
-            "motors go on when nobody commands them ({detail}); give the device a watchdog, or let \
+            "motors go on without commands ({detail}); give the device a watchdog, or let \
              the program stop the motors when it ends"
         ),
     ))

@@ -10,9 +10,9 @@ use super::{Cause, weight};
 use engine::run::Outcome;
 use engine::run::check::Status;
 
-/// A turn that counts, and a goal that is so far to the side, radians.
+/// Least turn that counts, and least bearing of a goal to the side, radians.
 const TURN: f64 = 0.35;
-/// A way that counts, metres.
+/// Least distance that counts, metres.
 const WAY: f64 = 0.05;
 
 pub(super) fn causes(outcome: &Outcome) -> Vec<Cause> {

@@ -124,7 +124,7 @@ fn lost(port: &Port) -> Option<Cause> {
     })
 }
 
-/// Ports that nobody opened.
+/// Ports that the program did not open.
 fn not_opened(evidence: &Evidence<'_>) -> Option<Cause> {
     let ports = evidence.ports;
     if ports.is_complete() {

@@ -80,7 +80,8 @@ impl Waiter {
 }
 
 impl Tracer {
-    /// The next news of anybody. As long as somebody waits for a line the rig is asked for it.
+    /// Returns the next event of any process. While a process waits for a modem line, polls the rig
+    /// for it.
     pub(super) fn next_news(&mut self) -> Option<(i32, i32)> {
         if let Some(news) = self.ended.pop_front() {
             return Some(news);
@@ -97,7 +98,7 @@ impl Tracer {
         wait(None, WaitOptions::empty())
     }
 
-    /// Whoever was stopped by a signal goes on when there is one for that.
+    /// Resumes processes that a signal stopped, once a signal that continues them is pending.
     fn look_at_halted(&mut self) {
         let goes_on = |&tid: &i32| {
             let process = group_of(tid).unwrap_or(tid);

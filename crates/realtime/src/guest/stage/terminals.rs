@@ -17,8 +17,8 @@ use crate::transport::{Settings, Terminal, TransportError};
 /// the whole machine perhaps, gives nothing up.
 const HASTY_LOOKS: u32 = 1_000;
 const LOOK_PACE: Duration = Duration::from_millis(1);
-/// After so many slow ones they are not on their way any more. The terminal passes on all that it
-/// is given, so somebody must have read it that is not supervised.
+/// After this many slow looks the bytes count as read. The terminal passes on every byte that it
+/// receives, so a process without supervision must have read them.
 const LOOKS: u32 = 20_000;
 /// Calls in a row at a port that hung up after which a program is in a busy loop, and what each
 /// takes from then on.
@@ -117,7 +117,7 @@ impl Stage {
         if let Some(shown) = missed(fd, unread as u64)
             && let Some(terminal) = self.terminal(port)
         {
-            // Somebody else has taken them: what is shown is the truth.
+            // A process without supervision read some bytes: the kernel's count is right.
             terminal.correct_unread(usize::try_from(shown).unwrap_or(unread));
         }
     }

@@ -136,7 +136,7 @@ impl Supervisor {
     }
 }
 
-/// Whether a socket is connected to somebody on this machine.
+/// Whether a socket is connected to a peer on this machine.
 fn is_near(tid: i32, call: &Call) -> bool {
     let mut address = [0; 24];
     let len = usize::try_from(call.args[2])

@@ -1,5 +1,5 @@
-//! Opening named pipes: it waits for the other side, which the kernel would do while nobody is let
-//! run who could be that.
+//! Opening of named pipes: it waits for the other side. In the kernel that would be a deadlock,
+//! because the supervisor stops all other threads meanwhile.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -49,7 +49,8 @@ impl Supervisor {
             return Outcome::Kernel;
         }
         if let Some(partner) = self.partner(side) {
-            // Read and write: such an opening never waits, and with it nobody else's does.
+            // An opening for reading and writing never waits, and neither do later openings of the
+            // same pipe.
             let both = File::options().read(true).write(true).open(&place);
             if let Ok(both) = both {
                 self.meetings.push(Meeting {

@@ -93,7 +93,7 @@ impl Supervisor {
         }))
     }
 
-    /// Who waits for `key`, oldest first.
+    /// Threads that wait for `key`, oldest first.
     pub(super) fn futex_waiters(&self, key: FutexKey, bits: u32) -> Vec<i32> {
         let mut waiters: Vec<(u64, i32)> = Vec::new();
         for thread in self.threads.values() {
@@ -166,7 +166,8 @@ impl Supervisor {
         Ok(Outcome::Answer(count))
     }
 
-    /// A thread has ended: the kernel has cleared its word and woken whoever waited for that.
+    /// A thread has ended: the kernel has cleared its word and woken the threads that waited for
+    /// it.
     pub(super) fn wake_after_death(&mut self) {
         let mut waiters: Vec<(u64, i32)> = Vec::new();
         for thread in self.threads.values() {

@@ -12,7 +12,7 @@ use super::{Memory, On, Outcome, State, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::guest::task::FutexKey;
 
-/// Bits of the word: somebody waits; the owner has ended; who it is.
+/// Bits of the word: a thread waits; the owner has ended; the owner's number.
 const WAITERS: u32 = 0x8000_0000;
 const OWNER_DIED: u32 = 0x4000_0000;
 const OWNER: u32 = 0x3FFF_FFFF;

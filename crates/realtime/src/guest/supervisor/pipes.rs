@@ -1,5 +1,5 @@
-//! Writing to pipes and sockets of which a blocking one takes all or waits: piece by piece, so that
-//! nobody waits in the kernel for a reader who is not let run.
+//! Blocking writes to pipes and sockets: such a write takes all bytes or waits. The supervisor
+//! writes piece by piece, so that no thread waits in the kernel for a reader that is stopped.
 
 use nix::errno::Errno;
 use nix::libc;

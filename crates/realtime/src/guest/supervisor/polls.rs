@@ -88,7 +88,7 @@ impl Supervisor {
                         false => 0,
                     }
                 }
-                // Somebody listens all the time, at the pace of the wall clock.
+                // The supervisor reads this file all the time, at the pace of the wall clock.
                 Some(file) if file.kind == Kind::Mouth => {
                     found.next();
                     flags & PollFlags::OUT.bits()

@@ -1,8 +1,9 @@
 //! timer_create and its like: timers of a process that send a signal when their virtual time has
 //! come.
 //!
-//! Whoever waits for the signal (sigwaitinfo) is given it by the supervisor: so the C library runs
-//! its timers that call a function in a thread of its own. Others get it from the kernel.
+//! The supervisor delivers the signal to threads that wait for it (sigwaitinfo). The C library runs
+//! its timers with a callback this way, in a thread of its own. Other threads get it from the
+//! kernel.
 
 use nix::errno::Errno;
 use nix::libc;

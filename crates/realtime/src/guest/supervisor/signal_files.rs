@@ -1,5 +1,5 @@
-//! Files from which signals are read (signalfd): what is pending for their owner the kernel shows
-//! to nobody else, so the supervisor looks itself.
+//! Files from which signals are read (signalfd): the kernel shows pending signals only to their
+//! owner, so the supervisor keeps track of them itself.
 
 use std::fs::read_to_string;
 

@@ -18,7 +18,7 @@ use crate::guest::pending::Pending;
 const SA_RESTART: u64 = 0x1000_0000;
 
 impl Supervisor {
-    /// Somebody sent a signal from outside.
+    /// A process outside the supervision sent a signal.
     pub(in crate::guest) const fn expect_signals(&mut self) {
         self.is_signalled = true;
     }

@@ -67,7 +67,7 @@ impl Supervisor {
         process(one).is_some() && process(one) == process(other)
     }
 
-    /// News of a thread that nobody waits for just now.
+    /// Records an event of a thread for which the supervisor does not wait now.
     pub(super) fn note_other(&mut self, pid: i32, status: i32) {
         let Some(thread) = self.threads.get(&pid) else {
             if !is_death(status) {

@@ -46,8 +46,8 @@ impl Supervisor {
                 if let Some(computed) = computed.filter(|&computed| computed >= limit) {
                     self.trouble = Some(GuestError::Spins(thread_name(tid), computed));
                 }
-                // Whoever wants to end the run is heard; others who can run may be what it waits
-                // for.
+                // A request to end the run is served. Another thread that can run may be the one
+                // for which this thread waits.
                 self.ready(tid, Next::Go(None));
                 Flow::Stays
             }
@@ -88,7 +88,7 @@ impl Supervisor {
         let names: Vec<String> = halted.map(|it| thread_name(it.process)).collect();
         for name in names {
             self.note(format!(
-                "{name} was stopped by a signal (SIGSTOP or its like), and nobody sent SIGCONT"
+                "{name} was stopped by a signal (SIGSTOP or its like) and got no SIGCONT"
             ));
         }
     }

@@ -1,8 +1,8 @@
 //! What a client has not read: the kernel knows, and is asked through the client's side.
 //!
-//! The master sees neither that a client reads nor that it flushes. The first is told by a watch on
-//! the terminal's node, the second by nobody: a client that flushes a full port once left it silent
-//! for ever, because the rig's own count said that there was no room.
+//! The master sees neither that a client reads nor that it flushes. A watch on the terminal's node
+//! reports the first, and nothing reports the second. A client that flushed a full port once left
+//! it silent for ever, because the rig's own count said that there was no room.
 
 use rustix::io::{Errno, ioctl_fionread};
 use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};

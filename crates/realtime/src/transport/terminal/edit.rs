@@ -64,8 +64,8 @@ impl Terminal {
         starts || stops
     }
 
-    /// The client is no session's terminal, so nobody gets the signal; what waits is thrown away
-    /// all the same.
+    /// The client is no session's terminal, so no process gets the signal; pending input is
+    /// discarded all the same.
     fn is_signal(&mut self, byte: u8, received: &mut Received) -> bool {
         let codes = [Code::Interrupt, Code::Quit, Code::Suspend];
         let is_one = codes.into_iter().any(|code| self.is_code(byte, code));
