@@ -83,7 +83,7 @@ impl Command {
     }
 }
 
-/// A command and who wants to know.
+/// A command and the channel for its answer.
 #[derive(Debug)]
 pub(super) struct Envelope {
     pub(super) command: Command,

@@ -1,5 +1,5 @@
-//! What somebody at a page did to a run, kept so that it can be done once more: a run that goes on
-//! from an earlier time has to come there as it came the first time.
+//! Actions of an operator at a page, kept so that they can be repeated: a run that continues from
+//! an earlier time must first reach that time in the same way.
 
 use protocols::Instant;
 

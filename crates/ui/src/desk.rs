@@ -1,4 +1,4 @@
-//! Between a run and the pages: does what they ask, shows them what there is.
+//! Between a run and the pages: executes the pages' commands and shows them the run's state.
 
 use core::cell::RefCell;
 use core::time::Duration;
@@ -181,12 +181,12 @@ impl Desk {
         self.wire.borrow().counted()
     }
 
-    /// How often somebody at a page has changed the run so far.
+    /// Number of changes to the run by operators at the pages so far.
     pub const fn changes(&self) -> u64 {
         self.changes
     }
 
-    /// One turn of a run whose clock is somebody else's: does what pages ask, and shows the run.
+    /// One turn of a run with an external clock: executes commands of the pages, and shows the run.
     /// `wall` is the time of the wall clock.
     pub fn turn(&mut self, run: &mut Run, wall: Instant) {
         self.obey_all(run, wall, |_, _| {
@@ -220,7 +220,7 @@ impl Desk {
             }
         }
         if let Some(gesture) = self.hand.tick(wall) {
-            // Whoever drove is gone; if the robot is gone as well, nothing is left to do.
+            // The operator who drove is gone; if the robot is gone as well, nothing is left to do.
             drop(self.deeds.perform(run, Deed::Gesture(gesture)));
         }
     }
@@ -267,8 +267,8 @@ impl Desk {
         Ok(Effect::Done)
     }
 
-    /// Shows the run as it is, if there is something new and somebody to see it. `pace` is the
-    /// clock, if it can be set.
+    /// Shows the run's state if it has changed and a page is connected. `pace` is the clock, if it
+    /// can be set.
     pub(super) fn show(&mut self, run: &Run, wall: Instant, pace: Option<&PagePace>) {
         let tempo = Tempo::of(pace);
         self.record(run, wall, tempo);

@@ -1,6 +1,6 @@
-//! Who may talk to the server. A page of somebody else's, open in the same browser, must not: not
-//! through a request of its own (its origin tells), nor through a name that it makes point here
-//! (the host tells).
+//! Access control of the server. A foreign page in the same browser must not reach it: neither with
+//! a request of its own (checked by the origin), nor with a host name that it points here (checked
+//! by the host).
 
 use core::net::{IpAddr, SocketAddr};
 

@@ -39,7 +39,7 @@ impl Default for Hub {
 }
 
 impl Hub {
-    /// Nobody there yet.
+    /// A hub without connected pages.
     pub fn new() -> Arc<Self> {
         Arc::default()
     }

@@ -25,7 +25,8 @@ use show::view::Outline;
 
 /// Radius that the robot is drawn with: the log does not say how large it was.
 const RADIUS_M: f64 = 0.2;
-/// Longest time that a page waits for the next scan: nobody looks on while a robot stands.
+/// Longest time that a page waits for the next scan: while a robot stands there is nothing new to
+/// see.
 const WAIT_MAX: Duration = Duration::from_secs(1);
 /// Time between two looks at what a page asks for.
 const TURN: Duration = Duration::from_millis(5);

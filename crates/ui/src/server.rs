@@ -56,8 +56,8 @@ const SCRIPT: &str = concat!(
     include_str!("assets/controls.js"),
 );
 
-/// Scripts, styles and pictures from here only; nothing from elsewhere, nothing inline, and
-/// nobody may put the page into a frame.
+/// Scripts, styles and pictures only from this server, none inline, and no other page may put this
+/// one into a frame.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
                       connect-src 'self'; img-src 'self' data: blob:; base-uri 'none'; \
                       form-action 'none'; frame-ancestors 'none'";
@@ -167,8 +167,8 @@ async fn guarded(
     response
 }
 
-/// An origin that cannot be read is a foreign one. A header that comes twice is none of a
-/// browser's, and whoever stands between may believe the other one.
+/// An unreadable origin is a foreign one. No browser sends a header twice, and a proxy between may
+/// use the other one.
 fn is_admitted(listen: SocketAddr, headers: &HeaderMap) -> bool {
     let is_doubled = |name: HeaderName| headers.get_all(name).iter().nth(1).is_some();
     if is_doubled(header::HOST) || is_doubled(header::ORIGIN) {
@@ -292,7 +292,7 @@ async fn serve(mut socket: WebSocket, place: Visitor) {
             Wake::Answer(Some(Answer::Case(_))) => continue,
         };
         for frame in frames {
-            // A page that does not read holds up nobody but itself, and that not for ever.
+            // A page that does not read delays only itself, and only up to a time limit.
             if !matches!(timeout(SEND_MAX, socket.send(frame)).await, Ok(Ok(()))) {
                 return;
             }

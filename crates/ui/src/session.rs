@@ -66,7 +66,7 @@ impl<C: Clock> Session<C> {
         })
     }
 
-    /// Stands still until somebody lets it go on.
+    /// Stands still until the operator resumes it.
     pub const fn pause(&mut self) {
         self.pace.pause();
     }
@@ -102,8 +102,8 @@ impl<C: Clock> Session<C> {
                 }
                 Effect::Branch(at) if first.is_none_or(|first| at < first) => {
                     return Err(
-                        "this run cannot be copied: a checker of its own, or somebody who \
-                                waits for bytes, cannot be"
+                        "this run cannot be copied: it has a checker of its own, or a client \
+                                that waits for bytes"
                             .to_owned(),
                     );
                 }

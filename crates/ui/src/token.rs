@@ -1,4 +1,4 @@
-//! The secret in the page's address: whoever has it may see and steer the run.
+//! The secret in the page's address: any browser that has it may see and steer the run.
 //!
 //! Other users of the machine reach its loopback address as well, and a browser sends cookies to
 //! every port of a host. So each request names the token in its query.
@@ -55,7 +55,7 @@ impl Token {
         let mut named = pairs
             .filter_map(|pair| pair.split_once('='))
             .filter(|(key, _)| *key == KEY);
-        // A second one may be what somebody between looks at.
+        // A proxy between may check the second one.
         matches!((named.next(), named.next()), (Some((_, token)), None) if self.is(token))
     }
 

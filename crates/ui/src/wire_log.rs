@@ -226,7 +226,7 @@ impl Tail {
         }
     }
 
-    /// Nobody knows what is spoken: the pieces as they came.
+    /// The pieces as they came, because the protocol is unknown.
     fn as_text(&self) -> Vec<Frame> {
         let mut from = self.from;
         let piece = |piece: &Piece| {

@@ -133,7 +133,7 @@ $("fault").onsubmit = (event) => {
   }
   // A byte by its number is hit once; a rate beside it would contradict.
   if (fault.byte !== undefined) delete fault.rate;
-  // The start of a waiting fault is unknown, so its length is shown.
+  // A fault that waits begins at an unknown time: it needs a duration.
   const waits = ["when", "at_byte", "at_frame"].some((key) => fault[key] !== undefined);
   if (waits && held > 0) fault.lasting ??= `${Math.round(held * 1000)}ms`;
   send({ do: "fault", fault, for_ms: held > 0 && !waits ? Math.round(held * 1000) : null });

@@ -11,7 +11,7 @@ function beginFrames(stage) {
   $("frame").replaceChildren();
 }
 
-// Asks for the newest frames by the time that is shown, while the panel is visible.
+// Requests the newest frames up to the displayed time, as long as the panel is visible.
 function showFrames(atOnce = false) {
   if ($("panel-wire").hidden || hilrig.stage.kind !== "rig") return;
   const time = performance.now(), at_ns = seen().now.at_ns, lane = $("frames-lane").value;

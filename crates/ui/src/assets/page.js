@@ -1,5 +1,5 @@
-// The live page: what the server tells goes into `hilrig`, what is in there is drawn, what
-// the user does is sent. All that comes from a wire is shown as text, never as markup. The parts
+// The live page: messages of the server update `hilrig`, the page draws `hilrig`, and the
+// operator's actions are sent. All text from a wire is shown as text, never as markup. The parts
 // that follow share this scope: stage (world and map), timeline, robot, checks, faults, frames, controls.
 "use strict";
 const hilrig = window.hilrig = {

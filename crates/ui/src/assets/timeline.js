@@ -97,7 +97,7 @@ function model() {
   return { from, to, links: wires, bars, marks, plots, cursor };
 }
 
-// As often as the eye wants it; at once while the user moves the slider.
+// Redraws at a limited rate, or at once while the operator moves the slider.
 function drawLine(atOnce = false) {
   const slider = $("time"), end = Math.ceil(hilrig.now.at_ns / 1e6);
   slider.max = String(end);
