@@ -42,7 +42,7 @@ pub struct Contents {
     poses: BTreeMap<(Trust, String), Vec<Said<Pose>>>,
 }
 
-/// How far poses are somebody's measurement of motion; the least is taken first.
+/// Kinds of poses, from a measurement of motion to an estimate; the first is taken if both exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Trust {
     /// The wheels'.
@@ -107,9 +107,9 @@ impl Contents {
         log.notes.push(match source {
             Some((Trust::Odometry, name)) => format!("scans of {topic}, odometry of {name}"),
             Some((Trust::Belief, name)) => {
-                format!("scans of {topic}; somebody's belief, {name}, stands in for the wheels")
+                format!("scans of {topic}; no wheels: the estimated poses of {name} replace them")
             }
-            None => format!("scans of {topic}, nobody's odometry"),
+            None => format!("scans of {topic}, no odometry"),
         });
         if log.shots.is_empty() {
             let told = told.or_else(|| log.findings.told().first().cloned());

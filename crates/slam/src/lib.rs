@@ -1,6 +1,6 @@
-//! The mapper over a log of scans and odometry, whoever recorded it: CARMEN logs, our captures,
-//! MCAP files, bags of ROS 2. The settings are the same for every log. The mapper is the robot's
-//! own ([`survey`](mod@survey)), or the one for buildings ([`mapping`](mod@mapping), by
+//! The mapper over a log of scans and odometry from any recorder: CARMEN logs, our captures, MCAP
+//! files, bags of ROS 2. The settings are the same for every log. The mapper is the robot's own
+//! ([`survey`](mod@survey)), or the one for buildings ([`mapping`](mod@mapping), by
 //! [`tour`](mod@tour)), which closes loops.
 //!
 //! ```text

@@ -1,4 +1,4 @@
-//! A log while it is mapped, for whoever looks on.
+//! The state of a log while it is mapped, for observers such as the page.
 
 use emulators::world::Pose;
 use firmware_core::pose::{Pose as RobotPose, normalised};

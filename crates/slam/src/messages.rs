@@ -1,4 +1,4 @@
-//! A log from messages with stamps: scans of a laser, and poses of whoever knows them.
+//! A log from messages with stamps: scans of a laser, and poses of odometry or of a mapper.
 
 use emulators::world::Pose;
 use protocols::Instant;
@@ -19,7 +19,7 @@ pub(super) struct Beams {
     /// Bearing of the first beam, and what the next one has more, radians.
     pub(super) first: f64,
     pub(super) step: f64,
-    /// Time from one beam to the next, seconds; 0 if nobody knows.
+    /// Time from one beam to the next, seconds; 0 if unknown.
     pub(super) beam_s: f64,
     /// Farther readings are none, metres.
     pub(super) farthest_m: f64,

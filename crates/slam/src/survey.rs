@@ -28,8 +28,8 @@ type LogMapper = Mapper<CELLS, CELLS>;
 /// on it, so it is taken from the model, not from the host.
 const SEARCH_BASE_US: u64 = 14_000;
 const SEARCH_TRY_US: u64 = 150;
-/// How far a robot may go from one scan to the next while nobody asks its wheels: somebody carries
-/// the lidar at a slow pace.
+/// Largest motion from one scan to the next in a log without odometry: a person carries the lidar
+/// at a slow pace.
 const UNMEASURED_MM: f32 = 100.0;
 const UNMEASURED_RAD: f32 = 0.1;
 /// Stack of the thread that does the work: a mapper of this size goes over it on its way to the
@@ -85,7 +85,7 @@ pub struct Survey {
     pub walls: Vec<WallPoint>,
     /// Time that each scan took.
     pub took: Vec<Duration>,
-    /// Processor time of all, where the system tells; with that of whoever looked on.
+    /// Processor time of all threads, where the system reports it, including that of the observers.
     pub cpu: Option<Duration>,
 }
 

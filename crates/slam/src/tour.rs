@@ -78,7 +78,7 @@ pub fn locate(
     survey
 }
 
-/// Somebody who says where scans were taken.
+/// Finds the pose of each scan.
 trait Finder: SoFar {
     fn find(&mut self, shot: &Shot<'_>) -> Outcome;
 }
@@ -107,7 +107,7 @@ impl SoFar for Mapper {
     }
 }
 
-/// Somebody on a map that there is.
+/// A localiser on a given map.
 struct OnMap<'a> {
     localiser: Localiser,
     walls: &'a [WallPoint],

@@ -1,4 +1,4 @@
-//! What somebody knows better than the log: readings to leave out, where the laser sits.
+//! Corrections of a log by the user: readings to leave out, the position of the laser.
 
 use super::{Log, Shot};
 use crate::motion::moved;

@@ -1,5 +1,5 @@
-//! How two maps differ. The second is first laid onto the first, as nobody's map begins where the
-//! other's does: a coarse search over all shifts and turns within reach, then ever finer steps.
+//! How two maps differ. Every map has its own origin, so the second is first aligned with the
+//! first: a coarse search over all shifts and turns within reach, then ever finer steps.
 
 use emulators::world::Pose;
 

@@ -9,7 +9,7 @@ use engine::picture::{Picture, PictureError};
 /// What a cell is known to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellState {
-    /// Nobody knows.
+    /// Unknown space.
     Unknown,
     /// Free space.
     Free,

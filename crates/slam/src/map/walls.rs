@@ -1,4 +1,4 @@
-//! The walls of a map that somebody left before: points with normals.
+//! The walls of an existing map: points with normals.
 
 use std::path::Path;
 

@@ -7,7 +7,7 @@ use emulators::world::Pose;
 pub struct Spot {
     /// Where, metres.
     pub at: [f32; 2],
-    /// Unit vector across the wall, towards the lidar; zero where nobody knows.
+    /// Unit vector across the wall, towards the lidar; zero if unknown.
     pub normal: [f32; 2],
     /// Whether the wall goes on from the spot before.
     pub is_joined: bool,

@@ -318,7 +318,8 @@ mod tests {
     }
 
     /// Around a square of 10 m, each side measured 1 % short and each corner 1 degree wide; the
-    /// robot knows that it is back. The loop closes, and nobody bears more than his part.
+    /// robot knows that it is back. The loop closes, and each edge takes at most its part of the
+    /// error.
     #[test]
     fn a_loop_spreads_the_error_over_the_way() {
         let mut graph = Graph::default();

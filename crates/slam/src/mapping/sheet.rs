@@ -17,7 +17,7 @@ pub struct Sheet {
     pub width: usize,
     /// Cells along y.
     pub height: usize,
-    /// 0: free, 127: nobody knows, 255: wall.
+    /// 0: free, 127: unknown, 255: wall.
     pub cells: Vec<u8>,
 }
 

@@ -43,7 +43,7 @@ pub(crate) struct Surfels {
 pub(crate) struct Near {
     /// A point of the wall, world.
     pub(crate) at: [f32; 2],
-    /// Its normal; zero where nobody knows.
+    /// Its normal; zero if unknown.
     pub(crate) normal: [f32; 2],
 }
 
@@ -301,7 +301,7 @@ impl Blend {
     }
 }
 
-/// Whether nobody knows the direction of what has this normal.
+/// Whether this normal is unknown.
 #[inline]
 pub(crate) fn is_unknown(normal: [f32; 2]) -> bool {
     normal[0] == 0.0 && normal[1] == 0.0
@@ -320,7 +320,7 @@ const ACROSS_MOST: f32 = 0.25;
 const ALIKE: f32 = 0.7;
 /// How much a way along a wall counts against one across.
 const ALONG: f32 = 0.1;
-/// A way from or to something whose direction nobody knows counts this much more.
+/// Factor for a distance from or to a point whose direction is unknown.
 const UNSURE: f32 = 1.5;
 
 impl Surfel {

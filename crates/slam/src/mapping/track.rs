@@ -123,7 +123,7 @@ const SLIPPED: f64 = 12.0;
 /// Less of a scan on walls calls for a wider search, and that much more makes its result believed.
 const POOR: f64 = 0.5;
 const GAIN: f64 = 0.2;
-/// So does so much less than lay on walls lately; of that each scan counts a part.
+/// A drop by this share of what lay on walls lately has the same effect; each scan counts a part.
 const DROP: f64 = 0.25;
 const USUAL_PART: f64 = 0.1;
 /// Metres by which the search becomes wider at each scan that is not found, and how often.
@@ -621,7 +621,7 @@ mod tests {
     }
 
     /// Where the mapper is, from where the robot is, if the wheels missed a turn of 0.5 rad and so
-    /// many of three beams see the hall, the others something that nobody saw before.
+    /// many of three beams see the hall, the others something new.
     fn seen_in_part(of_three: usize) -> (f64, Outcome) {
         let (mut mapper, at) = at_home();
         let to = moved(at, Pose::new(0.1, 0.0, 0.5));

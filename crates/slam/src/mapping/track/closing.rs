@@ -58,8 +58,8 @@ const PLACES: usize = 3;
 /// Part of a keyframe on old walls.
 const EXPLAINED: f64 = 0.6;
 
-/// The same for all that was seen lately, at a place that nobody expects; part of it that beams
-/// went through there; and how much worse every other place must be.
+/// The same for all that was seen lately, at an unexpected place; part of it that beams went
+/// through there; and how much worse every other place must be.
 const EXPLAINED_FAR: f64 = 0.6;
 const DENIED_MOST: f64 = 0.1;
 const RIVAL: f64 = 0.85;

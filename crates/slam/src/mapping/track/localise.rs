@@ -11,8 +11,7 @@ use crate::mapping::cloud::{Cloud, Frame, Spot};
 pub struct WallPoint {
     /// Where, metres.
     pub at: [f32; 2],
-    /// Unit vector across the wall, towards the side from which it was seen; zero where nobody
-    /// knows.
+    /// Unit vector across the wall, towards the side from which it was seen; zero if unknown.
     pub normal: [f32; 2],
 }
 
@@ -43,7 +42,7 @@ pub struct Localiser {
     unsure: [f64; 2],
 }
 
-/// Standard deviations of the beginning, as somebody named it: metres, radians.
+/// Standard deviations of a start pose that the user gave: metres, radians.
 const START: [f64; 2] = [0.5, 0.15];
 /// The wheels count less than where a map is made: that is a little bent, and a robot that hears
 /// them too much is pulled off it. Freiburg's log is lost on its own map with 1 and 2.
