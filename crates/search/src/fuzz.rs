@@ -1,4 +1,4 @@
-//! Looking for what nobody thought of: bytes into decoders and programs, and whole scenarios.
+//! Search for unexpected failures: bytes into decoders and programs, and whole scenarios.
 //!
 //! ```text
 //! pool of choices --havoc--> choices --> case --> subject --> behaviour, verdict

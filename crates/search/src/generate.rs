@@ -121,7 +121,7 @@ pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
         made.mission.step = mission::steps(&waypoints, &mut dice.mission);
         made.mission.waypoints_m = waypoints;
         made.duration = made.duration.max(recovery);
-        // A robot that is content farther off than that is so wherever it is sent.
+        // A robot that stops farther off than that does it at every goal.
         let own_mm = base.expect.visit_within_mm.unwrap_or(VISIT_WITHIN_MM);
         made.expect.visit_within_mm = Some(own_mm.max(VISIT_WITHIN_MM));
         made.expect.settle = Some(Span::from_millis(dice.mission.between(2_000, 4_000)));
@@ -233,7 +233,7 @@ mod tests {
         assert_eq!(asked, [Some(200.0), Some(200.0), Some(300.0)]);
     }
 
-    /// Where somebody steers by hand, what comes a second late is done farther on.
+    /// If an operator steers by hand, a command one second late also takes effect farther on.
     #[test]
     fn a_mission_by_hand_may_be_a_second_late() {
         let made = |base: &Scenario| {
@@ -290,7 +290,7 @@ mod tests {
         assert_eq!(seeds.len(), 20);
     }
 
-    /// There is nobody who could order a user's own program about.
+    /// A scenario cannot give orders to a user's own program.
     #[test]
     fn a_program_that_takes_no_orders_gets_none() {
         let text = include_str!("../scenarios/custom-robot.toml");

@@ -1,4 +1,4 @@
-//! Cases that nobody thought of: made by chance, judged in great numbers, made small.
+//! Cases made by chance, judged in great numbers, made small.
 
 pub mod campaign;
 mod error;

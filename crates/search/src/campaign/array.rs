@@ -1,4 +1,4 @@
-//! Which shard a task of somebody's queue is, from what the queue tells it.
+//! The shard of a queue's task, from the variables that the queue sets.
 //!
 //! How many shards there are cannot be read as safely: a task that is submitted again alone is told
 //! that it is the only one of its array.
@@ -23,7 +23,7 @@ const fn counted(name: &'static str, first: usize, without: &'static str) -> Var
     }
 }
 
-/// Set by whoever starts the shards; before all others.
+/// Set by the script that starts the shards; it takes precedence over all others.
 const OWN: Variable = counted("HILRIG_SHARD", 0, "");
 
 /// From the manuals: sbatch(1), PBS Professional and Torque, Grid Engine's qsub(1), LSF's bsub,
@@ -53,7 +53,7 @@ pub fn shard(of: NonZeroUsize, read: impl Fn(&str) -> Option<String>) -> Result<
         None => {
             let mut queues = QUEUES.iter().filter_map(told);
             let Some(first) = queues.next() else {
-                return Err(nobody());
+                return Err(no_queue());
             };
             if let Some((other, _)) = queues.next() {
                 let (one, other) = (first.0.name, other.name);
@@ -76,7 +76,7 @@ pub fn shard(of: NonZeroUsize, read: impl Fn(&str) -> Option<String>) -> Result<
     Ok(Shard { index, of })
 }
 
-fn nobody() -> String {
+fn no_queue() -> String {
     let names: Vec<&str> = QUEUES.iter().map(|variable| variable.name).collect();
     let names = names.join(", ");
     format!(
@@ -140,11 +140,11 @@ mod tests {
     #[test]
     fn a_job_without_an_array_has_no_number() {
         let alone = [("SGE_TASK_ID", "undefined"), ("LSB_JOBINDEX", "0")];
-        let error = of_four(&alone).expect_err("nobody said");
+        let error = of_four(&alone).expect_err("no variable is set");
         assert!(error.contains("HILRIG_SHARD"), "{error}");
     }
 
-    /// A runner of GitLab in a pod of Kubernetes: nobody can know which is meant, but for oneself.
+    /// A runner of GitLab in a pod of Kubernetes: the two disagree, and only HILRIG_SHARD decides.
     #[test]
     fn of_two_queues_neither_is_guessed() {
         let two = [("JOB_COMPLETION_INDEX", "1"), ("CI_NODE_INDEX", "3")];

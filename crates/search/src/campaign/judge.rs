@@ -80,8 +80,8 @@ pub(crate) fn run_from(
     }
 }
 
-/// Runs `scenario` with somebody's program, in real time or virtual, its ports in the first of
-/// `places` and what it says in the second. `None` if `goes_on` said no.
+/// Runs `scenario` with a user's program, in real time or virtual, with its ports in the first of
+/// `places` and its output in the second. `None` if `goes_on` returned false.
 ///
 /// # Errors
 /// If the program cannot be put on trial.

@@ -104,7 +104,7 @@ fn owner(content: &[u8]) -> Option<Pid> {
     Pid::from_raw(text.parse().ok()?)
 }
 
-/// Whether there is such a process, whoever owns it.
+/// Whether the process exists, also if another user owns it.
 fn is_alive(pid: Pid) -> bool {
     !matches!(test_kill_process(pid), Err(Errno::SRCH))
 }

@@ -208,7 +208,7 @@ fn minimise(
     let cause = group.cause.clone();
     let mut branches = Branches::new(&source, &cause);
     let judge = |case: &Scenario| branches.judge(case);
-    // A foreign program is not here to be asked: `hilrig shrink --exec` does so.
+    // A foreign program is not available here: `hilrig shrink --exec` runs it.
     let tries = if store.plan().exec.is_some() {
         0
     } else {

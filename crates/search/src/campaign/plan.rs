@@ -74,8 +74,8 @@ pub struct CampaignPlan {
     pub seeds: Range<u64>,
     /// What is made anew for each seed, as on the command line.
     pub vary: String,
-    /// Options that name somebody's program, as on the command line, if it is one: its runs are in
-    /// real time, so that no two are the same.
+    /// Options that name a user's program, as on the command line; `None` for the robot's own. Runs
+    /// with it take place in real time, so no two are the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exec: Option<String>,
 }

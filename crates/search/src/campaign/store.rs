@@ -269,7 +269,7 @@ impl Store {
         Ok(())
     }
 
-    /// Puts `page` into the folder, for whoever looks at it while others run.
+    /// Writes `page` into the folder, for readers that look at it while runs go on.
     ///
     /// # Errors
     /// If the folder cannot be written.

@@ -1,4 +1,4 @@
-//! Fuzzing of somebody else's program or board, through its ports.
+//! Fuzzing of a foreign program or board, through its ports.
 //!
 //! ```text
 //!  scenario --> devices + faults --+
@@ -13,10 +13,10 @@
 //! program does is the same in virtual time; else it is not, as it lives in the time of the wall
 //! clock. So it is judged by what needs no
 //! exact time, and with generous limits: whether it lives, whether a device calls what it does
-//! against the rules, whether it answers a damaged frame as it answers the sound one. The last is
-//! found out by asking: a frame that is answered twice in the same way and whose answer noise does
-//! not get, is damaged so that no frame is in it by the slow reading of the format. Who answers it
-//! all the same has not looked at its checksum.
+//! against the rules, whether it answers a damaged frame as it answers the sound one. The last one
+//! needs an experiment. The fuzzer picks a frame that gets the same answer twice, while noise does
+//! not get that answer. It damages the frame so that it is no valid frame of the format. A program
+//! that still answers it has not checked its checksum.
 
 mod case;
 mod cause;

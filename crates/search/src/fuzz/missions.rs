@@ -259,8 +259,8 @@ mod tests {
         }
     }
 
-    /// Five seconds stay five seconds, whatever is made anew; what goes wrong does so within them.
-    /// Of ninety half as much more is allowed: goals are judged then.
+    /// Five seconds stay five seconds, whatever is made anew, and all faults end within them. A
+    /// mission of ninety may last half as long again: its goals are judged then.
     #[test]
     fn a_case_lasts_as_long_as_its_scenario() {
         for (duration, most) in [(5, 5), (90, 135)] {

@@ -85,8 +85,8 @@ fn move_something(world: &mut WorldSpec, dice: &mut Draw) {
 }
 
 /// A wall that ends in the room becomes longer or shorter, as at a door; of one that does not, a
-/// side is moved, but none that is held by something at an end. What no lidar sees stays where it
-/// is: a pane without its frame ends where nobody can know of it.
+/// side is moved, but none that is held by something at an end. A wall that no lidar sees stays
+/// where it is: the robot cannot know where a pane without a frame ends.
 fn move_wall(world: &mut WorldSpec, index: usize, by: f64, dice: &mut Draw) {
     let wall = world.wall[index].get_ref();
     if wall.glass || wall.height_m.is_some() {

@@ -74,7 +74,7 @@ impl FaultTargets {
         };
         match robots::wire_into(plan) {
             Ok(wired) => {
-                // Nobody is at the other end of what a scenario describes itself.
+                // A device that the scenario describes itself has no client at its other end.
                 let open = wired.open_ends.iter().map(|end| end.link.as_str());
                 let open: Vec<&str> = open.collect();
                 let mut targets = Self {

@@ -32,8 +32,8 @@ const WARM_UP_MS: u64 = 5_000;
 /// 3 m away. Millimetres.
 const WITHIN_MM: f64 = 150.0;
 
-/// The same where somebody steers by hand, to the mission's script: what is ordered a second late
-/// is done a second farther on, and nothing that the robot knows leads it back.
+/// The same if an operator steers by hand through the mission's script: an order one second late
+/// also acts one second later, and the robot has no means to correct for that.
 const BY_HAND_WITHIN_MM: f64 = 400.0;
 /// And where it rests if the order to stop came late as well.
 const BY_HAND_REST_MM: f64 = 800.0;
@@ -99,8 +99,8 @@ impl Adversity {
         mission.fault = self.faults;
         mission.budget = self.budget;
         mission.phases = self.phases;
-        // What a device hears through a bad line is no fault of who spoke, and where the robot
-        // believes to be while it cannot see is not what is judged here.
+        // A bad line is not the fault of the sender, and this case does not judge where the robot
+        // believes to be while it cannot see.
         mission.expect.violations_max = None;
         let is_by_hand = |step: &Step| matches!(step.action, Action::Drive(_));
         let [visit_mm, rest_mm] = match mission.mission.step.iter().any(is_by_hand) {
@@ -113,8 +113,8 @@ impl Adversity {
         mission.expect.pose_rms_mm_max = None;
         mission.expect.heading_rms_deg_max = None;
         mission.expect.map_received = None;
-        // A map that is begun while a lidar is 2 % off stays so: 60 mm for a wall 3 m away; and a
-        // way of 10 cm that nobody told, in a corridor, lies between all walls before and behind.
+        // A map that is begun while a lidar is 2 % off stays so: 60 mm for a wall 3 m away. An
+        // unreported motion of 10 cm in a corridor lies between all walls before and behind.
         let is_wrong = |fault: &FaultSpec| fault.kind == FaultKind::Wrong;
         let asked = mission.expect.wall_overlap_min;
         mission.expect.wall_overlap_min = match mission.fault.iter().any(is_wrong) {
@@ -150,7 +150,7 @@ fn reaches(fault: &FaultSpec, link: &str) -> bool {
     is_on && (is_to(DirectionSpec::ToDevice) || comes_back)
 }
 
-/// What somebody does with a device that does not come back by itself.
+/// Power cycle, as a person does it, of a device that does not recover by itself.
 fn switched_off_and_on(device: &str) -> FaultSpec {
     FaultSpec {
         device: Some(device.to_owned()),

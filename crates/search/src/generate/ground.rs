@@ -175,7 +175,8 @@ fn clearance(world: &mut World, place: Point) -> f64 {
     least
 }
 
-/// Whether `place` is so far from what moves that a body reaching `keep_m` is never in its way.
+/// Whether `place` is far enough from moving things that a body reaching `keep_m` is never in their
+/// way.
 fn keeps_from_moving(spec: &WorldSpec, place: Point, keep_m: f64) -> bool {
     spec.moving.iter().all(|moving| {
         let moving = moving.get_ref();
@@ -247,7 +248,7 @@ mod tests {
         assert!(places.iter().all(|place| place[0] > 1.5), "{places:?}");
     }
 
-    /// Somebody walks along the wall at y = 1.7: 0.15 + 0.16 + 0.1 m from there is out of reach.
+    /// A person walks along the wall at y = 1.7: 0.15 + 0.16 + 0.1 m from there is out of reach.
     #[test]
     fn nobody_is_sent_where_somebody_walks() {
         let mut walked = two_rooms(1.9);

@@ -3,8 +3,8 @@ use super::{ADVERSITY_UNTIL_MS, RECOVERY_MS};
 use engine::robots::{self, Robot};
 use engine::scenario::{Action, Mission, Scenario, Span, Step};
 
-/// Whether the mission is what it is: its steps lead the robot, by modes or by hand, or nobody can
-/// tell the robot where to go. Other waypoints would be a mission that nobody can do.
+/// Whether the waypoints must stay: the steps lead the robot, by modes or by hand, or the robot
+/// takes no orders. Other waypoints would be a mission that the robot cannot do.
 pub(super) fn is_fixed(scenario: &Scenario) -> bool {
     let leads = |step: &Step| matches!(step.action, Action::Mode(_) | Action::Drive(_));
     !takes_orders(scenario) || scenario.mission.step.iter().any(leads)
@@ -39,10 +39,10 @@ pub(super) fn steps(waypoints: &[[f64; 2]], dice: &mut Draw) -> Vec<Step> {
     steps
 }
 
-/// Nobody who sees the robot stand gives up. When nothing goes wrong any more, the port is opened
-/// anew, and what the robot did not confirm is sent again; and if the mission is not done a while
-/// later, because the robot took another place for a waypoint, or went home with a low battery, it
-/// is given once more.
+/// The last steps of a mission: an operator who sees the robot stand tries again. After the last
+/// fault the port is opened anew, and waypoints that the robot did not confirm are sent again. If
+/// the mission is not done a while later, because the robot took another place for a waypoint, or
+/// went home with a low battery, it is given once more.
 pub(super) fn once_more(mission: &Mission) -> [Step; 3] {
     let mode = mission.step.iter().map(|step| &step.action);
     let mut mode = mode.filter(|action| matches!(action, Action::Mode(_)));

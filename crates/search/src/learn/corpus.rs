@@ -20,7 +20,7 @@ const PCAPNG: &[u8] = &[0x0A, 0x0D, 0x0D, 0x0A];
 pub struct Corpus {
     /// Captures, each with the names of its links.
     captures: Vec<Capture>,
-    /// What came in one go, of nobody knows which side.
+    /// Bytes that came in one go, without a known direction.
     chunks: Vec<Vec<u8>>,
 }
 

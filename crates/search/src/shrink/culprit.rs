@@ -113,8 +113,8 @@ impl<'a> Cause<'a> {
         self.culprit.is_some()
     }
 
-    /// Whether `case`, which fails, does so for this cause: it has the culprit and comes to what
-    /// the first case came to without it.
+    /// Whether `case`, which fails, fails for this cause: it has the culprit, and without it the
+    /// result is the first case's result without it.
     pub(super) fn is_of(
         &self,
         case: &Scenario,

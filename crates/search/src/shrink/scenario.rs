@@ -10,11 +10,11 @@ use engine::scenario::{Expect, FaultSpec, Scenario, Span};
 /// world, and settings as they are by default.
 ///
 /// If `start` does not fail without its faults, or passes without one of the things in its world or
-/// one of its orders, then so does what it is shrunk to: a mission that nobody could complete in
-/// its time says nothing of what kept the robot from it. For the same reason a run whose `cause`,
-/// which begins with the name of the check that fails, is about what is not done in the end keeps
-/// its time and a waypoint if nothing is known to be to blame. What else was expected in the end is
-/// left out if something else is the matter.
+/// one of its orders, the result has this property too: a mission that is impossible in its time
+/// does not show what kept the robot from it. For the same reason a run keeps its time and one
+/// waypoint if its `cause`, which begins with the name of the check that fails, is about a goal
+/// that was not reached and no culprit is known. Other expectations about the end are left out if
+/// the cause is a different one.
 ///
 /// `start` fails alike. Random faults cannot be thinned out without becoming others; give the case
 /// of a run, in which they are written out as the bytes that they hit.
@@ -321,7 +321,7 @@ mod tests {
         assert!(has_pillar(&small) && small.world.pillar.len() == 1);
     }
 
-    /// Nobody knows what prevents the mission: only a run that takes as long shows it.
+    /// The cause is unknown: only a run that takes as long shows it.
     #[test]
     fn a_mission_that_nothing_prevents_keeps_its_time_and_a_waypoint() {
         let small = smallest("waypoints-visited", |_| true);

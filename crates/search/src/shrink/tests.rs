@@ -101,7 +101,7 @@ fn encoders_that_stick_stay_to_blame() {
     assert_eq!(small.fault[0].kind.name(), "stuck");
 }
 
-/// Nobody is told where to go.
+/// The robot gets no waypoints.
 #[test]
 fn a_radio_that_is_cut_for_ever_stays_to_blame() {
     let cut = "[[fault]]\nkind = \"cut\"\nlink = \"radio\"\ndirection = \"to-master\"\n";

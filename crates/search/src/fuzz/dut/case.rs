@@ -134,7 +134,7 @@ pub struct Pair {
     pub good: Hex,
     /// No frame at all.
     pub damaged: Hex,
-    /// Bytes as many, of which nobody could make anything.
+    /// The same number of bytes, without meaning in the format.
     pub noise: Hex,
 }
 
@@ -164,8 +164,8 @@ impl core::fmt::Display for Hex {
     }
 }
 
-/// `scenario` for a program that comes after the warm-up: its mission begins then, nothing goes
-/// wrong of its own, and nobody expects that the mission ends well.
+/// `scenario` for a program that comes after the warm-up: its mission begins then, it has no faults
+/// of its own, and the end of the mission is not judged.
 pub(super) fn quiet(scenario: &Scenario, lasting: Duration) -> Scenario {
     let mut quiet = scenario.clone();
     quiet.mission.connect = Span(quiet.mission.connect.0 + WARM_UP);

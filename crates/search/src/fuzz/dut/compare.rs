@@ -142,7 +142,7 @@ impl<'a> Made<'a> {
         }
     }
 
-    /// `to` and its neighbours, for whoever asks for less or more, in place of `from`.
+    /// `to` and its neighbours in place of `from`, because a program may compare with less or more.
     fn number(&mut self, len: usize, from: u64, to: u64) {
         for to in [to, to.wrapping_add(1), to.wrapping_sub(1)] {
             self.digits(len, from, to);

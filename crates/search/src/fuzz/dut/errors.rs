@@ -1,8 +1,8 @@
 //! What a program that ended says of itself: whether it failed or reported an error, and where.
 //!
 //! The rule: a program that gets a damaged or senseless frame and ends with an error of its own,
-//! raised on purpose, does what it should. A program that fails in a place that nobody foresaw
-//! does not, whatever it was told. So an exit with an error is a finding if
+//! raised on purpose, does what it should. A program that fails at an unforeseen place does not,
+//! whatever its input was. So an exit with an error is a finding if
 //!
 //! - nothing that the program was told since its start was altered, or
 //! - the error was not raised on purpose: an exception of the interpreter, a panic, a failed
@@ -65,7 +65,7 @@ pub(super) struct LastWords {
     pub(super) key: String,
     /// The line that tells most.
     pub(super) line: String,
-    /// Whether it failed where nobody foresaw it, as far as its words tell.
+    /// Whether it failed at an unforeseen place, according to its output.
     pub(super) is_failure: bool,
 }
 

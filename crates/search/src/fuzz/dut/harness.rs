@@ -53,7 +53,7 @@ pub struct Harness<'a> {
     pub start: Duration,
     /// Which exits with an error are findings.
     pub errors: ErrorRule,
-    /// Whether any baud rate of the program is right: nobody said which one is.
+    /// Whether any baud rate of the program is right, because the user gave none.
     pub is_any_rate: bool,
     /// Whether rules about time are judged too.
     pub is_strict: bool,
@@ -96,7 +96,7 @@ pub enum HarnessError {
     /// Nothing can be learned from a corpus.
     #[error(transparent)]
     Corpus(#[from] CorpusError),
-    /// Somebody wants to stop.
+    /// The user has interrupted the search.
     #[error("interrupted")]
     Interrupted,
 }

@@ -57,7 +57,7 @@ extern const char __executable_start;
 
 static uint8_t nobody_reads[SIZE];
 static uint8_t *counters = nobody_reads;
-static struct shared *shared; /* 0: nobody wants to know what is compared */
+static struct shared *shared; /* 0: comparisons are not recorded */
 
 __attribute__((constructor(101))) static void hilrig_coverage_begin(void)
 {

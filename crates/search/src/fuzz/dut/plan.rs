@@ -33,7 +33,7 @@ pub struct TrialPlan {
     pub repeat: String,
 }
 
-/// How far a search is, for whoever looks on from where it is asked whether to go on.
+/// Progress of a search, for the callback that decides whether it goes on.
 #[derive(Debug, Default)]
 pub struct Progress {
     /// Cases since it was begun or gone on with.

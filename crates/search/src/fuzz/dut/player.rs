@@ -1,4 +1,4 @@
-//! Who plays a case: the rig at the pace of the wall clock, or a program in virtual time.
+//! Players of a case: the rig at the pace of the wall clock, or a program in virtual time.
 
 use core::time::Duration;
 use std::path::Path;
@@ -29,7 +29,7 @@ pub(super) enum Halt {
     Spins(String),
     /// It cannot be supervised.
     Guest(GuestError),
-    /// Somebody wants to stop.
+    /// The user has interrupted the search.
     Interrupted,
 }
 
@@ -172,7 +172,7 @@ impl Player {
         }
     }
 
-    /// Shows what there is to be seen of the program at its ports.
+    /// Passes the signs of the program at its ports to `see`.
     pub(super) fn look(&mut self, see: impl FnMut(Sign<'_>)) {
         match self {
             Self::Live(live) => live.realtime.signs().for_each(see),

@@ -15,7 +15,7 @@ pub enum Speech {
     Frames(&'static Codec),
     /// Lines of text.
     Text(Text),
-    /// Nobody knows: bytes.
+    /// An unknown format: bytes.
     Bytes,
 }
 
@@ -58,7 +58,7 @@ fn is_in(codec: &Codec, bytes: &[u8]) -> bool {
 }
 
 impl Speech {
-    /// What is spoken in frames of `codec`, or by nobody knows whom.
+    /// Frames of `codec`, or bytes if the format is unknown.
     pub const fn of_codec(codec: Option<&'static Codec>) -> Self {
         match codec {
             Some(codec) => Self::Frames(codec),
@@ -144,7 +144,7 @@ impl Speech {
         (0..TRIES).find_map(|_| {
             let mut bytes = good.to_vec();
             let len = bytes.len() as u64;
-            // The end is where checksums are that only half of which somebody looks at.
+            // Checksums stand at the end, and some programs check only half of one.
             let at = match rng.below(3) {
                 0 => len - 1 - rng.below(2.min(len)),
                 _ => rng.below(len),

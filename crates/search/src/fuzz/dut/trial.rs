@@ -172,7 +172,7 @@ pub(super) fn act(
     if !raw.turn.is_empty() {
         return hold_dialogue(harness, live, case, causes);
     }
-    // Whoever reads a case made sure that it can be read.
+    // The reader of the case has already parsed this stream once.
     let stream = Stream::parse(&raw.stream).unwrap_or_default();
     // What it reached until here is not the traffic's doing.
     live.note_reached(harness);
@@ -395,8 +395,8 @@ mod tests {
     use engine::robots::{self, Dut, PcEnd};
     use engine::scenario::Scenario;
 
-    /// Rules that were broken in a run in which nobody is at the ports, as far as a program that
-    /// opened `opens` can be meant.
+    /// Rules that were broken in a run without a client at the ports, as far as a program that
+    /// opened `opens` can be responsible.
     fn rules(opens: &[&str]) -> Vec<String> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
         let (scenario, source) = Scenario::read(&path).expect("sound");
@@ -411,8 +411,8 @@ mod tests {
         broken(run, opens).into_iter().filter_map(rule).collect()
     }
 
-    /// U5: the scenario's PC tells that nobody confirms its waypoints. That is the fault of who
-    /// opened the radio, and of nobody else.
+    /// U5: the scenario's PC reports that its waypoints are not confirmed. Only the program that
+    /// opened the radio is responsible for that.
     #[test]
     fn u5_a_rule_is_broken_only_by_who_can_reach_its_device() {
         let rule = "waypoints-not-confirmed".to_owned();

@@ -9,7 +9,7 @@ pub(super) enum Step {
     Send(usize, Vec<u8>),
     /// Milliseconds pass.
     Wait(u32),
-    /// The next reply of whoever is asked is spoilt.
+    /// The next reply of the addressed device is spoilt.
     Reply(Spoil),
 }
 

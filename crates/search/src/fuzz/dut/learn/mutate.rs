@@ -290,7 +290,7 @@ fn change(material: &Material<'_>, frame: &mut Vec<u8>, rng: &mut Rng) -> &'stat
     } else {
         &CHANGES[..]
     };
-    // Of one frame or none little can be made: what nobody ever said is as good.
+    // One frame or none is too little to mutate: random bytes are as good.
     let is_poor = material.contents.len() < 2 && !format.is_text();
     let (kind, change) = match is_poor && rng.below(2) == 0 {
         true => CHANGES[CHANGES.len() - 1],
