@@ -48,13 +48,13 @@ pub(super) const ROWS: [Bug; 10] = [
     Bug::mutant(
         "MA-06",
         MASTER,
-        "a frame that nobody waits for is written where a finished read had its buffer",
+        "a frame without a waiting reader is written where a finished read had its buffer",
         ma_06,
     ),
     Bug::mutant(
         "MA-07",
         MASTER,
-        "a base that is silent for ever is noticed by nobody",
+        "the master does not notice a base that is silent for ever",
         ma_07,
     ),
     Bug::mutant(
@@ -242,7 +242,8 @@ fn ma_08(variant: Variant) -> Observation {
         .figure("requests before the first answer", requests);
     line.reply(&REPLY);
     let strangers = line.link.counters().unsolicited;
-    line.seen.figure("good answers that nobody took", strangers);
+    line.seen
+        .figure("good answers without a request", strangers);
     line.seen.judged(requests == 2 && strangers == 1)
 }
 

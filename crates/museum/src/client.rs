@@ -81,7 +81,7 @@ enum Program {
     Sound(Box<Pc>),
 }
 
-/// One of the two programs, connected, with somebody in front of it.
+/// One of the two programs, connected, with an operator.
 struct Operator {
     program: Program,
     seen: Observation,

@@ -199,7 +199,7 @@ pub fn find(id: &str) -> Option<&'static Bug> {
     catalogue().find(|bug| bug.id.eq_ignore_ascii_case(id))
 }
 
-/// The numbers most like `id`, for somebody who mistyped one.
+/// The numbers most like `id`, for an error message about a mistyped one.
 pub fn suggestions(id: &str) -> Vec<&'static str> {
     let wanted = id.to_ascii_uppercase();
     let mut ranked: Vec<_> = catalogue()

@@ -6,7 +6,7 @@ use engine::hex::pairs;
 /// Bytes that passed on a wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exchange {
-    /// Who sent them, e.g. `master`.
+    /// The sender, e.g. `master`.
     pub from: &'static str,
     /// The bytes.
     pub bytes: Vec<u8>,

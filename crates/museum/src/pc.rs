@@ -90,7 +90,7 @@ pub(super) const ROWS: [Bug; 22] = [
     Bug::new(
         "PU-13",
         PC_LINK,
-        "the 57th waypoint makes a list that the robot does not take, and nobody is told",
+        "the 57th waypoint makes a list that the robot does not take, without an error",
         CLIENT,
         pu_13,
     ),

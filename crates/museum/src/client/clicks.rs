@@ -1,4 +1,4 @@
-//! What the PC program sends when somebody clicks.
+//! Messages that the PC program sends after clicks of the operator.
 
 use protocols::pcui::message::{Message, Waypoint};
 use protocols::{Decode, pcui};

@@ -98,7 +98,7 @@ fn no_search() -> Settings {
     }
 }
 
-/// Somebody pushes a robot at rest for a second; six searches later.
+/// A person pushes a robot at rest for a second; six searches later.
 pub(super) fn f_08(variant: Variant) -> Observation {
     let settings = match variant {
         Variant::Defective => no_search(),

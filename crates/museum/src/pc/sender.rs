@@ -53,7 +53,7 @@ pub(super) fn pu_06(variant: Variant) -> Observation {
     robot.judged(strays > 0)
 }
 
-/// Nobody takes the bytes until the queue has refused a frame.
+/// The receiver takes no bytes until the queue has refused a frame.
 pub(super) fn pu_17(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-17");
     while robot.counter("radio queue overflows") == 0 && robot.now < Instant::from_secs(60) {

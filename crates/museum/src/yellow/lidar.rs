@@ -47,7 +47,7 @@ pub(super) const ROWS: [Bug; 7] = [
     Bug::mutant(
         "YL-04",
         LIDAR,
-        "nobody notices a Protection Stop: the ranges from before stay for ever",
+        "the robot does not notice a Protection Stop: the ranges from before stay for ever",
         yl_04,
     ),
     Bug::mutant(

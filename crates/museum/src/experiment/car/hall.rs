@@ -16,7 +16,7 @@ use super::told;
 use engine::rig::line::Direction;
 use engine::rig::trace::{Side, Tap};
 
-/// Shares of the reads that lose their byte: nobody knows the fielded one.
+/// Shares of the reads that lose their byte: the share in the field is unknown.
 const LOST: [f64; 6] = [0.0, 0.05, 0.1, 0.15, 0.2, 0.3];
 /// That of the figures.
 const GUESS: f64 = 0.2;
