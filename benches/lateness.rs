@@ -1,6 +1,6 @@
-//! How late is the rig in real time? `hilrig up` as users start it, with nobody at its ports, with
-//! a program that reads the lidar, and with a whole robot at work; each as `up` itself tells when
-//! it ends, beside the goals for a quiet machine: 0.05, 0.2 and 2 ms.
+//! How late is the rig in real time? `hilrig up` as users start it, without a client at its ports,
+//! with a program that reads the lidar, and with a whole robot at work; each as `up` itself reports
+//! when it ends, beside the goals for a quiet machine: 0.05, 0.2 and 2 ms.
 //!
 //! The host alone comes first, a thread that sleeps from one millisecond to the next: what it is
 //! late by no rig on this machine can be better than. Nothing is judged: whatever else the machine
@@ -23,10 +23,10 @@ const SCENARIO: &str = "schema = 1\nname = \"lateness\"\nrobot = \"rescue\"\ndur
     [world]\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 90 }\n[[world.wall]]\n\
     path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n";
 
-/// Who is at the ports.
+/// The clients at the ports.
 #[derive(Clone, Copy)]
 enum Clients {
-    Nobody,
+    None,
     LidarReader,
     Robot,
 }
@@ -72,7 +72,7 @@ fn rig(folder: &Path, seconds: u64, clients: Clients) -> String {
     let duration = format!("{seconds}s");
     let mut up = Process::start(&["up", scenario, "--dir", dir, "--duration", &duration]);
     let _robot = match clients {
-        Clients::Nobody => None,
+        Clients::None => None,
         Clients::LidarReader => {
             let lidar = ports.join("lidar");
             std::thread::spawn(move || read_to_the_end(&lidar));
@@ -117,7 +117,7 @@ fn main() {
     std::fs::create_dir_all(&folder).expect("room");
     let mut out = std::io::stdout();
     let mut tell = |who: &str, what: &str| {
-        writeln!(out, "{who:<24} {what}").expect("someone listens");
+        writeln!(out, "{who:<24} {what}").expect("stdout is open");
     };
     tell(
         "goal, quiet machine",
@@ -126,7 +126,7 @@ fn main() {
     let host = host(seconds).to_string();
     tell("host alone", host.trim_start_matches("late by "));
     for (who, clients) in [
-        ("rig, nobody connected", Clients::Nobody),
+        ("rig, no client", Clients::None),
         ("rig, lidar read", Clients::LidarReader),
         ("rig and robot", Clients::Robot),
     ] {
