@@ -99,7 +99,7 @@ pub struct BaseLink {
     quiet_until: Instant,
     failures_in_a_row: u8,
     counters: Counters,
-    /// The status that came unasked and that nobody has looked at yet.
+    /// The last unsolicited status that the program has not read yet.
     status: Option<u8>,
     defects: Defects,
     listener: Listener,

@@ -6,7 +6,7 @@
 //! 19  within the inscribed     the reference point must not get there: the outline would touch an
 //!     radius of an obstacle    obstacle at every heading
 //! ..  falls with the distance  the nearer to an obstacle, the dearer
-//!  0  farther than the inflation radius, or nobody knows
+//!  0  farther than the inflation radius, or unknown
 //! ```
 //!
 //! The scale is that of the lattice planner of seed 003 (sbpl): values of its costmap, 0 to 254,

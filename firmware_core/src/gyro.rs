@@ -1,4 +1,4 @@
-//! The turn by a gyroscope whose samples somebody else adds up: how far since the reading before,
+//! Heading from a gyroscope whose samples are summed elsewhere: the turn since the last reading,
 //! less the offset that is learned whenever the wheels stand still.
 
 use core::time::Duration;
@@ -8,8 +8,8 @@ use protocols::Instant;
 /// Rest after which the offset is known well enough, and what is averaged at most.
 const KNOWN_AFTER_S: f32 = 0.4;
 const AVERAGED_S: f32 = 10.0;
-/// A robot that turns faster than this, degrees a second, is turned by somebody; no calibrated
-/// sensor is off by so much.
+/// A robot that turns faster than this at rest, degrees a second, is turned by a person; no
+/// calibrated sensor is off by so much.
 const OFFSET_MAX_DEG_S: f32 = 3.0;
 /// Readings farther apart tell nothing of what was between them.
 const APART_MAX: Duration = Duration::from_millis(500);
@@ -108,7 +108,7 @@ mod tests {
         assert!((turned - 25.0).abs() < 0.1, "{turned}");
     }
 
-    /// Nine degrees a second at rest are somebody who turns the robot; the offset stays.
+    /// Nine degrees a second at rest mean that a person turns the robot; the offset stays.
     #[test]
     fn somebody_who_turns_a_robot_at_rest_is_no_offset() {
         let mut gyro = Gyro::new();
@@ -165,7 +165,7 @@ mod tests {
             "{}",
             gyro.offset_deg_s
         );
-        // 13 hundredths are 3.25 degrees a second: somebody turns it.
+        // 13 hundredths are 3.25 degrees a second: a person turns it.
         run(
             &mut gyro,
             (Instant::ZERO + STEP * 401, 10),

@@ -246,7 +246,7 @@ mod tests {
         assert_eq!(motor.take_duty(), Some(180));
     }
 
-    /// Off and on again before anybody asked: the duty is that which was told.
+    /// Off and on again before the duty is read: the duty is the last one that was read.
     #[test]
     fn a_motor_that_is_switched_on_again_tells_its_duty_only_if_it_changed() {
         let mut motor = LidarMotor::new(300.0);

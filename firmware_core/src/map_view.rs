@@ -1,6 +1,6 @@
 //! A map as an observer sees it, whatever its size and wherever its corner lies.
 
-/// A look at somebody's occupancy map: one byte a cell, in rows of equal y, lowest y first, as in
+/// A view of an occupancy map: one byte a cell, in rows of equal y, lowest y first, as in
 /// [`grid`](crate::grid): 0 free, 127 never seen, 255 obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MapView<'a> {

@@ -43,7 +43,7 @@ pub trait Master {
     fn line_config(&self, port: Port) -> LineConfig;
 
     /// Computing done since the last call. A rig that models the processor does not poll again
-    /// before this work would have been finished; on a real board nobody asks.
+    /// before this work would have been finished; a real board does not call it.
     fn take_work(&mut self) -> Work;
 }
 
@@ -93,7 +93,7 @@ pub trait Inspect {
         None
     }
 
-    /// Names the places in its map where the program has found somebody.
+    /// Reports the places in its map where the program has found victims.
     fn victims(&self, _report: &mut dyn FnMut(crate::pose::Point)) {}
 
     /// Names every buffer beside which the program would have written; see [`crate::memory`].

@@ -378,7 +378,8 @@ impl Navigator {
             if self.planner.plan(map, bodies, pose, goal, around) {
                 self.rounds = self.rounds.saturating_add(1);
             }
-            // Of places on the way there are others, and who squeezes to each of them is late.
+            // An intermediate place can be replaced by another one; squeezing to each of them costs
+            // time.
             if is_last {
                 self.squeeze
                     .watch_way(self.planner.way_cells(pose.position()));

@@ -79,7 +79,7 @@ const TICKS_SLACK: u32 = 16;
 const RESTART_AFTER: u8 = 3;
 /// Counters that are no higher after a silence begin anew.
 const RESTARTED_TICKS: i32 = 2;
-/// How long wheels run at most that nobody commands: the base's watchdog takes a second.
+/// How long wheels run at most without a command: the base's watchdog takes a second.
 const RUNS_ON_MAX: Duration = Duration::from_millis(1_500);
 /// Samples of the past that are kept.
 const SAMPLES: usize = 16;

@@ -148,7 +148,7 @@ impl Localiser {
         localiser
     }
 
-    /// Forgets all guesses: somebody says where the robot is.
+    /// Replaces all guesses by a given pose of the robot.
     pub fn place(&mut self, start: CarPose, sigma: [f64; 3]) {
         let count = self.settings.count[1].max(1);
         let weight = 1.0 / count as f64;
@@ -198,8 +198,8 @@ impl Localiser {
         true
     }
 
-    /// Somebody else tells another motion than the odometry did, up to now: every second guess
-    /// believes it.
+    /// Another source reports a different motion than the odometry, up to now: every second guess
+    /// follows it.
     pub fn doubt(&mut self, told: Motion, other: Motion) {
         let back = told.inverse();
         for particle in self.particles.iter_mut().step_by(2) {

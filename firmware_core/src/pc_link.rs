@@ -157,7 +157,7 @@ pub struct PcLink {
 struct Fielded {
     receiver: Receiver,
     psi: CountedPsi,
-    /// Received bytes that nobody has looked at yet, and how many may be.
+    /// Received bytes that the program has not read yet, and how many may wait.
     waiting: Fifo<WAITING_MAX>,
     allowed: usize,
     is_dead: bool,
@@ -239,7 +239,7 @@ impl PcLink {
         self.decoder.idle();
     }
 
-    /// A frame was understood by nobody.
+    /// No receiver understood a frame.
     pub const fn count_meaningless(&mut self) {
         self.counters.meaningless = self.counters.meaningless.saturating_add(1);
     }
@@ -364,7 +364,7 @@ impl PcLink {
                 }
                 Err(error) => {
                     self.counters.bad_frames = self.counters.bad_frames.saturating_add(1);
-                    // Who sends too much is told what there is in its place.
+                    // The sender of an over-long frame gets the robot's own list back.
                     let is_fielded = self.settings.defects.of_receiver();
                     self.echo_is_due |= matches!(error, FrameError::Length { .. }) && !is_fielded;
                 }

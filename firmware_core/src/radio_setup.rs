@@ -6,8 +6,8 @@
 //! ```
 //!
 //! Modules of the linvor family and of hc01.com take a command when a second of silence follows it,
-//! and none at all while somebody is connected (module guides, see [`protocols::hc06`]). A module
-//! that answers at no rate is given up: it may be connected already, or speak the other language.
+//! and none at all during a connection (module guides, see [`protocols::hc06`]). A module that
+//! answers at no rate is given up: it may be connected already, or speak the other language.
 
 use core::time::Duration;
 

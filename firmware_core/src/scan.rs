@@ -316,8 +316,8 @@ impl Scan {
         Self::projected(turn, mounting, &[PoseChange::NONE; KNOTS + 1])
     }
 
-    /// A scan of points that somebody else has made; more than [`BEAMS`] are left out. The points
-    /// keep their order as beams.
+    /// A scan from given points; more than [`BEAMS`] are left out. The points keep their order as
+    /// beams.
     pub fn from_points(points: &[Point], start: Instant, end: Instant) -> Self {
         let mut scan = Self {
             start,

@@ -382,8 +382,8 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         };
         let mut effort = Effort::default();
         let mut place = tracking::track(&self.grid, &task, &mut effort);
-        // Of a way that nobody saw, a scan tells that shows mostly what the map knows. Another one
-        // fits best where its few points on known walls are the most.
+        // After an unmeasured motion, a scan is trusted only if it mostly shows known walls.
+        // Another one fits best where its few points on known walls are the most.
         if is_vague && !place.is_elsewhere && !place.evidence.is_plain() {
             place.pose = self.pose;
         }

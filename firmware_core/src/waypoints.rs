@@ -96,7 +96,7 @@ struct Broken {
     has_no_end: bool,
 }
 
-/// What a slot holds that nobody uses.
+/// Content of an unused slot.
 const FREE: Waypoint = Waypoint {
     id: NO_WAYPOINT,
     position_mm: [-1; 2],

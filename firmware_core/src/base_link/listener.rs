@@ -16,9 +16,9 @@ pub struct Defects {
     pub takes_short_replies: bool,
     /// An acknowledgement is taken for data; all of them are what lay there (MA-05).
     pub takes_acknowledgements: bool,
-    /// A frame that nobody waits for is stored where the last reader's buffer was (MA-06).
+    /// A frame without a waiting reader is stored where the last reader's buffer was (MA-06).
     pub writes_when_nobody_waits: bool,
-    /// Nobody looks at a failure, so the slave never counts as silent (MA-07).
+    /// Failures are not counted, so the slave never counts as silent (MA-07).
     pub ignores_failures: bool,
     /// A request is sent although another one is waiting for its answer (MA-08).
     pub preempts_itself: bool,
@@ -74,8 +74,8 @@ impl Listener {
         self.state = State::Start;
     }
 
-    /// A byte comes in while a reply of `wanted` bytes is waited for; `None`: nobody waits, and the
-    /// buffer belongs to somebody else by now.
+    /// A byte comes in while a reply of `wanted` bytes is expected; `None`: no reader waits, and
+    /// its former buffer holds other data by now.
     pub(super) fn take(&mut self, byte: u8, wanted: Option<u8>, defects: &Defects) {
         self.state = match self.state {
             State::Start if byte == START => State::Register,
@@ -195,12 +195,12 @@ mod tests {
     /// MA-06: two bytes and the checksum go where the last reader's buffer was.
     #[test]
     fn a_frame_that_nobody_waits_for_is_stored_as_well() {
-        let nobody = Defects {
+        let unguarded = Defects {
             writes_when_nobody_waits: true,
             ..Defects::NONE
         };
-        assert_eq!(strays(nobody, None, &frame(2)), (3, 2));
-        assert_eq!(strays(nobody, Some(2), &frame(2)).0, 0);
+        assert_eq!(strays(unguarded, None, &frame(2)), (3, 2));
+        assert_eq!(strays(unguarded, Some(2), &frame(2)).0, 0);
         assert_eq!(strays(CHECKSUM, None, &frame(2)).0, 0);
     }
 

@@ -87,8 +87,8 @@ mod tests {
         Frame::write(36, &[7; 12][..count], ORDER)
     }
 
-    /// Ten bytes are the answer to who asked for ten. Fewer are one to who takes short replies
-    /// (MA-04), none at all to who takes acknowledgements for data (MA-05).
+    /// Ten bytes answer a request for ten. Fewer bytes answer it only with the defect of short
+    /// replies (MA-04), and none at all only if acknowledgements count as data (MA-05).
     #[test]
     fn an_answer_has_as_many_bytes_as_were_asked_for() {
         let sound = Defects::NONE;

@@ -319,7 +319,7 @@ fn old_data_is_left_behind_a_reply_of_the_fielded_link() {
     assert_eq!(behind(false, true), [7; READ_MAX - 10]);
 }
 
-/// Room is for eight outcomes; the ninth, which nobody has taken by then, is counted and lost.
+/// There is room for eight outcomes; the ninth, not read by then, is counted and lost.
 #[test]
 fn outcomes_that_nobody_takes_are_counted_once_there_is_no_room() {
     let mut link = link();

@@ -8,8 +8,8 @@ use super::{STEP, Settings, Surroundings};
 const STUCK_SCANS: u8 = 40;
 /// Moving less than this is not moving.
 const MOVED_MM: f32 = 60.0;
-/// The way out is taken until the robot is so far from where it was stuck, or for so many scans: to
-/// turn round takes twenty.
+/// The way out is taken until the robot is this far from where it was stuck, or for this many
+/// scans: turning round takes twenty.
 const ESCAPED_MM: f32 = 200.0;
 const ESCAPE_SCANS: u8 = 35;
 /// More free way than this is not better.

@@ -100,7 +100,7 @@ impl Outlook {
         self.gain(Self::SMALL).is_some()
     }
 
-    /// Whether so much of the walls was not felt that somebody may be there.
+    /// Whether enough of the walls is unfelt that a victim may be there.
     pub const fn is_to_be_felt(self) -> bool {
         self.unfelt >= UNFELT_MIN
     }
@@ -166,7 +166,7 @@ impl Frontiers {
     }
 
     /// The robot was at `place`, or on its way there, and learned nothing: it looks no more from
-    /// there as long as nobody forgives.
+    /// there until [`forgive`](Self::forgive) is called.
     pub fn showed_nothing(&mut self, map: &Grid, place: Point) {
         if let Some(cell) = Raster::of(map).cell_of(place) {
             cell.each_within(STALE_CELLS, |near| self.stale.set(near));

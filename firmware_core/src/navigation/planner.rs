@@ -1,8 +1,8 @@
 //! Ways around what is in the way: a wave from the goal through the free cells of a coarse map.
 //!
 //! A cell is three by three cells of the map, as in the seed's navigation map (100 x 100), and
-//! takes four bits: the direction in which the goal lies. Cells that nobody has seen count as
-//! free; if they are not, the next plan knows better.
+//! takes four bits: the direction in which the goal lies. Unseen cells count as free; if they are
+//! not, the next plan knows better.
 //!
 //! A way that was chosen is kept until something is in it, and what was in it is remembered for as
 //! long as there is another way: the robot sees more of a place when it is there than the map
@@ -437,9 +437,9 @@ mod tests {
         assert!(!is_left(&planner, pose), "as one to another goal does");
     }
 
-    /// A wall with two doors, at y = 1.0 to 1.6 m and at 2.3 to 2.9 m. Something stands in the
-    /// nearer one, which nobody sees from the way to the other; nor does it help that something is
-    /// in that way as well, because it can be driven around.
+    /// A wall with two doors, at y = 1.0 to 1.6 m and at 2.3 to 2.9 m. An obstacle stands in the
+    /// nearer one and cannot be seen from the path to the other. An obstacle on that path as well
+    /// does not change the choice, because the robot can drive around it.
     #[test]
     fn what_blocked_a_way_is_remembered() {
         let map = map(&[
@@ -470,8 +470,8 @@ mod tests {
     }
 
     /// A corridor of 43 cm between a wall and a board that the map does not show, 15 cm from the
-    /// way: what is refused is where the board is, so the corridor stays open, also for who does
-    /// not see the board any more. The same board once more refuses the place on the way.
+    /// path: what is refused is where the board is, so the corridor stays open, also if the robot
+    /// does not see the board any more. The same board once more refuses the place on the path.
     #[test]
     fn a_board_beside_the_way_does_not_close_the_corridor() {
         let map = map(&[[0, 0, 299, 1]]);

@@ -195,8 +195,8 @@ fn around_a_post(degrees: f32, side: f32) -> f32 {
     libm::roundf(way.to_degrees())
 }
 
-/// T5: at 10 degrees the post is passed at -33.1 or 53.1, in steps of five: -35 or 55. Who went
-/// left before goes on so, as the right is only 20 better and 40 are asked for.
+/// T5: at 10 degrees the post is passed at -33.1 or 53.1, in steps of five: -35 or 55. A robot that
+/// went left before stays on the left: the right is only 20 better, and a change needs 40.
 #[test]
 fn a_side_once_taken_is_kept_unless_the_other_is_much_better() {
     assert_eq!(

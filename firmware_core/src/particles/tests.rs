@@ -397,7 +397,7 @@ fn the_heavier_guess_is_drawn_more_often() {
     assert_eq!(localiser.particles().len(), 2_000);
 }
 
-/// The odometry told 1 m ahead, somebody else 0.5 m: every second guess is drawn back.
+/// The odometry reports 1 m ahead, another source 0.5 m: every second guess is drawn back.
 #[test]
 fn every_second_guess_believes_the_other() {
     let mut localiser = guessing(&[(pose(1.0, 2.0, 0.0), 0.25); 4]);

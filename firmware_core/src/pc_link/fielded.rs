@@ -208,7 +208,7 @@ impl Receiver {
 
 /// What the fielded program did in place of what [`PcLink`] does.
 impl PcLink {
-    /// Takes received bytes as the fielded program did where it did so differently.
+    /// Takes received bytes as the fielded program did, where it differed.
     pub(super) fn stumble(&mut self, now: Instant, input: &mut &[u8]) {
         let defects = &self.settings.defects;
         if defects.not_ready_at_first && now < Instant::ZERO + READY_AFTER {

@@ -55,8 +55,8 @@ use wheels::Wheels;
 /// Rate of the wires that are none on a board: PWM of the lidar's motor, the chip's own hardware.
 const BOARD_BAUD: u32 = 10_000_000;
 
-/// Without a sample for longer nobody knows how far the robot has rolled meanwhile: 5 mm at the
-/// speed of a manoeuvre.
+/// Longest gap between samples: after a longer one the robot may have rolled 5 mm at the speed of a
+/// manoeuvre.
 const GAP: Duration = Duration::from_millis(10);
 
 /// The robot's program.
@@ -174,7 +174,7 @@ impl Yellow {
             channel,
             enable,
         };
-        // Nobody takes them: old duties are of no use to anybody.
+        // The board takes no outputs: old duties are of no use.
         if !self.outputs.push(&outputs.encode()) {
             self.outputs.clear();
         }

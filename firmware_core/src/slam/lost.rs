@@ -52,8 +52,8 @@ impl Lost {
         self.unseen_rad
     }
 
-    /// Where to look for a robot that was lost at `pose`; anywhere if nobody knows how, and
-    /// somebody may have carried it there.
+    /// Where to look for a robot that was lost at `pose`; `None`, anywhere, if the cause is unknown
+    /// and a person may have carried it.
     pub(super) fn bound(&self, pose: Pose, pushes: Pushes) -> Option<Bound> {
         let (mm, rad) = if self.unseen_rad > 0.0 {
             (self.unseen_mm + MARGIN_MM, self.unseen_rad + MARGIN_RAD)
@@ -135,9 +135,9 @@ mod tests {
         assert!(bound(Pushes::Followed).is_none() && bound(Pushes::Unlikely).is_some());
     }
 
-    /// 100 mm and half a radian unseen, and what is not sure beyond that; no more than was said.
-    /// Who was seen all the time may have drifted if nobody pushes, and be anywhere if somebody
-    /// does.
+    /// 100 mm and half a radian unseen, and what is not sure beyond that; no more than was said. A
+    /// robot that was measured all the time may have drifted if pushes are unlikely, and may be
+    /// anywhere if a person can push it.
     #[test]
     fn a_lost_robot_is_sought_as_far_as_it_may_have_moved() {
         let pose = Pose::new(1.0, 2.0, 3.0);

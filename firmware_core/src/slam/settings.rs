@@ -46,7 +46,7 @@ pub struct Search {
     pub spread_deg: u16,
 }
 
-/// Whether somebody may push the robot where its wheels do not notice.
+/// Whether a person may push the robot unnoticed by its wheels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pushes {
     /// A scan that fits much better elsewhere is followed there.

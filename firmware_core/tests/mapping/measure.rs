@@ -93,7 +93,7 @@ impl<const W: usize, const H: usize> Run<W, H> {
         self.steps(5);
     }
 
-    /// Somebody pushes the robot for a second, by so many millimetres per millisecond.
+    /// A person pushes the robot for a second, by so many millimetres per millisecond.
     pub(crate) fn push_by(&mut self, [x, y]: [f64; 2]) {
         self.world.push = [x, y, 0.0];
         self.steps(5);

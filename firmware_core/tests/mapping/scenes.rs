@@ -21,7 +21,7 @@ pub(crate) fn fingerprint() -> u64 {
     print.0
 }
 
-/// Blocks in a room, a robot that drives at random; in every third scene somebody pushes it.
+/// Blocks in a room, a robot that drives at random; in every third scene a person pushes it.
 fn play(seed: u64, settings: Settings, print: &mut Print) {
     let mut dice = Dice::new(seed);
     let mut run: Run = Run::new(world(seed, &mut dice), settings);

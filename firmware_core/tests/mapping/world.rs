@@ -152,7 +152,7 @@ pub(crate) struct World {
     pub(crate) assembler: TurnAssembler,
     /// Odometry readings per turn.
     pub(crate) readings_per_turn: usize,
-    /// Milliseconds of a turn in which somebody pushes the body by so much per millisecond.
+    /// Milliseconds of a turn in which a person pushes the body by so much per millisecond.
     pub(crate) push: [f64; 3],
     dice: Dice,
     wheels: [f64; 2],

@@ -114,7 +114,7 @@ fn a_dead_end_is_left_again() {
     assert!(bench.clearance_mm > 10.0, "{}", bench.clearance_mm);
 }
 
-/// Somebody puts a box 350 mm in front of the driving robot.
+/// A person puts a box 350 mm in front of the driving robot.
 #[test]
 fn the_robot_stops_for_what_suddenly_stands_in_front_of_it() {
     let mut bench = Bench::new(flat(), 4);

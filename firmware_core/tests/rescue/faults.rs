@@ -60,8 +60,8 @@ fn a_robot_whose_lidar_has_come_back_waits_for_two_further_turns() {
     assert!((3..=4).contains(&turns), "{turns}");
 }
 
-/// Field defect MA-07: a silent base was noticed by nobody. The base hears nothing, answers nothing
-/// and stops by its own watchdog; when it is back the mission goes on.
+/// Field defect MA-07: the fielded program did not notice a silent base. The base hears nothing,
+/// answers nothing and stops by its own watchdog; when it is back the mission goes on.
 #[test]
 fn a_silent_base_is_noticed_and_its_return_as_well() {
     let mut bench = driving(2);
@@ -182,8 +182,8 @@ fn a_base_that_was_away_is_read_afresh() {
     assert_eq!(bench.counter("encoder readings disbelieved"), 0);
 }
 
-/// The base would follow its last set-point for as long as somebody repeats it. If the program's
-/// main loop hangs, its interrupts must not be the ones who do.
+/// The base would follow its last set-point for as long as the program repeats it. If the program's
+/// main loop hangs, its interrupts must not repeat it.
 #[test]
 fn a_hanging_main_loop_does_not_drive_on() {
     let mut bench = driving(9);

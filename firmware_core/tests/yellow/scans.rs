@@ -236,7 +236,7 @@ fn a_head_that_speeds_up_is_waited_for() {
     assert!(points(&bench).len() >= 700);
 }
 
-/// A lidar that answers nothing at all is reset again and again, and harms nobody.
+/// A lidar that answers nothing at all is reset again and again, without other effects.
 #[test]
 fn a_lidar_that_is_not_there_is_asked_for() {
     use firmware_core::Master as _;

@@ -83,7 +83,7 @@ fn ye2_a_scan_that_is_too_large_is_thinned_out() {
     assert_eq!((points.len(), points[1].angle_deg), (180, 2));
     assert!(len <= PAYLOAD_MAX);
     assert_eq!(bench.counter("over-size answers"), 1);
-    // Step 0 is asked for by nobody who means it, and every degree all the same.
+    // Step 0 is no sensible request; it gets every degree, thinned out as well.
     bench.run_for(SECOND);
     assert_eq!(
         scan(&mut bench, 0).1.lidar.expect("the scan").points.len(),

@@ -81,7 +81,7 @@ fn ye8_an_octagon_has_eight_lines() {
 }
 
 /// YN-01: below 79.95 degrees everything is merged, and 45 degrees are; square corners are not,
-/// which is why nobody noticed.
+/// which is why it was not noticed.
 #[test]
 fn ye8_the_fielded_merge_makes_fewer_of_an_octagon() {
     let found = lines(&scan(&octagon(), 5.0, 1), &with(FIELDED_MERGE));

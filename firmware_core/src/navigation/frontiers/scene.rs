@@ -16,7 +16,7 @@ const SOLID: u8 = 2;
 const RAYS: usize = 48;
 /// Cells that a ray reaches, 1.8 m: farther away a corridor is better seen from nearer.
 const REACH: i16 = 60;
-/// Unknown cells that a ray counts: 0.3 m. What is behind them nobody knows.
+/// Unknown cells that a ray counts: 0.3 m. The space behind them is unknown.
 const UNKNOWN_MAX: u16 = 10;
 /// An edge of fewer cells is a crack between two boards, not a way.
 const EDGE_CELLS_MIN: u8 = 3;

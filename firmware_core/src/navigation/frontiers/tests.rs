@@ -66,8 +66,7 @@ fn a_crack_is_not_worth_a_way() {
     assert_eq!(next(&mut Frontiers::new(Sought::Floor), &room(6)), None);
 }
 
-/// Floor that is known, but behind a wall with a hole through which nobody fits, is no place to
-/// look from.
+/// Known floor behind a wall with a hole that is too narrow for the robot is no place to look from.
 #[test]
 fn what_cannot_be_reached_is_not_sought() {
     let mut map = room(0);
@@ -208,9 +207,9 @@ fn walls_that_were_felt_are_known_once_more() {
     );
 }
 
-/// At stake: a board of 2 cm, a planner's cell thick, is felt on both sides by a robot that has
-/// passed one, and who is on the other is never found. In the end its faces are told apart: of the
-/// 48 rays 16 go to one of 0.6 m from 0.16 m away.
+/// At stake: a robot that has passed one side of a board of 2 cm, a planner's cell thick, takes
+/// both sides for felt, and a victim on the other side is never found. In the end its faces are
+/// told apart: of the 48 rays 16 go to one of 0.6 m from 0.16 m away.
 #[test]
 fn a_board_has_two_faces_in_the_end() {
     let mut map = room(0);
@@ -258,7 +257,7 @@ fn a_door_is_worth_any_way() {
 }
 
 /// A door of 380 mm, through which the body of 320 mm only just fits, into a corridor whose upper
-/// end nobody has seen: that cannot be looked at from the room.
+/// end is unseen: that cannot be looked at from the room.
 #[test]
 fn a_way_that_the_body_only_just_fits_through_is_the_last_resort() {
     let mut map = room(0);

@@ -1,4 +1,4 @@
-//! Who drives: the phone, the planner, or nobody.
+//! Choice of the driver: the phone, the planner, or none.
 //!
 //! Facts: seed 003 and its published code: a loop of 20 Hz, toggles for autonomous driving and for
 //! gates, a kill switch that comes after all else. With both toggles on, the fielded loop has no
@@ -51,7 +51,7 @@ pub enum Mode {
     Autonomous,
     /// The planner drives through gates.
     Gates,
-    /// The planner drives where nobody has looked yet.
+    /// The planner drives to unseen places.
     Mapping,
     /// More than one toggle is on.
     Contradiction,
@@ -73,7 +73,7 @@ pub struct Arbiter {
 }
 
 impl Arbiter {
-    /// Nobody has said anything.
+    /// The state before the first message.
     pub const fn new(defects: Defects) -> Self {
         Self {
             defects,

@@ -535,8 +535,9 @@ mod tests {
         assert!(row(&floor, 10, -1).contains(&30));
     }
 
-    /// 2.5 m away, in cell 50, something is entered, a step farther not. Who was seen often is
-    /// believed for five scans that see through him, what was always open after three.
+    /// 2.5 m away, in cell 50, an obstacle is entered, a step farther it is not. One that was seen
+    /// often disappears after five scans that see through it, one in a cell that was always open
+    /// after three.
     #[test]
     fn what_was_seen_often_is_believed_longer() {
         let mut floor = empty();

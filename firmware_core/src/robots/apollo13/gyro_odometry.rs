@@ -38,7 +38,7 @@ impl GyroOdometry {
         self.told = None;
     }
 
-    /// The car moved so while the odometer was silent: somebody else tells.
+    /// Adds a motion of the car during a silence of the odometer, from another source.
     pub fn bridge(&mut self, motion: Motion) {
         self.pose = self.pose.then(motion);
     }

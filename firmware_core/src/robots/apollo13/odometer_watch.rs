@@ -16,8 +16,8 @@ const SILENT: Duration = Duration::from_millis(250);
 const AT_REST: Duration = Duration::from_millis(1_200);
 /// How long before the first line the offset was taken.
 const CALIBRATED_BEFORE: Duration = Duration::from_millis(200);
-/// A silent odometer is started even if the car does not come to rest, after so long: somebody
-/// drives it by hand. Once more at rest, then.
+/// A silent odometer is started even if the car does not come to rest within this time, because an
+/// operator drives it by hand. Then it is started again at rest.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// The first line comes 1.10 s after the port was opened, that of the later sketch 2.24 s.
 const ANSWERS: Duration = Duration::from_millis(2_800);

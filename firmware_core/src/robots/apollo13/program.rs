@@ -278,7 +278,7 @@ impl Apollo13 {
         self.wall = wall.map(|(side, wanted_m)| WallDistance::new(side, wanted_m, gains));
     }
 
-    /// Somebody says where the car is; while it draws a map, it knows better.
+    /// Takes the car's pose from the operator, except while the car draws a map and knows better.
     pub fn set_pose(&mut self, pose: CarPose) {
         // A map under way is drawn where the car found itself to be.
         if self.survey.is_some() {
@@ -384,7 +384,7 @@ impl Apollo13 {
         })
     }
 
-    /// Whether what the camera sees has not fitted for long: somebody must say where the car is.
+    /// Whether the camera has not fitted the map for long: an operator must give the car's pose.
     const fn is_lost(&self) -> bool {
         self.misfits >= MISFITS_MAX
     }

@@ -63,7 +63,7 @@ impl SlipWatch {
             Some(since_s) => {
                 *since_s += passed_s;
                 if apart_m <= APART_M[1] || *since_s >= BELIEVED_S {
-                    // The wheels hold again, or nobody knows any better than they.
+                    // The wheels hold again, or no other source is better than the wheels.
                     self.slips_s = None;
                     self.begin_anew(told_m / over_s);
                     return way_m;

@@ -41,8 +41,8 @@ const LOOK_M: f64 = 4.0;
 /// In how many scans more there must have been something than nothing.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 10;
-/// What nobody has seen so many cells beside a wall, 30 cm, may be wall: of a wall that the car
-/// turns away from its camera misses as much, up to its corner.
+/// So many unseen cells beside a wall, 30 cm, may be wall: the camera misses as much of a wall that
+/// the car turns away from, up to its corner.
 const BESIDE_CELLS: usize = 6;
 /// Cells around what is known that a plan has.
 const MARGIN: usize = 12;
@@ -220,8 +220,8 @@ impl Survey {
         }
     }
 
-    /// Whether the car keeps off a cell: something is there, or nobody has looked and something is
-    /// beside it. A camera that looks ahead does not see how a wall goes on beside the car, nor the
+    /// Whether the car keeps off a cell: it is an obstacle, or it is unseen and lies beside an
+    /// obstacle. A camera that looks ahead does not see how a wall goes on beside the car, nor the
     /// corner that it turns around, and the way back is not looked at at all.
     fn is_kept_off(&self, [x, y]: [usize; 2]) -> bool {
         let is_wall =

@@ -2,9 +2,9 @@
 //!
 //! An encoder whose wires are exchanged counts backwards, a gyroscope that is stuck turns for ever;
 //! both lines look sound. The board's pulses and the steering that was commanded are coarse, but
-//! they come another way. Of the travel the board is believed: pulses come from no wheel that
-//! stands. Of the turn nobody is: a servo may be dead as well as a gyroscope, and what the camera
-//! sees must tell.
+//! they come another way. For the travel the board is believed: no standing wheel makes pulses. For
+//! the turn neither source is believed: a servo may be dead as well as a gyroscope, and the camera
+//! must decide.
 
 use core::ops::RangeInclusive;
 use core::time::Duration;

@@ -174,7 +174,7 @@ mod tests {
     const AT_REST: [i8; 2] = [0, 0];
     const FRONT: usize = 4;
 
-    /// At stake: a robot whose base was reset stands in a ring of walls that nobody sees.
+    /// At stake: a robot whose base was reset stands in a ring of walls that no sensor sees.
     #[test]
     fn what_was_not_measured_is_no_wall() {
         let mut blind = Blind::new();
@@ -255,7 +255,7 @@ mod tests {
         assert_eq!(places(&blind).len(), 1);
     }
 
-    /// Somebody who has gone, after three looks; a neighbour beside the line stays.
+    /// A person who has left disappears after three looks; a neighbour beside the line stays.
     #[test]
     fn what_is_looked_through_is_forgotten() {
         let mut blind = Blind::new();

@@ -63,7 +63,7 @@ impl Rescue {
         self.victims.all()
     }
 
-    /// How far the search has got; `None` if nobody has asked for it yet.
+    /// Progress of the search; `None` if no search was ordered yet.
     pub const fn search_progress(&self) -> Option<Progress> {
         if self.explore.has_begun() {
             Some(self.explore.progress())

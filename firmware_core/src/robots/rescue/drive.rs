@@ -72,7 +72,7 @@ pub(super) struct Drive {
     link: BaseLink,
     pub(super) odometry: Odometry,
     set_point: [i8; 2],
-    /// From then on the set-point is nobody's wish any more.
+    /// The set-point expires at this time.
     valid_until: Instant,
     /// The base has acknowledged the set-point.
     is_confirmed: bool,
@@ -84,7 +84,7 @@ pub(super) struct Drive {
     heat: Option<[i16; 2]>,
     /// `None` if the infrared sensors are not read.
     infrared_at: Option<Instant>,
-    /// Their readings, mm, and whether both halves were read since somebody asked last.
+    /// Their readings, mm, and whether both halves were read since the last query.
     infrared: [i16; blind::SENSORS],
     is_infrared_new: bool,
     kits: Kits,
@@ -92,7 +92,7 @@ pub(super) struct Drive {
     was_silent: bool,
     speed: [i8; 2],
     battery: Option<Battery>,
-    /// It was read since somebody asked last.
+    /// It was read since the last query.
     is_battery_new: bool,
     gyro: Option<Gyro>,
     /// The sum of the gyroscope, read right before the wheels.
@@ -101,7 +101,7 @@ pub(super) struct Drive {
     defects: super::Defects,
     /// Nothing is said to the base (field defect NV-04).
     pub(super) is_mute: bool,
-    /// Set-points that ran out because nobody renewed them.
+    /// Set-points that expired because they were not renewed.
     pub(super) expired: u32,
     pub(super) silences: u32,
 }
@@ -496,8 +496,8 @@ mod tests {
     }
 
     /// Wheels each 40 ms, set-points each 150, the battery each second; heat and infrared sensors
-    /// each 100 ms if they are fitted. The first of all at once, but for a set-point that nobody
-    /// has given yet.
+    /// each 100 ms if they are fitted. The first of all at once, except for a set-point that the
+    /// program has not given yet.
     #[test]
     fn each_register_is_asked_for_in_its_period() {
         let mut drive = Drive::new(&fitted());

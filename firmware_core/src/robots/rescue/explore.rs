@@ -30,13 +30,14 @@ const FOOTPRINT_CELLS: u32 = 90;
 const NOTHING_CELLS: u32 = 3;
 /// Scans for which the robot looks at what it came for.
 const LOOK_SCANS: u8 = 4;
-/// Scans that a way may take: 20 s, and 13 cm/s; and ten seconds more for who is nearly there.
+/// Scans that a path may take: 20 s, and 13 cm/s; and ten seconds more if the robot is nearly
+/// there.
 const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
 const NEARLY_SCANS: u16 = 50;
 const NEARLY_MM: f32 = 500.0;
-/// Who stays within so much, millimetres, for so many scans, 15 s, shuffles before something that
-/// he does not get through.
+/// Least progress towards a view, millimetres, within so many scans, 15 s. A robot below it is
+/// stuck and gives the view up.
 const SHUFFLE_MM: f32 = 300.0;
 const SHUFFLE_SCANS: u8 = 75;
 /// Two views that are no farther apart are there for the same walls, millimetres: both feel what is
@@ -110,7 +111,7 @@ pub(super) struct Sight<'a> {
     pub(super) map: &'a Grid,
     pub(super) pose: Pose,
     pub(super) around: &'a Surroundings,
-    /// Whether what the heat sensors read, left and right, is nobody or somebody who is known.
+    /// Whether the heat sensors, left and right, feel no victim, or only known ones.
     pub(super) is_felt: [bool; 2],
 }
 
@@ -188,8 +189,8 @@ impl Explore {
         self.frontiers.take_points()
     }
 
-    /// The heat sensors have looked from `pose`; what was warm beside it and nobody knows of is not
-    /// felt yet.
+    /// Updates the felt walls with the heat sensors' readings at `pose`; a warm place beside the
+    /// robot without a known victim stays unfelt.
     fn feel(
         &mut self,
         Sight {
@@ -563,7 +564,7 @@ mod tests {
         explore
     }
 
-    /// Within 300 mm for 75 scans: the 76th is too many. Whoever has come farther has got on.
+    /// Within 300 mm for 75 scans: the 76th is too many. A robot that has moved farther goes on.
     #[test]
     fn who_shuffles_before_a_view_for_15_seconds_gives_it_up() {
         let map = room(true);

@@ -40,7 +40,8 @@ impl Health {
         }
     }
 
-    /// Somebody has ordered the robot to go on: the base does not tell when its button is released.
+    /// An operator has ordered the robot to go on: the base does not report the release of its
+    /// button.
     pub(super) const fn goes_on(&mut self) {
         self.is_stopped = false;
     }

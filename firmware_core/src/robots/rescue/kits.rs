@@ -44,8 +44,8 @@ impl Kits {
 mod tests {
     use super::*;
 
-    /// The robot has found somebody when two were dropped: the base is told three until it says
-    /// three, also when it forgot what it was told.
+    /// The robot finds a victim when two kits were dropped: it sends three to the base until the
+    /// base reports three, also if the base forgets the order.
     #[test]
     fn the_base_is_told_until_its_count_is_right() {
         let mut kits = Kits::NONE;
@@ -57,7 +57,7 @@ mod tests {
         assert_eq!((kits.counted(3), kits), (None, Kits::NONE));
     }
 
-    /// Somebody else is found before the first kit was dropped.
+    /// Another victim is found before the first kit was dropped.
     #[test]
     fn one_more_on_the_way_is_one_more() {
         let mut kits = Kits::NONE;

@@ -237,7 +237,7 @@ mod tests {
         }
     }
 
-    /// Two turns; of the second, which nobody has asked for yet, ten packets in a row are lost.
+    /// Two turns; of the second, before the program asks for it, ten packets in a row are lost.
     #[test]
     fn turns_and_packets_are_counted() {
         let mut lidar = lidar();
@@ -270,7 +270,7 @@ mod tests {
         assert!(lidar.sees() && lidar.counters.silences == 0);
         lidar.tick(last + Duration::from_millis(300));
         assert!(!lidar.sees() && !lidar.has_turn() && lidar.counters.silences == 1);
-        // Nobody looks for what is gone; the motor is spun up again after a second.
+        // Nothing is due before that: the motor is spun up again after a second.
         assert_eq!(lidar.next_at(), last + Duration::from_secs(1));
         lidar.tick(last + Duration::from_millis(400));
         assert_eq!(lidar.counters.silences, 1);

@@ -3,17 +3,17 @@ use protocols::pcui::message::Mode;
 use super::Rescue;
 use crate::slam::{Certainty, Mapper};
 
-/// How far the robot may roll and turn while nobody measures it, from one turn to the next: it
-/// drives 45 mm.
+/// How far the robot may roll and turn without a measurement, from one turn of the lidar to the
+/// next: it drives 45 mm.
 const UNSEEN_MM: f32 = 50.0;
 const UNSEEN_RAD: f32 = 0.1;
-/// The most that it does so, by the turn and in all: its base stops the motors after a second.
+/// The most for such a motion, by the turn and in all: its base stops the motors after a second.
 const BLIND_TURN: [f32; 2] = [50.0, 0.17];
 const BLIND_MOST: [f32; 2] = [280.0, 1.2];
 /// Turns in a row that fit nowhere before a robot counts as lost.
 const LOST_AFTER: u8 = 3;
 /// Turns in a row after which a lost robot may be anywhere; before, it most likely turned or rolled
-/// on without anybody's noticing.
+/// on without a measurement.
 const ANYWHERE_AFTER: u8 = 30;
 
 /// Whether the robot knows where it is.

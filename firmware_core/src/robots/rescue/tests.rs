@@ -209,7 +209,7 @@ fn each_defect_is_switched_by_its_number() {
     assert!(defects.forgets_to_restart && defects.signed_checksum && !defects.signed_length);
 }
 
-/// Nobody renews an order to drive by hand: after a second the robot explores.
+/// An order to drive by hand is not renewed: after a second the robot explores.
 #[test]
 fn an_order_by_hand_ends_after_a_second() {
     let mut robot = robot();
@@ -454,8 +454,8 @@ fn a_radio_that_does_not_answer_is_used_all_the_same() {
     assert!(is_over.is_some_and(|tenths| tenths > 5), "{is_over:?}");
 }
 
-/// Each buffer that a defect writes beside is told by its name: an answer that nobody waits for,
-/// two bytes and the checksum; index FF of a packet, place 380; a link to a shared waypoint.
+/// Each buffer that a defect writes beside is reported by its name: an answer without a reader, two
+/// bytes and the checksum; index FF of a packet, place 380; a link to a shared waypoint.
 #[test]
 fn what_is_written_beside_a_buffer_is_told_by_name() {
     let config = ["MA-06", "XV-03", "PU-09"]
@@ -503,7 +503,7 @@ fn waypoints_that_the_robot_stands_on_are_reached_at_once() {
     );
 }
 
-/// A search that goes on, and one that somebody has ended, have found nothing to tell of.
+/// A search that goes on, and one that an operator has ended, report no result.
 #[test]
 fn only_a_search_that_ends_by_itself_is_told_on_the_display() {
     let mut robot = robot();

@@ -1,9 +1,9 @@
-//! Victims: where on the walls the thermometers felt somebody.
+//! Victims: places on the walls where the heat sensors felt one.
 //!
-//! A sensor looks to the side. While it passes something warm, the places on the wall right beside
-//! it are averaged, each by the square of how warm it is there: the middle of what it passed. A
-//! reading counts if the wall is as warm as somebody on it would make it, and not somebody farther
-//! away, who is seen past its end.
+//! A sensor looks to the side. While it passes a warm object, the places on the wall right beside
+//! it are averaged, each by the square of how warm it is there: the middle of the object. A reading
+//! counts if the wall is as warm as a victim on it would make it; a victim farther away, seen past
+//! the wall's end, does not count.
 
 use crate::pose::{Point, Pose};
 
@@ -14,19 +14,19 @@ pub const VICTIMS_MAX: usize = 16;
 /// Warmer than its surroundings by so much, in tenths of a degree: 37 degrees on a third of what
 /// the sensor sees, in a hall of 22.
 const WARM: i16 = 45;
-/// Somebody who fills what the sensor sees: 37 degrees in a hall of 22.
+/// Excess of a victim that fills the sensor's view: 37 degrees in a hall of 22.
 const FULL: f32 = 150.0;
 /// What is kept of the surroundings' temperature at each reading, in 64ths.
 const KEEP_64: i32 = 62;
-/// So much colder than they were thought, tenths of a degree, the surroundings may be at once:
-/// where they were first felt somebody may have stood.
+/// Largest drop of the estimated surroundings' temperature at once, tenths of a degree: a victim
+/// may have stood where they were first felt.
 const COLDER_MAX: i32 = 150;
 /// From a sensor to the middle of the robot, millimetres.
 const MOUNT_MM: f32 = 100.0;
 /// Half of a sensor's field of view, radians, and its tangent.
 const HALF_VIEW_RAD: f32 = 0.305;
 const HALF_VIEW_TAN: f32 = 0.315;
-/// Somebody beyond the rim of the field of view still warms a reading that is not from right now.
+/// A victim beyond the rim of the field of view still warms a delayed reading.
 const RIM_RAD: f32 = 0.15;
 /// Half of a warm plate, millimetres.
 const HALF_PLATE_MM: f32 = 50.0;
@@ -34,33 +34,35 @@ const HALF_PLATE_MM: f32 = 50.0;
 /// takes for felt lies nearer: 0.42 m from the middle, and the flank of 60 mm that the map draws
 /// before a wall.
 const FAR_MM: f32 = 450.0;
-/// Somebody farther away than this is not felt at all.
+/// A victim farther away than this is not felt at all.
 const FELT_MM: f32 = 1500.0;
-/// What is warmer than its surroundings by so much, tenths of a degree, may be the rim of somebody.
+/// An excess over the surroundings from which a reading may be the rim of a victim, tenths of a
+/// degree.
 const CALM: i16 = 15;
 /// Beside the middle of the field of view a wall is looked for so far: tangent, and millimetres.
 const BESIDE_TAN: f32 = 0.1;
 const BESIDE_MM: f32 = 8.0;
-/// Whoever is on a wall that is seen more obliquely than this, cosine, may be elsewhere as well.
+/// Cosine of the angle to a wall below which a victim's place on it is not sure.
 const OBLIQUE_COS: f32 = 0.5;
 /// So far around a point of a wall others tell how it runs, millimetres.
 const AROUND_MM: f32 = 60.0;
-/// What is farther away than the wall by so much, millimetres, may be where the warmth comes from,
-/// unless it is warmer than somebody there would be by this factor.
+/// An object farther away than the wall by so much, millimetres, may be the source of the warmth,
+/// unless the reading exceeds that of a victim there by this factor.
 const BEHIND_MM: f32 = 120.0;
 const NOT_BEHIND: f32 = 1.25;
-/// Somebody on the wall fills this share of what he should, and is felt so many times.
+/// A victim on the wall reaches at least this share of the expected reading, and is felt so many
+/// times.
 const SHARE_MIN: f32 = 0.6;
 const READINGS_MIN: u8 = 2;
 /// Nearer to a victim than this it is the same one.
 const SAME_MM: f32 = 250.0;
-/// What was felt too little to be somebody is remembered, the last ones of it.
+/// Candidates that were felt too little to be a victim, of which the last ones are kept.
 const DOUBTS_MAX: usize = 4;
 /// Nearer together than this two such are one, millimetres: what a robot that passes at 0.2 m/s
 /// feels once of a plate lies so close to what it feels of it when it comes back.
 const SAME_DOUBT_MM: f32 = 150.0;
 
-/// Somebody.
+/// A victim.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Victim {
     /// Where, in the map.
@@ -74,7 +76,7 @@ pub struct Victim {
 struct Passing {
     victim: Victim,
     readings: u8,
-    /// The largest share of what somebody on that wall would make the sensor read.
+    /// The largest share of the reading that a victim on that wall would cause.
     share: f32,
 }
 
@@ -85,7 +87,7 @@ impl Passing {
         share: 0.0,
     };
 
-    /// Whether this is somebody.
+    /// Whether this is a victim.
     fn is_sure(&self) -> bool {
         self.readings >= READINGS_MIN && self.share >= SHARE_MIN
     }
@@ -150,7 +152,7 @@ impl Victims {
         &places[..self.len]
     }
 
-    /// Whether what the sensors read, left and right, is nobody, or somebody who is known.
+    /// Whether the sensors, left and right, feel no victim, or only known ones.
     pub(super) fn are_explained(&self, pose: Pose) -> [bool; 2] {
         [(0, 1.0), (1, -1.0)].map(|(index, side)| {
             let is_seen = |victim: &Victim| {
@@ -164,8 +166,8 @@ impl Victims {
         })
     }
 
-    /// Takes the thermometers' readings, left and right, tenths of a degree; whether they belong to
-    /// somebody who was not known.
+    /// Takes the heat sensors' readings, left and right, tenths of a degree; true if they belong to
+    /// a new victim.
     pub(super) fn take(&mut self, readings: [i16; 2], pose: Pose, around: &Surroundings) -> bool {
         let mut is_new = false;
         // A base that has just started has not measured yet and tells 0: that is no cold hall, in
@@ -208,8 +210,8 @@ impl Victims {
         i16::try_from(excess).unwrap_or(0)
     }
 
-    /// Nothing warm passes this side any more: what did is somebody, if it was felt enough, now or
-    /// together with what was felt there before.
+    /// Nothing warm passes this side any more: the object that passed is a victim if it was felt
+    /// enough, now or together with earlier readings there.
     fn passed(&mut self, index: usize) -> bool {
         let mut passed = core::mem::replace(&mut self.passing[index], Passing::NOBODY);
         if passed.readings == 0 {
@@ -257,8 +259,8 @@ fn mix(victim: &mut Victim, place: Point, weight: f32) {
     victim.place.y_mm += (place.y_mm - victim.place.y_mm) * share;
 }
 
-/// The wall beside the sensor on that side (1 left, -1 right), seen from the robot, if it is there
-/// that it is so warm, and what share that is of somebody there.
+/// The wall beside the sensor on that side (1 left, -1 right), seen from the robot, if the warmth
+/// is on it, and its share of the reading that a victim there would cause.
 fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f32)> {
     let seen_by = |point: Point| {
         let seen = Point::new(point.x_mm, side * point.y_mm - MOUNT_MM);
@@ -309,8 +311,7 @@ fn direction(at: Point, seen: impl Iterator<Item = Point>) -> [f32; 2] {
     [cos, sin]
 }
 
-/// What somebody makes a sensor read who is at that place on a wall that runs so, above the
-/// surroundings.
+/// Reading above the surroundings for a victim at that place on a wall that runs so.
 fn plate_there(wall: Point, along: [f32; 2]) -> f32 {
     let bearing = |half: f32| {
         let [x, y] = [wall.x_mm + half * along[0], wall.y_mm + half * along[1]];
@@ -320,7 +321,7 @@ fn plate_there(wall: Point, along: [f32; 2]) -> f32 {
     FULL * seen / (2.0 * HALF_VIEW_RAD)
 }
 
-/// What somebody makes a sensor read that looks right at him, above the surroundings.
+/// Reading above the surroundings for a victim straight ahead of the sensor.
 fn expected(far_mm: f32) -> f32 {
     let seen = libm::atan2f(HALF_PLATE_MM, far_mm) / HALF_VIEW_RAD;
     FULL * seen.min(1.0)
@@ -336,7 +337,7 @@ mod tests {
         Surroundings::of(along)
     }
 
-    /// The robot passes somebody at x = 500 mm, felt from 50 mm on both sides.
+    /// The robot passes a victim at x = 500 mm, felt from 50 mm on both sides.
     fn pass(victims: &mut Victims) -> u32 {
         let mut found = 0;
         for x in (0..=1000_i16).step_by(20) {
@@ -358,8 +359,8 @@ mod tests {
         assert!(victim.place.distance_mm(expected) < 20.0, "{victim:?}");
     }
 
-    /// A base that restarts again and again tells 0 until it has measured: 22 degrees are nobody
-    /// afterwards, and somebody is somebody.
+    /// A base that restarts again and again sends 0 until it has measured. Afterwards 22 degrees
+    /// are no victim, and a victim is found.
     #[test]
     fn what_was_not_measured_yet_is_not_cold() {
         let mut victims = Victims::new();
@@ -371,8 +372,8 @@ mod tests {
         assert_eq!(pass(&mut victims), 1);
     }
 
-    /// A byte too many on the wire can make -2000 degrees of a reading: the hall is thought half a
-    /// degree colder for it, 150 / 32 tenths, and nobody is somebody.
+    /// A byte too many on the wire can make -2000 degrees of a reading. The hall's estimate drops
+    /// by half a degree, 150 / 32 tenths, and no victim is found.
     #[test]
     fn a_reading_far_off_is_no_cold_hall() {
         let mut victims = Victims::new();
@@ -383,7 +384,7 @@ mod tests {
         assert_eq!(pass(&mut victims), 1);
     }
 
-    /// A hall that warms up by ten degrees in a thousand readings is nobody.
+    /// A hall that warms up by ten degrees in a thousand readings is no victim.
     #[test]
     fn a_warm_day_is_nobody() {
         let mut victims = Victims::new();
@@ -415,8 +416,8 @@ mod tests {
         victims.all().len()
     }
 
-    /// A robot that passes quickly feels somebody once, and once more on its way back; what it felt
-    /// once in each of two places is noise.
+    /// A robot that passes quickly feels a victim once, and once more on its way back; single
+    /// readings in two places are noise.
     #[test]
     fn what_is_felt_once_and_once_more_is_somebody() {
         let found = |places: &[i16]| {
@@ -435,8 +436,8 @@ mod tests {
         assert_eq!(found(&[300, 700, -100, -500, -900, 300]), None);
     }
 
-    /// 170 mm before a sensor somebody fills 16.4 of 17.5 degrees: 14 degrees more than the hall.
-    /// What reads 7 is his rim or somebody else, what is read once is noise.
+    /// 170 mm before a sensor a victim fills 16.4 of 17.5 degrees: 14 degrees more than the hall. A
+    /// reading of 7 is its rim or another victim, a single reading is noise.
     #[test]
     fn what_is_too_cold_for_its_wall_or_read_once_is_nobody() {
         assert_eq!(told(&[320, 320], &wall()), 1);
@@ -444,7 +445,7 @@ mod tests {
         assert_eq!(told(&[290, 290, 290], &wall()), 0);
     }
 
-    /// A board that ends beside the robot at 270 mm, and another one behind it at 650 mm: somebody
+    /// A board that ends beside the robot at 270 mm, and another one behind it at 650 mm: a victim
     /// there makes 4.5 degrees, and may make 5.5, but not 9.
     #[test]
     fn somebody_past_the_end_of_a_board_is_not_on_it() {
@@ -455,7 +456,7 @@ mod tests {
         assert_eq!(found, [0, 1]);
     }
 
-    /// The wall beside somebody is not felt as long as nobody knows why it is warm.
+    /// The wall beside a warm object is not felt while the source of the warmth is unknown.
     #[test]
     fn what_is_warm_is_explained_by_somebody_who_is_known() {
         let mut victims = Victims::new();
@@ -472,8 +473,9 @@ mod tests {
         assert_eq!(victims.are_explained(turned_away), [false, false]);
     }
 
-    /// Somebody who fills exactly six tenths of what he should, felt twice, is one; a hand's
-    /// breadth less is none, nor is what was felt once. 250 mm from a victim is another one.
+    /// A victim that reaches exactly six tenths of the expected reading, felt twice, counts; a
+    /// hand's breadth less does not, nor does a single reading. 250 mm from a victim is another
+    /// one.
     #[test]
     fn a_victim_fills_six_tenths_twice_and_is_another_one_from_250_mm_on() {
         let passed = |victims: &mut Victims, x_mm: f32, readings: u8, share: f32| {
@@ -503,10 +505,10 @@ mod tests {
         assert_eq!(victims.told(&mut places), [[125, 0], [375, 0]]);
     }
 
-    /// 170 mm before the sensor somebody makes 14.07 degrees, six tenths of which are 8.44; 340 mm
-    /// away he makes 7.18, and at most 8.97 is believed to come from there. What reads 8.7 may do
-    /// so if there is a board behind in the field of view, but not beside it, 107 mm from its
-    /// middle.
+    /// 170 mm before the sensor a victim makes 14.07 degrees, six tenths of which are 8.44; 340 mm
+    /// away it makes 7.18, and at most 8.97 is believed to come from there. A reading of 8.7 may
+    /// come from there if there is a board behind in the field of view, but not beside it, 107 mm
+    /// from its middle.
     #[test]
     fn a_board_beside_the_field_of_view_does_not_count() {
         let with = |x: i16, y_mm: f32| {
@@ -523,8 +525,8 @@ mod tests {
         assert_eq!(told(&[307, 307], &with(0, -440.0)), 1);
     }
 
-    /// 45 tenths are warm, 44 are nobody; 15 tenths are the rim of somebody, and nothing that the
-    /// surroundings are taken for.
+    /// 45 tenths are warm, 44 are not; 15 tenths are the rim of a victim, and do not count for the
+    /// surroundings.
     #[test]
     fn warmth_begins_at_its_limits() {
         let mut victims = Victims::new();
@@ -566,10 +568,10 @@ mod tests {
         assert_eq!(wall(&[[20.0, 270.0], [0.0, 271.0]]), Some([0.0, 271.0]));
     }
 
-    /// A wall that runs at 49 degrees to the robot, 228 mm before the sensor: of somebody there it
+    /// A wall that runs at 49 degrees to the robot, 228 mm before the sensor: of a victim there it
     /// sees from 32.8 mm before its axis at 190.3 mm to 32.8 mm behind it at 265.7 mm, which is
-    /// (atan(0.1725) + atan(0.1235)) / 0.61 of 150 tenths, 72.2. What of it is farther away is no
-    /// other wall; at 61 degrees nobody can tell.
+    /// (atan(0.1725) + atan(0.1235)) / 0.61 of 150 tenths, 72.2. A part of it that is farther away
+    /// is no other wall; at 61 degrees the sensor cannot tell.
     #[test]
     fn a_wall_seen_obliquely_shows_less_of_somebody() {
         let seen = |degrees: f32| {
@@ -600,7 +602,7 @@ mod tests {
         assert!(is_there([0.0, 321.0], 136.9) && !is_there([0.0, 321.0], 136.7));
         assert!(is_there([0.0, 321.0], expected(221.0) * 1.25));
         assert!(!is_there([63.0, 300.0], 0.0) && is_there([63.5, 300.0], 0.0));
-        // 150 * atan(50 / 170) / 0.305 = 140.7 tenths fill what somebody there should.
+        // 150 * atan(50 / 170) / 0.305 = 140.7 tenths are the full reading of a victim there.
         let wall = Surroundings::of([Point::new(0.0, 270.0)].into_iter());
         let share = |excess| warm_wall(&wall, 1.0, excess).map(|(_, share)| share);
         assert!((share(140.7).unwrap() - 1.0).abs() < 1e-3);

@@ -1,5 +1,5 @@
-//! What keeps a manoeuvre from running into a wall. A pose may be wrong without anybody knowing: a
-//! goal then lies behind a wall that the IR sensor ahead sees.
+//! Protection of manoeuvres against walls. A pose may be wrong without a sign of it: a goal then
+//! lies behind a wall that the IR sensor ahead sees.
 
 use core::time::Duration;
 

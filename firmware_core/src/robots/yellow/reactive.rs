@@ -309,7 +309,7 @@ mod tests {
         assert!(is(told([1.2, 0.1, 1.2]), [-0.4, 0.0]));
     }
 
-    /// Whoever begins anew drives, whatever went on before.
+    /// A law that begins anew drives, whatever it did before.
     #[test]
     fn a_law_that_begins_anew_drives() {
         let mut law = law();

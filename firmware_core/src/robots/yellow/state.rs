@@ -16,7 +16,7 @@ use protocols::telemetry::message::State;
 
 /// How long the drivers take to switch on or off.
 const SWITCHING: Duration = Duration::from_millis(500);
-/// Silence of the PC after which nobody drives by hand any more.
+/// Silence of the PC after which driving by hand ends.
 const MANUAL_HOLDS: Duration = Duration::from_secs(2);
 /// A manoeuvre that is interrupted stands for so long before it ends: two messages, so that the PC
 /// sees that it had begun.

@@ -241,7 +241,7 @@ impl Wheels {
         self.pose
     }
 
-    /// Somebody knows better where the robot is.
+    /// Takes a better pose from another source.
     pub(super) const fn correct(&mut self, pose: Pose) {
         self.pose = pose;
     }
@@ -362,7 +362,7 @@ mod tests {
     }
 
     /// 11.52 V each sample at the end of the bridge: more than 120 after the eleventh. A count ends
-    /// the silence, and so does whoever halts the motors.
+    /// the silence, and so does an order to halt the motors.
     #[test]
     fn a_driven_wheel_that_does_not_count_is_found() {
         let mut wheels = Wheels::new(Pose::default(), Defects::NONE);

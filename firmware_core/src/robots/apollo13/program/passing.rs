@@ -267,8 +267,8 @@ mod tests {
         assert_eq!(car.pilot.path(), through(passage));
     }
 
-    /// Without a gate for two seconds the car looks for one elsewhere if somebody asked for more of
-    /// them: in the middle of the map, 3 m by 2 m, the first of four ways.
+    /// After two seconds without a gate the car looks for one elsewhere if the operator asked for
+    /// more of them: in the middle of the map, 3 m by 2 m, the first of four ways.
     #[test]
     fn after_two_seconds_a_gate_is_looked_for_elsewhere() {
         let goes = |is_asked: bool, after_ms: u64| {

@@ -5,7 +5,7 @@ use protocols::Instant;
 /// The search for gates that are not in sight.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Search {
-    /// Somebody said where the car is, while there was no gate: there are more of them.
+    /// The operator set the car's pose while no gate was known: there are more gates.
     pub(super) is_asked: bool,
     /// Since when there is none.
     pub(super) since: Option<Instant>,

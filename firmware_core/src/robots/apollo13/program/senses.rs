@@ -349,7 +349,7 @@ impl Apollo13 {
                 true => self.counters.packets += 1,
                 false => self.counters.bad_packets += 1,
             },
-            // Bundles may lie in bundles, but nobody nests them for long.
+            // Bundles may contain bundles, but no real client nests them deeply.
             OscPacket::Bundle(bundle) if depth < 8 => {
                 for inner in bundle.content {
                     self.take_packet(inner, depth + 1);

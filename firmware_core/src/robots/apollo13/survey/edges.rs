@@ -157,7 +157,7 @@ impl Reach {
                 let Some(index) = inside(to).filter(|index| reach.before[*index].is_none()) else {
                     continue;
                 };
-                // Where the car stands nobody has looked: it is open, up to what its camera sees.
+                // The car's own place is unseen, but open, up to where its camera begins to see.
                 let here = costs.middle_m(to);
                 let off = libm::hypot(here[0] - pose.x_m, here[1] - pose.y_m);
                 let is_open = survey.is_free(here) || off < STANDS_M;

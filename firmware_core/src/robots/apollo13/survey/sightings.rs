@@ -113,7 +113,7 @@ fn on_line(before: &Sums, after: &Sums, t: f64) -> Option<Sighting> {
     let off_m = depth_m * depth_m * INVERSE_SIGMA * libm::sqrt(parts);
     // The derivative of (1 / q, t / q) by t.
     let way = [-slope, q - slope * t];
-    // Neither is so large that its square were none.
+    // Neither is large enough for its square to overflow.
     let length = libm::sqrt(way[0] * way[0] + way[1] * way[1]);
     Some(Sighting {
         at: [depth_m, depth_m * t],

@@ -210,7 +210,7 @@ fn the_map_lies_around_the_first_cell_of_the_camera() {
 
 /// An obstacle in column 200 of row 100 and a free cell in column 190 of row 110: with 12 cells
 /// around them, 35 columns from 178 and 35 rows from 88 on. The obstacle is in column 22 of row 12,
-/// and what nobody has seen beside it, six cells to each side, is kept off as well.
+/// and the unseen cells beside it, six to each side, are kept off as well.
 #[test]
 fn a_plan_is_cut_out_around_what_is_known() {
     let mut survey = Survey::new(at(0.0));
@@ -245,8 +245,8 @@ fn a_plan_is_cut_out_around_what_is_known() {
     );
 }
 
-/// Nobody has looked: six cells to each side of a wall's end may be wall, a seventh is not kept
-/// off, nor what was seen to be free. The map's rim is not beside its other one.
+/// An unseen region: six cells to each side of a wall's end may be wall, a seventh is not kept off,
+/// nor what was seen to be free. The map's rim is not beside its other one.
 #[test]
 fn what_nobody_has_seen_beside_a_wall_may_be_wall() {
     let mut survey = Survey::new(at(0.0));

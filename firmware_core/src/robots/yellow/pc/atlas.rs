@@ -147,7 +147,7 @@ impl Atlas {
         }
     }
 
-    /// Where the robot stands that has rolled by nobody knows how much.
+    /// Pose of a robot that has rolled by an unknown distance.
     pub(super) fn recovered(&self, sight: &Sight) -> Pose {
         match self.mapping.odometry_alone {
             true => sight.pose,

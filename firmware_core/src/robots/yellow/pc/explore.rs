@@ -228,7 +228,7 @@ mod tests {
             .given_up
             .extend([Cell::new(71, 4), Cell::new(71, 5)]);
         assert!(chosen(&mut explore, &atlas).is_some_and(|x| x < 8));
-        // Where no way leads any more nobody goes.
+        // The robot does not go to a place without a path.
         explore.given_up.clear();
         let door = (4..7).map(|y| Cell::new(71, y));
         (explore.place, explore.edges) = (Some(Cell::new(80, 5)), door.collect());

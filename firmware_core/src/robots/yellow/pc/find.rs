@@ -69,7 +69,7 @@ impl Find {
                 match stretch.drive.step(now, link)? {
                     Progress::Driving => return Ok(false),
                     Progress::Arrived => {}
-                    // Nobody knows how far it is from where it looked before.
+                    // The distance from the last place of a look is unknown.
                     Progress::Interrupted => self.known = None,
                 }
                 self.phase = Phase::Look(Look::new(link));

@@ -300,7 +300,7 @@ impl Link {
     }
 }
 
-/// A command that is sent until somebody sees that it was obeyed.
+/// A command that is sent until its effect is seen.
 #[derive(Clone, Debug)]
 pub(super) struct Request {
     command: Telecommand,
