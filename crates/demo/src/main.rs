@@ -12,7 +12,7 @@ use recording::{Limits, Recording, about};
 use show::{Summary, folder};
 
 /// The scenario that the demo runs.
-const SCENARIO: &str = include_str!("../../../scenarios/rescue-flat.toml");
+const SCENARIO: &str = include_str!("../scenarios/rescue-flat.toml");
 
 /// The demo of hilrig, a hardware-in-the-loop rig for serial robots and devices.
 #[derive(Debug, Parser)]
