@@ -122,8 +122,9 @@ rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src
 step "compiling the tests"
 cargo test --locked --workspace --no-run
 
-# The tests wait for ports and browsers half of their time. What only needs the processor is done
-# then, and gives way. (Not at idle priority: whoever gets no turn at all may hold a lock.)
+# The tests wait for ports and browsers half of their time. Steps that only need the processor run
+# meanwhile, at a lower priority. (Not at idle priority: a process without any turn may hold a
+# lock.)
 lints_and_docs() {
     renice -n 10 "$BASHPID"
     cargo clippy --locked --workspace --all-targets -- -D warnings
@@ -146,7 +147,7 @@ set +m
 trap 'kill -- -"$builds" 2>/dev/null || true' EXIT
 
 step "tests, and lints and docs beside them"
-# The same cases on every run: a check that is red today and green tomorrow judges nobody's change.
+# The same cases on every run: a check that is red today and green tomorrow judges no change.
 # Other cases: PROPTEST_RNG_SEED=N bash tests/run.sh, and `hilrig fuzz` for as long as one likes.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
 # These wait for browsers, ports and programs most of their time; the others compute.
@@ -240,7 +241,7 @@ if proof Cargo.lock deny.toml; then
     if command -v cargo-deny >/dev/null || cargo install --quiet --locked cargo-deny; then
         cargo deny --all-features check bans licenses sources
     else
-        echo "SKIPPED: cargo-deny cannot be installed; nobody has looked at the licences" >&2
+        echo "SKIPPED: cargo-deny cannot be installed; the licences are not checked" >&2
     fi
 fi
 if proof crates src tests/outside; then
@@ -253,7 +254,7 @@ if proof protocols emulators firmware_core crates src; then
     ! grep -A9 '^warning: ' "$target/release.log"
     step "the demo: the builds of the tests, of a release and of a fresh clone give the same bytes"
     "$target"/release/hilrig demo --out "$target/demo/release" >/dev/null 2>&1
-    # Takes the place of the tests' build, which nobody needs any more.
+    # Takes the place of the tests' build, which is not needed any more.
     cargo demo --out "$target/demo/clone"
     for build in tests release; do
         for file in case.toml map.pgm; do

@@ -132,7 +132,7 @@ async function ending(browser) {
     await browser.wait("hilrig.checks?.over", 120);
     await browser.wait("$('at').textContent.includes('ended')");
     const verdict = await browser.value("$('verdict').textContent");
-    // Nobody drives the custom robot here: it is not where it ought to be.
+    // No client drives the custom robot here: it is not where it ought to be.
     const expected = robot === "custom" ? "FAIL" : "PASS";
     holds(`${robot}: ends with ${expected}: ${verdict}`, verdict.includes(expected)
       && !verdict.includes("so far"));

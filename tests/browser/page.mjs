@@ -244,7 +244,7 @@ async function station({ browser, at, value, wait }) {
   await showTab(browser, "robot");
   const { pc, drives, modes } = await value("({ pc: Boolean(hilrig.stage.pc), "
     + "drives: Boolean(hilrig.stage.keys), modes: hilrig.stage.modes ?? [] })");
-  holds(at("buttons only where there is somebody to press them"),
+  holds(at("buttons only with a PC to press them"),
     pc === await value("$('connect').offsetParent !== null"));
   if (!pc) return;
   for (const mode of modes) {

@@ -31,7 +31,7 @@ shown=$(sed -n 's/^CMD \[\(.*\)\]/\1/p' docs/ci/Containerfile | tr -d '",')
 inside "$shown" >"$logs/help.log"
 grep -q "^Usage: hilrig" "$logs/help.log"
 
-# A project of somebody: a scenario in tests/, the program beside it.
+# A user's project: a scenario in tests/, the program beside it.
 rm -rf "${root:?}$project" && mkdir -p "$root$project/tests"
 cp docs/connect/robot.py "$root$project/robot.py"
 cp docs/connect/robot.toml "$root$project/tests/robot.toml"

@@ -92,7 +92,7 @@ fn a_full_disk_below_both_outputs_ends_nothing() {
     }
 }
 
-/// The results belong into a file system that nobody can write, the kernel's own: one line names
+/// The results belong into the kernel's own file system, which no user can write: one line names
 /// the place, and the exit code is that of a set-up that is wrong.
 #[test]
 fn a_folder_that_cannot_be_written_is_one_line() {

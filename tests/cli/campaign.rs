@@ -133,7 +133,7 @@ fn the_templates_for_clusters_run() {
     }
 }
 
-/// At stake: a folder's campaign whose every report begins with a robot that nobody drove.
+/// At stake: a folder's campaign whose every report begins with a robot without a program.
 #[test]
 fn a_robot_without_a_program_is_left_out_beside_others() {
     let session = Session::new("campaign-bare");

@@ -195,7 +195,7 @@ fn a_torn_line_is_cut_away_and_its_run_done_again() {
     }
 }
 
-/// The second one is told whom to wait for, whatever it wants to do in the folder. A kill -9 leaves
+/// The second process gets the number of the first, for any command in the folder. A kill -9 leaves
 /// the number of the first in the lock, which counts for nothing then.
 #[test]
 fn a_second_process_is_refused_until_the_first_is_dead() {

@@ -183,7 +183,7 @@ fn the_register_map_on_the_page_is_the_code_s() {
     assert_eq!(rows.count(), registers::TABLE.len());
 }
 
-/// `line` without what stands in quotes: somebody else's command.
+/// `line` without its quoted parts: commands of other software.
 fn unquoted(line: &str) -> String {
     line.split('\'').step_by(2).collect()
 }

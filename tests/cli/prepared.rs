@@ -12,7 +12,7 @@ use super::verbs::{Bench, VERBS, Verb};
 
 /// What stands at a name that the command would give a file.
 const TRAPS: [&str; 5] = ["link", "hard link", "dangling link", "pipe", "other owner"];
-/// Somebody else, if the tests run as root.
+/// Another user, if the tests run as root.
 const OTHER: u32 = 12_345;
 const PRECIOUS: &str = "precious";
 

@@ -163,7 +163,7 @@ fn unknown_stays_unknown_in_the_ros_map() {
     let map = session.folder.join("out/map.pgm");
     let map = Picture::<u8>::read(&map, 90_000).expect("a PGM");
     assert_eq!((map.width(), map.height()), (300, 300));
-    // Below the sofa, in the corner of the picture, nobody has ever looked.
+    // Below the sofa, in the corner of the picture, the map is unknown.
     let corner = map.get(299, 299).expect("inside");
     let occupancy = f64::from(255 - corner) / 255.0;
     assert!(occupancy > 0.196 && occupancy < 0.65, "{corner}");

@@ -11,8 +11,7 @@ use super::{Session, text};
 
 const PAGE: &str = include_str!("../../docs/scenario.md");
 
-/// Whoever changes a key runs `hilrig schema --markdown > docs/scenario.md` and reads what came
-/// out.
+/// After a change of a key, run `hilrig schema --markdown > docs/scenario.md` and read the result.
 #[test]
 fn the_page_is_what_the_command_prints() {
     let output = Session::new("markdown").hilrig(&["schema", "--markdown"]);

@@ -89,7 +89,7 @@ fn a_capture_with_one_bad_packet_comes_down_to_a_few() {
     );
 }
 
-/// Somebody else's program decides: grep finds the magic word of the PC link in the file.
+/// A command decides: grep finds the magic word of the PC link in the file.
 #[test]
 fn a_command_decides_what_is_bad() {
     let session = Session::new("shrink-while");
@@ -102,8 +102,8 @@ fn a_command_decides_what_is_bad() {
     assert_eq!(small.matches("[[fault]]").count(), 0, "{small}");
 }
 
-/// Whoever judges presses Ctrl-C as well, at the first try: what comes out is the whole case, which
-/// is still bad, and the command that repeats it.
+/// The judging command presses Ctrl-C as well, at the first try: the result is the whole case,
+/// which is still bad, and the command that repeats it.
 #[test]
 fn the_best_so_far_is_the_result_when_somebody_stops_the_search() {
     let session = Session::new("shrink-stopped");

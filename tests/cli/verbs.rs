@@ -49,7 +49,7 @@ pub(crate) const VERBS: [Verb; 31] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
     verb("new", "new o/new"),
-    // Nobody used its ports, and that is judged.
+    // Its ports stay unused, and that is judged.
     verb("up", "up s.toml --dir ports --out o/up --duration 200ms").fails(),
     verb("dut", "dut --dir live --duration 200ms").reads_only(),
     verb("fault", "fault --dir live list").reads_only(),
@@ -133,14 +133,14 @@ impl Bench {
     pub(crate) fn new(name: &str) -> Self {
         let session = Session::new(name);
         session.write("s.toml", SHORT);
-        // Nobody drives there in 300 ms.
+        // The robot does not get there in 300 ms.
         let bad = SHORT.replace("\"3s\"", "\"300ms\"");
         let bad = format!("{bad}\n[expect]\nvisit_within_mm = 100\n");
         session.write("bad.toml", &bad);
         let long = SHORT.replace("\"3s\"", "\"6h\"");
         let long = long.replace("[mission]", "[mission]\nto_the_end = true");
         session.write("long.toml", &long);
-        session.write("dump", "bytes of nobody");
+        session.write("dump", "bytes of no form");
         std::fs::create_dir(session.path("o")).expect("can be made");
         let made = session.hilrig(&["run", "s.toml", "--out", "base"]);
         assert_eq!(made.status.code(), Some(0), "{made:?}");
@@ -191,7 +191,7 @@ impl Bench {
 }
 
 impl Drop for Bench {
-    /// The rig must see by itself that nobody needs it any more.
+    /// The rig must see by itself that its last user is gone.
     fn drop(&mut self) {
         drop(self.lease.take());
         let ended = self.rig.wait().expect("it was started");

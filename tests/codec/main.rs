@@ -1,4 +1,4 @@
-//! A format that the tool has never seen, registered from outside as somebody's own crate would.
+//! A format that the tool has never seen, registered from outside as a user's own crate would.
 //!
 //! In a process of its own: the table is the process's, and other tests go over all of it.
 
@@ -170,7 +170,7 @@ fn it_comes_behind_what_is_built_in_and_only_once() {
     assert_eq!(error, "there is something called \"gripper\" already");
 }
 
-/// Nobody said what the line carries: the bytes do.
+/// The format of the line is not given: the bytes show it.
 #[test]
 fn decode_guesses_it_and_tells_it_in_its_words() {
     let row = gripper();

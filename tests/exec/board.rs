@@ -94,7 +94,7 @@ fn judge(ended: &Ended) {
     let said: Vec<&str> = ended.log.lines().skip(1).map(str::trim_end).collect();
     assert_eq!(said[..8], WANTED, "{}\n{}", ended.said, ended.log);
     assert_eq!(said[8..], ["held"], "what CTS holds back is not sent");
-    // A break between two lines, which nobody resets for, is a NUL.
+    // A break between two lines, without a reset, is a NUL.
     let events = ended.events();
     assert!(events.contains("sonar break"), "{events}");
     assert_eq!(events.matches("board-reset").count(), 2, "{events}");

@@ -1,4 +1,4 @@
-//! The other commands that take somebody's program.
+//! The other commands that take a user's program.
 
 use std::process::Command;
 
@@ -43,7 +43,7 @@ fn a_capture_is_replayed_to_a_program_which_must_live() {
     assert!(!bench.folder.join("replayed/ports").exists());
 }
 
-/// A capture of somebody's program as a case: what it is today is asked of that program.
+/// A capture of a user's program as a case: the expected behaviour today comes from that program.
 #[test]
 fn a_case_is_made_with_the_program_that_it_is_of() {
     let bench = Bench::new("case-from", "1s", READER);

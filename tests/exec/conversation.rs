@@ -149,7 +149,7 @@ fn a_client_with_another_timing_has_the_same_conversation() {
     }
     let (code, said) = bench.replay("0.2 0.05 volts,watts 3", &[]);
     assert_eq!(code, Some(0), "real time: {said}");
-    // What playback by the clock cannot do: nobody answers at once.
+    // Playback by the clock fails here: it does not answer a request at once.
     let (code, said) = bench.replay("0 0.05 volts,watts 3", &["--virtual", "--by-time"]);
     assert_eq!(code, Some(1), "{said}");
 }

@@ -58,7 +58,7 @@ while b'pong' not in heard:
     ended.assert_is_failure();
 }
 
-/// A child that ends when it is asked is told of, and harms nobody.
+/// A child that ends on request is reported, without further effects.
 #[test]
 fn a_child_left_behind_is_named_and_gone() {
     let python = "\

@@ -1,5 +1,5 @@
-//! Somebody's program in virtual time: the same bytes each time, whatever it is written in and
-//! however busy the machine is, and a clear word about those that misbehave.
+//! A user's program in virtual time: the same bytes each time, whatever language it is written in
+//! and however busy the machine is, and clear messages about programs that misbehave.
 
 use std::fs;
 use std::path::PathBuf;

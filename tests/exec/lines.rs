@@ -79,9 +79,10 @@ sys.exit(5)
     );
 }
 
-/// What is asked right after opening comes after it: the lines are up, and one that was lowered at
-/// once stays low. The rig may be anywhere in its turn meanwhile, so once would be luck. Who closes
-/// and opens again faster than the rig looks has lowered and raised them all the same.
+/// A question right after opening comes after it: the lines are up, and one that was lowered at
+/// once stays low. The rig may be anywhere in its turn meanwhile, so once would be luck. A client
+/// that closes and reopens a port faster than the rig looks has lowered and raised them all the
+/// same.
 #[test]
 fn lines_are_up_for_who_asks_right_after_opening() {
     let program = "\

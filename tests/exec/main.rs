@@ -1,4 +1,4 @@
-//! Somebody's program gets a verdict: Python with nothing but its standard library, on real
+//! A user's program gets a verdict: Python with nothing but its standard library, on real
 //! pseudo-terminals, started by `hilrig run --exec`.
 //!
 //! Content and order only, never how long something took.

@@ -166,7 +166,7 @@ int main(void)
 }
 ";
 
-/// A child that hides itself from whoever traces its parent is found, named and ended all the same.
+/// A child that hides itself from the tracer of its parent is found, named and ended all the same.
 #[test]
 fn a_child_cannot_leave_the_supervision() {
     let Some(program) = compiled("untraced", "cc", UNTRACED, &[]) else {

@@ -1,4 +1,4 @@
-//! Signals to hilrig: what there is so far is judged, and nobody stays behind.
+//! Signals to hilrig: the run so far is judged, and no process stays behind.
 
 use core::time::Duration;
 use std::io::{BufRead, BufReader, Read};
@@ -64,7 +64,7 @@ fn an_interrupted_run_without_a_program_leaves_its_folder_too() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
     command.current_dir(&bench.folder);
     command.args(["run", "sonar.toml", "--realtime", "--out", "out"]);
-    // Nobody watches, so it says nothing until it ends; but it records.
+    // Without a terminal it prints nothing until it ends; but it records.
     let capture = bench.folder.join("out/capture.pcapng");
     let output = interrupted_at(&mut command, Signal::INT, |_, _| {
         let clock = WallClock::start();
@@ -101,6 +101,6 @@ fn up_judges_when_it_ends_if_it_is_told_where_to() {
         .output()
         .expect("the binary is built");
     let said = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(output.status.code(), Some(1), "nobody came: {said}");
+    assert_eq!(output.status.code(), Some(1), "no client came: {said}");
     assert!(said.contains("1.0 s simulated"), "{said}");
 }

@@ -79,8 +79,8 @@ fn who_opens_and_never_reads_hangs() {
 }
 
 /// The system holds up a parent until its child of `vfork` has begun; this child first waits for
-/// somebody to write to a pipe. Nothing that the parent could do would shorten that: a page of its
-/// code that the disk is slow to bring holds it up as well.
+/// another process to write to a pipe. The parent cannot shorten that: a page of its code that the
+/// disk is slow to bring holds it up as well.
 #[test]
 fn who_is_held_up_by_the_system_is_not_charged() {
     let python = "\

@@ -31,7 +31,7 @@ SOUND = [
     ("adafruit", "fw1.20", {}),
     ("adafruit", "fw1.29", {}),
 ]
-# Clients that read the angles of capsules wrongly, whoever sends them: this crate shifts the offset
+# Clients that read the angles of capsules wrongly, from any sender: this crate shifts the offset
 # where the vendor's code shifts the difference; rplidar-roboticia takes the offset for signed.
 ANGLES_WRONG = [
     ("rs", "fw1.24", {}),

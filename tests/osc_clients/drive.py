@@ -1,6 +1,6 @@
 """The model car, its devices in one process and its program in another, driven over UDP: python-osc
-sets level and steering, oscsend stops it, python-osc releases the stop in a bundle and sends a goal
-that nobody can read. What the car does is asked at the control socket.
+sets level and steering, oscsend stops it, python-osc releases the stop in a bundle and sends an
+unreadable goal. What the car does is asked at the control socket.
 
 usage: drive.py    HILRIG names the program
 """

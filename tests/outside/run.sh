@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Tests a robot in a crate of its own, which has nothing but a dependency on hilrig: what anybody
-# needs must be reachable from there.
+# Tests a robot in a crate of its own, which has nothing but a dependency on hilrig: every item that
+# a user needs must be reachable from there.
 #
 # usage: tests/outside/run.sh
 set -euo pipefail

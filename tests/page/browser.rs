@@ -83,7 +83,7 @@ impl Browser {
             "--disable-sync",
             "--enable-precise-memory-info",
             "--js-flags=--expose-gc",
-            // Nobody listens at the port of "discard"; this machine itself needs no proxy.
+            // No proxy listens at the port of "discard"; this machine itself needs none.
             "--proxy-server=http://127.0.0.1:9",
             "--window-size=1280,1040",
         ];

@@ -46,7 +46,7 @@ fn foreign_origins_and_hosts_are_refused() {
         assert_eq!(foreign.0, 403, "{path}");
         assert_eq!(server.ask(path, &["Host: evil.example"]).0, 403, "{path}");
     }
-    // The first of two may be sound, and the second the one that counts for somebody between.
+    // The first of two headers may be sound, and a proxy between may use the second.
     let own = format!("Origin: http://{}", server.host);
     assert_eq!(server.ask("/", &[&host, &own]).0, 200);
     for doubled in [

@@ -83,7 +83,7 @@ fn a_judged_run_in_real_time_is_shown() {
     assert!(dir.join("out/result.json").exists());
 }
 
-/// In virtual time a run is over before anybody has looked.
+/// In virtual time a run is over before a page can show it.
 #[test]
 fn a_page_beside_a_run_in_virtual_time_is_refused_with_advice() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));

@@ -19,14 +19,14 @@ fn room() -> String {
             write!(log, " {:.3}", to_x.min(to_y)).expect("a text");
         }
         let pose = format!("0 0 {heading:.5}");
-        writeln!(log, " {pose} {pose} {scan}.0 nobody {scan}.0").expect("a text");
+        writeln!(log, " {pose} {pose} {scan}.0 host {scan}.0").expect("a text");
     }
     let path = folder("log").join("room.log");
     std::fs::write(&path, log).expect("can be written");
     path.to_str().expect("plain letters").to_owned()
 }
 
-/// At stake: somebody who looks on sees another map than the one that is kept, or an empty page.
+/// At stake: an observer sees another map than the saved one, or an empty page.
 #[test]
 fn a_log_is_watched_while_it_is_mapped() {
     let (log, out) = (room(), folder("log-out"));

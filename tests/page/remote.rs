@@ -5,8 +5,8 @@ use serde_json::json;
 use super::server::{Process, Server, folder, scenario};
 
 /// Three processes: the rig on pseudo-terminals, the robot's program, the page. The map comes over
-/// the radio; a waypoint goes there and is confirmed; a rig that ends and begins anew is found
-/// again without anybody's doing.
+/// the radio; a waypoint goes there and is confirmed; the page finds a rig that ends and starts
+/// again by itself.
 #[test]
 fn the_program_runs_against_a_robot_on_a_port() {
     let dir = folder("remote");

@@ -25,10 +25,9 @@ fn case() -> String {
     format!("{text}\n{fault}")
 }
 
-/// The file is opened with no server behind it, and nothing is asked of anybody: no resource but
-/// the page itself. It shows the verdicts, jumps to an event, goes on by key, and hides
-/// layers; its script says no word to the console, where the browser would put whatever the
-/// policy refused.
+/// The file is opened without a server behind it, and it requests no resource but the page itself.
+/// It shows the verdicts, jumps to an event, goes on by key, and hides layers; its script says no
+/// word to the console, where the browser would put whatever the policy refused.
 #[test]
 fn a_report_opens_from_disk_without_a_network() {
     let dir = folder("report");

@@ -54,7 +54,7 @@ impl Process {
 
     /// Waits until it ends by itself: whether it found everything well.
     pub(crate) fn ended(&mut self) -> bool {
-        // A process whose talk nobody reads would stand still.
+        // A process blocks once its output pipe is full, so its output is read.
         self.out.by_ref().for_each(drop);
         self.child.wait().expect("a child").success()
     }

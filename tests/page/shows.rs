@@ -1,4 +1,4 @@
-//! What the page shows is what there is: compared with the same run done again from its case.
+//! The page shows the run as it is: compared with the same run done again from its case.
 
 use firmware_core::robots::rescue::Rescue;
 use hilrig::robots::rescue::pc_program;

@@ -1,4 +1,4 @@
-//! What somebody does at the page reaches the robot, and the saved session does it again.
+//! Actions of an operator at the page reach the robot, and the saved session repeats them.
 
 use fantoccini::actions::KeyAction;
 use hilrig::robots::rescue::pc_program;
@@ -102,7 +102,7 @@ fn modes_are_ordered_and_keys_drive() {
     );
 }
 
-/// A page that is gone while a key is down: the robot is told to stop, by whoever served the page.
+/// A page that is gone while a key is down: the server of the page orders the robot to stop.
 #[test]
 fn a_page_that_is_gone_does_not_drive_on() {
     let Some((server, browser)) = room("gone") else {

@@ -310,7 +310,7 @@ fn write(capture: &Capture, path: &Path) {
     fs::write(path, bytes).expect("writable");
 }
 
-/// Three seconds of what a lidar said, as somebody's dump of one wire: no scenario, no answers. The
+/// Three seconds of a lidar's output, as a user's dump of one wire: no scenario, no answers. The
 /// third packet has a wrong bit.
 fn lidar_dump(folder: &Path) {
     let path = folder.join("dump.pcapng");
@@ -330,8 +330,8 @@ fn lidar_dump(folder: &Path) {
     write(&capture, &path);
 }
 
-/// Nobody answered in a dump of one wire, so it says nothing of a program: what can break again is
-/// the decoder.
+/// A dump of one wire has no answers, so it says nothing of a program: only the decoder can break
+/// again.
 #[test]
 fn a_dump_of_one_direction_becomes_a_case_of_its_decoder() {
     let folder = folder("case-decoder");
@@ -392,8 +392,8 @@ fn a_case_without_a_robot_expects_nothing_of_a_program() {
     );
 }
 
-/// The program of a live run was somebody's. Its case can be run with that one; without it the
-/// robot's own is tested, which must not go without a word.
+/// The program of a live run was a user's. Its case can be run with that program; without it the
+/// robot's own is tested, and a message must say so.
 #[test]
 fn a_case_of_a_foreign_program_says_which_program_it_tests() {
     let folder = folder("case-foreign");

@@ -99,7 +99,8 @@ fn a_signal_ends_a_recording_with_a_whole_file() {
     let path = folder.join("field.pcapng");
     let running = recording(&folder, path.to_str().expect("UTF-8"));
     let [mut a, mut b] = ["a", "b"].map(|name| client(&folder.join(name)));
-    // A client that nobody noticed yet is sent nothing, so it is greeted until it answers.
+    // The rig sends nothing to a client that it has not noticed yet, so the test writes until it
+    // answers.
     let mut heard = Vec::new();
     wait_until("a first byte", || {
         a.write_all(b"x").expect("open");

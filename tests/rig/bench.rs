@@ -107,7 +107,7 @@ fn the_same_calls_give_the_same_bytes() {
     assert!(first.ran > Duration::from_millis(900), "{:?}", first.ran);
 }
 
-/// A program that drives nobody: the verdict names what failed.
+/// A program that does not drive: the verdict names the failed check.
 #[test]
 fn a_failed_verdict_panics_in_words() {
     let (scenario, source) = in_a_room("1s", "[expect]\nsettle = \"20s\"\n");

@@ -239,8 +239,8 @@ fn a_recording_of_several_files_is_read_as_one() {
     assert_eq!(read("several.3.pcapng").1, count - 2);
 }
 
-/// A file that cannot be put aside stands for any trouble of a disk: whoever watches a live run
-/// must hear of it while it goes on, not hours later at its end.
+/// A file that cannot be put aside stands for any trouble of a disk: an operator of a live run must
+/// see it while the run goes on, not hours later at its end.
 #[test]
 fn what_stops_a_recording_is_told_while_the_run_goes_on() {
     let dir = folder("capture-trouble");
@@ -288,7 +288,8 @@ fn tshark_reads_a_capture() {
     let output = match tshark.output() {
         Ok(output) => output,
         Err(error) if std::env::var_os("CI").is_none() => {
-            // Past the test runner's capture of output; a closed one cannot be told to anybody.
+            // Past the test runner's capture of output; an error of a closed one cannot be
+            // reported.
             let _ = writeln!(std::io::stderr(), "SKIPPED: no tshark: {error}");
             return;
         }

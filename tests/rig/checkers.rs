@@ -21,7 +21,7 @@ fn verdict_of(name: &str, outcome: &Outcome) -> (Status, String) {
     (check.status, check.detail.clone())
 }
 
-/// Whoever asks while a run goes on is told what its end will say, of its map too.
+/// The verdicts in the middle of a run are those that its end will give, of its map too.
 #[test]
 fn the_verdicts_so_far_are_those_of_the_end() {
     let walls = "[expect]\nwall_overlap_min = 0.1\n";

@@ -134,7 +134,7 @@ fn taking_a_checkpoint_changes_nothing() {
     };
     let mut run = start(faulted());
     run.go_on_until(Instant::from_millis(2_555));
-    let point = run.checkpoint().expect("nobody listens");
+    let point = run.checkpoint().expect("no client listens");
     let whole = identity(&run.finish());
     assert_eq!(identity(&point.resume().finish()), whole);
     assert_eq!(identity(&point.resume().finish()), whole);
@@ -147,7 +147,7 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     let (scenario, source) = faulted();
     let mut run = start((scenario.clone(), source));
     run.go_on_until(Instant::from_millis(2_555));
-    let point = run.checkpoint().expect("nobody listens");
+    let point = run.checkpoint().expect("no client listens");
     let without = |index: usize| {
         let mut other = scenario.clone();
         other.fault.remove(index);
@@ -174,7 +174,7 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
         run.go_on_until(Instant::from_nanos(nanos));
         let mut other = scenario.clone();
         other.fault.remove(3);
-        let point = run.checkpoint().expect("nobody listens");
+        let point = run.checkpoint().expect("no client listens");
         point.resume_as(&other).is_some()
     });
     assert_eq!(known_at, [yes, no]);
@@ -195,7 +195,7 @@ fn a_run_of_something_else_does_not_branch() {
     let (scenario, source) = faulted();
     let mut run = start((scenario.clone(), source));
     run.go_on_until(Instant::from_millis(2_555));
-    let point = run.checkpoint().expect("nobody listens");
+    let point = run.checkpoint().expect("no client listens");
     let branches = |change: fn(&mut Scenario)| {
         let mut other = scenario.clone();
         change(&mut other);
@@ -240,7 +240,7 @@ fn what_is_to_come_can_begin_earlier() {
     let mut run = start((scenario.clone(), source));
     let now = Duration::from_millis(2_555);
     run.go_on_until(Instant::ZERO + now);
-    let point = run.checkpoint().expect("nobody listens");
+    let point = run.checkpoint().expect("no client listens");
     let begins = |from: Duration| {
         let mut other = scenario.clone();
         other.fault[4].from = Some(Span(from));
@@ -266,7 +266,7 @@ fn dice_that_are_named_by_a_place_keep_it() {
         let (scenario, source) = in_a_room("6s", &format!("{cut}{second}"));
         let mut run = start((scenario.clone(), source));
         run.go_on_until(Instant::from_secs(1));
-        let point = run.checkpoint().expect("nobody listens");
+        let point = run.checkpoint().expect("no client listens");
         let mut other = scenario;
         other.fault.remove(0);
         point.resume_as(&other).is_some()
@@ -288,7 +288,7 @@ fn what_is_judged_in_the_end_can_be_another() {
     let (scenario, source) = faulted();
     let mut run = start((scenario, source.clone()));
     run.go_on_until(Instant::from_millis(2_555));
-    let point = run.checkpoint().expect("nobody listens");
+    let point = run.checkpoint().expect("no client listens");
     let expecting = |more: &str| in_a_room("6s", &format!("{FAULTS}[expect]\n{more}\n")).0;
     for (more, is_known) in [
         ("visit_within_mm = 200", true),
@@ -328,7 +328,7 @@ fn what_is_still_to_come_can_be_added() {
     };
     let mut run = start((with(&[]), source));
     run.go_on_until(Instant::from_millis(2_555));
-    let point = run.checkpoint().expect("nobody listens");
+    let point = run.checkpoint().expect("no client listens");
     let faults = scenario.fault.iter();
     let known: Vec<bool> = faults
         .map(|fault| {
@@ -369,7 +369,7 @@ proptest! {
         asked.fault = whole.fault[..first].to_vec();
         let mut run = start((asked, source.clone()));
         run.go_on_until(Instant::from_micros(at_us));
-        let point = run.checkpoint().expect("nobody listens");
+        let point = run.checkpoint().expect("no client listens");
         if let Some(branch) = point.resume_as(&whole) {
             let own = start((whole, source)).finish();
             prop_assert_eq!(identity(&branch.finish()), identity(&own));
@@ -394,7 +394,7 @@ proptest! {
         };
         let mut run = start(made());
         run.go_on_until(Instant::from_micros(at_us));
-        let point = run.checkpoint().expect("nobody listens");
+        let point = run.checkpoint().expect("no client listens");
         drop(run);
         prop_assert_eq!(identity(&point.resume().finish()), identity(&start(made()).finish()));
     }
@@ -430,7 +430,7 @@ proptest! {
         });
         let mut run = start((whole, source.clone()));
         run.go_on_until(Instant::from_micros(at_us));
-        let point = run.checkpoint().expect("nobody listens");
+        let point = run.checkpoint().expect("no client listens");
         if let Some(branch) = point.resume_as(&smaller) {
             let own = start((smaller, source)).finish();
             prop_assert_eq!(identity(&branch.finish()), identity(&own));

@@ -73,7 +73,7 @@ fn registers_drive_the_wheels_of_a_robot_of_data() {
     );
 }
 
-/// Nobody is connected: nothing is told of the robot, and what was demanded fails.
+/// No client is connected: the robot's report is empty, and the demanded checks fail.
 #[test]
 fn a_robot_that_nobody_drives_does_not_pass() {
     let (run, _) = run_of(shipped("custom-robot"));

@@ -56,8 +56,8 @@ fn mazes_of_all_sizes_are_searched() {
     }
 }
 
-/// Somebody walks through the door to and fro: at most one of them finds the other in its way at a
-/// time, and what could not be reached gets another chance.
+/// A person walks through the door to and fro: at most one of them finds the other in its way at a
+/// time, and an unreached place gets another chance.
 #[test]
 fn something_that_moves_keeps_the_robot_from_nothing() {
     let walker = "[[world.moving]]\npath_m = [[2.2, 2.6], [2.2, 1.3]]\nspeed_m_s = 0.1\n\

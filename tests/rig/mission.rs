@@ -1,4 +1,4 @@
-//! The demo's mission, over many seeds: what somebody who tries the rig first gets to see.
+//! The demo's mission, over many seeds: the first run that a new user sees.
 
 use hilrig::run::{Outcome, Run};
 

@@ -59,7 +59,7 @@ fn a_text_slave_of_ones_own_answers_from_the_world() {
     assert_eq!(&*wired.rig.take_output(sonar), b"mm=700\r\n");
 }
 
-/// A run in virtual time has nobody at the open ends; the saved case has the devices too.
+/// A run in virtual time has no client at the open ends; the saved case has the devices too.
 #[test]
 fn a_run_with_devices_of_ones_own_can_be_saved_and_run_again() {
     let (mut scenario, source) = shipped("own-slave");

@@ -121,7 +121,7 @@ fn wrong_cells(run: &Run) -> Vec<[usize; 4]> {
 }
 
 /// The radio is gone for 25 s, longer than the 20 s after which both ends give up; two seconds
-/// after it is back the program hears the robot, without anybody's doing.
+/// after it is back the program hears the robot, without an action of the operator.
 #[test]
 fn after_a_lost_radio_the_program_is_back_within_two_seconds() {
     for away in [21_000, 25_300, 27_777, 60_000] {

@@ -5,7 +5,7 @@ use hilrig::show::report;
 
 use super::{in_a_room, run_to_end};
 
-/// Demands too much of the map, names itself as somebody with bad intentions would, and has a
+/// A scenario that demands too much of the map, has a name with an attacker's markup, and has a
 /// fault on a line.
 const WOUNDED: &str = "description = \"<img src=x onerror=alert(1)></script>\"\n\
     [expect]\nwall_overlap_min = 1.0\nviolations_max = 0\n\

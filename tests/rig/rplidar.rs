@@ -21,7 +21,7 @@ fn room(keys: &str) -> Bench {
     Bench::new(scenario, &source).expect("can be wired")
 }
 
-/// Who asks.
+/// The client of the lidar.
 struct Client {
     port: VirtualPort,
     decoder: Decoder,

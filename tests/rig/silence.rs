@@ -47,7 +47,7 @@ fn motors_stop_when_the_master_falls_silent() {
     assert!(!run.rig.world.is_moving());
 }
 
-/// Somebody presses the button on the robot, at 6 s and for two seconds: it stops and stays where
+/// A person presses the button on the robot, at 6 s and for two seconds: it stops and stays where
 /// it is, though the base drives again from 12 s on, when the button was pressed once more. The
 /// PC's order at 14 s makes it go on. (Seed report, page 9.)
 #[test]

@@ -36,8 +36,8 @@ fn readings_beyond_what_the_navigation_uses_count() {
     assert_eq!(read(&text).shots[0].points.len(), 1);
 }
 
-/// NEFF, the particles that were left, is written by a mapper: the poses are the mapper's, and
-/// where no wheels spoke in between, nobody knows how far the robot went.
+/// NEFF, the number of particles that were left, is written by a mapper: the poses are the
+/// mapper's, and without wheel data in between the robot's motion is unknown.
 #[test]
 fn a_log_with_a_count_of_particles_was_corrected() {
     let scans = scan("0 0 0", "0 0 0", 1.0) + &scan("5 0 0", "5 0 0", 2.0);

@@ -1,4 +1,4 @@
-//! How right a trajectory is, judged by relations: "the pose at t2 seen from the pose at t1 is so".
+//! Judges a trajectory by relations: the pose at t2, seen from the pose at t1, is compared.
 //! By Kuemmerle et al. 2009 the error of a relation is the estimated relative pose seen from the
 //! given one. A pose between two scans is reckoned from the scan before by the wheels, and the
 //! correction that the next scan brings is spread over the gap by way and angle.

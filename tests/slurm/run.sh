@@ -18,7 +18,7 @@ fail() {
     echo "tests/slurm: $1: nothing was judged" >&2
     exit 1
 }
-[[ $EUID -eq 0 ]] || fail "not root, and nobody else can start a Slurm"
+[[ $EUID -eq 0 ]] || fail "not root, and only root can start a Slurm"
 for program in munged slurmctld slurmd sbatch scancel; do
     command -v "$program" >/dev/null || fail "no $program (Debian: slurm-wlm, munge)"
 done

@@ -34,6 +34,6 @@ pub(crate) fn skipped(reason: &str) {
     let thread = std::thread::current();
     let line = format!("SKIPPED: {}: {reason}", thread.name().unwrap_or("a test"));
     eprintln!("{line}");
-    // A closed standard error cannot be told to anybody.
+    // An error of a closed standard error cannot be reported.
     let _ = writeln!(std::io::stderr(), "{line}");
 }

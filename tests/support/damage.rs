@@ -10,7 +10,7 @@ pub(crate) enum Damage {
     Flip { at: Index, bit: u8 },
     /// A byte never arrives.
     Drop { at: Index },
-    /// A byte arrives that nobody sent.
+    /// A byte arrives that was never sent.
     Insert { at: Index, byte: u8 },
 }
 

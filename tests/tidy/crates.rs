@@ -1,4 +1,4 @@
-//! Rules about crates: who may know whom, and what they may be used under.
+//! Rules about crates: their dependencies on each other, and their licences.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
@@ -57,8 +57,8 @@ fn dependencies(metadata: &Value, with_tests: bool) -> BTreeMap<String, BTreeSet
     .collect()
 }
 
-/// Emulators and firmware share nothing but the wire, and nobody knows the rig; not even in their
-/// tests, where a short cut would be hardest to see.
+/// Emulators and firmware share nothing but the wire, and neither depends on the rig; not even in
+/// their tests, where a short cut would be hardest to see.
 #[test]
 fn crates_know_only_what_lies_below_them() {
     let crates = dependencies(&metadata(), true);

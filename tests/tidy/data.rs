@@ -2,7 +2,7 @@
 
 use crate::files::{File, all, root};
 
-/// Why the snapshot `file` belongs to nobody; `source` is the test that its head names.
+/// Why the snapshot `file` belongs to no test; `source` is the test that its head names.
 fn orphan(file: &File, source: Option<&str>) -> Option<String> {
     let stem = file.path.rsplit('/').next().unwrap_or(&file.path);
     let name = stem.strip_suffix(".snap")?.rsplit("__").next()?;
@@ -18,7 +18,7 @@ fn orphan(file: &File, source: Option<&str>) -> Option<String> {
             || source.contains(&format!("fn {name}("))
             || source.contains(&format!("fn test_{name}("))
     });
-    (!is_named).then(|| format!("{}: nobody in its test is called {name}", file.path))
+    (!is_named).then(|| format!("{}: no snapshot of its test is called {name}", file.path))
 }
 
 fn source_of(snapshot: &File) -> Option<String> {
@@ -56,7 +56,7 @@ fn every_snapshot_has_its_test() {
     assert!(orphans.is_empty(), "\n{}", orphans.join("\n"));
 }
 
-/// A scenario that no page names is found by nobody, and a name without its file misleads.
+/// A scenario that no page names is hard to find, and a name without its file misleads.
 #[test]
 fn the_pages_name_every_scenario_and_no_other() {
     let pages: String = all(&[".md"]).into_iter().map(|file| file.text).collect();
@@ -88,7 +88,7 @@ fn the_pages_name_every_scenario_and_no_other() {
     }
 }
 
-/// A simplification whose test is gone is noticed by nobody.
+/// A simplification must not lose its test unnoticed.
 #[test]
 fn the_tests_that_the_fidelity_page_names_exist() {
     let page = all(&["FIDELITY.md"]);

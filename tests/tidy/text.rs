@@ -130,7 +130,7 @@ fn writers(file: &File) -> Findings {
         let line = line.replace("safefs::", "").replace("CaptureFile::", "");
         is_product && !may && calls.iter().any(|call| line.contains(call))
     };
-    let what = "writes files; crates/safefs does so without following links";
+    let what = "writes files; use crates/safefs, which does not follow links";
     lines_that(file, file.product_lines(), is_wrong, what)
 }
 
@@ -251,7 +251,7 @@ fn machine_paths(file: &File) -> Findings {
         file,
         numbered(file),
         is_wrong,
-        "a path of somebody's machine",
+        "a path of one developer's machine",
     )
 }
 

@@ -1,5 +1,5 @@
-//! A program as somebody else may write one, in a process of its own: it answers on the register
-//! bus, written from the format alone, sound or with one bug.
+//! A foreign program, in a process of its own: it answers on the register bus, written from the
+//! format alone, sound or with one bug.
 
 use core::time::Duration;
 use std::io::{ErrorKind, Read, Write};

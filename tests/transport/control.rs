@@ -40,8 +40,8 @@ fn text(bytes: &[u8]) -> &str {
     core::str::from_utf8(bytes).expect("the command speaks UTF-8")
 }
 
-/// What somebody did by hand is not lost: the case that `up` leaves has the same faults when it
-/// runs in virtual time, windows and strikes alike.
+/// Actions by hand are not lost: the case that `up` leaves has the same faults when it runs in
+/// virtual time, windows and strikes alike.
 #[test]
 fn faults_added_by_hand_are_in_the_case_and_in_its_replay() {
     let dir = fresh_path("by_hand");

@@ -70,8 +70,8 @@ fault = ask(link="base", direction="to-device", kind="cut")
 assert fault["ok"] and fault["id"] == 0, fault
 assert ask(do="list")["faults"][0]["state"] in ("active", "planned")
 assert ask(do="end", id=0)["ok"]
-nobody = ask(do="press", button="start")
-assert not nobody["ok"] and "buttons" in nobody["message"], nobody
+refused = ask(do="press", button="start")
+assert not refused["ok"] and "buttons" in refused["message"], refused
 assert not ask(do="step", by="1s")["ok"], "it does not stand"
 paused = ask(do="pause")
 assert paused["ok"] and ask(do="state")["paused"]
@@ -122,7 +122,7 @@ fn silent_clients_keep_nobody_out() {
         let mut late = Client::of(&dir);
         assert_eq!(late.ask("{\"do\":\"state\"}")["ok"], true, "{number}");
     }
-    // Somebody silent has been told; whoever spoke was not.
+    // A silent client has lost its connection; a client that spoke has not.
     assert_eq!(silent[1].ask("{\"do\":\"list\"}")["ok"], true);
     let mut last = String::new();
     silent[0].0.read_to_string(&mut last).expect("hung up");

@@ -1,4 +1,4 @@
-//! Names of ports: they appear, they go, and they are never somebody else's.
+//! Names of ports: they appear, they go, and a name of another program is left alone.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -43,7 +43,7 @@ fn nothing_that_is_not_ours_is_overwritten() {
     let dir = PortDir::open(&path).expect("free");
 
     let on_file = Pty::open(&dir, "lidar", LINE).expect_err("a file is in the way");
-    let on_link = Pty::open(&dir, "base", LINE).expect_err("somebody's link is in the way");
+    let on_link = Pty::open(&dir, "base", LINE).expect_err("a foreign link is in the way");
     assert_eq!(
         on_file.to_string(),
         format!(
@@ -83,7 +83,7 @@ fn links_of_a_killed_rig_are_replaced() {
     assert!(left.is_empty(), "dead links go too: {left:?}");
 }
 
-/// A directory in which a link stands at `name`, and the file of somebody else's that it leads to.
+/// A directory in which a link stands at `name`, and the foreign file that it leads to.
 fn trapped_dir(name: &str, link: &str) -> (std::path::PathBuf, std::path::PathBuf) {
     let path = fresh_path(name);
     fs::create_dir_all(&path).expect("writable");
@@ -103,7 +103,7 @@ fn assert_untouched(victim: &std::path::Path, error: &TransportError, link: &str
     fs::remove_file(victim).expect("ours");
 }
 
-/// Somebody else may have prepared a directory of which a user with more rights makes a rig's.
+/// Another user may have prepared the directory in which a user with more rights starts a rig.
 #[test]
 fn a_note_is_not_written_through_a_link() {
     let link = ".hilrig-scenario.toml";

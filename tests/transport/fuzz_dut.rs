@@ -1,5 +1,5 @@
-//! `hilrig fuzz --exec` against a program of somebody else's, a process of its own on a
-//! pseudo-terminal, and `--dut-dir` against one that is there already.
+//! `hilrig fuzz --exec` against a foreign program, a process of its own on a pseudo-terminal, and
+//! `--dut-dir` against one that is there already.
 //!
 //! The wall clock is in these tests as a limit only: a program that lives has far more time than it
 //! needs, and one that hangs hangs for ever.
@@ -259,14 +259,14 @@ fn an_interrupted_search_ends_its_program() {
         "--out",
         out_text,
     ];
-    // How far it is, it tells only somebody who watches on a terminal.
+    // It shows its progress only on a terminal.
     let dir = PortDir::open(&fresh_path("fuzz-screen")).expect("a fresh directory");
     let mut screen = Pty::open(&dir, "screen", LINE).expect("a free name");
     let terminal = File::options().write(true).open(screen.path());
     let mut command = Command::new(HILRIG);
     command.args([&args[..], &ON_LINK, &["--case", "300ms"]].concat());
     command.stdin(Stdio::null()).stdout(Stdio::piped());
-    command.stderr(terminal.expect("somebody may open it"));
+    command.stderr(terminal.expect("the test may open it"));
     let search = command.spawn().expect("the binary is built");
     drop(command);
     let mut shown = String::new();

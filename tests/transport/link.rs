@@ -81,7 +81,7 @@ fn rows() -> Vec<Row> {
         },
         late("stall,at_byte=10,lasting=50ms"),
         late("clog,every=10ms,lasting=5ms"),
-        // Room for two while nobody looks.
+        // Room for two while the client does not read.
         row("overrun,at_byte=10,lasting=300ms,fifo=2", |bytes| {
             bytes.truncate(12);
         }),
@@ -131,7 +131,7 @@ impl Client {
         Self { port, read }
     }
 
-    /// Whether it has read as much as `wanted`, after it took what there is.
+    /// Whether it has read as much as `wanted`, after it took the bytes that are available.
     fn has(&mut self, wanted: &[u8]) -> bool {
         let mut buf = [0; 512];
         if serialport::SerialPort::bytes_to_read(&self.port).expect("stays") > 0 {
@@ -202,7 +202,7 @@ fn what_comes_out_of_a_link_differs_by_its_fault_alone() {
     let count = |n: usize| arrived[&format!("b{n}")];
     let undamaged = |row: &Row| row.arrives[0].len() as u64 - row.damaged;
     let expected: Vec<u64> = rows.iter().map(undamaged).collect();
-    // What crosses is counted by its line, not by who reads it.
+    // The line counts the bytes that cross it, also if the reader does not take them.
     let lines = 0..rows.len() - 2;
     let counted: Vec<u64> = lines.clone().map(count).collect();
     assert_eq!(counted, expected[lines]);

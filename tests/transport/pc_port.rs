@@ -111,7 +111,7 @@ impl Heard {
         self.rows.len() == ROWS && self.visited == 2
     }
 
-    /// Everything came through, and nobody blames the client for its rate.
+    /// Everything came through, and the rate is not reported as the client's fault.
     fn assert_whole(&self) {
         assert_eq!(self.bad_frames, 0);
         assert_eq!(self.rows.len(), ROWS, "of {} frames", self.frames);

@@ -335,7 +335,7 @@ fn ports_that_cannot_be_had_are_named_and_the_exit_code_is_2() {
     );
 }
 
-/// The PC's end is the scenario's own unless somebody wants it, and has no rate.
+/// The PC's end is the scenario's own unless an option names it, and has no rate.
 #[test]
 fn the_table_names_the_pcs_end_only_if_it_is_wanted() {
     let dir = fresh_path("table");

@@ -52,12 +52,12 @@ fn a_fresh_port_is_raw_and_at_the_rate_of_its_line() {
     assert_eq!(port.read(&mut [0; 16]).expect("stays"), 0, "an echo");
 }
 
-/// The kernel would keep 16 kB for whoever comes; a lidar does not.
+/// The kernel would keep 16 kB for a later client; a lidar does not.
 #[test]
 fn a_client_that_opens_late_gets_no_stale_byte() {
     let dir = fresh_dir("opens_late");
     let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
-    assert_eq!(port.write(b"before anybody came"), 0);
+    assert_eq!(port.write(b"before a client came"), 0);
 
     let mut client = client(&port, LINE.baud);
     assert_eq!(client_reads(&mut client), b"");
@@ -83,7 +83,7 @@ fn what_a_client_left_unread_is_gone_for_the_next() {
     first.read_exact(&mut [0; 1]).expect("arrives");
     drop(first);
     assert_eq!(next_events(&mut port, 2), [Opened, Closed]);
-    assert_eq!(port.write(b"nobody there"), 0);
+    assert_eq!(port.write(b"no client there"), 0);
 
     let mut second = client(&port, LINE.baud);
     assert_eq!(client_reads(&mut second), b"");
@@ -150,8 +150,8 @@ fn the_clients_baud_rate_is_told_before_its_bytes() {
     assert_eq!(next_events(&mut port, 1), [BaudChanged(250_000)]);
 }
 
-/// As in a UART driver: what came first is kept, what finds no room is lost and counted, and the
-/// line goes on as soon as somebody reads.
+/// As in a UART driver: the oldest bytes are kept, bytes without room are lost and counted, and the
+/// line goes on as soon as the client reads.
 #[test]
 fn a_client_that_does_not_read_loses_the_newest_bytes() {
     let dir = fresh_dir("does_not_read");
@@ -168,7 +168,7 @@ fn a_client_that_does_not_read_loses_the_newest_bytes() {
     assert_eq!(client_reads(&mut client), b"again");
 }
 
-/// A hung-up terminal is "ready" without end: 183,000 times in 50 ms. Nobody may wait for it.
+/// A hung-up terminal is "ready" without end: 183,000 times in 50 ms. The rig must not wait for it.
 #[test]
 fn waiting_for_a_port_that_nobody_has_open_is_no_busy_loop() {
     let dir = fresh_dir("no_busy_loop");
@@ -271,7 +271,7 @@ fn an_unplugged_port_hangs_up_and_comes_back_as_another() {
     let failed = first.read(&mut [0; 4]).expect_err("hung up");
     assert_ne!(failed.kind(), std::io::ErrorKind::TimedOut);
     assert!(first.write(b"y").is_err());
-    assert_eq!(port.write(b"nobody"), 0);
+    assert_eq!(port.write(b"unheard"), 0);
     assert_eq!(port.read(&mut [0; 4]).expect("it is only away"), 0);
 
     port.plug(Some("lidar-1")).expect("a free name");

@@ -42,7 +42,7 @@ fn opening_a_serial_port_forgets_what_had_arrived() {
     assert_eq!(next_events(&mut device, 1), [Opened]);
     assert_eq!(device.write(b"old"), 3);
 
-    let mut port = Serial::open(device.path(), LINE).expect("nobody has it exclusively");
+    let mut port = Serial::open(device.path(), LINE).expect("no process has it exclusively");
     drop(visitor);
     assert_eq!(device.write(b"new"), 3);
     assert_eq!(read_exactly(&mut port, 3), b"new");
@@ -70,7 +70,7 @@ fn a_port_that_is_pulled_is_an_error_that_names_it() {
         "{text}"
     );
     assert_eq!(drain_events(&mut port), [Opened, Closed]);
-    assert_eq!(port.write(b"anybody?"), 0);
+    assert_eq!(port.write(b"any one?"), 0);
     assert_eq!(port.counters().unheard, 8);
     assert!(matches!(
         port.read(&mut [0; 16]),

@@ -90,7 +90,7 @@ pub(crate) fn wait_until(mut done: impl FnMut() -> bool) {
     }
 }
 
-/// Whether the port's library calls this error a port that somebody else has.
+/// Whether the port's library reports that another process has the port.
 pub(crate) fn is_busy(opened: &serialport::Result<TTYPort>) -> bool {
     matches!(opened, Err(error) if error.kind() == ErrorKind::NoDevice)
 }

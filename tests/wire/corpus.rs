@@ -1,4 +1,4 @@
-//! The entry functions of the fuzzers: over the corpus, over sessions that nobody chose, and over
+//! The entry functions of the fuzzers: over the corpus, over sessions made by chance, and over
 //! decoders with one fault each, which they have to catch.
 
 use core::panic::AssertUnwindSafe;
@@ -42,9 +42,9 @@ fn every_stream_of_the_corpus_keeps_the_laws() {
     }
 }
 
-/// Sessions that made fielded programs fail. Each names its defect and the law that it broke: with
-/// the defect it does so still, and the sound program keeps every law. A program without a corpus
-/// fails.
+/// Sessions that made fielded programs fail. Each names its defect and the law that it broke: the
+/// defective program still breaks it, and the sound program keeps every law. A program without a
+/// corpus fails.
 #[test]
 fn every_session_of_the_corpus_breaks_its_law_in_the_defective_program_alone() {
     for sound in programs(&[]).expect("without a defect") {

@@ -36,7 +36,7 @@ const NANOSECONDS: *const u64 = 0x4000_2000_usize as *const u64;
 /// Where the board begins.
 #[unsafe(no_mangle)]
 extern "C" fn reset() -> ! {
-    // SAFETY: `reset` runs once, and nobody else uses the robot's memory.
+    // SAFETY: `reset` runs once, and no other code uses the robot's memory.
     let robot = unsafe { &mut *ROBOT.0.get() };
     loop {
         // SAFETY: the timer of the made-up board.

@@ -1,6 +1,6 @@
 """Reads a range finder that is asked by lines.
 
-Defect: after an error it waits for somebody who would connect again, and nobody does.
+Defect: after an error it waits until another program connects again, and none does.
 """
 import os
 import select

@@ -23,7 +23,7 @@ pub enum Fate {
     Caught,
     /// The tests did not end.
     Late,
-    /// Nobody saw it.
+    /// No test failed.
     Missed,
 }
 
@@ -31,7 +31,7 @@ pub enum Fate {
 const JOBS: usize = 2;
 /// Tests of a binary that may fail without a mutant: on a busy machine those of the clock do.
 const FAILING_MAX: usize = 5;
-/// Nobody is late before this.
+/// A test counts as late only after this time.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A test binary, and what it did when nothing was changed.

@@ -1,5 +1,5 @@
-//! A robot of somebody else: a car with a lidar of another make and a servo board, a program that
-//! drives an arc, a checker. It knows `hilrig` alone, and `hilrig` knows nothing of it.
+//! A user's robot: a car with a lidar of another make and a servo board, a program that drives an
+//! arc, a checker. It knows `hilrig` alone, and `hilrig` knows nothing of it.
 
 pub mod board;
 pub mod program;

@@ -126,7 +126,7 @@ impl Wire for TurretFormat {
 /// Its row of the table.
 pub const CODEC: Codec = Codec::of::<TurretFormat>("turret, a packet a beam");
 
-/// Whole turns for whoever draws them.
+/// Whole turns, for a client that draws them.
 #[derive(Default)]
 pub struct TurretScans {
     decoder: TurretDecoder,
@@ -202,7 +202,7 @@ impl Device for Turret {
                 at: now,
                 kind: EventKind::Note,
                 rule: if begins { "dark" } else { "light" },
-                detail: "somebody was at the lamp".to_owned(),
+                detail: "the lamp was switched".to_owned(),
                 bytes: Vec::new(),
             });
         }

@@ -140,7 +140,7 @@ fn its_format_keeps_the_laws() {
     }
 }
 
-/// The same devices, driven by hand: the board answers whoever has its port.
+/// The same devices, driven by hand: the board answers any client of its port.
 #[test]
 fn its_ports_can_be_read_and_written() {
     use std::io::{Read as _, Write as _};

@@ -42,7 +42,7 @@ struct Seen {
     lidar: Vec<Vec<u8>>,
 }
 
-/// The robot in a room of 1.2 m without its right wall, turning on the spot; nobody's program.
+/// The robot in a room of 1.2 m without its right wall, turning on the spot, without a program.
 fn observe(faults: &str) -> Seen {
     let text = format!(
         "schema = 1\nname = \"boards\"\nrobot = \"yellow\"\nduration = \"10s\"\nseed = 3\n\

@@ -1,5 +1,5 @@
-//! Chips on a bus and a depth camera by themselves: what they say to whoever asks by hand, and what
-//! their own faults make of it.
+//! Chips on a bus and a depth camera by themselves: their answers to requests by hand, and the
+//! effects of their own faults.
 
 use core::time::Duration;
 use std::io::{Read as _, Write as _};
@@ -47,7 +47,7 @@ fn range_cm(bench: &Bench, bus: &mut VirtualPort) -> Option<u16> {
     // 6 m there and back take longer than this, the default range of 11 m as well.
     bench.sleep(Duration::from_millis(20));
     let meanwhile = transact(bus, &[0xE3, 1], 1);
-    // Nobody acknowledges while it ranges, and nobody pulls the bus down.
+    // While it ranges, no chip acknowledges and none pulls the bus down.
     let is_idle = meanwhile.is_none_or(|bytes| bytes == [0xFF]);
     assert!(is_idle, "it acknowledges while it ranges");
     bench.sleep(Duration::from_millis(70));

@@ -41,8 +41,8 @@ fn a_request_that_makes_no_sense_is_told_what_was_expected() {
     assert_eq!(run.faults().count(), 0);
 }
 
-/// Somebody walks at 0.5 m/s into the robot that stands, 0.31 m centre to centre on contact, 0.59 m
-/// from where he sets off: both speeds are told, and it is not the robot's fault.
+/// A person walks at 0.5 m/s into the robot that stands, 0.31 m centre to centre on contact, 0.59 m
+/// from the start of the walk: both speeds are reported, and it is not the robot's fault.
 #[test]
 fn who_ran_into_whom_is_told() {
     let person = "[[world.moving]]\npath_m = [[0.6, 1.2], [1.3, 1.2]]\nspeed_m_s = 0.5\n\

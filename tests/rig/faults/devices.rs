@@ -1,5 +1,5 @@
-//! Faults of devices, seen in what the devices send. Nobody's program is at the other end: the head
-//! of the lidar is turned by the rig, and the base and the radio are asked the same at the same
+//! Faults of devices, seen in what the devices send. No program is at the other end: the head of
+//! the lidar is turned by the rig, and the base and the radio get the same requests at the same
 //! times, whatever they answer.
 
 use core::cell::RefCell;

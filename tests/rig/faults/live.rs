@@ -12,7 +12,7 @@ use crate::{in_a_room, run_to_end, start};
 
 const DRIVES: &str = "[program]\nstart_mode = \"exploration\"\n";
 
-/// A fault as somebody would ask for it.
+/// A fault from its keys, as a client requests it.
 fn asked(keys: &str) -> FaultSpec {
     toml::from_str(keys).expect("a fault")
 }

@@ -24,7 +24,7 @@ pub(super) fn count_of_126() -> String {
     way() + &strike("burst", "byte = 2\nlen = 1\nvalue = 0x74")
 }
 
-/// These bytes, where somebody else's byte `at` would come.
+/// These bytes, in place of byte `at` of the original sender.
 fn says(link: &str, at: u32, bytes: &[u8]) -> String {
     let insert = |value| format!("kind = \"insert\"\nbyte = {at}\nvalue = {value}");
     let each = bytes
