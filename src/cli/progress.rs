@@ -1,5 +1,5 @@
-//! How far long work is: for somebody who watches, with the time that is left. In a file or a pipe
-//! nobody does.
+//! Progress of long work on a terminal, with the remaining time. Output to a file or a pipe shows
+//! none.
 
 use core::time::Duration;
 use std::io::{self, IsTerminal as _};

@@ -204,7 +204,7 @@ impl Process {
         self.wait_for_end(patience)
     }
 
-    /// Nobody of its group is there any more when this returns.
+    /// Waits for the end of the program; no process of its group is left when this returns.
     fn wait_for_end(&mut self, patience: Duration) -> Option<ExitStatus> {
         let mut child = self.child.take()?;
         let (tell, told) = mpsc::channel();
@@ -271,7 +271,7 @@ pub(crate) fn trouble(status: ExitStatus) -> Option<String> {
     (!status.success()).then(|| how(status))
 }
 
-/// Hears all that is said, until nobody can say anything more.
+/// Collects the output until the last writer closes the pipe.
 fn listen(mut from: impl io::Read, words: &Mutex<Vec<u8>>) {
     let mut buf = [0; 4096];
     loop {

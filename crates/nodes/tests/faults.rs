@@ -51,7 +51,7 @@ fn says(parts: &[&[u8]], rest: &str) -> String {
     let path = std::env::temp_dir().join(name);
     std::fs::write(&path, parts.concat()).expect("a folder for temporary files");
     let path = path.display();
-    // Not before the rig has said something: it would find nobody to say it to.
+    // Only after the rig's first bytes: an earlier answer has no receiver.
     format!("head -c 4 >/dev/null; cat {path}; rm -f {path}; {rest}")
 }
 

@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(told("restart", false), (vec![], false));
     }
 
-    /// Pressed it holds the motors, let go it does so for a while only.
+    /// A pressed button holds the motors; a released one holds them for a while only.
     #[test]
     fn a_stop_button_is_let_go_when_its_fault_ends() {
         let config = super::super::AvrBaseConfig {

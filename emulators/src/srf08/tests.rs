@@ -143,7 +143,7 @@ fn a_bus_carries_its_transactions() {
     assert_eq!(
         ask(30, &[0xE1, 2]),
         [0xFF, 0xFF],
-        "nobody pulls the bus down"
+        "no chip pulls the bus down"
     );
     assert_eq!(ask(70, &[0xE0, RANGE]), []);
     let answer = ask(70, &[0xE1, 2]);

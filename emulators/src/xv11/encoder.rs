@@ -4,7 +4,7 @@
 //! the coast-down behind it. A tooth passes at angle 2 (mod 24). The firmware divides the time
 //! of the tooth before into 24 slots, one per degree:
 //!
-//! - the tooth comes early: slots not yet begun are skipped (0x21). In the capture that is so if
+//! - the tooth comes early: slots not yet begun are skipped (0x21). In the capture that happens if
 //!   and only if the tooth was more than 0.2 % faster than the one before (203 of 1,800);
 //! - the tooth comes late by more than 0.85 of a slot: synchronisation is lost until the second
 //!   edge of the tooth, five degrees on.

@@ -30,8 +30,8 @@ use crate::world::World;
 const FREE_RUN_TICK: Duration = Duration::from_nanos(41_950);
 /// A tooth that takes longer than this many of the one before is no longer waited for. A guess.
 const WAIT_TEETH: f64 = 1.5;
-/// A head that turns but does not lock makes the processor restart after this. A guess; that it
-/// does so for ever is reported twice.
+/// A head that turns but does not lock makes the processor restart after this. A guess; two sources
+/// report that it restarts for ever.
 const SPIN_TIME: Duration = Duration::from_secs(2);
 #[derive(Clone, Debug)]
 enum Phase {

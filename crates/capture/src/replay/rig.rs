@@ -116,7 +116,7 @@ impl StandIn {
         let (mut scenario, _) = Scenario::from_text(SCENARIO)?;
         scenario.duration = Span(longest);
         scenario.mission.to_the_end = true;
-        let mut wired = Wired::new(Rig::new(robots::nowhere()), Nobody);
+        let mut wired = Wired::new(Rig::new(robots::nowhere()), NoRobot);
         let mut talks = Vec::new();
         for passage in passages {
             let line = passage.line();
@@ -178,10 +178,10 @@ impl StandIn {
 /// A run of nothing.
 const SCENARIO: &str = "schema = 1\nname = \"replay\"\nrobot = \"none\"\nduration = \"1s\"\n";
 
-/// There is no robot of which anything could be asked.
-struct Nobody;
+/// A replay has no robot with instruments.
+struct NoRobot;
 
-impl Instruments for Nobody {}
+impl Instruments for NoRobot {}
 
 /// Stands where the captured device was: the capture speaks for it.
 #[derive(Clone, Debug)]

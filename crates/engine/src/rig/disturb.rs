@@ -161,7 +161,7 @@ impl Rig {
         }
     }
 
-    /// Receivers change places, or get their own back. Those that changed later do so anew.
+    /// Receivers change places, or get their own back. Receivers that changed later change again.
     fn cross(&mut self, what: &Disturbance, begins: bool) {
         let place = self.disturbed.iter().position(|other| other == what);
         let place = place.filter(|_| !begins).unwrap_or(self.disturbed.len());

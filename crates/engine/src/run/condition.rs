@@ -35,8 +35,8 @@ impl Run {
     /// is missed; everything else is as it is when [`has_come`](Self::has_come) asks.
     ///
     /// # Errors
-    /// If its figures make no sense or it names something that there is not; the message lists
-    /// what there is.
+    /// If its figures make no sense, or if it names an unknown item; the message lists the known
+    /// ones.
     pub fn watch(&mut self, condition: &Condition) -> Result<Watch, Flaw> {
         condition.check()?;
         let line = match condition {

@@ -319,7 +319,7 @@ fn an_echo_is_nearly_all_that_was_sent() {
 }
 
 /// Start bit and zeros make a run of 8, 6, 4, 3 or 2 bits, and ones the rest; runs of 7 and 5 are
-/// none of a slower sender. 95 of 100 bytes are so, and there are two values at least.
+/// none of a slower sender. This holds for 95 of 100 bytes, and there are two values at least.
 #[test]
 fn a_slow_sender_stretches_nearly_all_bytes() {
     let found = |stretched: &[u8], other: usize| {
