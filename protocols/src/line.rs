@@ -1,4 +1,4 @@
-//! A UART line: who is connected, how bits are coded, how long a byte takes.
+//! A UART line: its two ends, how bits are coded, how long a byte takes.
 
 use core::time::Duration;
 

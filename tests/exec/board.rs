@@ -100,7 +100,7 @@ fn judge(ended: &Ended) {
     assert_eq!(events.matches("board-reset").count(), 2, "{events}");
 }
 
-/// The same in both: what differs is only who keeps the time.
+/// The same in both: only the source of the time differs.
 #[test]
 fn a_board_is_reset_by_dtr_and_sets_lines_in_real_and_in_virtual_time() {
     let real = std::thread::spawn(|| run("board-real", &[]));

@@ -113,7 +113,7 @@ fn silent_clients_keep_nobody_out() {
     let dir = fresh_path("silent");
     let up = Running::up(&dir, &[]);
     let mut silent: Vec<Client> = (0..CLIENTS_MAX).map(|_| Client::of(&dir)).collect();
-    // By the second answer the rig has accepted everybody.
+    // By the second answer the rig has accepted all clients.
     for _ in 0..2 {
         assert_eq!(silent[1].ask("{\"do\":\"hello\"}")["ok"], true);
     }

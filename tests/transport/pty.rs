@@ -109,7 +109,7 @@ fn a_quick_restart_of_the_client_is_noticed() {
     assert_eq!(next_events(&mut port, 1), [Closed]);
 }
 
-/// `stty -F` and the like open a port beside the one who uses it.
+/// `stty -F` and the like open a port beside its client.
 #[test]
 fn a_second_visitor_neither_opens_nor_closes() {
     let dir = fresh_dir("second_visitor");

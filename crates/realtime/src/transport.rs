@@ -154,7 +154,7 @@ pub trait Transport {
 pub enum PortEvent {
     /// A client opened the port.
     Opened,
-    /// The last one who had the port open closed it.
+    /// The last client that had the port open closed it.
     Closed,
     /// The far end runs at this baud rate from here on.
     BaudChanged(u32),

@@ -158,8 +158,8 @@ mod tests {
         assert!(sensors.volts().eq([0.0, 0.0, 1.25, 0.0, 0.0, 0.0]));
     }
 
-    /// Measurements last 38.3 ms within 9.6, and begin at any time of one; who comes after a second
-    /// has one, not twenty-six.
+    /// Measurements last 38.3 ms within 9.6, and begin at any time of one; a request after a second
+    /// finds one, not twenty-six.
     #[test]
     fn measurements_are_as_long_as_the_data_sheet_says() {
         let mut sensors = Infrared::new("board", 7, &Config::default());

@@ -127,7 +127,7 @@ fn a_list_goes_out_before_the_next_row() {
     );
 }
 
-/// Each 50 ms from when it was due; who is late by more begins anew.
+/// Each 50 ms from when it was due; a call that is late by more begins anew.
 #[test]
 fn a_late_period_is_not_made_up_for() {
     let period = Duration::from_millis(50);

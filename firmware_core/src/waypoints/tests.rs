@@ -255,8 +255,8 @@ fn a_broken_list_counts_more_than_it_reaches() {
     assert_eq!((list.count(), list.all().len()), (2, 0));
 }
 
-/// NV-03: who has lost the last waypoint finds no end to put another one behind; one in the middle
-/// is no end.
+/// NV-03: a list that has lost the last waypoint has no end to put another one behind; one in the
+/// middle is no end.
 #[test]
 fn a_list_without_its_end_takes_no_more() {
     let count = |removed: i16| {

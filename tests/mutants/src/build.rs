@@ -87,7 +87,7 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     let mut files: BTreeMap<&str, (String, Vec<usize>)> = BTreeMap::new();
     for (at, mutant) in mutants.iter().enumerate() {
         if !files.contains_key(mutant.file.as_str()) {
-            // As it was copied: who goes on working meanwhile changes nothing here.
+            // From the copy: changes to the original meanwhile have no effect here.
             let file = &mutant.file;
             let text = fs::read_to_string(tree.join(file));
             let text = text.map_err(|error| format!("{file}: {error}"))?;

@@ -62,7 +62,8 @@ fn judge(
     tell(package, out, &drawn, &built, &fates)
 }
 
-/// Writes who was caught, missed, late or never tried beside the copy, and prints the score.
+/// Writes which mutants were caught, missed, late or never tried beside the copy, and prints the
+/// score.
 fn tell(
     package: &str,
     out: &Path,

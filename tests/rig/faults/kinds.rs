@@ -158,7 +158,7 @@ fn the_sender_hears_itself(seen: &Seen, _: &Seen) {
     assert_eq!(seen.line(1), heard);
 }
 
-/// The wires carry what they did; who hears it differs.
+/// The wires carry what they did; the receivers differ.
 fn receivers_change_places(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.lines, plain.lines);
     assert_eq!(

@@ -343,7 +343,7 @@ mod tests {
         assert_eq!(said("a\nb", ""), "line 1: expected a, found nothing more");
     }
 
-    /// Bytes both ways: one who asked and one who answered.
+    /// Bytes both ways: one side asked and the other answered.
     #[test]
     fn a_dump_is_one_way_unless_both_ends_speak() {
         let mut both = recorded(60);

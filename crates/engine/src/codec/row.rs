@@ -84,7 +84,8 @@ impl Answers {
 /// The same format with the bytes of its checksum the other way round.
 #[derive(Clone, Copy, Debug)]
 pub enum OtherOrder {
-    /// Devices with either order exist: which one is wrong, only who expects the other can tell.
+    /// Devices with either order exist: only the program that expects one order can tell which is
+    /// wrong.
     Row(&'static Codec),
     /// No device sends it so: how many frames have a checksum that holds the other way round, and
     /// how many one that holds as it stands.

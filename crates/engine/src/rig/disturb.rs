@@ -191,7 +191,7 @@ impl Rig {
         }
     }
 
-    /// Tells the receiver of a line, and all who watch, that `event` happened.
+    /// Tells the receiver of a line, and all watches, that `event` happened.
     fn notify_line(&mut self, link: &str, direction: Direction, event: LineEvent) {
         let now: Instant = self.now;
         if let Some(index) = self.links.iter().position(|found| found.name == link) {

@@ -386,8 +386,8 @@ mod tests {
         assert_eq!(through(&[0xE1, 0xFF], short, short), (vec![0x01, 0x1F], 0));
     }
 
-    /// A second stop bit is a bit of idle line: who looks for one only reads the same; who looks
-    /// for two where there is one finds the next start bit in its place; an FF has no other edge.
+    /// A second stop bit is a bit of idle line. A receiver with one stop bit only reads the same; a
+    /// receiver with two finds the next start bit in place of the second; an FF has no other edge.
     #[test]
     fn a_missing_second_stop_bit_is_a_framing_error() {
         let (one, two) = (coding(8, Parity::None, 1), coding(8, Parity::None, 2));

@@ -274,8 +274,8 @@ mod tests {
         clock.expect("it is there").rings_at = Some(Instant::from_millis(20));
     }
 
-    /// What is told at 10 ms of 20 ms changes nothing before that, and comes to the same as what
-    /// was known from the start; who does something to a device at once wakes it.
+    /// A change announced at 10 ms for 20 ms has no effect before that, and has the same result as
+    /// one that was known from the start. A change with immediate effect wakes its device.
     #[test]
     fn what_is_planned_later_wakes_nobody_now() {
         let polls = |tell: &dyn Fn(&mut Rig)| {

@@ -134,7 +134,7 @@ mod tests {
         let (mut agenda, mut rig) = (Agenda::default(), rig());
         agenda.add(FaultId(0), twice(), nothing());
         agenda.add(FaultId(1), twice(), Vec::new());
-        assert_eq!(agenda.0.len(), 1, "who does nothing is left out");
+        assert_eq!(agenda.0.len(), 1, "a fault without effect is left out");
         let due = [0, 9, 10, 11, 12, 13].map(|secs| due_after(&mut agenda, &mut rig, secs));
         assert_eq!(due, [10, 10, 11, 13, 13, 14].map(Some));
         assert_eq!(due_after(&mut agenda, &mut rig, 14), None);

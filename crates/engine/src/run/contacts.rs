@@ -1,4 +1,4 @@
-//! What the robot touched, for several who ask at their own times.
+//! Contacts of the robot, for several readers that ask at their own times.
 
 use std::collections::VecDeque;
 

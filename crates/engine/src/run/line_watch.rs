@@ -58,7 +58,7 @@ impl Wanted {
     }
 }
 
-/// One who waits at one direction of a link.
+/// A watch on one direction of a link.
 pub(super) struct LineWatch {
     pub(super) link: usize,
     pub(super) direction: Direction,
@@ -66,7 +66,7 @@ pub(super) struct LineWatch {
     pub(super) is_found: bool,
 }
 
-/// All who wait. A watch is forgotten when its owner drops it.
+/// All watches. A watch is forgotten when its owner drops it.
 #[derive(Clone, Default)]
 pub(super) struct LineWatches(Rc<RefCell<Vec<Weak<RefCell<LineWatch>>>>>);
 

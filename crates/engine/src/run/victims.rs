@@ -1,4 +1,4 @@
-//! Whether the robot has found who is there.
+//! Whether the robot has found the victims of the world.
 
 use emulators::world::{Point, World};
 

@@ -1,4 +1,4 @@
-//! Everybody who watches a run: the same for a run and for a replay.
+//! The checkers and observers of a run: the same for a run and for a replay.
 
 use emulators::world::Contact;
 
@@ -13,7 +13,7 @@ pub struct Watchers {
 }
 
 impl Watchers {
-    /// Those who suit `scenario`, wired as `rig`.
+    /// The watchers that suit `scenario`, wired as `rig`.
     pub fn of(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
         let mut checkers = check::standard(rig, instruments);
         if let Some(phases) = scenario.phases {

@@ -132,7 +132,7 @@ impl Ports {
         let opened = self.names(|port| port.was_opened);
         let missing = self.names(|port| port.is_needed && !port.was_opened);
         let detail = match (self.all.is_empty(), opened.is_empty(), missing.is_empty()) {
-            (true, ..) => "its ports are real ones: who opens them cannot be seen".to_owned(),
+            (true, ..) => "its ports are real ones, and their clients cannot be seen".to_owned(),
             (_, true, _) => {
                 let all = self.names(|port| port.is_needed || missing.is_empty());
                 match ended {

@@ -313,7 +313,7 @@ impl Supervisor {
         self.fire_timers(now);
     }
 
-    /// Those who wait for files try once more, in the order in which they began to wait.
+    /// Threads that wait for files try once more, in the order in which they began to wait.
     fn retry_files(&mut self) {
         let has_queues_changed = core::mem::take(&mut self.has_queues_changed);
         let waiting = self.threads.values().filter(|thread| {

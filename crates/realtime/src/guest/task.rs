@@ -69,7 +69,7 @@ impl Wait {
 /// What a thread does.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum State {
-    /// It is in the queue of those who can run.
+    /// It is in the queue of threads that can run.
     Ready(Next),
     Running,
     Blocked(Wait),

@@ -131,7 +131,7 @@ impl FaultTargets {
         self.consoles.iter().copied()
     }
 
-    /// The link on which axes are commanded: who commands them waits for less.
+    /// The link on which axes are commanded: its client waits less than others.
     pub(super) const fn hasty(&self) -> Option<&'static str> {
         self.hasty
     }

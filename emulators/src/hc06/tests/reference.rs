@@ -1,5 +1,5 @@
-//! The module against a model that fits one page: no FIFO, no frames, no log, only who is connected
-//! and what is remembered.
+//! The module against a model that fits one page: no FIFO, no frames, no log, only the connection
+//! and the stored settings.
 
 use proptest::prelude::*;
 use protocols::hc06::{Command, baud_of};

@@ -31,8 +31,9 @@ fn health_and_sample_rate_are_answered() {
     assert_eq!(rate.reply(), Reply::SampleRate(expected));
 }
 
-/// What an A1M8 of 2022 told who asked it for every key of every mode (published as a comment of an
-/// Arduino sketch): five modes, sample times in 256ths of a microsecond, 12 m, kinds 81, 82, 84.
+/// The answers of an A1M8 of 2022 to requests for every key of every mode (published as a comment
+/// of an Arduino sketch): five modes, sample times in 256ths of a microsecond, 12 m, kinds 81, 82,
+/// 84.
 /// The typical mode is Sensitivity, as drivers print it.
 #[test]
 fn f11_firmware_1_29_tells_its_five_modes_and_streams_each() {

@@ -62,7 +62,7 @@ const FRONT_AHEAD_M: f64 = 0.175 + 0.129;
 /// What is wrong with the fielded program; nothing by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Of who drives.
+    /// Of the arbiter between phone and planner.
     pub arbiter: arbiter::Defects,
     /// Of the odometry.
     pub odometry: gyro_odometry::Defects,

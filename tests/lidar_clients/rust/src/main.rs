@@ -51,7 +51,7 @@ fn words(error: impl std::fmt::Display) -> Box<dyn Error> {
     error.to_string().into()
 }
 
-/// All that a start asks: who it is, how it is, what it can.
+/// All requests at a start: its model, its health, its abilities.
 fn ask(lidar: &mut Lidar) -> Outcome<()> {
     let info = lidar.get_device_info().map_err(words)?;
     let (model, firmware) = (info.model, info.firmware_version);

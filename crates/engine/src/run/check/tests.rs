@@ -162,7 +162,7 @@ fn without_a_program_there_is_none_to_watch() {
     assert!(memory.fork(&mut rig).is_some() && alive.fork(&mut rig).is_some());
 }
 
-/// The judgement ends at 20 s: who has not seen that cannot say that all is well.
+/// The judgement ends at 20 s: a run that ends earlier cannot pass it.
 #[test]
 fn a_run_that_ends_within_its_judgement_is_not_judged() {
     let mut from = Instant::ZERO;

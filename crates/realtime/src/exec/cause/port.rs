@@ -1,4 +1,4 @@
-//! Causes that show at a port: its rate, its settings, who opens it and reads there.
+//! Causes that show at a port: its rate, its settings, whether the program opens and reads it.
 
 use std::path::Path;
 

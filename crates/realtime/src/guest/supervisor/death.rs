@@ -295,7 +295,7 @@ impl Supervisor {
         self.release(thread.vfork_parent);
     }
 
-    /// Those who wait for their children look again.
+    /// Threads that wait for their children look again.
     pub(super) fn wake_parents(&mut self) {
         let parents = self
             .threads

@@ -15,7 +15,7 @@ use super::{Memory, Next, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::guest::task::FifoSide;
 
-/// Both sides of a pipe, open as long as those who open it are on their way.
+/// Both sides of a pipe, open until the threads that open it have done it.
 #[derive(Debug)]
 pub(super) struct Meeting {
     _both: OwnedFd,

@@ -103,7 +103,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// A thread has ended: locks that it had go to the oldest of those who wait for them.
+    /// A thread has ended: its locks go to the oldest of the threads that wait for them.
     pub(super) fn pi_after_death(&mut self) {
         let mut waiters: Vec<(u64, i32, FutexKey)> = Vec::new();
         for thread in self.threads.values() {

@@ -1,4 +1,4 @@
-//! What a program's calls were, for those who wonder why it is slow.
+//! The time of a program's calls, to find out why it is slow.
 
 use super::Supervisor;
 use crate::guest::call;

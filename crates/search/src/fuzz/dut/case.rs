@@ -179,8 +179,8 @@ pub(super) fn quiet(scenario: &Scenario, lasting: Duration) -> Scenario {
     quiet
 }
 
-/// Kinds of faults in what a program hears. None delays: who asks again because an answer is late
-/// breaks no rule, and the device could not tell the difference.
+/// Kinds of faults in what a program hears. None delays: a program that asks again because an
+/// answer is late breaks no rule, and the device could not tell the difference.
 const KINDS: [FaultKind; 12] = [
     FaultKind::Flip,
     FaultKind::Drop,

@@ -36,7 +36,7 @@ pub enum Cause {
     Hang(String),
     /// It waits for ever for a reply that does not come.
     NoTimeout(String),
-    /// It computes on and on; only in virtual time, where it is seen who does.
+    /// A thread computes without end; only in virtual time, where the thread is known.
     Spins(String),
     /// It answered a damaged frame as if it were sound.
     Accepts {

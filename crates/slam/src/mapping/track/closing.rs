@@ -464,8 +464,8 @@ mod tests {
         assert!(!is_rival(&fit(0.04, 0.0, 0.9), &best));
     }
 
-    /// The nearest old keyframe stands for a place, but for one that hardly lay on walls: who knows
-    /// where that stands.
+    /// The nearest old keyframe stands for a place, except for one that hardly lay on walls: its
+    /// position is uncertain.
     #[test]
     fn a_poor_keyframe_stands_for_no_place() {
         let nearest = |quality: f64| {

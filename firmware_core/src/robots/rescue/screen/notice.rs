@@ -11,7 +11,7 @@ const GRACE: Instant = Instant::from_secs(3);
 /// Battery from which it is worth a message.
 const BATTERY_LOW_PERCENT: i8 = 20;
 
-/// Something worth telling who stands beside the robot.
+/// A message for a person beside the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum Notice {
     Started,

@@ -161,7 +161,7 @@ impl Explore {
             return Ok(None);
         };
         // On the way now this place looks better, now that one, as a wall that is seen obliquely
-        // comes and goes: who always goes for the best goes to and fro.
+        // comes and goes: a robot that always takes the best one goes to and fro.
         let goes_on = self.place.filter(|place| reach.contains_key(place));
         let is_worth = self.edges.intersection(&open).count() * 2 >= self.edges.len();
         if goes_on.is_some() && is_worth && self.edges.is_disjoint(&edges) {
@@ -193,8 +193,8 @@ mod tests {
     use crate::grid::{FREE, OBSTACLE};
 
     /// A room of 70 by 9 cells, longer than a view, with a door of five cells at each end. From
-    /// near its left end the left door is the better view; who is on his way to the right one turns
-    /// twice, and then goes on as long as half of what he goes for is still open.
+    /// near its left end the left door is the better view; a robot on its way to the right one
+    /// turns twice, and then goes on as long as half of its goal is still open.
     #[test]
     fn who_is_on_the_way_goes_on() {
         let mut atlas = Atlas::new(&PcConfig::default());

@@ -61,8 +61,8 @@ impl Look {
         }
     }
 
-    /// What the robot sees, as soon as it is believed: it is `known`, or seen twice. With `None` it
-    /// is at once: who does not know where the robot is compares it with the whole map.
+    /// The robot's view, as soon as it is believed: it is `known`, or seen twice. With `None` it is
+    /// believed at once: a robot that does not know its place compares it with the whole map.
     pub(super) fn step(
         &mut self,
         now: Instant,
