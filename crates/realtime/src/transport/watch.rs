@@ -137,7 +137,7 @@ impl Clients {
 mod tests {
     use super::*;
 
-    /// Feeds the queue's events of one look, oldest first, and whether a client is there right
+    /// Feeds the queue's events of one look, oldest first. `open`: whether a client was there right
     /// before.
     fn look(clients: &mut Clients, told: &str, open: bool) -> bool {
         for what in told.chars() {
