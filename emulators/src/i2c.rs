@@ -16,7 +16,17 @@
 //! answer  | 01 | status | length | bytes |       status 0: acknowledged, 1: not
 //! ```
 //!
-//! No message begins with 01, which is the start byte of the bus and no chip's address.
+//! A microcontroller clocks byte by byte and knows only at the end how many it wanted. It asks when
+//! a transaction begins, and tells when it has ended; a register pointer moves by what it took.
+//!
+//! ```text
+//! begin   | 02 | 2 | address u7, direction | most |
+//! answer  | 02 | status | length | bytes |            a write, and who is busy, has no bytes
+//! end     | 03 | length | address u7, 0 | register | data ... |            no answer
+//! end     | 04 | 1 | bytes that were taken |                               no answer
+//! ```
+//!
+//! No message begins with 01 to 04: addresses that the standard reserves.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -31,8 +41,18 @@ use crate::world::World;
 const QUEUE_MAX: usize = 16;
 /// From the end of a request to the beginning of the answer: a bus does not wait.
 const LATENCY: Duration = Duration::from_micros(5);
+/// Rate of the bus.
+const BUS: LineConfig = LineConfig::new_8n1(100_000);
+/// Rate of answers to a microcontroller, which keeps the times of the bus by itself.
+const AT_ONCE: LineConfig = LineConfig::new_8n1(10_000_000);
 /// First byte of a frame.
 const FRAME: u8 = 0x01;
+/// A microcontroller's transaction begins.
+const BEGIN: u8 = 0x02;
+/// It ends: what was written.
+const END_WRITE: u8 = 0x03;
+/// It ends: how many bytes were read.
+const END_READ: u8 = 0x04;
 /// All chips listen to a write to this address, and none answers a read.
 const GENERAL_CALL: u8 = 0x00;
 
@@ -85,6 +105,7 @@ pub struct OnBus<C> {
     /// Bytes of frames of which the rest has not come.
     begun: Vec<u8>,
     answers: VecDeque<Vec<u8>>,
+    line: LineConfig,
     /// When the chip's log has something to count up.
     told_at: Option<Instant>,
     broken: BrokenRules,
@@ -95,6 +116,24 @@ pub struct OnBus<C> {
 enum Framing {
     Plain,
     Framed,
+    /// A transaction that has begun.
+    Begun,
+    /// The end of one that wrote.
+    Written,
+    /// The end of one that read.
+    Taken,
+}
+
+impl Framing {
+    fn of(first: u8) -> Option<Self> {
+        match first {
+            FRAME => Some(Self::Framed),
+            BEGIN => Some(Self::Begun),
+            END_WRITE => Some(Self::Written),
+            END_READ => Some(Self::Taken),
+            _ => None,
+        }
+    }
 }
 
 /// The registers of a transaction that begins with `from`: behind FF comes 00.
@@ -114,6 +153,7 @@ impl<C: RegisterChip> OnBus<C> {
             requests: VecDeque::new(),
             begun: Vec::new(),
             answers: VecDeque::new(),
+            line: BUS,
             told_at: None,
             broken: BrokenRules::default(),
         }
@@ -152,14 +192,52 @@ impl<C: RegisterChip> OnBus<C> {
         Some(read)
     }
 
+    /// What a microcontroller would read that begins a transaction now; the register stays.
+    fn begin(&mut self, now: Instant, message: &[u8], world: &World) -> Option<Vec<u8>> {
+        let (&address, rest) = message.split_first()?;
+        let register = self.register;
+        let is_busy = self.chip.is_busy(now, address & 0xFE);
+        let chosen = match address & 1 == 0 {
+            true => self.chip.acknowledges(now, address).then(Vec::new),
+            false if is_busy => None,
+            false => self.obey(now, &[address, *rest.first()?], world),
+        };
+        self.register = register;
+        chosen
+    }
+
+    /// Does what a message asks for and answers it.
+    fn serve(&mut self, now: Instant, message: &[u8], framing: Framing, world: &World) {
+        match framing {
+            Framing::Plain | Framing::Framed => {
+                let read = self.obey(now, message, world);
+                self.answer(read, framing);
+            }
+            Framing::Begun => {
+                let read = self.begin(now, message, world);
+                self.answer(read, framing);
+            }
+            Framing::Written => drop(self.obey(now, message, world)),
+            Framing::Taken => {
+                let count = message.first().copied().unwrap_or(0);
+                self.register = self.chip.next_register(self.register, count);
+            }
+        }
+    }
+
     fn answer(&mut self, read: Option<Vec<u8>>, framing: Framing) {
+        let (first, line) = match framing {
+            Framing::Begun => (BEGIN, AT_ONCE),
+            _ => (FRAME, BUS),
+        };
+        self.line = line;
         let read = match framing {
             Framing::Plain => read.unwrap_or_default(),
-            Framing::Framed => {
+            _ => {
                 let status = u8::from(read.is_none());
                 let read = read.unwrap_or_default();
                 let len = u8::try_from(read.len()).unwrap_or(u8::MAX);
-                [&[FRAME, status, len], &read[..]].concat()
+                [&[first, status, len], &read[..]].concat()
             }
         };
         if !read.is_empty() {
@@ -170,10 +248,10 @@ impl<C: RegisterChip> OnBus<C> {
     /// Takes the messages out of the frames that are there.
     fn unframe(&mut self, at: Instant) {
         while let [first, rest @ ..] = &self.begun[..] {
-            if *first != FRAME {
+            let Some(framing) = Framing::of(*first) else {
                 // Torn by damage: nothing tells where the next one begins.
                 return self.begun.clear();
-            }
+            };
             let Some((&len, rest)) = rest.split_first() else {
                 return;
             };
@@ -182,7 +260,7 @@ impl<C: RegisterChip> OnBus<C> {
             };
             let message = message.to_vec();
             self.begun.drain(..2 + usize::from(len));
-            self.queue(at, message, Framing::Framed);
+            self.queue(at, message, framing);
         }
     }
 
@@ -196,7 +274,10 @@ impl<C: RegisterChip> OnBus<C> {
 impl<C: RegisterChip> Device for OnBus<C> {
     fn receive(&mut self, _port: Port, now: Instant, bytes: &[u8]) {
         let at = now + LATENCY;
-        if !self.begun.is_empty() || bytes.first() == Some(&FRAME) {
+        let is_framed = bytes
+            .first()
+            .is_some_and(|first| Framing::of(*first).is_some());
+        if !self.begun.is_empty() || is_framed {
             self.begun.extend(bytes);
             self.unframe(at);
         } else {
@@ -207,8 +288,7 @@ impl<C: RegisterChip> Device for OnBus<C> {
     fn poll(&mut self, now: Instant, world: &mut World) {
         while let Some(request) = self.requests.pop_front_if(|(at, ..)| *at <= now) {
             let (_, message, framing) = request;
-            let read = self.obey(now, &message, world);
-            self.answer(read, framing);
+            self.serve(now, &message, framing, world);
         }
         let log = &mut self.chip.log().0;
         log.poll(now);
@@ -229,7 +309,7 @@ impl<C: RegisterChip> Device for OnBus<C> {
     }
 
     fn line_config(&self, _port: Port) -> LineConfig {
-        LineConfig::new_8n1(100_000)
+        self.line
     }
 
     fn known_faults(&self) -> &'static [&'static str] {
@@ -298,6 +378,37 @@ mod tests {
         }
         device.poll(Instant::from_millis(1), &mut world);
         assert_eq!(device.answers, [[0x00], [0x40]]);
+    }
+
+    /// A microcontroller asks for up to eight registers from 6A on and takes two. The next one begins
+    /// at 6C; the power register 6B, of a chip that sleeps, reads 40.
+    #[test]
+    fn a_transaction_moves_the_register_by_what_was_taken() {
+        let chip = Mpu6050::new(Mpu6050Config::default(), 1, "test");
+        let mut device = OnBus::new(chip);
+        let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();
+        let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+        let messages: [&[u8]; 7] = [
+            &[0x02, 2, 0xD0, 0],
+            &[0x03, 2, 0xD0, 0x6A],
+            &[0x02, 2, 0xD1, 2],
+            &[0x04, 1, 1],
+            &[0x02, 2, 0xD1, 1],
+            // Nobody has this address.
+            &[0x02, 2, 0x66, 0],
+            &[0x04, 1, 0],
+        ];
+        for message in messages {
+            device.receive(Port(0), Instant::ZERO, message);
+        }
+        device.poll(Instant::from_millis(1), &mut world);
+        let expected: [&[u8]; 4] = [
+            &[0x02, 0, 0],
+            &[0x02, 0, 2, 0x00, 0x40],
+            &[0x02, 0, 1, 0x40],
+            &[0x02, 1, 0],
+        ];
+        assert_eq!(device.answers, expected);
     }
 
     /// An answer comes 5 us behind its request; of 17 requests at once the last is lost.

@@ -1,0 +1,377 @@
+//! Boards as data: the files of the folder `boards`, and files of one's own.
+
+use core::fmt;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+use toml::Spanned;
+
+/// Names and texts of the boards that come with the tool.
+const SHIPPED: [(&str, &str); 4] = [
+    ("arduino-uno", include_str!("../boards/arduino-uno.toml")),
+    ("arduino-mega", include_str!("../boards/arduino-mega.toml")),
+    ("leonardo", include_str!("../boards/leonardo.toml")),
+    ("mighty-1284p", include_str!("../boards/mighty-1284p.toml")),
+];
+
+/// Chips that boards may have: those of Debian's simavr 1.6 with a UART.
+const MCUS: [&str; 12] = [
+    "atmega328p",
+    "atmega2560",
+    "atmega32u4",
+    "atmega1284p",
+    "atmega328",
+    "atmega168p",
+    "atmega1280",
+    "atmega644p",
+    "atmega1284",
+    "atmega32",
+    "atmega128",
+    "atmega8",
+];
+
+/// Names of the boards that come with the tool.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    SHIPPED.iter().map(|(name, _)| *name)
+}
+
+/// A board.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Board {
+    /// Its name.
+    pub name: String,
+    /// What it is, for people.
+    pub about: String,
+    /// Its chip, as the compiler calls it.
+    pub mcu: String,
+    /// Its clock.
+    pub clock_hz: u32,
+    /// Supply of the chip.
+    pub vcc_volts: f64,
+    /// Reference of the converter.
+    pub aref_volts: f64,
+    /// Name of the two-wire bus.
+    pub i2c: Option<String>,
+    /// Name of the SPI bus.
+    pub spi: Option<String>,
+    /// UARTs: their names and numbers.
+    pub uarts: BTreeMap<String, u8>,
+    /// Pins by their names.
+    pub pins: BTreeMap<String, Pin>,
+}
+
+/// Where a pin of a board is.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pin {
+    /// Port and bit of the chip, e.g. `B5`.
+    pub at: String,
+    /// Channel of the converter.
+    pub adc: Option<u8>,
+}
+
+/// A board's file as it is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BoardText {
+    name: Spanned<String>,
+    #[serde(default)]
+    about: String,
+    /// What the board was written from.
+    #[serde(default, rename = "documents")]
+    _documents: Vec<String>,
+    mcu: Spanned<String>,
+    clock_hz: Spanned<u32>,
+    vcc_volts: Option<Spanned<f64>>,
+    aref_volts: Option<Spanned<f64>>,
+    i2c: Option<Spanned<String>>,
+    spi: Option<Spanned<String>>,
+    #[serde(default)]
+    uarts: BTreeMap<String, Spanned<u8>>,
+    #[serde(default)]
+    pins: BTreeMap<String, Spanned<Pin>>,
+}
+
+/// Why a file is no board.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BoardError {
+    /// File, and line if one is in question.
+    pub place: String,
+    /// The key in question; empty if there is none.
+    pub key: String,
+    /// What is wrong and what was expected.
+    pub message: String,
+}
+
+impl fmt::Display for BoardError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            place,
+            key,
+            message,
+        } = self;
+        let colon = if key.is_empty() { "" } else { ": " };
+        write!(f, "{place}: {key}{colon}{message}")
+    }
+}
+
+impl core::error::Error for BoardError {}
+
+/// A file's text, to tell where something is wrong.
+struct Source<'a> {
+    file: &'a str,
+    text: &'a str,
+}
+
+impl Source<'_> {
+    fn error(&self, at: usize, key: impl Into<String>, message: impl Into<String>) -> BoardError {
+        let before = &self.text.as_bytes()[..at.min(self.text.len())];
+        let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+        BoardError {
+            place: format!("{}:{line}", self.file),
+            key: key.into(),
+            message: message.into(),
+        }
+    }
+
+    fn wrong<T>(&self, value: &Spanned<T>, key: &str, message: String) -> BoardError {
+        self.error(value.span().start, key, message)
+    }
+}
+
+impl Board {
+    /// The board called `name`, one that comes with the tool, or the file `name`, which ends with
+    /// `.toml`, from the folder `base` on.
+    ///
+    /// # Errors
+    /// If there is no such board, or its file is wrong.
+    pub fn load(name: &str, base: &Path) -> Result<Self, BoardError> {
+        if let Some((_, text)) = SHIPPED.iter().find(|(known, _)| *known == name) {
+            return Self::parse(text, &format!("boards/{name}.toml"));
+        }
+        let path = base.join(name);
+        let wrong = |message: String| BoardError {
+            place: format!("board \"{name}\""),
+            key: String::new(),
+            message,
+        };
+        if !name.ends_with(".toml") {
+            let known: Vec<_> = names().collect();
+            let message = format!(
+                "unknown, expected {} or a file that ends with .toml",
+                known.join(", ")
+            );
+            return Err(wrong(message));
+        }
+        let text = std::fs::read_to_string(&path)
+            .map_err(|error| wrong(format!("{}: {error}", path.display())))?;
+        Self::parse(&text, &path.display().to_string())
+    }
+
+    /// Reads the text of `file`.
+    ///
+    /// # Errors
+    /// If it is wrong: file, line, key and what was expected.
+    pub fn parse(text: &str, file: &str) -> Result<Self, BoardError> {
+        let source = Source { file, text };
+        let read: BoardText = toml::from_str(text).map_err(|error| {
+            let at = error.span().map_or(0, |span| span.start);
+            let message = error.message().trim().replace('\n', "; ");
+            source.error(at, "", message)
+        })?;
+        read.check(&source)?;
+        let volts = |given: Option<Spanned<f64>>| given.map(Spanned::into_inner);
+        let vcc_volts = volts(read.vcc_volts).unwrap_or(5.0);
+        let uarts = read.uarts.into_iter();
+        let pins = read.pins.into_iter();
+        Ok(Self {
+            name: read.name.into_inner(),
+            about: read.about,
+            mcu: read.mcu.into_inner(),
+            clock_hz: read.clock_hz.into_inner(),
+            vcc_volts,
+            aref_volts: volts(read.aref_volts).unwrap_or(vcc_volts),
+            i2c: read.i2c.map(Spanned::into_inner),
+            spi: read.spi.map(Spanned::into_inner),
+            uarts: uarts.map(|(name, at)| (name, at.into_inner())).collect(),
+            pins: pins.map(|(name, at)| (name, at.into_inner())).collect(),
+        })
+    }
+
+    /// What the node program is told of the board.
+    pub fn settings(&self) -> Value {
+        let pin = |(name, pin): (&String, &Pin)| {
+            let mut told = Map::new();
+            told.insert("at".to_owned(), json!(pin.at));
+            if let Some(channel) = pin.adc {
+                told.insert("channel".to_owned(), json!(channel));
+            }
+            (name.clone(), Value::Object(told))
+        };
+        json!({
+            "name": self.name,
+            "mcu": self.mcu,
+            "clock_hz": self.clock_hz,
+            "vcc_volts": self.vcc_volts,
+            "aref_volts": self.aref_volts,
+            "uarts": self.uarts,
+            "pins": self.pins.iter().map(pin).collect::<Map<_, _>>(),
+        })
+    }
+}
+
+impl BoardText {
+    fn check(&self, source: &Source<'_>) -> Result<(), BoardError> {
+        if !MCUS.contains(&&**self.mcu.get_ref()) {
+            let message = format!(
+                "is \"{}\", expected one of {}",
+                self.mcu.get_ref(),
+                MCUS.join(", ")
+            );
+            return Err(source.wrong(&self.mcu, "mcu", message));
+        }
+        let clock = *self.clock_hz.get_ref();
+        if !(32_768..=20_000_000).contains(&clock) {
+            let message = format!("is {clock}, expected 32768 to 20000000");
+            return Err(source.wrong(&self.clock_hz, "clock_hz", message));
+        }
+        let volts = [
+            ("vcc_volts", &self.vcc_volts, 1.8),
+            ("aref_volts", &self.aref_volts, 1.0),
+        ];
+        for (key, given, least) in volts {
+            let outside = given
+                .as_ref()
+                .filter(|volts| !(least..=5.5).contains(volts.get_ref()));
+            if let Some(volts) = outside {
+                let message = format!("is {}, expected {least} to 5.5", volts.get_ref());
+                return Err(source.wrong(volts, key, message));
+            }
+        }
+        self.check_ports(source)?;
+        self.check_pins(source)
+    }
+
+    fn check_ports(&self, source: &Source<'_>) -> Result<(), BoardError> {
+        let mut taken = BTreeMap::new();
+        for (name, number) in &self.uarts {
+            let key = format!("uarts.{name}");
+            if *number.get_ref() > 3 {
+                let message = format!("is {}, expected 0 to 3", number.get_ref());
+                return Err(source.wrong(number, &key, message));
+            }
+            if let Some(other) = taken.insert(*number.get_ref(), name) {
+                let message = format!("is the UART of \"{other}\" already, expected another one");
+                return Err(source.wrong(number, &key, message));
+            }
+        }
+        for (key, bus) in [("i2c", &self.i2c), ("spi", &self.spi)] {
+            let twice = bus
+                .as_ref()
+                .filter(|bus| self.uarts.contains_key(bus.get_ref()));
+            if let Some(bus) = twice {
+                let message = format!("is \"{}\", the name of a UART", bus.get_ref());
+                return Err(source.wrong(bus, key, message));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_pins(&self, source: &Source<'_>) -> Result<(), BoardError> {
+        for (name, pin) in &self.pins {
+            let Pin { at, adc } = pin.get_ref();
+            let is_place = matches!(at.as_bytes(), [b'A'..=b'L', b'0'..=b'7']);
+            if !is_place {
+                let message = format!("is \"{at}\", expected a port and a bit, e.g. \"B5\"");
+                return Err(source.wrong(pin, &format!("pins.{name}.at"), message));
+            }
+            if let Some(channel) = adc.filter(|channel| *channel > 15) {
+                let message = format!("is {channel}, expected 0 to 15");
+                return Err(source.wrong(pin, &format!("pins.{name}.adc"), message));
+            }
+        }
+        if self.pins.len() > 120 {
+            let message = format!("has {}, expected at most 120", self.pins.len());
+            return Err(source.wrong(&self.name, "pins", message));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(text: &str) -> String {
+        Board::parse(text, "b.toml").expect_err("wrong").to_string()
+    }
+
+    /// Figures of the boards' schematics: pin 13 is B5 of the Uno, B7 of the Mega, C7 of the
+    /// Leonardo; analog input 0 of the Leonardo is channel 7.
+    #[test]
+    fn shipped_boards_are_sound() {
+        let board = |name| Board::load(name, Path::new("")).expect("is shipped");
+        assert_eq!(board("arduino-uno").pins["d13"].at, "B5");
+        assert_eq!(board("arduino-mega").pins["d13"].at, "B7");
+        assert_eq!(board("leonardo").pins["d13"].at, "C7");
+        assert_eq!(board("leonardo").pins["a0"].adc, Some(7));
+        assert_eq!(board("arduino-mega").uarts.len(), 4);
+        assert_eq!(board("mighty-1284p").mcu, "atmega1284p");
+        assert_eq!(names().count(), 4);
+    }
+
+    const SOUND: &str = "name = \"b\"\nmcu = \"atmega328p\"\nclock_hz = 8000000\n";
+
+    #[test]
+    fn an_error_names_file_line_key_and_what_was_expected() {
+        assert!(Board::parse(SOUND, "b.toml").is_ok());
+        let wrong = SOUND.replace("328p", "8515");
+        assert!(
+            error(&wrong)
+                .starts_with("b.toml:2: mcu: is \"atmega8515\", expected one of atmega328p"),
+            "{}",
+            error(&wrong)
+        );
+        let cases = [
+            ("clock = 1", "b.toml:4: unknown field `clock`"),
+            (
+                "vcc_volts = 12.0",
+                "b.toml:4: vcc_volts: is 12, expected 1.8 to 5.5",
+            ),
+            ("[uarts]\na = 4", "b.toml:5: uarts.a: is 4, expected 0 to 3"),
+            (
+                "[uarts]\na = 0\nb = 0",
+                "b.toml:6: uarts.b: is the UART of \"a\" already, expected another one",
+            ),
+            (
+                "i2c = \"a\"\n[uarts]\na = 0",
+                "b.toml:4: i2c: is \"a\", the name of a UART",
+            ),
+            (
+                "[pins]\nd1 = { at = \"M9\" }",
+                "b.toml:5: pins.d1.at: is \"M9\", expected a port and a bit, e.g. \"B5\"",
+            ),
+            (
+                "[pins]\na1 = { at = \"C1\", adc = 16 }",
+                "b.toml:5: pins.a1.adc: is 16, expected 0 to 15",
+            ),
+        ];
+        for (line, expected) in cases {
+            let said = error(&format!("{SOUND}{line}\n"));
+            assert!(said.starts_with(expected), "{said}");
+        }
+        assert!(error("").starts_with("b.toml:1: missing field `name`"));
+    }
+
+    #[test]
+    fn an_unknown_board_names_the_known_ones() {
+        let said = Board::load("arduino", Path::new("")).expect_err("unknown");
+        assert_eq!(
+            said.to_string(),
+            "board \"arduino\": unknown, expected arduino-uno, arduino-mega, leonardo, \
+             mighty-1284p or a file that ends with .toml"
+        );
+    }
+}

@@ -1,0 +1,169 @@
+//! The node program: found, or built from the sources that come with the tool.
+
+use core::fmt;
+use std::env;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use safefs::Dir;
+
+/// Its name.
+const NAME: &str = "hilrig-simavr";
+/// Names a program that was built by hand.
+const VARIABLE: &str = "HILRIG_SIMAVR_NODE";
+
+/// Declares the files of `nodes/simavr`.
+macro_rules! sources {
+    ($($name:literal,)+) => {
+        const SOURCES: &[(&str, &str)] = &[
+            $(($name, include_str!(concat!("../simavr/", $name))),)+
+        ];
+    };
+}
+
+sources! {
+    "bus.c",
+    "elf.c",
+    "elf.h",
+    "json.c",
+    "json.h",
+    "main.c",
+    "node.h",
+    "pins.c",
+    "run.c",
+    "setup.c",
+    "uart.c",
+    "wire.c",
+}
+
+/// Why there is no node program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BuildError(String);
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl core::error::Error for BuildError {}
+
+/// Path of the node program. If it is missing, it is built, once for each version of its sources, in
+/// the user's folder for caches; the variable `HILRIG_SIMAVR_NODE` names another one.
+///
+/// # Errors
+/// If it cannot be built: which package is missing.
+pub fn program() -> Result<PathBuf, BuildError> {
+    if let Some(path) = env::var_os(VARIABLE).map(PathBuf::from) {
+        return match path.is_file() {
+            true => Ok(path),
+            false => Err(BuildError(format!(
+                "{VARIABLE} names {}, which is no file",
+                path.display()
+            ))),
+        };
+    }
+    let folder = cache().join(format!("simavr-{:016x}", fingerprint()));
+    let path = folder.join(NAME);
+    if path.is_file() {
+        return Ok(path);
+    }
+    build(&folder).map(|()| path)
+}
+
+/// The user's folder for what can be made again.
+fn cache() -> PathBuf {
+    let named = |name| env::var_os(name).filter(|value: &OsString| !value.is_empty());
+    let base = match (named("XDG_CACHE_HOME"), named("HOME")) {
+        (Some(cache), _) => PathBuf::from(cache),
+        (None, Some(home)) => Path::new(&home).join(".cache"),
+        (None, None) => env::temp_dir(),
+    };
+    base.join("hilrig")
+}
+
+/// FNV-1a of the sources.
+fn fingerprint() -> u64 {
+    let bytes = SOURCES
+        .iter()
+        .flat_map(|(name, text)| name.bytes().chain(text.bytes()));
+    bytes.fold(0xCBF2_9CE4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
+    })
+}
+
+fn build(folder: &Path) -> Result<(), BuildError> {
+    let failed = |what: &dyn fmt::Display| {
+        BuildError(format!(
+            "the simulator of AVR boards cannot be built in {}: {what}",
+            folder.display()
+        ))
+    };
+    let dir = Dir::create(folder).map_err(|error| failed(&error))?;
+    for (name, text) in SOURCES {
+        dir.write(name, text).map_err(|error| failed(&error))?;
+    }
+    // Another run may build at the same time: each has its own file until it is complete.
+    let unfinished = format!("{NAME}.{}", std::process::id());
+    let compiler = env::var_os("CC").unwrap_or_else(|| "cc".into());
+    let sources = SOURCES.iter().filter(|(name, _)| name.ends_with(".c"));
+    let built = Command::new(&compiler)
+        .current_dir(folder)
+        .args(["-isystem", "/usr/include/simavr", "-O2", "-std=gnu11"])
+        .args(["-Wall", "-Wextra", "-Werror"])
+        .args(sources.map(|(name, _)| name))
+        .args(["-o", &unfinished, "-lsimavr", "-lelf", "-lm"])
+        .output();
+    let built = built.map_err(|error| {
+        let what = format!(
+            "{}: {error}; install a C compiler: apt install gcc libc6-dev libsimavr-dev libelf-dev",
+            compiler.display()
+        );
+        failed(&what)
+    })?;
+    if !built.status.success() {
+        let _ = dir.remove_file(&unfinished);
+        return Err(failed(&reason(&String::from_utf8_lossy(&built.stderr))));
+    }
+    dir.rename(&unfinished, NAME)
+        .map_err(|error| failed(&error))
+}
+
+/// What the compiler's words come to.
+fn reason(words: &str) -> String {
+    let is_missing = ["sim_avr.h", "avr_", "-lsimavr", "-lelf"]
+        .iter()
+        .any(|name| {
+            words.contains(&format!("{name}: No such file"))
+                || words.contains(&format!("cannot find {name}"))
+        })
+        || (words.contains("No such file") && words.contains(".h"));
+    if is_missing {
+        return "simavr is missing: apt install libsimavr-dev libelf-dev (Debian, Ubuntu); elsewhere \
+                install simavr 1.6 or later with its headers in /usr/include/simavr"
+            .to_owned();
+    }
+    let first = words.lines().find(|line| line.contains("error"));
+    first.unwrap_or("the compiler failed").to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Words of gcc 12 without the package, and without the library alone.
+    #[test]
+    fn a_missing_simulator_names_the_package() {
+        for words in [
+            "node.h:12:10: fatal error: avr_adc.h: No such file or directory\n",
+            "/usr/bin/ld: cannot find -lsimavr: No such file or directory\n",
+        ] {
+            assert!(
+                reason(words).contains("apt install libsimavr-dev"),
+                "{words}"
+            );
+        }
+        assert_eq!(reason("a.c:1: error: x\n"), "a.c:1: error: x");
+    }
+}

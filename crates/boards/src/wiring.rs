@@ -1,0 +1,223 @@
+//! Which port of a rig is connected to what of a board.
+
+use core::fmt;
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde_json::{Map, Value, json};
+
+use crate::Board;
+
+/// What a port of a rig carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PortKind {
+    /// Bytes of a UART.
+    Uart,
+    /// Transactions of a two-wire bus.
+    I2c,
+}
+
+/// What of a board a port is connected to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// The UART of this number.
+    Uart(u8),
+    /// The two-wire bus.
+    Twi,
+    /// The SPI bus.
+    Spi,
+}
+
+/// Why ports cannot be connected.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WiringError(String);
+
+impl fmt::Display for WiringError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl core::error::Error for WiringError {}
+
+impl Board {
+    /// The port of the board that is called `name`.
+    pub fn unit(&self, name: &str) -> Option<Unit> {
+        if self.i2c.as_deref() == Some(name) {
+            return Some(Unit::Twi);
+        }
+        if self.spi.as_deref() == Some(name) {
+            return Some(Unit::Spi);
+        }
+        self.uarts.get(name).copied().map(Unit::Uart)
+    }
+
+    /// Names of its ports.
+    pub fn port_names(&self) -> Vec<&str> {
+        let uarts = self.uarts.keys();
+        let buses = self.i2c.iter().chain(&self.spi);
+        uarts.chain(buses).map(String::as_str).collect()
+    }
+
+    /// Connects `ports` of a rig: by `wires` (a port of the rig and one of the board), else to the
+    /// port of the board with the same name, else to the only one of its kind that is free if it is
+    /// the only port of the rig that is left for it.
+    ///
+    /// # Errors
+    /// If a wire leads nowhere, or a port is left and the choice is not clear.
+    pub fn wire(
+        &self,
+        ports: &[(String, PortKind)],
+        wires: &BTreeMap<String, String>,
+    ) -> Result<Value, WiringError> {
+        let mut found: BTreeMap<&str, Unit> = BTreeMap::new();
+        let known = || self.port_names().join(", ");
+        for (port, to) in wires {
+            if !ports.iter().any(|(name, _)| name == port) {
+                let names: Vec<_> = ports.iter().map(|(name, _)| name.as_str()).collect();
+                return Err(WiringError(format!(
+                    "wire {port}={to}: the rig has no port \"{port}\", expected one of {}",
+                    names.join(", ")
+                )));
+            }
+            let unit = self.unit(to).ok_or_else(|| {
+                WiringError(format!(
+                    "wire {port}={to}: the board {} has no port \"{to}\", expected one of {}",
+                    self.name,
+                    known()
+                ))
+            })?;
+            found.insert(port, unit);
+        }
+        for (port, _) in ports {
+            if let (false, Some(unit)) = (found.contains_key(port.as_str()), self.unit(port)) {
+                found.insert(port, unit);
+            }
+        }
+        self.wire_the_rest(ports, &mut found)?;
+        let mut taken = BTreeSet::new();
+        let mut told = Map::new();
+        for (port, unit) in found {
+            let (name, number) = match unit {
+                Unit::Uart(number) => ("uart", number),
+                Unit::Twi => ("twi", 0),
+                Unit::Spi => ("spi", 0),
+            };
+            if !taken.insert((name, number)) {
+                return Err(WiringError(format!(
+                    "port \"{port}\": its {name} of the board is taken by another port of the rig; \
+                     connect it elsewhere by wires"
+                )));
+            }
+            told.insert(port.to_owned(), json!({ "unit": name, "number": number }));
+        }
+        Ok(Value::Object(told))
+    }
+
+    fn wire_the_rest<'a>(
+        &self,
+        ports: &'a [(String, PortKind)],
+        found: &mut BTreeMap<&'a str, Unit>,
+    ) -> Result<(), WiringError> {
+        for kind in [PortKind::I2c, PortKind::Uart] {
+            let left = ports
+                .iter()
+                .filter(|(name, of)| *of == kind && !found.contains_key(name.as_str()));
+            let left: Vec<_> = left.map(|(name, _)| name.as_str()).collect();
+            let free = self.port_names().into_iter();
+            let free = free.filter(|name| {
+                self.unit(name).is_some_and(|unit| {
+                    let fits = match unit {
+                        Unit::Uart(_) => kind == PortKind::Uart,
+                        Unit::Twi => kind == PortKind::I2c,
+                        Unit::Spi => false,
+                    };
+                    fits && !found.values().any(|taken| *taken == unit)
+                })
+            });
+            let free: Vec<_> = free.collect();
+            match (&left[..], &free[..]) {
+                ([], _) => {}
+                ([port], [only]) => {
+                    found.extend(self.unit(only).map(|unit| (*port, unit)));
+                }
+                ([port, ..], _) => {
+                    let free = match free.is_empty() {
+                        true => "none is free".to_owned(),
+                        false => format!("free are {}", free.join(", ")),
+                    };
+                    return Err(WiringError(format!(
+                        "port \"{port}\" of the rig: which port of the board {} it is connected to \
+                         is not clear ({free}); say it by a wire, e.g. {port}={}",
+                        self.name,
+                        self.port_names().first().unwrap_or(&"serial")
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn wired(board: &str, ports: &[(&str, PortKind)], wires: &[(&str, &str)]) -> String {
+        let board = Board::load(board, Path::new("")).expect("is shipped");
+        let ports: Vec<_> = ports
+            .iter()
+            .map(|(n, kind)| ((*n).to_owned(), *kind))
+            .collect();
+        let wires = wires
+            .iter()
+            .map(|(a, b)| ((*a).to_owned(), (*b).to_owned()));
+        match board.wire(&ports, &wires.collect()) {
+            Ok(told) => told.to_string(),
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn the_only_port_left_takes_the_only_one_free() {
+        use PortKind::{I2c, Uart};
+        assert_eq!(
+            wired("arduino-uno", &[("scale", Uart), ("imu", I2c)], &[]),
+            r#"{"imu":{"number":0,"unit":"twi"},"scale":{"number":0,"unit":"uart"}}"#
+        );
+        assert_eq!(
+            wired("arduino-mega", &[("serial2", Uart)], &[]),
+            r#"{"serial2":{"number":2,"unit":"uart"}}"#
+        );
+    }
+
+    #[test]
+    fn what_is_not_clear_names_the_wire() {
+        use PortKind::Uart;
+        let two = [("gps", Uart), ("servo", Uart)];
+        assert_eq!(
+            wired("arduino-mega", &two, &[("gps", "serial1")]),
+            "port \"servo\" of the rig: which port of the board arduino-mega it is connected to is \
+             not clear (free are serial, serial2, serial3); say it by a wire, e.g. servo=serial"
+        );
+        assert_eq!(
+            wired("arduino-mega", &two, &[("gps", "com1")]),
+            "wire gps=com1: the board arduino-mega has no port \"com1\", expected one of serial, \
+             serial1, serial2, serial3, i2c, spi"
+        );
+        assert_eq!(
+            wired("arduino-mega", &two, &[("gsp", "serial")]),
+            "wire gsp=serial: the rig has no port \"gsp\", expected one of gps, servo"
+        );
+        assert_eq!(
+            wired(
+                "arduino-mega",
+                &two,
+                &[("gps", "serial1"), ("servo", "serial1")]
+            ),
+            "port \"servo\": its uart of the board is taken by another port of the rig; connect it \
+             elsewhere by wires"
+        );
+    }
+}

@@ -1,0 +1,224 @@
+/* The two-wire bus and SPI. The chips are the rig's; the microcontroller is their master.
+ *
+ *   begin   | 02 | 2 | address | most |     answer | 02 | status | length | bytes |
+ *   end     | 03 | length | address | data written |
+ *   end     | 04 | 1 | bytes that the master took |
+ *
+ * A transaction begins with a question to the chip: does it acknowledge, and what would it say? The
+ * clock is held until the answer is there, as a chip may; silence is no acknowledge. */
+#include <string.h>
+
+#include "node.h"
+
+enum { BEGIN = 0x02, END_WRITE = 0x03, END_READ = 0x04, READ_MOST = 64 };
+
+/* Longer than an answer takes: a message that is lost is not acknowledged. */
+static const uint64_t ANSWER_NS_MAX = 2000000;
+
+/* simavr's states behind an address. */
+enum { WRITE_ACK = 0x18, WRITE_NACK = 0x20, READ_ACK = 0x40, READ_NACK = 0x48 };
+
+static uint64_t at_once(void) {
+    uint64_t at = ns_of(chip.avr->cycle);
+    return at > chip.now_ns ? at : chip.now_ns;
+}
+
+/* Nine bits; SCL has 16 + 2 TWBR 4^TWPS cycles. The bit rate is the register before the status. */
+static avr_cycle_count_t byte_cycles(const avr_twi_t *io) {
+    avr_t *avr = chip.avr;
+    unsigned prescaler = 1u << 2 * avr_regbit_get(avr, io->twps);
+    return 9 * (avr_cycle_count_t)(16 + 2u * avr->data[io->r_twbr] * prescaler);
+}
+
+static void end_transaction(void) {
+    struct twi *twi = &chip.twi;
+    if (!twi->is_open)
+        return;
+    twi->is_open = false;
+    uint8_t message[3 + sizeof twi->written];
+    size_t len = 0;
+    if (twi->address & 1) {
+        message[0] = END_READ;
+        message[1] = 1;
+        message[2] = (uint8_t)twi->taken;
+        len = 3;
+    } else {
+        message[0] = END_WRITE;
+        message[1] = (uint8_t)(twi->written_len + 1);
+        message[2] = twi->address;
+        memcpy(message + 3, twi->written, twi->written_len);
+        len = 3 + twi->written_len;
+    }
+    wire_item(ITEM_BYTES, (uint8_t)twi->port, at_once(), message, len);
+}
+
+static void begin_transaction(uint8_t address) {
+    struct twi *twi = &chip.twi;
+    end_transaction();
+    twi->address = address;
+    twi->written_len = twi->read_len = twi->taken = twi->answer_len = 0;
+    /* Nobody pulls the line of a bus without chips. */
+    if (twi->port < 0)
+        return;
+    uint8_t message[4] = {BEGIN, 2, address, address & 1 ? READ_MOST : 0};
+    wire_item(ITEM_BYTES, (uint8_t)twi->port, at_once(), message, sizeof message);
+    twi->held = true;
+    twi->begun = chip.avr->cycle;
+    twi->deadline = chip.avr->cycle + cycles_of(ANSWER_NS_MAX + 2 * chip.slice_ns);
+}
+
+static void on_twi(struct avr_irq_t *irq, uint32_t value, void *param) {
+    struct twi *twi = &chip.twi;
+    avr_twi_msg_irq_t message;
+    (void)irq;
+    (void)param;
+    message.u.v = value;
+    uint8_t what = message.u.twi.msg, address = message.u.twi.addr;
+    avr_irq_t *answer = twi->io->io.irq + TWI_IRQ_INPUT;
+    twi->touched = true;
+    /* The step ends behind this instruction, so that its timer can be set right. */
+    chip.avr->run_cycle_limit = 1;
+    if (what & TWI_COND_STOP)
+        end_transaction();
+    if (what & TWI_COND_START)
+        begin_transaction(address);
+    if ((what & TWI_COND_WRITE) && twi->is_open) {
+        if (twi->written_len < sizeof twi->written)
+            twi->written[twi->written_len++] = message.u.twi.data;
+        avr_raise_irq(answer, avr_twi_irq_msg(TWI_COND_ACK, address, 1));
+    }
+    if (what & TWI_COND_READ) {
+        bool is_there = twi->is_open && twi->taken < twi->read_len;
+        uint8_t byte = is_there ? twi->read[twi->taken] : 0xFF;
+        twi->taken += twi->taken < 255;
+        avr_raise_irq(answer, avr_twi_irq_msg(TWI_COND_READ, address, byte));
+    }
+}
+
+static void conclude(bool is_there) {
+    struct twi *twi = &chip.twi;
+    avr_t *avr = chip.avr;
+    avr_twi_t *io = twi->io;
+    twi->held = false;
+    twi->is_open = is_there;
+    /* The program has switched the bus off meanwhile. */
+    if (!twi->resume || !avr_regbit_get(avr, io->twen) || !(io->state & TWI_COND_ADDR))
+        return;
+    bool reads = twi->address & 1;
+    io->next_twstate = reads ? (is_there ? READ_ACK : READ_NACK) : is_there ? WRITE_ACK : WRITE_NACK;
+    io->state = (uint8_t)(is_there ? io->state | TWI_COND_ACK : io->state & ~TWI_COND_ACK);
+    avr_cycle_count_t end = twi->begun + byte_cycles(io);
+    avr_cycle_timer_register(avr, end > avr->cycle ? end - avr->cycle : 1, twi->resume, io);
+}
+
+void twi_settle(void) {
+    struct twi *twi = &chip.twi;
+    avr_t *avr = chip.avr;
+    if (twi->touched) {
+        twi->touched = false;
+        avr_cycle_timer_slot_t *timer = timer_of(twi->io);
+        if (timer) {
+            avr_cycle_timer_t resume = timer->timer;
+            twi->resume = resume;
+            if (twi->held)
+                avr_cycle_timer_cancel(avr, resume, twi->io);
+            else
+                avr_cycle_timer_register(avr, byte_cycles(twi->io), resume, twi->io);
+        }
+    }
+    if (twi->held && avr->cycle >= twi->deadline)
+        conclude(false);
+}
+
+void twi_receive(const uint8_t *bytes, size_t len) {
+    struct twi *twi = &chip.twi;
+    if (!twi->held)
+        return;
+    size_t room = sizeof twi->answer - twi->answer_len;
+    size_t taken = len < room ? len : room;
+    memcpy(twi->answer + twi->answer_len, bytes, taken);
+    twi->answer_len += (unsigned)taken;
+    if (twi->answer_len < 3 || twi->answer_len < 3u + twi->answer[2])
+        return;
+    /* An answer that damage has made unreadable counts as none. */
+    bool is_there = twi->answer[0] == BEGIN && twi->answer[1] == 0;
+    twi->read_len = twi->answer[2];
+    memcpy(twi->read, twi->answer + 3, twi->read_len);
+    conclude(is_there);
+}
+
+void twi_reset(void) {
+    struct twi *twi = &chip.twi;
+    if (!twi->io)
+        return;
+    /* The bus is let go in the midst of a transaction. */
+    end_transaction();
+    twi->held = twi->touched = false;
+}
+
+void twi_attach(void) {
+    avr_irq_register_notify(chip.twi.io->io.irq + TWI_IRQ_OUTPUT, on_twi, NULL);
+}
+
+/* simavr takes 100 us for each byte: eight bits of fosc / 4, 16, 64, 128, half with SPI2X. */
+static void on_spi_data(struct avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    avr_spi_t *io = chip.spi.io;
+    (void)address;
+    (void)value;
+    (void)param;
+    static const uint8_t dividers[4] = {4, 16, 64, 128};
+    unsigned rate = avr_regbit_get(avr, io->spr[0]) | (unsigned)avr_regbit_get(avr, io->spr[1]) << 1;
+    unsigned divider = dividers[rate & 3] >> avr_regbit_get(avr, io->spr[2]);
+    avr_cycle_timer_slot_t *timer = timer_of(io);
+    if (timer)
+        avr_cycle_timer_register(avr, 8 * divider, timer->timer, io);
+}
+
+/* A byte has been clocked out; what came in meanwhile is FF if nobody drives the line. */
+static void on_spi(struct avr_irq_t *irq, uint32_t value, void *param) {
+    struct spi *spi = &chip.spi;
+    uint8_t byte = (uint8_t)value;
+    (void)irq;
+    (void)param;
+    if (!avr_regbit_get(chip.avr, spi->io->mstr))
+        return;
+    if (spi->port < 0) {
+        spi->io->input_data_register = 0xFF;
+        return;
+    }
+    avr_clear_interrupt(chip.avr, &spi->io->spi);
+    avr_regbit_clear(chip.avr, spi->io->spi.raised);
+    wire_item(ITEM_BYTES, (uint8_t)spi->port, at_once(), &byte, 1);
+    spi->held = true;
+    spi->deadline = chip.avr->cycle + cycles_of(ANSWER_NS_MAX);
+}
+
+void spi_receive(const uint8_t *bytes, size_t len) {
+    struct spi *spi = &chip.spi;
+    if (!spi->held || len == 0)
+        return;
+    spi->held = false;
+    avr_raise_irq(spi->io->io.irq + SPI_IRQ_INPUT, bytes[0]);
+}
+
+void spi_settle(void) {
+    struct spi *spi = &chip.spi;
+    static const uint8_t idle = 0xFF;
+    if (spi->held && chip.avr->cycle >= spi->deadline)
+        spi_receive(&idle, 1);
+}
+
+void spi_attach(void) {
+    avr_spi_t *io = chip.spi.io;
+    avr_irq_register_notify(io->io.irq + SPI_IRQ_OUTPUT, on_spi, NULL);
+    avr_register_io_write(chip.avr, io->r_spdr, on_spi_data, NULL);
+}
+
+avr_cycle_count_t bus_deadline(void) {
+    avr_cycle_count_t deadline = NEVER;
+    if (chip.twi.held)
+        deadline = chip.twi.deadline;
+    if (chip.spi.held && chip.spi.deadline < deadline)
+        deadline = chip.spi.deadline;
+    return deadline;
+}
