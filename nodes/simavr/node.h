@@ -23,7 +23,7 @@
 
 #include "json.h"
 
-enum { PORTS_MAX = 16, PINS_MAX = 128, NAME_MAX_LEN = 64, UARTS_MAX = 4 };
+enum { PORTS_MAX = 16, PINS_MAX = 128, NAME_MAX_LEN = 64, UARTS_MAX = 4, WHEELS_MAX = 8 };
 
 static const uint64_t NEVER = UINT64_MAX;
 static const uint64_t NS_PER_S = 1000000000;
@@ -70,10 +70,26 @@ struct pin {
     unsigned edges;
 };
 
-/* A quantity that the rig gives, by its number there. */
+/* A motor driver with a pin for its power and two for its direction; its output is -1 to 1. */
+struct bridge {
+    char name[NAME_MAX_LEN];
+    int power, forward, backward;
+    int output;
+    double value;
+};
+
+/* A wheel's encoder: two contacts, a quarter of a turn apart, that follow a count. */
+struct encoder {
+    char name[NAME_MAX_LEN];
+    int a, b;
+    bool is_begun;
+    int64_t count;
+};
+
+/* A quantity that the rig gives, by its number there: of a pin, or of an encoder. */
 struct given {
     int pin;
-    bool is_analog;
+    int encoder;
 };
 
 struct uart {
@@ -144,6 +160,10 @@ struct chip {
     struct pin pins[PINS_MAX];
     int pin_count;
     int output_count;
+    struct bridge bridges[WHEELS_MAX];
+    int bridge_count;
+    struct encoder encoders[WHEELS_MAX];
+    int encoder_count;
     struct given given[PINS_MAX * 2];
     int given_count;
 };

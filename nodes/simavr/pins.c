@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <stdlib.h>
 
 #include "node.h"
 
@@ -105,21 +104,40 @@ static void on_edge(struct avr_irq_t *irq, uint32_t value, void *param) {
     tell(pin, is_high, now);
 }
 
-void pins_report(void) { if (getenv("DBG")) for (int i=0;i<chip.pin_count;i++) if (chip.pins[i].timer) fprintf(stderr,"%s t%c com %d div %d kind %d out %d drv %d val %f\n", chip.pins[i].name, chip.pins[i].timer->name, timer_drives(&chip.pins[i]), (int)chip.pins[i].timer->cs_div_value, chip.pins[i].timer->wgm_op_mode_kind, chip.pins[i].output, is_driven(&chip.pins[i]), duty(&chip.pins[i]));
+/* Duty or level of a pin that is driven; 0 otherwise. */
+static double drive_of(const struct pin *pin) {
+    if (!is_driven(pin))
+        return 0;
+    double value = timer_drives(pin) ? duty(pin) : NAN;
+    if (!isnan(value))
+        return value;
+    return chip.avr->data[port_of(pin->letter)->r_port] >> pin->bit & 1;
+}
+
+static void report_bridges(void) {
+    for (int i = 0; i < chip.bridge_count; i++) {
+        struct bridge *bridge = &chip.bridges[i];
+        double power = drive_of(&chip.pins[bridge->power]);
+        double way = drive_of(&chip.pins[bridge->forward]) - drive_of(&chip.pins[bridge->backward]);
+        double value = power * way;
+        if (value == bridge->value)
+            continue;
+        bridge->value = value;
+        uint64_t at = output_ns(chip.avr->cycle);
+        wire_item(ITEM_OUTPUT, (uint8_t)bridge->output, at, &value, sizeof value);
+    }
+}
+
+void pins_report(void) {
+    report_bridges();
     for (int i = 0; i < chip.pin_count; i++) {
         struct pin *pin = &chip.pins[i];
         bool is_fast = pin->edges > EDGES_MAX;
         pin->edges = 0;
         if (pin->output < 0 || (!pin->timer && !is_fast && !isnan(pin->value)))
             continue;
-        if (!is_driven(pin))
-            continue;
-        double value = timer_drives(pin) ? duty(pin) : NAN;
-        if (isnan(value)) {
-            const avr_ioport_t *port = port_of(pin->letter);
-            value = chip.avr->data[port->r_port] >> pin->bit & 1;
-        }
-        tell(pin, value, chip.avr->cycle);
+        if (is_driven(pin))
+            tell(pin, drive_of(pin), chip.avr->cycle);
     }
 }
 
@@ -131,6 +149,7 @@ void pins_reset(void) {
             tell(pin, 0, chip.avr->cycle);
         pin->value = NAN;
     }
+    report_bridges();
 }
 
 /* The sample is taken when the conversion begins. simavr scales by 1023, the converter by 1024. */
@@ -152,19 +171,9 @@ static void on_conversion(struct avr_irq_t *irq, uint32_t value, void *param) {
     adc->adc_values[adc->muxmode[index].src & 7] = (uint16_t)ceil(code * full * 1000 / 1023);
 }
 
-void pins_give(int number, double value) {
-    if (number < 0 || number >= chip.given_count || isnan(value))
-        return;
-    const struct given *given = &chip.given[number];
-    struct pin *pin = &chip.pins[given->pin];
-    /* An analog pin is given millivolts, another one a level. */
-    double volts = given->is_analog ? value / 1000 : value != 0 ? chip.vcc : 0;
-    if (pin->channel >= 0)
-        chip.volts[pin->channel] = volts;
+/* The level of an input by its voltage, as the data sheet has it; between them it stays. */
+static void drive_input(const struct pin *pin, double volts) {
     avr_ioport_t *port = port_of(pin->letter);
-    if (!port)
-        return;
-    /* Input levels of the data sheet; between them the level stays. */
     uint8_t mask = (uint8_t)(1u << pin->bit);
     bool was_high = port->external.pull_value & mask;
     bool is_high = volts >= 0.6 * chip.vcc || (was_high && volts > 0.3 * chip.vcc);
@@ -177,6 +186,39 @@ void pins_give(int number, double value) {
     avr_ioctl(chip.avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(pin->letter), &pull);
     if (!is_driven(pin))
         avr_raise_irq(port->io.irq + pin->bit, is_high);
+}
+
+/* Edge by edge, so that each contact's interrupt is seen. A jump of thousands is no turn. */
+static void turn(struct encoder *encoder, double value) {
+    static const double JUMP_MAX = 1000;
+    int64_t count = (int64_t)value;
+    if (!encoder->is_begun || fabs(value - (double)encoder->count) > JUMP_MAX)
+        encoder->count = count - encoder->is_begun;
+    while (!encoder->is_begun || encoder->count != count) {
+        if (encoder->is_begun)
+            encoder->count += count > encoder->count ? 1 : -1;
+        encoder->is_begun = true;
+        unsigned place = (unsigned)(encoder->count & 3);
+        drive_input(&chip.pins[encoder->a], place == 1 || place == 2 ? chip.vcc : 0);
+        drive_input(&chip.pins[encoder->b], place >= 2 ? chip.vcc : 0);
+    }
+}
+
+void pins_give(int number, double value) {
+    if (number < 0 || number >= chip.given_count || !(fabs(value) < 1e15))
+        return;
+    const struct given *given = &chip.given[number];
+    if (given->encoder >= 0) {
+        turn(&chip.encoders[given->encoder], value);
+        return;
+    }
+    /* An analog pin is given millivolts, another one a level. */
+    struct pin *pin = &chip.pins[given->pin];
+    bool is_analog = pin->channel >= 0;
+    double volts = is_analog ? value / 1000 : value != 0 ? chip.vcc : 0;
+    if (is_analog)
+        chip.volts[pin->channel] = volts;
+    drive_input(pin, volts);
 }
 
 static void find_timer(struct pin *pin, const avr_ioport_t *port) {

@@ -2,7 +2,6 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
-#include <stdlib.h>
 
 #include "node.h"
 
@@ -181,7 +180,6 @@ static bool may_wake(const void *param) {
 }
 
 uint64_t next_exchange(void) {
-    if (getenv("DBG")) fprintf(stderr, "st %d is %d pc %x timer %p when %lld cyc %lld\n", chip.avr->state, chip.avr->interrupt_state, chip.avr->pc, (void*)chip.avr->cycle_timers.timer, chip.avr->cycle_timers.timer ? (long long)(chip.avr->cycle_timers.timer->when-chip.avr->cycle):0, (long long)chip.avr->cycle);
     avr_t *avr = chip.avr;
     if (chip.is_off || chip.is_crashed)
         return NEVER;

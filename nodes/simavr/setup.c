@@ -198,7 +198,7 @@ static int pin_named(const char *name) {
     return -1;
 }
 
-static void read_pins(const struct json *hello, const struct json *board) {
+static void read_pins(const struct json *board) {
     const struct json *pins = json_get(board, "pins");
     for (const struct json *at = pins ? pins->first : NULL; at; at = at->next) {
         const char *place = json_text(at, "at");
@@ -217,13 +217,52 @@ static void read_pins(const struct json *hello, const struct json *board) {
         pin->channel = (int)channel;
         pin->output = -1;
     }
+}
+
+/* The pin that `key` of a motor driver or an encoder names. */
+static int pin_of(const struct json *part, const char *what, const char *key) {
+    const char *name = json_text(part, key);
+    int pin = name ? pin_named(name) : -1;
+    if (pin < 0)
+        refuse("%s.%s.%s is \"%s\", expected a pin of the board", what, part->key, key,
+               name ? name : "");
+    return pin;
+}
+
+/* Motor drivers, encoders, and the values that the rig gives. */
+static void read_wheels(const struct json *hello, const struct json *settings) {
+    const struct json *bridges = json_get(settings, "bridges");
+    for (const struct json *at = bridges ? bridges->first : NULL; at; at = at->next) {
+        if (chip.bridge_count == WHEELS_MAX || !at->key)
+            refuse("bridges: expected a table of at most %d", WHEELS_MAX);
+        struct bridge *bridge = &chip.bridges[chip.bridge_count++];
+        copy(bridge->name, sizeof bridge->name, at->key);
+        bridge->power = pin_of(at, "bridges", "power");
+        bridge->forward = pin_of(at, "bridges", "forward");
+        bridge->backward = pin_of(at, "bridges", "backward");
+        bridge->output = chip.output_count++;
+    }
+    const struct json *encoders = json_get(settings, "encoders");
+    for (const struct json *at = encoders ? encoders->first : NULL; at; at = at->next) {
+        if (chip.encoder_count == WHEELS_MAX || !at->key)
+            refuse("encoders: expected a table of at most %d", WHEELS_MAX);
+        struct encoder *encoder = &chip.encoders[chip.encoder_count++];
+        copy(encoder->name, sizeof encoder->name, at->key);
+        encoder->a = pin_of(at, "encoders", "a");
+        encoder->b = pin_of(at, "encoders", "b");
+    }
     const struct json *quantities = json_get(hello, "quantities");
     for (const struct json *at = quantities ? quantities->first : NULL; at; at = at->next) {
-        int pin = at->kind == JSON_STRING ? pin_named(at->string) : -1;
-        if (pin < 0 || chip.given_count == PINS_MAX * 2)
-            refuse("the rig gives a value \"%s\", which is no pin of the board",
-                   at->kind == JSON_STRING ? at->string : "?");
-        chip.given[chip.given_count++] = (struct given){pin, chip.pins[pin].channel >= 0};
+        const char *name = at->kind == JSON_STRING ? at->string : "?";
+        struct given given = {pin_named(name), -1};
+        for (int i = 0; i < chip.encoder_count; i++)
+            if (strcmp(chip.encoders[i].name, name) == 0)
+                given.encoder = i;
+        if ((given.pin < 0 && given.encoder < 0) || chip.given_count == PINS_MAX * 2)
+            refuse("the rig gives a value \"%s\", which is neither a pin of the board nor one of "
+                   "encoders",
+                   name);
+        chip.given[chip.given_count++] = given;
     }
 }
 
@@ -235,7 +274,7 @@ static void choose_outputs(const struct json *settings) {
         if (pin < 0)
             refuse("outputs: \"%s\" is no pin of the board",
                    at->kind == JSON_STRING ? at->string : "?");
-        if (chip.pins[pin].output < 0 && chip.output_count < 250) {
+        if (chip.pins[pin].output < 0 && chip.output_count < 240) {
             chip.pins[pin].output = chip.output_count;
             chip.output_count += 2;
         }
@@ -247,14 +286,20 @@ static void answer_hello(void) {
     size_t len = (size_t)snprintf(text, sizeof text,
                                   "{\"hilrig_node\": 1, \"save\": false, \"faults\": [\"reset\", "
                                   "\"off\"], \"outputs\": [");
-    for (int number = 0; number < chip.output_count; number += 2)
+    const char *comma = "";
+    for (int number = 0; number < chip.output_count; number++) {
         for (int i = 0; i < chip.pin_count; i++)
             if (chip.pins[i].output == number)
-                len += (size_t)snprintf(text + len, sizeof text - len, "%s\"%s\", \"%s_us\"",
-                                        number > 0 ? ", " : "", chip.pins[i].name,
-                                        chip.pins[i].name);
+                len += (size_t)snprintf(text + len, sizeof text - len, "%s\"%s\", \"%s_us\"", comma,
+                                        chip.pins[i].name, chip.pins[i].name);
+        for (int i = 0; i < chip.bridge_count; i++)
+            if (chip.bridges[i].output == number)
+                len += (size_t)snprintf(text + len, sizeof text - len, "%s\"%s\"", comma,
+                                        chip.bridges[i].name);
+        comma = ", ";
+    }
     /* The buses keep their times by themselves: questions to a chip travel at once. */
-    const char *comma = "";
+    comma = "";
     len += (size_t)snprintf(text + len, sizeof text - len, "], \"ports\": [");
     for (int i = 0; i < chip.port_count; i++) {
         if (chip.ports[i].unit != UNIT_TWI && chip.ports[i].unit != UNIT_SPI)
@@ -281,8 +326,9 @@ void setup(const struct json *hello) {
     load_firmware();
     find_units(board);
     read_ports(hello, json_get(settings, "wires"));
-    read_pins(hello, board);
+    read_pins(board);
     choose_outputs(settings);
+    read_wheels(hello, settings);
     for (int i = 0; i < UARTS_MAX; i++)
         if (chip.uarts[i].io)
             uart_attach(&chip.uarts[i]);
