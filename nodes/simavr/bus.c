@@ -56,13 +56,16 @@ static void begin_transaction(uint8_t address) {
     struct twi *twi = &chip.twi;
     end_transaction();
     twi->address = address;
-    twi->written_len = twi->read_len = twi->taken = twi->answer_len = 0;
+    twi->written_len = twi->read_len = twi->taken = 0;
     /* Nobody pulls the line of a bus without chips. */
-    if (twi->port < 0)
-        return;
     uint8_t message[4] = {BEGIN, 2, address, address & 1 ? READ_MOST : 0};
-    wire_item(ITEM_BYTES, (uint8_t)twi->port, at_once(), message, sizeof message);
-    twi->held = true;
+    for (int i = 0; i < twi->chip_count; i++) {
+        struct chip_on_bus *at = &twi->chips[i];
+        at->is_asked = true;
+        at->answer_len = 0;
+        wire_item(ITEM_BYTES, (uint8_t)at->port, at_once(), message, sizeof message);
+    }
+    twi->held = twi->chip_count > 0;
     twi->begun = chip.avr->cycle;
     twi->deadline = chip.avr->cycle + cycles_of(ANSWER_NS_MAX + 2 * chip.slice_ns);
 }
@@ -130,20 +133,34 @@ void twi_settle(void) {
         conclude(false);
 }
 
-void twi_receive(const uint8_t *bytes, size_t len) {
+void twi_receive(int port, const uint8_t *bytes, size_t len) {
     struct twi *twi = &chip.twi;
-    if (!twi->held)
+    struct chip_on_bus *from = NULL;
+    bool others_asked = false;
+    for (int i = 0; i < twi->chip_count; i++) {
+        if (twi->chips[i].port == port)
+            from = &twi->chips[i];
+        else
+            others_asked = others_asked || twi->chips[i].is_asked;
+    }
+    if (!twi->held || !from || !from->is_asked)
         return;
-    size_t room = sizeof twi->answer - twi->answer_len;
+    size_t room = sizeof from->answer - from->answer_len;
     size_t taken = len < room ? len : room;
-    memcpy(twi->answer + twi->answer_len, bytes, taken);
-    twi->answer_len += (unsigned)taken;
-    if (twi->answer_len < 3 || twi->answer_len < 3u + twi->answer[2])
+    memcpy(from->answer + from->answer_len, bytes, taken);
+    from->answer_len += (unsigned)taken;
+    if (from->answer_len < 3 || from->answer_len < 3u + from->answer[2])
         return;
+    from->is_asked = false;
     /* An answer that damage has made unreadable counts as none. */
-    bool is_there = twi->answer[0] == BEGIN && twi->answer[1] == 0;
-    twi->read_len = twi->answer[2];
-    memcpy(twi->read, twi->answer + 3, twi->read_len);
+    bool is_there = from->answer[0] == BEGIN && from->answer[1] == 0;
+    if (!is_there && others_asked)
+        return;
+    if (is_there) {
+        twi->port = port;
+        twi->read_len = from->answer[2];
+        memcpy(twi->read, from->answer + 3, twi->read_len);
+    }
     conclude(is_there);
 }
 

@@ -45,7 +45,7 @@ static void apply(const struct item *item) {
         if (port->unit == UNIT_UART)
             uart_receive(&chip.uarts[port->number], item->payload, item->len);
         else if (port->unit == UNIT_TWI)
-            twi_receive(item->payload, item->len);
+            twi_receive(item->port, item->payload, item->len);
         else if (port->unit == UNIT_SPI)
             spi_receive(item->payload, item->len);
     }

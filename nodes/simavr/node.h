@@ -107,8 +107,19 @@ struct uart {
     unsigned line_len;
 };
 
+/* A chip of the rig on the bus: each has a port of its own, and all hear each address. */
+struct chip_on_bus {
+    int port;
+    bool is_asked;
+    uint8_t answer[258];
+    unsigned answer_len;
+};
+
 struct twi {
     avr_twi_t *io;
+    struct chip_on_bus chips[PORTS_MAX];
+    int chip_count;
+    /* The chip that acknowledged. */
     int port;
     bool touched;
     bool is_open;
@@ -123,8 +134,6 @@ struct twi {
     avr_cycle_timer_t resume;
     avr_cycle_count_t begun;
     avr_cycle_count_t deadline;
-    uint8_t answer[258];
-    unsigned answer_len;
 };
 
 struct spi {
@@ -209,7 +218,7 @@ void uart_tell_coding(struct uart *uart);
 
 /* bus.c */
 void twi_attach(void);
-void twi_receive(const uint8_t *bytes, size_t len);
+void twi_receive(int port, const uint8_t *bytes, size_t len);
 /* After each step: true bit times, and the clock that a chip holds. */
 void twi_settle(void);
 void twi_reset(void);

@@ -129,7 +129,7 @@ static void load_firmware(void) {
 static void find_units(const struct json *board) {
     for (int i = 0; i < UARTS_MAX; i++)
         chip.uarts[i].port = -1;
-    chip.twi.port = chip.spi.port = -1;
+    chip.spi.port = -1;
     for (avr_io_t *io = chip.avr->io_port; io; io = io->next) {
         if (strcmp(io->kind, "uart") == 0) {
             unsigned number = (unsigned)(((avr_uart_t *)io)->name - '0');
@@ -175,8 +175,8 @@ static void read_ports(const struct json *hello, const struct json *wires) {
                 chip.uarts[port->number].port = index;
         } else if (strcmp(unit, "twi") == 0) {
             port->unit = UNIT_TWI;
-            is_there = chip.twi.io && chip.twi.port < 0;
-            chip.twi.port = index;
+            is_there = chip.twi.io;
+            chip.twi.chips[chip.twi.chip_count++] = (struct chip_on_bus){.port = index};
         } else if (strcmp(unit, "spi") == 0) {
             port->unit = UNIT_SPI;
             is_there = chip.spi.io && chip.spi.port < 0;

@@ -60,7 +60,7 @@ impl Board {
 
     /// Connects `ports` of a rig: by `wires` (a port of the rig and one of the board), else to the
     /// port of the board with the same name, else to the only one of its kind that is free if it is
-    /// the only port of the rig that is left for it.
+    /// the only port of the rig that is left for it. A two-wire bus takes all chips.
     ///
     /// # Errors
     /// If a wire leads nowhere, or a port is left and the choice is not clear.
@@ -102,7 +102,7 @@ impl Board {
                 Unit::Twi => ("twi", 0),
                 Unit::Spi => ("spi", 0),
             };
-            if !taken.insert((name, number)) {
+            if unit != Unit::Twi && !taken.insert((name, number)) {
                 return Err(WiringError(format!(
                     "port \"{port}\": its {name} of the board is taken by another port of the rig; \
                      connect it elsewhere by wires"
@@ -131,14 +131,16 @@ impl Board {
                         Unit::Twi => kind == PortKind::I2c,
                         Unit::Spi => false,
                     };
-                    fits && !found.values().any(|taken| *taken == unit)
+                    let is_taken = found.values().any(|taken| *taken == unit);
+                    fits && (unit == Unit::Twi || !is_taken)
                 })
             });
             let free: Vec<_> = free.collect();
             match (&left[..], &free[..]) {
                 ([], _) => {}
-                ([port], [only]) => {
-                    found.extend(self.unit(only).map(|unit| (*port, unit)));
+                (ports, [only]) if ports.len() == 1 || kind == PortKind::I2c => {
+                    let unit = self.unit(only);
+                    found.extend(ports.iter().filter_map(|port| Some((*port, unit?))));
                 }
                 ([port, ..], _) => {
                     let free = match free.is_empty() {
@@ -183,8 +185,8 @@ mod tests {
     fn the_only_port_left_takes_the_only_one_free() {
         use PortKind::{I2c, Uart};
         assert_eq!(
-            wired("arduino-uno", &[("scale", Uart), ("imu", I2c)], &[]),
-            r#"{"imu":{"number":0,"unit":"twi"},"scale":{"number":0,"unit":"uart"}}"#
+            wired("arduino-uno", &[("scale", Uart), ("imu", I2c), ("sonar", I2c)], &[]),
+            r#"{"imu":{"number":0,"unit":"twi"},"scale":{"number":0,"unit":"uart"},"sonar":{"number":0,"unit":"twi"}}"#
         );
         assert_eq!(
             wired("arduino-mega", &[("serial2", Uart)], &[]),
