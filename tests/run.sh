@@ -87,6 +87,11 @@ if proof emulators protocols tests/simavr; then
     command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] ||
         missing+=(gcc-avr avr-libc arduino-core-avr libsimavr-dev libelf-dev)
 fi
+if proof nodes boards crates/boards crates/nodes crates/engine tests/firmware; then
+    command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] &&
+        [[ -d /usr/share/arduino/hardware/mighty-1284p ]] ||
+        missing+=(gcc-avr avr-libc arduino-core-avr arduino-mighty-1284p libsimavr-dev libelf-dev)
+fi
 if proof crates src devices tests/devices; then
     # Reads the described receiver.
     command -v gpsd >/dev/null && command -v gpspipe >/dev/null || missing+=(gpsd gpsd-clients)
@@ -217,6 +222,10 @@ fi
 if proof emulators protocols tests/simavr; then
     step "chips on the bus of a simulated microcontroller"
     CARGO_TARGET_DIR=$target bash tests/simavr/run.sh
+fi
+if proof nodes boards crates/boards crates/nodes crates/engine tests/firmware; then
+    step "firmware without a board: sketches in simavr, as programs and as a device"
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/firmware/run.sh
 fi
 if proof protocols emulators crates tests/lidar_clients; then
     step "the lidar and the telemetry, judged by what pip and cargo give"

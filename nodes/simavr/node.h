@@ -151,6 +151,8 @@ struct chip {
     uint64_t slice_ns;
     uint64_t now_ns;
     int gdb_port;
+    /* Turns of a loop that waits. */
+    bool leaves_out;
     bool is_off;
     bool is_crashed;
     bool was_reset;
@@ -208,6 +210,9 @@ void note(uint8_t kind, const char *rule, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 /* The timer of the chip's unit `param`; NULL if none runs. */
 avr_cycle_timer_slot_t *timer_of(const void *param);
+
+/* idle.c: leaves out what a waiting program does up to `end`, or the next event. */
+void idle_look(avr_cycle_count_t end);
 
 /* uart.c */
 void uart_attach(struct uart *uart);

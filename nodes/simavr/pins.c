@@ -64,6 +64,28 @@ static const struct waveform OF_16_BITS[16] = {
     [14] = {FAST, 0, true},           [15] = {FAST, 0, false},
 };
 
+/* simavr lets a timer in a mode that it does not know overflow at each count. */
+static void complete_modes(void) {
+    for (avr_io_t *io = chip.avr->io_port; io; io = io->next) {
+        if (strcmp(io->kind, "timer") != 0)
+            continue;
+        avr_timer_t *timer = (avr_timer_t *)io;
+        for (unsigned i = 1; i < (timer->r_tcnth ? 16u : 8u); i++) {
+            struct waveform wave = timer->r_tcnth ? OF_16_BITS[i] : OF_8_BITS[i];
+            avr_timer_wgm_t *mode = &timer->wgm_op[i];
+            if (mode->kind != avr_timer_wgm_none || wave.kind == NO_PWM)
+                continue;
+            mode->size = wave.bits;
+            mode->kind = wave.bits          ? avr_timer_wgm_fc_pwm
+                         : wave.kind == FAST ? avr_timer_wgm_fast_pwm
+                                             : avr_timer_wgm_pwm;
+            mode->top = wave.bits         ? avr_timer_wgm_reg_constant
+                        : wave.top_is_icr ? avr_timer_wgm_reg_icr
+                                          : avr_timer_wgm_reg_ocra;
+        }
+    }
+}
+
 /* Mean level of a compare output; NAN without a waveform. */
 static double duty(const struct pin *pin) {
     const avr_timer_t *timer = pin->timer;
@@ -238,6 +260,7 @@ static void find_timer(struct pin *pin, const avr_ioport_t *port) {
 }
 
 void pins_attach(void) {
+    complete_modes();
     for (int i = 0; i < chip.pin_count; i++) {
         struct pin *pin = &chip.pins[i];
         avr_ioport_t *port = port_of(pin->letter);

@@ -155,7 +155,9 @@ void run_until(uint64_t ns, uint64_t now_ns) {
         if (held_by_gdb())
             continue;
         avr_cycle_count_t deadline = bus_deadline();
-        step(deadline < end ? deadline : end);
+        avr_cycle_count_t stop = deadline < end ? deadline : end;
+        step(stop);
+        idle_look(stop);
         if (bus_deadline() <= avr->cycle) {
             twi_settle();
             spi_settle();

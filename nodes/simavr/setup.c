@@ -66,10 +66,12 @@ static void read_board(const struct json *settings) {
     if (!(chip.vcc >= 1.8 && chip.vcc <= 5.5) || !(chip.aref >= 1 && chip.aref <= 5.5))
         refuse("board.vcc_volts is %g and aref_volts %g, expected 1.8 to 5.5 and 1 to 5.5", chip.vcc,
                chip.aref);
-    double slice = json_number(settings, "slice_us", 100);
+    double slice = json_number(settings, "slice_us", 200);
     if (!(slice >= 10 && slice <= 10000))
         refuse("slice_us is %g, expected 10 to 10000", slice);
     chip.slice_ns = (uint64_t)(slice * 1000);
+    const struct json *leaves_out = json_get(settings, "leave_out_idle");
+    chip.leaves_out = !leaves_out || leaves_out->number != 0;
     chip.gdb_port = (int)json_number(settings, "gdb", 0);
     if (chip.gdb_port < 0 || chip.gdb_port > 65535)
         refuse("gdb is %d, expected a port of TCP, 1 to 65535", chip.gdb_port);

@@ -1,4 +1,5 @@
 mod exec;
+mod firmware;
 mod guest;
 mod judged;
 
@@ -23,7 +24,9 @@ use crate::show::folder::FolderError;
 use crate::show::junit::{Suite, junit};
 
 use exec::{Placement, judged_exec};
+use firmware::FirmwareArgs;
 use guest::{Guest, judged_guest};
+use judged::judged_with;
 pub(super) use judged::{Clocking, Ran, Talk, judged_run, write_results};
 
 /// Run scenarios and judge them, for CI.
@@ -57,6 +60,8 @@ pub(super) struct RunArgs {
     realtime: bool,
     #[command(flatten)]
     program: ExecArgs,
+    #[command(flatten)]
+    firmware: FirmwareArgs,
     /// Run it twice in virtual time; if it does not do the same, name the first call that differs
     #[arg(long, requires = "is_virtual")]
     check: bool,
@@ -123,7 +128,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         let out = folder_of(&args, &file.0.name, seed, several);
         let ran = one(&args, file, &out, &mut show, &stop)?;
         wall += ran.wall;
-        let exec = args.program.repeat() + &args.ends.repeat();
+        let exec = args.program.repeat() + &args.firmware.repeat() + &args.ends.repeat();
         let path = path.display();
         let repeat = format!("hilrig run {path} --seed {seed}{exec}");
         let repeat = Some(repeat).filter(|_| !ran.outcome.passed());
@@ -190,6 +195,14 @@ fn one(
     stop: &Stop,
 ) -> Result<Ran, CliError> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
+    if args.firmware.is_given() {
+        let run = args.firmware.run(scenario, &source)?;
+        let pace = match args.realtime {
+            true => Clocking::Realtime(show),
+            false => Clocking::Virtual,
+        };
+        return judged_with(run, out, pace, Talk::Verdict, stop);
+    }
     let Some(foreign) = args.program.foreign() else {
         if is_bare(&scenario, &source)? {
             let name = &scenario.name;

@@ -161,6 +161,18 @@ def test_two_runs_are_the_same_bytes():
     assert runs[0] == runs[1] and len(runs[0]) > 100
 
 
+def test_what_is_left_out_changes_nothing():
+    """The same bytes at the same nanoseconds with every turn of the sketch's loop."""
+    runs = []
+    for leave_out_idle in (True, False):
+        node = booted(leave_out_idle=leave_out_idle)
+        for letters in (b"a", b"d", b"p", b"t", b"b", b"w", b"oABCDEF", b"i", b"a"):
+            ask(node, letters, 700)
+        node.end()
+        runs.append(node.items)
+    assert runs[0] == runs[1] and len(runs[0]) > 100, [len(run) for run in runs]
+
+
 def test_each_board_runs_the_probe():
     for name, elf, uart in [
         ("arduino-mega", "probe-mega.elf", 0),

@@ -26,6 +26,7 @@ sources! {
     "bus.c",
     "elf.c",
     "elf.h",
+    "idle.c",
     "json.c",
     "json.h",
     "main.c",

@@ -185,7 +185,11 @@ mod tests {
     fn the_only_port_left_takes_the_only_one_free() {
         use PortKind::{I2c, Uart};
         assert_eq!(
-            wired("arduino-uno", &[("scale", Uart), ("imu", I2c), ("sonar", I2c)], &[]),
+            wired(
+                "arduino-uno",
+                &[("scale", Uart), ("imu", I2c), ("sonar", I2c)],
+                &[]
+            ),
             r#"{"imu":{"number":0,"unit":"twi"},"scale":{"number":0,"unit":"uart"},"sonar":{"number":0,"unit":"twi"}}"#
         );
         assert_eq!(

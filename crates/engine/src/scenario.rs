@@ -270,6 +270,10 @@ impl Scenario {
             if let Some(program) = device.settings_mut::<device::program::NodeProgramSpec>() {
                 program.embed(base);
             }
+            #[cfg(feature = "described")]
+            if let Some(firmware) = device.settings_mut::<device::firmware::FirmwareSpec>() {
+                firmware.embed(base);
+            }
         }
         if scenario.world.is_nowhere() && scenario.robot != NO_ROBOT {
             let message = "is missing, expected a table with the robot's start and what is solid";

@@ -112,13 +112,25 @@ pub(in crate::cli) fn judged_run(
     source: &Source,
     seed: Option<u64>,
     out: &Path,
+    pace: Clocking<'_>,
+    talk: Talk,
+    stop: &Stop,
+) -> Result<Ran, CliError> {
+    make_folder(out)?;
+    let run = Run::new(scenario, source, seed)?;
+    judged_with(run, out, pace, talk, stop)
+}
+
+/// The same for a run that is wired already.
+pub(super) fn judged_with(
+    mut run: Run,
+    out: &Path,
     mut pace: Clocking<'_>,
     talk: Talk,
     stop: &Stop,
 ) -> Result<Ran, CliError> {
     make_folder(out)?;
     let clock = WallClock::start();
-    let mut run = Run::new(scenario, source, seed)?;
     let capture = out.join("capture.pcapng");
     record_to(&capture, capture::about(run.scenario()), &mut run)?;
     if talk == Talk::Story {

@@ -275,7 +275,9 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
                 return Err(source.invalid(source.find(name), format!("device.{name}"), message));
             }
         };
-        if spec.kind() != kind {
+        // A base may be played by its own firmware, or by a program.
+        let stands_in = name == "base" && ["firmware", "program"].contains(&spec.kind());
+        if spec.kind() != kind && !stands_in {
             let message = format!("is of kind {}, expected {kind}", spec.kind());
             return Err(source.invalid(source.find(name), format!("device.{name}"), message));
         }

@@ -6,6 +6,8 @@ pub mod camera_scans;
 mod car_board;
 #[cfg(feature = "described")]
 pub mod description;
+#[cfg(feature = "described")]
+pub mod firmware;
 mod hc06;
 mod kind;
 mod mount;
@@ -81,6 +83,8 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     description::DESCRIPTION,
     #[cfg(feature = "described")]
     program::PROGRAM,
+    #[cfg(feature = "described")]
+    firmware::FIRMWARE,
 ]);
 
 /// Adds a kind of device. Scenarios that are read from then on may name it.

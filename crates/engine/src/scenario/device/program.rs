@@ -326,7 +326,7 @@ pub fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
 }
 
 /// Whether the chassis of `world` has what the node senses and drives.
-fn check_chassis(
+pub(super) fn check_chassis(
     context: &BuildContext<'_>,
     node: &NodeDevice,
     world: &World,

@@ -1,0 +1,400 @@
+//! `firmware`: a device that its own firmware plays, an ELF file on a simulated board.
+
+use core::any::Any;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use ::boards::{Board, program};
+use emulators::world::World;
+use nodes::{Drive, NodeDevice, NodePort, NodeSpec, Quantity, Role, forever};
+use protocols::{LineConfig, Port};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+use toml::de::ValueDeserializer;
+
+use super::program::{check_chassis, rows_of};
+use super::{
+    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, read_settings, schema_of,
+};
+use crate::rig::{AnyDevice, Rig};
+use crate::scenario::drives::DrivesSpec;
+use crate::scenario::{ScenarioError, SourceSpec};
+
+const EXAMPLE: &str = r#"[device.base.firmware]
+elf = "base.elf"
+board = "arduino-mega"
+ports = ["serial1"]
+rate = 1000000
+inputs = { a0 = { range = { angle_deg = 0, max_mm = 4000 } } }
+
+[device.base.firmware.bridges.left]
+power = "d5"
+forward = "d22"
+backward = "d23"
+drives = { actuator = "left", power = 255 }
+
+[device.base.firmware.encoders.left]
+a = "d18"
+b = "d19"
+count = { encoder = "left" }
+"#;
+
+/// The kind `firmware`.
+pub(super) const FIRMWARE: &dyn DeviceKind = &FirmwareKind;
+
+struct FirmwareKind;
+
+/// A device that its own firmware plays, on a simulated board.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FirmwareSpec {
+    /// The firmware: the ELF file that the linker wrote, from the scenario's folder on.
+    pub elf: PathBuf,
+    /// Its board: `arduino-uno`, `arduino-mega`, `leonardo`, `mighty-1284p`, or a file that ends
+    /// with `.toml`, from the scenario's folder on.
+    pub board: String,
+    /// UARTs of the board that are ports of the device, the first one is its link; the board's
+    /// first UART if not given. What the others send is shown in the log.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ports: Vec<String>,
+    /// Rate of its lines until the firmware sets one, bit/s, 300 to 4000000; 115200 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 300, max = 4_000_000))]
+    pub rate: Option<u32>,
+    /// Pins that the rig drives, by their names: millivolts at an analog pin; at another one the
+    /// level, high unless the value is 0.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub inputs: BTreeMap<String, SourceSpec>,
+    /// Pins whose level or duty, 0 to 1, is shown, and the width of whose last pulse, microseconds,
+    /// as `PIN_us`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub outputs: Vec<String>,
+    /// Actuators of the robot's chassis that follow a pin of `outputs`, or its `PIN_us`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub drives: BTreeMap<String, DrivesSpec>,
+    /// Motor drivers.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub bridges: BTreeMap<String, BridgeSpec>,
+    /// Encoders of wheels.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub encoders: BTreeMap<String, ContactsSpec>,
+    /// Delay of all that the board puts out, microseconds, 10 to 10000; 200 if not given. A longer
+    /// one is faster.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 10.0, max = 10_000.0))]
+    pub slice_us: Option<f64>,
+    /// Folder from which `elf` and `board` are named, from the scenario's folder on. Saved cases
+    /// have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub folder: Option<PathBuf>,
+}
+
+/// A motor driver with a pin for its power and two for its direction. Its value is -1 to 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BridgeSpec {
+    /// Pin whose duty is the power.
+    pub power: String,
+    /// Pin that is high to go ahead.
+    pub forward: String,
+    /// Pin that is high to go back.
+    pub backward: String,
+    /// Actuator of the robot's chassis that it drives.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drives: Option<DrivesSpec>,
+}
+
+/// An encoder with two contacts: while its count rises, A goes ahead of B.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ContactsSpec {
+    /// Pin of contact A.
+    pub a: String,
+    /// Pin of contact B.
+    pub b: String,
+    /// What it counts, one for each edge.
+    pub count: SourceSpec,
+}
+
+impl FirmwareSpec {
+    /// Remembers the folder `base`, so that a saved case runs wherever it lies.
+    pub(in crate::scenario) fn embed(&mut self, base: &Path) {
+        let base = match base.as_os_str().is_empty() {
+            true => Path::new("."),
+            false => base,
+        };
+        let folder = match &self.folder {
+            Some(folder) => base.join(folder),
+            None => base.to_owned(),
+        };
+        self.folder = Some(std::path::absolute(&folder).unwrap_or(folder));
+    }
+
+    fn base(&self, context: &BuildContext<'_>) -> PathBuf {
+        let parent = context.source.path.parent();
+        let base = parent.unwrap_or_else(|| Path::new(""));
+        match &self.folder {
+            Some(folder) => base.join(folder),
+            None => base.to_owned(),
+        }
+    }
+
+    /// Names of its ports with the numbers of their UARTs.
+    fn uarts(&self, board: &Board) -> Result<Vec<(String, u8)>, String> {
+        let known = || {
+            let names: Vec<_> = board.uarts.keys().map(String::as_str).collect();
+            names.join(", ")
+        };
+        if self.ports.is_empty() {
+            let first = board.uarts.iter().min_by_key(|(_, number)| **number);
+            let first = first.map(|(name, number)| (name.clone(), *number));
+            return Ok(first.into_iter().collect());
+        }
+        let mut found: Vec<(String, u8)> = Vec::new();
+        for name in &self.ports {
+            let Some(number) = board.uarts.get(name) else {
+                let board = &board.name;
+                return Err(format!(
+                    "the board {board} has no UART \"{name}\", expected one of {}",
+                    known()
+                ));
+            };
+            if found.iter().any(|(other, _)| other == name) {
+                return Err(format!("\"{name}\" is there twice, expected another UART"));
+            }
+            found.push((name.clone(), *number));
+        }
+        Ok(found)
+    }
+
+    fn check_pins(&self, board: &Board) -> Result<(), (String, String)> {
+        let inputs = self.inputs.keys().map(|pin| ("inputs".to_owned(), pin));
+        let outputs = self.outputs.iter().map(|pin| ("outputs".to_owned(), pin));
+        let bridges = self.bridges.iter().flat_map(|(name, bridge)| {
+            let pins = [
+                ("power", &bridge.power),
+                ("forward", &bridge.forward),
+                ("backward", &bridge.backward),
+            ];
+            pins.map(|(key, pin)| (format!("bridges.{name}.{key}"), pin))
+        });
+        let encoders = self.encoders.iter().flat_map(|(name, contacts)| {
+            let pins = [("a", &contacts.a), ("b", &contacts.b)];
+            pins.map(|(key, pin)| (format!("encoders.{name}.{key}"), pin))
+        });
+        let pins = inputs.chain(outputs).chain(bridges).chain(encoders);
+        for (key, pin) in pins {
+            if !board.pins.contains_key(pin) {
+                let known: Vec<_> = board.pins.keys().map(String::as_str).collect();
+                let message = format!(
+                    "the board {} has no pin \"{pin}\", expected one of {}",
+                    board.name,
+                    known.join(", ")
+                );
+                return Err((key, message));
+            }
+        }
+        let shown: Vec<_> = self
+            .outputs
+            .iter()
+            .flat_map(|pin| [pin.clone(), format!("{pin}_us")])
+            .collect();
+        if let Some(output) = self.drives.keys().find(|output| !shown.contains(output)) {
+            let message = format!("\"{output}\" is not among outputs, expected one of those");
+            return Err(("drives".to_owned(), message));
+        }
+        let twice = self.bridges.keys().find(|name| shown.contains(name));
+        let twice = twice.map(|name| ("bridges", name));
+        let pins = &board.pins;
+        let twice = twice.or_else(|| {
+            let pin = self.encoders.keys().find(|name| pins.contains_key(*name));
+            pin.map(|name| ("encoders", name))
+        });
+        twice.map_or(Ok(()), |(key, name)| {
+            Err((
+                key.to_owned(),
+                format!("\"{name}\" is a pin, expected another name"),
+            ))
+        })
+    }
+
+    fn drive_list(&self) -> Result<Vec<Drive>, (String, String)> {
+        let pins = self
+            .drives
+            .iter()
+            .map(|(output, spec)| (format!("drives.{output}"), output, spec));
+        let bridges = self.bridges.iter().filter_map(|(name, bridge)| {
+            Some((
+                format!("bridges.{name}.drives"),
+                name,
+                bridge.drives.as_ref()?,
+            ))
+        });
+        let drive = |(key, output, spec): (String, &String, &DrivesSpec)| {
+            let sink = spec.sink().map_err(|message| (key, message))?;
+            let output = output.clone();
+            Ok(Drive { output, sink })
+        };
+        pins.chain(bridges).map(drive).collect()
+    }
+
+    fn quantities(&self) -> Vec<Quantity> {
+        let pins = self.inputs.iter();
+        let wheels = self.encoders.iter();
+        let wheels = wheels.map(|(name, contacts)| (name, &contacts.count));
+        let quantity = |(name, source): (&String, &SourceSpec)| Quantity {
+            name: name.clone(),
+            source: source.clone().into(),
+        };
+        pins.chain(wheels).map(quantity).collect()
+    }
+}
+
+/// The node program that runs firmware on a board: its command and what it is told.
+///
+/// # Errors
+/// A sentence, if the simulator is missing or there is no such file.
+pub fn node_of(name: &str, elf: &Path, board: &Board, wires: Value) -> Result<NodeSpec, String> {
+    if !elf.is_file() {
+        return Err(format!(
+            "{}: no such file, expected the ELF file that the linker wrote",
+            elf.display()
+        ));
+    }
+    let elf = std::path::absolute(elf).unwrap_or_else(|_| elf.to_owned());
+    let program = program().map_err(|error| error.to_string())?;
+    let mut settings = Map::new();
+    settings.insert("elf".to_owned(), json!(elf.to_string_lossy()));
+    settings.insert("board".to_owned(), board.settings());
+    settings.insert("wires".to_owned(), wires);
+    let quoted = program.to_string_lossy().replace('\'', "'\\''");
+    Ok(NodeSpec {
+        settings,
+        role: Role::Device,
+        ..NodeSpec::new(name, &format!("exec '{quoted}'"))
+    })
+}
+
+impl DeviceKind for FirmwareKind {
+    fn name(&self) -> &'static str {
+        "firmware"
+    }
+
+    fn about(&self) -> &'static str {
+        "Device that its own firmware plays: an ELF file on a simulated AVR board"
+    }
+
+    fn example(&self) -> &'static str {
+        EXAMPLE
+    }
+
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        schema_of::<FirmwareSpec>(generator)
+    }
+
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
+        read_settings::<FirmwareSpec>(settings)
+    }
+
+    fn drives(&self, settings: &dyn Settings) -> Option<Drives> {
+        let settings: &dyn Any = settings;
+        let spec = settings.downcast_ref::<FirmwareSpec>()?;
+        let bridges = spec.bridges.values();
+        let driven = spec
+            .drives
+            .values()
+            .chain(bridges.filter_map(|bridge| bridge.drives.as_ref()));
+        let actuators: Vec<_> = driven.map(|spec| (spec.actuator.clone(), None)).collect();
+        (!actuators.is_empty()).then_some(Drives {
+            silence_max: None,
+            actuators,
+        })
+    }
+
+    fn rows(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {
+        rows_of(rig, name)
+    }
+
+    fn check(
+        &self,
+        context: &BuildContext<'_>,
+        device: &dyn AnyDevice,
+        world: &World,
+    ) -> Result<(), ScenarioError> {
+        let device: &dyn Any = device;
+        match device.downcast_ref::<NodeDevice>() {
+            Some(node) if context.has_robot => check_chassis(context, node, world),
+            _ => Ok(()),
+        }
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
+        let spec: &FirmwareSpec = context.settings()?;
+        let (source, at) = (context.source, context.key());
+        let wrong = |key: &str, message: String| {
+            let span = source.find(key.split('.').next().unwrap_or(key));
+            source.invalid(span, format!("{at}.{key}"), message)
+        };
+        context.within("rate", spec.rate.map(f64::from), 300.0..=4_000_000.0)?;
+        context.within("slice_us", spec.slice_us, 10.0..=10_000.0)?;
+        let base = spec.base(context);
+        let board =
+            Board::load(&spec.board, &base).map_err(|error| wrong("board", error.to_string()))?;
+        let uarts = spec
+            .uarts(&board)
+            .map_err(|message| wrong("ports", message))?;
+        spec.check_pins(&board)
+            .map_err(|(key, message)| wrong(&key, message))?;
+        let drives = spec
+            .drive_list()
+            .map_err(|(key, message)| wrong(&key, message))?;
+        let wires: Map<_, _> = uarts
+            .iter()
+            .map(|(name, number)| (name.clone(), json!({ "unit": "uart", "number": number })))
+            .collect();
+        let mut node = node_of(context.name, &base.join(&spec.elf), &board, wires.into())
+            .map_err(|message| wrong("elf", message))?;
+        let bridges: Map<_, _> = spec
+            .bridges
+            .iter()
+            .map(|(name, bridge)| {
+                let BridgeSpec {
+                    power,
+                    forward,
+                    backward,
+                    ..
+                } = bridge;
+                let pins = json!({ "power": power, "forward": forward, "backward": backward });
+                (name.clone(), pins)
+            })
+            .collect();
+        let encoders: Map<_, _> = spec
+            .encoders
+            .iter()
+            .map(|(name, contacts)| (name.clone(), json!({ "a": contacts.a, "b": contacts.b })))
+            .collect();
+        node.settings.insert("bridges".to_owned(), bridges.into());
+        node.settings.insert("encoders".to_owned(), encoders.into());
+        node.settings
+            .insert("outputs".to_owned(), json!(spec.outputs));
+        if let Some(slice_us) = spec.slice_us {
+            node.settings.insert("slice_us".to_owned(), json!(slice_us));
+        }
+        let line = LineConfig::new_8n1(spec.rate.unwrap_or(115_200));
+        node.ports = uarts
+            .iter()
+            .map(|(name, _)| NodePort::uart(name, line))
+            .collect();
+        node.seed = context.seed;
+        node.quantities = spec.quantities();
+        node.drives = drives;
+        let port = |(number, (name, _)): (u8, &(String, u8))| {
+            PortInfo::uart(forever(name), Port(number), line, "your own program")
+        };
+        Ok(Built {
+            device: Box::new(NodeDevice::new(node)),
+            ports: (0..).zip(&uarts).map(port).collect(),
+        })
+    }
+}

@@ -1,0 +1,103 @@
+#!/usr/bin/env bash
+# Firmware without a board: sketches, built with the Arduino's own core, run unmodified in simavr
+# against the rig's devices and chips, and as a device.
+#
+# usage: bash tests/firmware/run.sh [--bench]      HILRIG: the command; built if not given
+#
+# Installs what it needs: gcc-avr, avr-libc, arduino-core-avr, arduino-mighty-1284p, libsimavr-dev,
+# libelf-dev.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+
+here=$PWD/tests/firmware
+out=$(realpath -m "${CARGO_TARGET_DIR:-target}")/firmware
+hilrig=${HILRIG:-}
+
+missing=()
+command -v avr-g++ >/dev/null || missing+=(gcc-avr avr-libc)
+[[ -f /usr/share/arduino/hardware/arduino/avr/cores/arduino/Arduino.h ]] || missing+=(arduino-core-avr)
+[[ -d /usr/share/arduino/hardware/mighty-1284p ]] || missing+=(arduino-mighty-1284p)
+[[ -f /usr/include/simavr/sim_avr.h ]] || missing+=(libsimavr-dev)
+[[ -f /usr/include/libelf.h ]] || missing+=(libelf-dev)
+if [[ ${#missing[@]} -gt 0 ]]; then
+    as_root=()
+    [[ $EUID -eq 0 ]] || as_root=(sudo)
+    "${as_root[@]}" apt-get update -qq
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -qq -y --no-install-recommends "${missing[@]}" >/dev/null
+fi
+if [[ -z $hilrig ]]; then
+    cargo build --locked --release
+    hilrig=$(realpath -m "${CARGO_TARGET_DIR:-target}")/release/hilrig
+fi
+
+fail() {
+    echo "tests/firmware: $1" >&2
+    exit 1
+}
+
+mkdir -p "$out"
+make -s -C nodes/simavr OUT="$out"
+export HILRIG_SIMAVR_NODE=$out/hilrig-simavr
+build() { [[ $out/$2 -nt $1 ]] || bash "$here/build.sh" "$1" "$3" "$out/$2"; }
+for board in uno mega mighty; do
+    build "$here/sketches/probe.cpp" "probe-$board.elf" "$board"
+done
+# The Leonardo's Serial is USB, which is not simulated.
+sed 's/Serial\b/Serial1/g' "$here/sketches/probe.cpp" >"$out/probe1.cpp"
+build "$out/probe1.cpp" probe1-leonardo.elf leonardo
+sketches=(station base tfmini lx16a mh_z19 pms5003 mt_sics)
+for sketch in "${sketches[@]}"; do
+    build "$here/sketches/$sketch.cpp" "$sketch.elf" mega
+    cp "$here/$sketch.toml" "$out/"
+done
+
+echo "== the node program by itself"
+python3 "$here/test_node.py" "$HILRIG_SIMAVR_NODE" "$out" boards
+
+# run SKETCH OUT WIRES..: a sketch as the program under test.
+run() {
+    local sketch=$1 folder=$2
+    shift 2
+    "$hilrig" run "$out/$sketch.toml" --firmware "$out/$sketch.elf" --board arduino-mega \
+        "${@/#/--wire=}" --out "$folder"
+}
+# says FOLDER PATTERN COUNT: the sketch said so at least that often on its console.
+says() {
+    local found
+    found=$(grep -cE "serial: $2" "$1/node-program.log" || true)
+    [[ $found -ge $3 ]] || fail "$1: \"$2\" $found times, expected $3 at least"
+}
+
+echo "== our sketch: two UARTs, I2C, EEPROM, watchdog, 60 s, twice the same bytes"
+for turn in 1 2; do
+    run station "$out/station-$turn" ranger=i2c imu=i2c scale=serial1 pc=serial2
+    hashes[turn]=$(grep -o '"trace_hash": *"[^"]*"' "$out/station-$turn/verdict.json")
+done
+[[ -n ${hashes[1]} && ${hashes[1]} == "${hashes[2]}" ]] || fail "two runs differ: ${hashes[*]}"
+says "$out/station-1" "start=1" 1
+says "$out/station-1" "start=2" 1
+says "$out/station-1" "cause=8" 1
+says "$out/station-1" "chip=104" 40
+says "$out/station-1" "cg=10025" 40
+
+echo "== sketches for serial devices"
+run tfmini "$out/tfmini" it=serial1
+says "$out/tfmini" "cm 1[0-4][0-9] strength 900" 15
+run lx16a "$out/lx16a" it=serial1
+says "$out/lx16a" "to (300 at 300|700 at 700) mv 7412" 8
+run mh_z19 "$out/mh_z19" it=serial1
+says "$out/mh_z19" "ppm 6[0-9][0-9]" 4
+run pms5003 "$out/pms5003" it=serial1
+says "$out/pms5003" "pm2.5 1[0-9]" 8
+run mt_sics "$out/mt_sics" it=serial1
+says "$out/mt_sics" "stable 100.25" 8
+
+echo "== an AVR program as the base of the robot rescue"
+"$hilrig" run "$out/base.toml" --out "$out/base"
+
+if [[ ${1:-} == --bench ]]; then
+    echo "== speed"
+    python3 "$here/bench.py" "$HILRIG_SIMAVR_NODE" "$out" boards
+fi
+echo "tests/firmware: all passed"
