@@ -3,8 +3,11 @@
 usage: python3 test_node.py hilrig-simavr FOLDER-OF-ELF-FILES BOARDS-FOLDER"""
 import json
 import random
+import socket
 import subprocess
 import sys
+import threading
+import time
 import tomllib
 from pathlib import Path
 
@@ -185,6 +188,33 @@ def test_each_board_runs_the_probe():
         node.exchange(node.now, [(VIOLATION, 0, struct.pack("<d", 1000.0))])
         assert text(ask(node, b"a")) == "volts 204\r\n", name
         assert text(ask(node, b"w", 1_000)) == "cause 8\r\nboots 1\r\n", name
+
+
+def test_gdb_holds_the_program_and_changes_no_byte():
+    """A breakpoint-less session by hand: stopped at first, held by an interrupt, then let go."""
+    plain = booted().items
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    node = start(gdb=port)
+    talk = []
+
+    def debugger():
+        gdb = socket.create_connection(("127.0.0.1", port), timeout=20)
+        for packet in (b"$?#3f", b"$p22#d4"):
+            gdb.sendall(packet)
+            talk.append(gdb.recv(200))
+            time.sleep(0.2)
+        gdb.sendall(b"$c#63")
+        time.sleep(0.2)
+        gdb.close()
+
+    person = threading.Thread(target=debugger)
+    person.start()
+    fresh = node.run(50 * MS)
+    person.join()
+    assert text(fresh) == "cause 1\r\nboots 0\r\n", talk
+    assert node.items == plain and b"T05" in talk[0], talk
 
 
 def refusal(**more):
