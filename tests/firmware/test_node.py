@@ -37,10 +37,14 @@ def start(name="arduino-uno", elf="probe-uno.elf", uart=0, outputs=("d9", "d4"),
     settings = {
         "elf": str(ELFS / elf),
         "board": board(name),
-        "wires": {"serial": {"unit": "uart", "number": uart}, "i2c": {"unit": "twi"}},
+        "wires": {
+            "serial": {"unit": "uart", "number": uart},
+            "i2c": {"unit": "twi"},
+            "flash": {"unit": "spi"},
+        },
         "outputs": list(outputs),
     }
-    return Node([PROGRAM], ["serial", "i2c"], settings | more, ["a1", "d7"])
+    return Node([PROGRAM], ["serial", "i2c", "flash"], settings | more, ["a1", "d7"])
 
 
 def ask(node, letter, milliseconds=5):
@@ -112,6 +116,22 @@ def test_the_bus_waits_for_the_chip():
     assert text(fresh).split("\r\n") == expected
     # Silence is no acknowledge, and ends by itself.
     assert text(ask(booted(), b"i", 50)).split("\r\n")[0] == "write 2"
+
+
+def test_a_byte_of_spi_is_exchanged_for_one():
+    node = booted()
+    fresh, sent, end = node.send(0, b"m"), [], node.now + 20 * MS
+    while node.next <= end:
+        came = node.exchange(node.next)
+        fresh += came
+        for when, kind, port, data in came:
+            if kind == BYTES and port == 2:
+                sent.append(data)
+                # The second one is not answered: the line is up.
+                if len(sent) == 1:
+                    node.run(when + 5 * US)
+                    fresh += node.exchange(node.now, [(BYTES, 2, b"\xA5")])
+    assert sent == [b"\x42", b"\x43"] and text(fresh) == "first 165\r\nsecond 255\r\n", text(fresh)
 
 
 def test_a_program_that_hangs_is_reset_by_its_watchdog():

@@ -1,6 +1,7 @@
 // A sketch for tests of the simulated board: each command is a letter on Serial, its answer a line.
 #include <Arduino.h>
 #include <EEPROM.h>
+#include <SPI.h>
 #include <Wire.h>
 #include <avr/sleep.h>
 #include <avr/wdt.h>
@@ -57,6 +58,11 @@ void loop() {
         break;
     case 'b': Serial.print("0123456789"); break;
     case 'i': transaction(); break;
+    case 'm':
+        SPI.begin();
+        say("first", SPI.transfer(0x42));
+        say("second", SPI.transfer(0x43));
+        break;
     case 'o': // Deaf for 1 ms.
         cli();
         _delay_ms(1);
