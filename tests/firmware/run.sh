@@ -39,7 +39,7 @@ fail() {
 mkdir -p "$out"
 make -s -C nodes/simavr OUT="$out"
 export HILRIG_SIMAVR_NODE=$out/hilrig-simavr
-build() { [[ $out/$2 -nt $1 ]] || bash "$here/build.sh" "$1" "$3" "$out/$2"; }
+build() { [[ $out/$2 -nt $1 && $out/$2 -nt $here/build.sh ]] || bash "$here/build.sh" "$1" "$3" "$out/$2"; }
 for board in uno mega mighty; do
     build "$here/sketches/probe.cpp" "probe-$board.elf" "$board"
 done

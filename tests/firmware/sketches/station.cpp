@@ -51,7 +51,9 @@ void setup() {
     Serial2.begin(57600);
     Serial1.setTimeout(300);
     Wire.begin();
+    // An EEPROM that was never written reads FF.
     starts = EEPROM.read(10) + 1;
+    starts = starts == 0 ? 1 : starts;
     EEPROM.write(10, starts);
     pinMode(LED_BUILTIN, OUTPUT);
     report("start", starts);
@@ -74,6 +76,9 @@ void loop() {
     report("cm", get(RANGER, 2));
     report("gyro", get(SENSOR, 0x47));
     report("chip", get(SENSOR, 0x75) >> 8);
+    // The balance says its number when it is switched on.
+    while (Serial1.available())
+        Serial1.read();
     Serial1.print("SI\r\n");
     char line[40];
     size_t len = Serial1.readBytesUntil('\n', line, sizeof line - 1);
