@@ -21,25 +21,6 @@ use crate::rig::{AnyDevice, Rig};
 use crate::scenario::drives::DrivesSpec;
 use crate::scenario::{ScenarioError, SourceSpec};
 
-const EXAMPLE: &str = r#"[device.base.firmware]
-elf = "base.elf"
-board = "arduino-mega"
-ports = ["serial1"]
-rate = 1000000
-inputs = { a0 = { range = { angle_deg = 0, max_mm = 4000 } } }
-
-[device.base.firmware.bridges.left]
-power = "d5"
-forward = "d22"
-backward = "d23"
-drives = { actuator = "left", power = 255 }
-
-[device.base.firmware.encoders.left]
-a = "d18"
-b = "d19"
-count = { encoder = "left" }
-"#;
-
 /// The kind `firmware`.
 pub(super) const FIRMWARE: &dyn DeviceKind = &FirmwareKind;
 
@@ -283,10 +264,6 @@ impl DeviceKind for FirmwareKind {
 
     fn about(&self) -> &'static str {
         "Device that its own firmware plays: an ELF file on a simulated AVR board"
-    }
-
-    fn example(&self) -> &'static str {
-        EXAMPLE
     }
 
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
