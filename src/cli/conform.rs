@@ -73,6 +73,9 @@ pub(super) fn run(args: &ConformArgs) -> Result<Verdict, CliError> {
         let count = found.left_out;
         eprintln!("{count} requests were not sent: they change the device's state (--writes)");
     }
+    for place in &found.unproved {
+        eprintln!("{place}: not compared, the emulated device does not answer it either");
+    }
     // A device that never answered was not observed.
     let is_silent = replies == 0 && requests > 0 && found.differences.is_empty();
     match (found.differences.len(), is_silent) {
@@ -89,6 +92,7 @@ pub(super) fn run(args: &ConformArgs) -> Result<Verdict, CliError> {
             .latency
             .map(|times| times.map(|time| time.as_secs_f64() * 1e3).to_vec()),
         left_out: found.left_out as u64,
+        not_compared: found.unproved,
         differences: found
             .differences
             .into_iter()

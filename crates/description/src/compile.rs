@@ -64,7 +64,7 @@ impl<'a> Compiler<'a> {
         self.variables();
         let registers = self.registers(protocol);
         self.computed();
-        let frames = self.frames(line, protocol);
+        let frames = Arc::new(self.frames(line, protocol));
         let messages = self.messages(&frames);
         let latency = schema
             .latency
@@ -91,7 +91,7 @@ impl<'a> Compiler<'a> {
             watchdog: schema.watchdog.map(|span| span.0),
             boot: schema.boot.map(|span| span.0),
             protocol,
-            frames: Frames(Arc::new(frames), Unused::default()),
+            frames: Frames(frames, Unused::default()),
             messages,
             variables: Arc::new(self.variables.clone()),
             registers,

@@ -23,6 +23,7 @@ use crate::field;
 use crate::framing::Frame;
 use crate::number::Number;
 use crate::peer::{Emulated, Peer, Speaker};
+use crate::registers;
 use crate::schema::message::From;
 use crate::speak::{self, Asks};
 use crate::value::{Record, Value};
@@ -130,6 +131,9 @@ pub struct Conformity {
     pub differences: Vec<Difference>,
     /// Requests that were left out because they change the device's state.
     pub left_out: usize,
+    /// Requests that the description answers, and that the emulated device did not answer either:
+    /// nothing was compared.
+    pub unproved: Vec<String>,
 }
 
 /// Twins with which a device is compared.
@@ -138,7 +142,7 @@ const TWINS: u64 = 6;
 /// then.
 const STARTED_MS: [u64; 6] = [0, 3_370, 17_910, 61_230, 301_570, 1_801_830];
 /// Steps of a twin before the comparison at most.
-const STEPS_MAX: u32 = 100_000;
+const STEPS_MAX: u32 = 10_000;
 /// Bytes of a reply whose time is waited for in any case.
 const REPLY_BYTES: u64 = 64;
 
@@ -300,6 +304,9 @@ fn answer(of: &Description, probe: &Probe, latency: Duration, frame: &Frame) -> 
         &record,
         &mut answer.fields,
     );
+    if let Some(cell) = probe.cell {
+        register_of(of, cell, &mut answer.fields);
+    }
     Some(answer)
 }
 
@@ -331,21 +338,43 @@ fn seen(outer: &str, fields: &[field::Field], record: &Record, out: &mut Vec<See
     }
 }
 
+/// Puts the value of a register in the place of its bytes.
+fn register_of(of: &Description, index: usize, fields: &mut [Seen]) {
+    let cells = of.registers.as_ref().map(|all| &all.bytes.cells);
+    let Some(cell) = cells.and_then(|cells| cells.get(index)) else {
+        return;
+    };
+    let len = usize::try_from(cell.len).unwrap_or(0);
+    for seen in fields {
+        let Value::Bytes(bytes) = &seen.value else {
+            continue;
+        };
+        if bytes.len() == len {
+            let value = cell.value(bytes);
+            *seen = of_cell(of, cell, value);
+            return;
+        }
+    }
+}
+
+/// The value of a register as one that was seen.
+fn of_cell(of: &Description, cell: &registers::Cell, value: Value) -> Seen {
+    let raw = match cell.kind {
+        registers::CellKind::Number(number) => Some(Raw {
+            bytes: cell.bytes(&value),
+            number,
+            scale: cell.scale.unwrap_or([1.0, 0.0]),
+        }),
+        _ => None,
+    };
+    let place = of.variables[cell.variable].name.to_string();
+    Seen { place, value, raw }
+}
+
 fn register_values(of: &Description, read: &speak::Read, bytes: &[u8]) -> Vec<Seen> {
     let values = speak::values(of, read, bytes)
         .into_iter()
-        .map(|(cell, value)| {
-            let raw = match cell.kind {
-                crate::registers::CellKind::Number(number) => Some(Raw {
-                    bytes: cell.bytes(&value),
-                    number,
-                    scale: cell.scale.unwrap_or([1.0, 0.0]),
-                }),
-                _ => None,
-            };
-            let place = of.variables[cell.variable].name.to_string();
-            Seen { place, value, raw }
-        });
+        .map(|(cell, value)| of_cell(of, cell, value));
     values.collect()
 }
 

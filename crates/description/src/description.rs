@@ -148,6 +148,11 @@ impl Description {
 
     /// The frame formats that `from` sends: those that carry a message of that end, or none at all.
     pub(crate) fn frames_of(&self, from: From) -> Frames {
+        self.frames.without(self.unsent(from))
+    }
+
+    /// The formats that carry messages, but none of the end `from`.
+    fn unsent(&self, from: From) -> Unused {
         let is_sent = |format: usize| {
             let mut carried = self
                 .messages
@@ -156,8 +161,13 @@ impl Description {
             carried.clone().next().is_none() || carried.any(|message| message.is_from(from))
         };
         let unsent = (0..self.formats()).filter(|format| !is_sent(*format));
-        let unused = unsent.fold(Unused::default(), Unused::with);
-        self.frames.without(unused)
+        unsent.fold(Unused::default(), Unused::with)
+    }
+
+    /// An empty decoder of what `from` seems to have sent: formats of that end come first, others
+    /// are looked for as well, as a capture may have its ends mixed up.
+    pub fn cutter_for(&self, from: From) -> Cutter {
+        cutter(self.frames.without(self.unsent(from).last()))
     }
 
     /// An empty decoder of the frames that `from` sends.
@@ -213,13 +223,19 @@ impl Description {
 
     /// A frame in words.
     pub fn words(&self, frame: &Frame) -> String {
+        self.words_for(frame, From::Both)
+    }
+
+    /// A frame in words that `from` seems to have sent: its messages come first.
+    pub fn words_for(&self, frame: &Frame, from: From) -> String {
         let Some(body) = self.body(frame) else {
             return "no frame".to_owned();
         };
         if self.protocol.is_some() {
             return modbus::words(&body);
         }
-        match self.decode(frame.format, &body, From::Both) {
+        let own = self.decode(frame.format, &body, from);
+        match own.or_else(|| self.decode(frame.format, &body, From::Both)) {
             Some((index, values)) => self.messages[index].words(&values),
             None => {
                 let pairs: Vec<_> = body.iter().map(|byte| format!("{byte:02X}")).collect();

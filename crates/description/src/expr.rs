@@ -209,9 +209,57 @@ impl Expr {
     pub fn eval(&self, scope: &dyn Scope) -> Result<Value, ExprError> {
         self.root.eval(scope)
     }
+
+    /// The name that the expression consists of, if it is one.
+    pub(crate) fn name(&self) -> Option<&str> {
+        self.root.name()
+    }
+
+    /// Names that `scope` does not have and that are compared with values that it has.
+    pub(crate) fn compared(&self, scope: &dyn Scope) -> Vec<(String, Value)> {
+        let mut found = Vec::new();
+        self.root.compared(scope, &mut found);
+        found
+    }
+
+    /// The names in `registers(ADDRESS, COUNT)`, if it is called with two names.
+    pub(crate) fn registers_read(&self) -> Option<(&str, &str)> {
+        self.root.registers_read()
+    }
 }
 
 impl Node {
+    fn name(&self) -> Option<&str> {
+        match self {
+            Self::Name(name) => Some(name.strip_prefix("request.").unwrap_or(name)),
+            _ => None,
+        }
+    }
+
+    fn compared(&self, scope: &dyn Scope, found: &mut Vec<(String, Value)>) {
+        if let Self::Binary(_, first, second) = self {
+            for (name, value) in [(first, second), (second, first)] {
+                let unknown = name.name().filter(|name| scope.value(name).is_none());
+                if let (Some(name), Ok(value)) = (unknown, value.eval(scope)) {
+                    found.push((name.to_owned(), value));
+                }
+            }
+        }
+        for child in self.children() {
+            child.compared(scope, found);
+        }
+    }
+
+    fn registers_read(&self) -> Option<(&str, &str)> {
+        if let Self::Call(Function::Registers, arguments) = self
+            && let [at, count] = &arguments[..]
+            && let (Some(at), Some(count)) = (at.name(), count.name())
+        {
+            return Some((at, count));
+        }
+        self.children().into_iter().find_map(Self::registers_read)
+    }
+
     fn children(&self) -> Vec<&Self> {
         match self {
             Self::Const(_) | Self::Name(_) => Vec::new(),

@@ -11,7 +11,7 @@ use crate::number::Number;
 use crate::value::{Record, Value};
 
 pub(crate) use decode::{decode, number_value, places};
-pub(crate) use encode::{encode, example, number_bytes};
+pub(crate) use encode::{encode, example, longer, number_bytes};
 
 /// Names of values.
 pub(crate) type Names = Arc<BTreeMap<i128, String>>;
@@ -112,6 +112,12 @@ impl Scope for Nested<'_> {
 }
 
 impl Field {
+    /// Whether it takes all bytes that are left.
+    pub(crate) const fn takes_rest(&self) -> bool {
+        matches!(self.repeat, Some(Size::Rest))
+            || matches!(self.kind, Kind::Str(Size::Rest) | Kind::Bytes(Size::Rest))
+    }
+
     /// The value of a count.
     pub(crate) fn scaled(&self, value: Value) -> Value {
         match (self.scale, value.as_f64()) {

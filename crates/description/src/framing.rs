@@ -39,6 +39,8 @@ pub(crate) struct Framing {
     pub(crate) trailer: usize,
     /// Last bytes of the content of a frame whose length is known.
     pub(crate) end: Vec<u8>,
+    /// Whether an empty line, or one of line ends alone, is a message.
+    pub(crate) has_blank: bool,
     /// Most bytes on the wire.
     pub(crate) max: usize,
     /// Pause that ends a half-received frame.
@@ -230,6 +232,30 @@ impl Framing {
 
     /// The frame of a body; `None` if it is too long, or the frame's length says otherwise.
     pub(crate) fn frame(&self, body: &[u8]) -> Option<Vec<u8>> {
+        let mut content = self.around(body)?;
+        self.finish(&mut content)?;
+        let wire = self.wire(content);
+        (wire.len() <= self.max).then_some(wire)
+    }
+
+    /// Bytes of body that a frame has which begins as that of `body` does; `None` if the body may
+    /// have any length.
+    pub(crate) fn room(&self, body: &[u8]) -> Option<usize> {
+        let holes: usize = self.holes.iter().map(|(_, len)| len).sum();
+        let size = match &self.cut {
+            Cut::Fixed(size) => *size,
+            Cut::Table { at, sizes } => {
+                let byte = self.around(body)?.get(*at).copied()?;
+                usize::from(sizes[usize::from(byte)])
+            }
+            Cut::Sized { head, size } => judge::size_of(size, self.around(body)?.get(..*head)?)?,
+            Cut::Marked { .. } | Cut::Length(_) | Cut::Silence { .. } => return None,
+        };
+        size.checked_sub(holes + self.trailer)
+    }
+
+    /// The content with this body, without its length and checksums.
+    fn around(&self, body: &[u8]) -> Option<Vec<u8>> {
         let holes: usize = self.holes.iter().map(|(_, len)| len).sum();
         let mut content = Vec::with_capacity(body.len() + holes + self.trailer);
         let mut rest = body;
@@ -246,9 +272,13 @@ impl Framing {
             .copy_from_slice(&self.sync);
         let len = content.len();
         content[len - self.end.len()..].copy_from_slice(&self.end);
-        self.finish(&mut content)?;
-        let wire = self.wire(content);
-        (wire.len() <= self.max).then_some(wire)
+        Some(content)
+    }
+
+    /// Whether the length field has bits that belong to the message.
+    pub(crate) fn shares_length(&self) -> bool {
+        matches!(&self.cut, Cut::Length(length)
+            if length.mask.count_ones() < 8 * u32::from(length.number.bytes))
     }
 
     /// Writes the length of `content` into it.

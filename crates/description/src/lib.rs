@@ -22,6 +22,7 @@
 //! | [`conform`] | a device compared with its description |
 //! | [`shipped`] | the descriptions that come with the tool |
 
+mod addressed;
 mod behaviour;
 pub mod checksum;
 mod compile;

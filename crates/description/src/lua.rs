@@ -10,6 +10,7 @@ use crate::framing::{Check, Cut, Framing};
 use crate::message::{Layout, Message};
 use crate::number::{Number, NumberKind};
 use crate::pattern::{Form, Hole, Piece};
+use crate::schema::message::From;
 use crate::schema::wire::Stuffing;
 use crate::value::Value;
 
@@ -74,6 +75,16 @@ pub(crate) fn literal(value: &Value) -> String {
 }
 
 impl Description {
+    /// The end that sends frames of this format, as Lua; `nil` if both do.
+    fn sender(&self, format: usize) -> &'static str {
+        let sent = |from| self.frames_of(from).looks_for(format);
+        match (sent(From::Host), sent(From::Device)) {
+            (true, false) => "\"host\"",
+            (false, true) => "\"device\"",
+            _ => "nil",
+        }
+    }
+
     /// Its part of the dissector; `name` is unique among those in one file.
     pub fn lua(&self, name: &str) -> LuaPart {
         let plain = |c: char| match c {
@@ -90,7 +101,13 @@ impl Description {
         for message in &self.messages {
             writer.collect(message);
         }
-        let frames: String = self.frames.0.iter().map(frame).collect();
+        let frames: String = self
+            .frames
+            .0
+            .iter()
+            .enumerate()
+            .map(|(index, framing)| frame(framing, self.sender(index)))
+            .collect();
         let messages: String = self
             .messages
             .iter()
@@ -124,7 +141,7 @@ fn number(number: Number) -> String {
     format!("{{ bytes = {bytes}, order = {{ {order} }}, kind = \"{kind}\" }}")
 }
 
-fn frame(framing: &Framing) -> String {
+fn frame(framing: &Framing, sender: &str) -> String {
     let holes = framing
         .holes
         .iter()
@@ -133,12 +150,14 @@ fn frame(framing: &Framing) -> String {
     let (least, max, trailer) = (framing.least(), framing.max, framing.trailer);
     format!(
         "{{ {}, least = {least}, max = {max}, trailer = {trailer}, sync = {}, last = {}, \
-         is_hex = {}, is_modbus = {},\nholes = {{ {}}}, checks = {{ {checks}}} }},\n",
+         is_hex = {}, is_modbus = {}, has_blank = {}, from = {sender},\n\
+         holes = {{ {}}}, checks = {{ {checks}}} }},\n",
         cut(&framing.cut),
         quoted(&framing.sync),
         quoted(&framing.end),
         framing.is_hex,
         matches!(framing.cut, Cut::Silence { lengths: Some(_) }),
+        framing.has_blank,
         holes.collect::<String>(),
     )
 }
@@ -329,7 +348,12 @@ impl Writer<'_> {
             }
         };
         let (name, frame) = (quoted(message.name.as_bytes()), message.frame + 1);
-        format!("{{ name = {name}, frame = {frame}, {what} }},\n")
+        let from = match message.from {
+            From::Host => "\"host\"",
+            From::Device => "\"device\"",
+            From::Both => "nil",
+        };
+        format!("{{ name = {name}, frame = {frame}, from = {from}, {what} }},\n")
     }
 
     fn hole(&self, hole: &Hole, field: Option<&Field>) -> String {

@@ -4,9 +4,13 @@ use std::sync::Arc;
 
 use crate::expr::{Nothing, Scope};
 use crate::field::{self, Field};
+use crate::framing::Framing;
 use crate::pattern::{self, Piece};
 use crate::schema::message::From;
 use crate::value::{Record, Value};
+
+/// Steps in which an example is made as long as its frame: an element a step.
+const FIT_STEPS: usize = 512;
 
 /// A message, ready to be used.
 #[derive(Clone, Debug)]
@@ -16,6 +20,8 @@ pub struct Message {
     pub(crate) from: From,
     /// Index of its frame format.
     pub(crate) frame: usize,
+    /// All frame formats.
+    pub(crate) frames: Arc<Vec<Framing>>,
     pub(crate) layout: Layout,
 }
 
@@ -125,8 +131,36 @@ impl Message {
     /// Values that it can have, chosen by `choice(n)`, a number below `n`.
     pub fn example(&self, choice: &mut dyn FnMut(u64) -> u64) -> Record {
         match &self.layout {
-            Layout::Fields(fields) => field::example(fields, choice),
+            Layout::Fields(fields) => {
+                let mut record = field::example(fields, choice);
+                self.fit(fields, &mut record, choice);
+                record
+            }
             Layout::Text { pieces, fields } => pattern::example(pieces, fields, choice),
+        }
+    }
+
+    /// Gives the field that takes the rest the length that a frame of a known size leaves to it.
+    fn fit(&self, fields: &[Field], record: &mut Record, choice: &mut dyn FnMut(u64) -> u64) {
+        let (Some(rest), Some(framing)) = (
+            fields.iter().find(|field| field.takes_rest()),
+            self.frames.get(self.frame),
+        ) else {
+            return;
+        };
+        for _ in 0..FIT_STEPS {
+            let len = self.encode(record).bytes.len();
+            let Some(room) = framing.room(&self.encode(record).bytes) else {
+                return;
+            };
+            if len == room {
+                return;
+            }
+            let Some(value) = record.get(&rest.name) else {
+                return;
+            };
+            let value = field::longer(rest, value, len, room, choice);
+            record.set(&rest.name, value);
         }
     }
 

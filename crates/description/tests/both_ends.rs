@@ -3,10 +3,10 @@
 use core::time::Duration;
 use std::sync::Arc;
 
-use description::{Described, Description, Place, Record, Value};
+use description::{Described, Description, From, Place, Record, Value};
 use emulators::device::{Device, next_poll};
 use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
-use protocols::Instant;
+use protocols::{Decode as _, Instant};
 
 fn parse(text: &str) -> Arc<Description> {
     let none = |_: &str| Err("no file".to_owned());
@@ -218,4 +218,78 @@ fn what_is_due_later_sees_its_message() {
     );
     device.receive(Described::UART, Instant::from_millis(1), b"say 1\nsay 2\n");
     assert_eq!(said(&mut device, 100), "said 4\n");
+}
+
+/// A body of which a field takes the rest is as long as its frame leaves room for.
+#[test]
+fn a_field_takes_the_rest_of_a_frame_of_known_size() {
+    let description = parse(
+        r#"
+        name = "fixed"
+        about = "frames of nine bytes"
+        line = { baud = 9600 }
+        frame = { sync = [0xFF], size = 9, checksum = { algorithm = "lrc", from = 1 } }
+        message = [
+          { name = "any", from = "both", fields = [{ name = "data", type = "bytes", size = "rest" }] },
+        ]
+        on = [{ message = "any", reply = "any" }]
+        "#,
+    );
+    let message = &description.messages()[0];
+    let values = message.example(&mut |_| 0);
+    assert_eq!(values.get("data"), Some(&Value::Bytes(vec![0; 7])));
+    assert_eq!(
+        description.frame(message, &values),
+        Some(vec![0xFF, 0, 0, 0, 0, 0, 0, 0, 0])
+    );
+}
+
+/// An empty line is a message where the description has one: what a terminal asks for a prompt.
+#[test]
+fn an_empty_line_can_be_a_message() {
+    let mut device = device(
+        r#"
+        name = "prompt"
+        about = "lines"
+        line = { baud = 9600 }
+        frame = [{ name = "in", terminator = "\r" }, { name = "out", terminator = "\r\n> " }]
+        message = [
+          { name = "enter", from = "host", frame = "in", text = "" },
+          { name = "ready", from = "device", frame = "out", text = "ready" },
+        ]
+        on = [{ message = "enter", reply = "ready" }]
+        "#,
+    );
+    device.receive(Described::UART, Instant::from_millis(1), b"\r");
+    assert_eq!(said(&mut device, 100), "ready\r\n> ");
+}
+
+/// Both ends speak in lines that the other one's format cuts as well: the end that sent a line says
+/// which format it has. Of mixed up ends the other formats are looked for too.
+#[test]
+fn a_line_has_the_format_of_the_end_that_sent_it() {
+    let description = parse(
+        r#"
+        name = "lines"
+        about = "two ends of lines"
+        line = { baud = 9600 }
+        frame = [{ name = "in", terminator = "\n" }, { name = "out", terminator = "\r\n" }]
+        message = [
+          { name = "any", from = "host", frame = "in", text = "{what:s}" },
+          { name = "ok", from = "device", frame = "out", text = "ok" },
+        ]
+        on = [{ message = "any", reply = "ok" }]
+        "#,
+    );
+    let words = |from, bytes: &[u8]| {
+        let mut cutter = description.cutter_for(from);
+        let frames: Vec<_> = cutter.push(bytes).flatten().collect();
+        let words = frames
+            .iter()
+            .map(|frame| description.words_for(frame, from));
+        words.collect::<Vec<_>>()
+    };
+    assert_eq!(words(From::Device, b"ok\r\n"), ["ok"]);
+    assert_eq!(words(From::Host, b"ok\n"), ["any: what \"ok\""]);
+    assert_eq!(words(From::Device, b"G0\n"), [""; 0]);
 }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use description::conform::{Difference, Strictness, conform, emulated};
+use description::conform::{Conformity, Difference, Strictness, conform, emulated};
 use description::{Description, shipped};
 
 fn parse(text: &str) -> Arc<Description> {
@@ -11,21 +11,31 @@ fn parse(text: &str) -> Arc<Description> {
     Description::parse("device.toml", text, &csv).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The differences of the device `real` from the description `said`.
-fn differences(said: &str, real: &str) -> Vec<Difference> {
+/// The device `real` compared with the description `said`.
+fn compared(said: &str, real: &str) -> Conformity {
     let mut device = emulated(&parse(real), 4_711);
     let found = conform(&parse(said), &mut device, Strictness::EMULATED);
-    let found = found.expect("an emulated device has no port to lose");
-    found.differences
+    found.expect("an emulated device has no port to lose")
 }
 
+fn differences(said: &str, real: &str) -> Vec<Difference> {
+    compared(said, real).differences
+}
+
+/// What is not answered is not compared: each request of each device is answered at least once.
 #[test]
 fn no_device_differs_from_its_own_description() {
-    for name in ["cobs-sensor", "gps", "modbus-meter"] {
-        let text = shipped::text(name).expect("shipped");
-        let found = differences(text, text);
-        assert_eq!(found, [], "{name}");
+    let mut wrong = Vec::new();
+    for (name, text) in shipped::ALL {
+        let found = compared(text, text);
+        let differences = found.differences.iter();
+        wrong.extend(differences.map(|one| format!("{name}: {one}")));
+        // The meter reads it out only once it was called: another request comes first.
+        let is_behind = |one: &&String| *name == "iec-62056-21" && *one == "choice";
+        let unproved = found.unproved.iter().filter(|one| !is_behind(one));
+        wrong.extend(unproved.map(|one| format!("{name}: {one}: never answered")));
     }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// Changes of a description, each with the difference that it makes: kind and place.
@@ -145,6 +155,37 @@ fn planted_differences_of_devices_with_messages_are_named() {
                 "no-reply",
                 "heat",
             ),
+        ],
+    );
+    // Registers of a table that messages read.
+    all_are_named(
+        "dynamixel-xl430",
+        &[
+            (
+                "scale = 0.1, unit = \"V\"",
+                "scale = 0.01, unit = \"V\"",
+                "scale",
+                "voltage",
+            ),
+            (
+                "type = \"u16\", initial = 1060",
+                "type = \"u16be\", initial = 1060",
+                "byte-order",
+                "model",
+            ),
+            (
+                "initial = 2048, limits = [0, 4095]",
+                "initial = 1000, limits = [0, 1023]",
+                "value",
+                "status.error",
+            ),
+            (
+                "latency = \"500us\"",
+                "latency = \"3ms\"",
+                "latency",
+                "read",
+            ),
+            ("address = 1", "address = 3", "no-reply", "ping"),
         ],
     );
     all_are_named(

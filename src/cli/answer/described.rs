@@ -50,6 +50,9 @@ pub(in crate::cli) struct Conformed {
     pub(in crate::cli) latency_ms: Option<Vec<f64>>,
     /// Requests that were not sent because they change the device's state.
     pub(in crate::cli) left_out: u64,
+    /// Requests with a reply in the description that its own emulation does not answer either, e.g.
+    /// because another request has to come first.
+    pub(in crate::cli) not_compared: Vec<String>,
     pub(in crate::cli) differences: Vec<DifferenceTold>,
 }
 

@@ -154,7 +154,7 @@ fn pieces(passage: &Passage, direction: Direction) -> Box<dyn Iterator<Item = Pi
 
 /// What `codec` makes of one direction of a link.
 fn decode(passage: &Passage, direction: Direction, codec: &'static Codec) -> Decoded {
-    let mut stream = Stream::new(codec);
+    let mut stream = Stream::towards(codec, direction);
     let (mut bytes, mut found) = (Vec::new(), Vec::new());
     let (mut last, mut framing_errors) = (None, 0);
     for (at, piece) in pieces(passage, direction) {

@@ -192,7 +192,7 @@ impl Transcript {
             silence: silence(link.baud),
             turns: VecDeque::new(),
             unknown: VecDeque::new(),
-            stream: self.codec.map(Stream::new),
+            stream: self.codec.map(|codec| Stream::towards(codec, direction)),
             codec: self.codec,
             look_at: GUESS_FIRST,
             untold: VecDeque::new(),
@@ -260,7 +260,7 @@ impl Transcript {
         };
         let idle = lane.idle();
         let held = &lane.untold.make_contiguous()[..len];
-        let mut stream = Stream::new(codec);
+        let mut stream = Stream::towards(codec, lane.direction);
         let mut found = Vec::new();
         let (mut start, mut last) = (0, None);
         for &(end, at) in &lane.times {

@@ -88,7 +88,7 @@ local function cut(line, out, quiet)
     if length and length > 0 then
       tell_bad(out, line.buf:sub(from, at - 1))
       local bytes = line.buf:sub(at, at + length - 1)
-      local title, items = format[3](bytes)
+      local title, items = format[3](bytes, line.state)
       out[#out + 1] = { format[1], title, items, bytes }
       at = at + length
       from = at
@@ -102,13 +102,13 @@ end
 
 -- The format with the most bytes in sound frames; one of a described device, which has a function
 -- that says whether a frame is a message of it, before others.
-local function guess(buf, quiet)
+local function guess(buf, from, quiet)
   local best, most = nil, 0
   for _, format in ipairs(FORMATS) do
-    local at, framed, state = 1, 0, {}
+    local at, framed, state = 1, 0, { from = from }
     while at <= #buf do
       local length = format[2](buf:sub(at, at + FRAME_MAX - 1), state, quiet)
-      if length and length > 0 and (not format[6] or format[6](buf:sub(at, at + length - 1))) then
+      if length and length > 0 and (not format[6] or format[6](buf:sub(at, at + length - 1), state)) then
         framed = framed + length
       end
       at = at + math.max(length or 1, 1)
@@ -125,12 +125,12 @@ local function take(line, bytes, time)
   local out = {}
   local quiet = line.format and line.format[4] or QUIET
   if line.time and time - line.time > quiet and #line.buf > 0 then
-    line.format = line.format or guess(line.buf, true)
+    line.format = line.format or guess(line.buf, line.state.from, true)
     if line.format then cut(line, out, true) else tell_bad(out, line.buf); line.buf = "" end
   end
   line.time = time
   line.buf = line.buf .. bytes
-  line.format = line.format or guess(line.buf)
+  line.format = line.format or guess(line.buf, line.state.from)
   if line.format then
     cut(line, out, false)
   elseif #line.buf > PENDING_MAX or line.buf:find("^AT[%w+=:?]*\r?\n?$") or line.buf:find("^OK") then
@@ -156,7 +156,9 @@ function proto.dissector(tvb, pinfo, tree)
   if not kind or tvb:len() <= 12 then return end
   if not told[pinfo.number] then
     local key = field_text(interface) .. "/" .. field_text(direction)
-    lines[key] = lines[key] or { buf = "", state = {} }
+    local way = direction()
+    local from = way and ({ "device", "host" })[tonumber(way.value)]
+    lines[key] = lines[key] or { buf = "", state = { from = from } }
     local bytes = tvb:range(12):bytes():raw()
     told[pinfo.number] = take(lines[key], bytes, tonumber(tostring(pinfo.abs_ts)))
   end

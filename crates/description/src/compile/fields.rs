@@ -18,7 +18,7 @@ const DEPTH_MAX: usize = 8;
 
 impl Compiler<'_> {
     /// The messages.
-    pub(super) fn messages(&mut self, frames: &[Framing]) -> Vec<Message> {
+    pub(super) fn messages(&mut self, frames: &Arc<Vec<Framing>>) -> Vec<Message> {
         let schema = self.schema;
         let specs = schema.message.iter().enumerate();
         let messages = specs.map(|(index, spec)| self.message(index, spec, frames));
@@ -41,7 +41,7 @@ impl Compiler<'_> {
         messages
     }
 
-    fn message(&mut self, index: usize, spec: &MessageSpec, frames: &[Framing]) -> Message {
+    fn message(&mut self, index: usize, spec: &MessageSpec, frames: &Arc<Vec<Framing>>) -> Message {
         let key = format!("message[{index}]");
         self.check_word(&format!("{key}.name"), &spec.name);
         let frame = match &spec.frame {
@@ -63,9 +63,6 @@ impl Compiler<'_> {
                     self.wrong(format!("{key}.text"), message);
                     Vec::new()
                 });
-                if pieces.is_empty() {
-                    self.wrong(format!("{key}.text"), "is empty, expected words and fields");
-                }
                 let fields = self.text_fields(&key, &spec.fields, &pieces);
                 self.check_pieces(&key, &pieces);
                 Layout::Text { pieces, fields }
@@ -87,6 +84,7 @@ impl Compiler<'_> {
             about: spec.about.clone(),
             from: spec.from,
             frame,
+            frames: frames.clone(),
             layout,
         }
     }

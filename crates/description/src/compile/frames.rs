@@ -108,6 +108,7 @@ impl Compiler<'_> {
             holes,
             trailer,
             end,
+            has_blank: self.has_blank(&spec.name),
             max: usize::from(most).min(FRAME_MAX),
             idle: spec.idle.map_or(quiet, |span| span.0),
         };
@@ -117,6 +118,18 @@ impl Compiler<'_> {
         }
         self.finish_length(key, spec, &mut framing);
         framing
+    }
+
+    /// Whether an empty line, or one of line ends alone, is a message of this format.
+    fn has_blank(&self, name: &str) -> bool {
+        let is_single = self.schema.frame.0.len() == 1;
+        let own = self
+            .schema
+            .message
+            .iter()
+            .filter(|message| is_single || message.frame.as_deref() == Some(name));
+        let mut texts = own.filter_map(|message| message.text.as_ref());
+        texts.any(|text| text.is_empty() || text.starts_with(['\r', '\n']))
     }
 
     /// What the length field means needs to know what stands behind the body.
@@ -383,6 +396,7 @@ fn of_protocol(protocol: Protocol, line: LineConfig) -> Framing {
         holes: Vec::new(),
         trailer: usize::from(width),
         end: Vec::new(),
+        has_blank: false,
         max: if protocol == Protocol::ModbusRtu {
             MODBUS_MAX
         } else {

@@ -103,14 +103,26 @@ impl Compiler<'_> {
         }
         let framing = &description.frames.0[message.frame];
         match framing.frame(body) {
-            None => Some(format!(
-                "does not fit its frame: {} bytes of body, at most {} of frame, or another size \
-                 than the frame says; expected another \"max\" or size",
-                body.len(),
-                framing.max
-            )),
+            None => Some(match framing.room(body) {
+                Some(room) if room != body.len() => format!(
+                    "does not fit its frame: its fields have {} bytes, the frame has room for \
+                     {room}; expected fields of {room} bytes or another size of the frame",
+                    body.len()
+                ),
+                _ => format!(
+                    "does not fit its frame: its fields have {} bytes; expected fields that the \
+                     length and the checksums of the frame can cover, in at most {} bytes",
+                    body.len(),
+                    framing.max
+                ),
+            }),
             Some(frame) => match framing.body(&frame).as_deref() == Some(body) {
                 true => None,
+                false if framing.shares_length() => Some(
+                    "writes over the length field, of which \"mask\" leaves some bits to the \
+                     message: expected a field of its size at its place, 0 in the bits of the length"
+                        .to_owned(),
+                ),
                 false => Some(format!(
                     "comes back from its frame as other bytes, expected another frame: \
                      {frame:02X?}"

@@ -10,6 +10,7 @@ use super::{
 use crate::number::{Number, NumberKind};
 use crate::reference::number_name;
 use crate::schema::wire::Endian;
+use crate::speak::Asks;
 use crate::value::Value;
 
 /// Values at one place.
@@ -83,7 +84,27 @@ pub(super) fn judge(
         latency: at(50).zip(at(99)).map(|(median, high)| [median, high]),
         differences: differences.into_iter().collect(),
         left_out: 0,
+        unproved: unproved(probes, twins),
     }
+}
+
+/// Requests that the description answers, but no twin did.
+fn unproved(probes: &[Probe], twins: &[Vec<Vec<Answer>>]) -> Vec<String> {
+    let mut answered: BTreeMap<&str, bool> = BTreeMap::new();
+    for (at, probe) in probes.iter().enumerate() {
+        let has_reply = match &probe.asks {
+            Some(Asks::Messages(replies)) => !replies.is_empty(),
+            Some(Asks::Modbus { .. }) => true,
+            None => false,
+        };
+        // What is asked to be refused may stay without a reply.
+        if has_reply && !probe.is_strange {
+            let is_answered = twins.iter().any(|twin| !twin[at].is_empty());
+            *answered.entry(&probe.place).or_default() |= is_answered;
+        }
+    }
+    let silent = answered.into_iter().filter(|(_, answered)| !answered);
+    silent.map(|(place, _)| place.to_owned()).collect()
 }
 
 fn difference(kind: Kind, place: &str, expected: String, found: String) -> Difference {

@@ -23,6 +23,10 @@ pub(super) struct Probe {
     pub(super) changes: bool,
     /// For how long the device is listened to, if not for the time of a reply.
     pub(super) listen: Option<Duration>,
+    /// The register whose bytes the reply holds, by its index in the table.
+    pub(super) cell: Option<usize>,
+    /// It may stay without a reply.
+    pub(super) is_strange: bool,
 }
 
 /// How often each plain request is sent: latencies and measured values need several.
@@ -41,6 +45,8 @@ pub(super) fn of(description: &Description) -> Vec<Probe> {
             asks: None,
             changes: false,
             listen: Some((4 * longest).min(LISTEN_MAX)),
+            cell: None,
+            is_strange: true,
         });
     }
     if description.protocol.is_some() {
@@ -60,6 +66,16 @@ impl Probe {
             asks: Some(request.asks),
             changes,
             listen: None,
+            cell: None,
+            is_strange: false,
+        }
+    }
+
+    /// As one that may stay without a reply.
+    fn strange(self) -> Self {
+        Self {
+            is_strange: true,
+            ..self
         }
     }
 }
@@ -83,10 +99,18 @@ fn messages(of: &Description, probes: &mut Vec<Probe>) {
         let changes = changes(of, index);
         let mut dice = dice(index as u64 + 1);
         let mut examples: Vec<Record> = Vec::new();
+        let mut strange = Vec::new();
         for _ in 0..EXAMPLES {
-            let example = message.example(&mut dice);
-            if !examples.contains(&example) {
-                examples.push(example);
+            let plain = message.example(&mut dice);
+            let answered = of.answered(message, &plain);
+            for example in answered {
+                if !examples.contains(&example) {
+                    examples.push(example);
+                }
+            }
+            // Such as a request for another address.
+            if !examples.contains(&plain) {
+                strange.push(plain);
             }
         }
         let first = examples.first().cloned();
@@ -96,13 +120,92 @@ fn messages(of: &Description, probes: &mut Vec<Probe>) {
                 probes.push(Probe::of(message.name(), request, changes));
             }
         }
+        for values in strange.iter().take(1) {
+            if let Ok(request) = of.request(message, values) {
+                let place = format!("{} with other values", message.name());
+                probes.push(Probe::of(place, request, changes).strange());
+            }
+        }
+        table(of, message, first.as_ref(), probes);
         for values in first.iter().flat_map(|values| beyond(message, values)) {
             if let Ok(request) = of.request(message, &values.1) {
                 let place = format!("{} with {} beyond its limits", message.name(), values.0);
-                probes.push(Probe::of(place, request, true));
+                probes.push(Probe::of(place, request, true).strange());
             }
         }
     }
+}
+
+/// Requests for each register of a table that messages read and write, and behind its end.
+fn table(of: &Description, message: &Message, like: Option<&Record>, probes: &mut Vec<Probe>) {
+    let (Some(like), Some(registers)) = (like, &of.registers) else {
+        return;
+    };
+    let cells = &registers.bytes.cells;
+    let requests = of.register_requests(message);
+    let with = |changed: &Record| {
+        let mut values = like.clone();
+        for (name, value) in &changed.0 {
+            values.set(name, value.clone());
+        }
+        values
+    };
+    for request in &requests {
+        let cell = &cells[request.cell];
+        let name = &of.variables[cell.variable].name;
+        let mut probe = |values: &Record, place: String, changes: bool| {
+            if let Ok(request_of) = of.request(message, values) {
+                probes.push(Probe {
+                    cell: (!changes).then_some(request.cell),
+                    ..Probe::of(place, request_of, changes)
+                });
+            }
+        };
+        match &request.data {
+            None => {
+                let values = with(&request.values);
+                (0..2).for_each(|_| probe(&values, format!("read {name}"), false));
+            }
+            Some(data) => {
+                let mut write = |value: Value, place: String| {
+                    let mut values = with(&request.values);
+                    values.set(data, Value::Bytes(cell.bytes(&value)));
+                    probe(&values, place, true);
+                };
+                write(value_of(cell, 0.5), format!("write {name}"));
+                for value in cell
+                    .limits
+                    .into_iter()
+                    .flat_map(|limits| outside(cell, limits))
+                {
+                    write(value, format!("write {name} beyond its limits"));
+                }
+                let initial = of.variables[cell.variable].initial.clone();
+                write(initial, format!("write {name}"));
+            }
+        }
+    }
+    let end = cells.last().map(|cell| cell.at + cell.len);
+    if let (Some(end), Some(last)) = (end, requests.last())
+        && last.data.is_none()
+    {
+        let mut values = with(&last.values);
+        if let Some((name, _)) = last.values.0.first() {
+            values.set(name, Value::Int(end.into()));
+        }
+        if let Ok(request) = of.request(message, &values) {
+            let place = format!("{} {end}, behind the last register", message.name());
+            probes.push(Probe::of(place, request, false).strange());
+        }
+    }
+}
+
+/// The nearest values beyond limits that the register's bytes can hold.
+fn outside(cell: &Cell, [least, most]: [f64; 2]) -> Vec<Value> {
+    let step = cell.scale.map_or(1.0, |[scale, _]| scale.abs());
+    let values = [least - step, most + step].map(Value::Float);
+    let holds = |value: &Value| cell.value(&cell.bytes(value)).as_f64() == value.as_f64();
+    values.into_iter().filter(holds).collect()
 }
 
 /// Whether a message changes what the device does.
@@ -230,6 +333,8 @@ fn damaged(of: &Description, probes: &mut Vec<Probe>) {
         asks: None,
         changes: false,
         listen: None,
+        cell: None,
+        is_strange: true,
     };
     let mut spoiled = sound.clone();
     of.frames.spoil(0, &mut spoiled);

@@ -354,6 +354,37 @@ fn examples(fields: &[Field], choice: &mut dyn FnMut(u64) -> u64, record: &mut R
     }
 }
 
+/// `value` of a field that takes the rest, changed towards `room` bytes where it makes `len` now.
+pub(crate) fn longer(
+    field: &Field,
+    value: &Value,
+    len: usize,
+    room: usize,
+    choice: &mut dyn FnMut(u64) -> u64,
+) -> Value {
+    let sized = |now: usize| (now + room).saturating_sub(len);
+    match value {
+        Value::Bytes(bytes) => {
+            let mut bytes = bytes.clone();
+            bytes.resize_with(sized(bytes.len()), || byte(choice));
+            Value::Bytes(bytes)
+        }
+        Value::Text(text) => {
+            let letters = text.chars().chain(core::iter::repeat('x'));
+            Value::Text(letters.take(sized(text.chars().count())).collect())
+        }
+        Value::List(list) => {
+            let mut list = list.clone();
+            match len < room {
+                true => list.push(one_example(field, choice, &Record::default())),
+                false => drop(list.pop()),
+            }
+            Value::List(list)
+        }
+        other => other.clone(),
+    }
+}
+
 fn one_example(field: &Field, choice: &mut dyn FnMut(u64) -> u64, record: &Record) -> Value {
     let scope = Nested {
         own: record,

@@ -15,18 +15,30 @@ pub struct Frames(pub(crate) Arc<Vec<Framing>>, pub(crate) Unused);
 
 /// Formats that are not looked for, a bit for each; those beyond are looked for always.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Unused(u64);
+pub(crate) struct Unused {
+    bits: u64,
+    /// They are looked for after the others.
+    are_last: bool,
+}
 
 impl Unused {
     /// With the format of this index.
     pub(crate) fn with(self, index: usize) -> Self {
-        Self(
-            self.0
-                | u32::try_from(index)
-                    .ok()
-                    .and_then(|bit| 1_u64.checked_shl(bit))
-                    .unwrap_or(0),
-        )
+        let bit = u32::try_from(index)
+            .ok()
+            .and_then(|bit| 1_u64.checked_shl(bit));
+        Self {
+            bits: self.bits | bit.unwrap_or(0),
+            ..self
+        }
+    }
+
+    /// The same formats, to be looked for after the others.
+    pub(crate) const fn last(self) -> Self {
+        Self {
+            are_last: true,
+            ..self
+        }
     }
 
     fn has(self, index: usize) -> bool {
@@ -77,8 +89,15 @@ impl Frames {
 impl Frames {
     /// The formats that are looked for, with their indices.
     fn used(&self) -> impl Iterator<Item = (usize, &Framing)> {
-        let all = self.0.iter().enumerate();
-        all.filter(|(index, _)| !self.1.has(*index))
+        let all = || self.0.iter().enumerate();
+        let first = all().filter(|(index, _)| !self.1.has(*index));
+        let last = all().filter(|(index, _)| self.1.are_last && self.1.has(*index));
+        first.chain(last)
+    }
+
+    /// Whether frames of this format are looked for.
+    pub(crate) fn looks_for(&self, format: usize) -> bool {
+        self.used().any(|(index, _)| index == format)
     }
 
     /// The same formats, without those that are `unused`.
@@ -216,7 +235,7 @@ impl Framing {
     /// Least bytes of the content.
     pub(crate) fn least(&self) -> usize {
         let holes: usize = self.holes.iter().map(|(_, len)| len).sum();
-        (holes + self.trailer).max(1)
+        (holes + self.trailer).max(usize::from(!self.has_blank))
     }
 
     /// Judges a frame that has its length.
@@ -293,7 +312,7 @@ impl Framing {
             false => Candidate::Noise,
         };
         let inner = &bytes[from..];
-        let is_line = start.is_empty() && *stuffing == Stuffing::None;
+        let is_line = start.is_empty() && *stuffing == Stuffing::None && !self.has_blank;
         if is_line && inner.first().is_some_and(|byte| b"\r\n".contains(byte)) && !self.is_text(end)
         {
             return Candidate::Noise;
@@ -313,7 +332,7 @@ impl Framing {
             let (max, found) = (len_u32(self.max), len_u32(len));
             return reject(FrameError::Length { max, found });
         }
-        if found == 0 && *tail == 0 {
+        if found == 0 && *tail == 0 && !self.has_blank {
             return Candidate::Noise;
         }
         let Some(frame) = bytes.get(..len) else {

@@ -679,7 +679,7 @@ local function judge_marked(framing, s)
   if has_start and seen < #start then return nil end
   local from = has_start and #start or 0
   local inner = s:sub(from + 1)
-  local is_line = start == "" and framing.stuffing == "none"
+  local is_line = start == "" and framing.stuffing == "none" and not framing.has_blank
   if is_line and inner:find("^[\r\n]") and finish:find("[\r\n]") then return 0 end
   local found = inner:find(finish, 1, true)
   if not found then
@@ -688,7 +688,8 @@ local function judge_marked(framing, s)
   end
   found = found - 1
   local len = from + found + #finish + framing.tail
-  if len > framing.max or found == 0 and framing.tail == 0 then return 0 end
+  if len > framing.max then return 0 end
+  if found == 0 and framing.tail == 0 and not framing.has_blank then return 0 end
   if #s < len then return nil end
   local plain = content(framing, s:sub(1, len))
   if not plain or #plain < framing.least or not sound(framing, plain) then return 0 end
@@ -723,11 +724,17 @@ local function judge_one(framing, s, is_last)
   return whole(framing, s:sub(1, size))
 end
 
-local function judge(device, s, is_last)
-  for index, framing in ipairs(device.frames) do
-    local found = judge_one(framing, s, is_last)
-    if found == nil and not is_last then return nil end
-    if found and found > 0 then return found, index end
+-- Formats of the end that sends come first, the others last: a capture may have its ends mixed up.
+local function judge(device, s, is_last, from)
+  for _, is_other in ipairs(from and { false, true } or { false }) do
+    for index, framing in ipairs(device.frames) do
+      local is_own = not from or not framing.from or framing.from == from
+      if is_own ~= is_other then
+        local found = judge_one(framing, s, is_last)
+        if found == nil and not is_last then return nil end
+        if found and found > 0 then return found, index end
+      end
+    end
   end
   return 0
 end
@@ -984,9 +991,9 @@ local function decode_text(pieces, text)
 end
 
 -- The first message that fits a body, and its values.
-local function understand(device, index, s)
+local function understand(device, index, s, from)
   for _, message in ipairs(device.messages) do
-    if message.frame == index then
+    if message.frame == index and (not from or not message.from or message.from == from) then
       local is_it, record = pcall(function()
         if message.pieces then return decode_text(message.pieces, s) end
         local record, reader = {}, reader_of(s)
@@ -1096,19 +1103,20 @@ end
 
 -- A row of the table of formats.
 function D.row(device)
-  local function of(s)
-    local _, index = judge(device, s, true)
+  local function of(s, from)
+    local _, index = judge(device, s, true, from)
     index = index or 1
     local s = body(device.frames[index], s)
     if device.is_modbus then return nil, nil, s end
-    local message, record = understand(device, index, s)
+    local message, record = understand(device, index, s, from)
+    if not message and from then message, record = understand(device, index, s) end
     return message, record, s
   end
   return {
     device.name,
-    function(s, _, is_last) return (judge(device, s, is_last)) end,
-    function(s)
-      local message, record, inner = of(s)
+    function(s, state, is_last) return (judge(device, s, is_last, state.from)) end,
+    function(s, state)
+      local message, record, inner = of(s, state.from)
       local title, items
       if device.is_modbus then
         title, items = modbus(inner)
@@ -1125,6 +1133,6 @@ function D.row(device)
     end,
     device.idle,
     device.share,
-    function(s) return device.is_modbus or of(s) ~= nil end,
+    function(s, state) return device.is_modbus or of(s, state.from) ~= nil end,
   }
 end

@@ -161,7 +161,8 @@ pub struct LengthSpec {
     /// Bytes for each that it counts, e.g. 2 for words.
     #[serde(default)]
     pub unit: Option<u16>,
-    /// Bits of the field that are the length; all if not given.
+    /// Bits of the field that are the length; all if not given. The other bits belong to the
+    /// message, which has a field of this size at this place.
     #[serde(default)]
     pub mask: Option<u32>,
 }

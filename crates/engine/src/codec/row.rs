@@ -8,6 +8,7 @@ use super::floor::Floor;
 use super::lua::Lua;
 use super::wire::{Choices, Target, Wire};
 use crate::registry::Named;
+use crate::rig::line::Direction;
 
 /// A wire format that can be told from its bytes: a row of the table.
 ///
@@ -45,6 +46,11 @@ enum Format {
 pub trait OwnFormat: Send + Sync {
     /// A fresh decoder.
     fn decoder(&self) -> Box<dyn AnyDecoder>;
+
+    /// A fresh decoder of what goes in this direction, where the two have formats of their own.
+    fn decoder_towards(&self, _direction: Direction) -> Box<dyn AnyDecoder> {
+        self.decoder()
+    }
 
     /// Makes lengths and checksum fit the damaged `frame` again, if it still has room for them.
     fn repair(&self, frame: &mut [u8]);
@@ -319,6 +325,13 @@ impl Codec {
         match self.format {
             Format::Typed { decoder, .. } => decoder(),
             Format::Own(format) => format.decoder(),
+        }
+    }
+
+    pub(super) fn decoder_towards(&self, direction: Direction) -> Box<dyn AnyDecoder> {
+        match self.format {
+            Format::Typed { decoder, .. } => decoder(),
+            Format::Own(format) => format.decoder_towards(direction),
         }
     }
 }

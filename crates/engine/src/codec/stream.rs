@@ -15,6 +15,7 @@ use core::ops::Range;
 use protocols::FrameError;
 
 use super::row::{AnyDecoder, Codec};
+use crate::rig::line::Direction;
 
 /// What some bytes of a stream are.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,6 +76,12 @@ impl Stream {
     /// Nothing fed yet.
     pub fn new(codec: &Codec) -> Self {
         let (decoder, place) = (codec.decoder(), Progress::default());
+        Self { decoder, place }
+    }
+
+    /// Nothing fed yet of what goes in this direction.
+    pub fn towards(codec: &Codec, direction: Direction) -> Self {
+        let (decoder, place) = (codec.decoder_towards(direction), Progress::default());
         Self { decoder, place }
     }
 

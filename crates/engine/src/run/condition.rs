@@ -62,7 +62,7 @@ impl Run {
                 let wanted = Wanted::Frame {
                     contains: frame.contains.clone(),
                     codec,
-                    stream: Stream::new(codec),
+                    stream: Stream::towards(codec, direction),
                     heard: self.rig.now(),
                 };
                 Some(self.watch_line(&frame.link, frame.direction, wanted)?)

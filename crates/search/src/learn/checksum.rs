@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 
-use super::sums::{ALL, Sum};
+use super::sums::{self, ALL, Sum};
 
 /// Bits of evidence above which a checksum is claimed.
 const CLAIMED_BITS: f64 = 20.0;
@@ -86,6 +86,8 @@ enum Place {
     End { tail: usize, gap: usize },
     /// At this offset; it covers what is behind it, and what is before it if `is_whole`.
     Head { at: usize, is_whole: bool },
+    /// At this offset; it covers what is before it: the checksum of a header.
+    Front { at: usize },
 }
 
 /// A checksum as it stands in frames.
@@ -119,6 +121,7 @@ impl core::fmt::Display for Checksum {
             Place::End { tail: 0, .. } => f.write_str("at the end")?,
             Place::End { tail, .. } => write!(f, "{tail} bytes before the end")?,
             Place::Head { at, .. } => write!(f, "at byte {at}")?,
+            Place::Front { at } => write!(f, "at byte {at}, of the header")?,
         }
         match (self.place, self.start) {
             (Place::Head { .. }, _) | (_, 0) => Ok(()),
@@ -141,6 +144,8 @@ pub(crate) struct Placed {
     pub(crate) len: usize,
     pub(crate) is_big: bool,
     pub(crate) is_hex: bool,
+    /// Its place and the first and the last byte that it covers, if it stands in a header.
+    pub(crate) head: Option<[usize; 3]>,
 }
 
 impl Checksum {
@@ -154,10 +159,21 @@ impl Checksum {
         self.free
     }
 
-    /// Where it stands, if that is at the end.
+    /// Where it stands, if descriptions can say that. The end of what it covers is 0 for the end of
+    /// the frame.
     pub(crate) fn placed(&self) -> Option<Placed> {
-        let Place::End { tail, gap } = self.place else {
-            return None;
+        let (tail, gap, head) = match self.place {
+            Place::End { tail, gap } => (tail, gap, None),
+            Place::Front { at } => (0, 0, Some([at, self.start, at])),
+            Place::Head {
+                at,
+                is_whole: false,
+            } => (0, 0, Some([at, at + self.len(), 0])),
+            // Its own bytes count as 0, which only sums do not notice.
+            Place::Head { at, is_whole: true } if self.sum.skips_zeros() => {
+                (0, 0, Some([at, 0, 0]))
+            }
+            Place::Head { .. } => return None,
         };
         let is_hex = matches!(self.encoding, Encoding::Upper | Encoding::Lower);
         Some(Placed {
@@ -168,6 +184,7 @@ impl Checksum {
             len: self.len(),
             is_big: is_hex || self.encoding == Encoding::Big,
             is_hex,
+            head,
         })
     }
 
@@ -175,7 +192,7 @@ impl Checksum {
     pub(crate) const fn len_behind(&self) -> usize {
         match self.place {
             Place::End { tail, gap } => tail + gap + self.len(),
-            Place::Head { .. } => self.len(),
+            Place::Head { .. } | Place::Front { .. } => self.len(),
         }
     }
 
@@ -191,7 +208,7 @@ impl Checksum {
                 let at = body.len().checked_sub(tail + self.len())?;
                 (at > self.start + gap).then_some(at)?
             }
-            Place::Head { at, .. } => at,
+            Place::Head { at, .. } | Place::Front { at } => at,
         };
         (at + self.len() <= body.len()).then_some(at)
     }
@@ -203,6 +220,7 @@ impl Checksum {
             Place::End { gap, .. } => self.sum.of([&body[self.start..at - gap]]),
             Place::Head { is_whole: true, .. } => self.sum.of([&body[..at], behind]),
             Place::Head { .. } => self.sum.of([behind]),
+            Place::Front { .. } => self.sum.of([&body[self.start.min(at)..at]]),
         };
         self.sum.with(value, self.free)
     }
@@ -221,7 +239,9 @@ impl Checksum {
         let at = self.at(body)?;
         Some(match self.place {
             Place::End { gap, .. } => body[..at - gap].to_vec(),
-            Place::Head { .. } => [&body[..at], &body[at + self.len()..]].concat(),
+            Place::Head { .. } | Place::Front { .. } => {
+                [&body[..at], &body[at + self.len()..]].concat()
+            }
         })
     }
 
@@ -237,7 +257,7 @@ impl Checksum {
                 body.extend(&self.fixed[gap..gap + tail]);
                 at
             }
-            Place::Head { at, .. } => {
+            Place::Head { at, .. } | Place::Front { at } => {
                 let at = at.min(body.len());
                 body.splice(at..at, field);
                 at
@@ -247,6 +267,7 @@ impl Checksum {
             // What is shorter than the header that is left out covers nothing.
             Place::End { gap, .. } => self.start.min(at - gap),
             Place::Head { .. } => 0,
+            Place::Front { .. } => self.start.min(at),
         };
         let value = Self { start, ..*self }.over(&body, at) ^ off;
         let field = self.encoding.write(value, self.sum.bytes);
@@ -286,7 +307,9 @@ impl Checksum {
                 }
             }
         }
-        let one = usize::from(self.sum.is_free && self.free != 0);
+        // A constant of its own costs a value; 0 and all ones are usual.
+        let is_usual = sums::described(self.sum.name, self.free).is_some();
+        let one = usize::from(self.sum.is_free && !is_usual);
         let known = values.len().min(ranges.len()).saturating_sub(one);
         // A byte of the field that is always the same tells nothing.
         let each = match varying(values.iter().copied()) {
@@ -294,6 +317,13 @@ impl Checksum {
             count => self.sum.bits() * count.min(self.len()) / self.len(),
         };
         let mut bits = (each * known) as f64 + self.sum.prior();
+        // Of ways that fit alike the plainest one.
+        bits -= 0.2 * self.start as f64;
+        bits += match self.place {
+            Place::End { .. } if is_usual || !self.sum.is_free => 1.0,
+            Place::End { .. } => 0.5,
+            Place::Head { .. } | Place::Front { .. } => 0.0,
+        };
         // The sum of one byte that changes is a copy of it: a counter that stands there twice.
         if self.sum.is_free && varying(ranges.iter().flatten().map(Vec::as_slice)) < 2 {
             bits = bits.min(COPY_BITS);
@@ -310,6 +340,24 @@ impl Checksum {
             0.0
         };
         Some(bits + more)
+    }
+
+    /// Whether no other byte could be the checksum as well: where an exclusive or covers all of a
+    /// frame each byte is that of the others, and the one that changes most is the likeliest.
+    fn has_certain_place(&self, bodies: &[&[u8]]) -> bool {
+        if self.sum.name != "exclusive or" {
+            return true;
+        }
+        let Place::End { tail, .. } = self.place else {
+            return !matches!(self.place, Place::Head { .. });
+        };
+        let values = |at: &dyn Fn(&[u8]) -> Option<u8>| {
+            let values: BTreeSet<Option<u8>> = bodies.iter().map(|body| at(body)).collect();
+            values.len()
+        };
+        let own = values(&|body| body.get(body.len().checked_sub(tail + 1)?).copied());
+        let most = (self.start..HEAD_MAX).map(|at| values(&|body| body.get(at).copied()));
+        most.max().unwrap_or(0) * 2 <= own * 3
     }
 
     /// Whether what is around the field is the same in `body` as in `first`.
@@ -343,10 +391,12 @@ fn varying<'a>(parts: impl Iterator<Item = &'a [u8]>) -> usize {
 pub(crate) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
     let distinct: BTreeSet<&[u8]> = bodies.iter().map(Vec::as_slice).collect();
     let distinct: Vec<&[u8]> = distinct.into_iter().take(FRAMES_MAX).collect();
-    let shortest = distinct.iter().map(|body| body.len()).min()?;
+    let mut lens: Vec<usize> = distinct.iter().map(|body| body.len()).collect();
+    lens.sort_unstable();
+    let (shortest, usual) = (*lens.first()?, lens[lens.len() / 2]);
     let (mut tried, mut best): (f64, Option<Checksum>) = (0.0, None);
     for sum in ALL.iter() {
-        for candidate in candidates(sum, shortest, distinct.len()) {
+        for candidate in candidates(sum, [shortest, usual], distinct.len()) {
             tried += 1.0;
             let mut candidate = candidate;
             if let Some([between, behind]) = candidate.around(distinct[0]) {
@@ -364,13 +414,14 @@ pub(crate) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
     }
     let mut best = best?;
     best.bits -= tried.log2();
-    best.is_sure = best.bits >= CLAIMED_BITS;
+    best.is_sure = best.bits >= CLAIMED_BITS && best.has_certain_place(&distinct);
     let is_whole = distinct.iter().all(|body| best.holds(body));
     (best.is_sure || (is_whole && best.bits >= GUESSED_BITS)).then_some(best)
 }
 
-/// Where `sum` may stand in frames of at least `shortest` bytes of which `count` differ.
-fn candidates(sum: &'static Sum, shortest: usize, count: usize) -> Vec<Checksum> {
+/// Where `sum` may stand in frames of at least `shortest` and mostly of `usual` bytes, of which
+/// `count` differ.
+fn candidates(sum: &'static Sum, [shortest, usual]: [usize; 2], count: usize) -> Vec<Checksum> {
     let mut all = Vec::new();
     let mut add = |encoding, place, start| {
         all.push(Checksum {
@@ -405,15 +456,20 @@ fn candidates(sum: &'static Sum, shortest: usize, count: usize) -> Vec<Checksum>
             }
             for start in 0..=START_MAX {
                 let around = tail + gap + len + start;
-                let room = shortest.saturating_sub(around);
+                let room = |len: usize| len.saturating_sub(around);
                 // A sum of less than half of a frame protects nothing.
-                if room >= least.max(start) {
+                if room(shortest) >= 1 && room(usual) >= least.max(start) {
                     add(encoding, Place::End { tail, gap }, start);
                 }
             }
         }
         if is_hex {
             continue;
+        }
+        for (at, start) in (3..heads).flat_map(|at| [(at, 0), (at, 1), (at, 2)]) {
+            if at + len < shortest {
+                add(encoding, Place::Front { at }, start);
+            }
         }
         for at in 0..heads.min(shortest.saturating_sub(len + 1)) {
             add(encoding, Place::Head { at, is_whole: true }, 0);

@@ -72,7 +72,7 @@ impl DescribedFormat {
 
 impl FrameFormat for DescribedFormat {
     fn split<'a>(&self, chunk: &'a [u8]) -> Vec<&'a [u8]> {
-        let mut cutter = self.0.cutter();
+        let mut cutter = self.0.cutter_for(From::Device);
         let (mut frames, mut rest, mut from) = (Vec::new(), chunk, 0);
         for is_over in [false, true] {
             if is_over {
@@ -96,7 +96,7 @@ impl FrameFormat for DescribedFormat {
     }
 
     fn content(&self, frame: &[u8]) -> Option<Vec<u8>> {
-        let mut cutter = self.0.cutter();
+        let mut cutter = self.0.cutter_for(From::Device);
         let mut found: Vec<_> = cutter.push(frame).flatten().collect();
         cutter.idle();
         found.extend(cutter.push(&[]).flatten());

@@ -12,10 +12,9 @@ use std::sync::Arc;
 
 use capture::Capture;
 use description::Description;
-use protocols::Decode as _;
 
 use super::{Spoken, conversation};
-use frame::Proposed;
+use frame::{Cover, Proposed};
 
 /// How far a claim can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,37 +127,29 @@ impl Proposal {
             draft: None,
             covered: [0, all],
         };
-        let Some(found) = frame::find(&chunks) else {
-            return nothing;
-        };
-        let head = format!(
-            "# A draft from captured bytes: what stands here fits them, and no more is known.\n\
-             name = \"learned\"\nabout = \"Device of which {all} bytes were seen\"\n\
-             line = {{ baud = {baud} }}\n\n"
-        );
-        let head = comments(&found) + &head;
-        let plain = format!("{head}{}\n{}", found.toml, message::PLAIN);
+        let formats = frame::find(&chunks, baud);
+        let plain = draft(&formats, baud, all, None);
         let Ok(read) = parse(&plain) else {
             return nothing;
         };
-        let covered = covered(&read, &chunks);
-        let mut claims = found.claims.clone();
-        let is_all = covered * 100 >= all * 85;
-        if !is_all {
-            // A format that most bytes do not have is none.
-            for claim in &mut claims {
-                claim.confidence = Confidence::Guess;
-            }
-        }
-        if claims
+        let covered = Cover::of(&read, chunks.iter()).bytes;
+        let mut claims: Vec<Claim> = formats.iter().flat_map(|one| one.claims.clone()).collect();
+        let ends = |chunk: &&Chunk| {
+            formats
+                .iter()
+                .any(|one| one.ends[usize::from(chunk.is_host)])
+        };
+        let said: usize = chunks
             .iter()
-            .all(|claim| claim.confidence == Confidence::Guess)
-            && !is_all
-        {
+            .filter(ends)
+            .map(|chunk| chunk.bytes.len())
+            .sum();
+        if covered * 100 < said * COVERED_SURE && !formats.iter().any(Proposed::is_summed) {
+            // A format that most bytes do not have is none.
             return nothing;
         }
-        let (told, more) = message::messages(&read, &chunks, found.is_text);
-        let fuller = format!("{head}{}\n{told}", found.toml);
+        let (told, more) = message::messages(&read, &chunks, &formats);
+        let fuller = draft(&formats, baud, all, Some(&told));
         let draft = match parse(&fuller) {
             Ok(_) => {
                 claims.extend(more);
@@ -174,36 +165,32 @@ impl Proposal {
     }
 }
 
-fn comments(found: &Proposed) -> String {
-    let lines = found.claims.iter().map(|claim| format!("# {claim}\n"));
-    lines.collect()
+/// Share of the bytes that frames without a checksum have at least, per cent.
+const COVERED_SURE: usize = 85;
+
+/// The description with `formats`; what `told` says of messages, or bytes alone.
+fn draft(formats: &[Proposed], baud: u32, all: usize, told: Option<&str>) -> String {
+    let claims = formats.iter().flat_map(|format| &format.claims);
+    let claims: String = claims.map(|claim| format!("# {claim}\n")).collect();
+    let frames = formats
+        .iter()
+        .enumerate()
+        .map(|(index, format)| match formats {
+            [_] => format!("[frame]\n{}\n", format.toml),
+            _ => format!("[[frame]]\nname = \"f{}\"\n{}\n", index + 1, format.toml),
+        });
+    let frames: String = frames.collect();
+    let messages = told.map_or_else(|| message::plain(formats), str::to_owned);
+    format!(
+        "{claims}# A draft from captured bytes: what stands here fits them, and no more is known.\n\
+         name = \"learned\"\nabout = \"Device of which {all} bytes were seen\"\n\
+         line = {{ baud = {baud} }}\n\n{frames}{messages}"
+    )
 }
 
 fn parse(text: &str) -> Result<Arc<Description>, String> {
     let nothing = |_: &str| Err(String::new());
     Description::parse("draft", text, &nothing).map_err(|error| error.to_string())
-}
-
-/// Bytes of chunks that lie in frames.
-fn covered(of: &Description, chunks: &[Chunk]) -> usize {
-    let mut all = 0;
-    for is_host in [false, true] {
-        let mut cutter = of.cutter();
-        for chunk in chunks.iter().filter(|chunk| chunk.is_host == is_host) {
-            all += cutter
-                .push(&chunk.bytes)
-                .flatten()
-                .map(|frame| frame.bytes.len())
-                .sum::<usize>();
-            cutter.idle();
-            all += cutter
-                .push(&[])
-                .flatten()
-                .map(|frame| frame.bytes.len())
-                .sum::<usize>();
-        }
-    }
-    all
 }
 
 /// What came together, in the order of time.

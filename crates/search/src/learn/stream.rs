@@ -1,7 +1,7 @@
 //! Frames in a stream without pauses: those of one size, and those that begin with sync bytes and
 //! say how long they are.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How frames of a stream are told apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -11,18 +11,21 @@ pub(crate) struct Cutting {
     pub(crate) how: How,
     /// Share of the bytes that lie in such frames, per cent.
     pub(crate) share: usize,
+    /// Share of the chunks that begin with such a frame, per cent.
+    pub(crate) aligned: usize,
 }
 
 /// What says where a frame ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum How {
     /// All have this size.
     Fixed(usize),
-    /// A number in the frame: its value and `base` are the frame's size.
+    /// A number in the frame: its value times `unit`, and `base`, are the frame's size.
     Length {
         at: usize,
         bytes: usize,
         is_big: bool,
+        unit: usize,
         base: usize,
     },
 }
@@ -31,14 +34,30 @@ pub(crate) enum How {
 const BYTES_MAX: usize = 32 << 10;
 /// Sync bytes that are tried.
 const STARTS_MAX: usize = 10;
+/// Bytes with which chunks begin that are tried as sync bytes.
+const PREFIX_MAX: usize = 4;
+/// Least byte behind the first one that is taken for a part of a mark.
+const MARK_MIN: u8 = 0x20;
 /// Last place of a length field behind the sync bytes.
 const AT_MAX: usize = 6;
 /// Longest frame.
 const FRAME_MAX: usize = 1_024;
-/// Least share of bytes in frames, per cent.
-const SHARE_MIN: usize = 85;
+/// Least share of bytes in frames, per cent: other formats may share the line.
+const SHARE_MIN: usize = 10;
 /// Fewest frames.
 const FRAMES_MIN: usize = 6;
+/// Bytes of a frame that its length field does not count, at most.
+const BASE_MAX: usize = 32;
+
+/// The number at `at`.
+fn number(bytes: &[u8], at: usize, len: usize, is_big: bool) -> Option<usize> {
+    let field = bytes.get(at..at + len)?;
+    let add = |value: usize, byte: &u8| value << 8 | usize::from(*byte);
+    Some(match is_big {
+        true => field.iter().fold(0, add),
+        false => field.iter().rev().fold(0, add),
+    })
+}
 
 impl Cutting {
     /// The size of the frame that `bytes` begin with, if they say so.
@@ -52,80 +71,142 @@ impl Cutting {
                 at,
                 bytes: len,
                 is_big,
+                unit,
                 base,
             } => {
-                let field = bytes.get(at..at + len)?;
-                let number = |value: usize, byte: &u8| value << 8 | usize::from(*byte);
-                let value = match is_big {
-                    true => field.iter().fold(0, number),
-                    false => field.iter().rev().fold(0, number),
-                };
-                let size = value + base;
+                let size = number(bytes, at, len, is_big)? * unit + base;
                 (size > at + len && size <= FRAME_MAX).then_some(size)
             }
         }
     }
 
-    /// The frames of `stream`. A frame counts only if another one, or the end, follows it.
-    pub(crate) fn frames<'a>(&self, stream: &'a [u8]) -> Vec<&'a [u8]> {
-        let (mut frames, mut at) = (Vec::new(), 0);
-        while at < stream.len() {
-            let size = self.size(&stream[at..]);
-            let frame = size.and_then(|size| stream.get(at..at + size));
-            let is_followed = |frame: &[u8]| {
-                let rest = &stream[at + frame.len()..];
-                rest.len() < self.sync.len().max(1) || rest.starts_with(&self.sync)
-            };
-            match frame.filter(|frame| is_followed(frame)) {
-                Some(frame) => {
-                    frames.push(frame);
-                    at += frame.len();
+    /// The frames in `chunks`. A frame counts only if a byte follows it with which chunks begin, or
+    /// the end of its chunk.
+    pub(crate) fn frames<'a>(&self, chunks: &'a [Vec<u8>]) -> Vec<&'a [u8]> {
+        let firsts: BTreeSet<u8> = chunks
+            .iter()
+            .filter_map(|chunk| chunk.first().copied())
+            .collect();
+        let mut frames = Vec::new();
+        for chunk in chunks {
+            let mut at = 0;
+            while at < chunk.len() {
+                let size = self.size(&chunk[at..]);
+                let frame = size.and_then(|size| chunk.get(at..at + size));
+                let is_followed = |frame: &[u8]| {
+                    let rest = &chunk[at + frame.len()..];
+                    let is_begun = rest.starts_with(&self.sync);
+                    is_begun || rest.first().is_none_or(|byte| firsts.contains(byte))
+                };
+                match frame.filter(|frame| is_followed(frame)) {
+                    Some(frame) => {
+                        frames.push(frame);
+                        at += frame.len();
+                    }
+                    None => at += 1,
                 }
-                None => at += 1,
             }
         }
         frames
     }
+
+    /// Whether the two bytes of its length could be one, or the other way round.
+    const fn rank(&self) -> usize {
+        match self.how {
+            How::Fixed(_) => 3,
+            How::Length {
+                bytes: 2,
+                is_big: false,
+                ..
+            } => 2,
+            How::Length { bytes: 1, .. } => 1,
+            How::Length { .. } => 0,
+        }
+    }
 }
 
-/// The ways in which `stream` can be cut, best first.
-pub(crate) fn cuttings(stream: &[u8]) -> Vec<Cutting> {
-    let stream = &stream[..stream.len().min(BYTES_MAX)];
+/// The ways in which `chunks` can be cut, best first.
+pub(crate) fn cuttings(chunks: &[Vec<u8>]) -> Vec<Cutting> {
+    let mut room = BYTES_MAX;
+    let few = chunks.iter().take_while(|chunk| {
+        let is_room = room > 0;
+        room = room.saturating_sub(chunk.len());
+        is_room
+    });
+    let few: Vec<Vec<u8>> = few
+        .map(|chunk| chunk[..chunk.len().min(BYTES_MAX)].to_vec())
+        .collect();
+    let stream = few.concat();
     let mut found: Vec<Cutting> = Vec::new();
-    for sync in starts(stream) {
+    for sync in starts(&stream, &few) {
         let places: Vec<usize> = stream
             .windows(sync.len())
             .enumerate()
             .filter(|(_, window)| *window == sync)
             .map(|(at, _)| at)
             .collect();
-        for how in fixed(&places)
+        let ways = fixed(&places)
             .into_iter()
-            .chain(lengths(stream, &sync, &places))
-        {
+            .chain(lengths(&stream, &sync, &places))
+            .chain(lengths_of_chunks(&few, &sync));
+        let ways: BTreeSet<How> = ways.collect();
+        for how in ways {
             let mut cutting = Cutting {
                 sync: sync.clone(),
                 how,
                 share: 0,
+                aligned: 0,
             };
-            let frames = cutting.frames(stream);
+            let frames = cutting.frames(&few);
             let framed: usize = frames.iter().map(|frame| frame.len()).sum();
             cutting.share = framed * 100 / stream.len().max(1);
+            let begin = few.iter().filter(|chunk| {
+                let size = cutting.size(chunk);
+                size.is_some_and(|size| size <= chunk.len())
+            });
+            cutting.aligned = begin.count() * 100 / few.len().max(1);
             if frames.len() >= FRAMES_MIN && cutting.share >= SHARE_MIN {
                 found.push(cutting);
             }
         }
     }
     found.sort_by_key(|cutting| {
-        let is_fixed = matches!(cutting.how, How::Fixed(_));
-        core::cmp::Reverse((cutting.share, is_fixed, cutting.sync.len()))
+        let share = (cutting.share, cutting.aligned);
+        core::cmp::Reverse((share, cutting.rank(), cutting.sync.len()))
     });
-    found
+    // Of marks that begin alike the longest one that finds as much.
+    let mut kept: Vec<Cutting> = Vec::new();
+    for cutting in found {
+        let is_like = |known: &Cutting| {
+            known.how == cutting.how && known.sync.first() == cutting.sync.first()
+        };
+        if !kept.iter().any(is_like) {
+            kept.push(cutting);
+        }
+    }
+    kept
 }
 
 /// Bytes that come so often that they may begin frames: longer ones first.
-fn starts(stream: &[u8]) -> Vec<Vec<u8>> {
-    let mut all = Vec::new();
+fn starts(stream: &[u8], chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
+    let mut all: Vec<Vec<u8>> = Vec::new();
+    let mut add = |start: &[u8]| {
+        // Small numbers behind the first byte are rather addresses and kinds than marks.
+        let end = start.iter().skip(1).position(|byte| *byte < MARK_MIN);
+        let start = &start[..end.map_or(start.len(), |at| at + 1)];
+        if !all.iter().any(|known| known == start) {
+            all.push(start.to_vec());
+        }
+    };
+    for len in (1..=PREFIX_MAX).rev() {
+        let mut counts: BTreeMap<&[u8], usize> = BTreeMap::new();
+        for start in chunks.iter().filter_map(|chunk| chunk.get(..len)) {
+            *counts.entry(start).or_default() += 1;
+        }
+        let mut common: Vec<_> = counts.into_iter().filter(|(_, count)| *count > 3).collect();
+        common.sort_by_key(|(_, count)| core::cmp::Reverse(*count));
+        common.iter().take(3).for_each(|(start, _)| add(start));
+    }
     for len in [3, 2, 1] {
         let mut counts: BTreeMap<&[u8], usize> = BTreeMap::new();
         for window in stream.windows(len) {
@@ -141,7 +222,7 @@ fn starts(stream: &[u8]) -> Vec<Vec<u8>> {
             .collect();
         common.sort_by_key(|(_, count)| core::cmp::Reverse(*count));
         let taken = common.into_iter().take(STARTS_MAX);
-        all.extend(taken.map(|(start, _)| start.to_vec()));
+        taken.for_each(|(start, _)| add(start));
     }
     all
 }
@@ -157,42 +238,85 @@ fn fixed(places: &[usize]) -> Option<How> {
     is_usual.then_some(How::Fixed(size))
 }
 
+/// Kinds of numbers that may be a length.
+const NUMBERS: [(usize, bool); 3] = [(1, false), (2, false), (2, true)];
+
 /// Numbers behind the sync bytes that say how far it is to the next beginning.
 fn lengths(stream: &[u8], sync: &[u8], places: &[usize]) -> Vec<How> {
     let mut found = Vec::new();
     for at in sync.len()..=sync.len() + AT_MAX {
-        for (bytes, is_big) in [(1, false), (2, false), (2, true)] {
-            let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
-            let mut values: Vec<usize> = Vec::new();
-            for pair in places.windows(2) {
-                let field = stream.get(pair[0] + at..pair[0] + at + bytes);
-                let Some(field) = field else { continue };
-                let number = |value: usize, byte: &u8| value << 8 | usize::from(*byte);
-                let value = match is_big {
-                    true => field.iter().fold(0, number),
-                    false => field.iter().rev().fold(0, number),
-                };
-                if let Some(base) = (pair[1] - pair[0]).checked_sub(value) {
+        for (bytes, is_big) in NUMBERS {
+            let ends = places
+                .windows(2)
+                .map(|pair| (pair[0], vec![pair[1] - pair[0]]));
+            let ends: Vec<_> = ends.collect();
+            found.extend(voted(stream, &ends, at, bytes, is_big));
+        }
+    }
+    found
+}
+
+/// Numbers behind the sync bytes that say how far it is to a next beginning or the end of the chunk.
+fn lengths_of_chunks(chunks: &[Vec<u8>], sync: &[u8]) -> Vec<How> {
+    let stream = chunks.concat();
+    let (mut ends, mut from) = (Vec::new(), 0);
+    for chunk in chunks {
+        if chunk.starts_with(sync) {
+            let windows = chunk.windows(sync.len()).enumerate().skip(sync.len());
+            let again = windows
+                .filter(|(_, window)| *window == sync)
+                .map(|(at, _)| at);
+            ends.push((from, again.chain([chunk.len()]).take(8).collect()));
+        }
+        from += chunk.len();
+    }
+    let mut found = Vec::new();
+    for at in sync.len()..=sync.len() + AT_MAX {
+        for (bytes, is_big) in NUMBERS {
+            found.extend(voted(&stream, &ends, at, bytes, is_big));
+        }
+    }
+    found
+}
+
+/// The number at `at` of frames that begin at a place and may have several sizes, if it says of
+/// most of them which one they have.
+fn voted(
+    stream: &[u8],
+    ends: &[(usize, Vec<usize>)],
+    at: usize,
+    bytes: usize,
+    is_big: bool,
+) -> Vec<How> {
+    let mut found = Vec::new();
+    for unit in [1, 2] {
+        let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut values: BTreeSet<usize> = BTreeSet::new();
+        for (from, sizes) in ends {
+            let Some(value) = number(stream, from + at, bytes, is_big) else {
+                continue;
+            };
+            values.insert(value);
+            for size in sizes {
+                if let Some(base) = size.checked_sub(value * unit) {
                     *counts.entry(base).or_default() += 1;
-                    values.push(value);
                 }
             }
-            values.sort_unstable();
-            values.dedup();
-            let most = counts.into_iter().max_by_key(|(_, count)| *count);
-            // A field that always has the same value says nothing of lengths.
-            if let Some((base, count)) = most
-                && values.len() > 1
-                && count * 2 >= places.len().saturating_sub(1)
-                && base <= 32
-            {
-                found.push(How::Length {
-                    at,
-                    bytes,
-                    is_big,
-                    base,
-                });
-            }
+        }
+        let most = counts.into_iter().max_by_key(|(_, count)| *count);
+        // A field that always has the same value says nothing of lengths.
+        if let Some((base, count)) = most
+            && values.len() > 1
+            && count * 2 >= ends.len()
+            && base <= BASE_MAX
+        {
+            found.push(How::Length {
+                at,
+                bytes,
+                is_big,
+                unit,
+                base,
+            });
         }
     }
     found

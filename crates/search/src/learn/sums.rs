@@ -45,6 +45,11 @@ impl Sum {
         }
     }
 
+    /// Whether bytes of 0 make no difference to it.
+    pub(crate) const fn skips_zeros(&self) -> bool {
+        matches!(self.how, How::Xor | How::Add | How::Subtract | How::Add7)
+    }
+
     /// Evidence in bits that one value gives.
     pub(crate) const fn bits(&self) -> usize {
         match self.how {
@@ -199,3 +204,11 @@ pub(crate) const DESCRIBED: [(&str, u64, &str); 12] = [
     ("Adler-32", 0, "adler32"),
     ("sum of bytes, 24 bits", 0, "sum24"),
 ];
+
+/// The name in descriptions of a sum with this constant, if they have it.
+pub(crate) fn described(name: &str, free: u64) -> Option<&'static str> {
+    let found = DESCRIBED
+        .iter()
+        .find(|(known, constant, _)| *known == name && *constant == free);
+    found.map(|(_, _, described)| *described)
+}

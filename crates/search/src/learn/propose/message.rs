@@ -4,27 +4,57 @@
 use core::fmt::Write as _;
 use std::collections::BTreeMap;
 
-use description::Description;
+use description::{Description, From};
 use protocols::Decode as _;
 
+use super::frame::Proposed;
 use super::{Chunk, Claim, Confidence, REPLY_NANOS};
 
 /// The messages of a draft of which nothing is known.
-pub(super) const PLAIN: &str = "\
-[[message]]
-name = \"asked\"
-from = \"host\"
-fields = [{ name = \"data\", type = \"bytes\", size = \"rest\" }]
+pub(super) fn plain(formats: &[Proposed]) -> String {
+    let (mut text, mut first) = (String::new(), [None, None]);
+    for (index, format) in formats.iter().enumerate() {
+        let number = if formats.len() == 1 {
+            String::new()
+        } else {
+            format!("_{}", index + 1)
+        };
+        for (is_host, from) in [(true, "host"), (false, "device")] {
+            if !format.ends[usize::from(is_host)] {
+                continue;
+            }
+            let what = if is_host { "asked" } else { "told" };
+            let name = format!("{what}{number}");
+            let head = match format.least {
+                0 => String::new(),
+                least => format!("{{ name = \"head\", type = \"bytes\", size = {least} }}, "),
+            };
+            write!(
+                text,
+                "[[message]]\nname = \"{name}\"\nfrom = \"{from}\"\n{}fields = [{head}{{ name = \
+                 \"data\", type = \"bytes\", size = \"rest\" }}]\n\n",
+                frame_key(formats, index)
+            )
+            .expect(TAKES_ALL);
+            first[usize::from(is_host)].get_or_insert(name);
+        }
+    }
+    text += &match first {
+        [Some(told), Some(asked)] => format!("[[on]]\nmessage = \"{asked}\"\nreply = \"{told}\"\n"),
+        [None, Some(asked)] => format!("[[on]]\nmessage = \"{asked}\"\n"),
+        [Some(told), None] => format!("[[every]]\nperiod = \"1s\"\nsend = \"{told}\"\n"),
+        [None, None] => String::new(),
+    };
+    text
+}
 
-[[message]]
-name = \"told\"
-from = \"device\"
-fields = [{ name = \"data\", type = \"bytes\", size = \"rest\" }]
-
-[[on]]
-message = \"asked\"
-reply = \"told\"
-";
+/// The format of a message as a file has it, if there are several.
+fn frame_key(formats: &[Proposed], index: usize) -> String {
+    match formats {
+        [_] => String::new(),
+        _ => format!("frame = \"f{}\"\n", index + 1),
+    }
+}
 
 /// Kinds of messages of one side at most.
 const KINDS_MAX: usize = 24;
@@ -35,19 +65,25 @@ const BODIES_MIN: usize = 5;
 struct Kind {
     name: String,
     is_host: bool,
+    /// Its frame format, by index.
+    format: usize,
     bodies: Vec<Vec<u8>>,
 }
 
 const TAKES_ALL: &str = "a string takes everything";
 
 /// Messages and behaviour, and what is claimed of them.
-pub(super) fn messages(of: &Description, chunks: &[Chunk], is_text: bool) -> (String, Vec<Claim>) {
+pub(super) fn messages(
+    of: &Description,
+    chunks: &[Chunk],
+    formats: &[Proposed],
+) -> (String, Vec<Claim>) {
     let spoken = bodies(of, chunks);
     let mut kinds: Vec<Kind> = Vec::new();
     let mut order: Vec<(usize, u64)> = Vec::new();
-    let keys: Vec<(bool, Vec<u8>)> = keys(&spoken, is_text);
-    let mut index: BTreeMap<&(bool, Vec<u8>), usize> = BTreeMap::new();
-    for (key, (is_host, at, body)) in keys.iter().zip(&spoken) {
+    let keys: Vec<(bool, usize, Vec<u8>)> = keys(&spoken, formats);
+    let mut index: BTreeMap<&(bool, usize, Vec<u8>), usize> = BTreeMap::new();
+    for (key, (is_host, at, format, body)) in keys.iter().zip(&spoken) {
         let next = kinds.len();
         let kind = *index.entry(key).or_insert(next);
         if kind == next {
@@ -56,6 +92,7 @@ pub(super) fn messages(of: &Description, chunks: &[Chunk], is_text: bool) -> (St
             kinds.push(Kind {
                 name: format!("{what}_{count}"),
                 is_host: *is_host,
+                format: *format,
                 bodies: Vec::new(),
             });
         }
@@ -64,7 +101,7 @@ pub(super) fn messages(of: &Description, chunks: &[Chunk], is_text: bool) -> (St
     }
     let per_side = |is_host: bool| kinds.iter().filter(|kind| kind.is_host == is_host).count();
     if per_side(true) > KINDS_MAX || per_side(false) > KINDS_MAX || kinds.is_empty() {
-        return (PLAIN.to_owned(), Vec::new());
+        return (plain(formats), Vec::new());
     }
     let mut text = String::new();
     for kind in &kinds {
@@ -72,11 +109,15 @@ pub(super) fn messages(of: &Description, chunks: &[Chunk], is_text: bool) -> (St
         let count = kind.bodies.len();
         write!(
             text,
-            "# {count} of them\n[[message]]\nname = \"{}\"\nfrom = \"{from}\"\n",
-            kind.name
+            "# {count} of them\n[[message]]\nname = \"{}\"\nfrom = \"{from}\"\n{}",
+            kind.name,
+            frame_key(formats, kind.format)
         )
         .expect(TAKES_ALL);
-        match is_text {
+        match formats
+            .get(kind.format)
+            .is_some_and(|format| format.is_text)
+        {
             true => writeln!(text, "text = {}\n", line(&kind.bodies)).expect(TAKES_ALL),
             false => writeln!(text, "fields = [\n{}]\n", fields(&kind.bodies)).expect(TAKES_ALL),
         }
@@ -93,9 +134,12 @@ pub(super) fn messages(of: &Description, chunks: &[Chunk], is_text: bool) -> (St
     (text + &behaviour, all)
 }
 
-/// The bodies of all frames in the order of time, with their ends.
-fn bodies(of: &Description, chunks: &[Chunk]) -> Vec<(bool, u64, Vec<u8>)> {
-    let mut cutters = [of.cutter(), of.cutter()];
+/// A body with its end, its time and its format.
+type Body = (bool, u64, usize, Vec<u8>);
+
+/// The bodies of all frames in the order of time.
+fn bodies(of: &Description, chunks: &[Chunk]) -> Vec<Body> {
+    let mut cutters = [From::Device, From::Host].map(|from| of.cutter_of(from));
     let mut all = Vec::new();
     for chunk in chunks {
         let cutter = &mut cutters[usize::from(chunk.is_host)];
@@ -104,7 +148,7 @@ fn bodies(of: &Description, chunks: &[Chunk]) -> Vec<(bool, u64, Vec<u8>)> {
         frames.extend(cutter.push(&[]).flatten());
         for frame in frames {
             if let Some(body) = of.body(&frame) {
-                all.push((chunk.is_host, chunk.at, body));
+                all.push((chunk.is_host, chunk.at, frame.format, body));
             }
         }
     }
@@ -112,27 +156,27 @@ fn bodies(of: &Description, chunks: &[Chunk]) -> Vec<(bool, u64, Vec<u8>)> {
 }
 
 /// What tells kinds of bodies apart: of text its form, else the first byte and the length.
-fn keys(spoken: &[(bool, u64, Vec<u8>)], is_text: bool) -> Vec<(bool, Vec<u8>)> {
-    let mut firsts: BTreeMap<bool, BTreeMap<u8, usize>> = BTreeMap::new();
-    for (is_host, _, body) in spoken {
+fn keys(spoken: &[Body], formats: &[Proposed]) -> Vec<(bool, usize, Vec<u8>)> {
+    let mut firsts: BTreeMap<(bool, usize), BTreeMap<u8, usize>> = BTreeMap::new();
+    for (is_host, _, format, body) in spoken {
         let first = body.first().copied().unwrap_or(0);
         *firsts
-            .entry(*is_host)
+            .entry((*is_host, *format))
             .or_default()
             .entry(first)
             .or_default() += 1;
     }
-    let keys = spoken.iter().map(|(is_host, _, body)| {
-        if is_text {
-            return (*is_host, skeleton(body).0.into_bytes());
+    let keys = spoken.iter().map(|(is_host, _, format, body)| {
+        if formats.get(*format).is_some_and(|format| format.is_text) {
+            return (*is_host, *format, skeleton(body).0.into_bytes());
         }
-        let is_kind = firsts.get(is_host).is_some_and(|counts| {
+        let is_kind = firsts.get(&(*is_host, *format)).is_some_and(|counts| {
             let all: usize = counts.values().sum();
             counts.len() <= 12 && counts.len() * 2 <= all.max(2)
         });
         let first = body.first().copied().filter(|_| is_kind);
         let len = u16::try_from(body.len()).unwrap_or(u16::MAX).to_be_bytes();
-        (*is_host, first.into_iter().chain(len).collect())
+        (*is_host, *format, first.into_iter().chain(len).collect())
     });
     keys.collect()
 }

@@ -2,18 +2,31 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use ::description::{Cutter, Description, Frame};
+use ::description::{Cutter, Description, Frame, From};
 use protocols::{Decode as _, FrameError};
 
 use crate::codec::wire::Choices;
 use crate::codec::{self, AnyDecoder, Codec, OwnFormat};
+use crate::rig::line::Direction;
 
 struct Described(Arc<Description>);
 
 struct Reader {
     description: Arc<Description>,
     cutter: Cutter,
+    from: From,
     last: Option<Frame>,
+}
+
+impl Reader {
+    fn new(description: &Arc<Description>, from: From) -> Self {
+        Self {
+            description: description.clone(),
+            cutter: description.cutter_for(from),
+            from,
+            last: None,
+        }
+    }
 }
 
 impl AnyDecoder for Reader {
@@ -25,7 +38,7 @@ impl AnyDecoder for Reader {
     fn words(&self) -> String {
         let frame = self.last.as_ref();
         frame
-            .map(|frame| self.description.words(frame))
+            .map(|frame| self.description.words_for(frame, self.from))
             .unwrap_or_default()
     }
 
@@ -40,11 +53,15 @@ impl AnyDecoder for Reader {
 
 impl OwnFormat for Described {
     fn decoder(&self) -> Box<dyn AnyDecoder> {
-        Box::new(Reader {
-            description: self.0.clone(),
-            cutter: self.0.cutter(),
-            last: None,
-        })
+        Box::new(Reader::new(&self.0, From::Both))
+    }
+
+    fn decoder_towards(&self, direction: Direction) -> Box<dyn AnyDecoder> {
+        let from = match direction {
+            Direction::ToMaster => From::Device,
+            Direction::ToDevice => From::Host,
+        };
+        Box::new(Reader::new(&self.0, from))
     }
 
     fn repair(&self, frame: &mut [u8]) {

@@ -1,0 +1,177 @@
+//! What a device answers to: values that its entries ask of a request, such as its address, and the
+//! registers that a request can name.
+
+use crate::behaviour::{On, Trigger};
+use crate::description::Description;
+use crate::expr::Scope;
+use crate::message::Message;
+use crate::registers::Cell;
+use crate::value::{Record, Value};
+
+/// A request for one register of a table that messages read and write.
+#[derive(Clone, Debug)]
+pub(crate) struct RegisterRequest {
+    /// The register, by its index in the table.
+    pub(crate) cell: usize,
+    /// Values of the fields that name it.
+    pub(crate) values: Record,
+    /// The field that holds the bytes to be written; `None` if the request reads.
+    pub(crate) data: Option<String>,
+}
+
+/// The values of a device at its start.
+struct AtStart<'a>(&'a Description);
+
+impl Scope for AtStart<'_> {
+    fn value(&self, name: &str) -> Option<Value> {
+        if name == "own_address" {
+            return Some(Value::Int(self.0.address.unwrap_or(1).into()));
+        }
+        let variables = self.0.variables.iter();
+        let known = variables
+            .into_iter()
+            .find(|variable| *variable.name == *name);
+        known.map(|variable| variable.initial.clone())
+    }
+}
+
+/// The values of a request, and those of the device.
+struct Asked<'a>(&'a Record, AtStart<'a>);
+
+impl Scope for Asked<'_> {
+    fn value(&self, name: &str) -> Option<Value> {
+        let own = self.0.get(name.strip_prefix("request.").unwrap_or(name));
+        own.cloned().or_else(|| self.1.value(name))
+    }
+}
+
+/// Values of a request that are tried at most.
+const TRIALS_MAX: usize = 2_000;
+
+impl Description {
+    /// Values of `message` like `plain` that the device answers: for each entry with a reply those
+    /// that make it the first that fits as the device starts, such as its address. `plain` itself
+    /// if nothing is answered.
+    pub fn answered(&self, message: &Message, plain: &Record) -> Vec<Record> {
+        let mut like = plain.clone();
+        if let Some(request) = self.register_requests(message).first() {
+            for (name, value) in &request.values.0 {
+                like.set(name, value.clone());
+            }
+        }
+        let entries: Vec<&On> = self.entries(message).collect();
+        let trials = self.trials(message, &entries, &like);
+        let first = |values: &Record| {
+            let scope = Asked(values, AtStart(self));
+            entries.iter().position(|on| {
+                let when = on.deed.when.as_ref();
+                when.is_none_or(|when| when.eval(&scope).is_ok_and(|value| value.is_true()))
+            })
+        };
+        let replies = entries.iter().enumerate();
+        let replies = replies.filter(|(_, on)| !on.deed.send.is_empty());
+        let mut found: Vec<Record> = Vec::new();
+        for (index, _) in replies {
+            let fitting = trials.iter().find(|values| first(values) == Some(index));
+            found.extend(fitting.filter(|values| !found.contains(values)).cloned());
+        }
+        if found.is_empty() {
+            found.push(like);
+        }
+        found
+    }
+
+    /// `like`, and the same with the values that the conditions of `entries` compare fields with.
+    fn trials(&self, message: &Message, entries: &[&On], like: &Record) -> Vec<Record> {
+        let names = message.names();
+        let mut trials = vec![like.clone()];
+        let whens = entries.iter().filter_map(|on| on.deed.when.as_ref());
+        let compared = whens.flat_map(|when| when.compared(&AtStart(self)));
+        let mut fields: Vec<(String, Vec<Value>)> = Vec::new();
+        for (name, value) in compared.filter(|(name, _)| names.contains(&name.as_str())) {
+            let index = fields.iter().position(|(known, _)| *known == name);
+            let index = index.unwrap_or_else(|| {
+                fields.push((name, Vec::new()));
+                fields.len() - 1
+            });
+            let near = match value.as_int() {
+                Some(int) => vec![Value::Int(int), Value::Int(int - 1), Value::Int(int + 1)],
+                None => vec![value],
+            };
+            for value in near {
+                if !fields[index].1.contains(&value) {
+                    fields[index].1.push(value);
+                }
+            }
+        }
+        for (name, values) in fields {
+            let before = trials.clone();
+            for value in values {
+                if trials.len() > TRIALS_MAX {
+                    return trials;
+                }
+                trials.extend(before.iter().map(|trial| {
+                    let mut trial = trial.clone();
+                    trial.set(&name, value.clone());
+                    trial
+                }));
+            }
+        }
+        trials
+    }
+
+    /// The entries for a message.
+    fn entries<'a>(&'a self, message: &'a Message) -> impl Iterator<Item = &'a On> {
+        let index = self
+            .messages
+            .iter()
+            .position(|other| other.name == message.name);
+        let entries = self.on.iter();
+        entries.filter(move |on| match on.trigger {
+            Trigger::Message(of) => Some(of) == index,
+            Trigger::AnyMessage => true,
+            Trigger::Event(_) => false,
+        })
+    }
+
+    /// The requests of `message` that name one register each.
+    pub(crate) fn register_requests(&self, message: &Message) -> Vec<RegisterRequest> {
+        let Some(registers) = &self.registers else {
+            return Vec::new();
+        };
+        let names = message.names();
+        let is_field = |name: &str| names.contains(&name);
+        let read = self.entries(message).find_map(|on| {
+            let with = on.deed.with.iter();
+            with.filter_map(|(_, expr)| expr.registers_read())
+                .find(|(at, count)| is_field(at) && is_field(count))
+        });
+        let write = self.entries(message).find_map(|on| {
+            let (at, data) = on.write.as_ref()?;
+            let names = (at.name()?, data.name()?);
+            (is_field(names.0) && is_field(names.1)).then_some(names)
+        });
+        let cells = registers.bytes.cells.iter().enumerate();
+        let request = |(index, cell): (usize, &Cell)| {
+            let at = Value::Int(cell.at.into());
+            let mut values = Record::default();
+            match (read, write) {
+                (Some((first, count)), _) => {
+                    values.set(first, at);
+                    values.set(count, Value::Int(cell.len.into()));
+                }
+                (None, Some((first, _))) => values.set(first, at),
+                (None, None) => return None,
+            }
+            let data = read
+                .map_or(write, |_| None)
+                .map(|(_, data)| data.to_owned());
+            Some(RegisterRequest {
+                cell: index,
+                values,
+                data,
+            })
+        };
+        cells.filter_map(request).collect()
+    }
+}
