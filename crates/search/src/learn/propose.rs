@@ -3,8 +3,10 @@
 //! Each claim has its evidence, and whether it is sure. What is not supported is left as bytes. The
 //! draft is read back as a description, and its share of the captured bytes is told.
 
+mod form;
 mod frame;
 mod message;
+mod written;
 
 use core::fmt;
 use core::time::Duration;
@@ -14,7 +16,8 @@ use capture::Capture;
 use description::Description;
 
 use super::{Spoken, conversation};
-use frame::{Cover, Proposed};
+use frame::Cover;
+use written::Proposed;
 
 /// How far a claim can be trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -144,7 +147,7 @@ impl Proposal {
             .filter(ends)
             .map(|chunk| chunk.bytes.len())
             .sum();
-        if covered * 100 < said * COVERED_SURE && !formats.iter().any(Proposed::is_summed) {
+        if covered * 100 < said * COVERED_SURE && !formats.iter().any(|one| one.is_summed) {
             // A format that most bytes do not have is none.
             return nothing;
         }

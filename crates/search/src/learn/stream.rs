@@ -256,7 +256,8 @@ fn lengths(stream: &[u8], sync: &[u8], places: &[usize]) -> Vec<How> {
     found
 }
 
-/// Numbers behind the sync bytes that say how far it is to a next beginning or the end of the chunk.
+/// Numbers behind the sync bytes that say how far it is to a next beginning or the end of the
+/// chunk.
 fn lengths_of_chunks(chunks: &[Vec<u8>], sync: &[u8]) -> Vec<How> {
     let stream = chunks.concat();
     let (mut ends, mut from) = (Vec::new(), 0);

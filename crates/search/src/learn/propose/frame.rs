@@ -1,39 +1,15 @@
-//! The frame formats of a proposal: each way to cut the bytes is tried, the one with most evidence is
-//! taken, and the same is done with what it leaves.
+//! The frame formats of a proposal: each way to cut the bytes is tried, the one with most evidence
+//! is taken, and the same is done with what it leaves.
 
-use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use description::{Description, From};
 use protocols::Decode as _;
 
-use super::super::checksum::{self, Checksum};
-use super::super::format::{Coding, Format};
-use super::super::stream::{self, Cutting, How};
-use super::super::{framing, sums};
-use super::{Chunk, Claim, Confidence};
-
-/// A frame format as a file has it.
-#[derive(Clone, Debug)]
-pub(super) struct Proposed {
-    /// The keys of its `[frame]`.
-    pub(super) toml: String,
-    pub(super) claims: Vec<Claim>,
-    pub(super) is_text: bool,
-    /// Bytes that each body has at least.
-    pub(super) least: usize,
-    /// Whether frames of the device and of the host have it.
-    pub(super) ends: [bool; 2],
-    /// Evidence, bits.
-    score: f64,
-    is_summed: bool,
-}
-
-impl Proposed {
-    /// Whether a checksum proves it.
-    pub(super) const fn is_summed(&self) -> bool {
-        self.is_summed
-    }
-}
+use super::super::format::Format;
+use super::super::{checksum, framing, stream};
+use super::Chunk;
+use super::written::{Cut, Found, LINES_SURE, Proposed, proposed};
 
 /// Formats on one line at most.
 const FORMATS_MAX: usize = 4;
@@ -45,42 +21,6 @@ const COVERED_MIN: usize = 10;
 const BYTES_MAX: usize = 24 << 10;
 /// Ways to cut a stream of which the checksum is looked for.
 const CUTTINGS: usize = 6;
-
-/// Frames from which a length field or an end is claimed.
-const FRAMES_SURE: usize = 12;
-/// Lines of one form from which text is claimed.
-const LINES_SURE: usize = 6;
-
-/// A way to cut the bytes.
-struct Found {
-    cut: Cut,
-    checksum: Option<Checksum>,
-    frames: Vec<Vec<u8>>,
-}
-
-enum Cut {
-    Format(Format),
-    Stream(Cutting),
-}
-
-impl Found {
-    /// Evidence, bits.
-    fn score(&self) -> f64 {
-        let sum = self.checksum.filter(|sum| expressed(sum).is_some());
-        let sum = sum.map_or(0.0, |sum| sum.bits);
-        let how = match &self.cut {
-            Cut::Stream(cutting) if matches!(cutting.how, How::Length { .. }) => 12.0,
-            Cut::Stream(_) => 6.0,
-            Cut::Format(format) if format.is_text => 14.0,
-            Cut::Format(format) if format.coding != Coding::Raw => 14.0,
-            Cut::Format(format) if !format.lengths.is_empty() => 8.0,
-            Cut::Format(format) if !format.end.is_empty() => 4.0,
-            Cut::Format(_) => 0.0,
-        };
-        // More than enough for the checksum is no reason to prefer one way over another.
-        sum.min(30.0) + how
-    }
-}
 
 /// The formats of the frames: the one with most evidence, then that of what is left, and so on.
 pub(super) fn find(chunks: &[Chunk], baud: u32) -> Vec<Proposed> {
@@ -100,7 +40,8 @@ pub(super) fn find(chunks: &[Chunk], baud: u32) -> Vec<Proposed> {
     formats
 }
 
-/// Whether a checksum proves a format, bytes of chunks that are its frames alone, and of all frames.
+/// Whether a checksum proves a format, bytes of chunks that are its frames alone, and of all
+/// frames.
 type Rank = (bool, usize, usize);
 
 /// The best format of `chunks`, and what is left without its frames.
@@ -179,7 +120,7 @@ fn has_longer_ends(read: &Description, chunks: &[Chunk], ends: &[bool]) -> bool 
 
 /// The description with this format alone. Bodies have at least as many bytes as it takes for a
 /// frame of them to be possible.
-fn alone(format: &mut Proposed, baud: u32) -> Option<std::sync::Arc<Description>> {
+fn alone(format: &mut Proposed, baud: u32) -> Option<Arc<Description>> {
     (0..=LEAST_MAX).find_map(|least| {
         format.least = least;
         super::parse(&super::draft(core::slice::from_ref(format), baud, 0, None)).ok()
@@ -308,285 +249,4 @@ fn common_end(chunks: &[Vec<u8>]) -> Option<Vec<u8>> {
     let end = &end[at..];
     let is_prompt = end.len() > 1 && end.last().is_some_and(|byte| !b"\r\n".contains(byte));
     is_prompt.then(|| end.to_vec())
-}
-
-fn proposed(found: &Found) -> Option<Proposed> {
-    let mut claims = Vec::new();
-    let sum = found.checksum.and_then(|sum| Some((sum, expressed(&sum)?)));
-    let is_summed = sum.as_ref().is_some_and(|(sum, _)| sum.is_sure);
-    let prefix = common_prefix(&found.frames);
-    let (mut toml, start, framing) = match &found.cut {
-        Cut::Stream(cutting) => of_stream(cutting, found, is_summed),
-        Cut::Format(format) => of_format(format, found, &prefix, is_summed)?,
-    };
-    claims.push(framing);
-    if let Some((sum, words)) = &sum {
-        let (text, end) = checksum_toml(sum, words, start, &found.cut)?;
-        toml += &text;
-        toml += &end;
-        claims.push(Claim {
-            topic: "checksum",
-            words: sum.to_string(),
-            evidence: format!("{:.0} bits over {} frames", sum.bits, found.frames.len()),
-            confidence: if sum.is_sure {
-                Confidence::Sure
-            } else {
-                Confidence::Guess
-            },
-        });
-    }
-    let is_text = matches!(&found.cut, Cut::Format(format) if format.is_text);
-    // Nothing is claimed from nothing.
-    let is_any = claims
-        .iter()
-        .any(|claim| claim.confidence == Confidence::Sure);
-    is_any.then(|| Proposed {
-        toml,
-        claims,
-        is_text,
-        least: 0,
-        ends: [true; 2],
-        score: found.score(),
-        is_summed,
-    })
-}
-
-fn bytes(bytes: &[u8]) -> String {
-    let all: Vec<_> = bytes.iter().map(|byte| format!("0x{byte:02X}")).collect();
-    format!("[{}]", all.join(", "))
-}
-
-fn claim(words: String, evidence: String, is_sure: bool) -> Claim {
-    let confidence = if is_sure {
-        Confidence::Sure
-    } else {
-        Confidence::Guess
-    };
-    Claim {
-        topic: "framing",
-        words,
-        evidence,
-        confidence,
-    }
-}
-
-/// The text, how many bytes before the body are no part of the content, and the claim.
-fn of_stream(cutting: &Cutting, found: &Found, is_summed: bool) -> (String, usize, Claim) {
-    let (sync, count) = (bytes(&cutting.sync), found.frames.len());
-    let evidence = format!("{count} frames, {} % of the bytes", cutting.share);
-    let distinct: BTreeSet<&Vec<u8>> = found.frames.iter().collect();
-    let sizes: BTreeSet<usize> = distinct.iter().map(|frame| frame.len()).collect();
-    let distinct = distinct.len();
-    let is_aligned = cutting.share >= 97 && cutting.aligned >= 97 && count >= FRAMES_SURE;
-    match cutting.how {
-        How::Fixed(size) => {
-            let words = format!("frames of {size} bytes that begin with {sync}");
-            // Frames that are all alike say nothing of their size.
-            let is_sure =
-                is_summed || is_aligned && distinct >= FRAMES_SURE && cutting.sync.len() > 1;
-            (
-                format!("sync = {sync}\nsize = {size}\n"),
-                0,
-                claim(words, evidence, is_sure),
-            )
-        }
-        How::Length {
-            at,
-            bytes: len,
-            is_big,
-            unit,
-            base,
-        } => {
-            let kind = number(len, is_big);
-            let is_zero = |at: usize| found.frames.iter().all(|frame| frame.get(at) == Some(&0));
-            let other = match len {
-                1 if at > 0 && is_zero(at - 1) => format!(", or u16be at byte {}", at - 1),
-                _ => String::new(),
-            };
-            let words = format!(
-                "frames that begin with {sync} and have their length at byte {at} ({kind}{other})"
-            );
-            let unit = match unit {
-                1 => String::new(),
-                unit => format!(", unit = {unit}"),
-            };
-            let text = format!(
-                "sync = {sync}\nlength = {{ at = {at}, type = \"{kind}\", counts = \"frame\", \
-                 without = {base}{unit} }}\n"
-            );
-            // Two sizes may go with two kinds of frames by chance.
-            let is_sure = is_summed || is_aligned && sizes.len() > 2;
-            (text, 0, claim(words, evidence, is_sure))
-        }
-    }
-}
-
-fn number(len: usize, is_big: bool) -> String {
-    let order = match (len, is_big) {
-        (1, _) => "",
-        (_, true) => "be",
-        (_, false) => "le",
-    };
-    format!("u{}{order}", 8 * len)
-}
-
-fn of_format(
-    format: &Format,
-    found: &Found,
-    prefix: &[u8],
-    is_summed: bool,
-) -> Option<(String, usize, Claim)> {
-    let count = found.frames.len();
-    let evidence = format!("{count} frames");
-    let named = match format.coding {
-        Coding::Raw => None,
-        Coding::Cobs => Some("cobs"),
-        Coding::Slip => Some("slip"),
-        Coding::Hdlc => Some("hdlc"),
-    };
-    if let Some(name) = named {
-        let text = format!("stuffing = \"{name}\"\n");
-        let words = format!("frames coded with {}", name.to_uppercase());
-        return Some((text, 0, claim(words, evidence, is_summed)));
-    }
-    if format.is_text {
-        let is_formed = forms(&found.frames);
-        let end = format.end.escape_ascii().to_string();
-        let words = format!("lines of text that end with \"{end}\"");
-        let has_dollar = is_summed && prefix.first() == Some(&b'$');
-        let start = if has_dollar { "start = \"$\"\n" } else { "" };
-        let text = format!("{start}terminator = \"{end}\"\n");
-        let evidence = format!("{count} lines");
-        let is_sure = is_summed || is_formed;
-        return Some((
-            text,
-            usize::from(has_dollar),
-            claim(words, evidence, is_sure),
-        ));
-    }
-    if !format.end.is_empty() {
-        let end = bytes(&format.end);
-        let words = format!("frames that end with {end}");
-        return Some((
-            format!("end = {end}\n"),
-            0,
-            claim(words, evidence, is_summed),
-        ));
-    }
-    // Pauses tell frames apart; a length field says it as well.
-    if let Some(length) = format.lengths.first() {
-        let behind = found.checksum.map_or(0, |sum| sum.len_behind());
-        let rest = i64::try_from(length.rest).ok()? + i64::try_from(behind).ok()?;
-        let kind = number(length.bytes, length.is_big);
-        let sync = &prefix[..prefix.len().min(length.at)];
-        let unit = match length.scale {
-            1 => String::new(),
-            scale => format!(", unit = {scale}"),
-        };
-        let at = length.at;
-        let text = format!(
-            "sync = {}\nlength = {{ at = {at}, type = \"{kind}\", counts = \"frame\", without = {rest}{unit} }}\n",
-            bytes(sync)
-        );
-        let words = format!("frames with their length at byte {at} ({kind})");
-        return Some((
-            text,
-            0,
-            claim(words, evidence, is_summed || count >= FRAMES_SURE),
-        ));
-    }
-    let size = found.frames.first()?.len();
-    if found.frames.iter().all(|frame| frame.len() == size)
-        && !prefix.is_empty()
-        && prefix.len() < size
-    {
-        let sync = bytes(&prefix[..prefix.len().min(2)]);
-        let words = format!("frames of {size} bytes that begin with {sync}");
-        return Some((
-            format!("sync = {sync}\nsize = {size}\n"),
-            0,
-            claim(words, evidence, is_summed),
-        ));
-    }
-    let words = "frames that a silence ends".to_owned();
-    Some((
-        "silence = 3.5\n".to_owned(),
-        0,
-        claim(words, evidence, is_summed),
-    ))
-}
-
-/// Whether lines have few forms: words and numbers at the same places.
-fn forms(lines: &[Vec<u8>]) -> bool {
-    let mut counts: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
-    for line in lines {
-        *counts.entry(super::message::skeleton(line).0).or_default() += 1;
-    }
-    let usual: usize = counts.values().filter(|count| **count >= LINES_SURE).sum();
-    let has_numbers = counts.keys().any(|form| form.contains('{'));
-    usual * 10 >= lines.len() * 9 && lines.len() >= LINES_SURE && has_numbers
-}
-
-fn common_prefix(frames: &[Vec<u8>]) -> Vec<u8> {
-    let Some((first, others)) = frames.split_first() else {
-        return Vec::new();
-    };
-    let shared = |at: &usize| others.iter().all(|other| other.get(*at) == first.get(*at));
-    let len = (0..first.len()).take_while(shared).count();
-    first[..len].to_vec()
-}
-
-/// The name of the algorithm as descriptions have it; `None` if they cannot say it.
-fn expressed(sum: &Checksum) -> Option<String> {
-    let name = sum.name();
-    if let Some(rest) = name.strip_prefix("CRC_") {
-        let (width, rest) = rest.split_once('_')?;
-        return Some(format!("CRC-{width}/{}", rest.replace('_', "-")));
-    }
-    sums::described(name, sum.free()).map(str::to_owned)
-}
-
-/// The checksum as a file has it, and what ends the frame behind it.
-fn checksum_toml(sum: &Checksum, name: &str, start: usize, cut: &Cut) -> Option<(String, String)> {
-    let place = sum.placed()?;
-    if place.is_hex && place.gap == [b'*'] && name == "xor" && start == 1 && place.start == 1 {
-        return Some(("checksum = \"nmea\"\n".to_owned(), String::new()));
-    }
-    let mut keys = vec![format!("algorithm = \"{name}\"")];
-    match place.head {
-        None => match place.start.checked_sub(start)? {
-            0 => {}
-            from => keys.push(format!("from = {from}")),
-        },
-        Some([at, from, to]) => {
-            let at = at.checked_sub(start)?;
-            keys.push(format!("at = {at}"));
-            if from > 0 {
-                keys.push(format!("from = {}", from.checked_sub(start)?));
-            }
-            if to == 0 {
-                keys.push("to = 0".to_owned());
-            }
-        }
-    }
-    if place.bytes > 1 {
-        let endian = if place.is_big { "big" } else { "little" };
-        keys.push(format!("endian = \"{endian}\""));
-    }
-    if place.is_hex {
-        keys.push("encoding = \"hex\"".to_owned());
-    }
-    if !place.gap.is_empty() {
-        keys.push(format!("separator = {}", bytes(&place.gap)));
-    }
-    let is_marked = matches!(cut, Cut::Format(format) if !format.end.is_empty());
-    let end = match (&place.tail[..], is_marked) {
-        ([], _) => String::new(),
-        (tail, false) => format!("end = {}\n", bytes(tail)),
-        (tail, true) => {
-            keys.push(format!("at = -{}", tail.len() + place.len));
-            String::new()
-        }
-    };
-    Some((format!("checksum = {{ {} }}\n", keys.join(", ")), end))
 }
