@@ -248,7 +248,7 @@ fn bits_of(field: &Field) -> Option<usize> {
     let one = match &field.kind {
         Kind::Number(number) => 8 * usize::from(number.bytes),
         Kind::Bits { bits, .. } => usize::from(*bits),
-        Kind::Bcd(size) | Kind::Decimal(size) | Kind::Hex(size) => fixed(size)?,
+        Kind::Bcd { size, .. } | Kind::Decimal(size) | Kind::Hex(size) => fixed(size)?,
         Kind::Str(size) | Kind::Bytes(size) | Kind::Pad(size) => fixed(size)?,
         Kind::Group(fields) => fields.iter().map(bits_of).sum::<Option<usize>>()?,
         Kind::StrZ | Kind::Prefixed { .. } | Kind::Switch { .. } => return None,
@@ -291,7 +291,10 @@ fn kind_name(kind: &Kind) -> String {
         Kind::Number(number) => number_name(*number),
         Kind::Bits { bits: 1, .. } => "bit".to_owned(),
         Kind::Bits { bits, .. } => format!("{bits} bits"),
-        Kind::Bcd(size) => format!("BCD, bytes: {}", size_name(size)),
+        Kind::Bcd { size, is_low_first } => {
+            let order = if *is_low_first { ", lowest first" } else { "" };
+            format!("BCD, bytes: {}{order}", size_name(size))
+        }
         Kind::Decimal(size) => format!("decimal digits: {}", size_name(size)),
         Kind::Hex(size) => format!("hexadecimal digits: {}", size_name(size)),
         Kind::Str(size) => format!("text, bytes: {}", size_name(size)),

@@ -46,8 +46,11 @@ pub(crate) enum Kind {
         bits: u8,
         is_low_first: bool,
     },
-    /// Two decimal digits a byte.
-    Bcd(Size),
+    /// Two decimal digits a byte, the highest byte first or last.
+    Bcd {
+        size: Size,
+        is_low_first: bool,
+    },
     /// Decimal digits as text, with a sign if there is room.
     Decimal(Size),
     /// Hexadecimal digits as text.

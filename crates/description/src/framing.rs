@@ -87,6 +87,8 @@ pub(crate) struct Length {
     pub(crate) unit: i64,
     pub(crate) base: i64,
     pub(crate) mask: u64,
+    /// Place of a second field with the same value.
+    pub(crate) again: Option<usize>,
 }
 
 /// A checksum of a frame.
@@ -99,6 +101,7 @@ pub(crate) struct Check {
     pub(crate) is_hex: bool,
     pub(crate) separator: Vec<u8>,
     pub(crate) extra: Vec<u8>,
+    pub(crate) before: Vec<u8>,
     pub(crate) from: i64,
     pub(crate) to: Option<i64>,
     /// Place of its separator; less than 0 from the end.
@@ -138,15 +141,16 @@ impl Check {
         let covered = content.get(from..to)?;
         // A checksum within what it covers counts as 0.
         let own = at.max(from)..(at + self.len()).min(to);
-        let value = if self.extra.is_empty() && own.is_empty() {
+        let is_plain = self.extra.is_empty() && self.before.is_empty() && own.is_empty();
+        let value = if is_plain {
             self.algorithm.compute(covered, self.width)
         } else {
             let mut covered = covered.to_vec();
             if !own.is_empty() {
                 covered[own.start - from..own.end - from].fill(0);
             }
-            covered.extend_from_slice(&self.extra);
-            self.algorithm.compute(&covered, self.width)
+            let all = [&self.before[..], &covered, &self.extra].concat();
+            self.algorithm.compute(&all, self.width)
         };
         Some((value, at + self.separator.len()))
     }
@@ -300,6 +304,11 @@ impl Framing {
         let mut bytes = Vec::new();
         number.put(number.bits(places) & !mask | value, &mut bytes);
         places.copy_from_slice(&bytes);
+        if let Some(again) = length.again {
+            content
+                .get_mut(again..again + bytes.len())?
+                .copy_from_slice(&bytes);
+        }
         Some(())
     }
 

@@ -187,6 +187,9 @@ fn cut(cut: &Cut) -> String {
             let field = format!("s:sub({}, {})", at + 1, at + usize::from(bytes));
             let shift = 1_u64 << length.mask.trailing_zeros();
             let (unit, base) = (length.unit, length.base);
+            let again = length
+                .again
+                .map_or_else(|| "nil".to_owned(), |at| at.to_string());
             let all = u64::MAX >> (64 - 8 * u32::from(bytes));
             let number = number(length.number);
             let value = match length.mask {
@@ -194,7 +197,8 @@ fn cut(cut: &Cut) -> String {
                 mask => format!("D.op.band(v, {mask}) / {shift}"),
             };
             format!(
-                "cut = \"length\", length = {{ at = {at}, number = {number}, of = function(s)\n\
+                "cut = \"length\", length = {{ at = {at}, again = {again}, number = {number}, of = \
+                 function(s)\n\
                  local v = D.number({number}, {field})\nreturn {value} * {unit} + ({base}) end }}"
             )
         }
@@ -222,7 +226,7 @@ fn check(check: &Check) -> String {
         .map_or_else(|| "nil".to_owned(), |to| to.to_string());
     format!(
         "{{ at = {}, from = {}, to = {to}, width = {}, len = {}, is_little = {}, is_hex = {}, \
-         separator = {}, extra = {}, sum = {} }}, ",
+         separator = {}, before = {}, extra = {}, sum = {} }}, ",
         check.at,
         check.from,
         check.width,
@@ -230,6 +234,7 @@ fn check(check: &Check) -> String {
         check.is_little,
         check.is_hex,
         quoted(&check.separator),
+        quoted(&check.before),
         quoted(&check.extra),
         check.algorithm.lua(),
     )
@@ -257,7 +262,11 @@ fn shown(field: &Field) -> &'static str {
         Kind::Bits { bits: 64, .. } => "uint64",
         Kind::Bits { .. } => "int64",
         // These can have more digits than 64 bits hold.
-        Kind::Bcd(Size::Fixed(..9)) | Kind::Decimal(Size::Fixed(..16)) => "int64",
+        Kind::Bcd {
+            size: Size::Fixed(..9),
+            ..
+        }
+        | Kind::Decimal(Size::Fixed(..16)) => "int64",
         Kind::Hex(Size::Fixed(..8)) => "int64",
         _ => "string",
     }
@@ -401,7 +410,9 @@ impl Writer<'_> {
             Kind::Bits { bits, is_low_first } => {
                 format!("type = \"bits\", bits = {bits}, is_low_first = {is_low_first}")
             }
-            Kind::Bcd(of) => sized("bcd", of),
+            Kind::Bcd { size, is_low_first } => {
+                format!("{}, is_low_first = {is_low_first}", sized("bcd", size))
+            }
             Kind::Decimal(of) => sized("decimal", of),
             Kind::Hex(of) => sized("hex", of),
             Kind::Str(of) => {

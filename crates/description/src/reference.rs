@@ -252,7 +252,10 @@ fn type_of(field: &Field) -> String {
             let order = if *is_low_first { ", lowest first" } else { "" };
             format!("{bits} bits{order}")
         }
-        Kind::Bcd(size) => format!("BCD, {}", size_of(size)),
+        Kind::Bcd { size, is_low_first } => {
+            let order = if *is_low_first { ", lowest first" } else { "" };
+            format!("BCD, {}{order}", size_of(size))
+        }
         Kind::Decimal(size) => format!("decimal digits, {}", size_of(size)),
         Kind::Hex(size) => format!("hexadecimal digits, {}", size_of(size)),
         Kind::Str(size) => format!("text, {}", size_of(size)),

@@ -293,3 +293,59 @@ fn a_line_has_the_format_of_the_end_that_sent_it() {
     assert_eq!(words(From::Host, b"ok\n"), ["any: what \"ok\""]);
     assert_eq!(words(From::Device, b"G0\n"), [""; 0]);
 }
+
+/// A telegram of a P1 port: the checksum covers its markers, and a line end stands behind it.
+/// CRC-16/ARC of "/a!" by the catalogue's definition, bit by bit.
+#[test]
+fn a_checksum_can_cover_markers() {
+    let description = parse(
+        r#"
+        name = "p1"
+        about = "telegrams"
+        line = { baud = 115200 }
+        frame = { start = "/", end = "!", tail = 6, closing = "\r\n", checksum = { algorithm = "CRC-16/ARC", encoding = "hex", endian = "big", before = "/", extra = "!" } }
+        message = [{ name = "told", from = "device", text = "{what:s}" }]
+        every = [{ period = "1s", send = "told" }]
+        "#,
+    );
+    let mut crc = 0_u16;
+    for byte in b"/a!" {
+        crc ^= u16::from(*byte);
+        for _ in 0..8 {
+            crc = crc >> 1 ^ if crc & 1 == 1 { 0xA001 } else { 0 };
+        }
+    }
+    let frame = description.frame_of(0, b"a").expect("fits");
+    assert_eq!(frame, format!("/a!{crc:04X}\r\n").into_bytes());
+    let found = |bytes: &[u8]| description.cutter().push(bytes).flatten().count();
+    assert_eq!(found(&frame), 1);
+    let (sum, _) = frame.split_at(frame.len() - 2);
+    assert_eq!(found(&[sum, b"xx"].concat()), 0);
+}
+
+/// A long frame of M-Bus (EN 13757-2): 68 L L 68, C, A, CI, sum, 16; digits lowest byte first.
+#[test]
+fn a_length_can_stand_twice() {
+    let description = parse(
+        r#"
+        name = "m-bus"
+        about = "long frames"
+        line = { baud = 2400, format = "8E1" }
+        frame = { sync = [0x68], length = { at = 1, again = 2, type = "u8", without = 2 }, end = [0x16], checksum = { algorithm = "sum8", from = 4 } }
+        message = [{ name = "data", from = "device", fields = [{ type = "u8", value = 0x68 }, { type = "u8", value = 8 }, { name = "serial", type = "bcdle", size = 4 }] }]
+        every = [{ period = "1s", send = "data" }]
+        "#,
+    );
+    let mut values = Record::default();
+    values.set("serial", Value::Int(12_345_678));
+    let message = &description.messages()[0];
+    let frame = description.frame(message, &values).expect("fits");
+    // 08 + 78 + 56 + 34 + 12 = 11C.
+    let wanted = [0x68, 5, 5, 0x68, 8, 0x78, 0x56, 0x34, 0x12, 0x1C, 0x16];
+    assert_eq!(frame, wanted);
+    let found = |bytes: &[u8]| description.cutter().push(bytes).flatten().count();
+    assert_eq!(found(&frame), 1);
+    let mut other = frame.clone();
+    other[2] = 6;
+    assert_eq!(found(&other), 0);
+}

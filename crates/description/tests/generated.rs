@@ -34,7 +34,7 @@ fn field() -> impl Strategy<Value = String> {
         format!("type = \"{kind}\", scale = {scale}, offset = -40, unit = \"C\"")
     });
     let sized = (
-        select(vec!["bcd", "decimal", "hex", "str", "bytes"]),
+        select(vec!["bcd", "bcdle", "decimal", "hex", "str", "bytes"]),
         1..6_u8,
     );
     let sized = sized.prop_map(|(kind, size)| format!("type = \"{kind}\", size = {size}"));
@@ -114,6 +114,7 @@ fn frame(checksums: &'static [&'static str]) -> impl Strategy<Value = String> {
         // It counts three bytes more than there are.
         "sync = [0xB5]\nlength = { at = 1, type = \"u16le\", counts = \"rest\", without = -3 }",
         "sync = [0xB6]\nlength = { at = 1, type = \"u24\", counts = \"rest\" }",
+        "sync = [0x68]\nlength = { at = 1, again = 3, type = \"u16\" }\nend = [0x16]",
     ]);
     // What a checksum does not cover can be damaged unseen.
     let from = if checksums == WIDE { "" } else { ", from = 1" };

@@ -126,6 +126,7 @@ impl Compiler<'_> {
                 .map_or(is_nmea, |encoding| encoding == Encoding::Hex),
             separator,
             extra: spec.extra.clone().unwrap_or_default().0,
+            before: spec.before.clone().unwrap_or_default().0,
             from: spec.from.unwrap_or(0).into(),
             to: spec.to.map(i64::from),
             at: spec.at.unwrap_or(-1).into(),

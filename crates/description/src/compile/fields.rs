@@ -287,7 +287,7 @@ impl Compiler<'_> {
             }
             (Kind::Number(_), Value::Int(_) | Value::Float(_)) => is_float || spec.scale.is_some(),
             (Kind::Bits { bits, .. }, Value::Int(int)) => (0..1_i128 << bits).contains(int),
-            (Kind::Bcd(_) | Kind::Decimal(_) | Kind::Hex(_), Value::Int(int)) => *int >= 0,
+            (Kind::Bcd { .. } | Kind::Decimal(_) | Kind::Hex(_), Value::Int(int)) => *int >= 0,
             (Kind::Str(_) | Kind::StrZ | Kind::Prefixed { is_text: true, .. }, Value::Text(_)) => {
                 true
             }

@@ -84,7 +84,8 @@ impl Compiler<'_> {
             );
         }
         let end = match (&cut, &spec.end) {
-            (Cut::Marked { .. }, _) | (_, None) => Vec::new(),
+            (Cut::Marked { .. }, _) => self.closing(key, spec),
+            (_, None) => Vec::new(),
             (_, Some(end)) => end.0.clone(),
         };
         let (checks, holes, trailer) = self.checks(key, spec, &cut, &sync, end.len());
@@ -118,6 +119,21 @@ impl Compiler<'_> {
         }
         self.finish_length(key, spec, &mut framing);
         framing
+    }
+
+    /// The last bytes of the tail of a marked frame.
+    fn closing(&mut self, key: &str, spec: &FrameSpec) -> Vec<u8> {
+        let closing = spec.closing.clone().unwrap_or_default().0;
+        let tail = usize::from(spec.tail.unwrap_or(0));
+        if closing.len() > tail {
+            let message = format!(
+                "has {} bytes, expected at most those of \"tail\", {tail}",
+                closing.len()
+            );
+            self.wrong(format!("{key}.closing"), message);
+            return Vec::new();
+        }
+        closing
     }
 
     /// Whether an empty line, or one of line ends alone, is a message of this format.
@@ -156,6 +172,20 @@ impl Compiler<'_> {
             }
             framing.holes.push(hole);
             framing.holes.sort_unstable();
+        }
+        if let Some(at) = length.again {
+            let len = usize::from(length.number.bytes);
+            let overlaps = framing
+                .holes
+                .iter()
+                .any(|(other, other_len)| *other < at + len && at < other + other_len);
+            if overlaps {
+                let message = "lies over other fields of the frame, expected bytes of its own";
+                self.wrong(format!("{key}.length.again"), message);
+            } else {
+                framing.holes.push((at, len));
+                framing.holes.sort_unstable();
+            }
         }
     }
 
@@ -290,6 +320,7 @@ impl Compiler<'_> {
             unit: unit.max(1),
             base: 0,
             mask,
+            again: spec.again.map(usize::from),
         }
     }
 
@@ -358,6 +389,7 @@ fn of_protocol(protocol: Protocol, line: LineConfig) -> Framing {
         is_hex: false,
         separator: Vec::new(),
         extra: Vec::new(),
+        before: Vec::new(),
         from: 0,
         to: None,
         at: -i64::from(width),

@@ -9,8 +9,8 @@ use crate::schema::wire::Endian;
 use crate::value::Value;
 
 /// Types besides numbers, for messages.
-const TYPES: &str = "u8, u16, u24, u32, u64, i8 .. i64, f32, f64, b1 .. b64, bcd, decimal, hex, str, \
-    strz, bytes, pad, group, switch";
+const TYPES: &str = "u8, u16, u24, u32, u64, i8 .. i64, f32, f64, b1 .. b64, bcd, bcdle, decimal, hex, \
+    str, strz, bytes, pad, group, switch";
 
 impl Compiler<'_> {
     pub(super) fn kind(
@@ -77,7 +77,10 @@ impl Compiler<'_> {
             }
         };
         match spec.kind.as_str() {
-            "bcd" => Kind::Bcd(size(self)),
+            "bcd" | "bcdle" => Kind::Bcd {
+                size: size(self),
+                is_low_first: spec.kind == "bcdle",
+            },
             "decimal" => Kind::Decimal(size(self)),
             "hex" => Kind::Hex(size(self)),
             "str" => Kind::Str(size(self)),

@@ -160,9 +160,16 @@ impl<'a> Reader<'a> {
             Kind::Bits { bits, is_low_first } => {
                 Value::Int(self.bits(*bits, *is_low_first)?.into())
             }
-            Kind::Bcd(of) => {
+            Kind::Bcd {
+                size: of,
+                is_low_first,
+            } => {
                 let len = size(self, of)?;
-                let digits = self.take(len)?.iter().try_fold(0_i128, |value, &byte| {
+                let mut bytes = self.take(len)?.to_vec();
+                if *is_low_first {
+                    bytes.reverse();
+                }
+                let digits = bytes.iter().try_fold(0_i128, |value, &byte| {
                     let (high, low) = (byte >> 4, byte & 15);
                     let fits = high < 10 && low < 10;
                     let digits = fits.then_some(i128::from(high * 10 + low))?;

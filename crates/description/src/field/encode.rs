@@ -153,11 +153,15 @@ impl Encoding {
         let is_given = *value != Value::Int(0);
         let fits = match &field.kind {
             Kind::Number(number) => put_number(*number, &raw, &mut self.bytes),
-            Kind::Bcd(size) => {
+            Kind::Bcd { size, is_low_first } => {
                 let len = size.of(scope, 0).unwrap_or(1);
                 let (digits, fits) = digits(raw.as_int(), 2 * len);
                 let pairs = digits.as_bytes().chunks(2);
                 let bytes = pairs.map(|pair| (pair[0] - b'0') << 4 | (pair[1] - b'0'));
+                let mut bytes: Vec<u8> = bytes.collect();
+                if *is_low_first {
+                    bytes.reverse();
+                }
                 self.bytes.extend(bytes);
                 fits
             }
@@ -421,7 +425,7 @@ fn one_example(field: &Field, choice: &mut dyn FnMut(u64) -> u64, record: &Recor
             }
         }
         Kind::Bits { bits, .. } => Value::Int((choice(u64::MAX) >> (64 - u32::from(*bits))).into()),
-        Kind::Bcd(of) => {
+        Kind::Bcd { size: of, .. } => {
             let len = u32::try_from(size(of, choice).min(8)).unwrap_or(1);
             Value::Int(choice(100_u64.checked_pow(len).unwrap_or(u64::MAX)).into())
         }

@@ -200,6 +200,12 @@ impl Framing {
         let size = match &self.cut {
             Cut::Marked { .. } => return Candidate::Noise,
             Cut::Fixed(size) => *size,
+            Cut::Length(length) if length.is_contradicted(bytes) => {
+                let at = len_u32(length.again.unwrap_or(0));
+                let found = bytes.get(length.again.unwrap_or(0)).copied().unwrap_or(0);
+                let found = u32::from(found);
+                return Candidate::Rejected(FrameError::Implausible { at, found });
+            }
             Cut::Length(length) => match length.size(bytes) {
                 None => return Candidate::Incomplete,
                 Some(size) => match usize::try_from(size) {
@@ -347,6 +353,11 @@ impl Framing {
             let found = len_u32(content.len());
             return reject(FrameError::Truncated { found });
         }
+        if !content.ends_with(&self.end) {
+            let found = content.last().copied().unwrap_or(0).into();
+            let at = len_u32(len - 1);
+            return reject(FrameError::Implausible { at, found });
+        }
         match self.checked(&content) {
             Ok(()) => Candidate::Complete(len),
             Err(error) => reject(error),
@@ -369,6 +380,13 @@ fn find(bytes: &[u8], wanted: &[u8]) -> Option<usize> {
 }
 
 impl Length {
+    /// Whether the second field says another length.
+    fn is_contradicted(&self, bytes: &[u8]) -> bool {
+        let len = usize::from(self.number.bytes);
+        let again = self.again.and_then(|at| bytes.get(at..at + len));
+        again.is_some_and(|again| bytes.get(self.at..self.at + len) != Some(again))
+    }
+
     /// The frame's size, as the field says; `None` if it has not come yet.
     fn size(&self, bytes: &[u8]) -> Option<i64> {
         let field = bytes.get(self.at..self.at + usize::from(self.number.bytes))?;

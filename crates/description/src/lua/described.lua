@@ -600,7 +600,7 @@ local function holds(check, s)
   if at < to and first + check.len > from then
     covered = s:sub(1, at) .. ("\0"):rep(first + check.len - at) .. s:sub(first + check.len + 1)
   end
-  local expected = check.sum(covered:sub(from + 1, to) .. check.extra, check.width)
+  local expected = check.sum(check.before .. covered:sub(from + 1, to) .. check.extra, check.width)
   local written = s:sub(first + 1, first + check.len)
   if #written ~= check.len or s:sub(at + 1, first) ~= check.separator then return false end
   if check.is_hex then written = hex_bytes(written) end
@@ -693,6 +693,7 @@ local function judge_marked(framing, s)
   if #s < len then return nil end
   local plain = content(framing, s:sub(1, len))
   if not plain or #plain < framing.least or not sound(framing, plain) then return 0 end
+  if #framing.last > 0 and plain:sub(-#framing.last) ~= framing.last then return 0 end
   return len
 end
 
@@ -704,7 +705,11 @@ local function judge_one(framing, s, is_last)
   if framing.cut == "silence" then return judge_silence(framing, s, is_last) end
   local size = framing.size
   if framing.cut == "length" then
-    if #s < framing.length.at + framing.length.number.bytes then return nil end
+    local at, again, len = framing.length.at, framing.length.again, framing.length.number.bytes
+    if again and #s >= again + len and s:sub(again + 1, again + len) ~= s:sub(at + 1, at + len) then
+      return 0
+    end
+    if #s < at + len then return nil end
     size = framing.length.of(s)
     if size < framing.least then return 0 end
   elseif framing.cut == "sized" then
@@ -796,7 +801,8 @@ local READ = {
     return unsigned(string.char(bytes[1], bytes[2], bytes[3], bytes[4], bytes[5], bytes[6], bytes[7], bytes[8]))
   end,
   bcd = function(field, reader, size)
-    local digits = hex(reader.take(size), "")
+    local bytes = reader.take(size)
+    local digits = hex(field.is_low_first and bytes:reverse() or bytes, "")
     if digits:find("%D") then error(NO) end
     return whole_number(digits)
   end,

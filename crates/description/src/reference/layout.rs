@@ -1,5 +1,7 @@
 //! Diagrams of frames and bodies: what stands where.
 
+use core::time::Duration;
+
 use super::number_name;
 use super::render::{Block, Page};
 use crate::description::{Description, Protocol};
@@ -20,12 +22,25 @@ pub(super) fn frames(of: &Description, page: &mut Page) {
         for check in &framing.checks {
             page.text(checksum(check));
         }
+        let size = match framing.cut {
+            Cut::Fixed(_) => String::new(),
+            _ => format!("A frame has {} bytes at most. ", framing.max),
+        };
         page.text(format!(
-            "A frame has {} bytes at most. A pause of {} discards a partial frame.",
-            framing.max,
-            span::Span(framing.idle)
+            "{size}A pause of {} discards a partial frame.",
+            span::Span(rounded(framing.idle))
         ));
     }
+}
+
+/// A time for people: without what is below a thousandth of it.
+fn rounded(time: Duration) -> Duration {
+    let step = match time.as_micros() {
+        0..10_000 => Duration::from_micros(1),
+        _ => Duration::from_millis(1),
+    };
+    let steps = time.as_nanos().div_ceil(step.as_nanos());
+    step * u32::try_from(steps).unwrap_or(u32::MAX)
 }
 
 pub(super) fn hex(bytes: &[u8]) -> String {
@@ -119,8 +134,12 @@ fn checksum(check: &Check) -> String {
         [] => String::new(),
         extra => format!(", followed by the bytes {} that are not sent", hex(extra)),
     };
+    let before = match &check.before[..] {
+        [] => String::new(),
+        before => format!("the bytes {}, then ", hex(before)),
+    };
     format!(
-        "Checksum: {}{order}{digits}, over the bytes from {} up to {to}{extra}.",
+        "Checksum: {}{order}{digits}, over {before}the bytes from {} up to {to}{extra}.",
         check.algorithm.name(),
         place(check.from)
     )
@@ -143,7 +162,11 @@ fn parts(framing: &Framing) -> Vec<Part> {
         parts.push((hole_name(framing, hole, len), bytes(len)));
         at = hole + len;
     }
-    parts.push(("body".to_owned(), "n".to_owned()));
+    let rest = match framing.cut {
+        Cut::Fixed(size) => bytes(size.saturating_sub(at + framing.trailer)),
+        _ => "n".to_owned(),
+    };
+    parts.push(("body".to_owned(), rest));
     let mut trailer: Vec<&Check> = framing.checks.iter().filter(|check| check.at < 0).collect();
     trailer.sort_by_key(|check| check.at);
     for check in trailer {
@@ -164,7 +187,7 @@ fn hole_name(framing: &Framing, hole: usize, len: usize) -> String {
         return hex(&framing.sync);
     }
     if let Cut::Length(length) = &framing.cut
-        && length.at == hole
+        && (length.at == hole || length.again == Some(hole))
     {
         return "length".to_owned();
     }
@@ -201,7 +224,10 @@ pub(super) fn bits(field: &Field) -> Option<usize> {
     let one = match &field.kind {
         Kind::Number(number) => 8 * usize::from(number.bytes),
         Kind::Bits { bits, .. } => usize::from(*bits),
-        Kind::Bcd(Size::Fixed(size))
+        Kind::Bcd {
+            size: Size::Fixed(size),
+            ..
+        }
         | Kind::Decimal(Size::Fixed(size))
         | Kind::Hex(Size::Fixed(size))
         | Kind::Str(Size::Fixed(size))

@@ -50,9 +50,9 @@ pub struct FieldSpec {
     #[serde(default)]
     pub name: String,
     /// What its bytes are: `u8` to `u64`, `i8` to `i64`, `f32`, `f64`, with `le` or `be` behind it
-    /// if the order is another one; `b1` to `b64` bits, highest first; `bcd`, `decimal`, `hex` and
-    /// `str` of `size` bytes, `strz` that ends with a 0, `bytes`, `pad`, `group` of `fields`,
-    /// `switch` of `cases`.
+    /// if the order is another one; `b1` to `b64` bits, highest first; `bcd` (`bcdle`: lowest byte
+    /// first), `decimal`, `hex` and `str` of `size` bytes, `strz` that ends with a 0, `bytes`,
+    /// `pad`, `group` of `fields`, `switch` of `cases`.
     #[serde(default, rename = "type")]
     pub kind: String,
     /// The value that it always has: it tells messages apart.

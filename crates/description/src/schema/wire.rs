@@ -70,6 +70,9 @@ pub struct FrameSpec {
     /// Bytes behind the end marker that belong to the frame.
     #[serde(default)]
     pub tail: Option<u16>,
+    /// Last bytes of the tail, e.g. a line end behind the checksum.
+    #[serde(default)]
+    pub closing: Option<Marker>,
     /// How the frame's bytes are written: `hex` for two hexadecimal digits each.
     #[serde(default)]
     pub encoding: Option<Encoding>,
@@ -165,6 +168,9 @@ pub struct LengthSpec {
     /// message, which has a field of this size at this place.
     #[serde(default)]
     pub mask: Option<u32>,
+    /// Place of a second field with the same length, as M-Bus has it.
+    #[serde(default)]
+    pub again: Option<u16>,
 }
 
 /// What a length field counts.
@@ -215,6 +221,9 @@ pub struct ChecksumSpec {
     /// Bytes that are summed up behind those of the frame.
     #[serde(default)]
     pub extra: Option<Marker>,
+    /// Bytes that are summed up before those of the frame, e.g. its start marker.
+    #[serde(default)]
+    pub before: Option<Marker>,
 }
 
 /// The parameters of a CRC.
