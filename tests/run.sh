@@ -244,6 +244,10 @@ if proof crates src devices tests/devices; then
     step "the described devices: fuzzed, their table, the trophies, other means"
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh --all
 fi
+if $all; then
+    step "public programs in virtual time"
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/exec/public_programs/run.sh --runs 2
+fi
 if proof Cargo.lock deny.toml; then
     step "licences and sources of the dependencies"
     # Two minutes of compiling, once a machine.

@@ -35,7 +35,7 @@ const SIGNALS: [(&str, &str); 20] = [
 /// the
 /// nearest 10 ms; a look at a clock costs 1 us; the calendar begins at 2026-01-01, the uptime at
 /// 1000 s.
-const REST: [(&str, &str); 27] = [
+const REST: [(&str, &str); 34] = [
     ("rt-default", "1"),
     ("mq", "6 3 after 50 ms"),
     ("mq-times-out", "-1 1 after 30 ms"),
@@ -63,6 +63,13 @@ const REST: [(&str, &str); 27] = [
     ("unique", "37 4 0"),
     ("terminal", "1"),
     ("asks", "1 1 1"),
+    ("pipe-ends", "1 0, 1 0"),
+    ("replaced", "0 1 y"),
+    ("epoll", "1 1 1, 0 1"),
+    ("reopened", "1 1 1"),
+    ("entry", "0 1 1"),
+    ("errors", "1"),
+    ("yields", "1"),
 ];
 
 fn assert_said(ended: &Ended, wanted: &[(&str, &str)]) {

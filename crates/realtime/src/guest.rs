@@ -36,6 +36,8 @@ mod memory;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod news;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod open_file;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod pending;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod settings;

@@ -230,6 +230,23 @@ impl<C: Clock> Realtime<C> {
         self.carry_from(&stirred, paced)
     }
 
+    /// The same while no supervised client has touched its port: reads no port.
+    ///
+    /// # Errors
+    /// As [`carry`](Self::carry).
+    pub(crate) fn carry_resting(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
+        let mut ports = self.ports.iter();
+        if !ports.all(|port| port.transport.rests() && port.spread.is_empty()) {
+            return self.carry_stirred(paced);
+        }
+        for port in &mut self.ports {
+            port.carry_plug(paced)?;
+            port.carry_out(paced.rig());
+            port.hold_back(paced.rig());
+        }
+        Ok(())
+    }
+
     fn carry_from(
         &mut self,
         wanted: &[bool],

@@ -17,6 +17,11 @@ impl<C: Clock> Realtime<C> {
         self.ports[index].transport.terminal()
     }
 
+    /// Hands the unread bytes of the port `index` to the kernel, for good.
+    pub(crate) fn release(&mut self, index: usize) {
+        self.ports[index].transport.release();
+    }
+
     /// The client of the port `index` changes the settings of a terminal that is modelled here.
     pub(crate) fn set_terminal(&mut self, index: usize, settings: Settings) {
         let port = &mut self.ports[index];

@@ -147,6 +147,14 @@ pub trait Transport {
     fn stirs(&self) -> Option<Vec<BorrowedFd<'_>>> {
         None
     }
+
+    /// Whether [`read`](Self::read) brings nothing new until the supervised far end makes a call.
+    fn rests(&self) -> bool {
+        false
+    }
+
+    /// Hands the bytes that the far end can read to the kernel, for good.
+    fn release(&mut self) {}
 }
 
 /// Something besides bytes happened at the far end.

@@ -14,6 +14,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
@@ -22,6 +23,7 @@
 #include <sys/sem.h>
 #include <sys/signalfd.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/sysinfo.h>
 #include <sys/time.h>
@@ -806,6 +808,101 @@ static void outside_lock(void)
     wait(0);
 }
 
+static int polled(int fd, int events)
+{
+    struct pollfd one = {fd, events, 0};
+    return poll(&one, 1, 0);
+}
+
+/* A file that was looked at is closed when its owner closes it. */
+static void pipe_ends(void)
+{
+    int ends[2];
+    char byte;
+    pipe(ends);
+    int writable = polled(ends[1], POLLOUT), readable = polled(ends[0], POLLIN);
+    if (!fork()) {
+        usleep(20000);
+        write(ends[1], "x", 1);
+        usleep(20000);
+        _exit(0);
+    }
+    close(ends[1]);
+    long first = read(ends[0], &byte, 1), second = read(ends[0], &byte, 1);
+    say("%d %d, %ld %ld", writable, readable, first, second);
+}
+
+/* Another file takes its number. */
+static void replaced(void)
+{
+    int one[2], other[2];
+    char byte = '-';
+    pipe(one);
+    pipe(other);
+    write(other[1], "y", 1);
+    int before = polled(one[0], POLLIN);
+    dup2(other[0], one[0]);
+    int after = polled(one[0], POLLIN);
+    read(one[0], &byte, 1);
+    say("%d %d %c", before, after, byte);
+}
+
+/* What came before and after the port was put into a set. */
+static void epoll(void)
+{
+    int set = epoll_create1(0), waiting;
+    struct epoll_event event = {.events = EPOLLIN};
+    char bytes[200];
+    tcflush(port, TCIFLUSH);
+    usleep(150000);
+    ioctl(port, FIONREAD, &waiting);
+    epoll_ctl(set, EPOLL_CTL_ADD, port, &event);
+    int first = epoll_wait(set, &event, 1, 0);
+    long len = read(port, bytes, sizeof bytes);
+    int none = epoll_wait(set, &event, 1, 0), second = epoll_wait(set, &event, 1, 500);
+    say("%d %d %d, %d %d", waiting > 0, first, len >= waiting, none, second);
+}
+
+/* A port that was looked at and is closed by the last that has it is closed. */
+static void reopened(void)
+{
+    int waiting, fd;
+    usleep(150000);
+    int before = polled(port, POLLIN);
+    fd = open(path, O_RDWR | O_NOCTTY);
+    ioctl(fd, FIONREAD, &waiting);
+    say("%d %d %d", before, waiting > 0, polled(fd, POLLOUT));
+}
+
+/* Libraries look for the driver of a port before they open it. */
+static void entry(void)
+{
+    char entry[300], driver[100];
+    struct stat status;
+    snprintf(entry, sizeof entry, "/sys/class/tty/%s", getenv("HILRIG_TTY_SONAR") + 5);
+    int found = lstat(entry, &status);
+    say("%d %d %d", found, !found && S_ISLNK(status.st_mode), readlink(entry, driver, 100) > 0);
+}
+
+/* The same error over and over is a wait. */
+static void errors(void)
+{
+    long begin = ms(), asked = 0;
+    for (; ms() - begin < 1000; asked++) {
+        polled(77, POLLIN);
+        accept4(-1, 0, 0, 0);
+    }
+    say("%d", asked < 5000);
+}
+
+/* A scheduler that lets others run thousands of times takes little time. */
+static void yields(void)
+{
+    long begin = ms();
+    for (int i = 0; i < 5000; i++) sched_yield();
+    say("%d", ms() - begin < 200);
+}
+
 static const struct {
     const char *name;
     void (*probe)(void);
@@ -857,6 +954,13 @@ static const struct {
     {"unique", unique},
     {"terminal", terminal},
     {"asks", asks},
+    {"pipe-ends", pipe_ends},
+    {"replaced", replaced},
+    {"epoll", epoll},
+    {"reopened", reopened},
+    {"entry", entry},
+    {"errors", errors},
+    {"yields", yields},
     /* What follows leaves virtual time. */
     {"outside-lock", outside_lock},
 };

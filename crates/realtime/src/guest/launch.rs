@@ -66,6 +66,8 @@ pub(super) const NOT_TRACED: i32 = 125;
 pub(super) const NOT_LAUNCHED: i32 = 126;
 /// A flag of clone that hides the child from the tracer of its parent.
 pub(super) const CLONE_UNTRACED: u64 = 0x0080_0000;
+/// File numbers below this have a copy in the supervisor until the program closes the file.
+pub(super) const KEPT_BELOW: u32 = 256;
 /// What the filter says of a call that a 32-bit program would make.
 pub(super) const OTHER_ARCHITECTURE: u8 = 1;
 pub(super) const NOT_LAUNCHED_CODE: u8 = 126;
@@ -152,6 +154,16 @@ const STOPPED: &[i64] = &[
     libc::SYS_clone3,
     libc::SYS_mq_timedreceive,
     libc::SYS_mq_timedsend,
+    libc::SYS_execve,
+    libc::SYS_execveat,
+    libc::SYS_dup2,
+    libc::SYS_dup3,
+    libc::SYS_close_range,
+    libc::SYS_epoll_ctl,
+    libc::SYS_preadv2,
+    libc::SYS_pwritev2,
+    libc::SYS_splice,
+    libc::SYS_sendfile,
     libc::SYS_io_uring_setup,
     libc::SYS_io_uring_enter,
     libc::SYS_io_getevents,
@@ -261,7 +273,15 @@ fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
     let command = u64::from(libc::F_SETLKW.unsigned_abs());
     let waits = SeccompCondition::new(1, len, eq, command)?;
     rules.insert(libc::SYS_fcntl, vec![SeccompRule::new(vec![waits])?]);
+    let kept = SeccompCondition::new(
+        0,
+        SeccompCmpArgLen::Dword,
+        SeccompCmpOp::Lt,
+        KEPT_BELOW.into(),
+    )?;
+    rules.insert(libc::SYS_close, vec![SeccompRule::new(vec![kept])?]);
     rules.extend(about_children()?);
+    rules.extend(about_entries()?);
     Ok(rules)
 }
 
@@ -302,7 +322,20 @@ fn about_lines() -> Result<Rules, seccompiler::BackendError> {
     let mut all = about_children()?;
     all.insert(libc::SYS_ioctl, rules?);
     all.extend([libc::SYS_readlink, libc::SYS_readlinkat].map(|number| (number, Vec::new())));
+    all.extend(about_entries()?);
     Ok(all)
+}
+
+/// `lstat`: libserialport looks for the entry of a port in `/sys/class/tty`.
+fn about_entries() -> Result<Rules, seccompiler::BackendError> {
+    let flag = u64::from(libc::AT_SYMLINK_NOFOLLOW.unsigned_abs());
+    let is_link = SeccompCmpOp::MaskedEq(flag);
+    let is_link = SeccompCondition::new(3, SeccompCmpArgLen::Dword, is_link, flag)?;
+    Ok([
+        (libc::SYS_lstat, Vec::new()),
+        (libc::SYS_newfstatat, vec![SeccompRule::new(vec![is_link])?]),
+    ]
+    .into())
 }
 
 fn put_on_filter(

@@ -284,6 +284,15 @@ impl Tracer {
             launch::show_child(pid, &call);
             return false;
         }
+        if matches!(call.number, libc::SYS_lstat | libc::SYS_newfstatat) {
+            let link = Link::of(pid, &call);
+            if let Some((device, _)) = link.unlisted_terminal()
+                && self.ports.contains_key(&device)
+            {
+                link.answer_status(pid, &call);
+            }
+            return false;
+        }
         if matches!(call.number, libc::SYS_readlink | libc::SYS_readlinkat) {
             let link = Link::of(pid, &call);
             if let Some((device, text)) = link.unlisted_terminal()

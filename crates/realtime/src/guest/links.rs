@@ -9,6 +9,10 @@ use nix::unistd::Pid;
 use super::call::Call;
 use super::memory::Memory;
 
+/// Size of `struct stat`, and offsets of `st_nlink` and `st_mode`.
+const STAT: usize = 144;
+const STAT_NAMES: usize = 16;
+const STAT_MODE: usize = 24;
 /// Where the system lists its terminals.
 const CLASS: &str = "/sys/class/tty/";
 /// What such an entry leads to, but for its name.
@@ -25,7 +29,7 @@ impl Link {
     /// The link that `call`, readlink or readlinkat, asks for.
     pub(super) fn of(tid: Pid, call: &Call) -> Self {
         let [path, place, len] = match call.number {
-            libc::SYS_readlink => [call.args[0], call.args[1], call.args[2]],
+            libc::SYS_readlink | libc::SYS_lstat => [call.args[0], call.args[1], call.args[2]],
             _ => [call.args[1], call.args[2], call.args[3]],
         };
         let path = Memory(tid).text(path);
@@ -39,6 +43,17 @@ impl Link {
         let device = std::fs::metadata(format!("/dev/{name}")).ok()?.rdev();
         let is_listed = std::fs::symlink_metadata(&self.path).is_ok();
         (!is_listed).then(|| (device, format!("{DRIVER}{}", name.replace('/', ""))))
+    }
+
+    /// Answers `lstat` with the status of a link.
+    pub(super) fn answer_status(&self, tid: Pid, call: &Call) {
+        let mut status = [0; STAT];
+        status[STAT_NAMES] = 1;
+        let mode = libc::S_IFLNK | 0o777;
+        status[STAT_MODE..STAT_MODE + 4].copy_from_slice(&mode.to_ne_bytes());
+        if Memory(tid).write(self.place, &status).is_ok() {
+            let _ = call.answer(tid, 0);
+        }
     }
 
     /// The thread is given this.

@@ -43,6 +43,49 @@ impl Memory {
         }
     }
 
+    /// Fills several buffers in one call; a buffer with address 0 stays as it is.
+    pub(super) fn read_all<'a>(
+        self,
+        places: impl Iterator<Item = (u64, &'a mut [u8])>,
+    ) -> Result<(), Errno> {
+        let (mut own, mut remote) = (Vec::new(), Vec::new());
+        for (address, buf) in places.filter(|(address, buf)| *address != 0 && !buf.is_empty()) {
+            let (base, len) = place(address, buf.len())?;
+            remote.push(RemoteIoVec { base, len });
+            own.push(IoSliceMut::new(buf));
+        }
+        if remote.is_empty() {
+            return Ok(());
+        }
+        let wanted: usize = remote.iter().map(|one| one.len).sum();
+        match process_vm_readv(self.0, &mut own, &remote)? == wanted {
+            true => Ok(()),
+            false => Err(Errno::EFAULT),
+        }
+    }
+
+    /// Writes several pieces in one call; a piece with address 0 is left out.
+    pub(super) fn write_all<'a>(
+        self,
+        places: impl Iterator<Item = (u64, &'a [u8])>,
+    ) -> Result<(), Errno> {
+        let (mut own, mut remote) = (Vec::new(), Vec::new());
+        for (address, bytes) in places.filter(|(address, bytes)| *address != 0 && !bytes.is_empty())
+        {
+            let (base, len) = place(address, bytes.len())?;
+            remote.push(RemoteIoVec { base, len });
+            own.push(IoSlice::new(bytes));
+        }
+        if remote.is_empty() {
+            return Ok(());
+        }
+        let wanted: usize = remote.iter().map(|one| one.len).sum();
+        match process_vm_writev(self.0, &own, &remote)? == wanted {
+            true => Ok(()),
+            false => Err(Errno::EFAULT),
+        }
+    }
+
     pub(super) fn u32(self, address: u64) -> Result<u32, Errno> {
         let mut buf = [0; 4];
         self.read(address, &mut buf)?;

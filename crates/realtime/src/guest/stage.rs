@@ -89,6 +89,8 @@ pub(super) struct Stage {
     has_delivered: bool,
     /// The program may have done something to a port besides sending.
     is_touched: bool,
+    /// The program may have sent to, opened or closed a port.
+    is_stirred: bool,
     next_look: Instant,
     /// The rig's time when the ports were looked at last.
     observed_at: Instant,
@@ -145,6 +147,7 @@ impl Stage {
             is_frozen: false,
             has_delivered: false,
             is_touched: false,
+            is_stirred: false,
             next_look: Instant::ZERO,
             observed_at: Instant::ZERO,
             mouth,
@@ -250,6 +253,11 @@ impl Stage {
         self.is_touched = true;
     }
 
+    /// Notes that the program may send to, open or close a port before the next stop.
+    pub(super) const fn stir(&mut self) {
+        self.is_stirred = true;
+    }
+
     /// Transfers pending bytes in both directions if the program touched a port.
     pub(super) fn carry_touched(&mut self) -> Result<(), TransportError> {
         match self.is_touched {
@@ -260,9 +268,11 @@ impl Stage {
 
     /// Transfers pending bytes in both directions now.
     pub(super) fn carry(&mut self) -> Result<(), TransportError> {
+        let is_stirred = core::mem::take(&mut self.is_stirred);
         match core::mem::take(&mut self.is_touched) || self.now >= self.next_look {
             true => self.realtime.carry(&mut self.run)?,
-            false => self.realtime.carry_stirred(&mut self.run)?,
+            false if is_stirred => self.realtime.carry_stirred(&mut self.run)?,
+            false => self.realtime.carry_resting(&mut self.run)?,
         }
         let mut has_delivered = false;
         let mut turned = Vec::new();

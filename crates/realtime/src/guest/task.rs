@@ -1,8 +1,9 @@
 //! Threads and processes of a foreign program, as the supervisor knows them.
 
 use core::time::Duration;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::os::fd::OwnedFd;
+use std::sync::Arc;
 
 use emulators::rng::Rng;
 use nix::sys::signal::Signal;
@@ -11,6 +12,7 @@ use protocols::Instant;
 
 use super::call::Call;
 use super::clock_page::ClockPage;
+use super::open_file::File;
 
 /// How a thread goes on.
 #[derive(Clone, Copy, Debug)]
@@ -207,6 +209,10 @@ pub(super) struct PosixTimer {
 pub(super) struct Process {
     /// By which its files can be had.
     pub(super) handle: Option<OwnedFd>,
+    /// Copies of its open files.
+    pub(super) files: BTreeMap<i32, Arc<File>>,
+    /// Instructions at which it was seen to make 64-bit calls.
+    pub(super) sites: BTreeSet<u64>,
     /// Its clocks that are no calls.
     pub(super) clocks: Option<ClockPage>,
     pub(super) random: Rng,

@@ -118,7 +118,8 @@ impl Pty {
         let Some(plugged) = &mut self.plugged else {
             return false;
         };
-        let seen = plugged.watch.look(open);
+        let mut seen = plugged.watch.look(open);
+        seen.read |= self.terminal.take_is_read();
         if seen.read {
             self.reads += 1;
             self.since_read = 0;
@@ -225,6 +226,11 @@ impl Pty {
     /// Puts bytes where the client reads them; how many there was room for.
     fn put(&mut self, bytes: &[u8]) -> usize {
         let room = self.room(bytes.len());
+        if self.plugged.is_some() && self.terminal.hold(bytes) {
+            self.unread += bytes.len();
+            self.since_read += bytes.len();
+            return bytes.len();
+        }
         let Some(Plugged { master, .. }) = &self.plugged else {
             return 0;
         };
@@ -298,7 +304,12 @@ impl Transport for Pty {
     }
 
     fn write_marked(&mut self, bytes: &[u8], marks: &[Mark]) -> usize {
-        if !self.look() {
+        // The supervisor reports openings and closings before it writes.
+        let is_there = match self.terminal.holds() {
+            true => self.open,
+            false => self.look(),
+        };
+        if !is_there {
             self.counters.unheard += bytes.len() as u64;
             return 0;
         }
@@ -440,11 +451,23 @@ impl Transport for Pty {
         }
     }
 
+    fn rests(&self) -> bool {
+        let has_own = !self.own.is_empty() || self.terminal.has_own();
+        self.terminal.holds() && !has_own && self.events.is_empty()
+    }
+
+    fn release(&mut self) {
+        let held = self.terminal.release();
+        if !held.is_empty() {
+            self.put(&held);
+        }
+    }
+
     fn stirs(&self) -> Option<Vec<BorrowedFd<'_>>> {
         let Some(plugged) = &self.plugged else {
             return Some(Vec::new());
         };
-        if !self.own.is_empty() {
+        if !self.own.is_empty() || self.terminal.is_whole() && self.terminal.has_own() {
             return None;
         }
         let mut fds = vec![plugged.watch.fd()?];

@@ -50,6 +50,10 @@ pub struct Terminal {
     cut: u64,
     /// What the client's driver sends between its bytes: a start or stop character.
     urgent: Vec<u8>,
+    /// Bytes that the client can read; `None`: the kernel holds them.
+    held: Option<VecDeque<u8>>,
+    /// The client has taken bytes since the last `take_is_read`.
+    is_read: bool,
 }
 
 /// What came of characters that arrived.
@@ -69,6 +73,7 @@ impl Terminal {
         Self {
             settings,
             is_whole: true,
+            held: Some(VecDeque::new()),
             ..Self::default()
         }
     }
@@ -96,6 +101,52 @@ impl Terminal {
     /// Bytes that arrived and cannot be read yet, of a line that has not ended.
     pub const fn is_waiting(&self) -> bool {
         self.unread > 0 || !self.line.is_empty()
+    }
+
+    /// Whether the terminal, not the kernel, holds the bytes that the client can read.
+    pub(crate) const fn holds(&self) -> bool {
+        self.held.is_some()
+    }
+
+    /// Holds `bytes` until the client reads them; `false`: the kernel holds the bytes.
+    pub(super) fn hold(&mut self, bytes: &[u8]) -> bool {
+        let held = self.held.as_mut();
+        held.map(|held| held.extend(bytes)).is_some()
+    }
+
+    /// Gives up the held bytes; from now on the kernel holds them.
+    pub(super) fn release(&mut self) -> Vec<u8> {
+        self.held.take().map(Vec::from).unwrap_or_default()
+    }
+
+    /// Takes the first `len` held bytes; `None`: the kernel holds the bytes.
+    pub(crate) fn take(&mut self, len: usize) -> Option<Vec<u8>> {
+        let held = self.held.as_mut()?;
+        let bytes: Vec<u8> = held.drain(..len.min(held.len())).collect();
+        self.is_read |= !bytes.is_empty();
+        Some(bytes)
+    }
+
+    /// Whether the client has taken bytes since the last call.
+    pub(super) const fn take_is_read(&mut self) -> bool {
+        core::mem::replace(&mut self.is_read, false)
+    }
+
+    /// Whether `poll` reports input: with VTIME 0 only once VMIN bytes are there, as in n_tty.
+    pub(crate) fn is_polled_readable(&self) -> bool {
+        let (least, time) = (
+            self.settings.code(Code::Least),
+            self.settings.code(Code::Time),
+        );
+        let least = if time == 0 {
+            usize::from(least).max(1)
+        } else {
+            1
+        };
+        match self.is_canonical() {
+            true => !self.lines.is_empty(),
+            false => self.unread >= least,
+        }
     }
 
     /// Whether what waits is enough for a read to return.
@@ -136,6 +187,11 @@ impl Terminal {
         if code != DISABLED {
             self.urgent.push(code);
         }
+    }
+
+    /// Whether the terminal itself has something to send.
+    pub(super) fn has_own(&self) -> bool {
+        !self.urgent.is_empty() || !self.echo.is_empty() && !self.is_stopped()
     }
 
     /// What the terminal itself sends: flow control at once, its echo when output goes on.
@@ -200,6 +256,9 @@ impl Terminal {
     /// The client throws away what it has not read.
     pub fn forget(&mut self) {
         self.unread = 0;
+        if let Some(held) = &mut self.held {
+            held.clear();
+        }
         self.line.clear();
         self.lines.clear();
         self.is_literal = false;

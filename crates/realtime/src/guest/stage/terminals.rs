@@ -76,6 +76,11 @@ impl Stage {
         self.realtime.terminal(port)
     }
 
+    /// Hands the unread bytes of a port to the kernel, for good.
+    pub(in crate::guest) fn release(&mut self, port: usize) {
+        self.realtime.release(port);
+    }
+
     /// Bytes that passed a port, to its client and from it.
     pub(in crate::guest) fn traffic(&self, port: usize) -> Traffic {
         self.realtime.traffic(port)
@@ -113,6 +118,9 @@ impl Stage {
     /// Waits until the kernel shows at `fd`, the client's side, what was put into the port: it
     /// brings bytes across on a thread of its own.
     pub(in crate::guest) fn settle(&mut self, port: usize, fd: &OwnedFd) {
+        if self.terminal(port).is_some_and(|it| it.holds()) {
+            return;
+        }
         let unread = self.terminal(port).map_or(0, |it| it.unread());
         if let Some(shown) = missed(fd, unread as u64)
             && let Some(terminal) = self.terminal(port)
@@ -125,7 +133,8 @@ impl Stage {
     /// The same for all ports, without a file of the client's.
     pub(in crate::guest) fn settle_all(&mut self) {
         for port in 0..self.slots.len() {
-            let unread = self.terminal(port).map_or(0, |it| it.unread());
+            let terminal = self.terminal(port);
+            let unread = terminal.map_or(0, |it| if it.holds() { 0 } else { it.unread() });
             if self.slots[port].is_open
                 && unread > 0
                 && let Some(fd) = self.realtime.client_side(port)

@@ -1,7 +1,7 @@
 //! Threads and processes that begin, become other programs, and end.
 
 use core::time::Duration;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use emulators::rng::Rng;
 use nix::libc;
@@ -31,6 +31,8 @@ impl Supervisor {
             *processes += 1;
             let process = Process {
                 handle: None,
+                files: BTreeMap::new(),
+                sites: BTreeSet::new(),
                 clocks: None,
                 random: Rng::stream(self.settings.seed, &stream),
                 restarts: 0,
@@ -140,6 +142,8 @@ impl Supervisor {
         self.set_state(tid, State::Running);
         if let Some(process) = self.processes.get_mut(&tid) {
             process.restarts = 0;
+            process.files.clear();
+            process.sites.clear();
             process.clocks = None;
             process.timers.clear();
             process.posix_timers.clear();
@@ -233,6 +237,7 @@ impl Supervisor {
         let process = self.threads.get(&tid).map(|thread| thread.process);
         if let Some(process) = process.and_then(|pid| self.processes.get_mut(&pid)) {
             process.is_dying = true;
+            process.files.clear();
         }
     }
 

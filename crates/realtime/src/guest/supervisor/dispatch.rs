@@ -6,6 +6,7 @@ use nix::unistd::Pid;
 use super::{Memory, Outcome, Supervisor, Wait};
 use crate::guest::call::{self, Call};
 use crate::guest::launch::show_child;
+use crate::guest::links::Link;
 use crate::guest::trace::Record;
 
 impl Supervisor {
@@ -90,7 +91,24 @@ impl Supervisor {
             libc::SYS_msgctl | libc::SYS_semctl => self.has_queues_changed = true,
             libc::SYS_clone | libc::SYS_clone3 => show_child(Pid::from_raw(tid), call),
             libc::SYS_readlink | libc::SYS_readlinkat => self.read_link(tid, call),
+            libc::SYS_lstat | libc::SYS_newfstatat => {
+                let link = Link::of(Pid::from_raw(tid), call);
+                let terminal = link.unlisted_terminal();
+                if terminal.is_some_and(|(device, _)| self.stage.port_of(device).is_some()) {
+                    link.answer_status(Pid::from_raw(tid), call);
+                }
+            }
             libc::SYS_bind | libc::SYS_getsockname => self.names_socket(tid, call),
+            // Stopped so that the clock page is read before the exec replaces the memory.
+            libc::SYS_execve | libc::SYS_execveat => self.stage.stir(),
+            libc::SYS_close | libc::SYS_dup2 | libc::SYS_dup3 | libc::SYS_close_range => {
+                self.lets_go(call);
+            }
+            libc::SYS_epoll_ctl
+            | libc::SYS_preadv2
+            | libc::SYS_pwritev2
+            | libc::SYS_splice
+            | libc::SYS_sendfile => self.lets_kernel_read(tid, call),
             _ => return false,
         }
         true

@@ -6,7 +6,6 @@
 
 use core::time::Duration;
 
-use nix::errno::Errno;
 use nix::libc;
 use nix::unistd::Pid;
 
@@ -19,8 +18,13 @@ const FREE: u32 = 8;
 /// Then each takes this part of the time since the first, and at most so long.
 const PART: u32 = 4;
 const LONGEST: Duration = Duration::from_millis(1);
+/// The same for `sched_yield`: schedulers call it thousands of times before they wait.
+const LONGEST_YIELD: Duration = Duration::from_micros(20);
 /// Most different calls of which a wait is made up.
 const KINDS_MAX: usize = 8;
+
+/// Most entries of a `poll` that are examined for closed files.
+const POLLED_MAX: usize = 16;
 
 /// What a call has to do with waiting.
 enum Sign {
@@ -37,6 +41,17 @@ const fn key(call: &Call) -> (i64, [u64; 3]) {
     (call.number, [first, second, third])
 }
 
+/// Whether `poll` reports nothing but closed files.
+fn finds_no_file(tid: i32, call: &Call) -> bool {
+    let [address, count, ..] = call.args;
+    let len = usize::try_from(count).unwrap_or(0).min(POLLED_MAX);
+    let mut entries = vec![0; 8 * len];
+    let read = Memory(Pid::from_raw(tid)).read(address, &mut entries);
+    let found = entries.chunks_exact(8).map(|entry| [entry[6], entry[7]]);
+    let mut found = found.map(|flags| i16::from_ne_bytes(flags) & !libc::POLLNVAL);
+    read.is_ok() && found.all(|rest| rest == 0)
+}
+
 impl Supervisor {
     /// Before a call of `tid`: if it waits by such calls others come first, or time passes. Whether
     /// it may make its call now.
@@ -51,7 +66,11 @@ impl Supervisor {
             return Some(Flow::Stays);
         }
         let now = self.stage.now();
-        let until = now + ((now - idle.since) / PART).min(LONGEST);
+        let longest = match call.number {
+            libc::SYS_sched_yield => LONGEST_YIELD,
+            _ => LONGEST,
+        };
+        let until = now + ((now - idle.since) / PART).min(longest);
         let deadline = self.next_deadline().map_or(until, |at| at.min(until));
         if let Err(error) = self.stage.leap(Some(deadline), false) {
             self.trouble = Some(error.into());
@@ -100,7 +119,6 @@ impl Supervisor {
     }
 
     fn sign_of(&self, tid: i32, call: &Call, outcome: &Outcome) -> Sign {
-        let again = -i64::from(Errno::EAGAIN as i32);
         match (call.number, outcome) {
             (
                 libc::SYS_clock_gettime
@@ -131,7 +149,15 @@ impl Supervisor {
                 | libc::SYS_accept
                 | libc::SYS_accept4,
                 &Outcome::Answer(answer),
-            ) if answer == 0 || answer == again => Sign::Fruitless(answer),
+            ) if answer <= 0 => Sign::Fruitless(answer),
+            // Examined only for a program that is waiting already: reading its memory costs time.
+            (libc::SYS_poll, &Outcome::Answer(answer)) if answer > 0 => {
+                let waits = self.threads.get(&tid).is_some_and(|it| it.idle.is_some());
+                match waits && finds_no_file(tid, call) {
+                    true => Sign::Fruitless(answer),
+                    false => Sign::Fruitful,
+                }
+            }
             (libc::SYS_ioctl, Outcome::Answer(0)) => match call.args[1] {
                 libc::FIONREAD | libc::TIOCOUTQ | libc::TIOCMGET => {
                     let answer = Memory(Pid::from_raw(tid)).u32(call.args[2]);

@@ -1,6 +1,7 @@
 //! Waiting for several files at once.
 
 use core::time::Duration;
+use std::sync::Arc;
 
 use nix::errno::Errno;
 use nix::libc;
@@ -57,7 +58,7 @@ impl Supervisor {
 
     /// What is ready of each file, as the kernel's flags.
     fn look_at(&mut self, tid: i32, wanted: &[(i32, u16)]) -> Vec<u16> {
-        let files: Vec<Option<File>> = wanted
+        let files: Vec<Option<Arc<File>>> = wanted
             .iter()
             .map(|&(fd, _)| self.file(tid, fd).filter(|_| fd >= 0))
             .collect();
@@ -65,11 +66,15 @@ impl Supervisor {
             .iter()
             .zip(wanted)
             .filter_map(|(file, &(_, flags))| {
+                let file = file.as_ref().filter(|file| !self.holds(file))?;
                 let flags = PollFlags::from_bits_retain(flags);
-                Some(PollFd::new(&file.as_ref()?.fd, flags))
+                Some(PollFd::new(&file.fd, flags))
             })
             .collect();
-        let done = poll(&mut polled, Some(&Timespec::default()));
+        let done = match polled.is_empty() {
+            true => Ok(0),
+            false => poll(&mut polled, Some(&Timespec::default())),
+        };
         let mut found = polled.iter().map(|one| match done {
             Ok(_) => one.revents().bits(),
             Err(_) => 0,
@@ -77,7 +82,7 @@ impl Supervisor {
         let not_open = PollFlags::NVAL.bits();
         let looks = files.iter().zip(wanted);
         looks
-            .map(|(file, &(fd, flags))| match file {
+            .map(|(file, &(fd, flags))| match file.as_deref() {
                 Some(File {
                     kind: Kind::Signals(signals),
                     ..
@@ -92,6 +97,12 @@ impl Supervisor {
                 Some(file) if file.kind == Kind::Mouth => {
                     found.next();
                     flags & PollFlags::OUT.bits()
+                }
+                Some(file) if self.holds(file) => {
+                    let Kind::Port(port) = file.kind else {
+                        return 0;
+                    };
+                    self.held_readiness(port, flags)
                 }
                 Some(file) => {
                     let found = found.next().unwrap_or(0);
@@ -108,6 +119,29 @@ impl Supervisor {
                 None => not_open,
             })
             .collect()
+    }
+
+    /// Whether the terminal of a port, not the kernel, knows what is ready.
+    fn holds(&mut self, file: &File) -> bool {
+        let Kind::Port(port) = file.kind else {
+            return false;
+        };
+        self.stage.terminal(port).is_some_and(|it| it.holds())
+    }
+
+    /// Readiness of a port whose terminal holds its bytes; output is ready unless stopped.
+    fn held_readiness(&mut self, port: usize, wanted: u16) -> u16 {
+        let Some(terminal) = self.stage.terminal(port) else {
+            return 0;
+        };
+        let mut found = PollFlags::empty();
+        if terminal.is_polled_readable() {
+            found |= PollFlags::IN | PollFlags::RDNORM;
+        }
+        if !terminal.is_stopped() {
+            found |= PollFlags::OUT | PollFlags::WRNORM;
+        }
+        wanted & found.bits()
     }
 
     /// What is ready of a port of which the kernel says `found`.
@@ -132,16 +166,18 @@ impl Supervisor {
             libc::SYS_select => 1_000,
             _ => 1,
         };
-        let deadline = self.timespec_from(tid, timeout, unit)?;
         let count = u64::from(low_i32(count).max(0).unsigned_abs()).min(1024);
         let len = usize::try_from(count.div_ceil(64) * 8).unwrap_or_default();
         let mut sets = [(); 3].map(|()| vec![0_u8; len]);
         let addresses = [read, write, except];
-        for (set, &address) in sets.iter_mut().zip(&addresses) {
-            if address != 0 && len > 0 {
-                memory.read(address, set)?;
-            }
-        }
+        let mut time = [0; 16];
+        let places = sets.iter_mut().map(Vec::as_mut_slice).zip(addresses);
+        let places = places.chain([(&mut time[..], timeout)]);
+        memory.read_all(places.map(|(bytes, address)| (address, bytes)))?;
+        let deadline = match timeout {
+            0 => None,
+            _ => Some(self.deadline_after(tid, time, unit)?),
+        };
         let kinds = [PollFlags::IN, PollFlags::OUT, PollFlags::PRI];
         let found = self.select_from(tid, count, &sets, kinds);
         if found.contains(&None) {
@@ -163,12 +199,11 @@ impl Supervisor {
         if ready == 0 && !is_time_up {
             return Ok(wait_until(deadline));
         }
-        for (result, &address) in results.iter().zip(&addresses) {
-            if address != 0 {
-                memory.write(address, result)?;
-            }
-        }
-        self.tell_rest(memory, timeout, deadline, unit)?;
+        let rest = deadline.map(|deadline| self.rest_until(deadline, unit));
+        let rest = rest.as_ref().map(|rest| (timeout, rest.as_slice()));
+        let places = results.iter().map(Vec::as_slice).zip(addresses);
+        let places = places.map(|(bytes, address)| (address, bytes));
+        memory.write_all(places.chain(rest))?;
         Ok(Outcome::Answer(ready))
     }
 
@@ -257,13 +292,24 @@ impl Supervisor {
         if address == 0 {
             return Ok(None);
         }
-        let [seconds, parts] = Memory(Pid::from_raw(tid)).pair(address)?;
+        let mut time = [0; 16];
+        Memory(Pid::from_raw(tid)).read(address, &mut time)?;
+        self.deadline_after(tid, time, unit).map(Some)
+    }
+
+    /// The end of a wait as long as two numbers say, the second in `unit` ns.
+    fn deadline_after(&self, tid: i32, time: [u8; 16], unit: i64) -> Result<Instant, Errno> {
+        let [seconds, parts] = [0, 8].map(|at| {
+            let mut number = [0; 8];
+            number.copy_from_slice(&time[at..at + 8]);
+            i64::from_ne_bytes(number)
+        });
         // A time of more than a second in microseconds is allowed.
         let carry = parts / (1_000_000_000 / unit);
         let parts = parts % (1_000_000_000 / unit) * unit;
         let nanos = nanos([seconds.saturating_add(carry), parts])?;
         let length = Duration::from_nanos(nanos.cast_unsigned());
-        Ok(Some(self.entered(tid) + length))
+        Ok(self.entered(tid) + length)
     }
 
     /// The kernel says how much of the time was left.
@@ -277,9 +323,17 @@ impl Supervisor {
         let Some(deadline) = deadline else {
             return Ok(());
         };
+        memory.write(address, &self.rest_until(deadline, unit))
+    }
+
+    /// How much of the time until `deadline` is left: two numbers, the second in `unit` ns.
+    fn rest_until(&self, deadline: Instant, unit: i64) -> [u8; 16] {
         let left = deadline - self.stage.now();
         let [seconds, nanos] = timespec(i64::try_from(left.as_nanos()).unwrap_or(i64::MAX));
-        memory.write_pair(address, [seconds, nanos / unit])
+        let mut rest = [0; 16];
+        rest[..8].copy_from_slice(&seconds.to_ne_bytes());
+        rest[8..].copy_from_slice(&(nanos / unit).to_ne_bytes());
+        rest
     }
 }
 

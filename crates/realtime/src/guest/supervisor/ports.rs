@@ -41,12 +41,21 @@ impl Supervisor {
         if let Some(outcome) = self.not_yet(tid, file, port, &settings, [there, wanted]) {
             return outcome;
         }
-        let mut bytes = vec![0; wanted.min(there)];
-        let len = rustix::io::read(&file.fd, &mut bytes)
-            .map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
-        self.stage.took(port, len);
-        scatter(tid, &buffers, &bytes[..len])?;
-        Ok(Outcome::Answer(i64::try_from(len).unwrap_or(0)))
+        let len = wanted.min(there);
+        let held = self.stage.terminal(port).and_then(|it| it.take(len));
+        let bytes = match held {
+            Some(bytes) => bytes,
+            None => {
+                let mut bytes = vec![0; len];
+                let len = rustix::io::read(&file.fd, &mut bytes)
+                    .map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
+                bytes.truncate(len);
+                bytes
+            }
+        };
+        self.stage.took(port, bytes.len());
+        scatter(tid, &buffers, &bytes)?;
+        Ok(Outcome::Answer(i64::try_from(bytes.len()).unwrap_or(0)))
     }
 
     /// Why a read does not return bytes now: by the rules of VMIN and VTIME, see termios(3).
@@ -119,6 +128,7 @@ impl Supervisor {
                 let len = rustix::io::write(&file.fd, rest)
                     .map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
                 rest = &rest[len..];
+                self.stage.stir();
                 self.stage.carry().map_err(|_| Errno::EIO)?;
             }
             done += bytes.len();

@@ -1,10 +1,15 @@
 //! The time of a program's calls, to find out why it is slow.
 
+use protocols::Instant;
+
 use super::Supervisor;
 use crate::guest::call;
 
 /// Most kinds of calls that are named.
 const NAMED: usize = 3;
+/// Stopped calls a simulated second above which a hint is given: a second of a processor stops a
+/// program some 30,000 times.
+const MANY: u64 = 3_000;
 
 impl Supervisor {
     /// Calls, looks at clocks, and time that passed while the program asked over and over.
@@ -31,6 +36,10 @@ impl Supervisor {
         if !self.idled.is_zero() {
             let seconds = self.idled.as_secs_f64();
             text += &format!(", {seconds:.3} s passed while it asked for the same over and over");
+        }
+        let each = stops / (self.stage.now() - Instant::ZERO).as_secs().max(1);
+        if each > MANY {
+            text += &format!("; {each} stops a second: --call-cost 100us makes them fewer");
         }
         text
     }

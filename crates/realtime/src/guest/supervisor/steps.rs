@@ -42,7 +42,10 @@ impl Supervisor {
             };
             current = pid;
             self.watchdog.count();
-            self.take_time(current);
+            // An exec has replaced the memory; its clocks were read at the call itself.
+            if status >> 16 != libc::PTRACE_EVENT_EXEC {
+                self.take_time(current);
+            }
             flow = self.handle(current, status);
         }
         self.watchdog.rest();
@@ -97,12 +100,16 @@ impl Supervisor {
         if !self.threads.values().any(is_out) {
             return;
         }
+        self.stage.stir();
         while let Some((pid, status)) = wait(None, WaitOptions::NOHANG) {
             self.note_other(pid, status);
         }
     }
 
     pub(super) fn handle(&mut self, tid: i32, status: i32) -> Flow {
+        if status >> 16 != libc::PTRACE_EVENT_SECCOMP {
+            self.stage.stir();
+        }
         if is_death(status) {
             self.died(tid, status);
             return Flow::Stays;
@@ -135,9 +142,16 @@ impl Supervisor {
         let Ok(call) = Call::of(Pid::from_raw(tid)) else {
             return Flow::Goes(None);
         };
-        if ptrace::getevent(Pid::from_raw(tid)) == Ok(launch::OTHER_ARCHITECTURE.into()) {
-            self.note("makes calls as a 32-bit program does (int 0x80)".to_owned());
-            return Flow::Goes(None);
+        if !self.is_known_site(tid, &call) {
+            if ptrace::getevent(Pid::from_raw(tid)) == Ok(launch::OTHER_ARCHITECTURE.into()) {
+                self.stage.stir();
+                self.note("makes calls as a 32-bit program does (int 0x80)".to_owned());
+                return Flow::Goes(None);
+            }
+            self.learn_site(tid, &call);
+        }
+        if !leaves_ports_alone(&call) {
+            self.stage.stir();
         }
         if self.is_for_free(tid, &call) {
             return Flow::Goes(None);
@@ -176,11 +190,27 @@ impl Supervisor {
         self.breathe(tid)
     }
 
+    /// Whether `tid` was seen to make a 64-bit call at this instruction.
+    fn is_known_site(&self, tid: i32, call: &Call) -> bool {
+        let process = self.threads.get(&tid).map(|thread| thread.process);
+        let process = process.and_then(|pid| self.processes.get(&pid));
+        process.is_some_and(|it| it.sites.contains(&call.instruction()))
+    }
+
+    fn learn_site(&mut self, tid: i32, call: &Call) {
+        let process = self.threads.get(&tid).map(|thread| thread.process);
+        if let Some(process) = process.and_then(|pid| self.processes.get_mut(&pid)) {
+            process.sites.insert(call.instruction());
+        }
+    }
+
     /// A thread that calls and calls lets others run now and then.
     pub(super) fn breathe(&mut self, tid: i32) -> Flow {
         if let Err(error) = self.stage.carry() {
             self.trouble = Some(error.into());
         }
+        // The kernel makes the call after this.
+        self.stage.stir();
         self.expire();
         self.retry_files();
         self.ready(tid, Next::Go(None));
@@ -224,4 +254,32 @@ impl Supervisor {
             }
         }
     }
+}
+
+/// Whether a call changes no port; it may take received bytes.
+const fn leaves_ports_alone(call: &Call) -> bool {
+    matches!(
+        call.number,
+        libc::SYS_clock_gettime
+            | libc::SYS_clock_getres
+            | libc::SYS_gettimeofday
+            | libc::SYS_time
+            | libc::SYS_times
+            | libc::SYS_nanosleep
+            | libc::SYS_clock_nanosleep
+            | libc::SYS_sched_yield
+            | libc::SYS_futex
+            | libc::SYS_getrandom
+            | libc::SYS_read
+            | libc::SYS_readv
+            | libc::SYS_recvfrom
+            | libc::SYS_recvmsg
+            | libc::SYS_poll
+            | libc::SYS_ppoll
+            | libc::SYS_select
+            | libc::SYS_pselect6
+            | libc::SYS_epoll_wait
+            | libc::SYS_epoll_pwait
+            | libc::SYS_epoll_pwait2
+    ) || matches!(call.number, libc::SYS_ioctl) && matches!(call.args[1], libc::FIONREAD)
 }

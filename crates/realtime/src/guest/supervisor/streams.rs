@@ -15,7 +15,11 @@ impl Supervisor {
     pub(super) fn read(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let fd = low_i32(call.args[0]);
         let Some(file) = self.file(tid, fd) else {
-            return Ok(Outcome::Kernel);
+            // Asked over and over, it is to be seen that it is of no use.
+            return match fd < 0 {
+                true => Err(Errno::EBADF),
+                false => Ok(Outcome::Kernel),
+            };
         };
         match file.kind {
             Kind::Prompt | Kind::Mouth => Ok(Outcome::Kernel),

@@ -110,7 +110,7 @@ impl Supervisor {
             let clock = clock_of(pid, fd).ok_or(Errno::EINVAL)?;
             let process = self.processes.get_mut(&pid).ok_or(Errno::ESRCH)?;
             let new = TimerFile {
-                file: file.fd,
+                file: file.fd.try_clone().map_err(|_| Errno::EMFILE)?,
                 clock,
                 timer: Timer::default(),
                 expired: 0,

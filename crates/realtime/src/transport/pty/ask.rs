@@ -88,6 +88,9 @@ impl Pty {
     /// Throws away what no client has read yet. The kernel would keep it for the next one.
     pub(super) fn discard_unread(&mut self) {
         self.forget_unread();
+        if self.terminal.holds() {
+            self.terminal.forget();
+        }
         let Some(master) = self.master() else {
             return;
         };
