@@ -106,7 +106,8 @@ def tried(row, runs, verbose):
     fastest = min(cost for *_, cost, _ in found)
     speed = found[0][2] / fastest if fastest else 0
     same = "one trace, one output" if outputs == 1 else f"one trace; {row.get('own_numbers', 'outputs differ')}"
-    note = "; ".join(dict.fromkeys(re.findall(r"leaves virtual time: (.*)", said)))
+    notes = re.findall(r"leaves virtual time: (.*)", re.sub(r"/proc/\d+", "/proc/N", said))
+    note = "; ".join(dict.fromkeys(notes))
     return same, f"{speed:.0f}" if speed >= 2 else f"{speed:.1f}", note, wrong
 
 

@@ -39,7 +39,7 @@ impl Supervisor {
         }
         let each = stops / (self.stage.now() - Instant::ZERO).as_secs().max(1);
         if each > MANY {
-            text += &format!("; {each} stops a second: --call-cost 100us makes them fewer");
+            text += &format!("; {each} stops a second: try --call-cost 100us if no byte is lost");
         }
         text
     }
