@@ -10,7 +10,9 @@ class Client
         var port = new SerialPort(words[0], 9600);
         port.NewLine = "\r\n";
         port.Open();
-        var garbage = new Thread(() => { while (true) { var some = new byte[1000]; Thread.Sleep(20); } });
+        var garbage = new Thread(() => {
+            while (true) { var some = new byte[1000]; Thread.Sleep(20); }
+        });
         garbage.IsBackground = true;
         garbage.Start();
         var ear = new Thread(() => { while (true) Console.WriteLine(port.ReadLine()); });

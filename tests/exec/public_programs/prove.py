@@ -2,10 +2,10 @@
 
     python prove.py [--write] [--runs N] [NAME ..]
 
-Each row of programs.toml is run N times (three): the program prints what its row says, the runs have one
-trace and one output, and the table tells how many times faster than life they were, by the processor time
-of program and supervisor together. --write makes the table of docs/virtual-time.md of it. HILRIG is the
-command, TOOLS the folder of the Python environment, BIN where programs are built.
+Each row of programs.toml is run N times (three): the program prints what its row says, the runs have
+one trace and one output, and the table tells how many times faster than life they were, by the
+processor time of program and supervisor together. --write makes the table of docs/virtual-time.md.
+HILRIG is the command, TOOLS the folder of the Python environment, BIN where programs are built.
 """
 import argparse
 import os
@@ -105,7 +105,8 @@ def tried(row, runs, verbose):
         wrong.append(f"{outputs} outputs")
     fastest = min(cost for *_, cost, _ in found)
     speed = found[0][2] / fastest if fastest else 0
-    same = "one trace, one output" if outputs == 1 else f"one trace; {row.get('own_numbers', 'outputs differ')}"
+    differs = row.get("own_numbers", "outputs differ")
+    same = "one trace, one output" if outputs == 1 else f"one trace; {differs}"
     notes = re.findall(r"leaves virtual time: (.*)", re.sub(r"/proc/\d+", "/proc/N", said))
     note = "; ".join(dict.fromkeys(notes))
     return same, f"{speed:.0f}" if speed >= 2 else f"{speed:.1f}", note, wrong
@@ -125,7 +126,8 @@ def main():
     for row in rows:
         if "build" in row:
             env = os.environ | {"HERE": str(HERE), "BIN": BIN}
-            built = subprocess.run(["sh", "-c", row["build"]], env=env, capture_output=True, text=True)
+            command = ["sh", "-c", row["build"]]
+            built = subprocess.run(command, env=env, capture_output=True, text=True)
             if built.returncode:
                 print(f"FAIL {row['name']}: is not built: {built.stderr[:500]}", flush=True)
                 failed += 1

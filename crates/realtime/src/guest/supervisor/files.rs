@@ -1,8 +1,8 @@
 //! What is behind a file descriptor: the supervisor looks through a copy of its own.
 //!
-//! The supervisor keeps a copy until the program closes the file or puts another file at its number.
-//! Those calls are stopped at no virtual time: a copy that outlives the file would hide the end of a
-//! pipe and the closing of a port.
+//! The supervisor keeps a copy until the program closes the file or puts another file at its
+//! number. Those calls are stopped at no virtual time: a copy that outlives the file would hide the
+//! end of a pipe and the closing of a port.
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
