@@ -380,8 +380,8 @@ mod tests {
         assert_eq!(device.answers, [[0x00], [0x40]]);
     }
 
-    /// A microcontroller asks for up to eight registers from 6A on and takes two. The next one begins
-    /// at 6C; the power register 6B, of a chip that sleeps, reads 40.
+    /// A microcontroller asks for up to eight registers from 6A on and takes two. The next one
+    /// begins at 6C; the power register 6B, of a chip that sleeps, reads 40.
     #[test]
     fn a_transaction_moves_the_register_by_what_was_taken() {
         let chip = Mpu6050::new(Mpu6050Config::default(), 1, "test");

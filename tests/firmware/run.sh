@@ -15,7 +15,8 @@ hilrig=${HILRIG:-}
 
 missing=()
 command -v avr-g++ >/dev/null || missing+=(gcc-avr avr-libc)
-[[ -f /usr/share/arduino/hardware/arduino/avr/cores/arduino/Arduino.h ]] || missing+=(arduino-core-avr)
+[[ -f /usr/share/arduino/hardware/arduino/avr/cores/arduino/Arduino.h ]] ||
+    missing+=(arduino-core-avr)
 [[ -d /usr/share/arduino/hardware/mighty-1284p ]] || missing+=(arduino-mighty-1284p)
 [[ -f /usr/include/simavr/sim_avr.h ]] || missing+=(libsimavr-dev)
 [[ -f /usr/include/libelf.h ]] || missing+=(libelf-dev)

@@ -93,7 +93,8 @@ fn the_pages_name_every_scenario_and_no_other() {
 fn the_tests_that_the_fidelity_page_names_exist() {
     let page = all(&["FIDELITY.md"]);
     let page = &page.first().expect("the page is there").text;
-    let tests: String = all(&[".rs"]).into_iter().map(|file| file.text).collect();
+    let tests = all(&[".rs", ".py"]).into_iter();
+    let tests: String = tests.map(|file| file.text).collect();
     let rows = page
         .lines()
         .filter(|line| line.starts_with("| ") && line.contains('`'));
@@ -105,7 +106,9 @@ fn the_tests_that_the_fidelity_page_names_exist() {
     let named: Vec<&str> = named.collect();
     assert!(named.len() > 40, "{named:?}");
     for name in named {
-        assert!(tests.contains(&format!("fn {name}(")), "there is no {name}");
+        let is_there = ["fn ", "def ", "def test_"].map(|word| format!("{word}{name}("));
+        let is_there = is_there.iter().any(|test| tests.contains(test));
+        assert!(is_there, "there is no {name}");
     }
 }
 

@@ -50,8 +50,8 @@ impl fmt::Display for BuildError {
 
 impl core::error::Error for BuildError {}
 
-/// Path of the node program. If it is missing, it is built, once for each version of its sources, in
-/// the user's folder for caches; the variable `HILRIG_SIMAVR_NODE` names another one.
+/// Path of the node program. If it is missing, it is built, once for each version of its sources,
+/// in the user's folder for caches; the variable `HILRIG_SIMAVR_NODE` names another one.
 ///
 /// # Errors
 /// If it cannot be built: which package is missing.
