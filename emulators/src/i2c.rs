@@ -21,7 +21,7 @@
 //!
 //! ```text
 //! begin   | 02 | 2 | address u7, direction | most |
-//! answer  | 02 | status | length | bytes |            a write, and who is busy, has no bytes
+//! answer  | 02 | status | length | bytes |            no bytes of a write or a busy chip
 //! end     | 03 | length | address u7, 0 | register | data ... |            no answer
 //! end     | 04 | 1 | bytes that were taken |                               no answer
 //! ```
@@ -394,7 +394,7 @@ mod tests {
             &[0x02, 2, 0xD1, 2],
             &[0x04, 1, 1],
             &[0x02, 2, 0xD1, 1],
-            // Nobody has this address.
+            // No chip has this address.
             &[0x02, 2, 0x66, 0],
             &[0x04, 1, 0],
         ];

@@ -57,7 +57,7 @@ static void begin_transaction(uint8_t address) {
     end_transaction();
     twi->address = address;
     twi->written_len = twi->read_len = twi->taken = 0;
-    /* Nobody pulls the line of a bus without chips. */
+    /* The line of a bus without chips is not pulled down. */
     uint8_t message[4] = {BEGIN, 2, address, address & 1 ? READ_MOST : 0};
     for (int i = 0; i < twi->chip_count; i++) {
         struct chip_on_bus *at = &twi->chips[i];
@@ -191,7 +191,7 @@ static void on_spi_data(struct avr_t *avr, avr_io_addr_t address, uint8_t value,
         avr_cycle_timer_register(avr, 8 * divider, timer->timer, io);
 }
 
-/* A byte has been clocked out; what came in meanwhile is FF if nobody drives the line. */
+/* A byte has been clocked out; what came in meanwhile is FF if no chip drives the line. */
 static void on_spi(struct avr_irq_t *irq, uint32_t value, void *param) {
     struct spi *spi = &chip.spi;
     uint8_t byte = (uint8_t)value;

@@ -46,7 +46,7 @@ avr_cycle_timer_slot_t *timer_of(const void *param) {
     return at;
 }
 
-/* The core's own part of a reset, whoever causes it: watchdog, reset pin, power. */
+/* The core's own part of a reset, whatever causes it: watchdog, reset pin, power. */
 static void on_reset(struct avr_t *avr) {
     if (reset_of_core)
         reset_of_core(avr);
@@ -74,7 +74,7 @@ void restart(bool is_power_on) {
     after_reset();
 }
 
-/* The rig's time passes as fast as it can: a chip that sleeps waits for nobody. */
+/* The rig's time passes as fast as it can: a chip that sleeps does not wait. */
 static void no_sleep(avr_t *avr, avr_cycle_count_t how_long) {
     (void)avr;
     (void)how_long;

@@ -107,7 +107,7 @@ static void write_all(const uint8_t *bytes, size_t len) {
         ssize_t wrote = write(out_fd, bytes, len);
         if (wrote < 0 && errno == EINTR)
             continue;
-        /* The rig is gone: nobody is left to tell. */
+        /* The rig is gone. */
         if (wrote <= 0)
             exit(0);
         bytes += wrote;

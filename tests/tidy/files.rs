@@ -36,6 +36,18 @@ impl File {
     }
 }
 
+/// Names of the functions that `text` defines without type parameters, as tests are.
+pub(crate) fn functions(text: &str) -> impl Iterator<Item = &str> {
+    let rust = text.split("fn ").skip(1);
+    let python = text.split("def ").skip(1);
+    rust.chain(python).filter_map(|rest| {
+        let after = rest.trim_start_matches(|c: char| c.is_alphanumeric() || c == '_');
+        after
+            .starts_with('(')
+            .then(|| &rest[..rest.len() - after.len()])
+    })
+}
+
 /// The root of the repository.
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -287,6 +287,126 @@ fn what_lies_beside_the_repository_is_not_needed() {
     judge(&all(&[".rs", ".sh", ".toml"]), neighbours);
 }
 
+fn is_word(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
+/// The last word of `text`; empty if the text ends with anything else.
+fn last_word(text: &str) -> &str {
+    &text[text.trim_end_matches(is_word).len()..]
+}
+
+/// The word of `text` that the byte at `at` belongs to.
+fn word_at(text: &str, at: usize) -> &str {
+    let start = text[..at].trim_end_matches(is_word).len();
+    let behind = text[at..].trim_start_matches(is_word).len();
+    &text[start..text.len() - behind]
+}
+
+/// Whether a pronoun stands for a person or a program.
+fn has_pronoun(text: &str) -> bool {
+    let pronouns = [
+        ["some", "body"],
+        ["no", "body"],
+        ["any", "body"],
+        ["some", "one"],
+        ["who", "ever"],
+        ["who", "m"],
+    ]
+    .map(|halves| halves.concat());
+    let mut parts = ["body", "omeone", "hoever", "hom"]
+        .into_iter()
+        .flat_map(|part| text.match_indices(part));
+    let question = ["W", "ho"].concat();
+    let mut questions = text.match_indices(question.as_str());
+    parts.any(|(at, _)| pronouns.contains(&word_at(text, at).to_lowercase()))
+        || questions.any(|(at, _)| word_at(text, at) == question)
+}
+
+/// Whether a relative clause stands in place of a noun, or "so" in place of a verb.
+fn has_open_clause(text: &str) -> bool {
+    const BEFORE: [&str; 16] = [
+        "for", "of", "to", "by", "from", "with", "as", "than", "and", "asks", "at", "on", "after",
+        "when", "if", "where",
+    ];
+    const AMOUNTS: [&str; 7] = [
+        " far", " many", " much", " little", " few", " often", " long",
+    ];
+    let is_clause = |at: usize| {
+        let before = text[..at].strip_suffix(' ').unwrap_or_default();
+        let is_open = before.ends_with([':', ';']) || BEFORE.contains(&last_word(before));
+        word_at(text, at) == "who" && is_open
+    };
+    let is_verb = |at: usize| {
+        let rest = &text[at + " so".len()..];
+        let is_amount = AMOUNTS.iter().any(|amount| rest.starts_with(amount));
+        match last_word(&text[..at]) {
+            "does" | "do" | "did" => !rest.is_empty() && !rest.starts_with(is_word) && !is_amount,
+            "is" | "are" => rest.starts_with(['.', ',', ';', ':']),
+            _ => false,
+        }
+    };
+    let inventory = ["what there", " is"].concat();
+    text.contains(&inventory)
+        || text.match_indices("who").any(|(at, _)| is_clause(at))
+        || text.match_indices(" so").any(|(at, _)| is_verb(at))
+}
+
+/// Sentences whose reader has to guess which person or program is meant.
+fn open_subjects(file: &File) -> Findings {
+    let mut findings = Findings::new();
+    // A sentence goes on in the next line: its last words belong to that line as well.
+    let mut tail = String::new();
+    for (number, line) in numbered(file) {
+        let text = line.trim_start().trim_start_matches(['/', '!', '#', '*']);
+        let joined = format!("{tail} {}", text.trim_start());
+        // A name, such as that of a fault.
+        let is_header = file.path.ends_with(".toml") && line.starts_with('[');
+        if !is_header && (has_pronoun(text) || has_open_clause(&joined)) {
+            let what = "name the subject: the client, the program, the person, the reader";
+            findings.push(format!("{}:{number}: {what}", file.path));
+        }
+        let mut words: Vec<&str> = text.split_whitespace().rev().take(2).collect();
+        words.reverse();
+        tail = words.join(" ");
+    }
+    findings
+}
+
+#[test]
+fn sentences_name_their_subject() {
+    let wrong = [
+        ["/// No", "body opens the port."],
+        ["\"the file of some", "body's\""],
+        ["# W", "ho asks is told."],
+        ["/// Lines are up for w", "ho asks at once."],
+        ["/// Lines are up for\n/// w", "ho asks at once."],
+        ["/// Two are one; w", "ho comes later is late."],
+        ["/// The client does", " so, too."],
+        ["/// The client does\n/// so", " at once."],
+        ["/// The line is", " so."],
+        ["/// Lists what there\n///", " is."],
+    ];
+    for halves in wrong {
+        let sample = halves.concat();
+        assert_eq!(found_in(open_subjects, "a.rs", &sample), 1, "{sample}");
+    }
+    for sample in [
+        "/// The client who asks at once, for whose sake lines are up.",
+        "fn nobody_is_there() {",
+        "/// Cases did so far, and it is so many times as late.",
+        "/// The client does\n/// some work.",
+    ] {
+        assert_eq!(found_in(open_subjects, "a.rs", sample), 0, "{sample}");
+    }
+    let header = ["[faults.no", "body]"].concat();
+    assert_eq!(found_in(open_subjects, "devices/a.toml", &header), 0);
+    let files = all(&[
+        ".rs", ".md", ".toml", ".py", ".sh", ".js", ".mjs", ".c", ".txt",
+    ]);
+    judge(&files, open_subjects);
+}
+
 fn robot_names(file: &File) -> Findings {
     let shared = (file.path.starts_with("firmware_core/src/")
         && !file.path.starts_with("firmware_core/src/robots")
