@@ -8,7 +8,7 @@ supply.write("VOLT 5")
 supply.write("CURR 0.3")
 supply.write("OUTP 1")
 run(supply, {
-    "who": lambda supply: supply.query("*IDN?"),
+    "identify": lambda supply: supply.query("*IDN?"),
     "volts": lambda supply: float(supply.query("MEAS:VOLT?")),
     "amps": lambda supply: float(supply.query("MEAS:CURR?")),
     "error": lambda supply: supply.query("SYST:ERR?"),

@@ -8,9 +8,8 @@
 //! ```
 //!
 //! All nodes are plain state, or programs that can save theirs, so a copy goes on as the run itself
-//! does. A run of another scenario that has come to the same moment in the same state need not be
-//! run again up to there: that is known of one that only leaves out, adds, or begins later, what
-//! has not come to bear by then, or ends it earlier.
+//! does. Another scenario may start from a checkpoint if it differs only in what has not begun by
+//! then: faults and steps that are left out, added, begun later or ended earlier.
 
 use std::rc::Rc;
 
