@@ -85,7 +85,7 @@ use engine::workers;
 struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Print what it came to as one JSON object (see "hilrig schema --output"); what is for people
+    /// Print the result as one JSON object (see "hilrig schema --output"); human-readable output
     /// goes to standard error
     #[arg(long, global = true)]
     json: bool,
@@ -127,22 +127,22 @@ enum Command {
     Man(man::ManArgs),
 }
 
-/// What a command came to.
+/// The end of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Everything held.
+    /// All expectations hold.
     Pass,
     /// An expectation failed.
     Fail,
-    /// An expectation failed while the rig was so late that the cause is unknown.
+    /// An expectation failed, but the rig was so late that the cause is unknown.
     NotJudged,
-    /// A program ended with this exit code, as a shell has it.
+    /// A program ended with this exit code, in the shell's numbering.
     Program(u8),
-    /// Ended by this signal; what there was is judged and written.
+    /// Ended by this signal; finished results are judged and written.
     Interrupted(u8),
 }
 
-/// Why a command could not do its work: usage or set-up, exit code 2.
+/// An error that stops a command: usage or set-up, exit code 2.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
     /// A scenario cannot be run.
@@ -151,7 +151,7 @@ pub enum CliError {
     /// A result cannot be written.
     #[error(transparent)]
     Folder(#[from] FolderError),
-    /// A port cannot be had, or went away.
+    /// A port cannot be opened, or disappeared.
     #[error(transparent)]
     Transport(#[from] TransportError),
     /// A capture cannot be recorded.
@@ -184,31 +184,32 @@ pub enum CliError {
     /// A file cannot be read.
     #[error("cannot read {}: {error}", .path.display())]
     Read {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         error: io::Error,
     },
     /// A file or the standard output cannot be written.
     #[error("cannot write {what}: {error}")]
     Write {
-        /// Which, behind its option if it has one.
+        /// The file, after its option if it has one.
         what: String,
-        /// What the system said.
+        /// The error of the operating system.
         error: io::Error,
     },
-    /// The system does not let the command listen for signals.
+    /// The operating system does not let the command handle signals.
     #[error("cannot listen for signals: {0}")]
     Signals(io::Error),
-    /// A file does not hold what the command needs.
+    /// A file has the wrong content for the command.
     #[error("{}: {what}", .path.display())]
     Content {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// What is wrong, and what was expected.
+        /// The error, and the expected content.
         what: String,
     },
-    /// The arguments do not go together or name what is not there: which, and what was expected.
+    /// Arguments that contradict each other or name something that does not exist, and the expected
+    /// ones.
     #[error("{0}")]
     Usage(String),
 }
@@ -224,7 +225,7 @@ impl CliError {
         Self::Write { what, error }
     }
 
-    /// That `path` does not hold what the command needs.
+    /// The error for a file at `path` with the wrong content.
     fn content(path: &Path, what: impl ToString) -> Self {
         Self::Content {
             path: path.to_owned(),
@@ -238,7 +239,7 @@ fn read(path: &Path) -> Result<Vec<u8>, CliError> {
     std::fs::read(path).map_err(|error| CliError::read(path, error))
 }
 
-/// Runs the command that the process was started with.
+/// Runs the command line of this process.
 pub fn main() -> ExitCode {
     // The words as the system gave them: others' arguments need not be text.
     let mut words = std::env::args_os().skip(1);
@@ -286,7 +287,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Prints help, version, or what is wrong with the words; help that cannot be written is an error.
+/// Prints help, version, or the error in the arguments; help that cannot be written is an error.
 fn explain(told: &clap::Error) -> ExitCode {
     let printed = told.print().and_then(|()| io::stdout().flush());
     let code = if told.use_stderr() { 2 } else { 0 };
@@ -353,7 +354,7 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
     }
 }
 
-/// Where results go unless told otherwise.
+/// Default folder of results.
 fn default_out(name: &str, seed: u64) -> PathBuf {
     PathBuf::from("hilrig-out").join(format!("{name}-{seed}"))
 }

@@ -1,6 +1,6 @@
-//! What `--json` prints: one object for each command, with what it came to in `result`.
-//! `hilrig schema --output` prints its schema. New keys may come; [`FORMAT`] changes when one is
-//! taken away or means something else.
+//! The output of `--json`: one object for each command, with its result in `result`. `hilrig schema
+//! --output` prints its schema. New keys may be added; [`FORMAT`] changes when a key is removed or
+//! changes its meaning.
 
 mod case;
 mod described;
@@ -22,22 +22,22 @@ use crate::TOOL;
 use crate::robots::checker::{Check, Status};
 use crate::show::folder::Metrics;
 
-/// Version of what is printed.
+/// Version of the output.
 const FORMAT: u32 = 1;
 
-/// How a command ended.
+/// The status of a finished command.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 enum End {
-    /// Everything held.
+    /// All expectations hold.
     Pass,
     /// An expectation failed.
     Fail,
-    /// One failed while the rig was too late to tell why.
+    /// An expectation failed, but the rig was too late to know the cause.
     NotJudged,
     /// A signal ended it.
     Interrupted,
-    /// It could not do its work; `error` says why.
+    /// The command could not do its work; `error` holds the reason.
     Error,
 }
 
@@ -74,19 +74,19 @@ fn of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
     generator.subschema_for::<T>()
 }
 
-/// Of commands that write files, or print what would stand in one.
+/// Schema for commands that write files, or print their content.
 fn files_or_text(generator: &mut SchemaGenerator) -> Schema {
     let forms = [of::<Files>(generator), of::<Text>(generator)];
     json_schema!({ "anyOf": forms })
 }
 
-/// Of the command that makes cases, and runs them.
+/// Schema for the command that makes and runs cases.
 fn made_or_checked(generator: &mut SchemaGenerator) -> Schema {
     let forms = [of::<CaseMade>(generator), of::<CaseChecked>(generator)];
     json_schema!({ "anyOf": forms })
 }
 
-/// What the commands come to.
+/// The results of the commands.
 const RESULTS: [(&str, Subschema); 31] = [
     ("demo", of::<Runs>),
     ("run", of::<Runs>),
@@ -157,7 +157,7 @@ pub(super) fn json_schema() -> Value {
     schema.to_value()
 }
 
-/// Text that is itself the result.
+/// Text that is the whole result.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Text {
     pub(super) text: String,
@@ -169,41 +169,41 @@ pub(super) struct Files {
     pub(super) files: Vec<String>,
 }
 
-/// Runs and cases that were judged.
+/// Judged runs and cases.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub(super) struct Runs {
     pub(super) runs: Vec<RunEnded>,
 }
 
-/// One of them.
+/// A judged run or case.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RunEnded {
     /// Name of the scenario or case.
     pub(super) name: String,
-    /// None of a case of bytes.
+    /// Seed of the run; none for a case of bytes.
     pub(super) seed: Option<u64>,
     pub(super) verdict: Status,
     pub(super) checks: Vec<Check>,
     /// The probable cause, if the foreign program failed.
     pub(super) probable_cause: Option<String>,
-    /// None of a case of bytes.
+    /// Figures of the run; none for a case of bytes.
     pub(super) metrics: Option<Metrics>,
     /// Fingerprint of all bytes.
     pub(super) trace_hash: Option<String>,
-    /// Where its results are.
+    /// The result folder.
     pub(super) folder: Option<String>,
-    /// The command that does it again, if it did not pass.
+    /// The command that repeats the run, if it did not pass.
     pub(super) repeat: Option<String>,
 }
 
-/// A run in real time that was not judged, or judged by `--out`.
+/// A run in real time, judged only with `--out`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct UpEnded {
     /// Rig time.
     pub(super) ran_s: f64,
     /// Ports that were used.
     pub(super) used: Vec<String>,
-    /// Faults and orders that came by hand.
+    /// Faults and orders added by hand.
     pub(super) changed_by_hand: bool,
     /// The verdict, with `--out`.
     pub(super) judged: Option<RunEnded>,
@@ -220,16 +220,16 @@ pub(super) struct DutEnded {
 /// The end of a program on the ports of a running rig.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct ProgramEnded {
-    /// Its exit code as a shell has it: 128 and its number for a signal.
+    /// The exit code, as a shell shows it: 128 plus the signal number for a signal.
     pub(super) program_exit_code: u8,
 }
 
 /// Faults of a running rig.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Faults {
-    /// Number of the one that was added or ended.
+    /// Number of the fault that was added or ended.
     pub(super) id: Option<u64>,
-    /// All of them, with `list`: `id`, `state`, `fault`.
+    /// All faults, with `list`: `id`, `state`, `fault`.
     pub(super) faults: Option<Vec<Value>>,
 }
 
@@ -242,7 +242,7 @@ pub(super) struct UiEnded {
     pub(super) trace_hash: Option<String>,
 }
 
-/// A line between two ports, faults included.
+/// A line between two ports, with its faults.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct LinkEnded {
     /// The capture, if there is one.
@@ -252,21 +252,21 @@ pub(super) struct LinkEnded {
     pub(super) lines: Vec<LinePassed>,
 }
 
-/// One direction of it.
+/// One direction of the line.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct LinePassed {
     pub(super) from: String,
     pub(super) to: String,
     pub(super) bytes_sent: u64,
-    /// Bytes that came out of the line.
+    /// Bytes at the output of the line.
     pub(super) bytes_arrived: u64,
     pub(super) bytes_lost: u64,
     pub(super) bytes_added: u64,
     /// Characters without a valid stop bit.
     pub(super) framing_errors: u64,
-    /// Bytes that came out while the port was closed.
+    /// Bytes that arrived while the port was closed.
     pub(super) bytes_unheard: u64,
-    /// Bytes for which the port had no room.
+    /// Bytes lost because the port's buffer was full.
     pub(super) bytes_overrun: u64,
 }
 
@@ -278,13 +278,13 @@ pub(super) struct RecordEnded {
     pub(super) links: Vec<LinkRecorded>,
 }
 
-/// One of its links.
+/// A recorded link.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct LinkRecorded {
     pub(super) name: String,
     pub(super) bytes_to_master: u64,
     pub(super) bytes_to_device: u64,
-    /// Bytes that came while the far end was closed.
+    /// Bytes that arrived while the receiving port was closed.
     pub(super) bytes_lost: u64,
 }
 
@@ -294,7 +294,7 @@ pub(super) struct ReplayEnded {
     pub(super) played_s: f64,
     /// Bytes played to the program.
     pub(super) bytes_sent: u64,
-    /// Bytes from there.
+    /// Bytes received from the program.
     pub(super) bytes_back: u64,
     pub(super) checks: Vec<Check>,
     /// The first difference from the capture, with `--expect`.
@@ -309,7 +309,7 @@ pub(super) struct Imported {
     pub(super) format: String,
     pub(super) bytes: u64,
     pub(super) records: u64,
-    /// What is worth knowing of the dump.
+    /// Notes about the dump.
     pub(super) notes: Vec<String>,
 }
 
@@ -317,46 +317,46 @@ pub(super) struct Imported {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Exported {
     pub(super) file: String,
-    /// How much of what is in it.
+    /// Counts of the exported content.
     pub(super) holds: String,
 }
 
-/// What is in a capture.
+/// The content of a capture.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub(super) struct Decoded {
-    /// What passed the lines, in the order of time; empty with `--summary` and `--diagnose`.
+    /// Frames and events of all lines, ordered by time; empty with `--summary` and `--diagnose`.
     pub(super) entries: Vec<EntryDecoded>,
-    /// Each line as a whole.
+    /// Figures of each line.
     pub(super) lines: Vec<LineDecoded>,
 }
 
 /// A frame, text, bad bytes or an event.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct EntryDecoded {
-    /// Since the capture began; none of a dump.
+    /// Time since the start of the capture; none for a dump.
     pub(super) at_s: Option<f64>,
     pub(super) link: String,
     /// `to-master` or `to-device`.
     pub(super) direction: String,
-    /// Place of the first byte on its line.
+    /// Offset of the first byte on its line.
     pub(super) place: u64,
-    /// In words.
+    /// The meaning in words.
     pub(super) said: String,
 }
 
 /// One direction of a link.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct LineDecoded {
-    /// Link, and direction if there is one.
+    /// Link and direction, if known.
     pub(super) name: String,
     pub(super) bytes: u64,
-    /// The one with the most sound frames.
+    /// The protocol with the most valid frames.
     pub(super) protocol: Option<String>,
-    /// Bytes in sound frames.
+    /// Bytes in valid frames.
     pub(super) framed: u64,
     /// Figures of the device, in words.
     pub(super) figures: Option<String>,
-    /// What was done to all bytes of it, with `--diagnose`.
+    /// Damage of the whole stream, with `--diagnose`.
     pub(super) damages: Vec<String>,
 }
 
@@ -367,46 +367,46 @@ pub(super) struct Bugs {
     pub(super) bugs: Vec<Value>,
 }
 
-/// What a campaign came to so far.
+/// The state of a campaign.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct CampaignEnded {
     pub(super) folder: String,
     pub(super) runs: u64,
     pub(super) failed: u64,
-    /// Runs that no shard has done; none of a shard.
+    /// Runs that no shard has done; none for a shard.
     pub(super) missing: Option<u64>,
-    /// Fingerprint of all runs; none of a shard.
+    /// Fingerprint of all runs; none for a shard.
     pub(super) trace_hash: Option<String>,
     /// Failures by cause, the most frequent first.
     pub(super) causes: Vec<CauseFound>,
-    /// Situations that never came up.
+    /// Situations that never occurred.
     pub(super) never_came_up: Vec<String>,
 }
 
-/// Runs that failed alike.
+/// Runs that failed for the same cause.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct CauseFound {
     pub(super) cause: String,
-    /// What the first of them says.
+    /// The message of the first run.
     pub(super) detail: String,
     pub(super) runs: u64,
-    /// Scenario and seed of the first.
+    /// Scenario and seed of the first run.
     pub(super) first: (String, u64),
     /// The command that runs the minimised case.
     pub(super) repeat: Option<String>,
 }
 
-/// What a fuzzer found.
+/// The findings of a fuzzer.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub(super) struct FuzzEnded {
     pub(super) folder: String,
     /// Causes, earlier runs in the same folder included.
     pub(super) findings: u64,
-    /// Each target; none with a foreign program.
+    /// Results of each target; none with a foreign program.
     pub(super) targets: Vec<TargetFuzzed>,
 }
 
-/// One of its targets.
+/// A fuzz target.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct TargetFuzzed {
     pub(super) name: String,
@@ -415,33 +415,33 @@ pub(super) struct TargetFuzzed {
     pub(super) findings: u64,
 }
 
-/// A case that was made smaller.
+/// A minimised case.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Shrunk {
     pub(super) file: String,
     pub(super) cause: String,
-    /// What is left, in words.
+    /// The remaining content in words.
     pub(super) left: String,
     pub(super) tries: u64,
-    /// The command that shows it.
+    /// The command that reproduces the failure.
     pub(super) repeat: String,
 }
 
-/// Figures of a device, beside those of another one.
+/// Figures of a device, compared with those of another one.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Figures {
     pub(super) figures: Vec<FigureCompared>,
 }
 
-/// One of them.
+/// A figure.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct FigureCompared {
     pub(super) name: String,
     pub(super) unit: String,
-    /// In the stream that is the measure.
+    /// The value in the reference stream.
     pub(super) real: Option<f64>,
     pub(super) emulated: Option<f64>,
-    /// Whether they agree; none if that is not judged.
+    /// Whether both values agree; none if that is not judged.
     pub(super) holds: Option<bool>,
 }
 
@@ -453,28 +453,28 @@ pub(super) struct Surveyed {
     pub(super) skipped: u64,
     pub(super) doubtful: u64,
     pub(super) ambiguous: u64,
-    /// Scans that the mapper put far from where the wheels had.
+    /// Scans whose matched pose is far from the odometry pose.
     pub(super) jumps: u64,
-    /// Places seen again.
+    /// Loop closures.
     pub(super) loop_edges: u64,
     pub(super) cell_mm: f64,
     pub(super) scan_median_us: f64,
     pub(super) scan_longest_us: f64,
 }
 
-/// How two maps differ.
+/// The differences of two maps.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct MapDifference {
     pub(super) shift_mm: [f64; 2],
     pub(super) turn_deg: f64,
-    /// In the mean.
+    /// Mean distance.
     pub(super) wall_error_mm: f64,
-    /// For 95 %.
+    /// 95th percentile of the distance.
     pub(super) wall_error_95_mm: f64,
-    /// Part of A's walls that is in B.
+    /// Share of A's walls that B contains.
     pub(super) first_in_second: f64,
-    /// Part of B's walls that is in A.
+    /// Share of B's walls that A contains.
     pub(super) second_in_first: f64,
-    /// Part of the cells that both know and have alike.
+    /// Share of equal cells among those known in both maps.
     pub(super) alike: f64,
 }

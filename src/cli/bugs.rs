@@ -10,10 +10,10 @@ use super::{CliError, Verdict, answer, out, progress};
 use crate::museum::{self, Bug, Live, Observation, Reproduction, Variant, Wing};
 use crate::realtime::clock::{Clock, WallClock};
 
-/// List the defects of the fielded programs, or reproduce one on the spot.
+/// List the defects of the fielded programs, or reproduce one.
 ///
-/// A reproduction runs the defective variant, then the sound one on the same stimulus, and shows
-/// the decisive bytes and figures of both; all of it in virtual time.
+/// A reproduction runs the defective variant, then the corrected one with the same stimulus, in
+/// virtual time. It prints the decisive bytes and figures of both.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig bugs                # number and symptom of each, by robot and place\n  \
@@ -25,7 +25,7 @@ pub(super) struct Bugs {
     /// Numbers of defects to reproduce [default: list them]
     #[arg(value_name = "ID")]
     ids: Vec<String>,
-    /// Reproduce all that can be, one line each
+    /// Reproduce all reproducible defects, one line each
     #[arg(long, conflicts_with = "ids")]
     all: bool,
 }
@@ -99,10 +99,10 @@ fn print(args: &Bugs, to: &mut dyn Write) -> Result<Verdict, Failure> {
     })
 }
 
-/// Time after which the running exhibit is named.
+/// Time after which the name of the running exhibit is printed.
 const PROGRESS: Duration = Duration::from_secs(2);
 
-/// Tells which exhibit runs, when it takes long.
+/// Prints the name of an exhibit that takes long.
 struct Progress {
     clock: WallClock,
     said: Instant,
@@ -134,7 +134,7 @@ const fn is_live(bug: &Bug) -> bool {
     matches!(bug.live, Live::Exhibit { .. })
 }
 
-/// The defects that were asked for; only `--all` passes over those without an exhibit.
+/// The requested defects; only `--all` skips those without an exhibit.
 fn wanted(args: &Bugs) -> Result<Vec<&'static Bug>, Failure> {
     if args.all {
         return Ok(museum::catalogue().collect());
@@ -168,7 +168,7 @@ fn list(out: &mut dyn Write) -> io::Result<()> {
     )
 }
 
-/// A robot's defects by place.
+/// Prints a robot's defects by location.
 fn list_wing(wing: &Wing, out: &mut dyn Write) -> io::Result<()> {
     let mut places: Vec<&str> = Vec::new();
     for bug in wing.bugs() {

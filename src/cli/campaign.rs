@@ -28,11 +28,11 @@ use crate::show::folder::FolderError;
 use engine::workers;
 use safefs::Dir;
 
-/// Run scenarios with many seeds, on all processors and on many machines, and group what fails.
+/// Run scenarios with many seeds, on all cores and on many machines, and group the failures.
 ///
-/// Each shard is stateless and goes on where it stopped when it is given the same folder. Whatever
-/// is made anew for a seed (--vary) depends on the seed alone. With --exec each run is one of
-/// a foreign program in real time, one after the other unless --jobs says otherwise.
+/// Shards are independent; a shard with the same folder continues where it stopped. The variations
+/// of a seed (--vary) depend only on the seed. With --exec each run starts your program in real
+/// time, one run at a time unless --jobs is given.
 #[derive(Debug, Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -52,31 +52,31 @@ pub(super) struct CampaignArgs {
     /// Seeds, the end not included
     #[arg(long, value_name = "A..B", value_parser = seeds, default_value = "0..100")]
     seeds: Range<u64>,
-    /// What is made anew for each seed: all, none, or some of world,mission,timing,faults
+    /// What to vary for each seed: all, none, or some of world,mission,timing,faults
     #[arg(long, value_name = "WHAT", default_value = "none")]
     vary: Vary,
-    /// Run only every N-th run, from number I on; auto: I is what the queue tells this task of an
-    /// array (Slurm, Kubernetes, PBS, Grid Engine, LSF, AWS Batch, GitLab), or HILRIG_SHARD
+    /// Run only every N-th run, starting at number I; auto: take I from the queue's environment
+    /// (Slurm, Kubernetes, PBS, Grid Engine, LSF, AWS Batch, GitLab), or from HILRIG_SHARD
     #[arg(long, value_name = "I/N", default_value = "0/1")]
     shard: ShardChoice,
-    /// How many shards there are, for `--shard auto`
+    /// Number of shards, for `--shard auto`
     #[arg(long, value_name = "N", requires = "shard")]
     shards: Option<core::num::NonZeroUsize>,
     /// Start no further run after this time
     #[arg(long, value_name = "TIME")]
     budget: Option<Span>,
-    /// Runs at the same time [default: one for each processor, with --exec one]
+    /// Number of parallel runs [default: one per core, with --exec one]
     #[arg(long, value_name = "N")]
     jobs: Option<core::num::NonZeroUsize>,
     #[command(flatten)]
     program: ExecArgs,
-    /// Folder of the results, to be gone on with if it exists
+    /// Folder of the results; an existing campaign there is continued
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/campaign")]
     out: PathBuf,
-    /// Folder of an earlier campaign: say what is new, fixed and still failing since then
+    /// Folder of an earlier campaign: report new, fixed and still failing causes
     #[arg(long, value_name = "FOLDER", conflicts_with = "shard")]
     against: Option<PathBuf>,
-    /// Fail also if a situation never came up of which each campaign should have seen one
+    /// Also fail if an expected situation never occurred
     #[arg(long)]
     all_situations: bool,
 }
@@ -89,16 +89,16 @@ enum CampaignCommand {
 /// Merge the folders of shards: failures by cause, a minimised case for each, an HTML table
 #[derive(Debug, Args)]
 struct MergeArgs {
-    /// Folders of shards, or of what was merged before
+    /// Folders of shards, or of earlier merges
     #[arg(value_name = "DIR", required = true)]
     dirs: Vec<PathBuf>,
-    /// Folder for the result, which can be gone on with and merged again
+    /// Folder for the result; it can be continued and merged again
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/campaign")]
     out: PathBuf,
-    /// Folder of an earlier campaign: say what is new, fixed and still failing since then
+    /// Folder of an earlier campaign: report new, fixed and still failing causes
     #[arg(long, value_name = "FOLDER")]
     against: Option<PathBuf>,
-    /// Fail also if a situation never came up of which each campaign should have seen one
+    /// Also fail if an expected situation never occurred
     #[arg(long)]
     all_situations: bool,
 }
@@ -172,7 +172,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     Ok(ended_by.map_or(verdict, Verdict::Interrupted))
 }
 
-/// Counts, and makes the case of each cause smaller; progress says why it takes long.
+/// Counts the failures and minimises a case for each cause; the progress line names the step.
 fn summarise(
     store: &Store,
     earlier: Option<&(PathBuf, Store)>,
@@ -188,7 +188,7 @@ fn summarise(
     Ok(merged)
 }
 
-/// Says what a shard came to, `left` of whose runs are still to be done.
+/// Prints the result of a shard with `left` missing runs.
 fn report_shard(store: &Store, left: usize, out: &Path) -> Result<Verdict, CliError> {
     let (runs, failed) = (store.len(), store.failed());
     let far = format!("{runs} runs, {failed} failed, {left} left of this shard");
@@ -212,7 +212,7 @@ fn report_shard(store: &Store, left: usize, out: &Path) -> Result<Verdict, CliEr
     })
 }
 
-/// The shard that this is.
+/// The shard of this process.
 fn shard_of(args: &CampaignArgs) -> Result<Shard, CliError> {
     match (args.shard, args.shards) {
         (ShardChoice::Given(shard), None) => Ok(shard),
@@ -247,8 +247,8 @@ fn read_all(paths: &[PathBuf]) -> Result<BTreeMap<String, (Scenario, Source)>, C
     Ok(read)
 }
 
-/// Leaves out robots that need a foreign program, where others bring their own: without
-/// `--exec` they are not driven, and each run would fail for that.
+/// Removes robots without a built-in program, unless all are such: without `--exec` each of their
+/// runs would fail.
 fn leave_out_bare(read: &mut BTreeMap<String, (Scenario, Source)>) -> Result<(), CliError> {
     let mut bare = Vec::new();
     for (name, (scenario, source)) in &*read {
@@ -265,11 +265,11 @@ fn leave_out_bare(read: &mut BTreeMap<String, (Scenario, Source)>) -> Result<(),
     Ok(())
 }
 
-/// A run that ended: what it came to, and its case if it failed.
+/// A finished run: its result, and its case if it failed.
 type Ended = (Record, Option<Box<Scenario>>);
 
-/// Runs `todo` until it is time to stop, on all processors if they are runs in this process; how
-/// many runs have ended.
+/// Runs `todo` until `stop`, on all cores if the runs are in this process. Returns the number of
+/// finished runs.
 fn run_all<'a>(
     todo: &[(&str, u64)],
     args: &CampaignArgs,
@@ -316,7 +316,7 @@ fn run_all<'a>(
     })
 }
 
-/// How many runs there are at the same time.
+/// The number of parallel runs.
 fn jobs(args: &CampaignArgs, is_foreign: bool) -> usize {
     let jobs = match (args.jobs, is_foreign) {
         (Some(jobs), _) => Some(jobs),
@@ -326,7 +326,7 @@ fn jobs(args: &CampaignArgs, is_foreign: bool) -> usize {
     jobs.map_or(1, core::num::NonZeroUsize::get)
 }
 
-/// One of the workers.
+/// A worker.
 struct Worker<'a> {
     foreign: Option<&'a Foreign>,
     out: &'a Path,
@@ -334,7 +334,7 @@ struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    /// What a run came to; `None` if `goes_on` said no before it was over.
+    /// The result of a run; `None` if `goes_on` stopped it early.
     fn run(
         &self,
         scenario: &Scenario,
@@ -357,7 +357,7 @@ impl Worker<'_> {
         Ok(Some((record, case)))
     }
 
-    /// Ports in a directory of its own; what the program said is kept if it failed.
+    /// Runs the program on ports in its own directory; the program's output is kept if it failed.
     fn run_foreign(
         &self,
         foreign: &Foreign,
@@ -419,7 +419,7 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
     }
 }
 
-/// As it stands in the output of `--json`.
+/// The campaign in the form of `--json`.
 fn ended(merged: &Merged, out: &Path) -> CampaignEnded {
     let exec = merged.plan.exec.as_deref().unwrap_or_default();
     let repeat = |case: &String| format!("hilrig run {}{exec}", out.join(case).display());

@@ -28,22 +28,24 @@ enum Command {
 
 /// Turn a capture into a regression test.
 ///
-/// A case never expects what a broken program did. What is right is given by --expect, or by a
-/// reference program (--sound). Every case of a program of your own expects that the program lives,
-/// reads its ports and goes on talking on the links where it talked; without --expect and --sound
-/// that is all.
+/// A case never expects the behaviour of a broken program. --expect or a reference program
+/// (--sound) defines the right behaviour. Every case of your own program expects that the program
+/// does not crash, reads its ports and keeps sending on the links on which it sent; without
+/// --expect and --sound it expects nothing else.
 ///
-/// The capture of a run with --exec knows its scenario and its verdict: in its case the devices of
-/// the scenario answer and judge the program, and each check of the run must pass. In the case of
-/// any other capture the capture itself answers, as a conversation. --play chooses.
+/// The capture of a run with --exec contains its scenario and verdict: in its case the devices of
+/// the scenario answer and judge the program, and each check of the run must pass. In a case of
+/// any other capture, the answers come from the capture, as a conversation. --play selects one of
+/// both.
 ///
-/// With --exec the case is run at once, and the output says whether it is red or green today.
+/// With --exec the case is run immediately, and the output says whether it is red or green today.
 /// `hilrig case check CASE --exec BROKEN --exec FIXED` compares programs; `hilrig run` runs the
 /// case.
 ///
-/// The case of a robot's built-in program holds the bytes that reached it: it must not break the
-/// same rule, or hang, or fail the same check again; if nothing was wrong, it must send the same
-/// bytes. A dump of one direction tests the decoder: the same frames and diagnosis are expected.
+/// A case of a robot's built-in program contains the bytes that the program received. It must not
+/// hang, break the same rule or fail the same check again; if the run had no failure, it must send
+/// the same bytes. A dump of one direction tests the decoder: the same frames and diagnosis are
+/// expected.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig case from hilrig-out/rescue-flat-1/capture.pcapng -o case.toml\n  \
@@ -70,16 +72,17 @@ struct From {
     /// Scenario whose robot this is [default: the one in the capture]
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Leave out what comes later than this after the beginning, e.g. 10s
+    /// Leave out bytes later than this after the beginning, e.g. 10s
     #[arg(long, value_name = "TIME")]
     until: Option<Span>,
-    /// What is right for the program; may be given several times
+    /// Expected behaviour of the program; may be given several times
     #[arg(long, value_name = "RULE")]
     expect: Vec<Rule>,
     /// Shell command of a reference program: the same lines and bytes are expected
     #[arg(long, value_name = "CMD", requires = "exec")]
     sound: Option<String>,
-    /// What answers a program of your own [default: the devices, for the capture of a judged run]
+    /// Source of the answers for your own program [default: the devices, for the capture of a
+    /// judged run]
     #[arg(long, value_name = "WHAT")]
     play: Option<Play>,
     /// Write a Rust test that runs the case
@@ -184,7 +187,7 @@ fn from(args: &From) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// A case of a program of the user's own.
+/// A case of the user's own program.
 fn foreign_case(
     args: &From,
     stem: &str,
@@ -338,7 +341,7 @@ fn report(args: &From, now: Option<&Judgement>) {
     });
 }
 
-/// A test that runs the case at `path`.
+/// The source of a Rust test that runs the case at `path`.
 fn test(name: &str, path: &Path) -> String {
     let fits = |c: char| {
         if c.is_ascii_alphanumeric() {

@@ -10,7 +10,7 @@ use super::{Cli, CliError, Verdict, out};
     hilrig completions zsh > ~/.zfunc/_hilrig          # a folder of $fpath\n  \
     hilrig completions fish > ~/.config/fish/completions/hilrig.fish")]
 pub(super) struct CompletionsArgs {
-    /// For which shell
+    /// Name of the shell
     #[arg(value_name = "SHELL")]
     shell: Shell,
 }

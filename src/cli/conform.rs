@@ -13,11 +13,11 @@ use crate::scenario::{Scenario, Span};
 
 /// Compare a device with its description.
 ///
-/// The command asks the device everything that the description says: each message or register,
-/// values at limits and beyond them, damaged frames, unknown addresses. It compares the answers
-/// with those of several emulated devices with other seeds: replies, refusals, latencies, periods,
-/// and each value. Each difference is printed with its kind, e.g. `byte-order` or `scale`. A port
-/// is only asked what changes nothing, unless --writes is given.
+/// The command sends requests for everything in the description: each message or register, values
+/// at limits and beyond them, damaged frames, unknown addresses. It compares the answers with
+/// those of several emulated devices with other seeds: replies, refusals, latencies, periods, and
+/// each value. Each difference is printed with its kind, e.g. `byte-order` or `scale`. A port gets
+/// no request that changes the device's state, unless --writes is given.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig conform /dev/ttyUSB0 --description meter.toml\n  \
@@ -26,7 +26,7 @@ use crate::scenario::{Scenario, Span};
     hilrig conform --description meter.toml                         # its own emulation\n\n\
     Exit codes: 0 no difference, 1 differences, 2 usage or set-up.")]
 pub(super) struct ConformArgs {
-    /// Serial port of the device, or a scenario with it [default: the description's own emulation]
+    /// Serial port of the device, or a scenario with it [default: emulate the description]
     #[arg(value_name = "PORT|SCENARIO")]
     device: Option<String>,
     /// Description: one that comes with the tool, by its name, or a file that ends with .toml
@@ -35,10 +35,10 @@ pub(super) struct ConformArgs {
     /// The scenario's device [default: the only one]
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
-    /// Also send a port what changes the device's state
+    /// Also send requests that change the device's state
     #[arg(long)]
     writes: bool,
-    /// Time that a latency at a port may be off by, besides a fifth
+    /// Allowed difference of a latency at a port, in addition to a fifth
     #[arg(long, value_name = "TIME", default_value = "20ms")]
     slack: Span,
     /// Seed of an emulated device

@@ -22,12 +22,11 @@ use source::{Lane, Source, lanes};
 
 /// Print the frames of a capture, or of a dump of raw bytes, one a line.
 ///
-/// A line is the time, the link and direction, the place of the first byte on that line, and what
-/// the bytes mean; bytes of no frame are BAD, with the reasons. A protocol is named only if the
-/// bytes prove it, or --as says it; bytes of an unknown one are DATA, as they came together. Files
-/// of other tools are read as `hilrig import` reads them. All links are merged in the order of
-/// time. The lines are data and go to standard output; what is said of the whole goes to standard
-/// error.
+/// A line has the time, the link and direction, the offset of the first byte, and the meaning of
+/// the bytes. Bytes outside of frames are BAD, with the reasons. A protocol is named only if the
+/// bytes prove it, or --as sets it. Bytes of an unknown protocol are DATA, grouped by arrival.
+/// Files of other tools are read like `hilrig import` does. The frames of all links are ordered by
+/// time. The lines go to standard output, notes about the whole capture to standard error.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig decode hilrig-out/rescue-flat-1/capture.pcapng --link base\n  \
@@ -38,39 +37,38 @@ use source::{Lane, Source, lanes};
     hilrig decode dump.bin --diagnose   # what is wrong with all of it, instead of the frames\n  \
     hilrig decode field.pcapng --follow # while hilrig up --capture field.pcapng writes it")]
 pub(super) struct DecodeArgs {
-    /// A pcapng capture, or bytes as they came from a port
+    /// A pcapng capture, or raw bytes recorded from a port
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Protocol of the bytes [default: for each line the one that its bytes prove, if one]
     #[arg(long, visible_alias = "as", value_parser = codec_parser())]
     protocol: Option<&'static Codec>,
-    /// Description of the device whose frames they are: one that comes with the tool, by its name,
+    /// Description of the device that sent the frames: one that comes with the tool, by its name,
     /// or a file that ends with .toml
     #[arg(long, value_name = "NAME|FILE", conflicts_with = "protocol")]
     description: Option<String>,
-    /// Form of a file that is no capture, raw for the line's bytes as they are [default:
-    /// recognised]
+    /// Format of a file that is not a capture; raw for plain bytes [default: recognised]
     #[arg(long, conflicts_with = "follow")]
     format: Option<Format>,
     /// Only this link of a capture
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
-    /// Look for damage that a whole stream shows: stripped NUL bytes, CR or XON/XOFF translation,
-    /// seven bits, a wrong baud rate, an echo, doubled or swapped bytes, a swapped checksum
+    /// Look for damage of a whole stream: stripped NUL bytes, CR or XON/XOFF translation, seven
+    /// bits, a wrong baud rate, an echo, doubled or swapped bytes, a swapped checksum
     #[arg(long, conflicts_with = "summary")]
     diagnose: bool,
-    /// Only count: frames, and for a lidar speed, readings, ranges and boot text
+    /// Print counts only: frames, and for a lidar speed, readings, ranges and boot text
     #[arg(long)]
     summary: bool,
-    /// Go on as the file grows, until SIGINT or SIGTERM
+    /// Follow the growing file until SIGINT or SIGTERM
     #[arg(long, conflicts_with_all = ["summary", "diagnose"])]
     follow: bool,
-    /// End a --follow by itself after this time, e.g. 60s or 5min
+    /// End a --follow after this time, e.g. 60s or 5min
     #[arg(long, value_name = "TIME", requires = "follow")]
     duration: Option<Span>,
 }
 
-/// One of the table, by its name; the help lists them all.
+/// A protocol by its name; the help lists all.
 fn codec_parser() -> impl TypedValueParser<Value = &'static Codec> {
     let rows = codec::all().into_iter();
     let values = rows.map(|row| PossibleValue::new(row.name()).help(row.about()));
@@ -105,7 +103,7 @@ pub(super) fn run(mut args: DecodeArgs) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// All of a file as one object, for `--json`.
+/// The whole file as one object, for `--json`.
 fn document(args: &DecodeArgs) -> Result<Verdict, CliError> {
     if args.follow {
         let error = "--follow: has no end at which --json could print, expected one of them";
@@ -129,7 +127,7 @@ fn is_wanted(args: &DecodeArgs, link: &str) -> bool {
     args.link.as_ref().is_none_or(|wanted| link == wanted)
 }
 
-/// What passed the lines.
+/// Frames and events of the lines.
 fn entries(args: &DecodeArgs, source: &Source, known: &[Known]) -> Vec<EntryDecoded> {
     let links = &source.capture.links;
     let mut transcript = Transcript::new(protocol(args, source)).knowing(known.to_vec());
@@ -151,7 +149,7 @@ fn entries(args: &DecodeArgs, source: &Source, known: &[Known]) -> Vec<EntryDeco
     entries.into_iter().map(decoded).collect()
 }
 
-/// A line as a whole.
+/// Figures of a line.
 fn line(args: &DecodeArgs, known: &[Known], lane: &Lane, lanes: &[Lane]) -> LineDecoded {
     let codec = codec_of(args, known, lane);
     let damages = match args.diagnose {
@@ -168,8 +166,8 @@ fn line(args: &DecodeArgs, known: &[Known], lane: &Lane, lanes: &[Lane]) -> Line
     }
 }
 
-/// The protocol of a line: the one that was named, or that of the capture's scenario if the line
-/// has frames of it, or the one that the bytes prove.
+/// The protocol of a line: the named one, or that of the capture's scenario if the line has frames
+/// of it, or the one that the bytes prove.
 fn codec_of(args: &DecodeArgs, known: &[Known], lane: &Lane) -> Option<&'static Codec> {
     let is_own = |known: &&Known| lane.is_of(&known.link, known.direction);
     let expected = || {
@@ -180,8 +178,8 @@ fn codec_of(args: &DecodeArgs, known: &[Known], lane: &Lane) -> Option<&'static 
     expected.or_else(|| codec::guess(&lane.bytes))
 }
 
-/// The protocol of all bytes, if it is one: the one that was named, or that of a dump, of which all
-/// is known, so all of it says what it is.
+/// The protocol of all bytes, if there is only one: the named one, or that of a dump. All bytes of
+/// a dump are known, so all of them are evidence.
 fn protocol(args: &DecodeArgs, source: &Source) -> Option<&'static Codec> {
     let of_dump = || {
         let [dump] = &source.capture.records[..] else {
@@ -285,7 +283,7 @@ fn say_sum(sum: &Sum, name: &str) {
 
 const UNKNOWN: &str = "of no known protocol (--as PROTOCOL forces one)";
 
-/// What can be told of a line of an unknown protocol.
+/// Notes about a line with an unknown protocol.
 fn profile(source: &Source, link: usize, direction: Direction) -> Profile {
     let capture = &source.capture;
     Profile::of(&capture.records, link, &capture.links[link], direction)
@@ -318,7 +316,7 @@ fn print_sums(
     Ok(())
 }
 
-/// What a line of text is, if it is text of no known protocol: perhaps a log about a line and not
+/// A note for a line of text in no known protocol: the file may be a log about a line instead of
 /// its bytes.
 fn text_words(bytes: &[u8]) -> Option<String> {
     let is_text = |byte: &&u8| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t');
@@ -333,7 +331,7 @@ fn text_words(bytes: &[u8]) -> Option<String> {
     ))
 }
 
-/// What was done to all bytes of a line.
+/// Damage of all bytes of a line.
 fn damages(args: &DecodeArgs, lane: &Lane, lanes: &[Lane]) -> Vec<Damage> {
     let opposite = lanes.iter().find(|other| lane.is_opposite(other));
     diagnose(&Line {

@@ -7,8 +7,8 @@ use super::{CliError, Verdict, described, out};
 
 /// Print the reference page of a described device.
 ///
-/// It shows the line, the frames as diagrams, each message with its fields, the registers, what the
-/// device does and its faults. The page is made from the description alone.
+/// It shows the line, the frames as diagrams, each message with its fields, the registers, the
+/// device's behaviour and its faults. The page is made only from the description.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig describe modbus-meter                        # Markdown\n  \
@@ -21,7 +21,7 @@ pub(super) struct DescribeArgs {
     /// Print Markdown, the default
     #[arg(long, conflicts_with = "html")]
     markdown: bool,
-    /// Print one HTML file that needs no other
+    /// Print one self-contained HTML file
     #[arg(long)]
     html: bool,
     /// Write the page to this file

@@ -16,11 +16,11 @@ use crate::rig::Program;
 use crate::robots::{self, Alone};
 use crate::scenario::{Scenario, Span};
 
-/// Run the robot's program as a process of its own, on serial ports.
+/// Run the robot's program as a separate process, on serial ports.
 ///
-/// It opens the ports as any foreign program would and knows nothing else of the rig. What the
-/// robot's owner would tell it (where it starts, which dialect its base speaks) comes from the
-/// scenario: that of the rig in DIR unless another one is named.
+/// It opens the ports like any foreign program and has no other access to the rig. Its
+/// configuration (start pose, dialect of its base) comes from the scenario of the rig in DIR, or
+/// from --scenario.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig dut --dir /tmp/robot\n  \
@@ -31,13 +31,13 @@ pub(super) struct DutArgs {
     /// Directory in which `hilrig up` offers the ports
     #[arg(long, value_name = "DIR")]
     dir: PathBuf,
-    /// Port of one link, in place of DIR/NAME
+    /// Port of one link, instead of DIR/NAME
     #[arg(long, value_name = "NAME=PATH")]
     link: Vec<NamedPort>,
     /// Scenario whose robot this is [default: the one that the rig in DIR runs]
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
+    /// End after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "TIME")]
     duration: Option<Span>,
 }
@@ -78,10 +78,10 @@ pub(super) fn run(args: DutArgs) -> Result<Verdict, CliError> {
     follow(&mut alone, &stop)
 }
 
-/// Time between two reports of where the program believes to be.
+/// Time between two reports of the program's pose.
 const REPORT_EVERY: Duration = Duration::from_secs(2);
 
-/// Runs until it is time to stop, telling what the program does and where it believes to be.
+/// Runs until it is time to stop, and prints the program's events and its pose.
 fn follow(
     alone: &mut Standalone<dyn Program, WallClock>,
     stop: &Stop,

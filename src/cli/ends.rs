@@ -1,4 +1,4 @@
-//! The ends of a rig's links on ports: pseudo-terminals in a directory, or real ones.
+//! The open ends of a rig's links: pseudo-terminals in a directory, or real ports.
 
 use clap::Args;
 
@@ -10,19 +10,19 @@ use crate::realtime::transport::{PortDir, Pty, Serial, Transport, Udp};
 use crate::rig::{PortRate, Rig};
 use crate::robots::{Instruments, OpenEnd, Wired};
 
-/// Links that are on real ports.
+/// Links on real ports.
 #[derive(Debug, Args)]
 pub(super) struct EndArgs {
-    /// Put a real device, or a pseudo-terminal of yours, in place of the emulated one
+    /// Use a real device, or your own pseudo-terminal, instead of the emulated one
     #[arg(long, value_name = "LINK=PATH")]
     device_at: Vec<NamedPort>,
-    /// Offer the robot's end of a link on a serial port in place of a pseudo-terminal, or that of a
-    /// link of messages on a network port: NAME=udp:9000
+    /// Offer the robot's end of a link on a serial port instead of a pseudo-terminal, or the end of
+    /// a message link on a network port: NAME=udp:9000
     #[arg(long, value_name = "LINK=PATH")]
     dut_at: Vec<NamedPort>,
 }
 
-/// A rig with what may be asked of its robot, and where its open ends are.
+/// A rig with the interface of its robot, and the addresses of its open ends.
 pub(super) type Placed = (Rig, Box<dyn Instruments>, Vec<Seat>);
 
 impl EndArgs {
@@ -31,7 +31,7 @@ impl EndArgs {
         !self.device_at.is_empty() || !self.dut_at.is_empty()
     }
 
-    /// The options that say the same again, with a blank before them.
+    /// The same options as text, each after a blank.
     pub(super) fn repeat(&self) -> String {
         let option = |name: &str, ports: &[NamedPort]| {
             let words = ports.iter().map(|port| {
@@ -43,7 +43,7 @@ impl EndArgs {
         option("device-at", &self.device_at) + &option("dut-at", &self.dut_at)
     }
 
-    /// Opens or makes a port for each open end.
+    /// Opens or creates a port for each open end.
     pub(super) fn place(&self, wired: Wired, dir: &PortDir) -> Result<Placed, CliError> {
         let Wired {
             mut rig,
@@ -70,7 +70,7 @@ impl EndArgs {
         Ok((rig, instruments, seats))
     }
 
-    /// The real device at the far side of `end`, if there is to be one.
+    /// The real device at the other side of `end`, if one is given.
     fn device(&self, rig: &mut Rig, end: &OpenEnd) -> Result<Option<Seat>, CliError> {
         let Some(place) = place::find(&self.device_at, &end.name) else {
             return Ok(None);
@@ -111,7 +111,7 @@ fn open(place: &NamedPort, end: &OpenEnd, rig: &Rig) -> Result<Box<dyn Transport
     Ok(Box::new(Udp::open(address)?))
 }
 
-/// The ports as data: one a line.
+/// The ports as data, one a line.
 pub(super) fn print_table(seats: &[Seat]) {
     let rows: Vec<[String; 4]> = seats
         .iter()

@@ -1,4 +1,4 @@
-//! `--exec`: a foreign program in place of the robot's own.
+//! `--exec`: a foreign program instead of the robot's own.
 
 use core::time::Duration;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::scenario::{Scenario, ScenarioError, Source, Span};
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Your program")]
 pub(super) struct ExecArgs {
-    /// Start this shell command on the rig's ports and judge it, in real time or virtual. Its
+    /// Start this shell command on the rig's ports and judge it, in real time or virtual time. Its
     /// environment has HILRIG_DIR (directory of the ports), HILRIG_PORT_<NAME> (each port),
     /// HILRIG_TTY_<NAME> (the same in /dev), HILRIG_SEED and HILRIG_SCENARIO (the scenario as a
     /// file)
@@ -24,7 +24,7 @@ pub(super) struct ExecArgs {
     how: ExecHow,
 }
 
-/// Several programs, each of which is tried.
+/// Several programs, run one after the other.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Your program")]
 pub(super) struct ManyExecArgs {
@@ -35,30 +35,30 @@ pub(super) struct ManyExecArgs {
     how: ExecHow,
 }
 
-/// How a program is started and what it may do.
+/// Start of a program and its permissions.
 #[derive(Debug, Args)]
 struct ExecHow {
-    /// Time of the wall clock within which it must open its ports; rig time stands until then
+    /// Wall time within which the program must open its ports; the simulation clock starts then
     #[arg(long, value_name = "TIME", default_value = "10s", requires = "exec")]
     exec_wait: Span,
-    /// It may end with exit code 0 before the run is over; the run ends 2 s later
+    /// The program may end with exit code 0 before the run is over; the run ends 2 s later
     #[arg(long, requires = "exec")]
     exec_may_end: bool,
-    /// It may stop sending and reading before the run is over, e.g. because its work is done
+    /// The program may stop sending and reading before the run is over, e.g. when its work is done
     #[arg(long, requires = "exec")]
     exec_may_idle: bool,
-    /// Ports that it must open [default: all but the optional ones]
+    /// Ports that the program must open [default: all but the optional ones]
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', requires = "exec")]
     exec_needs: Vec<String>,
-    /// In real time, no modem lines on its ports: for a program that traces others itself (gdb,
-    /// strace, LeakSanitizer) or needs more rights (sudo)
+    /// In real time, no modem lines on its ports: for a program that traces others (gdb, strace,
+    /// LeakSanitizer) or needs more rights (sudo)
     #[arg(long, requires = "exec", conflicts_with = "is_virtual")]
     exec_no_lines: bool,
-    /// In virtual time: as fast as it can, and the same bytes each time; Linux on x86-64
+    /// Run in virtual time: as fast as possible, with the same bytes each time; Linux on x86-64
     #[arg(long = "virtual", requires = "exec")]
     is_virtual: bool,
-    /// Virtual time that each call takes which has to do with time, waiting or ports; computing
-    /// takes none. A larger one makes a program with many such calls faster
+    /// Virtual time of each call that reads clocks, waits or uses ports; computing takes none. A
+    /// larger value makes a program with many such calls faster
     #[arg(
         long,
         value_name = "TIME",
@@ -66,7 +66,7 @@ struct ExecHow {
         requires = "is_virtual"
     )]
     call_cost: Span,
-    /// Wall time for which it may compute in one piece before it is taken to spin
+    /// Maximum wall time of computing without a call; after it the program is reported as spinning
     #[arg(
         long,
         value_name = "TIME",
@@ -93,7 +93,7 @@ impl ExecHow {
         }
     }
 
-    /// The options that say the same again, with a blank before each.
+    /// The same options as text, each after a blank.
     fn repeat(&self) -> String {
         let mut words = String::new();
         if self.exec_wait.0 != Duration::from_secs(10) {
@@ -130,7 +130,7 @@ impl ExecArgs {
         Some(self.how.foreign(self.exec.clone()?))
     }
 
-    /// The same started by another command.
+    /// The same program, started by another command.
     pub(super) fn foreign_of(&self, command: &str) -> Foreign {
         self.how.foreign(command.to_owned())
     }
@@ -140,7 +140,7 @@ impl ExecArgs {
         self.how.is_virtual
     }
 
-    /// The options that say the same again, with a blank before them.
+    /// The same options as text, each after a blank.
     pub(super) fn repeat(&self) -> String {
         let Some(command) = &self.exec else {
             return String::new();
@@ -163,16 +163,16 @@ pub(super) fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', "'\\''"))
 }
 
-/// Whether the robot has no program unless `--exec` starts one.
+/// Whether the robot has no built-in program.
 pub(super) fn is_bare(scenario: &Scenario, source: &Source) -> Result<bool, ScenarioError> {
     let program = robots::of(scenario, source)?.program(scenario, source)?;
     Ok(program.is_none())
 }
 
-/// Lines of a program's words that are shown.
+/// Maximum number of printed lines of a program's output.
 const LINES: usize = 20;
 
-/// Says what a program said last.
+/// Prints the last lines of a program's output.
 pub(super) fn print(seen: &ProgramEnd, passed: bool, is_doubtful: bool, log: &Path) {
     if is_doubtful {
         eprintln!("  the rig itself was late, so the program may not be to blame");
@@ -182,7 +182,7 @@ pub(super) fn print(seen: &ProgramEnd, passed: bool, is_doubtful: bool, log: &Pa
     }
 }
 
-/// Shows the end of what `whose` program said; all of it is in `log`.
+/// Prints the end of the output of `whose` program; `log` has all of it.
 pub(super) fn show_words(whose: &str, said: &str, log: &Path) {
     let lines: Vec<&str> = said.lines().collect();
     if lines.is_empty() {

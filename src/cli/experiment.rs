@@ -10,10 +10,10 @@ use super::{CliError, Verdict, out, progress};
 use crate::experiment::{self, Experiment, Findings, Plan};
 use safefs::Dir;
 
-/// Do an experiment of a robot's report again: table and plot beside the report's own figures.
+/// Repeat an experiment of a robot's report: table and plot beside the report's own figures.
 ///
-/// Everything runs in virtual time over many seeds; medians are told. Nothing is judged: the
-/// report's figures stand beside ours.
+/// All runs are in virtual time, over many seeds; the output shows medians beside the report's
+/// figures. The experiment has no verdict.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig experiment                      # which there are\n  \
@@ -22,12 +22,12 @@ use safefs::Dir;
     hilrig experiment mazes --seeds 500..520 # other mazes, on which nothing was tuned\n  \
     hilrig experiment turning --seeds 5 --json")]
 pub(super) struct ExperimentArgs {
-    /// Which [default: list them]
+    /// Name of the experiment [default: list them]
     name: Option<String>,
-    /// Seeds A up to B, or so many of the experiment's own [default: all of its own]
+    /// Seeds A up to B, or a number of the experiment's own seeds [default: all of its own]
     #[arg(long, value_name = "N|A..B", value_parser = seeds)]
     seeds: Option<Seeds>,
-    /// Runs at a time [default: one for each processor]
+    /// Number of parallel runs [default: one per core]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
     /// Folder of table and plot
@@ -35,20 +35,20 @@ pub(super) struct ExperimentArgs {
     out: PathBuf,
 }
 
-/// Most seeds at a time.
+/// Maximum number of seeds at a time.
 const SEEDS_MAX: u64 = 10_000;
 
-/// Which seeds.
+/// The selected seeds.
 #[derive(Clone, Debug)]
 enum Seeds {
-    /// So many from the experiment's first one on.
+    /// This number of seeds, from the experiment's first one.
     Count(u64),
-    /// These.
+    /// These seeds.
     These(Range<u64>),
 }
 
 impl Seeds {
-    /// The first one, and how many.
+    /// The first seed, and the number of seeds.
     const fn of(&self, experiment: &Experiment) -> [u64; 2] {
         match self {
             Self::Count(count) => [experiment.seeds.start, *count],
@@ -122,7 +122,7 @@ fn list() {
     }
 }
 
-/// Writes table and plot; where they are.
+/// Writes table and plot, and returns their paths.
 fn write(
     args: &ExperimentArgs,
     experiment: &Experiment,

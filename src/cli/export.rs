@@ -8,11 +8,11 @@ use crate::capture::export::{Belief, Export, Format, Laser};
 use crate::capture::replay::Recorded;
 use crate::scenario::Span;
 
-/// Write a capture in a form that other tools read.
+/// Write a capture in a format of other tools.
 ///
-/// The form follows the file's name, or --format. Lidar turns are put together from the bytes; the
-/// believed way and map come from a replay, so the capture must say which robot it is of, as that
-/// of a run does, or --scenario must.
+/// The format follows the file's name, or --format. Lidar turns are assembled from the bytes. The
+/// program's path and map come from a replay, which needs the robot: the capture of a run contains
+/// it, other captures need --scenario.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig export hilrig-out/rescue-flat-1 -o run.mcap        # Foxglove\n  \
@@ -26,16 +26,16 @@ pub(super) struct ExportArgs {
     /// File to write
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// Form of the file [default: by its name]
+    /// Format of the file [default: by its name]
     #[arg(long)]
     format: Option<Format>,
     /// Scenario whose robot this is [default: the one in the capture]
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Leave out what comes later than this after the beginning, e.g. 10s
+    /// Leave out bytes later than this after the beginning, e.g. 10s
     #[arg(long, value_name = "TIME")]
     until: Option<Span>,
-    /// How lidar turns stand in a CARMEN log
+    /// Layout of lidar turns in a CARMEN log
     #[arg(long, value_name = "MESSAGE", default_value = "robotlaser1")]
     laser: Laser,
 }
@@ -73,8 +73,8 @@ pub(super) fn run(args: ExportArgs) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// What the program believed, if the form has a place for it. A form that is nothing else needs a
-/// robot; others do without.
+/// The program's map and pose, if the format contains them. A format of these alone needs a robot;
+/// others do not.
 fn belief(
     args: &ExportArgs,
     format: Format,

@@ -12,8 +12,8 @@ use crate::realtime::control;
 
 /// Add faults to a rig that runs in real time, list them, end them.
 ///
-/// A fault is what it is in a scenario, key by key. It acts from now on unless it says when, and
-/// joins the case that the rig writes when it ends.
+/// A fault has the same keys as in a scenario. It acts immediately unless its keys give a time.
+/// The case that the rig writes at its end includes the fault.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig fault --dir /tmp/robot add link=base direction=to-device kind=cut\n  \
@@ -46,7 +46,7 @@ enum Verb {
     },
 }
 
-/// How long the rig may take to answer.
+/// Maximum time for the rig's answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 pub(super) fn run(args: &FaultArgs) -> Result<Verdict, CliError> {
@@ -94,7 +94,7 @@ fn ask(args: &FaultArgs, request: &Value) -> io::Result<Value> {
     Ok(serde_json::from_str(&line)?)
 }
 
-/// A value is taken as in a scenario, or as text if it is nothing there: `rate=0.1`, `kind=cut`.
+/// Parses a value as in a scenario, or as text if it is not valid TOML: `rate=0.1`, `kind=cut`.
 pub(super) fn fault(keys: &[String]) -> Result<Map<String, Value>, CliError> {
     let mut fault = Map::new();
     for pair in keys {

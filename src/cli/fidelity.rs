@@ -9,7 +9,7 @@ use super::decode::source::{Lane, Source, lanes};
 use super::{CliError, Verdict, out};
 use crate::codec::{XV11, XV11_TURN};
 
-/// Lay an emulated device beside the real one, figure by figure.
+/// Compare an emulated device with the real one, figure by figure.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig fidelity xv11                              # against the published figures\n  \
@@ -27,18 +27,18 @@ enum Device {
 
 /// Figures of an XV-11's stream: error codes, encoder, strength, noise, coast-down, restart.
 ///
-/// The emulated column is made on the spot: a sensor in a box 1 m wide, a hand moving about in it
-/// for 24 s, then the motor is cut, the head coasts down and stalls, the firmware restarts. That is
-/// what the one public capture shows (firmware 2.4.13386, 252,146 bytes). Any other capture is read
-/// too, of packets or of firmware 2.1's whole turns; how much it agrees then depends on what
-/// happened before it.
+/// The emulated column is simulated now: a sensor in a box 1 m wide, a hand that moves in it for
+/// 24 s, then the motor is cut, the head coasts down and stalls, the firmware restarts. The only
+/// public capture shows the same sequence (firmware 2.4.13386, 252,146 bytes). Other captures are
+/// accepted too, with packets or with firmware 2.1's whole turns; they agree only as far as their
+/// sequence is similar.
 #[derive(Debug, Args)]
 struct Xv11 {
-    /// Bytes as a real sensor sent them, or a pcapng capture with them [default: the published
+    /// Bytes recorded from a real sensor, or a pcapng capture with them [default: the published
     /// figures of the capture above]
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
-    /// What is held against it: `emulated`, another capture, or `none`
+    /// Second column: `emulated`, another capture, or `none`
     #[arg(long, value_name = "FILE|emulated|none", default_value = "emulated")]
     against: PathBuf,
     /// Firmware of the emulated sensor
@@ -99,7 +99,7 @@ pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
     })
 }
 
-/// What the lidar sent: all of a file of bytes; of a capture the line with the most of it.
+/// The lidar's bytes: all bytes of a raw file, or the line of a capture with most lidar frames.
 fn lidar_bytes(path: &Path) -> Result<Vec<u8>, CliError> {
     let source = Source::read(path, None)?;
     let lanes = lanes(&source.capture, |_| true);

@@ -23,12 +23,12 @@ use crate::search::generate::Vary;
 use crate::search::shrink::Effort;
 use crate::show::folder::factor;
 
-/// Find failing inputs: bytes into decoders and programs, whole missions made of bytes,
-/// or traffic for your own program.
+/// Find failing inputs: bytes for decoders and programs, generated missions, or traffic for your
+/// own program.
 ///
-/// Inputs that do something new are kept and changed further. What is found is kept as a value that
-/// people can read, made small, with the command that repeats it. The same seed and number of
-/// cases find the same, on however many processors; the same command goes on where it stopped.
+/// Inputs with a new effect are kept and mutated further. Each finding is minimised and stored as
+/// readable text with the command that repeats it. The same seed and number of cases give the same
+/// findings on any number of cores. The same command continues where it stopped.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig fuzz --for 60s                        # every target in turn\n  \
@@ -49,10 +49,10 @@ pub(super) struct FuzzArgs {
     /// Fuzz missions made of this scenario, or a program that meets its devices
     #[arg(long, value_name = "SCENARIO")]
     scenario: Option<PathBuf>,
-    /// Fuzz the wire format of this link of the scenario instead, or a program on this link alone
+    /// Fuzz the wire format of this link of the scenario instead, or a program on this link only
     #[arg(long, value_name = "LINK")]
     link: Option<String>,
-    /// What of the scenario is made anew: some of world,mission,timing,faults, or all
+    /// What to generate for each case: some of world,mission,timing,faults, or all
     #[arg(
         long,
         value_name = "WHAT",
@@ -60,40 +60,40 @@ pub(super) struct FuzzArgs {
         requires = "scenario"
     )]
     vary: Vary,
-    /// Switch on a defect of the fielded programs, by its number in "hilrig bugs"; may be repeated
+    /// Enable a defect of the fielded programs, by its number in "hilrig bugs"; may be repeated
     #[arg(long = "defect", value_name = "ID", conflicts_with = "scenario")]
     defects: Vec<String>,
-    /// Stop after this time, all targets together [default: 60s, none with --cases]
+    /// Stop after this time, for all targets together [default: 60s, none with --cases]
     #[arg(long = "for", value_name = "TIME")]
     time: Option<Span>,
-    /// Stop after this many cases of each target, those of earlier runs included
+    /// Stop after this many cases of each target, including those of earlier runs
     #[arg(long, value_name = "N")]
     cases: Option<u64>,
-    /// Seed of all changes
+    /// Seed of all mutations
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Cases at the same time [default: one for each processor; with --exec 1]
+    /// Number of parallel cases [default: one per core; with --exec 1]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
-    /// Inputs to begin with, beside a few valid ones: a folder of text files; with --exec what
-    /// devices say: a capture, a dump of another tool, a file or a folder of frames
+    /// Initial inputs, in addition to some valid ones: a folder of text files; with --exec bytes of
+    /// devices: a capture, a dump of another tool, a file or a folder of frames
     #[arg(long, value_name = "DIR|FILE")]
     corpus: Option<PathBuf>,
-    /// Run one finding, a file or its folder, instead of looking for more
+    /// Run one finding, a file or its folder, instead of searching
     #[arg(long, value_name = "FILE")]
     repeat: Option<PathBuf>,
-    /// Write the C file that a program is linked with to lead the search by what it reaches, and
-    /// end; the file says how
+    /// Write the C file for coverage-guided search to be linked into your program, and end;
+    /// comments in the file explain its use
     #[arg(long, value_name = "FILE", exclusive = true)]
     coverage_runtime: Option<PathBuf>,
-    /// Folder of the results, to be gone on with if it exists
+    /// Folder of the results; an existing search there is continued
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/fuzz")]
     out: PathBuf,
     #[command(flatten)]
     exec: exec::ExecArgs,
 }
 
-/// How long if neither time nor cases are given.
+/// Duration if neither time nor cases are given.
 const TIME: Duration = Duration::from_secs(60);
 /// Time between two lines of progress.
 const PROGRESS: Duration = Duration::from_secs(2);
@@ -128,7 +128,7 @@ impl FuzzArgs {
 
 type Subjects = Vec<Box<dyn Subject>>;
 
-/// What is to be fuzzed.
+/// The selected target.
 fn subjects(args: &FuzzArgs) -> Result<Subjects, CliError> {
     if let Some(path) = &args.scenario {
         return Ok(vec![of_scenario(args, path)?]);
@@ -268,7 +268,7 @@ fn plan(args: &FuzzArgs) -> Result<FuzzPlan, CliError> {
 }
 
 impl FuzzRun<'_> {
-    /// Fuzzes one target; what it came to, earlier runs included.
+    /// Fuzzes one target and returns its result, including earlier runs.
     fn fuzz(
         &mut self,
         subject: &dyn Subject,
@@ -326,7 +326,7 @@ impl FuzzRun<'_> {
         })
     }
 
-    /// Writes what a round came to.
+    /// Writes the result of a round.
     fn keep(&self, subject: &dyn Subject, round: &Round, kept: &mut usize) -> Result<(), CliError> {
         for choices in &round.new {
             self.folder.keep_choices(subject, *kept, choices)?;

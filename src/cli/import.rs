@@ -12,9 +12,9 @@ use crate::realtime::playback::Side as PlayedSide;
 ///
 /// Reads hex text, dumps of xxd, hexdump and od, logs of socat, strace, Modbus tools and port
 /// monitors, tables, pcap and pcapng, sigrok and Saleae exports, VCD, text with times, the CSV of
-/// `hilrig export`, and bytes alone; docs/import.md lists all. The form is recognised by itself;
-/// --format forces one. gzip and zip archives and UTF-16 are unpacked first. A line that does not
-/// fit is an error with its place.
+/// `hilrig export`, and bytes alone; docs/import.md lists all. The format is recognised
+/// automatically; --format forces one. gzip and zip archives and UTF-16 are unpacked first. An
+/// invalid line is an error with its line number.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     socat -x -v /dev/ttyUSB0,raw PTY,link=/tmp/robot 2> dump.txt   # then\n  \
@@ -30,7 +30,7 @@ pub(super) struct ImportArgs {
     /// Capture to write
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// Form of the file [default: recognised]
+    /// Format of the file [default: recognised]
     #[arg(long)]
     format: Option<Format>,
     /// Name of the link
@@ -42,14 +42,14 @@ pub(super) struct ImportArgs {
     /// Samples per second of the logic analyzer
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     samplerate: Option<u64>,
-    /// Channel or analyzer to read; give it once for each [default: all that carry serial bytes]
+    /// Channel or analyzer to read; may be repeated [default: all with serial bytes]
     #[arg(long, value_name = "NAME")]
     channel: Vec<String>,
-    /// Data bits, parity and stop bits of a line that is read from its levels, e.g. 8E1 [default:
-    /// by its characters]
+    /// Data bits, parity and stop bits of a line read from its levels, e.g. 8E1 [default: derived
+    /// from its characters]
     #[arg(long, value_name = "CODING", value_parser = coding)]
     coding: Option<LineConfig>,
-    /// The side that sent what the tool received, or what socat marks with >
+    /// The sender of the bytes that the tool received, or that socat marks with >
     #[arg(long, value_name = "SIDE", default_value = "device")]
     from: PlayedSide,
 }

@@ -10,11 +10,11 @@ use crate::search::learn::{Confidence, Proposal};
 
 /// Propose a description of an unknown device from captured bytes.
 ///
-/// The command tries to cut the bytes into frames by terminators, stuffing, sync bytes with a
-/// length field or a fixed size, and silences. It tries each algorithm of the CRC catalogue and the
-/// common sums over the likely ranges. It finds counters, constant bytes, forms of text lines, and
-/// which message answers which. Each claim is printed with its evidence and whether it is sure. The
-/// draft is a description that decodes the capture.
+/// The command tries to split the bytes into frames by terminators, stuffing, sync bytes with a
+/// length field or a fixed size, and silences. It tries each algorithm of the CRC catalogue and
+/// the common sums over the likely ranges. It finds counters, constant bytes, formats of text
+/// lines, and pairs of request and reply. Each claim is printed with its evidence and is sure or a
+/// guess. The draft is a description that decodes the capture.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig learn field.pcapng -o learned.toml\n  \
@@ -29,7 +29,7 @@ pub(super) struct LearnArgs {
     /// The link to learn from [default: the only one]
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
-    /// Form of a file that is no capture [default: recognised]
+    /// Format of a file that is not a capture [default: recognised]
     #[arg(long)]
     format: Option<Format>,
     /// Write the draft to this file [default: print it]

@@ -17,12 +17,12 @@ use crate::realtime::{PortReport, Realtime};
 use crate::rig::Paced as _;
 use crate::scenario::{DirectionSpec, FaultKind, FaultPlace, FaultSpec, Span};
 
-/// Be the line between two ports, with its faults: no device of the rig takes part.
+/// Connect two serial ports and inject faults between them; no device is emulated.
 ///
-/// Bytes pass both ways at the line's rate, and a capture holds what was sent and what arrived. A
-/// port is a path, or `pty:PATH` for a new pseudo-terminal at PATH; ports are given in pairs, and a
-/// link has the name of its first one. A fault is its kind, then its keys as in a scenario;
-/// `to=PORT` says which way it acts; without it, it acts on both ways of every link.
+/// Bytes pass in both directions at the line's rate; a capture holds sent and received bytes. A
+/// port is a path, or `pty:PATH` for a new pseudo-terminal at PATH. Ports are given in pairs; a
+/// link has the name of its first port. A fault is its kind, then its keys as in a scenario.
+/// `to=PORT` sets the direction; without it, the fault acts on both directions of every link.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig link gps=/dev/ttyUSB0 robot=/dev/ttyUSB1 --fault flip,rate=0.001 -o link.pcapng\n  \
@@ -31,26 +31,26 @@ use crate::scenario::{DirectionSpec, FaultKind, FaultPlace, FaultSpec, Span};
     hilrig link a=pty:/tmp/a b=pty:/tmp/b --fault insert,byte=100,value=0,to=b\n\n\
     Kinds of faults, and their keys: docs/faults.md. It ends at Ctrl-C.")]
 pub(super) struct LinkArgs {
-    /// The ports: each two are the ends of a line
+    /// The ports, in pairs: each pair is the two ends of a line
     #[arg(required = true, num_args = 2.., value_names = ["A=PORT", "B=PORT"])]
     ports: Vec<NamedPort>,
-    /// Something that goes wrong: KIND,KEY=VALUE,..; may be repeated
+    /// Fault to inject: KIND,KEY=VALUE,..; may be repeated
     #[arg(long = "fault", value_name = "FAULT")]
     faults: Vec<String>,
     /// Baud rate of the lines
     #[arg(long, value_name = "N", default_value_t = 115_200,
         value_parser = clap::value_parser!(u32).range(50..=12_000_000))]
     baud: u32,
-    /// Time between the last bit of a byte and the receiver seeing it
+    /// Time from the last bit of a byte to its arrival at the receiver
     #[arg(long, value_name = "TIME", default_value = "0s")]
     latency: Span,
-    /// Chooses the dice of the faults
+    /// Seed of the faults' random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Capture to write; a file that is there already is not overwritten
+    /// Capture to write; an existing file is not overwritten
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
+    /// End after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "TIME")]
     duration: Option<Span>,
 }
@@ -139,7 +139,7 @@ fn check_names(ports: &[NamedPort]) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The faults that `text` means, one for each line on which it acts.
+/// The faults of `text`, one for each line on which they act.
 fn faults(text: &str, ports: &[NamedPort]) -> Result<Vec<FaultSpec>, CliError> {
     let wrong = |what: String| CliError::Usage(format!("--fault {text}: {what}"));
     let mut words = text.split([',', ' ']).filter(|word| !word.is_empty());

@@ -33,7 +33,7 @@ pub(super) fn run(args: &ManArgs) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// Writes the pages of `command` and of all below it.
+/// Writes the pages of `command` and of all its subcommands.
 fn put(folder: &Folder, command: clap::Command, files: &mut Vec<String>) -> Result<(), CliError> {
     for below in command.get_subcommands() {
         if below.get_name() != "help" {

@@ -20,10 +20,11 @@ enum MapCommand {
     Diff(DiffArgs),
 }
 
-/// Lay one map over another: how far their walls are apart, and what only one of them has.
+/// Compare two maps: distance of their walls, and walls that only one of them has.
 ///
-/// Maps are those of ROS's map server: a yaml file and its picture, or a folder with a map.yaml as
-/// `hilrig run --out` and `hilrig slam` leave. Exit code 1 if a tolerance is exceeded.
+/// Maps have the format of ROS's map server: a yaml file and its picture, or a folder with a
+/// map.yaml as `hilrig run --out` and `hilrig slam` write it. Exit code 1 if a tolerance is
+/// exceeded.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig map diff before/ after/ --picture diff.png\n  \
@@ -32,22 +33,22 @@ struct DiffArgs {
     /// The first map
     #[arg(value_name = "A")]
     first: PathBuf,
-    /// The map that is laid over it
+    /// The second map, which is aligned to the first
     #[arg(value_name = "B")]
     second: PathBuf,
-    /// How far B may lie from A, metres to each side; 0 compares the maps as they lie
+    /// Maximum shift of B against A, metres to each side; 0 compares the maps without alignment
     #[arg(long, value_name = "M", default_value_t = 0.5)]
     reach_m: f64,
-    /// How far B may be turned against A, degrees to each side
+    /// Maximum rotation of B against A, degrees to each side
     #[arg(long, value_name = "DEG", default_value_t = 10.0)]
     reach_deg: f64,
     /// Write a picture: walls of A only in blue, of B only in red
     #[arg(long, value_name = "PNG")]
     picture: Option<PathBuf>,
-    /// Fail if the walls of both are farther apart in the mean
+    /// Fail if the mean distance of the walls is larger
     #[arg(long, value_name = "MM")]
     wall_mm_max: Option<f64>,
-    /// Fail if a smaller part of either map's walls is in the other
+    /// Fail if a smaller share of either map's walls is in the other
     #[arg(long, value_name = "PART")]
     overlap_min: Option<f64>,
 }

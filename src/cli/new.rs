@@ -9,19 +9,19 @@ use crate::scenario::Scenario;
 
 /// A mission of a built-in robot.
 const MISSION: &str = include_str!("new/mission.toml");
-/// A robot described by data, for a program of one's own.
+/// A robot described by data, for the user's own program.
 const ROBOT: &str = include_str!("new/robot.toml");
-/// Devices alone, without robot and world.
+/// Devices only, without robot and world.
 const DEVICES: &str = include_str!("new/devices.toml");
-/// A described device, the scenario of its bench and a driver of it.
+/// A described device, its test scenario and its driver.
 const DEVICE: [&str; 3] = [
     include_str!("new/device.toml"),
     include_str!("new/bench.toml"),
     include_str!("new/driver.py"),
 ];
 
-/// Make a scenario or a device to begin with: it runs as it is, and its comments say what can be
-/// changed.
+/// Create a scenario or a device as a start: it runs unchanged, and its comments explain possible
+/// changes.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig new kitchen                # kitchen.toml: a room, a mission, a fault\n  \
@@ -32,10 +32,10 @@ pub(super) struct NewArgs {
     /// Name of the scenario, or the file to write
     #[arg(value_name = "NAME|PATH")]
     path: PathBuf,
-    /// A robot of your own: chassis, devices and registers as data, the program is yours
+    /// A robot of your own: chassis, devices and registers as data; you write the program
     #[arg(long, conflicts_with_all = ["devices", "device"])]
     robot: bool,
-    /// Devices alone, without robot and world
+    /// Devices only, without robot and world
     #[arg(long, conflicts_with = "device")]
     devices: bool,
     /// A device described in a file, with a scenario for it and a driver in Python
@@ -75,7 +75,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// The description `path` of the device `name`, and beside it the scenario and the driver.
+/// Writes the description `path` of the device `name`, with scenario and driver in the same folder.
 fn device(path: &Path, name: &str) -> Result<Verdict, CliError> {
     let file = |path: &Path| {
         path.file_name()
@@ -114,7 +114,7 @@ fn device(path: &Path, name: &str) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// Whether there is a program in it that can be judged.
+/// Whether it contains a program that can be judged.
 const fn verb(args: &NewArgs) -> &'static str {
     match args.robot || args.devices {
         true => "up",

@@ -1,9 +1,9 @@
-//! What the commands say. A reader that closes early, such as `head -1`, ends no command: what
-//! follows is not written, and work and exit code stay what they are. On a full disk the work is
-//! done as well, but the command does not exit with 0.
+//! Output of the commands. A reader that closes early, such as `head -1`, ends no command: the rest
+//! is not written, and work and exit code stay the same. On a full disk the command finishes its
+//! work, but does not exit with 0.
 //!
-//! With `--json` standard output carries one object, what the command came to; lines for people go
-//! to standard error then. On a terminal the verdicts among those lines are coloured.
+//! With `--json` standard output carries one object, the command's result; human-readable lines go
+//! to standard error. On a terminal, verdicts in these lines are coloured.
 
 use core::fmt::Arguments;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -20,14 +20,14 @@ use super::{CliError, Verdict};
 
 /// Whether the failure of standard output was reported.
 static TOLD: AtomicBool = AtomicBool::new(false);
-/// Whether standard output is for the object of `--json` alone.
+/// Whether standard output is reserved for the object of `--json`.
 static JSON: AtomicBool = AtomicBool::new(false);
 /// Whether verdicts are coloured.
 static COLOURED: AtomicBool = AtomicBool::new(false);
-/// What the command came to, for `--json`.
+/// The result of the command, for `--json`.
 static ANSWER: Mutex<Option<Value>> = Mutex::new(None);
 
-/// Decides where lines for people go and how they look, before any is written.
+/// Sets destination and colours of human-readable lines, before any is written.
 pub(super) fn begin(json: bool) {
     JSON.store(json, Ordering::Relaxed);
     let is_set = |name| env::var_os(name).is_some_and(|value| !value.is_empty());
@@ -41,7 +41,7 @@ pub(super) fn is_json() -> bool {
     JSON.load(Ordering::Relaxed)
 }
 
-/// Sets what the command came to, which `--json` prints in the end.
+/// Sets the result of the command, which `--json` prints at the end.
 pub(super) fn answer(answer: &impl Serialize) {
     if is_json() {
         let value = serde_json::to_value(answer).expect("plain data with string keys");
@@ -49,7 +49,7 @@ pub(super) fn answer(answer: &impl Serialize) {
     }
 }
 
-/// What [`answer`] was given.
+/// The value given to [`answer`].
 pub(super) fn take_answer() -> Option<Value> {
     let mut answer = ANSWER.lock().unwrap_or_else(PoisonError::into_inner);
     answer.take()
@@ -67,7 +67,7 @@ pub(super) fn write_all(text: &[u8]) -> io::Result<()> {
     }
 }
 
-/// Prints text that is itself what a command came to; `what` names it.
+/// Prints text that is the command's result; `what` names it.
 ///
 /// # Errors
 /// If it cannot be written. A reader that closes early is no error.
@@ -81,8 +81,8 @@ pub(super) fn write_text(what: &str, text: &[u8]) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// Writes `text` to standard output. Other errors than a closed pipe, a full disk for one, are
-/// told once.
+/// Writes `text` to standard output. Errors other than a closed pipe, such as a full disk, are
+/// reported once.
 pub(super) fn write(text: Arguments<'_>) {
     let written = match (is_json(), COLOURED.load(Ordering::Relaxed)) {
         (true, _) => return write_err(text),
@@ -103,8 +103,7 @@ pub(super) fn write(text: Arguments<'_>) {
     }
 }
 
-/// Whether something could not be written to standard output, for another reason than that its
-/// reader has seen enough.
+/// Whether a write to standard output failed for another reason than a closed pipe.
 pub(super) fn is_incomplete() -> bool {
     TOLD.load(Ordering::Relaxed)
 }
@@ -114,7 +113,7 @@ pub(super) fn write_err(text: Arguments<'_>) {
     let _ = io::stderr().lock().write_fmt(text);
 }
 
-/// Words at the beginning of a line that are a verdict, and their colours.
+/// Verdict words at the beginning of a line, and their colours.
 const PAINT: [(&str, &str); 5] = [
     ("PASS", "\x1b[1;32m"),
     ("FAIL", "\x1b[1;31m"),
@@ -143,12 +142,12 @@ fn painted(text: &str) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// As that of the standard library, which panics if the reader is gone.
+/// Like the standard library's macro, but does not panic on a closed pipe.
 macro_rules! print {
     ($($text:tt)*) => { $crate::cli::out::write(format_args!($($text)*)) };
 }
 
-/// The same with the line's end.
+/// The same with a line end.
 macro_rules! println {
     () => { $crate::cli::out::write(format_args!("\n")) };
     ($($text:tt)*) => {
@@ -156,7 +155,7 @@ macro_rules! println {
     };
 }
 
-/// As that of the standard library, which panics if the reader is gone.
+/// Like the standard library's macro, but does not panic on a closed pipe.
 macro_rules! eprintln {
     () => { $crate::cli::out::write_err(format_args!("\n")) };
     ($($text:tt)*) => {

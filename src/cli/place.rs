@@ -1,11 +1,11 @@
-//! Arguments that say where a link is to be found: `NAME=PATH`.
+//! Arguments that set the port of a link: `NAME=PATH`.
 
 use core::str::FromStr;
 use std::path::PathBuf;
 
 use super::CliError;
 
-/// A link by name and the port that it is on.
+/// A link by name and its port.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct NamedPort {
     pub(super) name: String,
@@ -26,7 +26,7 @@ impl FromStr for NamedPort {
     }
 }
 
-/// Refuses a name that `option` was given twice or that is none of `known`.
+/// Rejects a name that `option` has twice or that is not in `known`.
 pub(super) fn check(option: &str, places: &[NamedPort], known: &[String]) -> Result<(), CliError> {
     for (index, place) in places.iter().enumerate() {
         let name = &place.name;
@@ -46,7 +46,7 @@ pub(super) fn check(option: &str, places: &[NamedPort], known: &[String]) -> Res
     Ok(())
 }
 
-/// Where `name` was put, if anywhere.
+/// The port of `name`, if one is given.
 pub(super) fn find<'a>(places: &'a [NamedPort], name: &str) -> Option<&'a NamedPort> {
     places.iter().find(|place| place.name == name)
 }

@@ -8,7 +8,7 @@ use super::CliError;
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::realtime::transport::{Serial, Transport as _, wait};
 
-/// A serial port, or the terminal that a rig offers.
+/// A serial port, or a terminal offered by a rig.
 pub(super) struct PortPeer {
     serial: Serial,
     line: LineConfig,

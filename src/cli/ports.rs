@@ -8,14 +8,14 @@ use protocols::LineConfig;
 use super::CliError;
 use crate::realtime::transport::{PortDir, Pty, Serial, Transport};
 
-/// Opens ports, and owns the directories in which it makes new ones.
+/// Opens ports, and owns the directories of new ones.
 #[derive(Debug, Default)]
 pub(super) struct Ports {
     dirs: BTreeMap<PathBuf, PortDir>,
 }
 
 impl Ports {
-    /// Opens the port that `option` names.
+    /// Opens the port given to `option`.
     pub(super) fn open(
         &mut self,
         option: &str,

@@ -1,5 +1,4 @@
-//! Progress of long work on a terminal, with the remaining time. Output to a file or a pipe shows
-//! none.
+//! Progress of long work on a terminal, with the remaining time. Files and pipes get none.
 
 use core::time::Duration;
 use std::io::{self, IsTerminal as _};
@@ -9,11 +8,11 @@ pub(super) fn is_watched() -> bool {
     io::stderr().is_terminal()
 }
 
-/// Least part of the work from which the rest can be told.
+/// Minimum share of finished work for an estimate of the remaining time.
 const SHARE_MIN: f64 = 0.02;
 
-/// `, about 12 s left`, for work of which `share` (0 to 1) took `elapsed`; nothing while it is too
-/// early to tell.
+/// `, about 12 s left`, for work of which `share` (0 to 1) took `elapsed`; empty while it is too
+/// early for an estimate.
 pub(super) fn left(elapsed: Duration, share: f64) -> String {
     if !(SHARE_MIN..1.0).contains(&share) {
         return String::new();
@@ -33,7 +32,7 @@ mod tests {
 
     use super::left;
 
-    /// A quarter took 10 s, so three more quarters take 30 s; and so on.
+    /// A quarter took 10 s, so the other three quarters take 30 s.
     #[test]
     fn the_rest_takes_as_long_as_what_is_done() {
         let after = |seconds, share| left(Duration::from_secs(seconds), share);

@@ -12,11 +12,11 @@ use crate::realtime::clock::{Clock, WallClock, utc};
 use crate::realtime::tap::{CaptureFile, Passed, RecordError, Recorder, Wire};
 use crate::scenario::Span;
 
-/// Sit between two ports, pass bytes both ways and record them as a capture.
+/// Record the bytes between two ports as a capture, and forward them in both directions.
 ///
-/// The first port of a tap is where the device is, the second where the program is; the link gets
-/// the first one's name. A port is a path, or `pty:PATH` for a new pseudo-terminal at PATH. The
-/// capture is pcapng with UTC times, which Wireshark opens and `hilrig decode` prints.
+/// The first port of a tap is the device's, the second the program's; the link gets the name of
+/// the first. A port is a path, or `pty:PATH` for a new pseudo-terminal at PATH. The capture is
+/// pcapng with UTC times, which Wireshark opens and `hilrig decode` prints.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig record --tap lidar=/dev/ttyUSB0 robot=/dev/ttyUSB1 -o field.pcapng\n  \
@@ -24,16 +24,16 @@ use crate::scenario::Span;
     hilrig record --tap lidar=/dev/ttyUSB0 x=pty:/tmp/robot/lidar \\\n    \
     --tap base=/dev/ttyUSB1 x=pty:/tmp/robot/base --baud base=1000000 -o field.pcapng")]
 pub(super) struct RecordArgs {
-    /// Two ports that belong together; once for each link
+    /// Two connected ports; once for each link
     #[arg(long, required = true, num_args = 2, value_names = ["A=PORT", "B=PORT"])]
     tap: Vec<NamedPort>,
-    /// Baud rate, of all links or of the one named
+    /// Baud rate, of all links or of the named one
     #[arg(long, value_name = "[A=]N")]
     baud: Vec<Baud>,
-    /// Capture to write; a file that is there already is not overwritten
+    /// Capture to write; an existing file is not overwritten
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
-    /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
+    /// End after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "TIME")]
     duration: Option<Span>,
 }
@@ -62,7 +62,7 @@ impl core::str::FromStr for Baud {
     }
 }
 
-/// What serial devices use unless they say otherwise.
+/// Default rate of most serial devices.
 const BAUD: u32 = 115_200;
 
 pub(super) fn run(args: RecordArgs) -> Result<Verdict, CliError> {

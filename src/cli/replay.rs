@@ -30,22 +30,22 @@ use engine::hex::pairs;
 
 pub(super) use exec::{judge_case, sound_of, try_case};
 
-/// Feed a capture back: into the robot's program in virtual time, or into ports.
+/// Play a capture to the robot's program in virtual time, or to ports.
 ///
-/// Without a port, the built-in program of the robot receives the captured bytes at the recorded
-/// nanosecond. The capture of a run names the robot itself. The checkers of every run judge the
-/// program: exit code 1 if one fails.
+/// Without a port, the built-in program of the robot receives the captured bytes at their recorded
+/// nanosecond. The capture of a run names its robot. All checkers of a run judge the program: exit
+/// code 1 if one fails.
 ///
-/// With --to, --dir or --exec the capture is played as a conversation: it answers when the program
-/// has asked, as late after the request as it did in the capture. So a program may start later, be
-/// slower, ask in another order or ask again. Unsolicited bytes follow what caused them:
-/// the answer or message before them, or the opening of the port. With --by-time each byte comes at
-/// its recorded time instead.
+/// With --to, --dir or --exec the capture is played as a conversation: each answer is sent after
+/// the program's request, with its recorded delay. The program may start later, be slower, change
+/// the order of requests or repeat them. Unsolicited bytes keep their recorded delay after the
+/// previous answer or message, or after the opening of the port. With --by-time each byte is sent
+/// at its recorded time instead.
 ///
-/// --exec starts a program on new ports; it must live to the end. With --expect, the requests of
-/// the program are compared with the capture, and the first difference is reported: time, link,
-/// byte, and both frames in words. A silence of all links longer than a minute is played as a
-/// minute.
+/// --exec starts a program on new ports; it must not end before the replay. With --expect, the
+/// requests of the program are compared with the capture, and the first difference is reported:
+/// time, link, byte, and both frames in words. If all links are silent for longer than a minute,
+/// one minute is played.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig replay hilrig-out/rescue-flat-1/capture.pcapng --expect\n  \
@@ -58,7 +58,7 @@ pub(super) struct ReplayArgs {
     /// Capture to play
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Compare what comes back with the capture; exit code 1 if it differs
+    /// Compare the answers with the capture; exit code 1 if they differ
     #[arg(long)]
     expect: bool,
     /// Scenario whose robot this is [default: the one in the capture]
@@ -67,27 +67,27 @@ pub(super) struct ReplayArgs {
     /// Stop this long after the beginning of the capture, e.g. 10s
     #[arg(long, value_name = "TIME")]
     until: Option<Span>,
-    /// Play a link into a port: a path, or pty:PATH for a new pseudo-terminal
+    /// Play a link to a port: a path, or pty:PATH for a new pseudo-terminal
     #[arg(long, value_name = "LINK=PORT", conflicts_with = "exec")]
     to: Vec<NamedPort>,
-    /// Play each link for which there is a port in this directory, as `hilrig up` offers them
+    /// Play every link that has a port in this directory, as `hilrig up` offers them
     #[arg(long, value_name = "DIR", conflicts_with = "exec")]
     dir: Option<PathBuf>,
-    /// Whose part the capture takes [default: program with --dir, else device]
+    /// The side that the capture replaces [default: program with --dir, else device]
     #[arg(long = "as", value_name = "SIDE", conflicts_with = "exec")]
     side: Option<PlayedSide>,
-    /// Play each byte at its recorded time, whatever the program asks
+    /// Play each byte at its recorded time, independent of the program's requests
     #[arg(long)]
     by_time: bool,
-    /// So many times as fast as recorded
+    /// Speed factor: 2 plays twice as fast as recorded
     #[arg(long, value_name = "N", default_value = "1", value_parser = speed)]
     speed: f64,
-    /// A piece at a time, each after a line on standard input
+    /// Play one piece for each line on standard input
     #[arg(long, conflicts_with_all = ["speed", "exec"])]
     step: bool,
     #[command(flatten)]
     program: ExecArgs,
-    /// Folder in which --exec has its ports and its program.log
+    /// Folder for the ports and program.log of --exec
     #[arg(
         long,
         value_name = "DIR",
@@ -120,7 +120,7 @@ pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
     into_ports(&args, &recorded)
 }
 
-/// Reads a capture, with the files that its recording put aside; says when it is not whole.
+/// Reads a capture with the other files of its recording; reports a truncated capture.
 pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
     let shown = path.display();
     let read = Capture::read_recording(path);
@@ -149,10 +149,10 @@ pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
     Ok(capture)
 }
 
-/// Long silences that are told one by one.
+/// Maximum number of long silences that are printed one by one.
 const SILENCES_TOLD: usize = 3;
 
-/// The same with its long silences played shorter, which are told.
+/// The same capture with long silences shortened; prints each of them.
 pub(super) fn shortened(path: &Path, recorded: Recorded) -> Recorded {
     let (recorded, silences) = recorded.shortened();
     let (path, max) = (path.display(), SILENCE_MAX.as_secs());
@@ -166,7 +166,7 @@ pub(super) fn shortened(path: &Path, recorded: Recorded) -> Recorded {
     recorded
 }
 
-/// The robot whose program a capture is for.
+/// The robot of the program that receives the capture.
 pub(super) fn robot(
     capture: &Capture,
     path: &Path,
@@ -183,7 +183,7 @@ pub(super) fn robot(
     })
 }
 
-/// Time of silence after which a long replay says how far it is.
+/// Time without output after which a long replay prints its progress.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 fn into_program(
@@ -233,7 +233,7 @@ fn into_program(
     })
 }
 
-/// Plays to the end, telling how far it is if that takes long.
+/// Plays to the end, and prints its progress if that takes long.
 pub(super) fn play(mut replay: Replay) -> Replayed {
     let (clock, mut said) = (WallClock::start(), Instant::ZERO);
     while !replay.is_over() {
@@ -297,7 +297,7 @@ fn sockets(
     Ok(sockets)
 }
 
-/// How long answers may take behind the end of the capture.
+/// Time for answers after the end of the capture.
 const ANSWERS: Duration = Duration::from_secs(1);
 
 fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliError> {
@@ -322,14 +322,14 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
     })
 }
 
-/// What was played and heard.
+/// The played and received bytes.
 struct Heard {
-    /// Time of the capture.
+    /// Time in the capture.
     now: Instant,
-    /// Bytes sent and heard on each link.
+    /// Bytes sent and received on each link.
     counts: Vec<(String, [u64; 2])>,
     divergence: Option<Divergence>,
-    /// How the conversation on each link went.
+    /// The state of the conversation on each link.
     tallies: Vec<(String, Tally)>,
     trace_hash: Option<String>,
 }
@@ -353,20 +353,20 @@ impl Heard {
     }
 }
 
-/// How something is played.
+/// The play mode.
 #[derive(Clone, Copy, Debug)]
 struct How {
-    /// A piece at a time.
+    /// Piece by piece.
     step: bool,
-    /// Answers are waited for.
+    /// Wait for answers.
     expect: bool,
 }
 
-/// Wall time between two words about a client that does not read.
+/// Wall time between two messages about a client that does not read.
 const TROUBLE_EVERY: Duration = Duration::from_secs(5);
 
-/// Plays on until all was said and heard, a signal comes, or `goes_on` says no at a time of the
-/// clock. Whether the clients closed their ports before that.
+/// Plays until all bytes are sent and received, a signal arrives, or `goes_on` returns false.
+/// Returns whether the clients closed their ports before that.
 fn follow(
     How { step, expect }: How,
     playback: &mut Playback<WallClock>,
@@ -418,7 +418,7 @@ fn follow(
     Ok(!troubles.is_empty())
 }
 
-/// What was played and heard, compared if that is wanted; `checks` were made of it.
+/// Prints the played and received bytes, and the comparison if requested; `checks` come from it.
 fn report(args: &ReplayArgs, heard: &Heard, checks: &[Check]) -> Verdict {
     println!("played {} s", heard.now);
     for (link, [said, came]) in &heard.counts {
@@ -452,10 +452,11 @@ fn report(args: &ReplayArgs, heard: &Heard, checks: &[Check]) -> Verdict {
     }
 }
 
-/// How long a client may take from its first reading to its last.
+/// Maximum time from a client's first read to its last.
 const SETTLE: Duration = Duration::from_millis(100);
 
-/// A new terminal takes with it what its client has not read: waits for that, but not for ever.
+/// Waits until the client has read all bytes, because closing a new terminal discards them. The
+/// wait is limited.
 fn drain(playback: &mut Playback<WallClock>, stop: &Stop) {
     let until = playback.clock().now() + ANSWERS;
     while !playback.is_drained() {
@@ -470,7 +471,8 @@ fn drain(playback: &mut Playback<WallClock>, stop: &Stop) {
         .sleep_until(playback.clock().now() + SETTLE);
 }
 
-/// A line on standard input sends the next piece; its end ends the replay. Whether to go on.
+/// A line on standard input sends the next piece; its end ends the replay. Returns whether to
+/// continue.
 fn step(playback: &mut Playback<WallClock>, lines: &Receiver<()>) -> bool {
     match lines.try_recv() {
         Ok(()) => match playback.step() {

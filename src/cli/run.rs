@@ -31,10 +31,10 @@ pub(super) use judged::{Clocking, Ran, Talk, judged_run, write_results};
 
 /// Run scenarios and judge them, for CI.
 ///
-/// Each run leaves a result folder. When something fails, the one command that repeats the case is
-/// printed. With --exec your program takes the place of the robot's own and is judged as
-/// well: whether it opens its ports, lives, goes on reading, and what it leaves behind. What it
-/// says is in program.log of the result folder. Ctrl-C and SIGTERM judge the run so far.
+/// Each run writes a result folder. If a check fails, the command that repeats the case is
+/// printed. With --exec your program replaces the robot's own and is judged, too: it must open its
+/// ports, not crash, keep reading, and leave no child process. Its output is in program.log of the
+/// result folder. Ctrl-C and SIGTERM end the run and judge it.
 #[derive(Debug, Args)]
 #[command(
     after_long_help = "Examples:\n  hilrig run scenarios/rescue-flat.toml\n  \
@@ -48,14 +48,14 @@ pub(super) struct RunArgs {
     /// Scenario files, or saved cases: of runs, or of bytes
     #[arg(required = true, value_name = "SCENARIO")]
     scenarios: Vec<PathBuf>,
-    /// Seed in place of the scenarios' own
+    /// Seed instead of the scenarios' own
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
     /// Folder for the results; with several scenarios, one folder in it for each
     /// [default: hilrig-out/NAME-SEED]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// At the pace of the wall clock instead of as fast as possible; the verdicts are the same
+    /// Run in real time instead of as fast as possible; the verdicts are the same
     #[arg(long)]
     realtime: bool,
     #[command(flatten)]
@@ -65,10 +65,10 @@ pub(super) struct RunArgs {
     /// Run it twice in virtual time; if it does not do the same, name the first call that differs
     #[arg(long, requires = "is_virtual")]
     check: bool,
-    /// Write what virtual time answered to each call of the program
+    /// Write the answer of virtual time to each call of the program
     #[arg(long, value_name = "FILE", requires = "is_virtual")]
     trace_calls: Option<PathBuf>,
-    /// Speak JSON with node programs, one object a line, in place of the binary form
+    /// Speak JSON with node programs, one object a line, instead of the binary form
     #[arg(long)]
     json_nodes: bool,
     /// Directory in which the ports of --exec appear [default: OUT/ports]
@@ -76,8 +76,8 @@ pub(super) struct RunArgs {
     dir: Option<PathBuf>,
     #[command(flatten)]
     ends: EndArgs,
-    /// Treat the end of standard input as SIGTERM, so that it never outlives the process that
-    /// started it with a pipe there
+    /// Treat the end of standard input as SIGTERM, so that the run ends together with the process
+    /// that started it
     #[arg(long)]
     until_eof: bool,
     #[command(flatten)]
@@ -155,14 +155,14 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     })
 }
 
-/// Says what stands in a scenario without effect.
+/// Warns about keys of a scenario without effect.
 pub(super) fn warn(scenario: &Scenario, source: &Source) {
     for warning in robots::warnings(scenario, source) {
         eprintln!("warning: {warning}");
     }
 }
 
-/// Where the results of a scenario go.
+/// The result folder of a scenario.
 fn folder_of(args: &RunArgs, name: &str, seed: u64, several: bool) -> PathBuf {
     match &args.out {
         Some(out) if several => out.join(format!("{name}-{seed}")),
@@ -171,7 +171,7 @@ fn folder_of(args: &RunArgs, name: &str, seed: u64, several: bool) -> PathBuf {
     }
 }
 
-/// A case of bytes as it stands in the output of `--json`.
+/// A case of bytes in the form of `--json`.
 fn answer_of(judgement: &Judgement, repeat: &str) -> RunEnded {
     RunEnded {
         name: judgement.name.clone(),
@@ -249,7 +249,7 @@ fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgem
     Ok(judgement)
 }
 
-/// Refuses options that have no meaning together.
+/// Rejects contradicting options.
 fn check(args: &RunArgs) -> Result<(), CliError> {
     let is_exec = args.program.exec.is_some();
     let wrong = match () {
@@ -270,7 +270,7 @@ fn check(args: &RunArgs) -> Result<(), CliError> {
     Err(CliError::Usage(wrong.to_owned()))
 }
 
-/// Refuses two runs that would write into the same folder; says which file leaves none.
+/// Rejects two runs with the same result folder; names the file that writes no folder.
 fn check_folders(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError> {
     let mut taken = BTreeMap::new();
     for (path, file) in files {
@@ -296,10 +296,10 @@ fn check_folders(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), C
     Ok(())
 }
 
-/// A file that can be run.
+/// A file with a scenario or a case.
 enum Runnable {
     Scenario(Box<(Scenario, Source)>),
-    /// Bytes of a capture.
+    /// A case of bytes from a capture.
     Case(Box<(Case, Source)>),
 }
 
@@ -317,10 +317,10 @@ impl Runnable {
     }
 }
 
-/// What was run.
+/// The result of a run.
 enum Ended {
     Run(Box<Ran>),
-    /// And the command that repeats it.
+    /// With the command that repeats it.
     Case(Judgement, String),
 }
 

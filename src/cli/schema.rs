@@ -6,8 +6,8 @@ use crate::scenario::schema;
 
 /// Print the JSON Schema of a scenario file, or of a device description.
 ///
-/// It is derived from what reads the file: every table and key, the settings of each kind of
-/// device, the keys of each kind of fault. Editors complete and check scenarios with it.
+/// It is derived from the parser's types: every table and key, the settings of each kind of
+/// device, the keys of each kind of fault. Editors use it to complete and check scenarios.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig schema > scenario.schema.json       # for an editor\n  \
@@ -17,13 +17,13 @@ use crate::scenario::schema;
     hilrig schema --output                     # what --json prints\n\n\
     Exit codes: 0 printed, 2 the output cannot be written.")]
 pub(super) struct SchemaArgs {
-    /// Print the reference for people instead
+    /// Print the human-readable reference instead
     #[arg(long)]
     markdown: bool,
     /// Print the JSON Schema of a request to the control socket, see docs/control.md
     #[arg(long, conflicts_with = "markdown")]
     control: bool,
-    /// Print the JSON Schema of what a command prints with --json
+    /// Print the JSON Schema of a command's output with --json
     #[arg(long, conflicts_with_all = ["markdown", "control"])]
     output: bool,
     /// Print the JSON Schema of a device description

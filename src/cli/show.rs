@@ -1,4 +1,4 @@
-//! `--ui`: a page beside a run whose clock is the wall's.
+//! `--ui`: a page for a run in real time.
 
 use clap::Args;
 use protocols::Instant;
@@ -12,7 +12,7 @@ use {
     std::sync::Arc,
 };
 
-/// Whether there is to be a page.
+/// The option for the page.
 #[derive(Debug, Args)]
 pub(super) struct ShowArgs {
     /// Show the run on a page in the browser, at this TCP port of this machine or any free one
@@ -31,7 +31,7 @@ impl ShowArgs {
         false
     }
 
-    /// Starts the page, if one is wanted, and says where it is.
+    /// Starts the page, if one is wanted, and prints its address.
     pub(super) fn start(&self) -> Result<Show, CliError> {
         #[cfg(feature = "ui")]
         if let Some(port) = self.port {
@@ -62,7 +62,7 @@ struct Page {
 
 #[cfg(feature = "ui")]
 impl Show {
-    /// Puts another run on the page.
+    /// Shows another run on the page.
     pub(super) fn begin(&mut self, run: &mut Run) {
         if let Some(page) = &mut self.0 {
             page.runs += 1;
@@ -70,14 +70,14 @@ impl Show {
         }
     }
 
-    /// Does what the page wants of the run, and shows it at the wall clock's `now`.
+    /// Applies the page's requests to the run, and shows it at the wall clock's `now`.
     pub(super) fn turn(&mut self, run: &mut Run, now: Instant) {
         if let Some(desk) = self.0.as_mut().and_then(|page| page.desk.as_mut()) {
             desk.turn(run, now);
         }
     }
 
-    /// Whether the run was changed by hand.
+    /// Whether a user changed the run.
     pub(super) fn has_changed_it(&self) -> bool {
         let desk = self.0.as_ref().and_then(|page| page.desk.as_ref());
         desk.is_some_and(|desk| desk.changes() > 0)
@@ -86,13 +86,13 @@ impl Show {
 
 #[cfg(not(feature = "ui"))]
 impl Show {
-    /// There is no page.
+    /// Always `None`: this build has no page.
     pub(super) fn begin(&mut self, _run: &mut Run) {}
 
-    /// There is no page.
+    /// Does nothing: this build has no page.
     pub(super) fn turn(&mut self, _run: &mut Run, _now: Instant) {}
 
-    /// There is no page.
+    /// Does nothing: this build has no page.
     pub(super) fn has_changed_it(&self) -> bool {
         false
     }

@@ -24,16 +24,15 @@ use safefs::Dir;
 
 /// Make a failing case or a capture smaller while it still fails for the same reason.
 ///
-/// A case keeps failing the same check, in the same manner (standing still, to and fro, pose lost)
-/// or, if devices complain, by the same rule; and what it fails for, faults or a thing in the way,
-/// stays in it: without that it passes. A case of bytes, as `hilrig case from` writes it, keeps
-/// failing the same check with fewer bytes. A capture keeps the first thing that is wrong with its
-/// bytes; with --scenario or --exec it is shrunk as the case that `hilrig case from` makes of it.
-/// With --while a command of yours decides instead: it gets the file as its last argument
-/// and exits with 0 as long as the file is still bad.
+/// A case must keep failing the same check in the same manner (standing still, to and fro, pose
+/// lost) or, for a violation, by the same rule. Its trigger (faults or an obstacle) stays: without
+/// it, the case passes. A case of bytes, as `hilrig case from` writes it, keeps failing the same
+/// check with fewer bytes. A capture keeps the first error in its bytes; with --scenario or --exec
+/// it is shrunk as a case of `hilrig case from`. With --while your own command decides: it gets
+/// the file as its last argument and exits with 0 while the file still fails.
 ///
-/// With --exec your program is what fails: each try is a run in real time, 100 at most, and
-/// what fails only now and then is hard to make smaller.
+/// With --exec your program is tested: each try is a run in real time, 100 at most. A failure that
+/// occurs only sometimes is hard to minimise.
 ///
 /// Ctrl-C ends the search; the best so far is the result.
 #[derive(Debug, Args)]
@@ -50,10 +49,10 @@ pub(super) struct ShrinkArgs {
     /// Shrink while this command exits with 0, given the file as last argument
     #[arg(long = "while", value_name = "CMD", conflicts_with = "exec")]
     command: Option<String>,
-    /// Scenario whose robot a capture is of: its program is what fails
+    /// Scenario of the robot in the capture: its built-in program is tested
     #[arg(long, value_name = "FILE", conflicts_with = "command")]
     scenario: Option<PathBuf>,
-    /// Leave checksums as they are when the bytes of a frame are made plainer
+    /// Do not correct checksums when the bytes of a frame are simplified
     #[arg(long)]
     keep_checksums: bool,
     #[command(flatten)]
@@ -63,9 +62,9 @@ pub(super) struct ShrinkArgs {
     out: PathBuf,
 }
 
-/// Most tries; a search that comes to an end needs far fewer.
+/// Maximum number of tries; a finished search needs far fewer.
 const TRIES: u32 = 20_000;
-/// Most tries with a foreign program: each takes as long as its run.
+/// Maximum number of tries with a foreign program, because each takes as long as its run.
 const TRIES_EXEC: u32 = 100;
 
 pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
@@ -118,7 +117,7 @@ fn put(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     safefs::write(path, bytes).map_err(|source| cannot_write(path, source))
 }
 
-/// Whether `command` finds `path` bad.
+/// Whether `command` still finds a failure in `path`.
 fn is_bad(command: &str, path: &Path) -> bool {
     let status = Command::new("sh")
         .args(["-c", &format!("{command} \"$0\"")])
@@ -214,7 +213,7 @@ fn run_foreign(
     )?)
 }
 
-/// What a candidate comes to, compared with `cause`.
+/// The result of a candidate, compared with `cause`.
 fn judge<'a>(
     args: &'a ShrinkArgs,
     source: &'a Source,

@@ -28,9 +28,9 @@ use page::{Page, PageArgs};
 ///
 /// Reads CARMEN logs; captures, whose robot must be known; MCAP files, ours or with messages of
 /// ROS 2 (LaserScan, Odometry) or Foxglove (LaserScan, PoseInFrame); rosbag2 folders and .db3
-/// files. Files may be compressed by gzip, zstd or lz4, and so may the chunks and messages in them.
-/// The settings are the same for every log. What the log holds that cannot be used is left out,
-/// counted and told on standard error.
+/// files. Files may be compressed by gzip, zstd or lz4, and so may the chunks and messages in
+/// them. The settings are the same for every log. Unusable parts of the log are skipped, counted
+/// and reported on standard error.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig slam intel.log.gz --out intel\n  \
@@ -48,34 +48,34 @@ pub(super) struct SlamArgs {
     /// The log, a result folder, or the folder of a rosbag2
     #[arg(value_name = "LOG")]
     log: PathBuf,
-    /// Scenario whose robot a capture is of [default: the one in the capture]
+    /// Scenario of the robot in a capture [default: the one in the capture]
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Which mapper [default: core for a capture or a result folder, graph for any other log]
     #[arg(long, value_enum)]
     mode: Option<ModeArg>,
-    /// Only find the poses, on a map that there is: a folder that slam left (its walls.pcd), a
-    /// .pcd file in text, or a ROS map's .yaml
+    /// Only localise, on an existing map: a folder written by slam (its walls.pcd), a .pcd file in
+    /// text, or a ROS map's .yaml
     #[arg(long, value_name = "PATH")]
     map: Option<PathBuf>,
-    /// Where the way begins, to half a metre and 20 degrees: metres and degrees in the map
-    /// [default: where the log says, or else 0,0,0]
+    /// Start pose, within half a metre and 20 degrees: metres and degrees in the map [default: the
+    /// log's, or 0,0,0]
     #[arg(long, value_name = "X,Y,DEG", value_parser = start, allow_hyphen_values = true)]
     start: Option<Pose>,
-    /// Do not look for places seen again (mode graph)
+    /// Do not look for loop closures (mode graph)
     #[arg(long)]
     no_loops: bool,
-    /// The wheels' errors, as a part of what is usual, 0.1 to 10 (mode graph)
+    /// Factor on the usual odometry errors, 0.1 to 10 (mode graph)
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = factor)]
     noise: f64,
-    /// Leave out readings farther than this
+    /// Ignore readings longer than this
     #[arg(long, value_name = "METRES", value_parser = metres)]
     farthest_m: Option<f64>,
-    /// How far ahead of where the log says the laser sits
+    /// Distance of the laser ahead of the position given in the log
     #[arg(long, value_name = "METRES", default_value_t = 0.0)]
     #[arg(allow_hyphen_values = true, value_parser = offset)]
     laser_offset_m: f64,
-    /// Take only each so manieth scan
+    /// Use only every N-th scan
     #[arg(long, value_name = "N", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..))]
     every: u16,
@@ -85,7 +85,7 @@ pub(super) struct SlamArgs {
     /// Edge of a map cell in millimetres, 5 to 500
     #[arg(long, value_name = "MM", value_parser = clap::value_parser!(u16).range(5..=500))]
     cell_mm: Option<u16>,
-    /// Seed of the seed mode's random numbers: one run of it is one draw
+    /// Seed of the random numbers of mode seed; each run is one random sample
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     #[command(flatten)]
@@ -94,11 +94,11 @@ pub(super) struct SlamArgs {
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 enum ModeArg {
-    /// For buildings: keyframes, places seen again, a map of any size
+    /// For buildings: keyframes, loop closures, a map of any size
     Graph,
-    /// The robot's own, in its memory
+    /// The robot's own mapper, within its memory
     Core,
-    /// The seed report's tinySLAM
+    /// tinySLAM of the seed report
     Seed,
 }
 
@@ -146,7 +146,7 @@ fn start(text: &str) -> Result<Pose, String> {
     }
 }
 
-/// Work that takes longer than this is reported while it goes on.
+/// Time after which long work prints its progress.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
@@ -205,7 +205,7 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// Runs the mapper that was asked for, and says how far it is if that takes long.
+/// Runs the selected mapper, and prints its progress if that takes long.
 fn mapped(
     log: &Log,
     mode: ModeArg,
@@ -265,7 +265,7 @@ fn print(timing: &folder::Timing<'_>) {
     println!("processor time {cpu}; a scan {median:.0} us in the median, {longest:.0} us at most");
 }
 
-/// Says where the map may be wrong.
+/// Prints where the map may be wrong.
 fn warn(result: &Survey, path: &Path) {
     let path = path.display();
     let farthest = result

@@ -1,4 +1,4 @@
-//! When a command that would run for ever ends: a signal, or its time is up.
+//! End of a command without an end of its own: a signal, or its time is up.
 
 use core::sync::atomic::{AtomicU8, Ordering};
 use core::time::Duration;
@@ -13,16 +13,16 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::CliError;
 
-/// Pairs of descriptors that the runtime needs at most: its queue, its alarm, two ends of a pipe
-/// for signals and copies of them.
+/// Maximum number of pairs of descriptors that the runtime needs: its queue, its alarm, two ends of
+/// a pipe for signals and copies of them.
 const SPARE_PAIRS: usize = 4;
-/// Numbers of the signals that are caught, the same on all of Linux's processors.
+/// Numbers of the handled signals, the same on all processors of Linux.
 const SIGINT: u8 = 2;
 pub(super) const SIGTERM: u8 = 15;
 
-/// Tells when to stop.
+/// The condition to stop.
 pub(super) struct Stop {
-    /// Number of the signal that came; 0: none yet.
+    /// Number of the received signal; 0: none yet.
     signal: Arc<AtomicU8>,
     deadline: Option<Instant>,
 }
@@ -38,8 +38,8 @@ impl Stop {
         })
     }
 
-    /// Takes it for a SIGTERM when standard input is closed: when the process at its other end is
-    /// gone, by whatever signal. What comes in before that is not looked at.
+    /// Treats the end of standard input as SIGTERM: the process at its other end has ended, even by
+    /// SIGKILL. Data before that is ignored.
     pub(super) fn at_end_of_input(&self) {
         let signal = Arc::clone(&self.signal);
         thread::spawn(move || {
@@ -49,19 +49,19 @@ impl Stop {
         });
     }
 
-    /// Whether it is time.
+    /// Whether to stop now.
     pub(super) fn is_due(&self, now: Instant) -> bool {
         self.signal().is_some() || self.deadline.is_some_and(|at| at <= now)
     }
 
-    /// Number of the signal that came, if one did.
+    /// Number of the received signal, if any.
     pub(super) fn signal(&self) -> Option<u8> {
         Some(self.signal.load(Ordering::Relaxed)).filter(|&signal| signal != 0)
     }
 }
 
-/// Waits for signals on a thread of its own. They are caught before this returns, so that none
-/// that comes later ends the process with its ports still in place.
+/// Waits for signals on a separate thread. The handlers are installed before this returns, so that
+/// no later signal ends the process without removing its ports.
 fn listen(caught: Arc<AtomicU8>) -> io::Result<()> {
     // The runtime panics if it finds no descriptors for itself; an error tells that better.
     let spare: Vec<_> = (0..SPARE_PAIRS)

@@ -14,8 +14,8 @@ use crate::scenario::Span;
 /// Speak to a device in the words of its description.
 ///
 /// A request is a message with its fields, or for Modbus `read NAME` and `write NAME=VALUE`. The
-/// reply is printed in words with the time that it took. Without a request the command reads
-/// requests from standard input, a line each; `help` lists them.
+/// reply is printed in words with its latency. Without a request the command reads requests from
+/// standard input, one a line; `help` lists them.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig talk /dev/ttyUSB0 --description meter.toml read voltage\n  \
@@ -88,7 +88,7 @@ struct Talk<'a> {
 }
 
 impl Talk<'_> {
-    /// Requests from standard input. A wrong line is told; a script ends with it.
+    /// Reads requests from standard input. A wrong line is reported; a script ends with it.
     fn listen_to_lines(&mut self) -> Result<(), CliError> {
         let is_terminal = io::stdin().is_terminal();
         if is_terminal {
@@ -180,7 +180,7 @@ impl Talk<'_> {
         Ok(())
     }
 
-    /// Prints what the device says by itself.
+    /// Prints unsolicited messages of the device.
     fn listen(&mut self, time: Span) -> Result<(), CliError> {
         let peer: &mut dyn Peer = &mut self.peer;
         let heard = self.speaker.exchange(peer, &[], time.0, &mut |_| false);

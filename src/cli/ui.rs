@@ -13,12 +13,11 @@ use crate::robots;
 use crate::scenario::{Scenario, Span};
 use ::ui::{Hub, Remote, SPEED_MAX, Server, Session};
 
-/// Show a run on a page in the browser: see it, steer it, disturb it, save it.
+/// Show a run on a page in the browser: view, control, disturb and save it.
 ///
-/// The page is at the address that is printed, on this machine only unless told otherwise. The
-/// token in that address is the key: a request without it is refused. What is done there by hand
-/// becomes part of the scenario: `/case.toml` of the page, or --save, is a run that does it all
-/// again.
+/// The printed address shows the page; it is open to this machine only unless --bind is given. The
+/// address contains a token: requests without it are rejected. Manual actions become part of the
+/// scenario: `/case.toml` of the page, or --save, repeats them all.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig ui scenarios/rescue-flat.toml\n  \
@@ -31,10 +30,10 @@ pub(super) struct Ui {
     /// Scenario file
     #[arg(value_name = "SCENARIO", required_unless_present = "pc")]
     scenario: Option<PathBuf>,
-    /// No rig: the PC program on this port, against whatever robot is there
+    /// No rig: run the PC program on this port, connected to any robot there
     #[arg(long, value_name = "PORT", conflicts_with_all = ["scenario", "speed", "seed", "save", "paused"])]
     pc: Option<PathBuf>,
-    /// Whose PC program it is [default: the first robot that has one]
+    /// Robot whose PC program is used [default: the first robot that has one]
     #[arg(long, value_name = "NAME", requires = "pc")]
     robot: Option<String>,
     /// Baud rate of that port
@@ -43,35 +42,35 @@ pub(super) struct Ui {
     /// Virtual seconds per second, up to 100
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
-    /// Stand still at the beginning
+    /// Start paused
     #[arg(long)]
     paused: bool,
-    /// Seed in place of the scenario's own
+    /// Seed instead of the scenario's own
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
     #[command(flatten)]
     place: ListenArgs,
-    /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
+    /// End after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "TIME")]
     duration: Option<Span>,
-    /// In the end, write what was run as a scenario
+    /// At the end, write the run as a scenario
     #[arg(long, value_name = "FILE")]
     save: Option<PathBuf>,
 }
 
-/// Where the page is to be found.
+/// The address of the page.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct ListenArgs {
     /// TCP port of the page, 0 for any free one
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
-    /// Address of the page; any other than this machine's own lets others steer the run
+    /// Address of the page; with any address except this machine's own, others can control the run
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
 }
 
 impl ListenArgs {
-    /// At this port, for this machine only.
+    /// A page on this port, for this machine only.
     pub(super) const fn local(port: u16) -> Self {
         Self {
             port,
@@ -79,7 +78,7 @@ impl ListenArgs {
         }
     }
 
-    /// Starts the server that `flag` asks for and says where it is.
+    /// Starts the server of `flag` and prints its address.
     pub(super) fn serve(self, flag: &str, hub: Arc<Hub>) -> Result<Server, CliError> {
         let wanted = SocketAddr::new(self.listen, self.port);
         let server = Server::start(wanted, hub).map_err(|error| {

@@ -26,13 +26,13 @@ use crate::scenario::{Scenario, Span};
 use crate::show::folder::FolderError;
 use safefs::Dir;
 
-/// Run a scenario in real time, its links on ports for any program to open.
+/// Run a scenario in real time and offer its links as ports for any program.
 ///
 /// The robot's ends of the links appear in a directory as pseudo-terminals that behave like serial
-/// ports. A client should set the baud rate that the table names: at another one it reads garbage,
-/// as on a wire; `any` is no UART, and no rate is wrong. The PC's end is among the ports with --pc,
-/// and if the mission gives no orders. When the run ends the ports are removed. Without --out
-/// nothing is judged.
+/// ports. A client must set the baud rate in the printed table; at another rate it reads garbage,
+/// as on a wire. `any` marks a port without a baud rate. The PC's end is among the ports with
+/// --pc, or if the mission sends no orders. The ports are removed when the run ends. The run is
+/// judged only with --out.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig up scenarios/rescue-flat.toml --dir /tmp/robot\n  \
@@ -50,10 +50,10 @@ pub(super) struct Up {
     /// Directory in which the ports appear [default: hilrig-out/NAME-ports]
     #[arg(long, value_name = "DIR")]
     dir: Option<PathBuf>,
-    /// End by itself after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
+    /// End after this time, e.g. 60s or 5min [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "TIME", conflicts_with = "until_over")]
     duration: Option<Span>,
-    /// Seed in place of the scenario's own
+    /// Seed instead of the scenario's own
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: Option<u64>,
     #[command(flatten)]
@@ -61,31 +61,31 @@ pub(super) struct Up {
     /// Judge the run when it ends, and write its result folder; exit code 1 if a check fails
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// End by itself when the scenario is over: its mission, or its time
+    /// End when the scenario is over: its mission is done, or its time is up
     #[arg(long)]
     until_over: bool,
-    /// End when standard input is closed, so that it never outlives the process that started it
-    /// with a pipe there
+    /// End when standard input is closed, so that the rig ends together with the process that
+    /// started it
     #[arg(long)]
     until_eof: bool,
-    /// Offer the PC's end, and leave the scenario's own PC out, even if it has a mission
+    /// Offer the PC's end, and omit the scenario's own PC, even if it has a mission
     #[arg(long)]
     pc: bool,
     #[command(flatten)]
     show: ShowArgs,
-    /// Where the case is written at the end: the scenario with what was done to it by hand
-    /// [default: hilrig-out/NAME-up.toml, if there were any]
+    /// File for the case at the end: the scenario with all manual changes [default:
+    /// hilrig-out/NAME-up.toml, if there were any]
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
-    /// Write every byte of every link with its time to this file, for Wireshark and decode; a
-    /// capture that is there already is put aside under the next number
+    /// Write every byte of every link with its time to this file, for Wireshark and decode; an
+    /// existing capture is renamed to the next number
     #[arg(long, value_name = "FILE")]
     capture: Option<PathBuf>,
-    /// Size at which the capture is put aside as FILE.1.pcapng, .2 and so on, and begun anew
+    /// Size at which the capture is renamed to FILE.1.pcapng, .2 and so on, and a new file begins
     #[arg(long, value_name = "MB", default_value_t = 256, requires = "capture",
           value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
     capture_max_mb: u64,
-    /// Captures put aside that are kept; older ones are deleted
+    /// Maximum number of renamed captures; older ones are deleted
     #[arg(long, value_name = "N", default_value_t = 7, requires = "capture")]
     capture_files: u64,
 }
@@ -175,7 +175,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     ended.map(|()| verdict)
 }
 
-/// Whether a port was used; nothing is said of a robot without a program.
+/// Reports whether a port was used, except for a robot without a program.
 fn connected(realtime: &Realtime<Held>) -> Check {
     let used: Vec<String> = realtime
         .reports()
@@ -189,7 +189,7 @@ fn connected(realtime: &Realtime<Held>) -> Check {
     Check::new("program-connected", !used.is_empty(), detail)
 }
 
-/// Goes on until it is time to stop, or a port is lost.
+/// Runs until it is time to stop, or a port is lost.
 fn go(
     going: &mut Going,
     realtime: &mut Realtime<Held>,
@@ -222,7 +222,7 @@ fn go(
     Ok(())
 }
 
-/// Ends what a run leaves behind: its capture and its case.
+/// Finishes the capture and the case of a run.
 fn leave(
     run: &mut Run,
     case: Option<PathBuf>,
@@ -238,8 +238,7 @@ fn leave(
     Ok(())
 }
 
-/// The scenario's PC has its own end if it has something to do or a page to do it, unless another
-/// one is wanted.
+/// Whether the scenario's PC is connected: it needs a mission or a page, and no other PC program.
 fn pc_end(args: &Up, scenario: &Scenario) -> PcEnd {
     match (args.pc, args.show.is_wanted()) {
         (true, _) => PcEnd::External,
@@ -248,7 +247,7 @@ fn pc_end(args: &Up, scenario: &Scenario) -> PcEnd {
     }
 }
 
-/// Writes the case if a place for it is named, or if it differs from the scenario.
+/// Writes the case if a file for it is given, or if it differs from the scenario.
 fn write_case(run: &Run, path: Option<PathBuf>, changed: bool) -> Result<(), CliError> {
     let default = || PathBuf::from("hilrig-out").join(format!("{}-up.toml", run.scenario().name));
     let Some(path) = path.or_else(|| changed.then(default)) else {
@@ -264,7 +263,7 @@ fn write_case(run: &Run, path: Option<PathBuf>, changed: bool) -> Result<(), Cli
     Ok(())
 }
 
-/// Makes `run` write its capture, if one is wanted, and says where.
+/// Makes `run` write its capture, if one is wanted, and prints its path.
 fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
     let in_out = args.out.as_ref().map(|out| out.join("capture.pcapng"));
     let Some(path) = args.capture.clone().or(in_out) else {
@@ -296,8 +295,8 @@ fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
     Ok(Some(path))
 }
 
-/// A run that goes on when its mission is over, because connected clients may have other plans,
-/// unless it is not to.
+/// A run that continues after its mission, because connected clients may have other tasks, unless
+/// `--until-over` is given.
 struct Going {
     run: Run,
     until_over: bool,
@@ -347,12 +346,12 @@ fn print_report(realtime: &Realtime<Held>, run: &Run) {
     }
 }
 
-/// Whether anything passed a port.
+/// Whether any byte passed a port.
 const fn is_used(report: &PortReport) -> bool {
     report.traffic.to_client + report.traffic.from_client > 0
 }
 
-/// Says what happens while it happens.
+/// Prints events as they happen.
 #[derive(Debug, Default)]
 struct Log {
     events: usize,
@@ -361,9 +360,10 @@ struct Log {
     lines: u32,
 }
 
-/// Most lines a second: a client that breaks a rule with each byte must not bury the rest.
+/// Maximum number of lines per second: a client that breaks a rule with each byte must not hide the
+/// rest.
 const LINES_MAX: u32 = 20;
-/// Clients that come and go are still logged: scripts wait for these lines.
+/// Connecting and disconnecting clients are still logged, because scripts wait for these lines.
 const ALWAYS: [&str; 2] = ["port-opened", "port-closed"];
 
 impl Log {
@@ -395,7 +395,7 @@ impl Log {
         self.visits = visits;
     }
 
-    /// Whether there is still a line for this.
+    /// Whether this second has room for another line.
     fn says(&mut self, event: &Event) -> bool {
         let is_always = ALWAYS.contains(&event.rule);
         self.lines += u32::from(!is_always);
@@ -409,7 +409,7 @@ mod tests {
 
     use super::*;
 
-    /// Twenty lines of a robot that is killed in its first second, and that its ports are closed.
+    /// Twenty lines of a robot that is killed in its first second, and the closing of its ports.
     #[test]
     fn who_comes_and_goes_is_said_however_much_there_is_to_say() {
         let mut log = Log::default();

@@ -9,13 +9,13 @@ use super::{CliError, Verdict, described, out};
 use crate::capture::wireshark::{FILE_NAME, dissector_of};
 use safefs::Dir;
 
-/// Give Wireshark a decoder for the robots' protocols.
+/// Install a decoder for the robots' protocols in Wireshark.
 ///
-/// Wireshark opens a capture as it is and shows links, directions, times and faults. With this file
-/// in its personal plugin folder it also shows what the bytes mean: lidar packets, bus registers,
-/// messages of the PC. With --description it also decodes devices that files describe: each field
-/// of a message can be filtered for as hilrig.DEVICE.FIELD. Without an option the command says
-/// where the file belongs.
+/// Wireshark opens a capture as it is and shows links, directions, times and faults. With this
+/// file in its personal plugin folder it also shows the meaning of the bytes: lidar packets, bus
+/// registers, messages of the PC. With --description it also decodes devices that files describe:
+/// each field of a message can be filtered for as hilrig.DEVICE.FIELD. Without an option the
+/// command prints the folder for the file.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig wireshark --install\n  \
@@ -29,11 +29,11 @@ pub(super) struct Wireshark {
     /// Print the file
     #[arg(long)]
     print: bool,
-    /// Decode these devices too: descriptions that come with the tool, by name, or files that end
+    /// Also decode these devices: descriptions that come with the tool, by name, or files that end
     /// with .toml
     #[arg(long, value_name = "NAME|FILE", num_args = 1..)]
     description: Vec<String>,
-    /// Plugin folder in place of the personal one
+    /// Plugin folder instead of the personal one
     #[arg(long, value_name = "DIR")]
     dir: Option<PathBuf>,
 }
@@ -65,7 +65,7 @@ pub(super) fn run(args: Wireshark) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// What tshark says, or where Wireshark looks on Linux.
+/// The folder reported by tshark, or Wireshark's default on Linux.
 fn plugin_dir() -> Option<PathBuf> {
     let folders = Command::new("tshark").args(["-G", "folders"]).output();
     let told = folders.ok().and_then(|output| {

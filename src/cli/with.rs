@@ -13,11 +13,10 @@ use crate::realtime::guest;
 
 /// Start a program on the ports of a rig that runs in real time, with modem lines.
 ///
-/// A pseudo-terminal has no modem lines, so clients that set DTR or RTS or send a break
-/// fail on one.
-/// Under this command a port of the rig has them: DTR and RTS read as they were set and reach the
-/// devices that listen to them, CTS, DSR and DCD are on, a break reaches the device. The program
-/// is not changed and runs at full speed. Ends as the program does.
+/// A pseudo-terminal has no modem lines, so clients that set DTR or RTS or send a break fail on
+/// one. This command adds them to the rig's ports: DTR and RTS keep their values and reach the
+/// devices that use them; CTS, DSR and DCD are on; a break reaches the device. The program is not
+/// changed and runs at full speed. The exit code is the program's.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig up lidar.toml --dir /tmp/robot\n  \

@@ -1,15 +1,15 @@
-//! What `case` comes to.
+//! The results of `case`.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::robots::checker::Check;
 
-/// A case that was made of a capture.
+/// A case made from a capture.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct CaseMade {
     pub(in crate::cli) file: String,
-    /// What it comes to today; empty if it was not run.
+    /// The checks of today's run; empty if it was not run.
     pub(in crate::cli) checks: Vec<Check>,
     /// Whether it is green today; null if it was not run.
     pub(in crate::cli) passes_today: Option<bool>,
@@ -17,15 +17,15 @@ pub(in crate::cli) struct CaseMade {
     pub(in crate::cli) repeat: String,
 }
 
-/// A case that was run with some programs.
+/// A case run with several programs.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct CaseChecked {
     pub(in crate::cli) file: String,
-    /// The programs, in their order.
+    /// The programs, in the order given.
     pub(in crate::cli) programs: Vec<CaseTry>,
 }
 
-/// What a case came to with one program.
+/// The result of a case with one program.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct CaseTry {
     /// The shell command.

@@ -1,4 +1,4 @@
-//! What commands on described devices came to.
+//! The results of commands on described devices.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -9,14 +9,14 @@ pub(in crate::cli) struct Talked {
     pub(in crate::cli) exchanges: Vec<Exchanged>,
 }
 
-/// A request and what came after it.
+/// A request and the frames received after it.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct Exchanged {
     /// The request in words.
     pub(in crate::cli) request: String,
     /// Replies to it.
     pub(in crate::cli) replies: Vec<RepliedWith>,
-    /// Frames that came by themselves, in words.
+    /// Unsolicited frames, in words.
     pub(in crate::cli) unasked: Vec<String>,
 }
 
@@ -65,7 +65,7 @@ pub(in crate::cli) struct DifferenceTold {
     pub(in crate::cli) place: String,
     /// What the description says.
     pub(in crate::cli) expected: String,
-    /// What the device does.
+    /// The device's behaviour.
     pub(in crate::cli) found: String,
 }
 
@@ -77,7 +77,7 @@ pub(in crate::cli) struct Learned {
     pub(in crate::cli) bytes: u64,
     /// Bytes in frames of the draft.
     pub(in crate::cli) framed: u64,
-    /// The draft of a description, if anything can be claimed.
+    /// The draft of a description, if there is enough evidence.
     pub(in crate::cli) draft: Option<String>,
 }
 
@@ -88,6 +88,6 @@ pub(in crate::cli) struct ClaimTold {
     pub(in crate::cli) topic: String,
     pub(in crate::cli) words: String,
     pub(in crate::cli) evidence: String,
-    /// Whether chance is ruled out.
+    /// Whether the evidence excludes chance.
     pub(in crate::cli) sure: bool,
 }

@@ -1,9 +1,9 @@
-//! What experiments came to.
+//! The results of experiments.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Experiments that were done, or can be.
+/// Experiments, done or available.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct Experiments {
     pub(in crate::cli) experiments: Vec<ExperimentDone>,
@@ -13,9 +13,9 @@ pub(in crate::cli) struct Experiments {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct ExperimentDone {
     pub(in crate::cli) name: String,
-    /// Where the report has it.
+    /// The place of the experiment in the report.
     pub(in crate::cli) place: String,
-    /// The first seed, and how many there are, one after the other.
+    /// The first seed, and the number of consecutive seeds.
     pub(in crate::cli) first_seed: u64,
     pub(in crate::cli) seeds: u64,
     pub(in crate::cli) figures: Vec<ExperimentFigure>,
@@ -27,8 +27,8 @@ pub(in crate::cli) struct ExperimentDone {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct ExperimentFigure {
     pub(in crate::cli) name: String,
-    /// As found, with its unit.
+    /// The measured value, with its unit.
     pub(in crate::cli) ours: String,
-    /// As the report has it.
+    /// The value in the report.
     pub(in crate::cli) report: Option<String>,
 }

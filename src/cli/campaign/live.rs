@@ -1,5 +1,5 @@
-//! What fails so far, by cause, while a campaign runs: on a terminal as a table that is drawn anew,
-//! and as a page in the campaign's folder that loads itself anew.
+//! Failures by cause while a campaign runs: a table on the terminal, and a page in the campaign's
+//! folder that reloads itself.
 
 use core::fmt::Write as _;
 use core::time::Duration;
@@ -11,24 +11,24 @@ use rustix::termios::tcgetwinsize;
 use crate::cli::{CliError, progress};
 use crate::search::campaign::{self, Failures, Store};
 
-/// Time between two looks.
+/// Time between two updates.
 const PERIOD: Duration = Duration::from_secs(5);
-/// Most causes on a terminal.
+/// Maximum number of causes on a terminal.
 const ROWS_MAX: usize = 12;
-/// Columns of a terminal that does not say how many it has.
+/// Columns of a terminal that does not report its width.
 const COLUMNS: usize = 80;
 
-/// What is shown of a campaign that runs.
+/// The live view of a running campaign.
 pub(super) struct Live {
     /// Runs to be done in this process.
     todo: usize,
     said: Instant,
-    /// Rows that stand on the terminal.
+    /// Rows of the table on the terminal.
     drawn: usize,
 }
 
 impl Live {
-    /// Of `todo` runs, none of which has ended at the time `now`.
+    /// Starts the view for `todo` runs at the time `now`.
     pub(super) const fn new(todo: usize, now: Instant) -> Self {
         Self {
             todo,
@@ -37,8 +37,8 @@ impl Live {
         }
     }
 
-    /// Shows what `store` holds if it is time; `ended` runs have ended in this process, which began
-    /// at zero.
+    /// Shows the state of `store` if an update is due; `ended` runs have ended in this process
+    /// since time zero.
     ///
     /// # Errors
     /// If the folder cannot be written.
@@ -75,7 +75,7 @@ impl Live {
     }
 }
 
-/// Goes back to the first of `rows` rows, and clears them.
+/// Moves the cursor to the first of `rows` rows, and clears them.
 fn above(rows: usize) -> String {
     match rows {
         0 => String::new(),
@@ -83,8 +83,8 @@ fn above(rows: usize) -> String {
     }
 }
 
-/// How far it is, and a row for each cause, none longer than a row of the terminal: one that wraps
-/// would not be cleared.
+/// The progress, and a row for each cause. Rows are cut to the terminal's width, because wrapped
+/// rows would not be cleared.
 fn table(far: &str, failures: &[Failures<'_>], columns: usize) -> String {
     let mut rows = vec![format!("  {far}")];
     for failures in failures.iter().take(ROWS_MAX) {
@@ -121,7 +121,7 @@ mod tests {
         }
     }
 
-    /// 30 columns hold 29 characters and the cursor; what a panic says may hold anything.
+    /// 30 columns hold 29 characters and the cursor; a panic message may contain any character.
     #[test]
     fn a_row_never_wraps() {
         let causes = [
@@ -141,7 +141,7 @@ mod tests {
         );
     }
 
-    /// Twelve rows and how many there are besides: a terminal has few.
+    /// Twelve rows and the number of omitted ones, because a terminal has few rows.
     #[test]
     fn many_causes_leave_the_first_on_the_screen() {
         let causes = [failures("settled", 1); 15];

@@ -1,4 +1,4 @@
-//! A file that grows while it is read, and may be put aside for a new one of its name.
+//! A file that grows while it is read, and that a new file of the same name may replace.
 
 use core::time::Duration;
 use std::fs::File;
@@ -14,15 +14,15 @@ use crate::capture::{Interface, Item, Reader};
 use crate::cli::stop::Stop;
 use crate::realtime::clock::{Clock, WallClock};
 
-/// How often a file that has ended is looked at again.
+/// Time between two checks of a file that has ended.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// How long a writer may hold back what it has, and a bit more: after this the lines are quiet.
+/// Maximum time for which a writer buffers bytes, with a margin; after it the lines are silent.
 const QUIET: Duration = Duration::from_secs(2);
 
-/// What has been read of one file.
+/// The read part of one file.
 struct Followed {
     file: File,
-    /// None until the first bytes show what the file is.
+    /// None until the first bytes show the file's format.
     is_capture: Option<bool>,
     reader: Reader,
     links: Vec<Interface>,
@@ -80,7 +80,7 @@ impl Followed {
         })
     }
 
-    /// Whether the name now belongs to another file, as when a recording begins the next one.
+    /// Whether the name now belongs to another file, as when a recording starts the next file.
     fn was_replaced(&self, args: &DecodeArgs) -> bool {
         let (Ok(own), Ok(named)) = (self.file.metadata(), std::fs::metadata(&args.file)) else {
             return false;
@@ -129,7 +129,7 @@ impl Followed {
         Ok(())
     }
 
-    /// Tells what waits: nothing more comes, or not soon.
+    /// Flushes the pending bytes: no more follow, or not soon.
     fn finish(&mut self, out: &mut dyn Write) -> Result<(), Failure> {
         let names: Vec<&str> = self.links.iter().map(|link| &*link.name).collect();
         let start = (self.is_capture == Some(true)).then_some(self.start);

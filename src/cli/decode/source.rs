@@ -1,4 +1,4 @@
-//! What is decoded: a capture, or raw bytes as if they were one.
+//! The input of `decode`: a capture, or raw bytes in the form of a capture.
 
 use std::path::Path;
 
@@ -13,13 +13,13 @@ use crate::rig::line::Direction;
 use crate::run::Run;
 use crate::scenario::{RegistersSpec, Scenario, WidthSpec};
 
-/// How a capture begins.
+/// The first bytes of a capture.
 pub(in crate::cli) const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
 
-/// A file, read as far as it could be.
+/// A file, read up to its end or to the first damage.
 pub(in crate::cli) struct Source {
     pub(in crate::cli) capture: Capture,
-    /// When its times begin; none if it has no times.
+    /// Start of its times; none if it has no times.
     pub(in crate::cli) start: Option<Instant>,
 }
 
@@ -51,7 +51,7 @@ impl Source {
         Ok(Self { capture, start })
     }
 
-    /// A file of another tool as `hilrig import` reads it; raw bytes if it shows no form.
+    /// Reads a file of another tool like `hilrig import`; raw bytes if no format is recognised.
     fn of_dump(bytes: Vec<u8>, path: &Path, format: Option<Format>) -> Result<Self, CliError> {
         let wrong = |error: import::ImportError| {
             let raw = "if these are the bytes of the line themselves: --format raw";
@@ -86,8 +86,8 @@ impl Source {
         }
     }
 
-    /// What the scenario in the capture says of its links: which format each carries, and the
-    /// names of registers. Nothing if there is none, or if it cannot be set up any more.
+    /// Formats and register names of the links, from the scenario in the capture. Empty without a
+    /// scenario, or if it cannot be set up any more.
     pub(in crate::cli) fn known(&self, path: &Path) -> Vec<Known> {
         let Ok(Some((scenario, source))) = replay::scenario_of(&self.capture, path) else {
             return Vec::new();
@@ -113,7 +113,7 @@ impl Source {
         known
     }
 
-    /// Bytes without time, as a capture of one link.
+    /// Bytes without times, as a capture of one link.
     fn raw(bytes: Vec<u8>) -> Self {
         Self {
             capture: Capture {
@@ -143,7 +143,7 @@ impl Source {
     }
 }
 
-/// The registers of slaves that a scenario describes, by the names of their links.
+/// The registers of a scenario's described slaves, by link name.
 fn registers(scenario: &Scenario) -> Vec<(String, RegisterNames)> {
     let own = scenario.device.iter();
     let own = own.filter_map(|(name, spec)| Some((name, spec.settings::<RegistersSpec>()?)));
@@ -189,7 +189,7 @@ pub(in crate::cli) fn raw_record(bytes: Vec<u8>) -> Record {
     }
 }
 
-/// One direction of a link, as a whole.
+/// One direction of a link, with all its bytes.
 pub(in crate::cli) struct Lane {
     pub(in crate::cli) link: usize,
     pub(in crate::cli) direction: Direction,
@@ -200,7 +200,7 @@ pub(in crate::cli) struct Lane {
 }
 
 impl Lane {
-    /// Whether it is this direction of the link of this name.
+    /// Whether this is the named direction of the named link.
     pub(in crate::cli) fn is_of(&self, link: &str, direction: Direction) -> bool {
         self.link_name == link && self.direction == direction
     }
@@ -210,7 +210,7 @@ impl Lane {
     }
 }
 
-/// All lanes that carried anything, of links whose name is `wanted`.
+/// All directions with bytes, of links called `wanted`.
 pub(in crate::cli) fn lanes(capture: &Capture, wanted: impl Fn(&str) -> bool) -> Vec<Lane> {
     let mut lanes: Vec<Lane> = Vec::new();
     for (link, interface) in capture.links.iter().enumerate() {

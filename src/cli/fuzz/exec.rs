@@ -28,14 +28,14 @@ use crate::search::fuzz::dut::{
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Your program")]
 pub(super) struct ExecArgs {
-    /// Fuzz the program that this shell command starts, anew for each case; its ports are in the
-    /// directory $HILRIG_DIR
+    /// Fuzz the program that this shell command starts, restarted for each case; its ports are in
+    /// the directory $HILRIG_DIR
     #[arg(long, value_name = "CMD", conflicts_with_all = [
         "dut_dir", "targets", "vary"
     ])]
     exec: Option<String>,
-    /// Fuzz the program or board behind the ports in this directory, e.g. links to real ones; it is
-    /// never started anew
+    /// Fuzz the program or board at the ports in this directory, e.g. links to real ports; it is
+    /// never restarted
     #[arg(long, value_name = "DIR", conflicts_with_all = ["targets", "jobs", "vary"])]
     dut_dir: Option<PathBuf>,
     /// Directory in which the ports appear [default: OUT/ports]
@@ -44,48 +44,47 @@ pub(super) struct ExecArgs {
     /// Length of a case
     #[arg(long, value_name = "TIME", default_value = "2s")]
     case: Span,
-    /// Time within which the program must read, speak or answer after a case
+    /// Time within which the program must read, send or answer after a case
     #[arg(long, value_name = "TIME", default_value = "2s")]
     alive: Span,
     /// Time within which the program must open a port
     #[arg(long, value_name = "TIME", default_value = "10s", requires = "exec")]
     start: Span,
-    /// In virtual time: as fast as it can, and the same bytes each time; Linux on x86-64
+    /// Run in virtual time: as fast as possible, with the same bytes each time; Linux on x86-64
     #[arg(long = "virtual", requires = "exec")]
     is_virtual: bool,
-    /// Judge rules about time too: a program that this machine does not run in time breaks them
+    /// Judge timing rules too; on a busy machine the program may break them without a defect
     #[arg(long)]
     strict: bool,
-    /// Which exits with an error are findings: a program that gets something altered may report an
-    /// error and end
+    /// Which error exits are findings: a program may report an altered input as an error and exit
     #[arg(long, value_name = "WHEN", default_value = "unaltered")]
     errors: ErrorRule,
-    /// Description of the device that the program speaks to: its frames, fields and limits are
-    /// known then, not guessed. One that comes with the tool, by its name, or a file that ends with
-    /// .toml [default: those of the scenario's described devices]
+    /// Description of the program's device: its frames, fields and limits are then known instead of
+    /// guessed. One that comes with the tool, by its name, or a file that ends with .toml [default:
+    /// those of the scenario's described devices]
     #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["targets", "vary"])]
     description: Option<String>,
     /// Baud rate of the port, without a scenario [default: the program's]
     #[arg(long, value_name = "N", requires = "exec", conflicts_with = "scenario",
         value_parser = clap::value_parser!(u32).range(300..=4_000_000))]
     baud: Option<u32>,
-    /// Most cases to make a finding smaller
+    /// Maximum number of cases for minimising a finding
     #[arg(long, value_name = "N", default_value_t = 30, requires = "exec")]
     shrink: u32,
 }
 
-/// How long without --for and --cases.
+/// Duration without --for and --cases.
 const TIME: Duration = Duration::from_secs(60);
 /// Time between two lines of progress.
 const PROGRESS: Duration = Duration::from_secs(2);
-/// Virtual time that each stopped call takes.
+/// Virtual time of each stopped call.
 const CALL_COST: Duration = Duration::from_micros(1);
-/// Least wall time for which a program may compute in one piece: the machine may be busy.
+/// Minimum of the maximum wall time of computing without a call, because the machine may be busy.
 const SPIN_MIN: Duration = Duration::from_secs(2);
 /// Name of the scenario of a program without one, and its line.
 const ONE_PORT: &str = "one-port";
 const BAUD: u32 = 115_200;
-/// Longest case: what a program is told in one is held in memory.
+/// Maximum duration of a case, because all its bytes are held in memory.
 const CASE_MAX: Duration = Duration::from_secs(3600);
 
 impl ExecArgs {
@@ -292,10 +291,10 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
     })
 }
 
-/// A description, and the link that it is for; `None`: any link.
+/// A description, and its link; `None`: any link.
 type LinkDescription = (Option<String>, Arc<Description>);
 
-/// The descriptions of the devices: the one that was named, or those of the scenario.
+/// The descriptions of the devices: the named one, or those of the scenario.
 fn descriptions(
     args: &FuzzArgs,
     scenario: &Scenario,
@@ -321,7 +320,7 @@ fn descriptions(
     Ok(all)
 }
 
-/// A scenario of the described device alone.
+/// A scenario with only the described device.
 fn described_port(args: &FuzzArgs) -> Result<(Scenario, Source), CliError> {
     let file = args.exec.description.as_deref().unwrap_or_default();
     let description = described::load("--description", file)?;
@@ -340,7 +339,7 @@ fn described_port(args: &FuzzArgs) -> Result<(Scenario, Source), CliError> {
     Ok(Scenario::parse(Path::new("--description"), text)?)
 }
 
-/// A scenario of one port, on which no device speaks.
+/// A scenario of one port without a device.
 fn one_port(args: &FuzzArgs) -> Result<(Scenario, Source), CliError> {
     let (name, baud) = (args.port(), args.exec.baud.unwrap_or(BAUD));
     let text = format!(
@@ -365,7 +364,7 @@ fn in_words(progress: &Progress, time: Duration) -> String {
     )
 }
 
-/// Where the time went, and what makes a search faster.
+/// Prints where the time was spent, and how to make the search faster.
 fn cost(args: &FuzzArgs, spent: Spent, cases: u64) -> String {
     let share = |part: Duration| 100.0 * part.as_secs_f64() / spent.wall.as_secs_f64().max(1e-9);
     let (starts, rig) = (share(spent.starts), spent.rig.as_secs_f64());
@@ -379,7 +378,7 @@ fn cost(args: &FuzzArgs, spent: Spent, cases: u64) -> String {
     text
 }
 
-/// The findings, and what cannot be seen of this program.
+/// Prints the findings, and the limits of this search.
 fn report(args: &FuzzArgs, search: &Search<'_>) {
     for kept in search.findings() {
         let folder = args.out.join("findings").join(&kept.folder);

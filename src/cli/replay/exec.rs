@@ -1,4 +1,4 @@
-//! A capture played to a foreign program, which is started on pseudo-terminals.
+//! A capture played to a foreign program on pseudo-terminals.
 
 use core::time::Duration;
 use std::path::Path;
@@ -77,18 +77,18 @@ fn tell(notes: &[String]) {
     }
 }
 
-/// A case judged with a foreign program, and what else is worth telling.
+/// A case judged with a foreign program, and further notes.
 pub(in crate::cli) struct CaseTried {
     pub(in crate::cli) judgement: Judgement,
-    /// What is expected, and no port tells.
+    /// Expectations that are not visible at the ports.
     unjudged: Vec<String>,
-    /// Why it fails, as far as the ports tell.
+    /// The cause of a failure, as far as the ports show it.
     pub(in crate::cli) cause: Option<String>,
     said: String,
     notes: Vec<String>,
 }
 
-/// Plays a case to the program, judges what it does, and prints that.
+/// Plays a case to the program, judges its behaviour, and prints the result.
 pub(in crate::cli) fn judge_case(
     case: &(Case, Source),
     foreign: &Foreign,
@@ -111,12 +111,12 @@ pub(in crate::cli) fn judge_case(
     Ok(tried.judgement)
 }
 
-/// Time by which a program may do something later because of damage: in virtual time, and in real
-/// time on a busy machine.
+/// Maximum delay of a program's action caused by damage: in virtual time, and in real time on a
+/// busy machine.
 const LATE_VIRTUAL: Duration = Duration::from_millis(100);
 const LATE_REAL: Duration = Duration::from_secs(1);
 
-/// The same without printing it.
+/// The same without output.
 pub(in crate::cli) fn try_case(
     (case, source): &(Case, Source),
     foreign: &Foreign,
@@ -170,13 +170,13 @@ pub(in crate::cli) fn try_case(
     })
 }
 
-/// All that the program printed.
+/// The program's whole output.
 pub(in crate::cli) fn printed(out: &Path) -> String {
     let log = std::fs::read(out.join("program.log")).unwrap_or_default();
     String::from_utf8_lossy(&log).into_owned()
 }
 
-/// What a reference program does with the case.
+/// The behaviour of a reference program with the case.
 pub(in crate::cli) fn sound_of(
     case: &(Case, Source),
     foreign: &Foreign,
@@ -266,7 +266,7 @@ fn play_with_devices(
     })
 }
 
-/// Where and how something is played.
+/// Place and mode of a replay.
 struct Shown<'a> {
     /// Folder for ports and program.log.
     out: &'a Path,
@@ -276,7 +276,7 @@ struct Shown<'a> {
 }
 
 impl<'a> Shown<'a> {
-    /// As a case is played.
+    /// The mode for cases.
     const fn of_case(out: &'a Path) -> Self {
         let (step, expect) = (false, true);
         Self {
@@ -288,23 +288,22 @@ impl<'a> Shown<'a> {
     }
 }
 
-/// What came of it.
+/// The result of a replay.
 struct Tried {
     heard: Heard,
     links: Vec<Played>,
-    /// The probable cause of a failure, as the devices saw it.
+    /// The probable cause of a failure, from the devices' view.
     cause: Option<String>,
     /// Verdicts on the program itself.
     checks: Vec<Check>,
-    /// How the program ended, and when, if it did by itself.
+    /// How and when the program ended, if it ended itself.
     ended: Option<(Ended, Instant)>,
     said: String,
-    /// What left virtual time.
+    /// Calls outside virtual time.
     notes: Vec<String>,
 }
 
-/// Starts the program on the links that are `own`, or on all that have something to say, and plays
-/// to it.
+/// Starts the program on the links `own`, or on all links with bytes for it, and plays to it.
 fn play_to(
     foreign: &Foreign,
     recorded: &Recorded,
@@ -382,7 +381,7 @@ fn play_in_real_time(
     })
 }
 
-/// The verdicts on a program that are made of a replay: what it reads and when none is judged.
+/// Checks on the program that a replay judges.
 const JUDGED: [&str; 4] = [
     "program-connected",
     "program-alive",
@@ -468,7 +467,7 @@ fn play_in_virtual_time(
     })
 }
 
-/// The links that are played: those that are named, or all that have something for the program.
+/// The links to play: the named ones, or all with bytes for the program.
 fn played<'a>(
     foreign: &Foreign,
     own: Option<&[String]>,

@@ -1,11 +1,11 @@
-//! What a capture says of the links of a program, and where the program parts from it.
+//! The links of a program in a capture, and the program's first difference from the capture.
 
 use crate::capture::replay::Played;
 use crate::cli::CliError;
 use crate::robots::{self, Dut, PcEnd};
 use crate::scenario::{Scenario, Source};
 
-/// Where what the program asks first differs from the capture, as a cause.
+/// The first different request of the program, as a cause.
 pub(super) fn parted(links: &[Played]) -> Option<String> {
     let talks = links.iter().filter_map(|one| one.talk.as_ref());
     let parted = talks.filter_map(|talk| talk.divergence.as_ref());
@@ -17,8 +17,8 @@ pub(super) fn parted(links: &[Played]) -> Option<String> {
     ))
 }
 
-/// The links at which the captured robot's program is, if it is known which robot that was: what
-/// reaches the PC is not for it.
+/// The links of the captured robot's program, if the robot is known: bytes to the PC are not for
+/// the program.
 pub(super) fn own_links(
     robot: Option<&(Scenario, Source)>,
 ) -> Result<Option<Vec<String>>, CliError> {

@@ -22,23 +22,24 @@ use crate::robots::{self, Dut, PcEnd};
 use crate::run::Run;
 use crate::scenario::{Scenario, Source};
 
-/// What a program is put into, besides its scenario.
+/// The surroundings of a program, besides its scenario.
 pub(super) struct Placement<'a> {
     /// Folder for the results.
     pub(super) out: &'a Path,
-    /// Directory of the ports; in the folder unless told otherwise.
+    /// Directory of the ports [default: in the result folder].
     pub(super) dir: Option<&'a Path>,
     /// Links on real ports.
     pub(super) ends: &'a EndArgs,
     /// The page, if there is one.
     pub(super) show: &'a mut Show,
-    /// Whether there is to be one.
+    /// Whether a page is wanted.
     pub(super) is_shown: bool,
     /// The command that repeats the run.
     pub(super) again: Option<String>,
 }
 
-/// Runs `scenario` with a foreign program and writes the result folder, whatever ends it.
+/// Runs `scenario` with a foreign program and writes the result folder, also after a signal or an
+/// error.
 pub(super) fn judged_exec(
     scenario: Scenario,
     source: &Source,
@@ -86,10 +87,10 @@ pub(super) fn judged_exec(
     Ok(ran)
 }
 
-/// Rig time between two words about a late rig.
+/// Rig time between two messages about a late rig.
 const STALLS_EVERY: Duration = Duration::from_secs(1);
 
-/// Goes on until the run is over, a signal comes or a real port is lost.
+/// Runs until the run is over, a signal arrives or a real port is lost.
 fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), TransportError> {
     let mut progress = Progress::new(Talk::Verdict);
     let mut has_begun = false;
@@ -116,7 +117,7 @@ fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), Transpo
     Ok(())
 }
 
-/// The directory of the ports as the program is told it: it may go elsewhere.
+/// The absolute directory of the ports, because the program may change its directory.
 pub(super) fn ports_in(out: &Path, dir: Option<&Path>) -> Result<PathBuf, CliError> {
     let dir = dir.map_or_else(|| out.join("ports"), Path::to_owned);
     std::path::absolute(&dir)

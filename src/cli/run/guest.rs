@@ -27,14 +27,14 @@ use safefs::Dir;
 /// A program and how it is supervised.
 pub(super) struct Guest {
     pub(super) foreign: Foreign,
-    /// File for what is decided, call by call.
+    /// File for the answer to each call.
     pub(super) trace: Option<PathBuf>,
-    /// Whether it is run twice, to see whether it does the same.
+    /// Whether the program is run twice to compare the runs.
     pub(super) is_checked: bool,
 }
 
-/// Runs `scenario` with a foreign program in virtual time and writes the result folder, whatever
-/// ends it.
+/// Runs `scenario` with a foreign program in virtual time and writes the result folder, also after
+/// a signal or an error.
 pub(super) fn judged_guest(
     (scenario, source): (&Scenario, &Source),
     guest: &Guest,
@@ -84,10 +84,10 @@ pub(super) fn judged_guest(
     Ok(ran)
 }
 
-/// What the program says, in a result folder.
+/// Name of the program's log in the result folder.
 const LOG: &str = "program.log";
 
-/// Whether two runs were the same: bytes on the lines, and what the program said.
+/// Compares two runs: bytes on the lines, and the program's output.
 fn same(first: &Played, second: &Played, logs: [PathBuf; 2]) -> Check {
     let hashes = [&first.outcome.trace_hash, &second.outcome.trace_hash];
     let parts = first.calls.part_from(&second.calls);
@@ -107,7 +107,7 @@ fn same(first: &Played, second: &Played, logs: [PathBuf; 2]) -> Check {
     Check::new("deterministic", hashes[0] == hashes[1], detail)
 }
 
-/// Where what a program said in two runs parts.
+/// The first difference between the outputs of two runs.
 fn other_words(one: &[u8], other: &[u8]) -> Option<String> {
     let lines = |text: &[u8]| -> Vec<String> {
         let text = String::from_utf8_lossy(text);
@@ -131,7 +131,7 @@ fn other_words(one: &[u8], other: &[u8]) -> Option<String> {
     ))
 }
 
-/// Runs it once; what is written while it runs goes to `out`.
+/// Runs the program once; its output goes to `out`.
 fn play(
     (scenario, source): (&Scenario, &Source),
     guest: &Guest,

@@ -21,37 +21,37 @@ use crate::show::Summary;
 use crate::show::folder::{self, FolderError, Metrics};
 use safefs::Dir;
 
-/// How much is said while a run goes on.
+/// Amount of output during a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::cli) enum Talk {
-    /// What the robot does, as it does it.
+    /// Prints the robot's events as they happen.
     Story,
-    /// The verdict only, and progress when it takes long.
+    /// Prints the verdict only, and progress of long runs.
     Verdict,
 }
 
-/// What moves a run's clock.
+/// The source of a run's time.
 pub(in crate::cli) enum Clocking<'a> {
-    /// Jumps from event to event.
+    /// Virtual time, which jumps from event to event.
     Virtual,
-    /// The wall clock, and a page on which the run may be shown.
+    /// The wall clock, and a page that may show the run.
     Realtime(&'a mut Show),
 }
 
 /// A finished run.
 pub(in crate::cli) struct Ran {
     pub(in crate::cli) outcome: Outcome,
-    /// Wall time that it took.
+    /// Wall time of the run.
     pub(in crate::cli) wall: Duration,
-    /// Number of the signal that ended it before its time.
+    /// Number of the signal that ended the run early.
     pub(in crate::cli) signal: Option<u8>,
-    /// Whether it failed in ways of which the rig's own lateness may be the cause.
+    /// Whether it failed in ways that the rig's own lateness may have caused.
     pub(in crate::cli) is_doubtful: bool,
 }
 
 impl Ran {
-    /// What failed is doubted if the rig was too late, unless it is a fact about the program; says
-    /// so among the checks.
+    /// Does not judge failed checks if the rig was too late, except facts about the program; adds a
+    /// check that says so.
     pub(in crate::cli) fn doubt(&mut self, lateness: &Lateness) {
         let checks = &mut self.outcome.checks;
         let mut failed = checks.iter().filter(|check| check.status == Status::Fail);
@@ -67,7 +67,7 @@ impl Ran {
         }
     }
 
-    /// As it stands in the output of `--json`; its results are in `folder`.
+    /// The run in the form of `--json`, with its results in `folder`.
     pub(in crate::cli) fn answer(&self, folder: &Path, repeat: Option<String>) -> RunEnded {
         let outcome = &self.outcome;
         RunEnded {
@@ -93,11 +93,10 @@ impl Ran {
     }
 }
 
-/// Time of silence after which a long run says how far it is.
+/// Time without output after which a long run prints its progress.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Makes the folder for the results. Before the run: one that cannot be written must not cost a
-/// whole run.
+/// Creates the result folder before the run, so that an unwritable folder does not waste a run.
 pub(super) fn make_folder(out: &Path) -> Result<(), FolderError> {
     let made = Dir::create(out).map(drop);
     made.map_err(|source| FolderError {
@@ -174,7 +173,7 @@ pub(super) fn judged_with(
     Ok(ran)
 }
 
-/// Tells from time to time how far a run is.
+/// Prints the progress of a run from time to time.
 pub(super) struct Progress {
     talk: Talk,
     visits: usize,
@@ -190,8 +189,8 @@ impl Progress {
         }
     }
 
-    /// Looks at `run` at `elapsed` of the wall clock. How far a run is, and when it may be over, is
-    /// told to a terminal only.
+    /// Checks `run` at `elapsed` of the wall clock. Progress and remaining time are printed only on
+    /// a terminal.
     pub(super) fn print(&mut self, run: &Run, elapsed: Duration) {
         let mission = run.progress();
         let is_new = mission.visits().len() > self.visits;
@@ -214,8 +213,7 @@ impl Progress {
     }
 }
 
-/// The verdict on a run that a signal ended before its time: whatever else held, it is unknown what
-/// would have come.
+/// The verdict on a run that a signal ended early: the missing part is unknown, so it cannot pass.
 pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
     let signal = stop.signal().filter(|_| !run.is_over())?;
     let name = match signal {
@@ -227,14 +225,14 @@ pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
     Some(Check::new("ran-to-its-end", false, detail))
 }
 
-/// Says at once what is wrong with the capture: later it is too late to make room for it.
+/// Reports a capture error immediately, while disk space can still be freed.
 pub(super) fn report_trouble(run: &mut Run) {
     if let Some(trouble) = run.rig.take_tap_trouble() {
         eprintln!("  {trouble}");
     }
 }
 
-/// Says which ports lost bytes because the program did not read them.
+/// Prints the ports that lost bytes because the program did not read them.
 pub(super) fn print_losses(reports: &[PortReport]) {
     for report in reports.iter().filter(|report| report.lost.overrun > 0) {
         let (name, lost) = (&report.name, report.lost.overrun);
@@ -242,8 +240,8 @@ pub(super) fn print_losses(reports: &[PortReport]) {
     }
 }
 
-/// Says in the capture in `out` how its run ended, if all of it was written; `command` is that of
-/// the foreign program.
+/// Writes the end of the run into the capture in `out`, if the capture is complete; `command` is
+/// that of the foreign program.
 pub(super) fn finish_capture(
     recorded: std::io::Result<()>,
     out: &Path,

@@ -1,5 +1,4 @@
-//! A case of bytes made smaller: lines of bytes to the program are left out while the same check
-//! fails.
+//! Shrinks a case of bytes: removes lines of bytes to the program while the same check fails.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -16,7 +15,7 @@ use crate::run::check::Status;
 use crate::scenario::Source;
 use crate::search::shrink::{self, Effort};
 
-/// A capture as the case that is made of it.
+/// Reads a capture as a case.
 pub(super) fn of_capture(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     let capture = read(&args.file)?;
     let recorded = shortened(&args.file, Recorded::of(&capture, None));
@@ -109,7 +108,7 @@ fn failed(judgement: &Judgement) -> Option<String> {
     (!names.is_empty()).then(|| Vec::from_iter(names).join(", "))
 }
 
-/// `case` with these lines to the program alone.
+/// `case` with only these lines to the program.
 fn with_lines(case: &Case, left: &[Line]) -> Case {
     let left: BTreeSet<Line> = left.iter().copied().collect();
     let mut small = case.clone();

@@ -1,4 +1,4 @@
-//! Finds out what a log is, and reads it.
+//! Recognises the format of a log, and reads it.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -13,12 +13,12 @@ use crate::slam::bag::{Contents, db3, folder};
 use crate::slam::finding::Kind;
 use crate::slam::{Log, carmen, wire};
 
-/// With this every pcapng file begins.
+/// First bytes of every pcapng file.
 const PCAPNG: &[u8] = &[0x0A, 0x0D, 0x0D, 0x0A];
-/// With this every MCAP file begins.
+/// First bytes of every MCAP file.
 const MCAP: &[u8] = b"\x89MCAP";
 
-/// Reads the log, whatever it is; and the mapper that is usual for its kind.
+/// Reads a log of any known format, and returns the usual mapper for it.
 pub(super) fn open(path: &Path, scenario: Option<&Path>) -> Result<(Log, ModeArg), CliError> {
     if path.is_dir() {
         let inside = path.join("capture.pcapng");
@@ -47,7 +47,7 @@ pub(super) fn open(path: &Path, scenario: Option<&Path>) -> Result<(Log, ModeArg
     Ok((log, ModeArg::Graph))
 }
 
-/// How files begin that hold logs and are not read, and what to do.
+/// First bytes of log formats that are not supported, with the next step for the user.
 const FOREIGN: [(&[u8], &str); 3] = [
     (
         b"#ROSBAG V",
@@ -63,7 +63,7 @@ const FOREIGN: [(&[u8], &str); 3] = [
     ),
 ];
 
-/// The files of one recording; what of them cannot be read is left out and counted.
+/// Reads the files of one recording; unreadable parts are skipped and counted.
 fn bag(dir: &Path, files: &[PathBuf], scenario: Option<&Path>) -> Result<Log, CliError> {
     let mut contents = Contents::default();
     for file in files {
@@ -84,7 +84,7 @@ fn bag(dir: &Path, files: &[PathBuf], scenario: Option<&Path>) -> Result<Log, Cl
     log_of(contents, dir, scenario)
 }
 
-/// Adds what a recording's file holds, if it is one.
+/// Adds the content of a recording's file, if the file is one.
 fn add(contents: &mut Contents, bytes: &[u8], path: &Path) -> Result<bool, String> {
     if bytes.starts_with(MCAP) {
         return mcap(contents, bytes).map(|()| true);
@@ -118,7 +118,7 @@ fn mcap(contents: &mut Contents, bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// Ours hold the bytes of the links, from which more is known than from its messages.
+/// Files of hilrig contain the bytes of the links, which hold more than the messages.
 fn log_of(mut contents: Contents, path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
     contents.sort();
     let robot = match (scenario, &contents.scenario) {
@@ -147,7 +147,7 @@ fn capture(path: &Path, scenario: Option<&Path>) -> Result<Log, CliError> {
         .map_err(|error| CliError::content(path, error))
 }
 
-/// What a mapper needs to know of the scenario's robot.
+/// The mapper's settings from the scenario's robot.
 fn senses(scenario: &Scenario, source: &Source) -> Result<robots::Senses, CliError> {
     let senses = robots::of(scenario, source)?.senses(scenario, source)?;
     senses.ok_or_else(|| {
@@ -157,7 +157,7 @@ fn senses(scenario: &Scenario, source: &Source) -> Result<robots::Senses, CliErr
     })
 }
 
-/// What a packed file holds, or the file itself; of a damaged one, what is before the damage.
+/// The content of a packed file, or the file itself; of a damaged file, the part before the damage.
 fn unpacked<'a>(bytes: &'a [u8], path: &Path) -> Result<Cow<'a, [u8]>, String> {
     let Some(out) = unpack::any(bytes, BYTES_MAX) else {
         return Ok(Cow::Borrowed(bytes));

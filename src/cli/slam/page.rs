@@ -1,4 +1,4 @@
-//! `--ui`: the mapper at work, on a page.
+//! `--ui`: the running mapper on a page.
 
 use std::path::Path;
 
@@ -22,11 +22,11 @@ use {
     std::sync::Arc,
 };
 
-/// Whether there is to be a page.
+/// The option for the page.
 #[derive(Debug, Args)]
 pub(super) struct PageArgs {
-    /// Show the mapper at work on a page in the browser, at this TCP port of this machine or any
-    /// free one: at a hundred times the log's pace, or as the page asks; it stays until Ctrl-C
+    /// Show the running mapper on a page in the browser, at this TCP port of this machine or any
+    /// free one: at a hundred times the log's pace, or as set on the page; it stays until Ctrl-C
     #[cfg(feature = "ui")]
     #[arg(long = "ui", value_name = "PORT", num_args = 0..=1, require_equals = true,
           default_missing_value = "0")]
@@ -34,7 +34,7 @@ pub(super) struct PageArgs {
 }
 
 impl PageArgs {
-    /// Starts the page for the log at `path` of so many scans, if one is wanted.
+    /// Starts the page for the log at `path` with `scans` scans, if one is wanted.
     #[cfg(feature = "ui")]
     pub(super) fn start(&self, path: &Path, scans: usize) -> Result<Page, CliError> {
         let Some(port) = self.port else {
@@ -55,7 +55,7 @@ impl PageArgs {
         }))))
     }
 
-    /// There is none.
+    /// Always `None`: this build has no page.
     #[cfg(not(feature = "ui"))]
     pub(super) fn start(&self, _path: &Path, _scans: usize) -> Result<Page, CliError> {
         Ok(Page())
@@ -67,10 +67,10 @@ pub(super) struct Page(#[cfg(feature = "ui")] Option<Box<Open>>);
 
 #[cfg(not(feature = "ui"))]
 impl Page {
-    /// There is no page.
+    /// Does nothing: this build has no page.
     pub(super) fn look(&mut self, _look: &Look<'_>) {}
 
-    /// There is no page.
+    /// Does nothing: this build has no page.
     pub(super) fn stay(&mut self, _survey: &Survey) {}
 }
 
@@ -85,7 +85,7 @@ struct Open {
     last: Option<Known>,
 }
 
-/// What was counted.
+/// The counts.
 #[cfg(feature = "ui")]
 #[derive(Default)]
 struct Tally {
@@ -98,7 +98,7 @@ struct Tally {
 
 #[cfg(feature = "ui")]
 impl Page {
-    /// Shows what is known after a scan, once that is due.
+    /// Shows the state after a scan, if an update is due.
     pub(super) fn look(&mut self, look: &Look<'_>) {
         if let Some(open) = &mut self.0 {
             open.look(look);
@@ -121,7 +121,7 @@ impl Page {
     }
 }
 
-/// Longest log that the time line covers, seconds: three years.
+/// Longest log on the timeline, seconds: three years.
 #[cfg(feature = "ui")]
 const LONGEST_S: f64 = 1e8;
 
@@ -159,7 +159,7 @@ impl Open {
         }
     }
 
-    /// All scans have been heard: the poses may have moved a last time.
+    /// All scans are processed: the last optimisation may have moved the poses.
     fn show_last(&mut self, survey: &Survey) {
         let Some(mut known) = self.last.take() else {
             return;
@@ -247,17 +247,17 @@ impl Open {
     }
 }
 
-/// Most columns and rows of a map that a page draws once.
+/// Maximum number of columns and rows of a map that a page draws once.
 #[cfg(feature = "ui")]
 const CELLS_MAX: usize = 6000;
-/// Cells of a map that a page can draw many times a second, along its longer edge.
+/// Maximum number of cells along the longer edge of a map that a page draws many times a second.
 #[cfg(feature = "ui")]
 const CELLS_ACROSS: f64 = 800.0;
-/// Around the way the robot sees so far, metres.
+/// Margin of the map around the path so far, metres.
 #[cfg(feature = "ui")]
 const SEEN_M: f64 = 10.0;
 
-/// Edge of a cell with which a map of this way has not too many, metres.
+/// Cell size that keeps a map of this path below the maximum number of cells, metres.
 #[cfg(feature = "ui")]
 fn cell_m(way: &[Pose]) -> f64 {
     let span = |axis: fn(&Pose) -> f64| {
@@ -273,10 +273,10 @@ fn cell_m(way: &[Pose]) -> f64 {
     cell_m
 }
 
-/// Most places of an overlay's line.
+/// Maximum number of points in an overlay's line.
 #[cfg(feature = "ui")]
 const PLACES_MAX: usize = 1900;
-/// Most loops that are drawn.
+/// Maximum number of drawn loop closures.
 #[cfg(feature = "ui")]
 const LOOPS_MAX: usize = 900;
 

@@ -1,5 +1,5 @@
-//! `hilrig fuzz --exec .. --jobs N`: as many searches side by side, each a process of its own in a
-//! folder of its own; what they find is put together, each cause once.
+//! `hilrig fuzz --exec .. --jobs N`: N searches in parallel, each a process with its own folder.
+//! Their findings are merged, each cause once.
 
 use core::num::NonZeroUsize;
 use core::time::Duration;
@@ -18,11 +18,11 @@ use crate::realtime::clock::{Clock, WallClock};
 use crate::search::fuzz::dut::{Kept, State};
 use safefs::Dir;
 
-/// Between two looks at the searches.
+/// Time between two checks of the searches.
 const LOOK: Duration = Duration::from_millis(100);
-/// Between two lines of progress.
+/// Time between two lines of progress.
 const PROGRESS: Duration = Duration::from_secs(2);
-/// Longer than any search needs to end once it was asked to.
+/// Maximum time for a search to end after SIGTERM.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Runs `jobs` searches.
@@ -127,7 +127,7 @@ impl Job {
         let _ = self.child.kill();
     }
 
-    /// Whether it could not search: 0 and 1 are verdicts, 130 is Ctrl-C's.
+    /// Whether the search failed: 0 and 1 are verdicts, 130 is Ctrl-C's.
     fn has_failed(&self) -> bool {
         !matches!(self.ended, Some(0 | 1 | 130) | None)
     }
@@ -141,7 +141,7 @@ impl Job {
     }
 }
 
-/// The arguments of search `number`, but for its folder.
+/// The arguments of search `number`, without its folder.
 fn words(args: &FuzzArgs, number: usize, jobs: usize) -> Vec<String> {
     let mut words: Vec<String> = Vec::new();
     let mut add = |name: &str, value: Option<String>| {
@@ -186,7 +186,7 @@ fn in_words(all: &[Job], time: Duration) -> String {
     )
 }
 
-/// The findings of several searches, each cause once; by their keys in the order of the first one.
+/// The findings of several searches, each cause once, keyed and ordered by first occurrence.
 fn merged<'a>(states: impl Iterator<Item = &'a State>) -> Vec<Kept> {
     let mut all: Vec<Kept> = Vec::new();
     for kept in states.flat_map(|state| &state.findings) {
@@ -198,7 +198,7 @@ fn merged<'a>(states: impl Iterator<Item = &'a State>) -> Vec<Kept> {
     all
 }
 
-/// Copies each finding to the common folder; a file that names its folder names the new one there.
+/// Copies each finding to the common folder; a file with the name of its folder gets the new name.
 fn put_together(args: &FuzzArgs, all: &[Job]) -> Result<Vec<Kept>, CliError> {
     let states: Vec<(&Path, State)> = all
         .iter()
