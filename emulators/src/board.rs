@@ -21,7 +21,7 @@ use crate::event_log::EventLog;
 use crate::quantity::Variables;
 use crate::world::World;
 
-/// What starts a board anew.
+/// Event that resets a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetOn {
     /// The host's DTR goes on, as with an Arduino.

@@ -22,7 +22,7 @@ pub struct Variable {
     pub limits: [i64; 2],
     /// Taken on when the master has been silent for the device's watchdog time.
     pub safe: Option<i64>,
-    /// Where it comes from.
+    /// Source of the value.
     pub source: ValueSource,
     /// What it sets in the world when it changes.
     pub drives: Option<Sink>,

@@ -86,7 +86,7 @@ pub enum Access {
 pub struct Register {
     /// Address of its first byte.
     pub address: u8,
-    /// How it lies in the registers.
+    /// Type of the value in the registers.
     pub width: Width,
     /// Whether a master may write it.
     pub access: Access,

@@ -94,7 +94,7 @@ pub struct View<'a> {
     pub map: &'a Grid,
     /// Where the robot is.
     pub pose: Pose,
-    /// What it does.
+    /// The measured value.
     pub state: State,
     /// Where it goes.
     pub waypoints: &'a Waypoints,

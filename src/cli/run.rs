@@ -62,7 +62,7 @@ pub(super) struct RunArgs {
     program: ExecArgs,
     #[command(flatten)]
     firmware: FirmwareArgs,
-    /// Run it twice in virtual time; if it does not do the same, name the first call that differs
+    /// Run the program twice in virtual time; if the runs differ, name the first different call
     #[arg(long, requires = "is_virtual")]
     check: bool,
     /// Write the answer of virtual time to each call of the program

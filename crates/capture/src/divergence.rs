@@ -65,7 +65,7 @@ impl Track {
 pub struct Divergence {
     /// Name of the link.
     pub link: String,
-    /// Which way.
+    /// Direction.
     pub direction: Direction,
     /// When the byte was complete: as expected, or as it came if none was expected.
     pub at: Instant,

@@ -89,7 +89,7 @@ pub struct Rig {
     excused: u64,
     /// Those among them that devices count by themselves.
     excused_counts: u64,
-    /// How much may go wrong at random.
+    /// Limits of random faults.
     pub budget: Budget,
     /// What goes on besides damage to bytes.
     disturbed: Vec<Disturbance>,

@@ -55,7 +55,7 @@ pub use tuning::TuningSpec;
 pub use world::WorldSpec;
 pub use world::{PillarSpec, StartSpec, WallSpec};
 
-/// The only schema so far. Later versions go on reading it.
+/// The only schema version so far. Later versions will still read it.
 pub const SCHEMA: u32 = 1;
 
 /// A run as data: a TOML file with these keys and tables, and no others.
@@ -68,24 +68,24 @@ pub struct Scenario {
     /// Short name for files and reports: letters, digits, `-`, `_` and `.`.
     #[serde(deserialize_with = "file_name")]
     pub name: String,
-    /// What it is about, for people.
+    /// Human-readable description.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// Which robot is run, by its name.
+    /// Name of the robot.
     pub robot: String,
-    /// How long the run takes at most; it ends sooner when the mission is done.
+    /// Maximum duration of the run; it ends earlier when the mission is done.
     pub duration: Span,
     /// Seed of all randomness, 0 to 9223372036854775807; `--seed` replaces it.
     #[serde(default = "default_seed", deserialize_with = "seed")]
     #[schemars(range(min = 0, max = 9_223_372_036_854_775_807_u64))]
     pub seed: u64,
-    /// Where a saved case comes from; written by the rig.
+    /// Origin of a saved case; written by the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<Origin>,
-    /// What the robot has to do.
+    /// Task of the robot.
     #[serde(default)]
     pub mission: Mission,
-    /// What must have come true in the end.
+    /// Conditions that must be true at the end.
     #[serde(default)]
     pub expect: Expect,
     /// The robot's program.
@@ -95,31 +95,31 @@ pub struct Scenario {
     /// given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chassis: Option<ChassisSpec>,
-    /// Settings of devices, by the names that the robot gives them, and devices of one's own.
+    /// Settings of the robot's devices, by their names, and your own devices.
     #[serde(default)]
     #[schemars(schema_with = "schema::devices")]
     pub device: BTreeMap<String, DeviceSpec>,
     /// Settings of links, by the names that the robot gives them.
     #[serde(default)]
     pub link: BTreeMap<String, LinkSpec>,
-    /// How much may go wrong at random.
+    /// Limits of random faults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<BudgetSpec>,
-    /// When things may go wrong at random, and when the robot must be at work again.
+    /// Times of random faults, and the time when the robot must work again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phases: Option<PhasesSpec>,
-    /// Ground truth; only `robot = "none"` can do without.
+    /// The true world; only `robot = "none"` may omit it.
     #[serde(
         default = "WorldSpec::nowhere",
         skip_serializing_if = "WorldSpec::is_nowhere"
     )]
     pub world: WorldSpec,
-    /// What goes wrong.
+    /// A fault.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fault: Vec<FaultSpec>,
 }
 
-/// Where a saved case comes from.
+/// Origin of a saved case.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
@@ -133,27 +133,26 @@ pub struct Origin {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProgramSpec {
-    /// Mode in which the program starts, as the robot calls it; the one in which it stands if not
-    /// given.
+    /// Mode in which the program starts, by the robot's name for it; the stop mode if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_mode: Option<String>,
-    /// Which algorithm maps.
+    /// Mapping algorithm.
     #[serde(default)]
     pub mapper: MapperSpec,
-    /// Which processor runs it.
+    /// Processor of the program.
     #[serde(default)]
     pub cpu: CpuSpec,
-    /// Defects of the fielded program that it has, by the numbers that `hilrig bugs` lists; none
-    /// if not given.
+    /// Enabled defects of the fielded program, by their numbers in `hilrig bugs`; none if not
+    /// given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<String>")]
     pub defects: Vec<toml::Spanned<String>>,
-    /// Tells the PC of battery, errors and findings as well, where the robot's program can.
+    /// Also reports battery, errors and findings to the PC, if the robot's program supports it.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub diagnosis: bool,
-    /// Rate at which the radio is when the robot starts, bit/s, e.g. 9600 of a module as shipped:
-    /// the program, where it can, sets name, PIN and its own rate by commands before it uses it,
-    /// which takes some five seconds in which no PC may connect. If not given, the radio is ready.
+    /// UART rate of the radio at the robot's start, bit/s, e.g. 9600 for a new module. The program,
+    /// if it supports this, first sets name, PIN and its own rate by commands; this takes about
+    /// five seconds, in which no PC may connect. If not given, the radio is already configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radio_baud: Option<NonZeroU32>,
     /// Figures in place of the program's own.
@@ -241,8 +240,7 @@ impl Scenario {
         Self::parse(path, text)
     }
 
-    /// Reads a scenario that stands in a program; files that it names are relative to where that
-    /// runs.
+    /// Reads a scenario from a string; its file paths are relative to the current directory.
     ///
     /// # Errors
     /// As [`parse`](Self::parse), with `<text>` in the place of the file's name.

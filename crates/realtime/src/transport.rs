@@ -229,7 +229,7 @@ pub enum TransportError {
     Directory {
         /// The directory.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The directory belongs to another running rig.
@@ -267,7 +267,7 @@ pub enum TransportError {
     Pty {
         /// Where it should have appeared.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// There is no such port.
@@ -307,7 +307,7 @@ pub enum TransportError {
         path: PathBuf,
         /// What was tried.
         baud: u32,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// There is no such address here, or another process listens there.
@@ -315,7 +315,7 @@ pub enum TransportError {
     Network {
         /// As given.
         address: SocketAddr,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// The port was there and went away.
@@ -327,7 +327,7 @@ pub enum TransportError {
     Lost {
         /// The port.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
 }

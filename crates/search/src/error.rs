@@ -11,7 +11,7 @@ pub enum StoreError {
     File {
         /// Which.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
     /// What is needed cannot be used, like a folder in the place of a file.
@@ -19,7 +19,7 @@ pub enum StoreError {
     Unusable {
         /// Which.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
         /// What should be there.
         expected: &'static str,
@@ -40,7 +40,7 @@ pub enum StoreError {
     Content {
         /// Which.
         path: PathBuf,
-        /// What is wrong and what was expected.
+        /// The error, and the expected value.
         message: String,
     },
 }

@@ -33,7 +33,7 @@ pub struct Vary {
     pub mission: bool,
     /// When things begin and how long they take on the way.
     pub timing: bool,
-    /// What goes wrong.
+    /// A fault.
     pub faults: bool,
 }
 

@@ -29,9 +29,9 @@ impl Default for Mount {
 /// Which way the head turns, seen from above.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Direction {
-    /// As every report but one says.
+    /// As in all reports but one.
     #[default]
     CounterClockwise,
-    /// As that one says.
+    /// As in that one report.
     Clockwise,
 }

@@ -69,7 +69,7 @@ impl RangeSensor {
 /// A finger on the button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Press {
-    /// From when.
+    /// Start time.
     pub at: Instant,
     /// For how long.
     pub lasting: Duration,

@@ -99,7 +99,7 @@ impl Mode {
 /// State of the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct State {
-    /// What it does.
+    /// The measured value.
     pub mode: Mode,
     /// Measured speed, left and right, in ticks per 40 ms.
     pub speed: [i8; 2],

@@ -140,7 +140,7 @@ pub struct Infrared {
 pub struct Telemetry {
     /// Milliseconds since the robot's start.
     pub timestamp_ms: u32,
-    /// What it does.
+    /// The measured value.
     pub state: Option<State>,
     /// Where it believes to be.
     pub odometry: Option<Odometry>,

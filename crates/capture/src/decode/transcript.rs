@@ -68,7 +68,7 @@ struct Lane {
 pub struct Known {
     /// Name of the link.
     pub link: String,
-    /// Which way.
+    /// Direction.
     pub direction: Direction,
     /// What it carries, if it carries frames of it at all.
     pub codec: Option<&'static Codec>,
@@ -90,7 +90,7 @@ pub struct Transcript {
 pub struct Sum {
     /// Index of the link.
     pub link: usize,
-    /// Which way.
+    /// Direction.
     pub direction: Direction,
     /// What it carried, if any frame was found.
     pub codec: Option<&'static Codec>,

@@ -22,7 +22,7 @@ pub enum Disturbance {
     Tell {
         /// Which link.
         link: String,
-        /// Which way.
+        /// Direction.
         direction: Direction,
         /// At the begin.
         begin: LineEvent,
@@ -34,7 +34,7 @@ pub enum Disturbance {
     Unplug {
         /// Which link.
         link: String,
-        /// Which way.
+        /// Direction.
         direction: Direction,
         /// The name of the client's port from then on, if it is another one.
         back_as: Option<String>,

@@ -83,7 +83,7 @@ pub struct Line {
     pub from: End,
     /// Where they go.
     pub to: End,
-    /// What goes wrong.
+    /// A fault.
     pub faults: LineFaults,
     /// Time between the last bit on the wire and the receiver seeing the byte.
     pub latency: Duration,

@@ -142,7 +142,7 @@ pub struct DriveKeys {
 pub struct PlaceAct {
     /// Name of the mode.
     pub mode: &'static str,
-    /// What it does, in a sentence.
+    /// Its effect, in a sentence.
     pub about: &'static str,
     /// Whether a heading follows the place.
     pub heading: bool,

@@ -1,4 +1,4 @@
-//! The board of a slave as data: what resets it, and the modem lines that it sets.
+//! The board of a slave as data: its reset source, and the modem lines that it sets.
 
 use emulators::board::{BoardConfig, HostLine, PIN_LINE, RESET_PIN, ResetOn};
 use schemars::JsonSchema;
@@ -9,12 +9,12 @@ use super::device::PortInfo;
 use super::{ScenarioError, Source, Span};
 use crate::rig::LinkKind;
 
-/// What starts a board anew.
+/// Event that resets a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ResetSpec {
-    /// The host's DTR goes on, as with an Arduino: the link `NAME-dtr`, a byte a level. Each
-    /// opening of the port does that.
+    /// The host's DTR turns on, as with an Arduino: the link `NAME-dtr`, one byte per level. Every
+    /// opening of the port turns it on.
     Dtr,
     /// The same with RTS, as behind some adapter cables: the link `NAME-rts`.
     Rts,
@@ -45,7 +45,7 @@ pub struct RaisesSpec {
     pub ri: Option<Spanned<String>>,
 }
 
-/// What a description says of its board.
+/// The board settings of a description.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoardKeys<'a> {
     pub(super) resets_on: Option<ResetSpec>,
@@ -92,7 +92,7 @@ impl BoardKeys<'_> {
         })
     }
 
-    /// Its pins, besides the serial port.
+    /// Its pins, without the serial port.
     pub(super) fn ports(self) -> Vec<PortInfo> {
         let pin = |name, port, connect| {
             let info = PortInfo::uart(name, port, PIN_LINE, connect);

@@ -10,8 +10,7 @@ use toml::Spanned;
 
 use super::{ScenarioError, Source};
 
-/// The drive train of a custom robot, one of these tables; or what is different at the car of a
-/// robot that is one.
+/// The drive train of a custom robot, one of these tables; for a built-in car, its changed figures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ChassisSpec {
@@ -23,7 +22,7 @@ pub enum ChassisSpec {
     Ackermann(Box<AckermannSpec>),
 }
 
-/// What a differential chassis has besides the figures of `[world.body]`.
+/// Settings of a differential chassis in addition to `[world.body]`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DifferentialSpec {
@@ -34,8 +33,7 @@ pub struct DifferentialSpec {
     pub footprint_m: Option<Spanned<Vec<[f64; 2]>>>,
 }
 
-/// Figures of a car; what is not given is that of a Tamiya TT-01 in 1:10, or of the robot that has
-/// one.
+/// Figures of a car; the defaults are those of a Tamiya TT-01 in 1:10, or of the robot's own car.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AckermannSpec {
@@ -59,10 +57,10 @@ pub struct AckermannSpec {
     /// Largest steering angle to either side, degrees; 25 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_max_deg: Option<f64>,
-    /// What the linkage makes of an angle: the wheels' by the servo's, 0.1 to 2; 1 if not given.
+    /// Ratio of the linkage: wheel angle divided by servo angle, 0.1 to 2; 1 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_gain: Option<f64>,
-    /// How the wheels stand when straight ahead is told, degrees, to the left positive; 0 if not
+    /// Steering angle when the command is straight ahead, degrees, to the left positive; 0 if not
     /// given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_trim_deg: Option<f64>,
@@ -94,7 +92,7 @@ pub struct AckermannSpec {
 const WHEEL_TICKS_PER_TURN: u32 = 120;
 
 impl ChassisSpec {
-    /// The chassis; `body` has the figures of a differential one, `seed` chooses its dice.
+    /// The chassis; `body` has the figures of a differential one, `seed` seeds its random numbers.
     ///
     /// # Errors
     /// If a figure is out of range, or the outline is none.
@@ -129,7 +127,7 @@ impl ChassisSpec {
 }
 
 impl AckermannSpec {
-    /// The car; what is not given is as `usual`, `seed` chooses its dice.
+    /// The car; missing figures come from `usual`, `seed` seeds its random numbers.
     ///
     /// # Errors
     /// If a figure is out of range, or the outline is none.

@@ -5,14 +5,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{DirectionSpec, Flaw};
 
-/// Something that comes true in a run. Whatever passes, bytes, frames and log entries, counts from
-/// when the waiting begins.
+/// A condition on a run. Bytes, frames and log entries count from the start of the wait.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Condition {
     /// Bytes arrived at one end of a link.
     Bytes(BytesCondition),
-    /// A sound frame arrived at one end of a link.
+    /// A valid frame arrived at one end of a link.
     Frame(FrameCondition),
     /// A register of a device has a value.
     Register(RegisterCondition),
@@ -20,11 +19,11 @@ pub enum Condition {
     Pose(PoseCondition),
     /// A device or the rig logged something.
     Event(EventCondition),
-    /// So much of the robot's map is known.
+    /// The share of known cells in the robot's map.
     Map(MapCondition),
-    /// So many waypoints were visited, one at least.
+    /// At least this number of waypoints was visited; 1 or more.
     Visited(usize),
-    /// An axis was told to do something, or does it.
+    /// The set-point or the measured value of an axis.
     Axis(AxisCondition),
 }
 
@@ -34,12 +33,12 @@ pub enum Condition {
 pub struct BytesCondition {
     /// Name of the link.
     pub link: String,
-    /// Which way they go.
+    /// Direction of the bytes.
     pub direction: DirectionSpec,
-    /// These bytes in a row, in hexadecimal digits, spaces allowed: at most 256 bytes.
+    /// Sequence of bytes as hexadecimal digits, spaces allowed: at most 256 bytes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hex: Option<String>,
-    /// So many bytes, at least 1.
+    /// Number of bytes, at least 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1))]
     pub count: Option<u64>,
@@ -51,7 +50,7 @@ pub struct BytesCondition {
 pub struct FrameCondition {
     /// Name of the link.
     pub link: String,
-    /// Which way it goes.
+    /// Direction of the frame.
     pub direction: DirectionSpec,
     /// Part of the frame's words, as `hilrig decode` prints them; any frame if empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -64,12 +63,12 @@ pub struct FrameCondition {
 pub struct RegisterCondition {
     /// Name of the device.
     pub device: String,
-    /// Which register, 0 to 255.
+    /// Number of the register, 0 to 255.
     pub address: u8,
     /// How its value compares.
     #[serde(default)]
     pub op: Op,
-    /// To what, 0 to 255.
+    /// Value for the comparison, 0 to 255.
     pub value: u8,
 }
 
@@ -79,7 +78,7 @@ pub struct RegisterCondition {
 pub struct PoseCondition {
     /// The place, metres in the world's frame.
     pub near_m: [f64; 2],
-    /// How near, metres, more than 0.
+    /// Maximum distance, metres, more than 0.
     pub within_m: f64,
 }
 
@@ -94,16 +93,16 @@ pub struct EventCondition {
     pub source: Option<String>,
 }
 
-/// How much of the map to wait for.
+/// Share of the map to wait for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MapCondition {
-    /// Share of the cells that are not unknown, 0 to 1, at least.
+    /// Minimum share of known cells, 0 to 1.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub known_min: f64,
 }
 
-/// What an axis has to do.
+/// Condition on an axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AxisCondition {
@@ -115,7 +114,7 @@ pub struct AxisCondition {
     /// How it compares.
     #[serde(default)]
     pub op: Op,
-    /// To what, in the unit of the axis.
+    /// Value for the comparison, in the unit of the axis.
     pub value: f64,
 }
 
@@ -123,10 +122,10 @@ pub struct AxisCondition {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Figure {
-    /// What it was told to do, as its device took it.
+    /// The set-point in its device.
     #[default]
     SetPoint,
-    /// What it does.
+    /// The measured value.
     Actual,
 }
 
@@ -161,7 +160,7 @@ pub enum Op {
 }
 
 impl Op {
-    /// Whether `left` compares to `right` in this way.
+    /// Whether the comparison of `left` with `right` is true.
     pub fn holds<T: PartialOrd>(self, left: &T, right: &T) -> bool {
         match self {
             Self::Equal => left == right,
@@ -201,7 +200,7 @@ impl BytesCondition {
 }
 
 impl Condition {
-    /// Whether its figures make sense, whatever the robot.
+    /// Checks its figures, independent of the robot.
     ///
     /// # Errors
     /// A flaw that names the key.

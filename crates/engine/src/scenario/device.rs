@@ -87,7 +87,7 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     firmware::FIRMWARE,
 ]);
 
-/// Adds a kind of device. Scenarios that are read from then on may name it.
+/// Registers a kind of device, for scenarios that are read afterwards.
 ///
 /// # Errors
 /// If there is a kind of its name.
@@ -105,7 +105,7 @@ pub fn kinds() -> Vec<&'static dyn DeviceKind> {
     KINDS.all()
 }
 
-/// A device as a scenario has it: its kind and the settings of that kind.
+/// A device of a scenario: its kind and the settings of that kind.
 pub struct DeviceSpec {
     kind: &'static dyn DeviceKind,
     settings: Box<dyn Settings>,
@@ -118,7 +118,7 @@ impl DeviceSpec {
         Self { kind, settings }
     }
 
-    /// A device of `kind` of which nothing is set.
+    /// A device of `kind` with default settings.
     ///
     /// # Errors
     /// If the kind cannot do without some key.
@@ -176,7 +176,7 @@ impl DeviceSpec {
         }
     }
 
-    /// Whether `device`, which was made of it, finds in `world` what its settings name.
+    /// Checks that `world` contains the actuators and encoders named in the settings of `device`.
     ///
     /// # Errors
     /// If there is no such thing.
@@ -190,7 +190,7 @@ impl DeviceSpec {
         self.check_with(name, source, (device, world), true)
     }
 
-    /// The same for a device that may stand by itself, without a robot.
+    /// The same for a device that may be used without a robot.
     pub(crate) fn check_with(
         &self,
         name: &str,
@@ -205,12 +205,12 @@ impl DeviceSpec {
         self.kind.check(&context, device, world)
     }
 
-    /// What reads the turns that it sends on its first port, if it is a lidar.
+    /// Decoder of the turns on its first port, if it is a lidar.
     pub fn scanner(&self) -> Option<Box<dyn ScanDecoder>> {
         self.kind.scanner(self.settings.as_ref())
     }
 
-    /// What it drives, and when it stops that by itself; `None` if it drives nothing.
+    /// Its actuators and its watchdog; `None` without actuators.
     pub fn drives(&self) -> Option<Drives> {
         self.kind.drives(self.settings.as_ref())
     }
@@ -222,8 +222,8 @@ impl DeviceSpec {
 }
 
 impl Scenario {
-    /// Makes the device called `name`, or one of `kind` of which nothing is set if the scenario
-    /// does not mention it.
+    /// Makes the device `name`; if the scenario does not mention it, one of `kind` with default
+    /// settings.
     ///
     /// # Errors
     /// If a setting is out of range, or one is needed.

@@ -1,10 +1,10 @@
-//! A value of one's own slave that drives an actuator of the robot's chassis.
+//! A value of your own slave that drives an actuator of the robot's chassis.
 
 use emulators::quantity::{Sink, SinkKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What a value drives: an actuator of the chassis, and one of the other keys.
+/// Actuator of the chassis that follows a value, and one of the other keys as its scale.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DrivesSpec {

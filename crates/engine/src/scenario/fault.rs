@@ -1,4 +1,4 @@
-//! Settings of links, and what goes wrong on them.
+//! Settings of links, and faults.
 
 mod catalogue;
 mod keys;
@@ -26,8 +26,8 @@ pub struct LinkSpec {
     /// Time between the last bit on the wire and the receiver seeing it, both ways.
     #[serde(default)]
     pub latency: Span,
-    /// What the client's end of the link is plugged into, in real time: what it reads is gathered
-    /// and cut as that does it. In virtual time it changes nothing.
+    /// USB adapter at the client's end of the link, in real time: reads are grouped and split as by
+    /// this adapter. It has no effect in virtual time.
     #[serde(default, skip_serializing_if = "AdapterSpec::is_direct")]
     pub adapter: AdapterSpec,
 }
@@ -36,7 +36,7 @@ pub struct LinkSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdapterSpec {
-    /// None: bytes come as the device sends them.
+    /// No adapter: bytes arrive as the device sends them.
     #[default]
     Direct,
     /// Up to 62 bytes each 16 ms.
@@ -62,7 +62,7 @@ macro_rules! fault_spec {
         #[serde(deny_unknown_fields)]
         #[schemars(transform = keys::add_to_schema)]
         pub struct FaultSpec {
-            /// What happens.
+            /// Kind of the fault.
             pub kind: FaultKind,
             $(
                 $(#[doc = $doc])+
@@ -88,28 +88,28 @@ macro_rules! fault_spec {
 }
 
 fault_spec! {
-    /// Which link, by its name.
+    /// Name of the link.
     link: String;
-    /// Which way.
+    /// Direction.
     direction: DirectionSpec;
-    /// Which device, by its name.
+    /// Name of the device.
     device: String;
-    /// Which devices, by their names.
+    /// Names of the devices.
     devices: Vec<String>;
     /// Chance per byte, or per message of an I2C or datagram link, 0 to 1.
     rate: f64, 0.0 to 1.0;
-    /// Number of the one byte, or message, that is hit, counted from 0 as sent.
+    /// Number of the damaged byte, or message, counted from 0 in the order sent.
     byte: u64;
     /// For `flip`: which bit, 0 to 7.
     bit: u8, 0 to 7;
     /// For `insert`: which value; for `burst`: the bits inverted; 0 to 255.
     value: u8;
-    /// How many bytes, 1 to 65535; 4 for `burst`, 4096 for `truncate`, 1 for `short-read` if not
+    /// Number of bytes, 1 to 65535; 4 for `burst`, 4096 for `truncate`, 1 for `short-read` if not
     /// given.
     len: u16, 1 to 65_535;
-    /// For how many bytes the receiver has room, 0 to 65535; 2 if not given.
+    /// Size of the receiver's buffer, bytes, 0 to 65535; 2 if not given.
     fifo: u16;
-    /// By how much time, at most an hour.
+    /// Delay, at most an hour.
     by: Span;
     /// Rate of the sender, bit/s, 50 to 50000000.
     baud: u32, 50 to 50_000_000;
@@ -117,31 +117,31 @@ fault_spec! {
     ppm: f64, -1_000_000.0 to 1_000_000.0;
     /// Millionths by which it gets faster each second, -1000000 to 1000000.
     ppm_per_s: f64, -1_000_000.0 to 1_000_000.0;
-    /// The other link, by its name.
+    /// Name of the other link.
     with: String;
-    /// For `unplugged`: the name by which the client's port comes back, if it is another one.
+    /// For `unplugged`: new name of the client's port afterwards, if it changes.
     back_as: String;
-    /// Name of what this device can have.
+    /// Name of a fault of this device.
     fault: String;
-    /// By which factor, or how much, -1000000 to 1000000.
+    /// Factor or amount, -1000000 to 1000000.
     factor: f64, -1_000_000.0 to 1_000_000.0;
     /// Begins here instead of at the start of the run.
     from: Span;
     /// Ends here instead of at the end of the run.
     until: Span;
-    /// Ends after this time; with `every`, each spell does.
+    /// Ends after this time; with `every`, each repetition does.
     lasting: Span;
-    /// Comes again after this time, at least 100us.
+    /// Period of repetition, at least 100us.
     every: Span;
-    /// Is over after so many strikes or spells.
+    /// Maximum number of damaged bytes or repetitions.
     count: u32;
-    /// Begins with this byte of its line, counted from 0 as sent.
+    /// Begins with this byte of its line, counted from 0 in the order sent.
     at_byte: u64;
     /// Begins with this frame of its line, counted from 0.
     at_frame: u64;
-    /// Begins when this holds.
+    /// Begins when this condition is true.
     when: WhenSpec;
-    /// Name of the dice; by default the place in the list decides.
+    /// Name of the random stream; by default the position in the list selects it.
     stream: String;
 }
 
@@ -155,7 +155,7 @@ impl FaultSpec {
         }
     }
 
-    /// The fault that does once more what `strike` did.
+    /// The fault that repeats `strike`.
     pub fn of_strike(link: &str, direction: DirectionSpec, strike: Strike) -> Self {
         let spec = |kind| Self {
             byte: Some(strike.byte),
@@ -215,13 +215,13 @@ impl FaultSpec {
     }
 }
 
-/// What is wrong with a requested fault.
+/// Error in a requested fault.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[error("{key}: {message}")]
 pub struct Flaw {
     /// The key in question.
     pub key: &'static str,
-    /// What is wrong and what was expected.
+    /// The error, and the expected value.
     pub message: String,
 }
 

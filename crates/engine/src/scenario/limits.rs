@@ -1,16 +1,16 @@
-//! Figures of a scenario that nothing else would refuse.
+//! Limits of figures that no other check rejects.
 
 use emulators::world::PRIMITIVES_MAX;
 
 use super::{Action, Expect, Scenario, ScenarioError, Source};
 
-/// Farther from the origin nothing is, metres.
+/// Maximum distance from the origin, metres.
 const FAR_M: f64 = 10_000.0;
 /// More turns than ten are a mistake, degrees.
 const TURN_DEG: f64 = 3_600.0;
 
-/// Whether `source` is a text that may be read: a shape costs kilobytes on its way to the scene
-/// that would refuse it.
+/// Checks the length of `source`, because parsing a shape needs kilobytes before the scene can
+/// reject it.
 pub(super) fn check_text(source: &Source) -> Result<(), ScenarioError> {
     // Each shape has one of these keys, however its table is written.
     let keys = ["path_m", "corners_m", "at_m"];
@@ -25,8 +25,8 @@ pub(super) fn check_text(source: &Source) -> Result<(), ScenarioError> {
     Ok(())
 }
 
-/// Whether the start and all waypoints are on this side of the horizon, and what is expected can
-/// come true.
+/// Checks that the start and all waypoints are within the maximum distance, and that the
+/// expectations are possible.
 pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
     let start = &scenario.world.start;
     let at = start.get_ref();
@@ -71,7 +71,7 @@ pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), Scenario
     Ok(())
 }
 
-/// Figures of what is expected, and the most that each may be; none is negative.
+/// Figures of `[expect]` with their maximum; the minimum is 0.
 fn bounded(expect: &Expect) -> [(&'static str, Option<f64>, f64); 9] {
     let far = f64::INFINITY;
     [
@@ -87,7 +87,7 @@ fn bounded(expect: &Expect) -> [(&'static str, Option<f64>, f64); 9] {
     ]
 }
 
-/// What is wrong with the first waypoint that is too far away.
+/// Error for the first waypoint that is too far away.
 fn beyond(waypoints: &[[f64; 2]]) -> Option<String> {
     let is_far = |place: &[f64; 2]| place.iter().any(|m| !(-FAR_M..=FAR_M).contains(m));
     let index = waypoints.iter().position(is_far)?;
@@ -141,7 +141,7 @@ mod tests {
         );
     }
 
-    /// A share in per cent would never come true, and a negative one always.
+    /// A share in per cent could never be reached, and a negative one always is.
     #[test]
     fn what_cannot_come_true_is_not_expected() {
         insta::assert_snapshot!(

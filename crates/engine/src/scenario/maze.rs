@@ -1,4 +1,4 @@
-//! Arenas of square tiles, as RoboCup Rescue has them, made from a seed.
+//! Arenas of square tiles, as in RoboCup Rescue, generated from a seed.
 //!
 //! ```text
 //! +--+--+--+     a board of `wall_m` between two tiles, or none; every tile can be reached:
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Flaw;
 
-/// Most tiles along a side.
+/// Maximum number of tiles along a side.
 const TILES_MAX: usize = 100;
 
 /// Width of a warm plate.
@@ -26,7 +26,7 @@ const APART_M: f64 = 0.5;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MazeSpec {
-    /// What its boards are drawn from.
+    /// Seed of its boards.
     #[serde(default = "seed")]
     pub seed: u64,
     /// Tiles along x, 1 to 100.
@@ -52,8 +52,8 @@ pub struct MazeSpec {
     #[serde(default = "open")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub open: f64,
-    /// Warm plates on boards, each on another tile and not on the first one, 10 cm wide and as warm
-    /// as a body; 0 to the number of tiles less one.
+    /// Number of warm plates on boards, each on another tile and none on the first; 10 cm wide, at
+    /// body temperature. 0 to the number of tiles minus one.
     #[serde(default)]
     pub victims: usize,
 }
@@ -150,7 +150,7 @@ impl MazeSpec {
             .collect()
     }
 
-    /// For each tile, row by row, those that lie beside it without a board between.
+    /// For each tile, row by row, its neighbours without a board between.
     pub fn passages(&self) -> Vec<Vec<usize>> {
         let closed = self.closed(&mut Rng::stream(self.seed, "maze.boards"));
         let mut passages = vec![Vec::new(); self.columns * self.rows];

@@ -1,28 +1,28 @@
-//! What the robot has to do, and what must have come true.
+//! Task of the robot, and expectations.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Condition, Flaw, Span};
 
-/// What the robot has to do.
+/// Task of the robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mission {
-    /// Places to visit in this order, metres in the world's frame, -10000 to 10000; the last is
-    /// where the robot has to be in the end. Sent by the PC 200 ms after it is connected.
+    /// Waypoints in their order, metres in the world's frame, -10000 to 10000; the robot must end
+    /// at the last. The PC sends them 200 ms after it is connected.
     #[serde(default)]
     pub waypoints_m: Vec<[f64; 2]>,
     /// When the PC connects to the radio, counted from the start of the run.
     #[serde(default = "default_connect")]
     pub connect: Span,
-    /// What else the PC does, at given times or when something has come true.
+    /// Further orders of the PC, at given times or after a condition.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub step: Vec<Step>,
-    /// Goes on until the scenario's `duration`, even if all waypoints are visited before.
+    /// Continues until the scenario's `duration`, even if all waypoints are visited earlier.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub to_the_end: bool,
-    /// The waypoints count in any order: a robot that finds them by itself chooses.
+    /// The waypoints count in any order, for a robot that finds them itself.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub any_order: bool,
 }
@@ -34,22 +34,22 @@ impl Mission {
     }
 }
 
-/// Something that the PC does: at a time, or when a condition has come true.
+/// An order of the PC: at a time, or after a condition.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
     /// When, counted from the start of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<Span>,
-    /// Instead of `at`: what is waited for, as in `docs/control.md`, from when the steps before it
-    /// are done. If it does not come true, the run fails.
+    /// Instead of `at`: condition, as in `docs/control.md`, checked after the earlier steps are
+    /// done. If it stays false, the run fails.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub when: Option<Condition>,
-    /// With `when`: how long is waited at most; until the end of the run if not given. The steps
-    /// with a condition that come after it are then not done either.
+    /// With `when`: maximum wait; until the end of the run if not given. After a timeout, later
+    /// steps with a condition are skipped, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timeout: Option<Span>,
-    /// What the PC does then.
+    /// Order of the PC.
     #[serde(rename = "do")]
     pub action: Action,
 }
@@ -79,7 +79,7 @@ impl Step {
     }
 }
 
-/// What the PC can do.
+/// Orders of the PC.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Action {
@@ -89,13 +89,13 @@ pub enum Action {
     Disconnect,
     /// Replaces the robot's list of waypoints, metres in the world's frame, -10000 to 10000.
     WaypointsM(Vec<[f64; 2]>),
-    /// Orders a mode by its name; which there are, the robot says.
+    /// Orders a mode by its name; each robot has its own modes.
     Mode(String),
     /// Drives by hand: a set-point for each of the robot's axes, in their order and unit.
     Drive(Vec<SetPoint>),
 }
 
-/// A set-point of an axis, in the axis's unit; written without a fraction if it has none.
+/// A set-point of an axis, in the axis's unit; whole numbers are written without a fraction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct SetPoint(pub f64);
@@ -106,7 +106,7 @@ impl SetPoint {
         values.into_iter().map(|value| Self(value.into())).collect()
     }
 
-    /// It as a whole number, if it is one that `i64` holds.
+    /// The value as `i64`, if it is whole and in range.
     pub fn whole(self) -> Option<i64> {
         #[expect(
             clippy::cast_possible_truncation,
@@ -125,55 +125,55 @@ impl Serialize for SetPoint {
     }
 }
 
-/// What must have come true in the end; what is not given is not demanded.
+/// Expectations at the end of the run; keys that are not given are not checked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Expect {
-    /// Each waypoint is visited in order, at most this far off, millimetres.
+    /// Each waypoint is visited in order, within this distance, millimetres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub visit_within_mm: Option<f64>,
-    /// In the end the robot rests at the last waypoint, at most this far off, millimetres.
+    /// At the end the robot rests within this distance of the last waypoint, millimetres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub return_within_mm: Option<f64>,
-    /// In the end the robot, having searched by itself, says that it is home and rests where it
-    /// started, at most this far off, millimetres.
+    /// At the end of its own search, the robot reports that it is home and rests within this
+    /// distance of its start, millimetres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub home_within_mm: Option<f64>,
-    /// Share of the floor that the robot's body covers wherever it can get to, of which its map
-    /// says anything, 0 to 1, at least. Slits of 20 mm between beams count as seen.
+    /// Minimum share of the reachable floor that is known in the robot's map, 0 to 1. Reachable is
+    /// the floor that the robot's body can cover. Gaps of 20 mm between beams count as seen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub explored_min: Option<f64>,
-    /// Each victim of the world is marked by the robot at most this far off, millimetres, nothing
-    /// else is, and a rescue kit was dropped once for each.
+    /// The robot marks each victim of the world within this distance, millimetres, marks nothing
+    /// else, and drops one rescue kit for each.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub victims_within_mm: Option<f64>,
-    /// Having visited its waypoints, the robot rests for this long, and nothing goes wrong then.
+    /// After its last waypoint, the robot rests for this time without a failure.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settle: Option<Span>,
-    /// Root mean square of the error of the believed position, millimetres, at most.
+    /// Maximum root mean square error of the believed position, millimetres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub pose_rms_mm_max: Option<f64>,
-    /// Root mean square of the error of the believed heading, degrees, at most.
+    /// Maximum root mean square error of the believed heading, degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub heading_rms_deg_max: Option<f64>,
-    /// Share of walls found, and of found walls that are there, within one cell or
-    /// `wall_within_mm`: the smaller one, 0 to 1, at least.
+    /// Minimum of two shares, 0 to 1: true walls that are mapped, and mapped walls that are true,
+    /// within one cell or `wall_within_mm`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub wall_overlap_min: Option<f64>,
-    /// So far from where it is a wall may be drawn, millimetres along x and y, in whole cells; one
-    /// cell if not given.
+    /// Maximum distance of a mapped wall from the true wall, millimetres along x and y, in whole
+    /// cells; one cell if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub wall_within_mm: Option<f64>,
-    /// How often the program broke a rule of a device, at most.
+    /// Maximum number of violations of device rules by the program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violations_max: Option<u64>,
     /// Whether the PC must have received every row of the map.

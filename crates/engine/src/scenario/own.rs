@@ -21,7 +21,7 @@ use super::drives::DrivesSpec;
 use super::{ScenarioError, Source, Span};
 use crate::rig::Rig;
 
-/// Slowest and fastest line that is not taken for a mistake.
+/// Range of accepted baud rates; others are probably mistakes.
 const BAUD: core::ops::RangeInclusive<u32> = 300..=4_000_000;
 
 /// A slave with a table of registers behind the frames of the AVR base's bus.
@@ -34,7 +34,7 @@ pub struct RegistersSpec {
     /// Byte order of the checksum.
     #[serde(default)]
     pub checksum: OrderSpec,
-    /// From a request to its answer.
+    /// Time from a request to its answer.
     #[serde(default = "default_latency")]
     pub latency: Span,
     /// Pause that ends a half-received frame.
@@ -43,11 +43,11 @@ pub struct RegistersSpec {
     /// Silence of the master after which values become safe; never if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<Span>,
-    /// What starts its board anew: `dtr` as with an Arduino, `rts` or `break`; nothing if not
-    /// given. It has forgotten all then, and hears nothing until it is up.
+    /// Event that resets its board: `dtr` as with an Arduino, `rts` or `break`; none if not given.
+    /// The reset restores all initial values; the board receives nothing until it has started.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resets_on: Option<ResetSpec>,
-    /// From a reset until it hears again; 1.6 s, an Arduino Uno's, if not given.
+    /// Boot time after a reset; 1.6 s if not given, as an Arduino Uno.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boot: Option<Span>,
     /// Modem lines that it sets, each with the register that it follows.
@@ -62,10 +62,10 @@ pub struct RegistersSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum OrderSpec {
-    /// As the seed document has it.
+    /// As in the seed document.
     #[default]
     LowFirst,
-    /// As the fielded base has it.
+    /// As the fielded base does.
     HighFirst,
 }
 
@@ -77,24 +77,24 @@ pub struct RegisterSpec {
     pub address: u8,
     /// Name, for reports.
     pub name: String,
-    /// How it lies in the registers.
+    /// Type of the value in the registers.
     pub width: WidthSpec,
     /// Whether a master may write it.
     #[serde(default)]
     pub access: AccessSpec,
-    /// Value at the start; where a counter or an encoder begins to count.
+    /// Initial value; also the start of a counter or an encoder.
     #[serde(default)]
     pub initial: i64,
-    /// Least and greatest value; what the width holds if not given.
+    /// Minimum and maximum; the range of the width if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<[i64; 2]>,
-    /// Value after the watchdog time; stays if not given.
+    /// Value after the watchdog time; unchanged if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe: Option<i64>,
-    /// Where it comes from.
+    /// Source of the value.
     #[serde(default)]
     pub source: SourceSpec,
-    /// What it drives: an actuator of the robot's chassis follows the value.
+    /// Actuator of the robot's chassis that follows the value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drives: Option<DrivesSpec>,
 }
@@ -123,11 +123,11 @@ pub enum AccessSpec {
     Write,
 }
 
-/// Where a value comes from.
+/// Source of a value.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum SourceSpec {
-    /// What was written last, or the initial value.
+    /// The last written value, or the initial value.
     #[default]
     Stored,
     /// Counts one up each such time.
@@ -144,7 +144,7 @@ pub enum SourceSpec {
     /// Counts of the encoder of this name: `left` and `right` of a differential chassis, `drive` of
     /// an Ackermann chassis.
     Encoder(String),
-    /// True speed over the floor, millimetres per second.
+    /// True ground speed, millimetres per second.
     SpeedMmS,
     /// True turn rate, milliradians per second counter-clockwise.
     TurnRateMradS,
@@ -162,11 +162,11 @@ pub enum SourceSpec {
     YMm,
     /// True heading of the robot, milliradians.
     HeadingMrad,
-    /// Distance from the middle of the robot to what is there, millimetres.
+    /// Distance from the middle of the robot to the nearest obstacle on the beam, millimetres.
     Range {
         /// Degrees counter-clockwise from ahead.
         angle_deg: f64,
-        /// Millimetres shown when nothing is nearer.
+        /// Maximum distance, millimetres; also the value without an obstacle.
         max_mm: u32,
     },
 }
@@ -244,7 +244,7 @@ impl RegistersSpec {
         Registers::new(config).map_err(|error| self.register_error(key, source, error))
     }
 
-    /// Its pins, besides the bus.
+    /// Its pins, without the bus.
     pub(super) fn pins(&self) -> Vec<PortInfo> {
         self.board().ports()
     }
@@ -257,7 +257,7 @@ impl RegistersSpec {
         }
     }
 
-    /// What is wrong with one of the registers.
+    /// The first error in the registers.
     pub(super) fn register_error(
         &self,
         key: &str,
@@ -269,7 +269,7 @@ impl RegistersSpec {
         source.invalid(span, key, error.message)
     }
 
-    /// What it drives, and when it stops that.
+    /// Its actuators and its watchdog.
     pub(super) fn driven(&self) -> Option<Drives> {
         let registers = self.register.iter().map(Spanned::get_ref);
         driven(
@@ -278,7 +278,7 @@ impl RegistersSpec {
         )
     }
 
-    /// What a master would read now from the device `name`.
+    /// The current register values of the device `name`, as a master would read them.
     pub(super) fn rows(&self, rig: &Rig, name: &str) -> Vec<ValueRow> {
         let device = rig.device::<Registers>(name);
         let values = device.map(|device| device.values(rig.now(), &rig.world));

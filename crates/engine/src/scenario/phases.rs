@@ -1,4 +1,4 @@
-//! The parts of a run in which faults may and may not happen.
+//! The phases of a run, with and without faults.
 
 use core::time::Duration;
 
@@ -9,19 +9,19 @@ use serde::{Deserialize, Serialize};
 use super::{FaultSpec, Span};
 use crate::rig::fault::{Budget, Window};
 
-/// Lengths of the parts of a run, one after the other. Faults at random, and those that name no
-/// time, happen in the adversity only, unless they wait for something; in the judgement the robot
-/// must be at work again.
+/// Lengths of the phases of a run, in their order. Random faults, and faults without a time or a
+/// condition, act only in the phase `adversity`. In the phase `judgement` the robot must work
+/// again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PhasesSpec {
-    /// Length of the time in which nothing goes wrong yet.
+    /// Length of the phase before any fault.
     pub warm_up: Span,
-    /// Length of the time in which faults happen.
+    /// Length of the phase with faults.
     pub adversity: Span,
-    /// Faults are over; the robot may take this long to recover.
+    /// Time to recover after the faults.
     pub recovery: Span,
-    /// Length of the time in which the robot must be at work.
+    /// Length of the phase in which the robot must work.
     pub judgement: Span,
 }
 
@@ -42,7 +42,7 @@ impl PhasesSpec {
         self.windows()[3].until - Instant::ZERO
     }
 
-    /// Writes into `fault` when it may happen, unless it says so itself.
+    /// Sets the window of `fault`, unless it has its own.
     pub(super) fn confine(&self, fault: &mut FaultSpec) {
         let [_, adversity, ..] = self.windows();
         let span = |at: Instant| Some(Span(at - Instant::ZERO));
@@ -66,14 +66,14 @@ impl PhasesSpec {
     }
 }
 
-/// How much may go wrong at random, on all lines together.
+/// Limits of random faults, for all lines together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BudgetSpec {
-    /// Most strikes of the run; no limit if not given.
+    /// Maximum number of damaged bytes in the run; no limit if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub total: Option<u64>,
-    /// Most strikes within 100 ms; no limit if not given.
+    /// Maximum number of damaged bytes within 100 ms; no limit if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_once: Option<u32>,
 }

@@ -1,4 +1,4 @@
-//! Where a scenario comes from, and what is wrong with it.
+//! The source text of a scenario, and errors in it.
 
 use std::path::PathBuf;
 
@@ -10,22 +10,22 @@ pub enum ScenarioError {
     Read {
         /// Which file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// The file is not a scenario; the text names line, column, key and what was expected.
+    /// The file is not a scenario; the text names line, column, key and the expected value.
     #[error("{}: {}", .path.display(), .source.to_string().trim_end())]
     Parse {
         /// Which file.
         path: PathBuf,
-        /// What is wrong, with the line shown.
+        /// The error, with the line of the file.
         source: Box<toml::de::Error>,
     },
     /// A description of a device that it names is wrong.
     #[cfg(feature = "described")]
     #[error(transparent)]
     Description(#[from] ::description::DescriptionError),
-    /// The scenario says something that cannot be.
+    /// The scenario has an impossible value.
     #[error("{}{}: {key}: {message}", .path.display(), at(*line))]
     Invalid {
         /// Which file.
@@ -34,12 +34,12 @@ pub enum ScenarioError {
         line: Option<usize>,
         /// Key in question, e.g. `world.wall[3]`.
         key: String,
-        /// What is wrong and what was expected.
+        /// The error, and the expected value.
         message: String,
     },
 }
 
-/// A line behind the name of its file.
+/// A line number after the file name.
 fn at(line: Option<usize>) -> String {
     line.map(|line| format!(":{line}")).unwrap_or_default()
 }
@@ -54,7 +54,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// Where `name` stands as a table header or key, for messages.
+    /// Line of the table header or key `name`, for messages.
     pub fn find(&self, name: &str) -> Option<core::ops::Range<usize>> {
         let start = self
             .text
@@ -63,8 +63,8 @@ impl Source {
         Some(start..start + name.len())
     }
 
-    /// Where `key` stands in the `index`-th table of the list `list`, or else where that table
-    /// begins, for messages.
+    /// Line of `key` in the `index`-th table of the list `list`, or the first line of that table,
+    /// for messages.
     pub fn find_in_list(
         &self,
         list: &str,
@@ -109,7 +109,7 @@ impl Source {
         self.invalid(Some(found.span()), key, message)
     }
 
-    /// The error that `key`, whose value lies at `span` of the text, is wrong.
+    /// The error for a wrong `key`, whose value is at `span` of the text.
     pub fn invalid(
         &self,
         span: Option<core::ops::Range<usize>>,

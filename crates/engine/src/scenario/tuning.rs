@@ -5,16 +5,16 @@ use serde::{Deserialize, Serialize};
 
 use super::Flaw;
 
-/// Figures of the program in place of its own; each robot says which it has.
+/// Figures that replace the program's own; each robot supports some of them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TuningSpec {
-    /// Points of a scan that each pose of a search is judged by, 1 to 360.
+    /// Number of scan points that rate each pose of a search, 1 to 360.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 360))]
     pub points: Option<u16>,
-    /// Tries of each search, 1 to 20000, instead of as many as there is time for; only of the
-    /// document's mapper.
+    /// Number of tries per search, 1 to 20000, instead of a time limit; only for the document's
+    /// mapper.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 20000))]
     pub tries: Option<u16>,
@@ -26,7 +26,7 @@ pub struct TuningSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 255))]
     pub weight: Option<u16>,
-    /// How that falls when the robot turns.
+    /// Reduction of that while the robot turns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fading: Option<FadingSpec>,
     /// Keeps the robot's motion in the scans instead of taking it out.
@@ -36,15 +36,15 @@ pub struct TuningSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 50, max = 500))]
     pub radius_mm: Option<u16>,
-    /// What it keeps between that and all that it sees, mm, 0 to 500.
+    /// Safety distance between the body and all obstacles, mm, 0 to 500.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0, max = 500))]
     pub clearance_mm: Option<u16>,
-    /// Reads the base's infrared sensors: what they meet where the lidar shows nothing, as glass
-    /// and what is low, is an obstacle.
+    /// Uses the base's infrared sensors: an object that only they detect, such as glass or a low
+    /// object, is an obstacle.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub infrared: bool,
-    /// How it follows walls.
+    /// Method of following walls.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walls: Option<WallsSpec>,
 }
@@ -65,7 +65,7 @@ pub enum FadingSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum WallsSpec {
-    /// By a single beam, as the seed document has it.
+    /// By a single beam, as in the seed document.
     Beam,
     /// By the nearest point.
     Nearest,

@@ -1,5 +1,5 @@
-//! Keys that are sound by themselves and have no effect in their scenario: each is a warning that
-//! names file, line and key. What cannot have been meant is an error elsewhere.
+//! Valid keys without an effect in their scenario: each is a warning that names file, line and key.
+//! Impossible values are errors elsewhere.
 
 use toml::Spanned;
 
@@ -8,7 +8,7 @@ use super::{
 };
 
 impl Scenario {
-    /// What stands in `source` without effect.
+    /// The keys of `source` without effect.
     pub fn warnings(&self, source: &Source) -> Vec<ScenarioError> {
         let mut found = Warnings {
             source,
@@ -133,7 +133,7 @@ impl Warnings<'_> {
         }
     }
 
-    /// What would happen after the end of the run.
+    /// Events after the end of the run.
     fn of_times(&mut self, scenario: &Scenario) {
         let end = scenario.duration;
         let late = |at| format!("has no effect: the run ends at {end}, and this is at {at}");
@@ -161,7 +161,7 @@ impl Warnings<'_> {
         }
     }
 
-    /// A world around devices that stand by themselves.
+    /// A world for devices without a robot.
     fn of_robot(&mut self, scenario: &Scenario) {
         if scenario.robot != NO_ROBOT {
             return;
@@ -192,7 +192,7 @@ impl Warnings<'_> {
 const NO_RESET: &str = "has no effect: nothing starts the board anew, set resets_on";
 
 impl SourceSpec {
-    /// Whether it measures a robot or what is around it.
+    /// Whether it measures a robot or its surroundings.
     const fn is_of_a_body(&self) -> bool {
         !matches!(self, Self::Stored | Self::Counter(_) | Self::Ramp { .. })
     }

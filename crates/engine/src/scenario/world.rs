@@ -1,4 +1,4 @@
-//! The world of a scenario: what is solid, where the robot starts, what moves and pushes.
+//! The world of a scenario: walls and obstacles, the robot's start, moving obstacles and pushes.
 
 mod body;
 mod floor_line;
@@ -28,10 +28,10 @@ pub use slick::SlickSpec;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorldSpec {
-    /// Where the robot starts; it is told.
+    /// Start pose of the robot; its program knows it.
     #[schemars(with = "StartSpec")]
     pub start: Spanned<StartSpec>,
-    /// Nothing may lie outside this rectangle; anything within 1 km may if not given.
+    /// Rectangle that contains the whole world; ±1 km if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bounds: Option<BoundsSpec>,
     /// A floor plan from a map picture.
@@ -61,7 +61,7 @@ pub struct WorldSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<HeatSpec>")]
     pub heat: Vec<Spanned<HeatSpec>>,
-    /// Places where the floor holds wheels less than they may want.
+    /// Areas of floor with little grip.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<SlickSpec>")]
     pub slick: Vec<Spanned<SlickSpec>>,
@@ -125,16 +125,16 @@ pub struct WallSpec {
     #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
-    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What
-    /// looks from as high or higher sees over it.
+    /// Height above the floor, metres, more than 0; to the ceiling if not given. Sensors at this
+    /// height or higher see over it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.000_001))]
     pub height_m: Option<f64>,
-    /// Is not on the floor plan that a robot may be given.
+    /// Is missing on the floor plan for robots.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub unmapped: bool,
-    /// Is of glass: an `xv11` looks through it; infrared sensors see it, and a robot that drives
-    /// there meets it.
+    /// Is of glass: an `xv11` sees through it; infrared sensors detect it, and a robot collides
+    /// with it.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub glass: bool,
 }
@@ -149,12 +149,12 @@ pub struct PolygonSpec {
     #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
-    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What
-    /// looks from as high or higher sees over it.
+    /// Height above the floor, metres, more than 0; to the ceiling if not given. Sensors at this
+    /// height or higher see over it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.000_001))]
     pub height_m: Option<f64>,
-    /// Is not on the floor plan that a robot may be given.
+    /// Is missing on the floor plan for robots.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub unmapped: bool,
 }
@@ -163,7 +163,7 @@ pub struct PolygonSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PillarSpec {
-    /// Where they stand, metres, -1000 to 1000.
+    /// Positions, metres, -1000 to 1000.
     pub at_m: Vec<[f64; 2]>,
     /// Radius, metres, at least 0.000001.
     #[schemars(range(min = 0.000_001))]
@@ -172,12 +172,12 @@ pub struct PillarSpec {
     #[schemars(range(min = 0.0, max = 100.0))]
     #[serde(default = "white")]
     pub reflectivity: f64,
-    /// How far it rises from the floor, metres, more than 0; to the ceiling if not given. What
-    /// looks from as high or higher sees over it.
+    /// Height above the floor, metres, more than 0; to the ceiling if not given. Sensors at this
+    /// height or higher see over it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.000_001))]
     pub height_m: Option<f64>,
-    /// Is not on the floor plan that a robot may be given.
+    /// Is missing on the floor plan for robots.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub unmapped: bool,
 }
@@ -194,19 +194,19 @@ pub struct MovingSpec {
     /// Radius, metres, at least 0.000001.
     #[schemars(range(min = 0.000_001))]
     pub radius_m: f64,
-    /// When it sets off, counted from the start of the run.
+    /// Start of its motion, counted from the start of the run.
     #[serde(default)]
     pub from: Span,
-    /// What it does at the end of the path.
+    /// Behaviour at the end of the path.
     #[serde(default)]
     pub repeat: RepeatSpec,
 }
 
-/// What a moving obstacle does at the end of its path.
+/// Behaviour of a moving obstacle at the end of its path.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RepeatSpec {
-    /// It stays there.
+    /// It stops there.
     #[default]
     Once,
     /// It begins again; the path ends where it begins.
@@ -219,14 +219,14 @@ pub enum RepeatSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PushSpec {
-    /// When it begins, counted from the start of the run.
+    /// Begin, counted from the start of the run.
     pub at: Span,
-    /// Which way, metres in the world's frame.
+    /// Displacement, metres in the world's frame.
     pub by_m: [f64; 2],
-    /// How far the robot is turned, degrees counter-clockwise.
+    /// Rotation of the robot, degrees counter-clockwise.
     #[serde(default)]
     pub turn_deg: f64,
-    /// How long it takes; a push faster than 5 m/s or 20 rad/s takes longer.
+    /// Duration; a push faster than 5 m/s or 20 rad/s takes longer.
     pub over: Span,
 }
 
@@ -242,7 +242,7 @@ const fn point([x, y]: [f64; 2]) -> Point {
     Point::new(x, y)
 }
 
-/// A part of the scene and the piece of the file that it comes from.
+/// A part of the scene and its position in the file.
 struct Origin {
     key: String,
     span: core::ops::Range<usize>,
@@ -274,7 +274,7 @@ impl WorldSpec {
         }
     }
 
-    /// Whether there is no world.
+    /// Whether the world is missing.
     pub const fn is_nowhere(&self) -> bool {
         self.is_nowhere
     }
@@ -285,7 +285,8 @@ impl WorldSpec {
         Pose::new(start.x_m, start.y_m, start.heading_deg.to_radians())
     }
 
-    /// Builds the world: a robot on `chassis`, or on two wheels as in `body`; noise by `seed`.
+    /// Builds the world: a robot on `chassis`, or on two wheels as in `body`; `seed` seeds the
+    /// noise.
     ///
     /// # Errors
     /// If something lies where it cannot.
@@ -305,8 +306,7 @@ impl WorldSpec {
         })
     }
 
-    /// What is solid and on the floor plan that a robot may be given: nothing that moves or is
-    /// unmapped.
+    /// The solid shapes of the floor plan for robots: without moving and unmapped ones.
     ///
     /// # Errors
     /// If something lies where it cannot.

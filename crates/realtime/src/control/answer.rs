@@ -38,7 +38,7 @@ pub struct Answer {
 pub struct Refusal {
     /// The key in question.
     pub key: String,
-    /// What is wrong and what was expected.
+    /// The error, and the expected value.
     pub message: String,
 }
 

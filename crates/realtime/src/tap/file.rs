@@ -18,7 +18,7 @@ pub struct FileError {
     pub path: PathBuf,
     /// Bytes of it that are whole blocks.
     pub whole: u64,
-    /// What the system said.
+    /// The error of the operating system.
     pub source: io::Error,
 }
 

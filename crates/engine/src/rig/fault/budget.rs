@@ -1,4 +1,4 @@
-//! How much may go wrong at random.
+//! Limits of random faults.
 
 use core::time::Duration;
 use std::collections::VecDeque;

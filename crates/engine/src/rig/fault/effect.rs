@@ -23,7 +23,7 @@ pub enum Effect {
     },
     /// Treats bytes as text.
     Host(HostDamage),
-    /// The sender hears itself.
+    /// The sender receives its own bytes.
     Echo,
     /// Nothing gets through.
     Cut,

@@ -18,25 +18,24 @@ pub struct AvrBaseSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<String>")]
     pub profile: Option<toml::Spanned<String>>,
-    /// How long before the run its tasks ran together, up to 200.8 ms; drawn if not given.
+    /// Time since its tasks last ran together, before the run, up to 200.8 ms; random if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phase: Option<Span>,
     /// Has a thermometer on each side, and rescue kits; only with the firmware `document`. The
     /// robot then searches for victims as well.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub heat: bool,
-    /// Has a gyroscope, whose sum the robot takes for its heading; only with the firmware
-    /// `document`.
+    /// Has a gyroscope; the robot uses its integral as heading. Only with the firmware `document`.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub imu: bool,
-    /// Tells the robot at once of its stop button, which is held by the fault
-    /// `stop-button`; only with the firmware `document`.
+    /// Reports its stop button to the robot immediately; the fault `stop-button` holds the button.
+    /// Only with the firmware `document`.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub announce: bool,
 }
 
 impl AvrBaseSpec {
-    /// What the base called `name` is made from.
+    /// The settings of the base called `name`.
     ///
     /// # Errors
     /// If there is no such profile.

@@ -22,11 +22,11 @@ use crate::scenario::{ScenarioError, Span};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSpec {
-    /// Where it sits on the robot; in the middle, looking ahead, if not given. The robot's program
-    /// is not told.
+    /// Mount on the robot; in the middle, looking ahead, if not given. The robot's program does not
+    /// know it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mount: Option<MountSpec>,
-    /// Above the floor, metres, 0 to 5; 0.34 if not given. It does not see what is no higher.
+    /// Height above the floor, metres, 0 to 5; 0.34 if not given. It does not see lower objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 5.0))]
     pub height_m: Option<f64>,
@@ -38,7 +38,7 @@ pub struct CameraSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 2, max = 700))]
     pub columns: Option<u16>,
-    /// From one picture to the next; 33.3 ms if not given.
+    /// Period of pictures; 33.3 ms if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub period: Option<Span>,
     /// Standard deviation of a depth at 1 m, metres, 0 to 0.1; 0.00143 if not given. It grows with
@@ -53,10 +53,10 @@ pub struct CameraSpec {
     /// Sends scans, ranges at even bearings, instead of rows of depths.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub scans: bool,
-    /// The run's seed deals the numbers of the markers out anew among them.
+    /// The run's seed shuffles the numbers of the markers.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub numbers_by_seed: bool,
-    /// The markers that there are.
+    /// The markers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub marker: Vec<MarkerSpec>,
 }
@@ -67,9 +67,9 @@ pub struct CameraSpec {
 pub struct MarkerSpec {
     /// Its number.
     pub id: u16,
-    /// Where its middle is, metres: x, y, and above the floor.
+    /// Position of its middle, metres: x, y, and height above the floor.
     pub at_m: [f64; 3],
-    /// Which way it looks, degrees counter-clockwise from +x.
+    /// Viewing direction, degrees counter-clockwise from +x.
     pub facing_deg: f64,
 }
 
@@ -209,7 +209,8 @@ mod tests {
 
     use super::*;
 
-    /// Three numbers have six orders; of 100 seeds each is drawn, and a seed always draws the same.
+    /// Three numbers have six orders. 100 seeds give each order, and one seed always gives the same
+    /// order.
     #[test]
     fn numbers_are_dealt_out_by_the_seed() {
         let dealt = |seed| {

@@ -18,13 +18,13 @@ use crate::scenario::{ScenarioError, Span};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CarBoardSpec {
-    /// From one frame to the next; 66.7 ms if not given.
+    /// Period of frames; 66.7 ms if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub period: Option<Span>,
     /// Silence of the host after which the motor stops; never, as fielded, if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_man: Option<Span>,
-    /// A command beyond its range counts as the nearest that there is, instead of as nothing.
+    /// Clamps a command outside its range, instead of ignoring it.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub clamps: bool,
     /// Voltage of the battery at the start, 6 to 10; 8 if not given. Below 6.8 V the board is off.

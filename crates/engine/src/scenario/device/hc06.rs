@@ -16,13 +16,13 @@ use crate::scenario::{ScenarioError, Span};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Hc06Spec {
-    /// Bytes between UART and radio, 0 to 65535, 700 if not given.
+    /// Buffer between UART and radio, bytes, 0 to 65535; 700 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fifo_bytes: Option<u16>,
-    /// Bytes a second that it moves in one direction, from 1, 20500 if not given.
+    /// Throughput in one direction, bytes per second, at least 1; 20500 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_bytes_s: Option<NonZeroU32>,
-    /// Radio silence after which the connection is given up, 20 s if not given.
+    /// Radio silence after which the connection is closed, 20 s if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub supervision: Option<Span>,
     /// Firmware: `linvor-1.8`, `hc01-2.0`, `3.0-20170609`.

@@ -1,4 +1,4 @@
-//! What the scenario knows of a kind of device.
+//! The scenario's view of a kind of device.
 
 use core::any::Any;
 use core::fmt::Debug;
@@ -21,13 +21,13 @@ use crate::scenario::{ScenarioError, Source};
 /// Kinds are found by name; [`register`](super::register) adds one from another crate. The scenario
 /// reads, keeps and writes settings without knowing their type.
 pub trait DeviceKind: Send + Sync {
-    /// Name in scenarios, in kebab case, for ever the same.
+    /// Name in scenarios, in kebab case; never changes.
     fn name(&self) -> &'static str;
 
-    /// What it is, in one line without a full stop, e.g. `Neato XV-11 lidar`.
+    /// One-line description without a full stop, e.g. `Neato XV-11 lidar`.
     fn about(&self) -> &'static str;
 
-    /// JSON Schema of its settings, most often [`schema_of`].
+    /// JSON Schema of its settings, usually [`schema_of`].
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema;
 
     /// Its tables in a scenario, for the reference: with a robot and a world around them they run.
@@ -35,8 +35,8 @@ pub trait DeviceKind: Send + Sync {
         ""
     }
 
-    /// Reads its settings, most often with [`read_settings`]. An empty table is what a robot gives
-    /// that has such a device and finds no settings.
+    /// Reads its settings, usually with [`read_settings`]. A robot with such a device but without
+    /// settings passes an empty table.
     ///
     /// # Errors
     /// If a key is unknown or missing, or its value of another type; the error knows the place.
@@ -48,13 +48,12 @@ pub trait DeviceKind: Send + Sync {
         true
     }
 
-    /// What reads the turns that it sends on its first port, if it is a lidar.
+    /// Decoder of the turns on its first port, if it is a lidar.
     fn scanner(&self, _settings: &dyn Settings) -> Option<Box<dyn ScanDecoder>> {
         None
     }
 
-    /// What it drives of the chassis, and when it stops that by itself; `None` if it drives
-    /// nothing.
+    /// Its actuators of the chassis and its watchdog; `None` without actuators.
     fn drives(&self, _settings: &dyn Settings) -> Option<Drives> {
         None
     }
@@ -64,7 +63,7 @@ pub trait DeviceKind: Send + Sync {
         Vec::new()
     }
 
-    /// Whether the device finds in `world` what its settings name: actuators, encoders.
+    /// Checks that `world` contains the actuators and encoders named in the settings.
     ///
     /// # Errors
     /// If there is no such thing.
@@ -84,7 +83,7 @@ pub trait DeviceKind: Send + Sync {
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError>;
 }
 
-/// Settings of a device, whatever their type: any plain value that can be written to a file.
+/// Settings of a device with any type: a plain value that can be written to a file.
 pub trait Settings: Any + Debug + Send + Sync + erased_serde::Serialize {
     /// The same settings once more.
     fn boxed_clone(&self) -> Box<dyn Settings>;
@@ -119,7 +118,7 @@ pub fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
     generator.subschema_for::<T>()
 }
 
-/// What a device is made from.
+/// The input for making a device.
 #[derive(Clone, Copy, Debug)]
 pub struct BuildContext<'a> {
     /// Name of the device, which chooses its dice.
@@ -132,12 +131,12 @@ pub struct BuildContext<'a> {
     pub kind: &'static str,
     /// The scenario's file, for messages.
     pub source: &'a Source,
-    /// Whether there is a robot around it; without one it stands by itself and senses nothing.
+    /// Whether the device is on a robot; without a robot it senses nothing.
     pub has_robot: bool,
 }
 
 impl BuildContext<'_> {
-    /// The settings as what they are.
+    /// The settings with their own type.
     ///
     /// # Errors
     /// If they are those of another kind.
@@ -150,7 +149,7 @@ impl BuildContext<'_> {
         })
     }
 
-    /// Whether the robot of `world` has the encoder `name`, which this device counts.
+    /// Checks that the robot of `world` has the encoder `name`, which this device counts.
     ///
     /// # Errors
     /// If it has not, with those that it has; without a robot nothing turns, and all is well.
@@ -174,7 +173,7 @@ impl BuildContext<'_> {
         format!("device.{}.{}", self.name, self.kind)
     }
 
-    /// Whether the setting `key` is within `range`, if it is given.
+    /// Checks that the setting `key`, if given, is within `range`.
     ///
     /// # Errors
     /// If it is not, or no number; with the key and the range.
@@ -195,24 +194,24 @@ impl BuildContext<'_> {
     }
 }
 
-/// What a device drives.
+/// The actuators of a device.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drives {
     /// Silence of its master after which it stops all of it; `None`: it has no watchdog.
     pub silence_max: Option<Duration>,
-    /// Names of the actuators, each with the largest set-point that the device takes, either way,
-    /// in the actuator's unit, if it limits that.
+    /// Names of the actuators, each with the device's limit of the set-point's absolute value, in
+    /// the actuator's unit, if it has one.
     pub actuators: Vec<(String, Option<f64>)>,
 }
 
 /// A value of a device, for page and report.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ValueRow {
-    /// Where it lies in the device, if it has an address.
+    /// Its address in the device, if it has one.
     pub address: Option<u32>,
     /// Its name.
     pub name: String,
-    /// What it is now.
+    /// Its current value.
     pub value: i64,
 }
 
@@ -246,11 +245,11 @@ pub struct PortInfo {
     pub connect: &'static str,
     /// Whether the far end can do without.
     pub is_optional: bool,
-    /// What its link is made of.
+    /// Type of its link.
     pub kind: LinkKind,
     /// Which baud rates of a client at the far end are right.
     pub rate: PortRate,
-    /// What is spoken there, if that is fixed.
+    /// Protocol of the port, if it is fixed.
     pub codec: Option<&'static Codec>,
 }
 

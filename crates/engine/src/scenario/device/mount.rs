@@ -10,13 +10,13 @@ use crate::scenario::ScenarioError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MountSpec {
-    /// Ahead of the middle of the robot, metres, -10 to 10; behind it if negative.
+    /// Position ahead of the middle of the robot, metres, -10 to 10; negative behind it.
     #[schemars(range(min = -10.0, max = 10.0))]
     pub x_m: f64,
-    /// To the left of the middle of the robot, metres, -10 to 10; to the right if negative.
+    /// Position to the left of the middle of the robot, metres, -10 to 10; negative to the right.
     #[schemars(range(min = -10.0, max = 10.0))]
     pub y_m: f64,
-    /// How far it is turned, degrees counter-clockwise seen from above, -360 to 360.
+    /// Rotation, degrees counter-clockwise seen from above, -360 to 360.
     #[schemars(range(min = -360.0, max = 360.0))]
     pub heading_deg: f64,
 }

@@ -1,4 +1,4 @@
-//! `mpu6050`: gyroscope and accelerometer on a bus of its own.
+//! `mpu6050`: gyroscope and accelerometer on a separate I2C bus.
 
 use emulators::i2c::OnBus;
 use emulators::mpu6050::{Mpu6050, Mpu6050Config};

@@ -1,4 +1,4 @@
-//! `odometer`: a microcontroller that prints way and heading.
+//! `odometer`: a microcontroller that prints distance and heading.
 
 use emulators::odometer::{Odometer, OdometerConfig, Overrun, Program};
 use emulators::world::World;
@@ -17,10 +17,10 @@ use crate::scenario::ScenarioError;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OdometerSpec {
-    /// What its lines are.
+    /// Format of its lines.
     #[serde(default)]
     pub program: LinesSpec,
-    /// A loop that takes too long makes the next one late, instead of waiting for 49 days.
+    /// A loop that takes too long delays the next one, instead of blocking it for 49 days.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub survives_overrun: bool,
     /// Whether the sensor of the program `raw` has a magnetometer; the published sketch prints 0
@@ -30,7 +30,7 @@ pub struct OdometerSpec {
     /// Encoder of the chassis that it counts; `drive` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub encoder: Option<String>,
-    /// What the gyroscope shows at rest, degrees a second, -20 to 20; a guess if not given.
+    /// Bias of the gyroscope at rest, degrees a second, -20 to 20; a guess if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = -20.0, max = 20.0))]
     pub gyro_bias_dps: Option<f64>,
@@ -53,7 +53,7 @@ pub enum LinesSpec {
 }
 
 impl LinesSpec {
-    /// What figures of a pose mean; `None`: there are none.
+    /// Meaning of the numbers of a pose; `None`: the device has no pose.
     pub const fn dialect(self) -> Option<Dialect> {
         match self {
             Self::AsCoded => Some(Dialect::AsCoded),

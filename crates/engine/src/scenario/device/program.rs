@@ -1,4 +1,4 @@
-//! `program`: a device that a program of one's own plays, in any language.
+//! `program`: a device played by your own program, in any language.
 
 use core::any::Any;
 use std::collections::BTreeMap;
@@ -28,9 +28,9 @@ rate = 9600
 settings = { capacity_g = 3000 }
 "#;
 
-/// Slowest and fastest line that is not taken for a mistake.
+/// Range of accepted baud rates; others are probably mistakes.
 const RATES: core::ops::RangeInclusive<u32> = 300..=4_000_000;
-/// Most ports of a program.
+/// Maximum number of ports of a program.
 const PORTS_MAX: usize = 64;
 
 /// The kind `program`.
@@ -51,17 +51,17 @@ pub struct NodeProgramSpec {
     /// Data bits, parity and stop bits of its line, e.g. `8N1`, which it is if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub format: Option<String>,
-    /// Description of the device: a file that ends with `.toml`, from the scenario's folder on, or
-    /// one that comes with the tool, by its name. Its line, its frames and their words are used;
-    /// the program behaves.
+    /// Description of the device: a file that ends with `.toml`, relative to the scenario's folder,
+    /// or one that comes with the tool, by its name. Only its line settings, frames and names are
+    /// used; the program defines the behaviour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub description: Option<String>,
-    /// Most bytes that the program is told of at once, 1 to 64: more is faster, and it hears of
-    /// them when the last one is complete; 1 if not given.
+    /// Maximum number of bytes in one message to the program, 1 to 64. More is faster, but all of
+    /// them arrive when the last one is complete; 1 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 64))]
     pub piece: Option<u8>,
-    /// Folder in which it is started, from the scenario's folder on. Saved cases have it.
+    /// Working directory, relative to the scenario's folder. Saved cases include it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
     /// Ports, if it has several; one called `uart` if not given.
@@ -73,7 +73,7 @@ pub struct NodeProgramSpec {
     /// Actuators of the robot's chassis that follow outputs of the program, by the outputs' names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub drives: BTreeMap<String, DrivesSpec>,
-    /// Whatever the program is to be told when it starts.
+    /// Settings for the program, sent at its start.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     pub settings: Map<String, Value>,
 }
@@ -92,14 +92,14 @@ pub struct NodePortSpec {
     pub format: Option<String>,
 }
 
-/// A port as it will be.
+/// A port with all defaults applied.
 struct Planned {
     port: NodePort,
     codec: Option<&'static Codec>,
 }
 
 impl NodeProgramSpec {
-    /// Remembers the folder `base`, so that a saved case runs wherever it lies.
+    /// Stores the folder `base`, so that a saved case runs in any folder.
     pub(in crate::scenario) fn embed(&mut self, base: &Path) {
         let base = match base.as_os_str().is_empty() {
             true => Path::new("."),

@@ -27,37 +27,36 @@ pub struct RplidarSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<String>")]
     pub profile: Option<toml::Spanned<String>>,
-    /// What turns the head; 330 rpm held by the rig if not given.
+    /// Drive of the head; if not given, the rig keeps 330 rpm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motor: Option<MotorSpec>,
-    /// Where it sits on the robot; in the middle, its angle 0 ahead, if not given. The robot's
-    /// program is not told.
+    /// Mount on the robot; in the middle, its angle 0 ahead, if not given. The robot's program does
+    /// not know it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mount: Option<MountSpec>,
-    /// What the supply can give, mA at 5 V, 0 to 5000; always enough if not given. A scan draws
-    /// 300, and 550 while the head starts; with less the sensor starts again.
+    /// Maximum current of the supply, mA at 5 V, 0 to 5000; no limit if not given. A scan draws
+    /// 300, and 550 while the head starts; with less, the sensor restarts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 5000.0))]
     pub supply_ma: Option<f64>,
-    /// What is wrong with the sensor from the start, by the names of its faults, e.g.
-    /// `unclean-stop`.
+    /// Faults of the sensor that act from the start, by their names, e.g. `unclean-stop`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<String>")]
     pub faults: Vec<toml::Spanned<String>>,
 }
 
-/// What turns the head of an RPLIDAR.
+/// Drive of an RPLIDAR's head.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum MotorSpec {
-    /// The rig holds this speed, turns per minute, 0 to 1200.
+    /// The rig keeps this speed, turns per minute, 0 to 1200.
     RegulatedRpm(#[schemars(range(min = 0.0, max = 1200.0))] f64),
     /// The host's PWM on the motor pin, the link `NAME-motor`: each byte is the duty in 255ths.
     Pwm,
-    /// DTR of the USB adapter, the link `NAME-dtr`: each byte is its level. Low (0) runs, as from
-    /// the start; a pseudo-terminal has no DTR of its own.
+    /// DTR of the USB adapter, the link `NAME-dtr`: each byte is a level. The motor runs while DTR
+    /// is low (0), the initial level. A pseudo-terminal has no DTR.
     Dtr,
-    /// The request F0, as on an accessory board; stands still before it.
+    /// The request F0, as on an accessory board; the motor stands still before it.
     Command,
 }
 

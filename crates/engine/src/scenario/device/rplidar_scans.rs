@@ -19,7 +19,7 @@ pub struct RplidarScans {
     decoder: Decoder,
     /// The turn so far; `None` before its first sample was seen.
     turn: Option<Vec<Beam>>,
-    /// The capsule whose angles only the next one tells.
+    /// The last capsule: its angles need the next one.
     last: Option<Capsule>,
     /// The same of the kind 0x84.
     last_ultra: Option<UltraCapsule>,

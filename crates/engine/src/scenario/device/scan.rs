@@ -25,7 +25,7 @@ impl Beam {
     }
 }
 
-/// Reads whole turns from what a lidar sends.
+/// Assembles whole turns from a lidar's bytes.
 pub trait ScanDecoder {
     /// Takes more bytes; the last turn that they completed, if any.
     fn push(&mut self, bytes: &[u8]) -> Option<Vec<Beam>>;

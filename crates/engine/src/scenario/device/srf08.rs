@@ -1,4 +1,4 @@
-//! `srf08`: an ultrasonic ranger on a bus of its own.
+//! `srf08`: an ultrasonic ranger on a separate I2C bus.
 
 use emulators::i2c::OnBus;
 use emulators::srf08::{Srf08, Srf08Config};
@@ -17,10 +17,10 @@ use crate::scenario::ScenarioError;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Srf08Spec {
-    /// Where it sits on the robot; in the middle, looking ahead, if not given.
+    /// Mount on the robot; in the middle, looking ahead, if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mount: Option<MountSpec>,
-    /// Above the floor, metres, 0 to 5; 0.1 if not given. It does not hear what is no higher.
+    /// Height above the floor, metres, 0 to 5; 0.1 if not given. It does not detect lower objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 5.0))]
     pub height_m: Option<f64>,

@@ -16,8 +16,8 @@ use crate::codec;
 use crate::rig::{AnyDevice, LinkKind, Rig};
 use crate::scenario::{ScenarioError, Span};
 
-/// Settings of a motor board. It drives and counts the wheels `left` and `right` of the chassis;
-/// what is not given is that of a robot with two 12 V gear motors and six range sensors.
+/// Settings of a motor board. It drives and counts the wheels `left` and `right` of the chassis.
+/// The defaults are those of a robot with two 12 V gear motors and six range sensors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WheelBoardSpec {
@@ -34,19 +34,19 @@ pub struct WheelBoardSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 0.5))]
     pub rpm_spread: Option<f64>,
-    /// Voltage below which friction holds a wheel, 0 to 100; 0.5 if not given.
+    /// Voltage below which friction stops a wheel, 0 to 100; 0.5 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 100.0))]
     pub dead_band_v: Option<f64>,
-    /// Whether the left and right motor sit the other way round; only the right one if not given.
+    /// Whether the left and the right motor are mounted reversed; only the right one if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mirrored: Option<[bool; 2]>,
     /// Voltage of the full battery, 1 to 160; 12 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1.0, max = 160.0))]
     pub supply_v: Option<f64>,
-    /// Volts an hour that the battery loses at rest, and beside that at full drive, 0 to 100000
-    /// each; 0.1 and 0.9 if not given.
+    /// Voltage loss of the battery per hour: at rest, and in addition at full drive, volts, 0 to
+    /// 100000 each; 0.1 and 0.9 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drain_v_per_h: Option<[f64; 2]>,
     /// Standard deviation of a range sensor's voltage, 0 to 3; 0.015 if not given.
@@ -66,9 +66,9 @@ pub struct WheelBoardSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PressSpec {
-    /// From when.
+    /// Start time.
     pub at: Span,
-    /// For how long; 200 ms if not given.
+    /// Duration; 200 ms if not given.
     #[serde(default = "usual_press")]
     pub lasting: Span,
 }

@@ -25,15 +25,15 @@ pub struct Xv11Spec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<String>")]
     pub profile: Option<toml::Spanned<String>>,
-    /// What turns the head; 300 rpm held by the rig if not given.
+    /// Drive of the head; if not given, the rig keeps 300 rpm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub supply: Option<SupplySpec>,
-    /// Where it sits on the robot; in the middle and looking ahead if not given. The robot's
-    /// program is not told.
+    /// Mount on the robot; in the middle and looking ahead if not given. The robot's program does
+    /// not know it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mount: Option<MountSpec>,
-    /// Angle of the first reading to the axis of the housing, degrees, -360 to 360; sources say -10
-    /// or 0, which it is if not given.
+    /// Angle of the first reading to the axis of the housing, degrees, -360 to 360; 0 if not given.
+    /// Sources differ: -10 or 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = -360.0, max = 360.0))]
     pub index0_deg: Option<f64>,
@@ -42,27 +42,27 @@ pub struct Xv11Spec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 100.0))]
     pub beam_offset_mm: Option<f64>,
-    /// Which way the head turns, seen from above; counter-clockwise if not given.
+    /// Direction of the head's rotation, seen from above; counter-clockwise if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<TurnSpec>,
-    /// How much varies besides the noise of each reading; `captured` if not given, `even` at the
+    /// Variation in addition to the noise of each reading; `captured` if not given, `even` on the
     /// rescue robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detail: Option<DetailSpec>,
-    /// What is wrong with the sensor from the start, by the names of its faults, e.g. `dust`.
+    /// Faults of the sensor that act from the start, by their names, e.g. `dust`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<String>")]
     pub faults: Vec<toml::Spanned<String>>,
 }
 
-/// What varies at a lidar.
+/// Variation of a lidar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum DetailSpec {
     /// As in a capture of a real unit: the speed within a turn, the reflectivity and roughness of
     /// surfaces, the noise from turn to turn; firmware 2.1 has its own noise.
     Captured,
-    /// Nothing: surfaces are even and alike.
+    /// No variation: all surfaces are equal.
     Even,
 }
 
@@ -70,17 +70,17 @@ pub enum DetailSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TurnSpec {
-    /// As every report but one says.
+    /// As in all reports but one.
     CounterClockwise,
-    /// As that one says.
+    /// As in that one report.
     Clockwise,
 }
 
-/// What turns the head of a lidar: one of these keys.
+/// Drive of a lidar's head: one of these keys.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum SupplySpec {
-    /// The rig holds this speed, turns per minute.
+    /// The rig keeps this speed, turns per minute.
     RegulatedRpm(f64),
     /// A fixed voltage at the motor, volts.
     FixedV(f64),
@@ -179,7 +179,7 @@ impl DeviceKind for Xv11Kind {
 }
 
 impl Xv11Spec {
-    /// What firmware 2.1 sends is another format.
+    /// Firmware 2.1 sends another format.
     fn codec(&self) -> &'static Codec {
         let is_old = |name: &toml::Spanned<String>| name.get_ref() == Profile::Fw21.name();
         match self.profile.as_ref().is_some_and(is_old) {

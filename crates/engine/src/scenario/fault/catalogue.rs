@@ -1,4 +1,4 @@
-//! All kinds of faults as a form needs them: from the same tables as the scenario.
+//! All kinds of faults as data for a form, from the same tables as the scenario.
 
 use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value, json};
@@ -38,7 +38,7 @@ fn keys() -> Map<String, Value> {
     properties.map(key).collect()
 }
 
-/// The node with what it refers to in place of the reference.
+/// The node with its references resolved.
 fn resolved(schema: &Value, node: &Value) -> Value {
     let choices = node["anyOf"].as_array().into_iter().flatten();
     let reference = choices.chain([node]).find_map(|one| one["$ref"].as_str());

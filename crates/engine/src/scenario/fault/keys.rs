@@ -1,4 +1,4 @@
-//! Which keys go with which kind of fault, as JSON Schema says it.
+//! The keys of each kind of fault, as JSON Schema.
 
 use schemars::Schema;
 use serde_json::{Value, json};

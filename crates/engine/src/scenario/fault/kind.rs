@@ -7,12 +7,12 @@ use crate::rig::LinkKind;
 
 /// Links on which single bytes travel.
 const SERIAL: &[LinkKind] = &[LinkKind::Uart, LinkKind::Pin];
-/// And those whose messages find their way one by one.
+/// Links with messages, including those that deliver messages independently.
 const PACKETS: &[LinkKind] = &[LinkKind::Uart, LinkKind::Pin, LinkKind::Datagram];
 const EVERY: &[LinkKind] = &LinkKind::ALL;
 const NONE: &[LinkKind] = &[];
 
-/// Declares the kinds with their names in a file, so that none can be without.
+/// Declares the kinds with their names in a file, so that every kind has a name.
 macro_rules! kinds {
     ($(
         $(#[doc = $doc:literal])+
@@ -34,22 +34,22 @@ macro_rules! kinds {
                 match self { $(Self::$kind => $name,)+ }
             }
 
-            /// What it acts on.
+            /// Target of the fault.
             pub const fn place(self) -> FaultPlace {
                 match self { $(Self::$kind => FaultPlace::$place,)+ }
             }
 
-            /// What its link may be made of; empty if it does not act on one link.
+            /// Types of links that it supports; empty if it does not act on one link.
             pub const fn links(self) -> &'static [LinkKind] {
                 match self { $(Self::$kind => $links,)+ }
             }
 
-            /// What it does, in a sentence.
+            /// Its effect, in a sentence.
             pub const fn about(self) -> &'static str {
                 match self { $(Self::$kind => concat!($($doc),+).trim_ascii_start(),)+ }
             }
 
-            /// Its keys besides those of place and time.
+            /// Its keys, without those for place and time.
             pub const fn own_keys(self) -> &'static [&'static str] {
                 match self { $(Self::$kind => &[$($key),*],)+ }
             }
@@ -62,17 +62,17 @@ kinds! {
     Flip "flip" Line SERIAL ["rate", "byte", "bit"],
     /// A byte, packet or transaction is lost.
     Drop "drop" Line EVERY ["rate", "byte"],
-    /// A byte is inserted before another.
+    /// A byte is inserted before another one.
     Insert "insert" Line SERIAL ["rate", "byte", "value"],
-    /// A byte or packet comes twice.
+    /// A byte or packet arrives twice.
     Duplicate "duplicate" Line PACKETS ["rate", "byte"],
     /// Some bytes in a row are garbled.
     Burst "burst" Line SERIAL ["rate", "byte", "len", "value"],
-    /// The rest of what is sent in one go is lost.
+    /// The rest of the bytes sent without a pause is lost.
     Truncate "truncate" Line SERIAL ["rate", "byte", "len"],
     /// Two neighbouring bytes or packets change places.
     Swap "swap" | "reorder" Line PACKETS ["rate", "byte"],
-    /// A byte comes with wrong parity.
+    /// A byte arrives with wrong parity.
     ParityError "parity-error" Line SERIAL ["rate", "byte"],
     /// The sender pauses in the middle.
     Idle "idle" Line SERIAL ["rate", "byte", "by"],
@@ -84,24 +84,24 @@ kinds! {
     EatXonXoff "eat-xon-xoff" Line SERIAL [],
     /// The highest bit is cleared.
     ClearBit7 "clear-bit7" Line SERIAL [],
-    /// The sender hears itself.
+    /// The sender receives its own bytes.
     Echo "echo" Line SERIAL [],
-    /// Bytes are held back, then come all at once.
+    /// Bytes are held back, then delivered all at once.
     Stall "stall" Line EVERY [],
     /// The line is clogged now and then, by chance; each time a stall.
     Clog "clog" Line EVERY ["stream"],
-    /// The receiver does not look; its FIFO runs over.
+    /// The receiver does not read; its FIFO overflows.
     Overrun "overrun" Line SERIAL ["fifo"],
-    /// Bytes are handed over in small pieces.
+    /// Bytes are delivered in small pieces.
     ShortRead "short-read" Line SERIAL ["len"],
-    /// Bytes come later.
+    /// Bytes arrive later.
     Latency "latency" Line PACKETS ["by"],
-    /// Bytes come later by chance, and what was delayed comes in a burst.
+    /// Bytes arrive later at random, and delayed bytes arrive in a burst.
     Jitter "jitter" Line PACKETS ["by", "stream"],
     /// Nothing gets through, without a sign: a half-open line.
     Cut "cut" Line EVERY [],
-    /// The plug is out: nothing gets through, the receiver is told, and the port of a client hangs
-    /// up, goes, and comes back.
+    /// The plug is pulled: all bytes are lost, the receiver gets an error, and a client's port
+    /// hangs up, disappears and later returns.
     Unplugged "unplugged" Line PACKETS ["back_as"],
     /// The line is held low.
     Break "break" Line SERIAL [],
@@ -117,7 +117,7 @@ kinds! {
     Intermittent "intermittent" Device NONE [],
     /// The device starts again.
     Restart "restart" Device NONE [],
-    /// What it measures does not change any more, or its moving part does not move.
+    /// Its measured values no longer change, or its moving part does not move.
     Stuck "stuck" Device NONE [],
     /// It sends nonsense.
     Garbage "garbage" Device NONE [],
@@ -125,13 +125,13 @@ kinds! {
     Wrong "wrong" Device NONE ["factor"],
     /// It works too slowly.
     Slow "slow" Device NONE [],
-    /// All it sends comes late.
+    /// All its bytes are sent late.
     Delayed "delayed" Device NONE ["by"],
-    /// What only this device can have.
+    /// A fault specific to this device.
     Device "device" Device NONE ["fault", "factor"],
 }
 
-/// What a kind of fault acts on.
+/// Target of a kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultPlace {
     /// One direction of a link.
@@ -153,7 +153,7 @@ impl FaultPlace {
     }
 }
 
-/// Keys that say when, of all kinds.
+/// Keys for the time, valid for all kinds.
 pub(super) const TIME_KEYS: [&str; 8] = [
     "from", "until", "lasting", "every", "count", "at_byte", "at_frame", "when",
 ];

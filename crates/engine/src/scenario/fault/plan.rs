@@ -1,4 +1,4 @@
-//! From the keys of a fault to what it does and when.
+//! Converts the keys of a fault into its effect and times.
 
 use core::time::Duration;
 
@@ -11,12 +11,12 @@ use crate::rig::fault::{
 };
 use crate::scenario::Span;
 
-/// Bytes of a burst unless it says how many.
+/// Default length of a burst, bytes.
 const BURST_LEN: u16 = 4;
-/// Most bytes of a truncation unless it says how many.
+/// Default maximum length of a truncation, bytes.
 const TRUNCATE_LEN: u16 = 4096;
-/// Room of a receiver unless it says how much: a UART without FIFO holds one byte besides the one
-/// that is arriving.
+/// Default buffer of a receiver, bytes: a UART without FIFO stores one byte in addition to the
+/// arriving one.
 const FIFO_LEN: u16 = 2;
 /// Longest delay of a byte.
 const BY_MAX: Duration = Duration::from_secs(3600);
@@ -132,7 +132,7 @@ impl FaultSpec {
         }
     }
 
-    /// What it does to the one byte that it names, if it names one.
+    /// Its effect on the byte that it selects, if it selects one.
     ///
     /// # Errors
     /// If a detail is missing or makes no sense.
@@ -211,8 +211,8 @@ impl FaultSpec {
         }
     }
 
-    /// What it does to its line, if it does anything besides the strike on one byte; `id` and
-    /// `seed` choose its dice.
+    /// Its effect on the line, except on one selected byte; `id` and `seed` choose its random
+    /// stream.
     ///
     /// # Errors
     /// If a key is missing or out of range.

@@ -1,4 +1,4 @@
-//! Faults of a scenario on a rig: which lines they act on, and what they do to devices.
+//! Faults of a scenario on a rig: their lines, and their effects on devices.
 
 use crate::rig::fault::{Effect, FaultId};
 use crate::rig::line::Direction;
@@ -8,9 +8,8 @@ use protocols::LineEvent;
 use super::{FaultKind, FaultPlace, FaultSpec, Flaw};
 
 impl Rig {
-    /// Plans `fault` on the lines that it names and returns what else there is to do when it
-    /// begins and ends. Nothing is planned yet for one that waits for a condition. `seed` and `id`
-    /// choose its dice.
+    /// Schedules `fault` on its lines and returns the other actions at its begin and end. A fault
+    /// with a condition is not scheduled yet. `seed` and `id` choose its random stream.
     ///
     /// # Errors
     /// If the fault makes no sense in this rig; nothing was changed then.
@@ -90,7 +89,7 @@ impl Rig {
         Err(Flaw::new(key, message))
     }
 
-    /// What there is to do when `fault` begins and ends, besides what happens to bytes.
+    /// Actions when `fault` begins and ends, except those on bytes.
     ///
     /// # Errors
     /// If it names a device that is not there, or that knows no such fault.

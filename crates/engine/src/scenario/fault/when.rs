@@ -1,4 +1,4 @@
-//! What a fault waits for.
+//! The condition of a fault.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,32 +6,32 @@ use serde::{Deserialize, Serialize};
 use super::Flaw;
 use crate::scenario::condition::{Condition, Op, PoseCondition, RegisterCondition};
 
-/// A condition that begins a fault: a register's value, or where the robot truly is.
+/// A condition that begins a fault: a register's value, or the robot's true position.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WhenSpec {
-    /// Whose register: name of a device.
+    /// Name of the device with the register.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// Which register, 0 to 255.
+    /// Number of the register, 0 to 255.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub register: Option<u8>,
     /// The register has this value, 0 to 255.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub equals: Option<u8>,
-    /// The register has this value or a greater one, 0 to 255.
+    /// The register has at least this value, 0 to 255.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_least: Option<u8>,
-    /// The robot is near this place, metres.
+    /// The robot is near this point, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_m: Option<[f64; 2]>,
-    /// How near, metres, more than 0.
+    /// Maximum distance, metres, more than 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_m: Option<f64>,
 }
 
 impl WhenSpec {
-    /// What can be waited for, in words, and the keys that say it.
+    /// The possible conditions in words, and their keys.
     pub(super) const FORMS: [(&str, &[&str]); 3] = [
         ("a register has a value", &["device", "register", "equals"]),
         (
@@ -41,7 +41,7 @@ impl WhenSpec {
         ("the robot is at a place", &["near_m", "within_m"]),
     ];
 
-    /// What is meant.
+    /// The condition.
     ///
     /// # Errors
     /// If the keys do not go together.

@@ -22,29 +22,29 @@ pub struct TextSpec {
     /// Ends each line, both ways.
     #[serde(default = "default_terminator")]
     pub terminator: String,
-    /// From a request to its reply.
+    /// Time from a request to its reply.
     #[serde(default = "default_latency")]
     pub latency: Span,
     /// Silence of the master after which values become safe; never if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watchdog: Option<Span>,
-    /// Reply to what fits no request; nothing if not given.
+    /// Reply to an unknown request; no reply if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unknown: Option<String>,
-    /// Reply to a value out of range; nothing if not given.
+    /// Reply to a value out of range; no reply if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
-    /// A line that comes by itself.
+    /// A line that the slave sends periodically.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub periodic: Option<PeriodicSpec>,
-    /// A line that it says when it has started anew; nothing if not given.
+    /// A line that the slave sends after a reset; none if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub greeting: Option<String>,
-    /// What starts its board anew: `dtr` as with an Arduino, `rts` or `break`; nothing if not
-    /// given. It has forgotten all then, and hears nothing until it is up.
+    /// Event that resets its board: `dtr` as with an Arduino, `rts` or `break`; none if not given.
+    /// The reset restores all initial values; the board receives nothing until it has started.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub resets_on: Option<ResetSpec>,
-    /// From a reset until it hears again; 1.6 s, an Arduino Uno's, if not given.
+    /// Boot time after a reset; 1.6 s if not given, as an Arduino Uno.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boot: Option<Span>,
     /// Modem lines that it sets, each with the variable that it follows.
@@ -54,7 +54,7 @@ pub struct TextSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<VariableSpec>")]
     pub variable: Vec<Spanned<VariableSpec>>,
-    /// What it understands, the first that fits.
+    /// Its requests; the first match is used.
     #[schemars(with = "Vec<CommandSpec>")]
     pub command: Vec<Spanned<CommandSpec>>,
 }
@@ -65,19 +65,19 @@ pub struct TextSpec {
 pub struct VariableSpec {
     /// Name, as in requests and replies.
     pub name: String,
-    /// Value at the start; where a counter or an encoder begins to count.
+    /// Initial value; also the start of a counter or an encoder.
     #[serde(default)]
     pub initial: i64,
-    /// Least and greatest value; 32 bits with sign if not given.
+    /// Minimum and maximum; the range of a signed 32-bit number if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<[i64; 2]>,
-    /// Value after the watchdog time; stays if not given.
+    /// Value after the watchdog time; unchanged if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safe: Option<i64>,
-    /// Where it comes from.
+    /// Source of the value.
     #[serde(default)]
     pub source: SourceSpec,
-    /// What it drives: an actuator of the robot's chassis follows the value.
+    /// Actuator of the robot's chassis that follows the value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drives: Option<DrivesSpec>,
 }
@@ -86,20 +86,20 @@ pub struct VariableSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CommandSpec {
-    /// What the master says; `{name}` is a number that sets a variable.
+    /// Request of the master; `{name}` is a number that sets a variable.
     pub request: String,
-    /// What the slave answers; `{name}` shows a variable.
+    /// Reply of the slave; `{name}` prints a variable.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reply: Option<String>,
 }
 
-/// A line that comes by itself.
+/// A line that the slave sends periodically.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PeriodicSpec {
-    /// The line; `{name}` shows a variable.
+    /// The line; `{name}` prints a variable.
     pub line: String,
-    /// Time between two such lines.
+    /// Period of the line.
     pub period: Span,
 }
 
@@ -154,7 +154,7 @@ impl TextSpec {
 }
 
 impl TextSpec {
-    /// What it drives, and when it stops that.
+    /// Its actuators and its watchdog.
     pub(in crate::scenario) fn driven(&self) -> Option<Drives> {
         let variables = self.variable.iter().map(Spanned::get_ref);
         driven(
@@ -163,7 +163,7 @@ impl TextSpec {
         )
     }
 
-    /// Its pins, besides the line.
+    /// Its pins, without the serial line.
     pub(in crate::scenario) fn pins(&self) -> Vec<PortInfo> {
         self.board().ports()
     }
@@ -176,7 +176,7 @@ impl TextSpec {
         }
     }
 
-    /// What is wrong with one of the variables.
+    /// The first error in the variables.
     pub(in crate::scenario) fn variable_error(
         &self,
         key: &str,

@@ -2,9 +2,9 @@
 
 use crate::scenario::device;
 
-/// What every example has above it unless it says so itself.
+/// Default first lines of an example.
 const HEAD: &str = "schema = 1\nname = \"example\"\nrobot = \"rescue\"\nduration = \"20s\"\n\n";
-/// What every example has below it unless it says so itself.
+/// Default last lines of an example.
 const WORLD: &str = "\n[world]\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 90 }\n";
 
 /// The example of a table, by its path such as `world.wall`, as the reference shows it.

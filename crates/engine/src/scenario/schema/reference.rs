@@ -23,13 +23,13 @@ The examples run as they are with the first one's lines before `[mission]` above
 `[world]` with a `start` below them, unless they have these.
 ";
 
-/// What is shown first; other tables follow in the order of their names.
+/// Tables at the top; the others follow in alphabetical order.
 const ORDER: [&str; 11] = [
     "mission", "expect", "program", "chassis", "link", "device", "world", "fault", "budget",
     "phases", "origin",
 ];
 
-/// Deepest table within a table; nothing is that deep.
+/// Limit of nested tables, larger than any real nesting.
 const DEPTH_MAX: usize = 8;
 
 /// The reference of all tables and keys, as Markdown, from the [schema](super::json_schema()).
@@ -48,7 +48,7 @@ struct Page<'a> {
 }
 
 impl<'a> Page<'a> {
-    /// Follows a reference to where the type is defined; `null` among the choices means nothing.
+    /// Resolves a reference to its type; ignores `null` among the choices.
     fn resolve(&self, node: &'a Value) -> &'a Value {
         if let Some(name) = node["$ref"].as_str() {
             let name = name.rsplit('/').next().unwrap_or_default();
@@ -142,7 +142,7 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// The keys of a table, and what those can be that are one of several words.
+    /// The keys of a table, and the words of keys with fixed choices.
     fn keys(&mut self, table: &'a Value, keys: &'a Map<String, Value>) {
         if keys.is_empty() {
             return;
@@ -210,7 +210,7 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// What each kind of fault does, and which keys it has.
+    /// Effect and keys of each kind of fault.
     fn fault_kinds(&mut self) {
         self.line("\nEach kind has keys of its own besides those of its place and of time:\n");
         self.line("| `kind` | acts on | own keys | what happens |\n|---|---|---|---|");

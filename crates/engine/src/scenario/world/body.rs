@@ -2,7 +2,7 @@ use emulators::world::BodyConfig;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The robot's body; what is not given is the rescue robot's.
+/// The robot's body; the defaults are the rescue robot's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BodySpec {

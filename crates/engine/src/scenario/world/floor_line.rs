@@ -5,7 +5,7 @@ use toml::Spanned;
 
 use crate::scenario::{ScenarioError, Source};
 
-/// A straight line on the floor, as light sensors under a bumper see it; nothing solid.
+/// A straight line on the floor for light sensors under a bumper; no obstacle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FloorLineSpec {

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeatSpec {
-    /// One end, metres; on the wall's surface, or less than 5 mm beside it.
+    /// One end, metres; on the wall's surface, or within 5 mm of it.
     pub from_m: [f64; 2],
     /// The other end, metres.
     pub to_m: [f64; 2],
-    /// How warm, degrees Celsius, -50 to 150; all else has 22.
+    /// Temperature, degrees Celsius, -50 to 150; everything else has 22.
     #[schemars(range(min = -50.0, max = 150.0))]
     #[serde(default = "body")]
     pub temperature_c: f64,

@@ -1,4 +1,4 @@
-//! Whether what a world holds lies where a world can be.
+//! Checks that all coordinates of a world are in range.
 
 use super::WorldSpec;
 use crate::scenario::{ScenarioError, Source};
@@ -7,7 +7,7 @@ use crate::scenario::{ScenarioError, Source};
 const REACH_MAX_M: f64 = 10_000.0;
 
 impl WorldSpec {
-    /// Whether every coordinate is one that a world can hold. Before anything is derived from it.
+    /// Checks every coordinate before other values are derived from it.
     pub(super) fn check_reach(&self, source: &Source) -> Result<(), ScenarioError> {
         let mut far = None;
         let mut look = |key: &str, index: Option<usize>, span, places: &[[f64; 2]]| {

@@ -5,8 +5,8 @@ use toml::Spanned;
 
 use crate::scenario::{ScenarioError, Source};
 
-/// A rectangle of floor with little grip: wheels that drive or brake harder than it holds spin or
-/// slide there, and encoders count what the wheels do.
+/// A rectangle of floor with little grip: wheels that drive or brake too hard spin or slide there;
+/// encoders count the rotation of the wheels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SlickSpec {
@@ -14,7 +14,7 @@ pub struct SlickSpec {
     pub min_m: [f64; 2],
     /// Upper right corner, metres.
     pub max_m: [f64; 2],
-    /// Greatest change of speed there as a part of free fall (9.81 m/s²), 0 to 1; wet ice has 0.05.
+    /// Maximum acceleration there as a share of gravity (9.81 m/s²), 0 to 1; wet ice has 0.05.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub grip: f64,
 }

@@ -87,8 +87,8 @@ impl OwnFormat for Described {
 /// Rows that were made, each with the description that it is of.
 static ROWS: Mutex<Vec<(Arc<Description>, &'static Codec)>> = Mutex::new(Vec::new());
 
-/// The row of a description. It is made once and stays for as long as the process lives, as all
-/// rows do; where another one has its name, a number is put behind it.
+/// The codec row of a description. Like all rows, it exists until the process ends; a duplicate
+/// name gets a number as suffix.
 pub fn codec_of(description: &Arc<Description>) -> &'static Codec {
     let mut rows = ROWS.lock().unwrap_or_else(PoisonError::into_inner);
     let is_same = |other: &Arc<Description>| other.is_same(description);

@@ -7,10 +7,10 @@ use std::sync::Arc;
 
 use ::description::{Description, DescriptionError, shipped};
 
-/// Why there is no description.
+/// Error when a description cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// It cannot be read; what was expected.
+    /// The file cannot be read; the text names the expected file.
     #[error("{0}")]
     Read(String),
     /// It is read, and wrong.
@@ -19,7 +19,7 @@ pub enum LoadError {
 }
 
 /// Reads the description `name`: one that comes with the tool, or a file that ends with `.toml`,
-/// from the folder `base` on.
+/// relative to the folder `base`.
 ///
 /// # Errors
 /// If there is none, or something is wrong with it.

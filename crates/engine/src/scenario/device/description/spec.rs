@@ -23,8 +23,8 @@ pub struct DescriptionSpec(pub Vec<UnitSpec>);
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct UnitSpec {
-    /// A description that comes with the tool, by its name; or a file that ends with `.toml`, its
-    /// path from the scenario's folder.
+    /// A description that comes with the tool, by its name; or a file that ends with `.toml`,
+    /// relative to the scenario's folder.
     pub file: String,
     /// Name of the device among several on one wire; the description's if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -32,10 +32,10 @@ pub struct UnitSpec {
     /// Address on the wire; the description's if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub address: Option<u32>,
-    /// The text of the description, as saved cases have it: `file` is then its name only.
+    /// The text of the description, included in saved cases; `file` is then only its name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub text: Option<String>,
-    /// Files that the description names, by their names, as saved cases have them.
+    /// Contents of the files that the description names, included in saved cases.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub beside: BTreeMap<String, String>,
 }
@@ -55,7 +55,7 @@ impl UnitSpec {
         self.name.is_none() && self.address.is_none() && self.text.is_none()
     }
 
-    /// Its description; a file is looked for from the folder `base` on.
+    /// Its description; the path of a file is relative to the folder `base`.
     ///
     /// # Errors
     /// If there is none, or something is wrong with it.
@@ -71,8 +71,8 @@ impl UnitSpec {
         Ok(Description::parse(&self.file, text, &beside)?)
     }
 
-    /// Takes up the text of its file, so that it is complete without that. What cannot be read or
-    /// is wrong stays as it is.
+    /// Includes the text of its file, so that the file is no longer needed. An unreadable or wrong
+    /// file stays a reference.
     fn embed(&mut self, base: &Path) {
         if self.text.is_some() || !self.file.ends_with(".toml") {
             return;
@@ -84,14 +84,14 @@ impl UnitSpec {
 }
 
 impl DescriptionSpec {
-    /// Takes up the text of each file from the folder `base` on, so that a saved case runs wherever
-    /// it lies.
+    /// Includes the text of each file relative to the folder `base`, so that a saved case runs in
+    /// any folder.
     pub(in crate::scenario) fn embed(&mut self, base: &Path) {
         self.0.iter_mut().for_each(|unit| unit.embed(base));
     }
 }
 
-/// One device as a file has it.
+/// One device in the form of the file.
 struct Unit(UnitSpec);
 
 const EXPECTED: &str =
