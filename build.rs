@@ -1,8 +1,8 @@
 //! Tells the commit that is built, for `hilrig --version`: `HILRIG_BUILD` is ` (1a2b3c4d5)`, with
 //! `, changed` if files differ from it, or ` (debug build)`.
 //!
-//! A debug build does not name its commit: with each commit the whole crate would be compiled anew.
-//! Without git, or as a part of another repository, nothing is told.
+//! A debug build does not name its commit: with each commit the whole crate would be compiled
+//! again. Without git, or as a part of another repository, nothing is told.
 
 use std::env;
 use std::path::Path;

@@ -25,7 +25,7 @@ use browser::Browser;
 use hilrig::realtime::clock::{Clock, WallClock};
 use server::Server;
 
-/// Most bytes a second to the page.
+/// Maximum number of bytes a second to the page.
 const KB_S_MAX: f64 = 1000.0;
 /// Most of a core for the server at real time, per cent.
 const CORE_MAX: f64 = 15.0;
@@ -178,7 +178,7 @@ fn main() -> ExitCode {
         server: server.process().id(),
         last: (0.0, 0.0, 0.0),
     };
-    // A robot that goes on moving, so that there is always something new to show.
+    // A robot that continues moving, so that there is always something new to show.
     bench
         .browser
         .wait("hilrig.now.pc.map || hilrig.now.pc.size_mm");

@@ -139,7 +139,7 @@ fn cost_of_capture(_: &mut Criterion) {
 }
 
 /// What do checkpoints save where twelve faults become the two that matter? The same search, in
-/// which each try is a whole run, against one whose tries go on from where they part.
+/// which each try is a whole run, against one whose tries continue from where they part.
 fn shrinking(_: &mut Criterion) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli/twelve-faults.toml");
     let (scenario, source) = Scenario::read(&path).expect("it is there");

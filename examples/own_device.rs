@@ -20,7 +20,7 @@ struct ThermometerSpec {
     celsius: f64,
 }
 
-/// Sends `21.5 C` and a newline each period, and hears nothing.
+/// Sends `21.5 C` and a newline each period, and receives nothing.
 #[derive(Clone)]
 struct Thermometer {
     spec: ThermometerSpec,

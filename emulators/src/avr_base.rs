@@ -285,7 +285,7 @@ impl AvrBase {
         led::led(&self.memory, trouble)
     }
 
-    /// The processor starts anew: all registers and counts are 0.
+    /// The processor restarts: all registers and counts are 0.
     pub fn reset(&mut self, now: Instant, cause: StartCause) {
         self.forget(now, cause);
         let detail = match cause {

@@ -1,8 +1,8 @@
-//! The board that a slave as data sits on: what starts it anew, and which modem lines it sets.
+//! The board that a slave as data sits on: what starts it again, and which modem lines it sets.
 //!
 //! ```text
 //! host: DTR off -> on --| |--> RESET   capacitor: the edge resets, a level does not
-//!            boots, 1.6 s: hears nothing, says nothing, its lines are off
+//!            boots, 1.6 s: receives nothing, says nothing, its lines are off
 //!            is up: all values as at the start
 //! ```
 //!
@@ -24,9 +24,10 @@ use crate::world::World;
 /// Event that resets a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetOn {
-    /// The host's DTR goes on, as with an Arduino.
+    /// The host's DTR continues, as with an Arduino.
     Dtr,
-    /// The host's RTS goes on: the same board behind an adapter cable that has RTS in DTR's place.
+    /// The host's RTS continues: the same board behind an adapter cable that has RTS in DTR's
+    /// place.
     Rts,
     /// A break on the line.
     Break,
@@ -48,9 +49,9 @@ pub enum HostLine {
 /// How a board is wired to its host.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BoardConfig {
-    /// What starts it anew, if anything.
+    /// What starts it again, if anything.
     pub resets_on: Option<ResetOn>,
-    /// From its reset until it hears again; [`BOOT`] if not given.
+    /// From its reset until it receives again; [`BOOT`] if not given.
     pub boot: Option<Duration>,
     /// The lines that it sets, each with the name of the value that the line follows: on while that
     /// is not 0.
@@ -124,7 +125,7 @@ impl Board {
         })
     }
 
-    /// Levels arrive at the reset pin; when that started the board anew, if it did.
+    /// Levels arrive at the reset pin; when that started the board again, if it did.
     pub(crate) fn pin(&mut self, now: Instant, levels: &[u8]) -> Option<Instant> {
         let mut started = None;
         for (index, &level) in levels.iter().enumerate() {
@@ -139,7 +140,7 @@ impl Board {
         Some(started)
     }
 
-    /// A break arrives; whether that starts the board anew.
+    /// A break arrives; whether that starts the board again.
     pub(crate) fn is_reset_by_break(&mut self, now: Instant) -> bool {
         let is_reset = self.resets_on == Some(ResetOn::Break);
         if is_reset {
@@ -158,7 +159,7 @@ impl Board {
         self.boots_until
     }
 
-    /// Says that it was started anew at `at`.
+    /// Says that it was restarted at `at`.
     pub(crate) fn tell_reset(&self, at: Instant, why: &str, log: &mut EventLog) {
         let up = self.boots_until.unwrap_or(at);
         let detail = format!("{why}: starts anew, hears nothing until {up} s");

@@ -76,7 +76,7 @@ pub struct CameraConfig {
     pub columns: u16,
     /// From one picture to the next.
     pub period: Duration,
-    /// Least and greatest depth, metres.
+    /// Minimum and maximum depth, metres.
     pub range_m: [f64; 2],
     /// Standard deviation of a depth at 1 m, metres; it grows with the square of the depth.
     pub noise_m: f64,
@@ -220,7 +220,7 @@ impl Device for Camera {
             self.log.note(now, "undervoltage", detail);
         }
         if let Some(due) = self.picture_at.take_if(|at| *at <= now) {
-            // A camera that was polled late goes on from then.
+            // A camera that was polled late continues from then.
             self.picture_at = Some((due + self.period()).max(now));
             self.take_picture(now, world);
         }
@@ -251,7 +251,7 @@ impl Device for Camera {
     }
 
     /// `off`. `slow`: so many milliseconds between pictures, 200 by default. `garbage`:
-    /// messages of their lengths, but of random bytes. `stuck`: the last picture for ever. `blind`:
+    /// messages of their lengths, but of random bytes. `stuck`: the last picture forever. `blind`:
     /// that share of the columns has no depth, all by default, and then no marker is
     /// recognised. `battery`: its own pack, which nothing protects, collapses within so many
     /// seconds, 5 by default; the end of the fault is another pack.

@@ -6,9 +6,9 @@
 //!         -> value -> angle   -> actuator `steering`    line, hall, battery -> frame
 //! ```
 //!
-//! Frames and commands are those of [`protocols::car_board`]. The board as fielded goes on driving
-//! when its host falls silent; with a dead-man time, as the board after it has, it stops then, and
-//! the next motor command starts it again.
+//! Frames and commands are those of [`protocols::car_board`]. The board as fielded continues
+//! driving when its host falls silent; with a dead-man time, as the board after it has, it stops
+//! then, and the next motor command starts it again.
 //!
 //! Sources: the car's program for the wire; ucboard's documentation for the dead-man switch and
 //! that the magnets sit at the left rear wheel (the report says right in one place and left in
@@ -340,7 +340,7 @@ impl Device for CarBoard {
             self.drive(now, world);
         }
         if let Some(due) = self.frame_at.take_if(|at| *at <= now) {
-            // A board that was polled late goes on from then.
+            // A board that was polled late continues from then.
             self.frame_at = Some((due + self.period()).max(now));
             self.sense(now, world);
             if self.changed_at.take().is_some() {
@@ -371,9 +371,9 @@ impl Device for CarBoard {
         &FAULTS
     }
 
-    /// `off`, `restart`; `stuck`: the last frame for ever. `slow`: so many milliseconds between
+    /// `off`, `restart`; `stuck`: the last frame forever. `slow`: so many milliseconds between
     /// frames, 1000 by default. `battery-low`: 6.85 V. `motor`, `servo`: does nothing any more.
-    /// `hall`: no pulses. `line`: a line everywhere. `front`, `right`, `left`: hears no echo.
+    /// `hall`: no pulses. `line`: a line everywhere. `front`, `right`, `left`: receives no echo.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" if begins => self.switch_off(now),

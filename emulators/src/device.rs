@@ -38,7 +38,7 @@ pub trait Device {
         true
     }
 
-    /// A change of the device's end of the line that the far end would see, such as a port being
+    /// A change of the device's end of the line that the other end would see, such as a port being
     /// opened; taken once.
     fn line_change(&mut self, _port: Port) -> Option<LineEvent> {
         None

@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use crate::device::{BrokenRules, Event, EventKind, earliest};
 
-/// Most entries kept until they are taken; further ones are only counted.
+/// Maximum number of entries kept until they are taken; further ones are only counted.
 const EVENTS_MAX: usize = 1024;
 /// First pause between two entries about the same rule; doubles while the rule is being broken.
 const PAUSE_MIN: Duration = Duration::from_secs(1);
@@ -73,7 +73,7 @@ impl EventLog {
         self.push(at, kind, rule, detail(), &[]);
     }
 
-    /// How often each rule was broken so far, whatever the entries say.
+    /// Number of violations of each rule so far, including those without a log entry.
     pub const fn broken(&self) -> &BrokenRules {
         &self.broken
     }

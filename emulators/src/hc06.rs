@@ -47,7 +47,7 @@ pub const AIR_LINE: LineConfig = LineConfig::new_8n1(9_216_000);
 /// Pause after the last byte of a reply before a new line coding is used.
 const SWITCH_PAUSE: Duration = Duration::from_millis(2);
 
-/// What the module does with bytes of its UART.
+/// Handling of bytes from the module's UART.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Nothing: no power.
@@ -58,7 +58,7 @@ pub enum Mode {
     Data,
 }
 
-/// Whether module and host hear each other.
+/// Whether module and host are in radio range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Radio {
     /// They do.
@@ -134,7 +134,7 @@ impl Hc06 {
         }
     }
 
-    /// What the module does with bytes of its UART.
+    /// Handling of bytes from the module's UART.
     pub const fn mode(&self) -> Mode {
         self.mode
     }
@@ -173,7 +173,7 @@ impl Hc06 {
         }
     }
 
-    /// Whether module and host hear each other.
+    /// Whether module and host are in radio range.
     pub const fn radio(&self) -> Radio {
         self.radio
     }

@@ -99,7 +99,7 @@ pub struct Log(pub(crate) EventLog);
 #[derive(Clone, Debug)]
 pub struct OnBus<C> {
     chip: C,
-    /// Where the next read begins.
+    /// Start of the next read.
     register: u8,
     requests: VecDeque<(Instant, Vec<u8>, Framing)>,
     /// Bytes of frames of which the rest has not come.
@@ -364,7 +364,7 @@ mod tests {
     }
 
     /// The power register, which reads 40 of a chip that sleeps, lies behind 6A: a read from there
-    /// on goes on with it.
+    /// on continues with it.
     #[test]
     fn a_read_goes_on_where_the_last_one_ended() {
         let chip = Mpu6050::new(Mpu6050Config::default(), 1, "test");

@@ -15,7 +15,7 @@
 //! | [`lidar`] | what turning lidars have in common |
 //! | [`mpu6050`] | gyroscope and accelerometer |
 //! | [`odometer`] | microcontroller that prints way and heading |
-//! | [`pc`] | scripted PC at the far end of the radio: sends waypoints, collects the map |
+//! | [`pc`] | scripted PC at the other end of the radio: sends waypoints, collects the map |
 //! | [`registers`], [`text`] | slaves described by data: a register table, a text protocol |
 //! | [`quantity`] | what the values of such slaves are |
 //! | [`rplidar`] | RPLIDAR A1 lidar |

@@ -13,7 +13,7 @@
 //! Every register that a master may write keeps what it was written, but for bits that clear
 //! themselves. x looks ahead, y to the left, z up. A sample is taken at the beginning of each read:
 //! the chip's own thousand a second are never older than what a master can tell apart. The
-//! gyroscope has white noise and a bias that walks; the walk begins anew when the body turns the
+//! gyroscope has white noise and a bias that walks; the walk begins again when the body turns the
 //! other way, which makes an integrated heading climb slowly and start over (report, page 14).
 //!
 //! A sample is ready each (1 + divider) / 8 kHz, or / 1 kHz with a filter of 1 to 6; reading the
@@ -53,7 +53,7 @@ pub mod register {
     pub const USER_CONTROL: u8 = 0x6A;
     /// Bytes in the FIFO, high byte first.
     pub const FIFO_COUNT: u8 = 0x72;
-    /// The FIFO itself: reads do not go on to the next register.
+    /// The FIFO itself: reads do not continue to the next register.
     pub const FIFO: u8 = 0x74;
     /// Range of the gyroscope in bits 4 and 3.
     pub const GYRO_CONFIG: u8 = 0x1B;
@@ -144,7 +144,7 @@ pub struct Mpu6050 {
     /// Bits of the status that reading it will clear.
     status: u8,
     fifo: VecDeque<u8>,
-    /// The last byte that came out of it: an empty one goes on with that.
+    /// The last byte that came out of it: an empty one continues with that.
     fifo_last: u8,
     /// Up to then samples are in the FIFO, and the status tells of them.
     sampled_at: Instant,
@@ -381,7 +381,7 @@ impl RegisterChip for Mpu6050 {
     }
 
     /// `off`: does not acknowledge. `restart`: sleeps as after a dip of its supply. `stuck`: the
-    /// last sample for ever. `wrong`: a clone with another name.
+    /// last sample forever. `wrong`: a clone with another name.
     fn set_fault(&mut self, _now: Instant, fault: &str, _figure: Option<f64>, begins: bool) {
         match fault {
             "off" => self.is_off = begins,

@@ -125,7 +125,7 @@ enum State {
     Calibrates(Instant),
     /// The next loop begins then.
     Runs(Instant),
-    /// Waits for ever.
+    /// Waits forever.
     Hangs,
 }
 

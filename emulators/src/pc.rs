@@ -1,4 +1,4 @@
-//! A PC at the far end of the radio, with a person who follows a script.
+//! A PC at the other end of the radio, with a person who follows a script.
 //!
 //! It opens the port, sends waypoints and orders, and collects what the robot tells: map, pose,
 //! state, waypoints. A list of waypoints that does not come back within two seconds is sent again;
@@ -48,9 +48,9 @@ pub struct Patience {
     pub tries_max: u32,
     /// Time between two orders in manual mode: the robot wants one a second at least.
     pub order_period: Duration,
-    /// Time after which a port that the far end closed is opened again; `None`: never.
+    /// Time after which a port that the other end closed is opened again; `None`: never.
     pub reopen: Option<Duration>,
-    /// Time for the far end to answer before it is called once more; `None`: for ever.
+    /// Time for the other end to answer before it is called once more; `None`: forever.
     pub answer: Option<Duration>,
 }
 
@@ -81,7 +81,7 @@ impl Patience {
 pub enum Connection {
     /// The port is closed.
     Closed,
-    /// The port is open; nothing was heard yet.
+    /// The port is open; nothing was received yet.
     Opening,
     /// Connected since then: told by the radio, or by the first frame.
     Connected(Instant),
@@ -228,7 +228,7 @@ impl Pc {
         self.changes.push_back(LineEvent::Opened);
     }
 
-    /// What was opened did not answer, or what the far end closed is to be opened again.
+    /// What was opened did not answer, or what the other end closed is to be opened again.
     fn reopen(&mut self, now: Instant) {
         if self.connection == Connection::Opening {
             self.log.note(now, "no-answer", String::new());

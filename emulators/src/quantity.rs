@@ -18,7 +18,7 @@ pub struct Variable {
     pub name: String,
     /// At the start of the run.
     pub initial: i64,
-    /// Least and greatest value that a master may write.
+    /// Minimum and maximum value that a master may write.
     pub limits: [i64; 2],
     /// Taken on when the master has been silent for the device's watchdog time.
     pub safe: Option<i64>,

@@ -50,7 +50,7 @@ impl Width {
         }
     }
 
-    /// Least and greatest value.
+    /// Minimum and maximum value.
     pub const fn limits(self) -> [i64; 2] {
         let values = 1_i64 << (8 * self.bytes());
         match self {
@@ -166,8 +166,7 @@ impl Registers {
         })
     }
 
-    /// Encoders and actuators that its values are about; it works without, but reads 0 and drives
-    /// nothing.
+    /// Encoders and actuators of its values; without them, it reads 0 and drives nothing.
     pub fn wanted(&self) -> impl Iterator<Item = Wanted<'_>> {
         self.variables.wanted().map(|(_, wanted)| wanted)
     }
@@ -179,7 +178,7 @@ impl Registers {
         registers.map(read).collect()
     }
 
-    /// Whether `chassis` has all that is [wanted](Self::wanted).
+    /// Checks that `chassis` has all [wanted](Self::wanted) encoders and actuators.
     ///
     /// # Errors
     /// The first register that lacks its source, and the sources that exist.
@@ -191,7 +190,7 @@ impl Registers {
         self.log.repeated(at, EventKind::Violation, rule, detail);
     }
 
-    /// The board starts anew at `at`.
+    /// The board restarts at `at`.
     fn restart(&mut self, at: Instant, why: &str) {
         self.decoder = avr::Decoder::new(self.config.order);
         self.quiet_at = None;
@@ -376,7 +375,7 @@ impl Device for Registers {
         }
     }
 
-    /// A UART takes a break for a NUL without a stop bit, which few programs look at.
+    /// A UART receives a break as a NUL without a stop bit; few programs check for this.
     fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
         if port != Self::BUS || event != LineEvent::Break {
             return;

@@ -100,7 +100,7 @@ mod tests {
         [rng.next_u64(), rng.next_u64(), rng.next_u64()]
     }
 
-    /// A saved case means the same for ever only if these never change. The figures were computed
+    /// A saved case means the same forever only if these never change. The figures were computed
     /// by a second implementation of FNV-1a, splitmix64 and xoshiro256++, itself checked against
     /// the published vector of the latter (state 1, 2, 3, 4: 41943041, 58720359, ..).
     #[test]

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! Any request ends a scan and is then handled; further ones wait for their turn. In Protection
-//! Stop scan requests are ignored: the host hears nothing unless it asks for the health.
+//! Stop scan requests are ignored: the host receives nothing unless it asks for the health.
 //!
 //! | module | is |
 //! |---|---|
@@ -61,7 +61,7 @@ pub use profile::Profile;
 pub struct Config {
     /// Firmware.
     pub profile: Profile,
-    /// What turns the head.
+    /// Drive of the head.
     pub motor: MotorControl,
     /// Where it sits on the robot; its angle 0 looks along the mount's bearing.
     pub mount: Mount,
@@ -85,10 +85,10 @@ impl Default for Config {
     }
 }
 
-/// What the sensor is doing.
+/// State of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// No supply.
+    /// Power is off.
     Off,
     /// Waits for a request.
     Idle,
@@ -100,7 +100,7 @@ pub enum State {
     ProtectionStop,
 }
 
-/// Work done in one poll at most; a device polled later than this goes on at the next poll.
+/// Maximum work in one poll; a device that was polled later continues at the next poll.
 const STEPS_PER_POLL_MAX: u32 = 20_000;
 /// Of the UART.
 const LINE: LineConfig = LineConfig::new_8n1(rplidar::BAUD);
@@ -194,7 +194,7 @@ impl Rplidar {
         }
     }
 
-    /// What the sensor is doing.
+    /// State of the sensor.
     pub const fn state(&self) -> State {
         match self.phase {
             Phase::Off => State::Off,
@@ -246,7 +246,7 @@ impl Rplidar {
         self.log.note(now, rule, detail.to_owned());
     }
 
-    /// When the sensor itself has something to do.
+    /// Time of the sensor's next own action.
     fn next_at(&self) -> Option<Instant> {
         earliest([
             self.handling.next_at(),

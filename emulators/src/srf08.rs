@@ -61,7 +61,7 @@ const OVERHEAD: Duration = Duration::from_millis(1);
 /// What must be written to the command register before a new address.
 const ADDRESS_CHANGE: [u8; 3] = [0xA0, 0xAA, 0xA5];
 
-/// How a chip sits on its robot, and how well it hears.
+/// How a chip sits on its robot, and how well it receives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Srf08Config {
     /// Address in eight bits, even, E0 to FE.
@@ -109,7 +109,7 @@ pub struct Srf08 {
     config: Srf08Config,
     address: u8,
     noise: Rng,
-    /// What it hears of the scene.
+    /// What it receives of the scene.
     view: Option<Scene>,
     range: u8,
     /// First echo, as the registers show it.
@@ -187,7 +187,7 @@ impl Srf08 {
                 return self.log.0.repeated(now, kind, "unknown-command", detail);
             }
         };
-        // Drawn whatever is heard, so that hearing never shifts the noise.
+        // Drawn whatever is received, so that hearing never shifts the noise.
         let noise_m = self.config.noise_m * self.noise.gauss();
         let heard = self.hear(now, world).filter(|_| !self.is_deaf);
         if !self.is_stuck {
@@ -260,7 +260,7 @@ impl RegisterChip for Srf08 {
         &FAULTS
     }
 
-    /// `off`: does not acknowledge. `deaf`: no echo. `stuck`: the last echo for ever. `wrong`: so
+    /// `off`: does not acknowledge. `deaf`: no echo. `stuck`: the last echo forever. `wrong`: so
     /// many metres too far, 0.5 by default.
     fn set_fault(&mut self, _now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {

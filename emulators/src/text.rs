@@ -44,7 +44,7 @@ pub struct TextConfig {
     pub periodic: Option<Periodic>,
     /// The board that it sits on.
     pub board: BoardConfig,
-    /// Said when the board has started anew, if anything.
+    /// Said when the board has restarted, if anything.
     pub greeting: Option<String>,
 }
 
@@ -173,13 +173,12 @@ impl Text {
         })
     }
 
-    /// Encoders and actuators that its values are about; it works without, but reads 0 and drives
-    /// nothing.
+    /// Encoders and actuators of its values; without them, it reads 0 and drives nothing.
     pub fn wanted(&self) -> impl Iterator<Item = Wanted<'_>> {
         self.variables.wanted().map(|(_, wanted)| wanted)
     }
 
-    /// Whether `chassis` has all that is [wanted](Self::wanted).
+    /// Checks that `chassis` has all [wanted](Self::wanted) encoders and actuators.
     ///
     /// # Errors
     /// The first variable that lacks its source, and the sources that exist.
@@ -243,7 +242,7 @@ impl Text {
         true
     }
 
-    /// The board starts anew at `at`.
+    /// The board restarts at `at`.
     fn restart(&mut self, at: Instant, why: &str) {
         self.line.clear();
         self.is_too_long = false;
@@ -298,7 +297,7 @@ fn pieces(text: &str, variables: &Variables) -> Result<Vec<Piece>, String> {
     Ok(pieces)
 }
 
-/// The pieces of a request: its fields can be told apart, and can be set.
+/// The pieces of a request: its fields can be distinguished, and can be set.
 fn request(text: &str, variables: &Variables) -> Result<Vec<Piece>, String> {
     let pieces = pieces(text, variables)?;
     let touching = |pair: &[Piece]| matches!(pair, [Piece::Field(_), Piece::Field(_)]);
@@ -356,7 +355,7 @@ impl Device for Text {
                 self.line.truncate(len);
                 self.end_of_line(now);
             } else if self.line.len() > LINE_MAX {
-                // What comes is looked at only for the end.
+                // What comes is checked only for the end.
                 let keep = self.config.terminator.len().min(LINE_MAX);
                 self.line.drain(..self.line.len() - keep);
                 if !core::mem::replace(&mut self.is_too_long, true) {
@@ -367,7 +366,7 @@ impl Device for Text {
         }
     }
 
-    /// A UART takes a break for a NUL without a stop bit, which few programs look at.
+    /// A UART receives a break as a NUL without a stop bit; few programs check for this.
     fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
         if port != Self::UART || event != LineEvent::Break {
             return;

@@ -27,7 +27,7 @@ const IDLE_GAP: Duration = Duration::from_millis(5);
 const REPORT_PERIOD: Duration = Duration::from_millis(20);
 /// How long a tap touches, and how far apart taps in a row are.
 const TAP: Duration = Duration::from_millis(100);
-/// Most taps that wait.
+/// Maximum number of taps that wait.
 pub const TAPS_MAX: usize = 1000;
 
 /// A finger that touches a place for a tenth of a second.

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! The wire is [`protocols::peripherals`]. The controller that closes the loop is at its other end:
-//! the board holds the last duty for ever, and has no watchdog. It drives the motors `left` and
+//! the board holds the last duty forever, and has no watchdog. It drives the motors `left` and
 //! `right` of the world's chassis and counts that chassis's encoders of the same names.
 
 mod config;

@@ -315,7 +315,7 @@ impl World {
         self.push.add(Pose::new(dx, dy, dtheta), over);
     }
 
-    /// Puts the robot elsewhere at once; its wheels go on as before.
+    /// Puts the robot elsewhere at once; its wheels continue as before.
     ///
     /// # Panics
     /// If a coordinate is not finite.

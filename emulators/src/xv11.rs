@@ -60,7 +60,7 @@ pub use profile::Profile;
 pub struct Config {
     /// Firmware generation.
     pub profile: Profile,
-    /// What turns the head.
+    /// Drive of the head.
     pub supply: MotorSupply,
     /// Where it sits on the robot.
     pub mount: Mount,
@@ -86,7 +86,7 @@ pub enum Detail {
 /// What the firmware is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// No supply.
+    /// Power is off.
     Off,
     /// About to print the boot text.
     Boot,
@@ -104,7 +104,7 @@ pub enum State {
     Console,
 }
 
-/// Work done in one poll at most; a device polled later than this goes on at the next poll.
+/// Maximum work in one poll; a device that was polled later continues at the next poll.
 const STEPS_PER_POLL_MAX: u32 = 20_000;
 
 /// A Neato XV-11 lidar.
@@ -121,7 +121,7 @@ pub struct Xv11 {
     uart: Uart,
     firmware: Firmware,
     faults: Faults,
-    /// Which byte of a packet is damaged, and how.
+    /// Position and kind of the damage in a packet.
     garbage: Rng,
     /// Whether it was reported that the host's motor drive is not connected.
     duty_told: bool,
@@ -221,7 +221,7 @@ impl Xv11 {
         self.uart.dropped()
     }
 
-    /// When the sensor itself has something to do.
+    /// Time of the sensor's next own action.
     fn next_at(&self) -> Option<Instant> {
         earliest([self.uart.release_at(), self.edge_at, self.work_at])
     }

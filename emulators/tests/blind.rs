@@ -256,7 +256,7 @@ fn f8_a_classifier_hardly_tells_real_windows_from_emulated_ones() {
     assert!(given_away.is_empty(), "told apart: {given_away:?}");
 }
 
-/// The classifier itself: two heaps that overlap are told apart by chance, two that do not are.
+/// The classifier itself: two heaps that overlap are distinguished by chance, two that do not are.
 #[test]
 fn the_classifier_tells_what_differs() {
     let heap = |from: f64| -> Vec<Vec<f64>> {

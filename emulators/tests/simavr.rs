@@ -104,7 +104,7 @@ struct Transaction {
 struct Bridge<'a, C> {
     chip: &'a mut C,
     around: Surroundings,
-    /// Where the next read begins.
+    /// Start of the next read.
     register: u8,
     open: Option<Transaction>,
     serial: Vec<u8>,

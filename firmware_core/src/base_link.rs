@@ -25,9 +25,9 @@ pub use listener::Defects;
 use listener::Listener;
 pub use request::Request;
 
-/// Most registers that a request reads.
+/// Maximum number of registers that a request reads.
 pub const READ_MAX: usize = 16;
-/// Most registers that a request writes.
+/// Maximum number of registers that a request writes.
 pub const WRITE_MAX: usize = 8;
 
 /// How often a request is sent before it is given up (seed report: repeated until answered; field
@@ -56,7 +56,7 @@ pub struct Completion {
     pub request: Request,
     /// When the answer was complete, or the last try given up.
     pub at: Instant,
-    /// What came of it.
+    /// The result.
     pub outcome: Outcome,
 }
 
@@ -211,7 +211,7 @@ impl BaseLink {
         }
     }
 
-    /// When [`tick`](Self::tick) wants to be called.
+    /// Time of the next call of [`tick`](Self::tick).
     pub fn next_at(&self) -> Option<Instant> {
         match self.current {
             Some(current) => Some(current.deadline),
@@ -234,7 +234,7 @@ impl BaseLink {
         self.listener.stray
     }
 
-    /// What happened so far.
+    /// The events so far.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }

@@ -177,7 +177,7 @@ impl CellMap {
     }
 
     /// What another map of equal cells shows comes in: the unknown becomes known, the free becomes
-    /// an obstacle. An obstacle stays one for ever, as the robot's makers have it.
+    /// an obstacle. An obstacle stays one forever, as the robot's makers have it.
     ///
     /// # Errors
     /// If the map would become too large; what fits is in.

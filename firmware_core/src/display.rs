@@ -8,7 +8,7 @@
 //!
 //! A picture of 480 x 272 pixels takes 255 kB, twice the memory of the board. What was sent is
 //! remembered as 16 bits a row, so a row whose sum happens to be that of its successor stays, one
-//! change in 65536; as may what the line has damaged. Three times a second one tile is sent anew
+//! change in 65536; as may what the line has damaged. Three times a second one tile is sent again
 //! whether it changed or not, so all of it is right again after half a minute.
 
 use core::convert::Infallible;
@@ -50,7 +50,7 @@ const _: () = assert!(
     "a row must fit to be sent at all"
 );
 
-/// How often a tile is sent anew, changed or not.
+/// How often a tile is sent again, changed or not.
 const HEAL_PERIOD: Duration = Duration::from_millis(333);
 /// Quiet time after which a half-received report is given up.
 const IDLE_GAP: Duration = Duration::from_millis(10);
@@ -177,7 +177,7 @@ pub struct Display {
     sums: [[u16; ROWS]; COLUMNS.len()],
     /// Tiles of each column that may have changed, one bit a band.
     dirty: [u64; COLUMNS.len()],
-    /// Tile that is looked at next.
+    /// Tile that is checked next.
     next: usize,
     heal: usize,
     heal_at: Instant,
@@ -209,7 +209,7 @@ impl Display {
         }
     }
 
-    /// What happened so far.
+    /// The events so far.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }
@@ -230,7 +230,7 @@ impl Display {
         }
     }
 
-    /// Whether [`paint`](Self::paint) would draw something, or send something anew.
+    /// Whether [`paint`](Self::paint) would draw something, or send something again.
     pub fn has_work(&self, now: Instant) -> bool {
         let is_dirty = self.dirty.iter().any(|&bands| bands != 0);
         self.tx.room() >= TX_ENOUGH && (is_dirty || now >= self.heal_at)
@@ -389,7 +389,7 @@ mod tests {
     const EVERYTHING: Rectangle =
         Rectangle::new(Point::zero(), Size::new(WIDTH as u32, HEIGHT as u32));
 
-    /// The picture at the far end, from commands of whole rows.
+    /// The picture at the other end, from commands of whole rows.
     struct Far {
         decoder: panel::Decoder,
         pixels: Vec<u16>,
@@ -463,8 +463,8 @@ mod tests {
         assert_eq!(far.rows, 200);
     }
 
-    /// All is sent and the line is free: nothing is to be done before the next tile is sent anew, a
-    /// third of a second after the last, or something changes.
+    /// All is sent and the line is free: nothing is to be done before the next tile is sent again,
+    /// a third of a second after the last, or something changes.
     #[test]
     fn a_display_that_shows_all_has_no_work() {
         let (mut display, mut far) = (Display::new(), far());
@@ -477,7 +477,7 @@ mod tests {
         assert!(display.has_work(Instant::from_millis(1)));
     }
 
-    /// The far end forgot everything; each of the 102 tiles comes again, three a second.
+    /// The other end forgot everything; each of the 102 tiles comes again, three a second.
     #[test]
     fn a_damaged_picture_is_mended_within_half_a_minute() {
         let (mut display, mut far) = (Display::new(), far());
@@ -653,7 +653,7 @@ mod tests {
         assert_eq!([halves(9), halves(10)], [1, 0]);
     }
 
-    /// A tile is sent anew at once and each third of a second: the display is switched on again,
+    /// A tile is sent again at once and each third of a second: the display is switched on again,
     /// the tile's rows are forgotten, and the tile after the last of all is the first.
     #[test]
     fn tiles_are_sent_anew_in_turn() {

@@ -14,10 +14,10 @@ use protocols::Instant;
 
 /// Duty with which a standing motor is started.
 pub const DUTY_START: u8 = 180;
-/// Least duty while running.
+/// Minimum duty while running.
 pub const DUTY_MIN: u8 = 50;
 
-/// Silence after which the motor is started anew.
+/// Silence after which the motor is restarted.
 const RESTART_AFTER: Duration = Duration::from_secs(1);
 /// Duties with which a lidar that stays silent is started, one after the other and again. 180 is
 /// the fielded one; with a drive of 3.3 V it gives 166 rpm, at which nothing is measured.
@@ -105,7 +105,7 @@ impl LidarMotor {
         }
     }
 
-    /// When [`tick`](Self::tick) wants to be called.
+    /// Time of the next call of [`tick`](Self::tick).
     pub fn next_at(&self) -> Instant {
         self.packet_at + RESTART_AFTER
     }

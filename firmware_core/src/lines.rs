@@ -6,10 +6,10 @@
 //!
 //! A region ends where two neighbouring points are far apart; the scan is a circle, so one region
 //! may lie across its beginning. A segment whose points all lie near its chord is done, any other
-//! one is split at the farthest point. Neighbours that go on nearly straight become one, and what
-//! remains is fitted by least squares of the perpendicular distances. Two lines that share a point
-//! meet where they cross. Figures and the fielded faults: public code of a course's robot, its
-//! lidar's task; the fit and the circle are our own.
+//! one is split at the farthest point. Neighbours that continue nearly straight become one, and
+//! what remains is fitted by least squares of the perpendicular distances. Two lines that share a
+//! point meet where they cross. Figures and the fielded faults: public code of a course's robot,
+//! its lidar's task; the fit and the circle are our own.
 
 mod fit;
 mod split;
@@ -18,9 +18,9 @@ use crate::pose::Point;
 use fit::Fit;
 use split::Splitter;
 
-/// Most lines that are found.
+/// Maximum number of lines that are found.
 pub const LINES_MAX: usize = 20;
-/// Most segments before they are merged.
+/// Maximum number of segments before they are merged.
 const SEGMENTS_MAX: usize = 64;
 
 /// Where a line begins and ends, in the order of the points.
@@ -43,7 +43,7 @@ pub struct Settings {
     pub merge_deg: f32,
     /// Fewer points are no line.
     pub points_min: u16,
-    /// Faults of the fielded program to show.
+    /// Enabled faults of the fielded program.
     pub defects: Defects,
 }
 
@@ -64,7 +64,7 @@ impl Default for Settings {
     }
 }
 
-/// What the fielded program did wrong; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The cosine of the change of direction is compared with 10 degrees in radians: everything
@@ -158,7 +158,7 @@ impl Lines {
     }
 }
 
-/// The points of a scan, begun anew where a region begins.
+/// The points of a scan, begun again where a region begins.
 #[derive(Clone, Copy, Debug)]
 struct Circle<'a> {
     points: &'a [Point],
@@ -186,7 +186,8 @@ impl<'a> Circle<'a> {
         if let Some(begin) = (0..count).find(is_gap) {
             return Self { begin, ..open };
         }
-        // From the last point to the first the way goes on around the sensor only if the walls do.
+        // From the last point to the first the way continues around the sensor only if the walls
+        // do.
         if last.x_mm * first.y_mm - last.y_mm * first.x_mm <= 0.0 {
             return open;
         }
@@ -246,7 +247,7 @@ impl Segments {
         self.len -= 1;
     }
 
-    /// Makes one of neighbours that go on nearly straight, the last and the first among them.
+    /// Makes one of neighbours that continue nearly straight, the last and the first among them.
     fn merge(&mut self, circle: &Circle<'_>, settings: &Settings) {
         let mut at = 0;
         while at + 1 < self.len {
@@ -292,7 +293,7 @@ impl Segments {
     }
 }
 
-/// Whether `b` goes on where `a` ends, nearly straight.
+/// Whether `b` continues where `a` ends, nearly straight.
 fn goes_on(a: &Segment, b: &Segment, settings: &Settings) -> bool {
     if a.fit.end.distance_mm(b.fit.start) > settings.tolerance_mm {
         return false;
@@ -325,7 +326,7 @@ mod tests {
         }
     }
 
-    /// 60 mm apart and 10 degrees, of which the tangent is 0.1763. The fielded program went on
+    /// 60 mm apart and 10 degrees, of which the tangent is 0.1763. The fielded program continued
     /// below 79.95 degrees, of which the tangent is 5.64.
     #[test]
     fn a_line_goes_on_nearly_straight_behind_a_small_gap() {
@@ -351,7 +352,7 @@ mod tests {
         );
     }
 
-    /// Three points within 40 mm are a line, and all there is: it goes on nowhere.
+    /// Three points within 40 mm are a line, and all there is: it continues nowhere.
     #[test]
     fn a_short_line_alone_stays() {
         let points = [0.0, 20.0, 40.0].map(|y| Point::new(1_000.0, y));

@@ -3,7 +3,7 @@
 //!
 //! The walls are laid on the map in each of 360 headings and at each free cell; a place scores by
 //! how many of them fall on walls of the map, less how often a wall of the map stands where the
-//! robot looks through. Only few cells are looked at, those of walls in whole rows, so a map of 128
+//! robot looks through. Only few cells are checked, those of walls in whole rows, so a map of 128
 //! x 128 cells takes a fraction of a second.
 
 use alloc::vec::Vec;

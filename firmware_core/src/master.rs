@@ -15,7 +15,7 @@ pub trait Master {
     fn line_event(&mut self, _port: Port, _now: Instant, _event: LineEvent) {}
 
     /// A change of the program's end of the line that the device would see, such as the port being
-    /// opened anew, which resets many a microcontroller; taken once.
+    /// opened again, which resets many a microcontroller; taken once.
     fn line_change(&mut self, _port: Port) -> Option<LineEvent> {
         None
     }

@@ -1,8 +1,8 @@
 //! Writes that leave their buffer, as a finding.
 //!
 //! Some defects of the fielded programs write beyond a buffer. Where such a defect is switched on,
-//! the write is not made but noted, and the program goes on as if it had hit nothing that matters;
-//! a defect that ended the program in life ends it here too, see
+//! the write is not made but noted, and the program continues as if it had hit nothing that
+//! matters; a defect that ended the program in life ends it here too, see
 //! [`Inspect::is_dead`](crate::Inspect::is_dead).
 
 /// Writes outside one buffer.

@@ -131,7 +131,7 @@ pub struct Settings {
     pub arrival_blocked_mm: f32,
     /// The wall follower.
     pub wall: WallFollowing,
-    /// Faults of the fielded program to show.
+    /// Enabled faults of the fielded program.
     pub defects: Defects,
 }
 
@@ -170,7 +170,7 @@ impl Settings {
     }
 }
 
-/// Where to go.
+/// The goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
     /// Position in the map.
@@ -200,7 +200,7 @@ const NEARER_WAY_MM: f32 = 200.0;
 const NEARER_STEPS: i8 = 12;
 /// A direction that is better by so many radians is much better.
 const MUCH: f32 = STEP * 8.0;
-/// A plan is made anew each second.
+/// A plan is made again each second.
 const PLAN_SCANS: u8 = 5;
 /// Plans without a way after which there is none, and rounds in which all were found blocked:
 /// something that moves may have stood in one.
@@ -216,7 +216,7 @@ pub struct Navigator {
     explorer: Explorer,
     escape: Escape,
     planner: Planner,
-    /// Scans until the plan is made anew.
+    /// Scans until the plan is made again.
     plan_ages: u8,
     /// Plans in a row that found no way.
     wayless: u8,

@@ -77,7 +77,7 @@ impl Defects {
 const TICKS_SLACK: u32 = 16;
 /// Unbelievable readings in a row after which the counters must have been restarted.
 const RESTART_AFTER: u8 = 3;
-/// Counters that are no higher after a silence begin anew.
+/// Counters that are no higher after a silence begin again.
 const RESTARTED_TICKS: i32 = 2;
 /// How long wheels run at most without a command: the base's watchdog takes a second.
 const RUNS_ON_MAX: Duration = Duration::from_millis(1_500);
@@ -416,7 +416,7 @@ mod tests {
         assert!(near(DRIVE.arc([100, 99]).distance_mm(), 45.15, 0.01));
     }
 
-    /// The base was silent for a second, in which the robot went on turning: 450 ticks of each
+    /// The base was silent for a second, in which the robot continued turning: 450 ticks of each
     /// wheel are a quarter turn. What it did meanwhile is known, but not when.
     #[test]
     fn what_the_counters_went_on_counting_in_a_silence_is_motion() {

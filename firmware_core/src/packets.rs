@@ -13,7 +13,7 @@ use crate::scan::BEAMS;
 /// What the fielded program did wrong in its lidar's stream; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// The checksum's sum goes on from packet to packet (XV-01).
+    /// The checksum's sum continues from packet to packet (XV-01).
     pub sum_is_never_cleared: bool,
     /// No checksum is compared (XV-02).
     pub unchecked: bool,

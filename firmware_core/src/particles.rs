@@ -1,5 +1,5 @@
 //! Where a robot is on a map that it has, by Monte-Carlo localisation: many guesses, moved as the
-//! odometry says, weighed by how well the scan fits, drawn anew. For the part of a program that
+//! odometry says, weighed by how well the scan fits, drawn again. For the part of a program that
 //! runs on a PC; feature `host`.
 //!
 //! Facts: `amcl` as seed 003 set it up (differential odometry model, likelihood field, 500 to 2,000
@@ -33,7 +33,7 @@ const TELLING: usize = 10;
 /// How to weigh and how many guesses to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Least and greatest number of guesses.
+    /// Minimum and maximum number of guesses.
     pub count: [usize; 2],
     /// The number is such that the guesses tell the truth's distribution up to this error..
     pub kld_error: f64,
@@ -49,7 +49,7 @@ pub struct Settings {
     pub hit_sigma_m: f64,
     /// Ranges that count, metres.
     pub range_m: [f64; 2],
-    /// Least way and turn after which a scan is weighed, metres and radians.
+    /// Minimum way and turn after which a scan is weighed, metres and radians.
     pub moved: [f64; 2],
 }
 

@@ -55,7 +55,7 @@ pub struct Settings {
     pub dialect: rle::Dialect,
     /// What is told besides pose, state and map.
     pub diagnosis: Diagnose,
-    /// Faults of the fielded program to show.
+    /// Enabled faults of the fielded program.
     pub defects: Defects,
 }
 
@@ -96,7 +96,7 @@ pub struct View<'a> {
     pub pose: Pose,
     /// The measured value.
     pub state: State,
-    /// Where it goes.
+    /// Its destination.
     pub waypoints: &'a Waypoints,
     /// How it is.
     pub diagnosis: Diagnosis,
@@ -234,7 +234,7 @@ impl PcLink {
         self.next_frame(&mut &[][..])
     }
 
-    /// Gives up a half-received frame: the far end closed or the line broke.
+    /// Gives up a half-received frame: the other end closed or the line broke.
     pub fn line_broke(&mut self) {
         self.decoder.idle();
     }
@@ -289,7 +289,7 @@ impl PcLink {
         }
     }
 
-    /// When [`tick`](Self::tick) wants to be called.
+    /// Time of the next call of [`tick`](Self::tick).
     pub fn next_at(&self) -> Instant {
         if self.can_echo() {
             return Instant::ZERO;
@@ -326,7 +326,7 @@ impl PcLink {
         count
     }
 
-    /// What happened so far.
+    /// The events so far.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }

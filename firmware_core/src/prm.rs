@@ -14,7 +14,7 @@ use crate::random::Pcg32;
 
 /// Vertices of the course's roadmap.
 pub const VERTICES: usize = 100;
-/// Most vertices before the search from cell to cell.
+/// Maximum number of vertices before the search from cell to cell.
 pub const VERTICES_MAX: usize = 800;
 /// Farthest that vertices are joined, cells.
 pub const REACH_CELLS: f32 = 30.0;

@@ -124,7 +124,7 @@ impl RadioSetup {
         }
     }
 
-    /// When [`tick`](Self::tick) wants to be called.
+    /// Time of the next call of [`tick`](Self::tick).
     pub fn next_at(&self) -> Instant {
         match self.until {
             _ if self.is_over() => Instant::from_nanos(u64::MAX),
@@ -254,7 +254,7 @@ mod tests {
         assert!(!setup.has_failed());
     }
 
-    /// Each of the twelve rates once, 1.6 s each; then the robot goes on as if it were ready.
+    /// Each of the twelve rates once, 1.6 s each; then the robot continues as if it were ready.
     #[test]
     fn a_module_that_never_answers_is_given_up() {
         let (said, setup, took) = said_to(1, SETTINGS);

@@ -63,7 +63,7 @@ pub enum Certainty {
     Ambiguous,
 }
 
-/// What became of a scan.
+/// Result of a scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// The pose that fits, at the scan's end.
@@ -182,7 +182,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.scans
     }
 
-    /// Forgets map and pose and begins anew.
+    /// Forgets map and pose and begins again.
     pub fn restart(&mut self) {
         self.grid.clear();
         self.pose = self.settings.start;
@@ -458,7 +458,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
 }
 
 /// Scans since the robot was found elsewhere, after one more that belongs at `place`; `None` if it
-/// is where it was believed to be. A robot that goes on moving without its wheels is being pushed
+/// is where it was believed to be. A robot that continues moving without its wheels is being pushed
 /// still.
 fn unsettled_by(place: &tracking::Place, is_at_rest: bool, before: Option<u8>) -> Option<u8> {
     if place.is_elsewhere || (before.is_some() && !is_at_rest) {
@@ -676,7 +676,7 @@ mod tests {
     }
 
     /// A half turn drawn, and the other half seen next: nothing of it is known but where the walls
-    /// go on. That the wheels were not read is no reason to slide along them.
+    /// continue. That the wheels were not read is no reason to slide along them.
     #[test]
     fn a_scan_of_what_is_not_drawn_yet_does_not_move_the_robot() {
         let room = room();

@@ -23,7 +23,7 @@ const NEAR_MM: [f32; 6] = [250.0, 200.0, 150.0, 100.0, 80.0, 60.0];
 /// Weight of the odometry against one point: a point is certain to 2 cm, the odometry to 10 cm and
 /// 3 degrees.
 const TRUST: [f64; 3] = [0.04, 0.04, 146_000.0];
-/// Most walls kept.
+/// Maximum number of walls kept.
 const WALLS_MAX: usize = 4_000;
 
 /// How far a robot may have rolled and turned without knowing: a motor runs on for 60 ms.

@@ -2,7 +2,7 @@
 //! another library of protocol buffers.
 //!
 //! Each line of standard input is `telemetry HEX` or `telecommand HEX`. The answer is a line: the
-//! fields as `path=value` in the order of their numbers, `|`, and the message written anew, in
+//! fields as `path=value` in the order of their numbers, `|`, and the message written again, in
 //! hexadecimal. Floats are given by their bits, so that none is rounded. A message that is none is
 //! answered by `error: ..`.
 
@@ -10,7 +10,7 @@ use std::io::{self, BufRead as _, Write as _};
 
 use protocols::telemetry::message::{MessageError, Pose, Telecommand, Telemetry};
 
-/// Most bytes of a message that is written anew.
+/// Maximum number of bytes of a message that is written again.
 const ROOM: usize = 65_536;
 
 fn main() -> io::Result<()> {

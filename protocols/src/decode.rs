@@ -16,7 +16,7 @@ pub trait Decode {
     /// Takes bytes from the front of `input` until something can be said.
     ///
     /// `None` means that `input` is empty and that nothing more follows from what is pending. An
-    /// `Err` reports a rejected candidate, which cost exactly one byte; decoding goes on.
+    /// `Err` reports a rejected candidate, which cost exactly one byte; decoding continues.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<Self::Frame, FrameError>>;
 
     /// Says that the line went quiet: an unfinished candidate will not be finished.
@@ -322,7 +322,7 @@ mod tests {
         }
     }
 
-    /// Breaks the contract on purpose: waits for ever once it saw a 1; any 2 is a frame.
+    /// Breaks the contract on purpose: waits forever once it saw a 1; any 2 is a frame.
     struct Undecided;
 
     impl Format for Undecided {

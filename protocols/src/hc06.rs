@@ -27,7 +27,7 @@ pub const BAUD_RATES: [u32; 12] = [
 ];
 /// Rate of a module as shipped.
 pub const BAUD_DEFAULT: u32 = 9_600;
-/// Most characters in a name.
+/// Maximum number of characters in a name.
 pub const NAME_MAX: usize = 20;
 
 /// Firmware family of a module.

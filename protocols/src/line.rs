@@ -83,9 +83,9 @@ impl LineConfig {
 /// What a line tells besides bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineEvent {
-    /// The far end opened its port (for the air end of a radio: the PC connected).
+    /// The other end opened its port (for the air end of a radio: the PC connected).
     Opened,
-    /// The far end closed its port or was unplugged.
+    /// The other end closed its port or was unplugged.
     Closed,
     /// The line was held low for longer than a character.
     Break,

@@ -211,7 +211,7 @@ fn go(
         }
         let clock = realtime.clock();
         control.serve(&mut going.run, Some(clock), clock.now());
-        // A page goes on when rig time stands.
+        // A page continues when rig time stands.
         show.turn(&mut going.run, Instant::ZERO + clock.waited());
         exec::log_contacts(&mut going.run);
         log.follow(&going.run);
@@ -279,7 +279,7 @@ fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
     let limits = Limits {
         file_bytes: args.capture_max_mb << 20,
         files: args.capture_files,
-        // A result folder is written anew as a whole.
+        // A result folder is written again as a whole.
         existing: match args.capture {
             Some(_) => Existing::SetAside,
             None => Existing::Replaced,

@@ -148,8 +148,8 @@ fn a_full_disk_leaves_no_torn_file() {
     }
 }
 
-/// Commands that go on, and how each ends by Ctrl-C; what they do not catch ends them as the shell
-/// expects.
+/// Commands that continue, and how each ends by Ctrl-C; what they do not catch ends them as the
+/// shell expects.
 const ENDLESS: [(&str, &str, Option<i32>); 10] = [
     (
         "run long.toml --out o/run",

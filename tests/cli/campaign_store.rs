@@ -14,7 +14,7 @@ use super::{Session, shipped, text};
 /// How long a test waits for what must come.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A campaign that goes on until it is killed.
+/// A campaign that continues until it is killed.
 struct Running(Child);
 
 impl Running {

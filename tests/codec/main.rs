@@ -202,7 +202,8 @@ fn diagnose_names_its_swapped_checksum() {
     }
 }
 
-/// What matters is a sound frame whose second byte is 37: all else goes, the checksum is made anew.
+/// What matters is a valid frame whose second byte is 37: all else goes, the checksum is made
+/// again.
 #[test]
 fn shrink_cuts_it_out_and_repairs_its_checksum() {
     let row = gripper();

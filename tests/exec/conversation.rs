@@ -222,7 +222,7 @@ fn the_case_of_a_client_that_fell_silent_is_red_until_it_goes_on() {
 
 /// A base whose 40th answer says that it is 64 bytes longer. One client believes it and is stuck
 /// until
-/// so many bytes have come, while it goes on asking.
+/// so many bytes have come, while it continues asking.
 const BASE: &str = r#"
 schema = 1
 name = "base"

@@ -359,7 +359,7 @@ fn a_call_that_is_not_handled_is_named_once() {
     assert_eq!(named.count(), 1, "{}", ended.said);
 }
 
-/// A child that is killed is gone before its parent goes on, a signal that is waited for
+/// A child that is killed is gone before its parent continues, a signal that is waited for
 /// comes at its
 /// time, and the processor's counter is the clock: 2 ms of sleep are 2,000,000 of its
 /// steps and those
@@ -379,7 +379,7 @@ fn kills_awaited_signals_and_the_processors_counter_are_in_virtual_time() {
     assert_eq!(first, Some("1 1 -1 1 2000"), "{}", ended.said);
 }
 
-/// Process numbers are the system's: a program that sleeps by its own is told apart from itself.
+/// Process numbers are the system's: a program that sleeps by its own is distinguished from itself.
 #[test]
 fn a_program_that_is_not_the_same_twice_is_told_where_it_parts() {
     let program = format!(
@@ -452,7 +452,7 @@ time.sleep(60)
 }
 
 /// A capture of a program is played to it again, and as a case: the same bytes each time. One that
-/// says nothing is told apart.
+/// says nothing is distinguished.
 #[test]
 fn a_capture_and_a_case_of_it_are_played_in_virtual_time() {
     let program = "exec 3<> \"$HILRIG_PORT_SONAR\"\n\

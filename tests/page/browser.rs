@@ -21,7 +21,7 @@ use super::server::{Server, folder};
 /// Browsers are large: one at a time.
 static ONE: Mutex<()> = Mutex::new(());
 
-/// How often a condition is looked at, and how many times: a minute on an idle machine, more on a
+/// How often a condition is checked, and how many times: a minute on an idle machine, more on a
 /// busy one. A deadline for a test that hangs, not a measure of anything.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 const LOOKS_MAX: u32 = 900;
@@ -36,8 +36,8 @@ pub(crate) struct Browser {
 }
 
 impl Browser {
-    /// A browser that shows `server`'s page, connected; a run that was held goes on. `None`, and a
-    /// word, on a machine without a browser; CI has to have one.
+    /// A browser that shows `server`'s page, connected; a run that was held continues. `None`, and
+    /// a word, on a machine without a browser; CI has to have one.
     pub(crate) fn at(name: &str, server: &Server) -> Option<Self> {
         let browser = Self::start(name)?;
         browser.go(&server.url());

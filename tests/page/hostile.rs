@@ -167,7 +167,7 @@ fn a_huge_message_costs_the_page_its_connection_and_nobody_else() {
     nothing_got_in(&server);
 }
 
-/// Fifty pages of which forty-nine never read a byte: the fiftieth sees the run go on, the
+/// Fifty pages of which forty-nine never read a byte: the fiftieth sees the run continue, the
 /// fifty-first is refused, and places are given back.
 #[test]
 fn fifty_pages_that_do_not_read_hold_nothing_up() {

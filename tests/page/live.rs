@@ -54,7 +54,7 @@ fn a_rig_on_ports_is_shown_and_steered() {
     );
 }
 
-/// A judged run may be watched: the page sees it begin and go on, the verdict comes as ever.
+/// A judged run may be watched: the page sees it begin and continue, the verdict comes as ever.
 #[test]
 fn a_judged_run_in_real_time_is_shown() {
     let dir = folder("judged");

@@ -82,7 +82,7 @@ fn all_that_is_shown_of_a_time_is_what_the_core_was_then() {
     let Some(browser) = Browser::at("past", &server) else {
         return;
     };
-    // To the end: the case of a mission that goes on asks for less.
+    // To the end: the case of a mission that continues asks for less.
     browser.wait("hilrig.now.over");
     browser.pause();
     let mut rng = Rng::stream(20_261_122, "times");
@@ -107,9 +107,9 @@ fn all_that_is_shown_of_a_time_is_what_the_core_was_then() {
     assert_eq!(browser.value("hilrig.past"), Value::Null);
 }
 
-/// A waypoint is added, the run goes on, all are deleted, and from a moment between it goes on in
-/// another way: what was done before is done, what came after is not, and the session done again
-/// gives the same bytes.
+/// A waypoint is added, the run continues, all are deleted, and from a moment between it continues
+/// in another way: what was done before is done, what came after is not, and the session done
+/// again gives the same bytes.
 #[test]
 fn a_run_goes_on_from_an_earlier_time_in_another_way() {
     let server = Server::held("rescue-flat", "4");
@@ -146,7 +146,7 @@ fn a_run_goes_on_from_an_earlier_time_in_another_way() {
     assert_eq!(browser.value(added), true);
     let run = again(&server.case(), at_ns);
     assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
-    // It goes on from there, and has all that came before.
+    // It continues from there, and has all that came before.
     browser.click("#step");
     browser.wait(&format!("hilrig.now.at_ns === {}", at_ns + 1_000_000_000));
     let at_ns = browser.pause();

@@ -26,7 +26,7 @@ fn case() -> String {
 }
 
 /// The file is opened without a server behind it, and it requests no resource but the page itself.
-/// It shows the verdicts, jumps to an event, goes on by key, and hides layers; its script says no
+/// It shows the verdicts, jumps to an event, continues by key, and hides layers; its script says no
 /// word to the console, where the browser would put whatever the policy refused.
 #[test]
 fn a_report_opens_from_disk_without_a_network() {

@@ -80,7 +80,7 @@ pub(crate) fn scenario(name: &str) -> String {
     format!("{}/scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The path of a shipped scenario that goes on for an hour whatever comes of its mission; `test`
+/// The path of a shipped scenario that continues for an hour whatever comes of its mission; `test`
 /// is whose it is.
 pub(crate) fn endless(name: &str, test: &str) -> String {
     let text = std::fs::read_to_string(scenario(name)).expect("shipped");

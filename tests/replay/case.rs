@@ -23,7 +23,7 @@ use crate::support::*;
 enum Defect {
     /// A bit of each 50th byte towards the base is wrong, from the 200th on.
     Mangles,
-    /// It hangs after this time: neither hears nor thinks nor speaks.
+    /// It hangs after this time: neither receives nor thinks nor speaks.
     HangsAt(Instant),
 }
 
@@ -288,8 +288,8 @@ fn a_command_turns_a_capture_into_a_test() {
 }
 
 /// Written by the first version of the format: half a second of the robot in its room, cut from a
-/// longer run. It must go on running in every later version. Only what it expects is fixed, not
-/// that programs send the same bytes for ever.
+/// longer run. It must continue running in every later version. Only what it expects is fixed, not
+/// that programs send the same bytes forever.
 #[test]
 fn a_case_of_version_1_still_runs() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/replay/cases/v1.toml");

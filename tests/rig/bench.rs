@@ -42,7 +42,7 @@ fn a_read_waits_for_its_timeout_and_no_longer() {
     assert_eq!(sonar.available().expect("a run"), 8);
 }
 
-/// A program that serves its port for ever has to end somewhere: at the end of the scenario.
+/// A program that serves its port forever has to end somewhere: at the end of the scenario.
 #[test]
 fn a_port_is_hung_up_at_the_end_of_the_scenario() {
     let bench = own_slave();

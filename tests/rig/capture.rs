@@ -240,7 +240,7 @@ fn a_recording_of_several_files_is_read_as_one() {
 }
 
 /// A file that cannot be put aside stands for any trouble of a disk: an operator of a live run must
-/// see it while the run goes on, not hours later at its end.
+/// see it while the run continues, not hours later at its end.
 #[test]
 fn what_stops_a_recording_is_told_while_the_run_goes_on() {
     let dir = folder("capture-trouble");

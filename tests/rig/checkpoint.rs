@@ -1,4 +1,5 @@
-//! A run goes on from a checkpoint as the uninterrupted one does, and a branch as a run of its own.
+//! A run continues from a checkpoint as the uninterrupted one does, and a branch as a run of its
+//! own.
 
 use core::time::Duration;
 
@@ -118,8 +119,8 @@ fn cases(usual: u32) -> ProptestConfig {
     ProptestConfig::with_cases(more.unwrap_or(usual))
 }
 
-/// The run goes on as well, so both the checkpoint and what it was taken from are seen to be whole,
-/// with what watches whether the robot recovers.
+/// The run continues as well, so both the checkpoint and what it was taken from are seen to be
+/// whole, with what watches whether the robot recovers.
 #[test]
 fn taking_a_checkpoint_changes_nothing() {
     let faulted = || {

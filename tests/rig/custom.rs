@@ -146,7 +146,7 @@ fn what_cannot_be_is_told_with_its_place() {
     insta::assert_snapshot!(refusal(&robot.replace("[chassis.differential]", flat)), @r#"<test>:19: chassis.differential.footprint_m: 2 corners; expected 3 to 64"#);
 }
 
-/// A board that counts an encoder which the chassis lacks would show a standstill for ever: the
+/// A board that counts an encoder which the chassis lacks would show a standstill forever: the
 /// scenario is refused. A car has the encoders of its shaft and of its rear wheels.
 #[test]
 fn f15_a_board_without_its_encoder_is_refused() {

@@ -34,7 +34,7 @@ fn another_seed_gives_other_bytes() {
     assert_ne!(first.trace_hash, run_to_end((scenario, source)).trace_hash);
 }
 
-/// Both cores spin while the run goes on: nothing may depend on how fast it goes.
+/// Both cores spin while the run continues: nothing may depend on how fast it goes.
 #[test]
 fn load_on_the_processor_changes_nothing() {
     let quiet = identity(&run_to_end(shipped("two-rooms")));
@@ -117,7 +117,7 @@ fn scenarios_give_the_bytes_maps_and_cases_that_they_always_gave() {
     assert_eq!(found, KNOWN);
 }
 
-/// A rig in the middle of a mission goes on by itself in a copy, and both come to the same.
+/// A rig in the middle of a mission continues by itself in a copy, and both come to the same.
 #[test]
 fn a_fork_goes_on_as_the_rig_itself_does() {
     let mut run = start(shipped("two-rooms"));

@@ -1,7 +1,7 @@
 //! The robot's own display: what it shows, what touching it does, and that it disturbs nothing.
 //!
 //! The pictures are compared pixel for pixel with those of the folder `pictures`, which a person
-//! has looked at; with `UPDATE_PICTURES=1` in the environment they are written anew.
+//! has looked at; with `UPDATE_PICTURES=1` in the environment they are written again.
 
 use core::time::Duration;
 use std::path::Path;
@@ -73,7 +73,7 @@ fn assert_looks_like(name: &str, seen: &Picture) {
     }
 }
 
-/// Each page, the list of messages, waypoints set by touch: by pictures that were looked at.
+/// Each page, the list of messages, waypoints set by touch: by pictures that were checked.
 #[test]
 fn the_screens_look_as_on_the_pictures() {
     let mut run = start(in_a_room("99s", BLIND));

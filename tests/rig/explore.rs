@@ -1,4 +1,4 @@
-//! The rescue robot's search: all that it can reach is looked at, then it goes home. Here are a few
+//! The rescue robot's search: all that it can reach is checked, then it goes home. Here are a few
 //! mazes of many, and what must not pass.
 
 use hilrig::run::Run;
@@ -76,7 +76,7 @@ fn faults_on_the_links_cost_time_only() {
     assert_eq!(judged("rescue-maze", faults, maze(5, [3, 3])), [""; 0]);
 }
 
-/// The mutants: a robot that follows walls for ever, as before, is not home, and one that is
+/// The mutants: a robot that follows walls forever, as before, is not home, and one that is
 /// stopped on its way has not seen everything.
 #[test]
 fn a_robot_that_does_not_search_is_told_from_one_that_does() {

@@ -49,7 +49,7 @@ fn motors_stop_when_the_master_falls_silent() {
 
 /// A person presses the button on the robot, at 6 s and for two seconds: it stops and stays where
 /// it is, though the base drives again from 12 s on, when the button was pressed once more. The
-/// PC's order at 14 s makes it go on. (Seed report, page 9.)
+/// PC's order at 14 s makes it continue. (Seed report, page 9.)
 #[test]
 fn the_stop_button_stops_the_robot_until_the_pc_lets_it_go_on() {
     let button = |from: &str, lasting: &str| {

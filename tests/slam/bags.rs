@@ -346,7 +346,7 @@ mod chunks {
         records
     }
 
-    /// The same file, its chunks made anew by `change`: from header and records to body.
+    /// The same file, its chunks made again by `change`: from header and records to body.
     fn changed(file: &[u8], mut change: impl FnMut(&[u8], &[u8]) -> Vec<u8>) -> Vec<u8> {
         let magic = &file[..8];
         let mut out = magic.to_vec();

@@ -105,7 +105,7 @@ fn a_file_of_something_else_is_an_error_that_says_so() {
     assert!(carmen::read(b"").is_err());
 }
 
-/// Behind each scan of a corrected log the odometry begins anew at the mapper's pose: wheels 0.5 m
+/// Behind each scan of a corrected log the odometry begins again at the mapper's pose: wheels 0.5 m
 /// and 0.4 m, corrections of 0.1 m to the left that are no motion of the robot.
 #[test]
 fn of_a_corrected_log_only_the_motion_between_the_scans_is_the_wheels() {

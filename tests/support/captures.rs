@@ -7,7 +7,7 @@ use std::path::Path;
 /// The bytes of a capture, by its path below the folder of captures beside this repository.
 ///
 /// `None`, said loudly, if there is no such folder: a clone without its neighbours still passes.
-/// A folder that lacks the file is an error, so a misspelt name cannot skip a test for ever.
+/// A folder that lacks the file is an error, so a misspelt name cannot skip a test forever.
 pub(crate) fn capture(name: &str) -> Option<Vec<u8>> {
     beside("captures", name)
 }

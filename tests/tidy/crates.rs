@@ -139,7 +139,7 @@ const LICENCES: [&str; 13] = [
 fn is_free(expression: &str) -> bool {
     let expression = expression.replace('/', " OR ").replace(['(', ')'], " ");
     // With "and" binding tighter than "or", dropping brackets can only turn a choice into more
-    // demands inside one alternative or split a demand, so every licence named is looked at.
+    // demands inside one alternative or split a demand, so every licence named is checked.
     let is_known = |licence: &str| LICENCES.contains(&licence.trim());
     if expression.contains(" AND ") {
         expression

@@ -213,8 +213,8 @@ fn reads_switch(line: &str) -> bool {
     is_code && looks && FIELDS.iter().any(|field| after(field).is_some())
 }
 
-/// P4: an exhibit that looks at a switch and does by itself what the program would, goes on showing
-/// the defect when the program has lost it.
+/// P4: an exhibit that looks at a switch and does by itself what the program would, continues
+/// showing the defect when the program has lost it.
 #[test]
 fn exhibits_read_no_switch_themselves() {
     assert!(reads_switch(

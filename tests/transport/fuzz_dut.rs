@@ -2,7 +2,7 @@
 //! `--dut-dir` against one that is there already.
 //!
 //! The wall clock is in these tests as a limit only: a program that lives has far more time than it
-//! needs, and one that hangs hangs for ever.
+//! needs, and one that hangs hangs forever.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -116,7 +116,7 @@ fn an_accepted_damaged_frame_is_found_and_told_from_a_crash() {
     assert_eq!(names, ["01-accepts-corrupt-frame"], "{said}");
 }
 
-/// The client waits for the rest of a cut frame for ever, so that the next request is lost.
+/// The client waits for the rest of a cut frame forever, so that the next request is lost.
 #[test]
 fn a_missing_timeout_is_found_in_a_program_that_answers() {
     let (out, names, said) = search("patient", &["--virtual", "--cases", "8", "--shrink", "2"]);
@@ -129,7 +129,7 @@ fn a_missing_timeout_is_found_in_a_program_that_answers() {
 }
 
 /// The sound client answers a bad checksum by the refusal of the bus, which is no acceptance.
-/// Two cases, then the same command goes on to the third.
+/// Two cases, then the same command continues to the third.
 #[test]
 fn nothing_is_found_in_a_sound_program() {
     let (out, names, said) = search("none", &["--cases", "2"]);

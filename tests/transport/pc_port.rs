@@ -25,7 +25,7 @@ const ROWS: usize = 300;
 /// Both waypoints are on a straight way of 1.4 m.
 const MISSION_MAX: Instant = Instant::from_secs(40);
 
-/// What a client at the port hears and says.
+/// What a client at the port receives and says.
 #[derive(Default)]
 struct Heard {
     frames: u32,

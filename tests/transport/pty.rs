@@ -151,7 +151,7 @@ fn the_clients_baud_rate_is_told_before_its_bytes() {
 }
 
 /// As in a UART driver: the oldest bytes are kept, bytes without room are lost and counted, and the
-/// line goes on as soon as the client reads.
+/// line continues as soon as the client reads.
 #[test]
 fn a_client_that_does_not_read_loses_the_newest_bytes() {
     let dir = fresh_dir("does_not_read");

@@ -22,7 +22,7 @@ use crate::support::*;
 /// if the client does not come to read for a while.
 const SENT: usize = 3000;
 
-/// Sends 0, 1, 2, .. from the first byte that it hears on, and echoes nothing.
+/// Sends 0, 1, 2, .. from the first byte that it receives on, and echoes nothing.
 #[derive(Clone, Default)]
 struct Counter {
     sent: usize,

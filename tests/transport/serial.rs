@@ -78,7 +78,7 @@ fn a_port_that_is_pulled_is_an_error_that_names_it() {
     ));
 }
 
-/// A cable whose far end is asleep: neither the rig nor its end may hang on it.
+/// A cable whose other end is asleep: neither the rig nor its end may hang on it.
 #[test]
 fn a_far_end_that_does_not_read_stops_nobody() {
     let dir = fresh_dir("serial_asleep");

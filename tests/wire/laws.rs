@@ -78,7 +78,7 @@ fn framed_bytes(outcome: &Outcome) -> usize {
     outcome.iter().flatten().map(Vec::len).sum()
 }
 
-/// Dropping the iterator of `push` half-way feeds the rest all the same: the next push goes on
+/// Dropping the iterator of `push` half-way feeds the rest all the same: the next push continues
 /// where the bytes ended.
 pub(crate) fn an_iterator_dropped_early_feeds_the_rest<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,

@@ -28,8 +28,8 @@ pub(crate) trait Protocol {
     /// A fresh decoder.
     fn decoder() -> Self::Decoder;
 
-    /// The length of the frame that `bytes` begins with: the format read slowly and obviously,
-    /// without the code on trial.
+    /// Length of the frame at the start of `bytes`, from a slow and simple reference implementation
+    /// that does not use the tested code.
     fn frame_at(bytes: &[u8]) -> Option<usize>;
 
     /// Valid frames, built by our encoder.

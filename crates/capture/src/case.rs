@@ -11,7 +11,7 @@
 //!
 //! Within a line, groups of digits are chunks that arrived back to back at the link's rate, the
 //! last one complete at the time given; `!` is a character without a stop bit. A case holds no
-//! seed that could lose its meaning: later versions go on reading it.
+//! seed that could lose its meaning: later versions continue reading it.
 
 mod bytes;
 mod decoder;
@@ -94,7 +94,7 @@ const fn is_false(flag: &bool) -> bool {
     !*flag
 }
 
-/// What passed one link.
+/// The bytes of one link.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkBytes {
@@ -108,7 +108,7 @@ pub struct LinkBytes {
     /// What reached the program.
     #[serde(default)]
     pub to_program: String,
-    /// What the program sent.
+    /// Bytes sent by the program.
     #[serde(default)]
     pub from_program: String,
 }

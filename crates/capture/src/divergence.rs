@@ -44,7 +44,7 @@ impl Track {
         self.ends.get(piece).map(|&(_, at)| at)
     }
 
-    /// When the last byte was complete.
+    /// Time at which the last byte was complete.
     pub fn end(&self) -> Option<Instant> {
         self.ends.last().map(|&(_, at)| at)
     }
@@ -307,7 +307,7 @@ mod tests {
         );
     }
 
-    /// The largest is told, whichever way; of bytes that only one has, none.
+    /// The largest difference in either direction; none for bytes that only one side has.
     #[test]
     fn a_shift_is_earlier_or_later() {
         let here = track(&[(10, b"a"), (20, b"b"), (90, b"c")]);

@@ -46,7 +46,7 @@ pub enum ReplayError {
 /// Idle time at the beginning of a capture that is played; the rest is left out.
 const IDLE_MAX: Duration = Duration::from_secs(2);
 
-/// What reaches the far end of a line at one moment.
+/// What reaches the other end of a line at one moment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Arrival {
     /// When its last byte was complete.
@@ -55,7 +55,7 @@ pub struct Arrival {
     pub bytes: Vec<u8>,
 }
 
-/// What passed one link.
+/// The bytes of one link.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Passage {
     /// Name of the link.
@@ -66,7 +66,7 @@ pub struct Passage {
     pub arrivals: Vec<Arrival>,
     /// What reached the device, in order.
     pub heard: Vec<Arrival>,
-    /// What the program sent.
+    /// Bytes sent by the program.
     pub sent: Track,
     /// When the program opened the port, as far as the capture says so.
     pub opened: Vec<Instant>,
@@ -260,7 +260,7 @@ pub struct Played {
 pub struct Talked {
     /// How its requests compare with those of the capture.
     pub tally: Tally,
-    /// Bytes that the far end said.
+    /// Bytes that the other end said.
     pub said: u64,
     /// The first request that the capture does not have, or one that was not made.
     pub divergence: Option<Divergence>,
@@ -393,7 +393,7 @@ impl Replay {
         &self.rig
     }
 
-    /// What may be asked of the robot.
+    /// The interface of the robot.
     pub fn instruments(&self) -> &dyn Instruments {
         &*self.instruments
     }

@@ -113,7 +113,7 @@ pub fn register(codec: Codec) -> Result<&'static Codec, NameTaken> {
     CODECS.register(Box::new(codec))
 }
 
-/// The row with the most bytes of `bytes` in sound frames, of those that the bytes speak enough
+/// The row with the most bytes of `bytes` in valid frames, of those that the bytes speak enough
 /// for: see [`Evidence`].
 pub fn guess(bytes: &[u8]) -> Option<&'static Codec> {
     best(bytes).map(|(codec, _)| codec)

@@ -67,7 +67,7 @@ impl Link {
     }
 }
 
-/// Most events kept; further ones are only counted.
+/// Maximum number of events kept; further ones are only counted.
 pub const EVENTS_MAX: usize = 10_000;
 
 /// All of it, and the clock.
@@ -91,7 +91,7 @@ pub struct Rig {
     excused_counts: u64,
     /// Limits of random faults.
     pub budget: Budget,
-    /// What goes on besides damage to bytes.
+    /// What continues besides damage to bytes.
     disturbed: Vec<Disturbance>,
     /// Into which nodes put what they send.
     room: [u8; line::MESSAGE_MAX],
@@ -212,7 +212,7 @@ impl Rig {
         self.taps.iter_mut().try_for_each(|tap| tap.finish())
     }
 
-    /// The same rig in the same state, to go on by itself. Observers of this rig do not see the
+    /// The same rig in the same state, to continue by itself. Observers of this rig do not see the
     /// copy. `None`: a node program cannot save its state.
     pub fn fork(&self) -> Option<Self> {
         if !self.can_save_nodes() {

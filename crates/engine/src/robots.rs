@@ -241,7 +241,7 @@ pub struct Wired {
     pub rig: Rig,
     /// Ends to be served from outside.
     pub open_ends: Vec<OpenEnd>,
-    /// What may be asked of the robot.
+    /// The interface of the robot.
     pub instruments: Box<dyn Instruments>,
 }
 
@@ -326,9 +326,9 @@ pub struct Arena {
     pub margin_m: f64,
     /// How far it gets in a second at least, metres: with its turns, stops and ways around.
     pub pace_m_s: f64,
-    /// Least and greatest width of a door or corridor.
+    /// Minimum and maximum width of a door or corridor.
     pub passage_mm: [u64; 2],
-    /// Least and greatest radius of an obstacle.
+    /// Minimum and maximum radius of an obstacle.
     pub obstacle_mm: [u64; 2],
 }
 
@@ -403,7 +403,7 @@ fn add_devices(
         spec.check_with(name, source, parts, scenario.robot != NO_ROBOT)?;
         let node = wired.rig.add_boxed_device(name, built.device);
         for (index, info) in built.ports.into_iter().enumerate() {
-            // The first port is the one that counts; further ones are told apart by their names.
+            // The first port is the one that counts; further ones are distinguished by their names.
             let link = match index {
                 0 => name.clone(),
                 _ => format!("{name}-{}", info.name),
@@ -466,6 +466,6 @@ pub struct Senses {
     pub counters: [u8; 2],
     /// What a count means.
     pub wheels: WheelGeometry,
-    /// Where the robot believes to start.
+    /// Estimated start pose of the robot.
     pub start: Pose,
 }

@@ -85,7 +85,7 @@ pub struct Run {
     /// The rig.
     pub rig: Rig,
     instruments: Rc<dyn Instruments>,
-    /// As it was given; `scenario` changes as the run goes on.
+    /// As it was given; `scenario` changes as the run continues.
     asked: Rc<Scenario>,
     scenario: Scenario,
     seed: u64,
@@ -101,7 +101,7 @@ pub struct Run {
     contacts: Contacts,
     /// Steps of the mission that wait for something, and those added during the run.
     steps: Steps,
-    /// What hears the lines for conditions on bytes, once there are any.
+    /// What receives the lines for conditions on bytes, once there are any.
     line_watches: Option<LineWatches>,
     looks: u32,
     next_look: Instant,
@@ -178,7 +178,7 @@ impl Run {
         &self.progress
     }
 
-    /// What may be asked of the robot.
+    /// The interface of the robot.
     pub fn instruments(&self) -> &dyn Instruments {
         &*self.instruments
     }
@@ -288,7 +288,7 @@ impl Run {
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
         self.looks += 1;
-        // The time after the scenario's end is not judged, and it may go on for days.
+        // The time after the scenario's end is not judged, and it may continue for days.
         if now > self.scenario.duration.instant() {
             return;
         }

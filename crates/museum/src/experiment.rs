@@ -49,7 +49,7 @@ impl Plan {
 /// A figure that was found, and what the report says of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
-    /// What it is.
+    /// A short description.
     pub name: String,
     /// As found, with its unit.
     pub ours: String,
@@ -74,7 +74,7 @@ pub struct Findings {
     pub table: Table,
     /// The report's picture of it.
     pub plot: Plot,
-    /// What it comes to.
+    /// The result.
     pub figures: Vec<Figure>,
 }
 
@@ -83,7 +83,7 @@ pub struct Findings {
 pub struct Experiment {
     /// By which it is asked for.
     pub name: &'static str,
-    /// What is done.
+    /// The action.
     pub about: &'static str,
     /// Where the report has it.
     pub place: &'static str,

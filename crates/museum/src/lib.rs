@@ -22,7 +22,7 @@ mod yellow;
 
 pub use observation::{Difference, Exchange, Figure, Observation};
 
-/// Which of the two programs, firmwares or clients is looked at.
+/// Which of the two programs, firmwares or clients is checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
     /// The fielded one, with the defect in question.
@@ -105,7 +105,7 @@ impl Bug {
         self.reproduce_telling(|_| {})
     }
 
-    /// The same, telling which variant is looked at next.
+    /// The same, telling which variant is checked next.
     pub fn reproduce_telling(&self, mut begins: impl FnMut(Variant)) -> Option<Reproduction> {
         let Live::Exhibit { by, show } = self.live else {
             return None;

@@ -21,10 +21,10 @@ impl Exchange {
     }
 }
 
-/// Something that was looked at, under a stable name.
+/// Something that was checked, under a stable name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Figure {
-    /// What it is.
+    /// A short description.
     pub name: &'static str,
     /// Its value with its unit.
     pub value: String,
@@ -33,7 +33,7 @@ pub struct Figure {
 /// A figure whose value is not the same in two observations.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// What it is.
+    /// A short description.
     pub name: &'static str,
     /// With the defect.
     pub defective: String,

@@ -45,7 +45,7 @@ pub(super) fn packet_at(rpm: u16, index: u8, reading: Reading) -> xv11::Frame {
     xv11::Frame::new(index, SpeedWord(rpm * 64), [RawReading::from(reading); 4])
 }
 
-/// The program and what is around it.
+/// The program and its surroundings.
 pub(super) struct Robot {
     pub(super) program: Box<Rescue>,
     pub(super) now: Instant,
@@ -55,7 +55,7 @@ pub(super) struct Robot {
     /// Requests that reached the base.
     pub(super) requests: usize,
     decoder: avr::Decoder,
-    /// What the PC has received.
+    /// Data received by the PC.
     pub(super) radio: Vec<u8>,
     /// What the lidar's motor was told last.
     pub(super) duty: Option<u8>,
@@ -92,7 +92,7 @@ impl Robot {
         }
     }
 
-    /// Time passes, a millisecond at a time.
+    /// Advances time in steps of one millisecond.
     pub(super) fn run(&mut self, time: Duration) {
         let end = self.now + time;
         while self.now < end {

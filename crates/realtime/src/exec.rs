@@ -7,7 +7,7 @@
 //!
 //! Rig time stands until the program has opened what it needs, so that a slow interpreter costs no
 //! time of the mission. A program may have to hear something on one port before it opens the next:
-//! if it has sent something and opened nothing more for a second, time goes on as well.
+//! if it has sent something and opened nothing more for a second, time continues as well.
 
 mod cause;
 mod conclude;
@@ -42,18 +42,18 @@ pub(crate) use ports::Ports;
 pub(crate) use readiness::Readiness;
 pub use verdict::{alive, childless};
 
-/// The variable by which a program is told where its ports are.
+/// Environment variable with the directory of the ports.
 pub const PORTS_VARIABLE: &str = "HILRIG_DIR";
 /// What the variables begin with that name ports in `/dev`.
 pub(crate) const TERMINAL_VARIABLE: &str = "HILRIG_TTY_";
-/// Rig time for which a run goes on when its program is gone: the devices must notice that.
+/// Rig time for which a run continues when its program is gone: the devices must notice that.
 pub(crate) const SETTLE: Duration = Duration::from_secs(2);
 
 /// Rig time between two looks at why a program does not read: all processes are listed for that.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Whether a failed check holds however late the rig was. A program that gives up with an exit code
-/// is none: a timeout of its own goes on while rig time stands.
+/// is none: a timeout of its own continues while rig time stands.
 pub fn is_fact(check: &Check) -> bool {
     match &*check.name {
         "program-connected" | "no-children-left" => true,
@@ -131,7 +131,7 @@ pub struct Trial {
     held_up: (Instant, bool),
 }
 
-/// What came of it.
+/// The result.
 pub struct Judged {
     /// The run, its first checks being about the program.
     pub outcome: Outcome,
@@ -206,7 +206,8 @@ impl Trial {
         self.realtime.clock().now()
     }
 
-    /// How often rig time stood because the rig was late, and for how long the last time.
+    /// Number of times that rig time stopped because the rig was late, and the length of the last
+    /// stop.
     pub const fn stalls(&self) -> (u64, Duration) {
         self.realtime.stalls()
     }
@@ -228,7 +229,7 @@ impl Trial {
         is_done || self.gave_up || self.gone_at.is_some_and(|at| now - at >= SETTLE)
     }
 
-    /// Runs the rig on and looks at the program.
+    /// Advances the rig and checks the program.
     ///
     /// # Errors
     /// If a real port went away.
@@ -365,7 +366,7 @@ pub(crate) fn ports_of(seats: &[Seat], foreign: &Foreign) -> Result<Ports, ExecE
     Ok(ports)
 }
 
-/// What a program on `seats` is told by its environment.
+/// Environment variables of a program on `seats`.
 pub(crate) fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(String, OsString)> {
     let mut env = vec![
         (PORTS_VARIABLE.to_owned(), dir.path().into()),
@@ -394,7 +395,7 @@ pub(crate) fn terminal_of(name: &str, path: &Path) -> Option<(String, OsString)>
     (terminal != path).then(|| (format!("{TERMINAL_VARIABLE}{name}"), terminal.into()))
 }
 
-/// The variable by which a program is told where the port `name` is.
+/// Environment variable with the path of the port `name`.
 pub fn port_variable(name: &str) -> String {
     let name = name.to_ascii_uppercase().replace('-', "_");
     format!("HILRIG_PORT_{name}")

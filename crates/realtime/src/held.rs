@@ -1,4 +1,4 @@
-//! A clock that can be held: rig time that stands, goes on, steps, and goes slower or faster.
+//! A clock that can be held: rig time that stands, continues, steps, and goes slower or faster.
 
 use core::cell::Cell;
 use core::time::Duration;

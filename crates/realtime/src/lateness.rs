@@ -16,7 +16,7 @@ const CLASSES: usize = FINE + ((COARSE_US - FINE_US) / COARSE_STEP_US) as usize 
 pub const LATE: Duration = Duration::from_millis(20);
 /// Nor is one that was once later than this.
 const LATE_ONCE: Duration = Duration::from_millis(250);
-/// Nor is one whose time stood for longer than this in all: a timeout of a client goes on
+/// Nor is one whose time stood for longer than this in all: a timeout of a client continues
 /// meanwhile.
 const STOOD_MAX: Duration = Duration::from_millis(500);
 
@@ -48,7 +48,7 @@ impl Lateness {
         self.max = self.max.max(late);
     }
 
-    /// Rig time stood for `time` more, while the wall clock went on.
+    /// Rig time stood for `time` more, while the wall clock continued.
     pub fn stand(&mut self, time: Duration) {
         self.stood += time;
     }

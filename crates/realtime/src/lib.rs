@@ -59,12 +59,12 @@ use spread::Spread;
 /// Most virtual time that passes in one turn. Late by more than this, the rig takes several turns,
 /// between which clients get a chance to read and to answer.
 const SLICE: Duration = Duration::from_millis(5);
-/// Least time between two turns while no client sends. Single bytes at 1 Mbaud are 10 us apart;
+/// Minimum time between two turns while no client sends. Single bytes at 1 Mbaud are 10 us apart;
 /// waking up for each would take a whole processor, and no client could tell the difference.
 const GRAIN: Duration = Duration::from_micros(200);
-/// Least time between two turns while catching up: room for a client to breathe.
+/// Minimum time between two turns while catching up: room for a client to breathe.
 const BREATH: Duration = Duration::from_millis(1);
-/// Longest wait: a port may have no way to wake us.
+/// Maximum wait, because some ports cannot wake this thread.
 const WAIT_MAX: Duration = Duration::from_millis(5);
 /// After the rig was late, clients have the same time and this more until rules count again.
 const SETTLES: Duration = Duration::from_millis(100);
@@ -78,7 +78,8 @@ pub struct Realtime<C> {
     clock: C,
     ports: Vec<Port>,
     lateness: Lateness,
-    /// How often rig time stood because the rig was late, and for how long the last time.
+    /// Number of times that rig time stopped because the rig was late, and the length of the last
+    /// stop.
     stalls: (u64, Duration),
     /// When the log last said so.
     noted_at: Option<Instant>,
@@ -93,7 +94,7 @@ struct Port {
     is_open: bool,
     openings: u64,
     baud: u32,
-    /// Rates of client and far end, as they were last told to differ.
+    /// Rates of client and other end, as they were last told to differ.
     wrong_rate: Option<(u32, u32)>,
     special: [Special; 2],
     adapter: Option<Adapter>,
@@ -164,7 +165,8 @@ impl<C: Clock> Realtime<C> {
         &self.lateness
     }
 
-    /// How often rig time stood because the rig was late, and for how long the last time.
+    /// Number of times that rig time stopped because the rig was late, and the length of the last
+    /// stop.
     pub const fn stalls(&self) -> (u64, Duration) {
         self.stalls
     }
@@ -330,7 +332,7 @@ impl<C: Clock> Realtime<C> {
     /// waits until something is due.
     ///
     /// # Errors
-    /// If a port went away. The rig has been told; it may go on without that port.
+    /// If a port went away. The rig has been told; it may continue without that port.
     pub fn turn(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
         if !self.is_prompt {
             // Not when it is made: a program that is started before the first turn keeps what is

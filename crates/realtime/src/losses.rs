@@ -9,7 +9,7 @@ use protocols::Instant;
 pub(super) const RULE: &str = "port-overrun";
 /// Rig time without a loss after which it is over.
 const OVER: Duration = Duration::from_millis(200);
-/// Rig time between two beginnings that are told.
+/// Rig time between two beginnings that are reported.
 const TOLD_EVERY: Duration = Duration::from_secs(1);
 
 /// What one port has lost.
@@ -19,7 +19,7 @@ pub(super) struct Losses {
     lost: u64,
     told: u64,
     last_at: Instant,
-    /// When the loss that goes on began.
+    /// When the loss that continues began.
     began: Option<Instant>,
     told_at: Option<Instant>,
 }

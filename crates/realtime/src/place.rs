@@ -43,7 +43,7 @@ pub struct Sign<'a> {
     pub lost: Counters,
     /// Bytes among them that line settings may change: to the client, from it.
     pub special: [Special; 2],
-    /// Rates of the client and of the far end, bit/s, if the client is at a wrong one.
+    /// Rates of the client and of the other end, bit/s, if the client is at a wrong one.
     pub wrong_rate: Option<(u32, u32)>,
     /// Line settings of the client, if they can be seen.
     pub settings: Option<Modes>,

@@ -116,7 +116,7 @@ impl Socket {
         [self.said, self.got.bytes().len() as u64]
     }
 
-    /// Where what was heard first differs from the capture.
+    /// Where what was received first differs from the capture.
     pub fn divergence(&self) -> Option<Divergence> {
         match &self.voice {
             Voice::Conversation(talk) => talk.divergence(),
@@ -163,7 +163,7 @@ impl Socket {
         }
     }
 
-    /// What was heard, beside what the capture says.
+    /// What was received, beside what the capture says.
     pub fn played(&self) -> Played {
         Played {
             link: self.link.clone(),
@@ -257,13 +257,13 @@ impl Socket {
 }
 
 const READS_MAX: usize = 16;
-/// Most bytes handed over in one go.
+/// Maximum number of bytes handed over in one go.
 const PIECE_MAX: usize = 256;
 /// Bytes of a link that wait for a port before the capture is held up.
 const PENDING_MAX: usize = 1 << 16;
 /// Time of the clock for which a port may take nothing before that is trouble.
 const STUCK: Duration = Duration::from_secs(5);
-/// Longest wait: a port may have no way to wake us.
+/// Maximum wait, because some ports cannot wake this thread.
 const WAIT_MAX: Duration = Duration::from_millis(5);
 
 /// A port went away while a capture was played into it.
@@ -348,7 +348,7 @@ impl<C: Clock> Playback<C> {
         sockets.all(is_done) && (self.now >= self.end || self.pace == ReplayPace::Stepped)
     }
 
-    /// Why nothing goes on: for some time a port has taken nothing of what is due.
+    /// Why nothing continues: for some time a port has taken nothing of what is due.
     pub fn trouble(&self) -> Option<String> {
         if self.clock.now() - self.taken.0 < STUCK || self.started.is_none() {
             return None;
@@ -363,7 +363,7 @@ impl<C: Clock> Playback<C> {
         self.started.is_some() && self.sockets.iter().all(Socket::was_closed)
     }
 
-    /// Whether all that the capture says was heard.
+    /// Whether all that the capture says was received.
     pub fn has_heard_all(&self) -> bool {
         let has_all = |one: &Socket| one.got.bytes().len() >= one.expected.bytes().len();
         let mut sockets = self.sockets.iter();

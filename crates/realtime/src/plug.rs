@@ -92,7 +92,7 @@ impl Port {
         rig.hold(self.end.node, is_held || is_stopped);
     }
 
-    /// The rate of the far end as it is set up now; `None` where clients are right at any.
+    /// The rate of the other end as it is set up now; `None` where clients are right at any.
     fn far_rate(&self, rig: &Rig) -> Option<u32> {
         let link = rig.link(&self.end.link)?;
         let mut lines = link.lines.iter();
@@ -100,7 +100,7 @@ impl Port {
         (self.end.rate == PortRate::OfLine).then(|| rig.line_configs(line)[1].baud)
     }
 
-    /// Logs it once if the client is open at another rate than the far end.
+    /// Logs it once if the client is open at another rate than the other end.
     pub(super) fn judge_baud(&mut self, rig: &mut Rig) {
         let far = match self.is_open {
             true => self.far_rate(rig),

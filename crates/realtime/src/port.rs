@@ -76,7 +76,7 @@ impl Port {
 
     /// What the rig has for the client.
     pub(super) fn carry_out(&mut self, rig: &mut Rig) {
-        // The far end may have changed its rate as well.
+        // The other end may have changed its rate as well.
         self.judge_baud(rig);
         let link = rig.link(&self.end.link);
         if link.is_some_and(|link| link.kind.carries_messages()) {

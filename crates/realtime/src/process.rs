@@ -1,7 +1,7 @@
 //! A user's program: started in a process group of its own, watched, and ended with all processes
 //! that it has started. The one place that starts programs which are not ours.
 //!
-//! What leaves its group (a daemon that begins a session of its own) is out of reach and goes on.
+//! What leaves its group (a daemon that begins a session of its own) is out of reach and continues.
 
 mod group;
 pub(crate) mod waits;
@@ -109,7 +109,7 @@ impl fmt::Display for Ended {
 /// How a program was ended.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Farewell {
-    /// The end of what it said.
+    /// The end of its output.
     pub said: String,
     /// Processes of its group that were there when it had ended.
     pub left: Vec<Left>,
@@ -238,7 +238,7 @@ impl Process {
     }
 
     /// Waits until no process can write output any more; whether that happened in time. A process
-    /// that left the group, a daemon, goes on.
+    /// that left the group, a daemon, continues.
     fn is_silent_within(&self, most: Duration) -> bool {
         wait_until(most, || {
             self.listener.as_ref().is_none_or(JoinHandle::is_finished)
@@ -400,7 +400,8 @@ mod tests {
         );
     }
 
-    /// One that was stopped hears a request to end as soon as it goes on: it need not be killed.
+    /// One that was stopped gets the request to end as soon as it continues: it need not be
+    /// killed.
     #[test]
     fn a_child_that_stands_still_is_woken_to_hear_that_it_shall_end() {
         // The child stops only after its parent has ended: then the system sends it SIGHUP.

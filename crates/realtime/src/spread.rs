@@ -12,7 +12,7 @@ use protocols::Instant;
 /// Bytes that stay together: more than the longest request of a small bus.
 const BURST: u128 = 64;
 
-/// See the module.
+/// See the module's documentation.
 #[derive(Debug, Default)]
 pub(super) struct Spread {
     bytes: VecDeque<u8>,

@@ -17,10 +17,10 @@ use crate::transport::{Transport, TransportError, wait};
 /// Bytes handed to a port ahead of the line: more would be out of the program's hands, fewer would
 /// mean to wake up for each.
 const AHEAD: Duration = Duration::from_millis(1);
-/// Least and longest wait between two turns when nothing comes in.
+/// Minimum and longest wait between two turns when nothing comes in.
 const WAIT_MIN: Duration = Duration::from_micros(200);
 const WAIT_MAX: Duration = Duration::from_millis(5);
-/// Most bytes handed over in one go.
+/// Maximum number of bytes handed over in one go.
 const PIECE_MAX: usize = 256;
 
 /// A program, its ports and a clock.
@@ -74,7 +74,7 @@ impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
     pub fn turn(&mut self) -> Result<(), TransportError> {
         let mut buf = [0; 1024];
         for uart in &mut self.uarts {
-            // As much as has come, but not for ever: a port may be faster than we are.
+            // As much as has come, but not forever: a port may be faster than we are.
             for _ in 0..READS_MAX {
                 let len = uart.transport.read(&mut buf)?;
                 while uart.transport.next_event().is_some() {}
@@ -96,7 +96,7 @@ impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
 
     fn wait(&self) {
         let now = self.clock.now();
-        // A port that was given something is looked at again when its line can take more.
+        // A port that was given something is checked again when its line can take more.
         let lines = self
             .uarts
             .iter()
@@ -144,7 +144,7 @@ mod tests {
     use firmware_core::Work;
     use protocols::LineConfig;
 
-    /// Sends zeros without end, and remembers what it hears.
+    /// Sends zeros without end, and remembers what it receives.
     #[derive(Default)]
     struct Talker {
         heard: Vec<u8>,

@@ -49,7 +49,7 @@ pub struct Passed {
 /// Why recording ended early. The file is whole in any case.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// A port went away.
+    /// A port disappeared.
     #[error(transparent)]
     Port(#[from] TransportError),
     /// The capture cannot be written.
@@ -64,17 +64,17 @@ pub struct Recorder<C> {
     epoch: Instant,
     wires: Vec<Wire>,
     passed: Vec<[Passed; 2]>,
-    /// Read and noted, and not taken by the far end yet.
+    /// Read and noted, and not taken by the other end yet.
     waiting: Vec<[VecDeque<u8>; 2]>,
     file: CaptureFile,
     held: Lateness,
 }
 
-/// Longest wait: a port may have no way to wake us.
+/// Maximum wait, because some ports cannot wake this thread.
 const WAIT_MAX: Duration = Duration::from_millis(5);
-/// The same while a far end has no room: nothing tells when it has.
+/// The same while a other end has no room: nothing tells when it has.
 const WAIT_FOR_ROOM: Duration = Duration::from_millis(1);
-/// Bytes that may wait for a far end before no more are read.
+/// Bytes that may wait for a other end before no more are read.
 const WAITING_MAX: usize = 64 << 10;
 /// Reads of one end before the others get their turn.
 const READS_MAX: usize = 16;
@@ -196,7 +196,7 @@ impl<C: Clock> Recorder<C> {
         Ok(())
     }
 
-    /// Gives the far end what it takes. What it has no room for waits, as long as it is open; the
+    /// Gives the other end what it takes. What it has no room for waits, as long as it is open; the
     /// bytes that were lost because it is closed.
     fn hand_on(&mut self, link: usize, direction: Direction) -> u64 {
         let waiting = &mut self.waiting[link][direction as usize];
@@ -367,8 +367,8 @@ mod tests {
         );
     }
 
-    /// Ports that do not say when more comes are looked at again after 5 ms, and after 1 ms while a
-    /// far end has no room. How long each chunk was held is counted.
+    /// Ports that do not say when more comes are checked again after 5 ms, and after 1 ms while a
+    /// other end has no room. How long each chunk was held is counted.
     #[test]
     fn a_turn_waits_longer_when_nothing_waits_for_room() {
         let mut bench = bench("turn");

@@ -12,7 +12,7 @@ use engine::rig::line::End;
 
 const LINE: LineConfig = LineConfig::new_8n1(115_200);
 
-/// Sends 0, 1, 2, .. without pause and remembers what it hears.
+/// Sends 0, 1, 2, .. without pause and remembers what it receives.
 #[derive(Clone, Default)]
 struct Counter {
     next: u8,

@@ -38,28 +38,28 @@ pub use udp::Udp;
 /// Nothing here ever waits. The transport has no clock: its owner polls it, and waits with
 /// [`wait`].
 pub trait Transport {
-    /// Moves bytes that the far end has sent into `buf`; 0: nothing now, or `buf` is empty.
+    /// Moves bytes that the other end has sent into `buf`; 0: nothing now, or `buf` is empty.
     ///
     /// Events come first: what [`next_event`](Self::next_event) tells after this call happened
-    /// before the bytes that the call returned. So a far end that set its baud rate and then sent
-    /// is heard in that order.
+    /// before the bytes that the call returned. So a other end that set its baud rate and then sent
+    /// is received in that order.
     ///
     /// # Errors
     /// [`TransportError::Lost`] if the port went away. Bytes that arrived before come first.
     fn read(&mut self, buf: &mut [u8]) -> Result<usize, TransportError>;
 
-    /// Sends `bytes`, oldest first, and returns how many the far end will be able to read. The rest
-    /// is lost, as on a UART, and counted in [`counters`](Self::counters): the transport keeps no
-    /// bytes for a far end that is closed or does not read.
+    /// Sends `bytes`, oldest first, and returns how many the other end will be able to read. The
+    /// rest is lost, as on a UART, and counted in [`counters`](Self::counters): the transport
+    /// keeps no bytes for a other end that is closed or does not read.
     fn write(&mut self, bytes: &[u8]) -> usize;
 
-    /// The same where characters among them are damaged, `marks`: what the far end has of those is
-    /// up to its settings.
+    /// The same where characters among them are damaged, `marks`: what the other end has of those
+    /// is up to its settings.
     fn write_marked(&mut self, bytes: &[u8], _marks: &[Mark]) -> usize {
         self.write(bytes)
     }
 
-    /// The plug is pulled: the far end's files hang up, and its name is gone. Nothing where that
+    /// The plug is pulled: the other end's files hang up, and its name is gone. Nothing where that
     /// cannot be.
     fn unplug(&mut self) {}
 
@@ -86,54 +86,54 @@ pub trait Transport {
         None
     }
 
-    /// The far end changes the settings of that terminal; how many bytes it can read because of
+    /// The other end changes the settings of that terminal; how many bytes it can read because of
     /// that.
     fn set_terminal(&mut self, _settings: Settings) -> usize {
         0
     }
 
-    /// The far end's settings, where the kernel does not keep all of them.
+    /// The other end's settings, where the kernel does not keep all of them.
     fn tell(&mut self, _settings: Settings) {}
 
     /// What happened to the port, oldest first, each told once.
     fn next_event(&mut self) -> Option<PortEvent>;
 
-    /// The name under which the far end finds the port.
+    /// The name under which the other end finds the port.
     fn path(&self) -> &Path;
 
     /// What was lost so far.
     fn counters(&self) -> Counters;
 
-    /// Whether the far end has read since the last write, or does not depend on this end any more.
-    /// Asked before a port is given up.
+    /// Whether the other end has read since the last write, or does not depend on this end any
+    /// more. Asked before a port is given up.
     fn is_drained(&mut self) -> bool {
         true
     }
 
-    /// How often the far end was seen to take bytes; `None` where that cannot be seen. As of the
+    /// How often the other end was seen to take bytes; `None` where that cannot be seen. As of the
     /// last call of anything else here.
     fn reads(&self) -> Option<u64> {
         None
     }
 
-    /// Whether the far end wants RTS/CTS flow control of us, which stand in for its driver.
+    /// Whether the other end wants RTS/CTS flow control of us, which stand in for its driver.
     fn has_flow_control(&self) -> bool {
         false
     }
 
-    /// Line settings of the far end, as of the last call of [`read`](Self::read); `None` where they
-    /// cannot be seen.
+    /// Line settings of the other end, as of the last call of [`read`](Self::read); `None` where
+    /// they cannot be seen.
     fn modes(&self) -> Option<Modes> {
         None
     }
 
-    /// Characters so far that lost bits because the far end has fewer than eight in each, as far as
-    /// that can be seen.
+    /// Characters so far that lost bits because the other end has fewer than eight in each, as far
+    /// as that can be seen.
     fn cut(&self) -> u64 {
         0
     }
 
-    /// The far end's side, opened once more for a moment; `None` where it is out of reach.
+    /// The other end's side, opened once more for a moment; `None` where it is out of reach.
     fn client_side(&self) -> Option<OwnedFd> {
         None
     }
@@ -157,23 +157,23 @@ pub trait Transport {
     fn release(&mut self) {}
 }
 
-/// Something besides bytes happened at the far end.
+/// Something besides bytes happened at the other end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortEvent {
     /// A client opened the port.
     Opened,
     /// The last client that had the port open closed it.
     Closed,
-    /// The far end runs at this baud rate from here on.
+    /// The other end runs at this baud rate from here on.
     BaudChanged(u32),
 }
 
 /// Bytes that were given to a transport and lost, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Written while the far end was closed.
+    /// Written while the other end was closed.
     pub unheard: u64,
-    /// Written while the far end was open and had no room, because it did not read.
+    /// Written while the other end was open and had no room, because it did not read.
     pub overrun: u64,
 }
 

@@ -19,7 +19,7 @@ use engine::run::check::{Check, Status};
 /// Marks our custom block.
 const MARK: &[u8; 4] = b"hcon";
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Conclusion {
     /// Facts as `key=value`, one a line: `verdict`, `end_ns`, `program`, `failed`.

@@ -23,7 +23,7 @@ pub struct Limits {
 pub enum Existing {
     /// It is replaced.
     Replaced,
-    /// It is put aside as if this recording had written it, and numbers go on where they were.
+    /// It is put aside as if this recording had written it, and numbers continue where they were.
     SetAside,
 }
 

@@ -12,7 +12,7 @@ use engine::rig::line::Direction;
 use engine::rig::{Link, Rig};
 use protocols::{Instant, LineConfig, LineEvent};
 
-/// Most bytes of one record; also bounds how long others wait.
+/// Maximum number of bytes of one record; also bounds how long others wait.
 const JOINED_MAX: usize = 512;
 /// Finished records that are put in order in one go.
 const BATCH: usize = 64;
@@ -42,7 +42,7 @@ pub(super) const fn line_of(link: usize, direction: Direction) -> usize {
     2 * link + direction as usize
 }
 
-/// A record that may go on; none while it has no bytes.
+/// A record that may continue; none while it has no bytes.
 #[derive(Debug)]
 struct Open {
     bytes: Vec<u8>,
@@ -169,7 +169,7 @@ impl Joiner {
         }
     }
 
-    /// Something that is never joined with anything else.
+    /// An item that is never merged with others.
     pub(super) fn single(
         &mut self,
         line: usize,

@@ -49,11 +49,11 @@ pub struct Reader {
     conclusion: Option<Conclusion>,
 }
 
-/// Most links of one section; further ones make no sense.
+/// Maximum number of links of one section; further ones make no sense.
 const LINKS_MAX: usize = 1024;
 
 impl Reader {
-    /// Takes more of the file.
+    /// Reads more of the file.
     pub fn push(&mut self, bytes: &[u8]) {
         self.blocks.push(bytes);
     }

@@ -1,4 +1,4 @@
-//! Writes the capture of a run while it goes on.
+//! Writes the capture of a run while it continues.
 
 use core::fmt::Write as _;
 use std::io;

@@ -30,7 +30,7 @@ pub const CUSTOM: u16 = 2989;
 /// Byte order of a section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
-    /// Least significant byte first; what we write.
+    /// Minimum significant byte first; what we write.
     #[default]
     Little,
     /// Most significant byte first.
@@ -81,7 +81,7 @@ impl Order {
 pub struct BlockError {
     /// Where the unreadable block begins, in bytes from the start of the file.
     pub offset: u64,
-    /// What is wrong with it.
+    /// The error.
     pub why: BlockFault,
 }
 
@@ -137,7 +137,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Takes more of the file.
+    /// Reads more of the file.
     pub fn push(&mut self, bytes: &[u8]) {
         if self.broken {
             return;

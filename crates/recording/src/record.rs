@@ -233,9 +233,9 @@ pub struct Record {
     pub sequence: Option<u64>,
     /// When it reached the receiver.
     pub at: Instant,
-    /// Which way it went.
+    /// Direction.
     pub direction: Direction,
-    /// What it is.
+    /// A short description.
     pub kind: Kind,
     /// The bytes as the receiver got them.
     pub bytes: Bytes,

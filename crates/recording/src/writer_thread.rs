@@ -42,7 +42,7 @@ impl Batch {
         self.put(line, at, bytes, delay_ns, None);
     }
 
-    /// Something that is never joined with anything else.
+    /// An item that is never merged with others.
     pub(super) fn single(
         &mut self,
         line: usize,

@@ -129,7 +129,7 @@ fn standing(path: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// Opens a pipe without waiting for ever for its reader.
+/// Opens a pipe without waiting forever for its reader.
 #[expect(
     clippy::disallowed_methods,
     reason = "no rig runs yet: a reader that starts at the same time is waited for"

@@ -2,7 +2,7 @@
 //! they came to, grouped by cause, and what has changed since an earlier campaign.
 //!
 //! A shard is stateless: it takes every n-th run of the list, keeps what each came to in a file of
-//! lines, and goes on where it stopped. Shards are merged by sorting, so that it makes no
+//! lines, and continues where it stopped. Shards are merged by sorting, so that it makes no
 //! difference how a campaign was cut, or in which order the runs ended.
 
 pub mod array;

@@ -1,4 +1,4 @@
-//! Why a folder that a search goes on from cannot be used.
+//! Why a folder that a search continues from cannot be used.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -35,7 +35,7 @@ pub enum StoreError {
         /// Number of that process, if its lock says so.
         pid: Option<i32>,
     },
-    /// A file does not say what it should.
+    /// A file has the wrong content.
     #[error("{}: {message}", .path.display())]
     Content {
         /// Which.

@@ -24,7 +24,7 @@ use engine::scenario::{LinkSpec, Scenario, Span};
 use fault_targets::FaultTargets;
 use faults::Adversity;
 
-/// What is made anew; the rest is as in the scenario that it starts from.
+/// What is made again; the rest is as in the scenario that it starts from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vary {
     /// Walls, obstacles and start.

@@ -1,4 +1,4 @@
-//! What bytes of an unknown device tell: how frames are told apart, their checksum and lengths,
+//! What bytes of an unknown device tell: how frames are distinguished, their checksum and lengths,
 //! requests and replies.
 //!
 //! ```text

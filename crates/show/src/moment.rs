@@ -13,7 +13,7 @@ use super::report::failed_at;
 use super::view::{Outline, millimetres};
 use engine::run::Outcome;
 
-/// Most points of a way.
+/// Maximum number of points of a way.
 const WAY_MAX: usize = 300;
 /// Free space around the world, as a share of its longer side.
 const MARGIN: f64 = 0.03;
@@ -29,7 +29,7 @@ pub fn of_failure(outcome: &Outcome) -> String {
     out
 }
 
-/// Least and largest x and y of all that is drawn: a world may be empty, and a robot beside it.
+/// Minimum and maximum x and y of all that is drawn: a world may be empty, and a robot beside it.
 fn bounds(outcome: &Outcome, at: f64) -> [f64; 4] {
     let until = |time: Instant| time.as_secs_f64() <= at;
     let truth = outcome.truth.iter().filter(|(time, _)| until(*time));

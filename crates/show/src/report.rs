@@ -26,9 +26,9 @@ const SCRIPT: &str = include_str!("report/report.js");
 const STYLE: &str = include_str!("report/report.css");
 const STAGE: &str = include_str!("report/stage.html");
 
-/// Most events that are listed; events.txt has all of them.
+/// Maximum number of events that are listed; events.txt has all of them.
 const EVENTS_MAX: usize = 500;
-/// Most faults whose beginning is marked in the time line.
+/// Maximum number of faults whose beginning is marked in the time line.
 const FAULTS_MAX: usize = 200;
 
 /// The report of `outcome`.

@@ -34,7 +34,7 @@ impl Kind {
     }
 }
 
-/// Findings that are told in words; the others are only counted.
+/// Findings that are reported in words; the others are only counted.
 const TOLD_MAX: usize = 10;
 
 /// All findings of a log.

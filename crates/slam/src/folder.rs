@@ -26,15 +26,15 @@ pub struct Timing<'a> {
     pub scans: usize,
     /// Messages left out.
     pub skipped: u64,
-    /// Scans at which the mapper was not sure.
+    /// Scans with an uncertain pose.
     pub doubtful: usize,
-    /// Scans at which it knew of several places.
+    /// Scans that matched several places.
     pub ambiguous: usize,
     /// Scans that the mapper put far from where the wheels had.
     pub jumps: &'a [Jump],
     /// Places seen again: edges between keyframes that are not neighbours.
     pub loop_edges: usize,
-    /// Loops that were closed and opened again, since everything else contradicted them.
+    /// Loop closures that were removed because all other data contradicted them.
     pub dropped_loops: usize,
     /// Keyframes that are kept.
     pub keyframes: usize,

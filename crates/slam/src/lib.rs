@@ -34,9 +34,9 @@ pub struct Shot {
     /// When it was taken, in seconds of the log's clock; the scan's number if that clock is of no
     /// use.
     pub at_s: f64,
-    /// Motion since the scan before, by the wheels: metres and radians, seen from the pose then.
+    /// Odometry since the previous scan: metres and radians, in the frame of the previous pose.
     pub moved: Pose,
-    /// Whether the wheels were asked at all; if not, the robot may have gone anywhere near.
+    /// Whether odometry was available; if not, the robot may be anywhere nearby.
     pub is_measured: bool,
     /// What the beams hit, in the robot's frame.
     pub points: Vec<Point>,
@@ -58,7 +58,7 @@ pub struct Log {
 /// Nearest and farthest reading that is believed, metres.
 pub(crate) const NEAREST_M: f64 = 0.05;
 pub(crate) const FARTHEST_M: f64 = 50.0;
-/// Most beams of one scan; more are nonsense.
+/// Maximum number of beams of one scan; more are nonsense.
 pub(crate) const BEAMS_MAX: usize = 8192;
 
 /// End points of beams of these lengths (m) at these bearings (rad), from a laser that sat at

@@ -37,7 +37,7 @@ pub trait SoFar {
         0
     }
 
-    /// Places seen again: where the robot was both times.
+    /// Loop closures: both positions of the robot.
     fn loops(&self) -> Vec<[Pose; 2]> {
         Vec::new()
     }

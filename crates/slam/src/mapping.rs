@@ -38,9 +38,9 @@ pub use track::{Localiser, Mapper, Outcome, Settings, WallPoint};
 /// One scan, and the way to it.
 #[derive(Clone, Copy, Debug)]
 pub struct Shot<'a> {
-    /// Motion since the scan before, by the wheels: metres and radians, seen from the pose then.
+    /// Odometry since the previous scan: metres and radians, in the frame of the previous pose.
     pub moved: Pose,
-    /// Whether the wheels were asked at all; if not, the robot may have gone anywhere near.
+    /// Whether odometry was available; if not, the robot may be anywhere nearby.
     pub is_measured: bool,
     /// Ends of the beams in the robot's frame, metres, in the order of their bearings.
     pub ends: &'a [[f32; 2]],

@@ -1,11 +1,11 @@
-//! Whether the time of a log goes on.
+//! Whether the time of a log continues.
 
 /// Scans in a row that are older than an earlier one until the clock is believed to be set back.
 const SET_BACK_AFTER: u32 = 3;
 /// Scans are written a little out of order now and then: in a public log by up to 0.9 s.
 const JITTER_S: f64 = 1.0;
 
-/// Whether time goes on; it may be set back, which several scans in a row then say.
+/// Whether time continues; it may be set back, which several scans in a row then say.
 #[derive(Default)]
 pub(super) struct LogClock {
     newest: Option<f64>,

@@ -67,9 +67,9 @@ pub struct Survey {
     pub way: Vec<(f64, Place)>,
     /// The map, as far as it was drawn, in the log's frame.
     pub map: Sheet,
-    /// Scans at which the mapper was not sure.
+    /// Scans with an uncertain pose.
     pub doubtful: usize,
-    /// Scans at which it knew of several places.
+    /// Scans that matched several places.
     pub ambiguous: usize,
     /// Loops that were closed and opened again; of the mapper that closes loops.
     pub dropped_loops: usize,
@@ -89,7 +89,7 @@ pub struct Survey {
     pub cpu: Option<Duration>,
 }
 
-/// Maps `log`; `look` is shown what is known after each scan.
+/// Maps `log`; `look` gets the state after each scan.
 pub fn survey(
     log: &Log,
     settings: Settings,
@@ -230,7 +230,7 @@ impl Survey {
         edges.filter(|edge| edge.kind == Kind::Loop).count()
     }
 
-    /// Places seen again: where the robot was both times.
+    /// Loop closures: both positions of the robot.
     pub fn loops(&self) -> Vec<[Place; 2]> {
         self.graph.loops()
     }

@@ -10,12 +10,12 @@ use super::motion::moved;
 use super::survey::Survey;
 use realtime::clock::{Clock, thread_cpu_time};
 
-/// What is told to the mapper.
+/// Input of the mapper.
 #[derive(Clone, Copy, Debug)]
 pub struct Wish {
     /// Edge of a cell of the map, metres.
     pub cell_m: f64,
-    /// Whether places seen again are looked for.
+    /// Whether loop closures are searched.
     pub closes_loops: bool,
     /// The wheels' errors, as a part of what is usual.
     pub noise: f64,
@@ -31,7 +31,7 @@ impl Default for Wish {
     }
 }
 
-/// Maps `log`; `look` is shown what is known after each scan.
+/// Maps `log`; `look` gets the state after each scan.
 pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, look: &mut dyn FnMut(&Look<'_>)) -> Survey {
     let mut mapper = Mapper::new(Settings {
         closes_loops: wish.closes_loops,
@@ -172,7 +172,7 @@ fn each_scan(
     survey
 }
 
-/// Most cells of a picture of walls.
+/// Maximum number of cells of a picture of walls.
 const CELLS_MAX: f64 = 64e6;
 
 /// The walls as cells, of this edge or larger ones if those would be too many; whatever is not a

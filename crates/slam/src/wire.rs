@@ -61,7 +61,7 @@ enum Event {
     Counts([i32; 2]),
 }
 
-/// The sound frames that reached the program, each with the time of its last byte.
+/// The valid frames that reached the program, each with the time of its last byte.
 fn frames<D: Decode>(passage: &Passage, mut decoder: D) -> Vec<(Instant, D::Frame)> {
     let line = passage.line();
     let mut found = Vec::new();
@@ -88,7 +88,7 @@ fn bytes(arrival: &Arrival, line: LineConfig) -> impl Iterator<Item = (Instant, 
     })
 }
 
-/// Both counters, whenever both have been read anew.
+/// Both counters, whenever both have been read again.
 fn counts(replies: &[(Instant, avr::Frame)], counters: [u8; 2]) -> Vec<(Instant, Event)> {
     let mut fresh = [None; 2];
     let mut found = Vec::new();

@@ -1,5 +1,5 @@
-//! Moments of a run from which it can go on in another way. Bounded: the longer the run, the fewer
-//! of its time.
+//! Moments of a run from which it can continue in another way. Bounded: the longer the run, the
+//! fewer of its time.
 
 use core::time::Duration;
 
@@ -8,7 +8,7 @@ use protocols::Instant;
 use super::wire::Counted;
 use engine::run::{Checkpoint, Run};
 
-/// Most checkpoints; when they are reached, every second one is dropped.
+/// Maximum number of checkpoints; when they are reached, every second one is dropped.
 const MOST: usize = 24;
 /// Virtual time between two of them, as long as there are few.
 const PERIOD: Duration = Duration::from_secs(4);

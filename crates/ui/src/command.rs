@@ -15,19 +15,19 @@ pub(super) const COMMAND_MAX: usize = 2048;
 pub(super) enum Command {
     /// Virtual time stands still.
     Pause,
-    /// It goes on.
+    /// It continues.
     Play,
-    /// It goes on this far and then stands still.
+    /// It continues this far and then stands still.
     Step { ms: u32 },
     /// Virtual seconds per second.
     Speed { x: f64 },
-    /// The run begins anew, with another seed if one is given.
+    /// The run begins again, with another seed if one is given.
     Restart { seed: Option<u64> },
-    /// The run goes on from an earlier time, nanoseconds, and stands still there.
+    /// The run continues from an earlier time, nanoseconds, and stands still there.
     Branch { at_ns: u64 },
     /// A waypoint, millimetres of the map.
     Add { at: [i32; 2] },
-    /// A waypoint goes elsewhere.
+    /// Moves a waypoint.
     Move {
         index: usize,
         from: [i32; 2],
@@ -37,7 +37,7 @@ pub(super) enum Command {
     Delete { index: usize, at: [i32; 2] },
     /// All waypoints go away.
     Clear,
-    /// What the robot shall do.
+    /// The robot's order.
     Mode { mode: String },
     /// Set-points of the axes by hand.
     Drive { axes: Vec<SetPoint> },
@@ -98,7 +98,7 @@ impl Envelope {
     }
 }
 
-/// What the page is told.
+/// Data sent to the page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Answer {
     /// Nothing was done, and why.

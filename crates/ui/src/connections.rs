@@ -14,8 +14,8 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::AbortHandle;
 use tokio::time::{sleep, timeout};
 
-/// Most connections at once that are no page: with the pages they stay below the descriptors of a
-/// process that may have 256.
+/// Maximum number of connections at once that are no page: with the pages they stay below the
+/// descriptors of a process that may have 256.
 const CONNECTIONS_MAX: usize = 64;
 /// Time for the header of a request.
 const HEADER_MAX: Duration = Duration::from_secs(5);
@@ -32,7 +32,7 @@ struct Open {
     has_asked: Arc<AtomicBool>,
 }
 
-/// Serves `app` to all that connect, for ever.
+/// Serves `app` to all that connect, forever.
 pub(super) async fn serve(listener: TcpListener, app: Router) {
     let mut open = VecDeque::new();
     loop {
@@ -74,7 +74,7 @@ fn start(stream: TcpStream, app: Router) -> Open {
         app.call(request)
     });
     let task = tokio::spawn(async move {
-        // One request a connection, so that none of them idles. A page goes on as a WebSocket, in
+        // One request a connection, so that none of them idles. A page continues as a WebSocket, in
         // a task of its own.
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())

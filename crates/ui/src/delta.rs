@@ -126,7 +126,7 @@ mod tests {
     }
 
     /// A page that missed snapshots gets what is new in the newest, once; a page of another run
-    /// begins anew.
+    /// begins again.
     #[test]
     fn a_page_gets_what_it_has_not_seen() {
         let (mut seen, timeline) = (SentSoFar::default(), Timeline::default());

@@ -35,7 +35,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(200);
 const REDO_SLICE: Duration = Duration::from_millis(100);
 /// Wall time between two looks at the verdicts: some of them compare the whole map.
 const JUDGE_EVERY: Duration = Duration::from_millis(500);
-/// Most commands that are done between two steps.
+/// Maximum number of commands that are done between two steps.
 const COMMANDS_AT_ONCE: usize = 64;
 
 /// What a command asks for that is not the desk's to do.
@@ -58,7 +58,7 @@ pub struct Desk {
     number: u64,
     wire: Rc<RefCell<Wire>>,
     stage: Utf8Bytes,
-    /// Where it went on from an earlier run.
+    /// Where it continued from an earlier run.
     branched: Option<Instant>,
     hand: Hand,
     deeds: Deeds,
@@ -97,8 +97,8 @@ impl Desk {
         Self::with(wire, hub, number)
     }
 
-    /// Puts a run on show that goes on from an earlier time of the one that was, when `counted` was
-    /// so; what was done by `at` is still to be [done again](Self::redo).
+    /// Puts a run on show that continues from an earlier time of the one that was, when `counted`
+    /// was so; what was done by `at` is still to be [done again](Self::redo).
     pub(super) fn branch(
         &self,
         run: &mut Run,
@@ -176,7 +176,7 @@ impl Desk {
         }
     }
 
-    /// What was counted so far.
+    /// The counts so far.
     pub(super) fn counted(&self) -> Counted {
         self.wire.borrow().counted()
     }
@@ -438,7 +438,7 @@ impl Desk {
     }
 }
 
-/// Where the robot believes to be.
+/// Estimated pose of the robot.
 fn believed(run: &Run) -> Option<Pose> {
     run.estimate().map(|(_, pose)| pose)
 }

@@ -10,7 +10,7 @@ use super::snapshot::Snapshot;
 use super::timeline::Timeline;
 use super::wire_log::WireLog;
 
-/// Most commands that wait; further ones are refused.
+/// Maximum number of commands that wait; further ones are refused.
 const COMMANDS_MAX: usize = 256;
 
 /// The newest snapshot, the timeline, and a queue of commands.

@@ -23,7 +23,7 @@ pub(super) struct Layer {
 /// What a page has to know of a map before its rows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Head {
-    /// Whose map it is.
+    /// The owner of the map.
     pub(super) name: &'static str,
     /// Cells along x.
     pub(super) width: usize,
@@ -99,7 +99,7 @@ impl MapLayer {
         }
     }
 
-    /// Whose map it is.
+    /// The owner of the map.
     pub(super) fn name(&self) -> &'static str {
         self.last.head.name
     }

@@ -64,7 +64,7 @@ pub struct MapperDesk {
     pace: PagePace,
     /// Time of the newest scan, of the log.
     at: Instant,
-    /// Up to here a page has let it go on by steps.
+    /// Up to here a page has let it continue by steps.
     step: Instant,
     /// A step goes to the next scan at least, however long that is away.
     is_stepped: bool,

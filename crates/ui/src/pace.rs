@@ -133,7 +133,7 @@ mod tests {
         assert_eq!(pace.target(at(60_100), at(60)), at(160));
     }
 
-    /// A laptop that was asleep for an hour: the run goes on 200 ms later, not an hour.
+    /// A laptop that was asleep for an hour: the run continues 200 ms later, not an hour.
     #[test]
     fn what_cannot_be_made_up_for_is_given_up() {
         let mut pace = PagePace::new(1.0, at(0), at(0));

@@ -21,7 +21,7 @@ use show::view::Outline;
 
 /// Time after which a port that cannot be had is tried again.
 const RETRY: Duration = Duration::from_millis(500);
-/// Most commands and pieces that are done at once.
+/// Maximum number of commands and pieces that are done at once.
 const AT_ONCE: usize = 64;
 
 /// A PC on a port.

@@ -35,7 +35,7 @@ use super::token::Token;
 use super::wire_log;
 use show::view;
 
-/// Most pages at once.
+/// Maximum number of pages at once.
 pub(crate) const CLIENTS_MAX: usize = 50;
 /// Time for a page to take a message; one that takes longer is given up.
 const SEND_MAX: Duration = Duration::from_secs(20);

@@ -1,4 +1,4 @@
-//! A run of its own for the page: paced, paused, stepped, begun anew.
+//! A run of its own for the page: paced, paused, stepped, begun again.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use engine::run::Run;
 use engine::scenario::{Scenario, ScenarioError, Source};
 use realtime::clock::Clock;
 
-/// Virtual time that passes at once: after each the wall clock is looked at.
+/// Virtual time that passes at once: after each the wall clock is checked.
 const SLICE: Duration = Duration::from_millis(10);
 /// Wall time after which the pages have their turn, even if the run is late.
 const BUSY_MAX: Duration = Duration::from_millis(20);
@@ -150,7 +150,7 @@ impl<C: Clock> Session<C> {
         ends
     }
 
-    /// Begins anew. The scenario could be wired before, and a seed changes nothing about that.
+    /// Begins again. The scenario could be wired before, and a seed changes nothing about that.
     fn restart(&mut self, seed: Option<u64>) {
         let seed = seed.map_or(self.run.scenario().seed, |seed| seed & (u64::MAX >> 1));
         let run = Run::new(self.scenario.clone(), &self.source, Some(seed));
@@ -162,7 +162,7 @@ impl<C: Clock> Session<C> {
         self.pace.play(self.clock.now(), self.run.rig.now());
     }
 
-    /// Goes back to `at` and stands still there, to go on in another way.
+    /// Goes back to `at` and stands still there, to continue in another way.
     fn branch(&mut self, at: Instant) {
         let Some(kept) = self.checkpoints.back_to(at) else {
             return;

@@ -13,21 +13,21 @@ use super::snapshot::Snapshot;
 use super::wire::Tally;
 use engine::rig::Logged;
 
-/// Most samples; when they are reached, every second one is dropped.
+/// Maximum number of samples; when they are reached, every second one is dropped.
 const SAMPLES_MAX: usize = 3000;
-/// Most moments kept, likewise.
+/// Maximum number of moments kept, likewise.
 const MOMENTS_MAX: usize = 400;
-/// Most figures that are recorded.
+/// Maximum number of figures that are recorded.
 const SERIES_MAX: usize = 400;
-/// Most events of one message to a page.
+/// Maximum number of events of one message to a page.
 const EVENTS_AT_ONCE: usize = 200;
-/// Most bytes of an event that are told.
+/// Maximum number of bytes of an event that are reported.
 const DETAIL_MAX: usize = 300;
 
 /// What was recorded.
 #[derive(Debug)]
 pub(super) struct Timeline {
-    /// Counts how often samples were dropped or the run began anew: a page that has seen another
+    /// Counts how often samples were dropped or the run began again: a page that has seen another
     /// generation gets all of them again.
     pub(super) generation: u64,
     samples: Vec<String>,
@@ -133,8 +133,8 @@ impl Timeline {
         self.moments.push((now, Arc::new(snapshot)));
     }
 
-    /// Forgets what came after `until`, and all but the first `events`: the run goes on from there
-    /// in another way.
+    /// Forgets what came after `until`, and all but the first `events`: the run continues from
+    /// there in another way.
     pub(super) fn cut(&mut self, until: Instant, events: usize) {
         let kept = self.sample_times.partition_point(|&at| at <= until);
         self.sample_times.truncate(kept);
@@ -261,7 +261,7 @@ mod tests {
         assert_eq!(timeline.series_since(2), None);
     }
 
-    /// A run that goes on from 2 s in another way has no samples, moments and events after it.
+    /// A run that continues from 2 s in another way has no samples, moments and events after it.
     #[test]
     fn what_came_after_a_branch_is_forgotten() {
         let mut timeline = Timeline::new(0);

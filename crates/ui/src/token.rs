@@ -15,7 +15,7 @@ const SOURCE: &str = "/dev/urandom";
 const KEY: &str = "token";
 /// Environment variable with a token of the user's own, which outlives a restart of the server.
 const VARIABLE: &str = "HILRIG_TOKEN";
-/// Least length of such a token.
+/// Minimum length of such a token.
 const LEN_MIN: usize = 16;
 
 /// A token: the user's own, or new for each server.

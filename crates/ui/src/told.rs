@@ -1,4 +1,4 @@
-//! What a page is told of a run, as JSON.
+//! JSON data of a run for a page.
 
 use core::time::Duration;
 

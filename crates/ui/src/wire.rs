@@ -1,4 +1,4 @@
-//! What passes the wires, counted while the run goes on, and the last scan among it.
+//! What passes the wires, counted while the run continues, and the last scan among it.
 
 use core::cell::RefCell;
 use std::rc::Rc;
@@ -22,9 +22,9 @@ use show::view::millimetres;
 pub(super) struct Tally {
     /// Bytes.
     pub(super) bytes: u64,
-    /// Sound frames.
+    /// Valid frames.
     pub(super) frames: u64,
-    /// Candidates for a frame that were none.
+    /// Rejected candidates for a frame.
     pub(super) errors: u64,
     /// Bytes that faults hit, and pieces that a cut swallowed.
     pub(super) faults: u64,
@@ -77,7 +77,7 @@ pub(super) struct Wire {
     log: Arc<Mutex<WireLog>>,
 }
 
-/// What was counted by some time, to go on from there.
+/// What was counted by some time, to continue from there.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Counted {
     tallies: Vec<[Tally; 2]>,
@@ -108,7 +108,7 @@ impl Wire {
         wire.tapped(run)
     }
 
-    /// The same for a run that goes on from `now`, when `counted` was so.
+    /// The same for a run that continues from `now`, when `counted` was so.
     pub(super) fn go_on(
         run: &mut Run,
         log: &Arc<Mutex<WireLog>>,
@@ -161,7 +161,7 @@ impl Wire {
         wire
     }
 
-    /// What was counted so far.
+    /// The counts so far.
     pub(super) fn counted(&self) -> Counted {
         Counted {
             tallies: self.tallies(),

@@ -8,13 +8,13 @@ use serde::Serialize;
 use engine::codec::{Codec, Stream, Stretch, What, words};
 use engine::hex::digits;
 
-/// Most bytes kept of one direction of a link: some six minutes of a lidar.
+/// Maximum number of bytes kept of one direction of a link: some six minutes of a lidar.
 const BYTES_MAX: usize = 4 << 20;
-/// Most pieces kept of it.
+/// Maximum number of pieces kept of it.
 const PIECES_MAX: usize = 1 << 19;
 /// Bytes looked through for frames, of each lane if all of them are asked for.
 const LOOK_BACK: [usize; 2] = [6_000, 40_000];
-/// Most frames told at once.
+/// Maximum number of frames told at once.
 const FRAMES_MAX: usize = 400;
 
 /// All that was received lately.
@@ -106,7 +106,7 @@ impl WireLog {
         }
     }
 
-    /// Forgets what came after `until`: the run goes on from there in another way.
+    /// Forgets what came after `until`: the run continues from there in another way.
     pub(super) fn cut(&mut self, until: Instant) {
         for lane in &mut self.lanes {
             let kept = lane.pieces.partition_point(|piece| piece.at <= until);

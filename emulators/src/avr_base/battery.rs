@@ -37,7 +37,7 @@ impl Default for BatteryConfig {
 pub(super) struct Battery {
     config: BatteryConfig,
     since: Instant,
-    /// Least voltage seen since the firmware started, mV.
+    /// Minimum voltage seen since the firmware started, mV.
     least_mv: u16,
     /// All but empty, whatever it would be by now.
     pub(super) is_low: bool,

@@ -71,7 +71,7 @@ pub(super) struct Counter {
     count: i32,
     /// The count at the look before the last.
     before: i32,
-    /// Edges counted whatever their direction.
+    /// Edges in both directions.
     edges: i32,
 }
 
@@ -113,7 +113,7 @@ impl Counter {
         self.count
     }
 
-    /// Edges counted whatever their direction.
+    /// Edges in both directions.
     pub(super) const fn edges(&self) -> i32 {
         self.edges
     }

@@ -28,7 +28,7 @@ const NOISE_C: f64 = 0.3;
 /// Whether the base has them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Heat {
-    /// As the fielded base.
+    /// Like the fielded base.
     #[default]
     None,
     /// Thermometers and kits.

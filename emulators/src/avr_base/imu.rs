@@ -23,7 +23,7 @@ const NOISE_DEG: f64 = 0.005;
 /// Whether the base has one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Imu {
-    /// As the fielded base.
+    /// Like the fielded base.
     #[default]
     None,
     /// A gyroscope.
@@ -36,7 +36,7 @@ pub(super) struct Gyro {
     noise: Rng,
     offset_deg_s: f64,
     scale: f64,
-    /// When it was looked at last, and the true heading then.
+    /// When it was checked last, and the true heading then.
     last: Option<(Instant, f64)>,
     sum_deg: f64,
 }

@@ -223,7 +223,7 @@ impl Sensors {
         }
     }
 
-    /// The base starts anew.
+    /// The base restarts.
     pub(super) const fn restart(&mut self) {
         self.block = 0;
     }

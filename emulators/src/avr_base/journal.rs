@@ -108,7 +108,7 @@ impl Journal {
         });
     }
 
-    /// How often each rule was broken so far, whatever the entries say.
+    /// Number of violations of each rule so far, including those without a log entry.
     pub(super) const fn broken(&self) -> &BrokenRules {
         &self.broken
     }

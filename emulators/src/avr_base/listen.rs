@@ -1,4 +1,4 @@
-//! From bytes to requests that wait for the main loop: what the base hears, and what it misses
+//! From bytes to requests that wait for the main loop: what the base receives, and what it misses
 //! while it is busy.
 
 use core::time::Duration;

@@ -106,7 +106,7 @@ pub(super) struct Motors {
     pub(super) sum: [i16; 2],
 }
 
-/// What is left of the task table.
+/// The remaining task table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Tasks {
     Sound,
@@ -356,7 +356,7 @@ impl Memory {
         self.bytes[REQUEST + 1] = control;
     }
 
-    /// What is left of the task table.
+    /// The remaining task table.
     pub(super) fn tasks(&self) -> Tasks {
         match self.tasks.iter().filter(|&&damaged| damaged).count() {
             0 => Tasks::Sound,

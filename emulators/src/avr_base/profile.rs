@@ -98,9 +98,9 @@ pub struct Quirks {
     pub gains: Gains,
     /// What an object nearer than the infrared curves allow for reads as (AV-19).
     pub near_objects: NearObjects,
-    /// What the stop button does.
+    /// Effect of the stop button.
     pub button: Button,
-    /// What the status register says.
+    /// Content of the status register.
     pub status: Status,
     /// Speed of the processor (AV-07, AV-17).
     pub processor: Processor,
@@ -203,7 +203,7 @@ pub enum Odometer {
 /// `i_plus`), all in whole numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gains {
-    /// Least proportional factor.
+    /// Minimum proportional factor.
     pub p_min: i16,
     /// Added to the integral factor.
     pub i_plus: i16,
@@ -218,7 +218,7 @@ pub enum NearObjects {
     Clamped,
 }
 
-/// What the stop button does.
+/// Effect of the stop button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Button {
     /// Stops while pressed and for 120 counts of the divider after.
@@ -227,7 +227,7 @@ pub enum Button {
     Toggle,
 }
 
-/// What the status register says.
+/// Content of the status register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     /// Nothing: always 0.

@@ -14,7 +14,7 @@ const CAPACITY: usize = 2_048;
 pub(super) struct Sender {
     byte_time: Duration,
     queue: VecDeque<(Instant, u8)>,
-    /// When the line has sent all.
+    /// Time at which the line has sent all bytes.
     free_at: Instant,
 }
 
@@ -58,7 +58,7 @@ impl Sender {
         self.queue.get(ready).map(|&(at, _)| at)
     }
 
-    /// When the line has sent all.
+    /// Time at which the line has sent all bytes.
     pub(super) const fn free_at(&self) -> Instant {
         self.free_at
     }

@@ -20,7 +20,7 @@ use crate::world::{BodyConfig, Pose, Scene, Shape};
 
 /// Long enough for any reply, short against all time-outs.
 const MS: Duration = Duration::from_millis(1);
-/// Longer than any divider count or idle gap: what happened before is forgotten.
+/// Longer than any divider count or idle gap: earlier bytes have no effect.
 const PAUSE: Duration = Duration::from_millis(30);
 
 /// Base, world and time.
@@ -71,7 +71,7 @@ impl Bench {
         bench
     }
 
-    /// As a rig does it: from deadline to deadline.
+    /// Advances like a rig: from deadline to deadline.
     fn run(&mut self, time: Duration) {
         let end = self.now + time;
         while let Some(at) = self.base.poll_at().filter(|&at| at <= end) {
@@ -100,13 +100,13 @@ impl Bench {
         }
     }
 
-    /// What the base has sent since the last call.
+    /// Bytes sent by the base since the last call.
     fn take(&mut self) -> Vec<u8> {
         let sent = core::mem::take(&mut self.sent);
         sent.into_iter().map(|(_, byte)| byte).collect()
     }
 
-    /// Sends `bytes` after a pause and returns the answer to them alone.
+    /// Sends `bytes` after a pause and returns only their answer.
     fn ask(&mut self, bytes: &[u8]) -> Vec<u8> {
         self.run(PAUSE);
         self.sent.clear();

@@ -335,7 +335,7 @@ fn what_was_commanded_last_is_told() {
     );
 }
 
-/// Walls 1 m around the car: each sensor hears its own, and the one that is deaf hears none.
+/// Walls 1 m around the car: each sensor receives its own, and the one that is deaf receives none.
 #[test]
 fn a_deaf_sensor_hears_no_echo_and_the_others_do() {
     let around = [

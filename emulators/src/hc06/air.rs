@@ -105,7 +105,7 @@ impl Air {
         }
         let [up, down] = [&self.up, &self.down].map(|lane| {
             // A frame on its way is due before any that is yet to be made. A lane that is stopped
-            // looks again a slot later, because no event says when its far end has taken bytes.
+            // looks again a slot later, because no event says when its other end has taken bytes.
             match lane.due() {
                 NEVER if lane.is_waiting() => self.now + self.slot,
                 NEVER => lane.moves_at(),

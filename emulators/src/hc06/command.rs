@@ -26,7 +26,7 @@ pub(super) struct Collector {
     silence_seen: bool,
 }
 
-/// Bytes must be looked at one by one.
+/// Bytes must be checked one by one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LineEndMatters;
 
@@ -35,7 +35,7 @@ pub(super) struct LineEndMatters;
 pub(super) struct Attempt {
     /// The bytes, cut after [`TEXT_MAX`].
     pub(super) text: Vec<u8>,
-    /// How many there were.
+    /// Their number.
     pub(super) count: u64,
     /// Time between the first and the last.
     pub(super) took: Duration,

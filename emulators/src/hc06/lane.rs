@@ -37,7 +37,7 @@ pub struct Traffic {
     pub lost: u64,
     /// Bytes thrown away when a connection ended.
     pub dropped: u64,
-    /// Bytes that came out at the far end.
+    /// Bytes that came out at the other end.
     pub delivered: u64,
 }
 
@@ -108,7 +108,7 @@ impl Lane {
         taken
     }
 
-    /// Appends bytes to what comes out at the far end, without going over the air.
+    /// Appends bytes to what comes out at the other end, without going over the air.
     pub(super) fn put_ready(&mut self, bytes: &[u8]) {
         self.ready.extend(bytes);
         self.traffic.delivered += bytes.len() as u64;
@@ -129,7 +129,7 @@ impl Lane {
         !self.queue.is_empty() && !self.is_stopped()
     }
 
-    /// Whether bytes wait for the far end to take some.
+    /// Whether bytes wait for the other end to take some.
     pub(super) fn is_waiting(&self) -> bool {
         !self.queue.is_empty() && self.is_stopped()
     }

@@ -79,14 +79,14 @@ pub struct Profile {
     pub frame_max: usize,
     /// Grid of the radio frames: five slots and the answer of the Bluetooth baseband.
     pub slot: Duration,
-    /// Least and greatest time on the air after a pause.
+    /// Minimum and maximum time on the air after a pause.
     pub latency_idle: [Duration; 2],
-    /// Least and greatest time on the air otherwise.
+    /// Minimum and maximum time on the air otherwise.
     pub latency_busy: [Duration; 2],
     /// Pause after which the radio link counts as idle. No source says.
     pub idle_after: Duration,
     /// Bytes under way and delivered but not taken, per direction, at which the module stops
-    /// moving bytes. No source says; enough not to slow down a link whose far end reads.
+    /// moving bytes. No source says; enough not to slow down a link whose other end reads.
     pub window: usize,
     /// Bytes that the host's operating system holds for the module before it loses some, which
     /// no host does: it makes the writer wait, see [`Hc06::room`](super::Hc06::room).

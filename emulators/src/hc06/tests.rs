@@ -620,7 +620,7 @@ fn a_flood_at_230400_overflows_after_some_six_kilobytes() {
     assert!(bench.radio.up().lost > 0);
 }
 
-/// 11.52 kB/s in: the radio keeps up for ever, and nothing changes on the way.
+/// 11.52 kB/s in: the radio keeps up forever, and nothing changes on the way.
 #[test]
 fn a_flood_at_115200_loses_nothing() {
     let mut bench = Bench::connected(at(115_200));
@@ -825,7 +825,7 @@ fn bytes_over_a_closed_port_are_judged() {
     assert_eq!(text_of(&bench.robot), "world");
 }
 
-/// The line-terminated family waits for its line end for ever; the judge does not.
+/// The line-terminated family waits for its line end forever; the judge does not.
 #[test]
 fn a_line_without_its_end_is_judged_and_waits() {
     let mut bench = Bench::new(Profile::of(Family::V30));
@@ -974,8 +974,9 @@ fn what_nobody_takes_holds_the_air_up() {
     assert_eq!(lane.room(), 100 - 26);
 }
 
-/// A radio of 1 MB/s behind a UART of 9600 baud: a byte takes 1.04 ms, so a hundred that are told
-/// at once went into the air one after the other, and the last ones are still on their way.
+/// A radio of 1 MB/s behind a UART of 9600 baud: a byte takes 1.04 ms, so a hundred that are
+/// reported at once went into the air one after the other, and the last ones are still on their
+/// way.
 #[test]
 fn a_fast_radio_waits_for_each_byte_of_the_uart() {
     let mut profile = at(9_600);

@@ -4,7 +4,8 @@ use protocols::Instant;
 use protocols::pcui::message::MapProperties;
 use protocols::rle::{self, RleError};
 
-/// Most cells of a map, enough for 28 m in cells of 10 mm; larger ones are taken for nonsense.
+/// Maximum number of cells of a map, enough for 28 m in cells of 10 mm; larger ones are taken for
+/// nonsense.
 pub const CELLS_MAX: usize = 1 << 23;
 /// Value of a cell that no row has shown: the robot's own word for unknown.
 pub const UNSEEN: u8 = 127;

@@ -8,7 +8,7 @@ use protocols::{Decode, Instant};
 
 use super::map::{PcMap, RowError};
 
-/// Most poses kept; further ones are only counted.
+/// Maximum number of poses kept; further ones are only counted.
 pub const TRAJECTORY_MAX: usize = 500_000;
 
 /// A pose that the robot stated.

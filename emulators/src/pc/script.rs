@@ -5,9 +5,9 @@ use core::time::Duration;
 
 use protocols::pcui::message::{Mode, Order, WAYPOINTS_MAX};
 
-/// Most bytes of one [`Action::Raw`].
+/// Maximum number of bytes of one [`Action::Raw`].
 pub const RAW_MAX: usize = 65_536;
-/// Most steps of a script.
+/// Maximum number of steps of a script.
 pub const STEPS_MAX: usize = 10_000;
 
 /// When a step is due. Steps are done in order: none before the one in front of it.
@@ -27,7 +27,7 @@ pub enum When {
     AfterMapComplete(Duration),
 }
 
-/// What is done.
+/// The action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Opens the port.
@@ -36,7 +36,7 @@ pub enum Action {
     Close,
     /// Sends a list of points to visit, in mm of the robot's map, and again until it comes back.
     Waypoints(Vec<[i16; 2]>),
-    /// Sends an order, and again until the robot reports its mode; in manual mode for ever.
+    /// Sends an order, and again until the robot reports its mode; in manual mode forever.
     Order(Order),
     /// Writes bytes as they are, if the port is open.
     Raw(Vec<u8>),
@@ -47,7 +47,7 @@ pub enum Action {
 pub struct Step {
     /// When it is due.
     pub when: When,
-    /// What is done.
+    /// The action.
     pub action: Action,
 }
 
@@ -126,21 +126,21 @@ impl Action {
 pub enum ScriptError {
     /// More steps than [`STEPS_MAX`].
     Steps {
-        /// How many there are.
+        /// Their number.
         found: usize,
     },
     /// More waypoints than one frame holds.
     Waypoints {
         /// Index of the step.
         step: usize,
-        /// How many there are.
+        /// Their number.
         found: usize,
     },
     /// More bytes than [`RAW_MAX`].
     Raw {
         /// Index of the step.
         step: usize,
-        /// How many there are.
+        /// Their number.
         found: usize,
     },
 }

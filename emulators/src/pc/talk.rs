@@ -1,4 +1,4 @@
-//! What the PC says to the robot, and how it takes what it hears.
+//! What the PC says to the robot, and how it takes what it receives.
 
 use protocols::Instant;
 use protocols::pcui::FRAME_MAX;

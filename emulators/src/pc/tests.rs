@@ -299,7 +299,7 @@ fn steps_wait_for_their_condition() {
 }
 
 /// A PC without an answer, for example after a lost call, calls again after ten
-/// seconds. Found by a campaign: the PC waited for ever.
+/// seconds. Found by a campaign: the PC waited forever.
 #[test]
 fn a_far_end_that_does_not_answer_is_called_again() {
     let mut desk = Desk::new(Script::mission(vec![[1, 2]]).expect("one waypoint"));
@@ -314,7 +314,7 @@ fn a_far_end_that_does_not_answer_is_called_again() {
     assert_eq!(desk.frame_times(), [16_000]);
 }
 
-/// A port that the far end closed is opened again, and what was not confirmed is said again.
+/// A port that the other end closed is opened again, and what was not confirmed is said again.
 #[test]
 fn a_lost_connection_is_opened_again() {
     let mut desk = Desk::new(Script::mission(vec![[1, 2]]).expect("one waypoint"));
@@ -860,7 +860,7 @@ fn an_echo_confirms_what_was_said_once() {
     );
 }
 
-/// A far end that goes while the port is closed takes nothing away: the port stays closed.
+/// A other end that goes while the port is closed takes nothing away: the port stays closed.
 #[test]
 fn a_closed_port_is_not_opened_by_a_far_end_that_goes() {
     let mut desk = Desk::new(Script::default());

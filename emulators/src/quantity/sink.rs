@@ -11,7 +11,7 @@ pub struct Sink {
     pub actuator: String,
     /// Units of the actuator per count of the value: drive, m/s or rad, as `kind` says.
     pub scale: f64,
-    /// What the actuator is told.
+    /// Command of the actuator.
     pub kind: SinkKind,
 }
 
@@ -27,7 +27,7 @@ pub enum SinkKind {
 }
 
 impl Sink {
-    /// What the actuator is told for `value`.
+    /// Command of the actuator for `value`.
     pub fn command(&self, value: i64) -> Command {
         #[expect(
             clippy::cast_precision_loss,

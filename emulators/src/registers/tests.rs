@@ -91,7 +91,7 @@ fn a_written_value_is_acknowledged_and_read_back() {
     assert_eq!(rules(&mut slave), [""; 0]);
 }
 
-/// 500 ms after the last sound frame the value is the safe one; a frame in between keeps it.
+/// 500 ms after the last valid frame the value is the safe one; a frame in between keeps it.
 #[test]
 fn values_are_safe_when_the_master_falls_silent_and_not_before() {
     let mut slave = slave();
@@ -262,7 +262,7 @@ fn a_break_starts_the_board_anew() {
     assert_eq!(asked(&mut slave, 410, &read), forgotten);
 }
 
-/// Only a break on the bus itself: it is heard as a NUL, which begins no frame.
+/// Only a break on the bus itself: it is received as a NUL, which begins no frame.
 #[test]
 fn a_break_on_the_bus_is_heard_as_a_nul() {
     let told = |port, event| {

@@ -59,7 +59,7 @@ pub(super) struct Optics {
     mount: Mount,
     /// Nothing is seen.
     pub(super) dark: bool,
-    /// Distance told by distance measured.
+    /// Reported distance divided by measured distance.
     pub(super) range_factor: f64,
     /// Where the turn begins, degrees clockwise from where it should.
     pub(super) turned_deg: f64,

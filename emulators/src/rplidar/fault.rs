@@ -172,7 +172,7 @@ impl Fault {
         })
     }
 
-    /// The names of all faults, and `slow`, which is what enough dust does.
+    /// The names of all faults, and `slow`, the effect of heavy dust.
     pub(super) const NAMES: [&str; 30] = {
         let mut names = ["slow"; 30];
         let mut index = 0;

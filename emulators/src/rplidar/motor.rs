@@ -30,7 +30,7 @@ const ADAPTER_DUTY: f64 = 0.7652;
 /// Full duty of the request F0.
 const PWM_MAX: f64 = 1_023.0;
 
-/// What turns the head.
+/// Drive of the head.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MotorControl {
     /// The rig's own supply, which holds the speed: for clients without a motor pin.

@@ -20,7 +20,7 @@ pub(super) struct Output {
     loss: Rng,
     /// Bytes of a burst that are still to be lost.
     burst: u64,
-    /// Which byte of a packet is damaged, and how.
+    /// Position and kind of the damage in a packet.
     garbage: Rng,
     /// The last node or capsule.
     last: Vec<u8>,

@@ -122,7 +122,7 @@ impl Rplidar {
             _ => at + ANSWER_TIME + self.seconds(Fault::LateAnswers),
         };
         if command == Command::Reset {
-            // It starts anew at once, and what waited is forgotten.
+            // It restarts at once, and what waited is forgotten.
             self.handling.requests.clear();
         }
         let before = self.handling.requests.back().map(|(at, _)| *at);
@@ -155,7 +155,7 @@ impl Rplidar {
             Command::Scan | Command::ForceScan | Command::ExpressScan { .. } => {
                 self.start_scan(at, command);
             }
-            // The motor is another board's concern. That a scan goes on is a guess.
+            // The motor is another board's concern. That a scan continues is a guess.
             Command::MotorPwm { pwm } => self.set_pwm(at, pwm),
             Command::MotorSpeed { .. } => self.answer(at, command),
             _ => {

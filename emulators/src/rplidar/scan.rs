@@ -42,7 +42,7 @@ mod error {
     pub(super) const UNKNOWN: u16 = 0x8000;
 }
 
-/// What the sensor is doing.
+/// State of the sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Phase {
     Off,
@@ -59,7 +59,7 @@ enum Stream {
     /// Nodes whatever the rotation is.
     Forced,
     Capsules,
-    /// Capsules of the kind 0x84.
+    /// Capsules of type 0x84.
     Ultra,
 }
 

@@ -14,7 +14,7 @@ use crate::world::{BodyConfig, Point, Pose, Scene, Shape};
 
 const SCAN: [u8; 7] = [0xA5, 0x5A, 0x05, 0x00, 0x00, 0x40, 0x81];
 
-/// A sensor in a world, and the line that takes what it sends.
+/// A sensor in a world, and the line that receives its bytes.
 struct Bench {
     lidar: Rplidar,
     world: World,

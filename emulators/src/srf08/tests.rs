@@ -191,8 +191,8 @@ fn only_an_address_changes_the_address() {
 }
 
 /// A wall 1 m to the left: a chip that looks there from 0.3 m to the left is 0.7 m away, one that
-/// looks to the right hears nothing. A wall 0.2 m ahead of the robot is 1 cm ahead of a chip that
-/// sits 0.19 m ahead: it reads the least, 3 cm.
+/// looks to the right receives nothing. A wall 0.2 m ahead of the robot is 1 cm ahead of a chip
+/// that sits 0.19 m ahead: it reads the least, 3 cm.
 #[test]
 fn a_chip_hears_from_where_it_sits() {
     let wall = Shape::Wall {

@@ -150,8 +150,8 @@ fn descriptions_that_contradict_themselves_are_refused() {
     assert!(fault("", "").is_some());
 }
 
-/// 10 mm/s a count: 42 are 0.42 m/s. The car hears it in the poll after the line; after 500 ms of
-/// silence it is told to stand.
+/// 10 mm/s a count: 42 are 0.42 m/s. The car receives it in the poll after the line; after 500 ms
+/// of silence it is told to stand.
 #[test]
 fn a_variable_that_is_set_drives_its_actuator() {
     let mut config = config();
@@ -204,7 +204,7 @@ fn on_board(resets_on: ResetOn) -> Text {
 
 /// The capacitor lets the edge through, not the level: DTR that stays on, or goes off, does
 /// nothing.
-/// 1.6 s after the edge at 100 ms the board greets, has forgotten its speed, and hears again.
+/// 1.6 s after the edge at 100 ms the board greets, has forgotten its speed, and receives again.
 #[test]
 fn a_rising_dtr_starts_the_board_anew() {
     let mut slave = on_board(ResetOn::Dtr);
@@ -325,7 +325,7 @@ fn a_board_that_starts_anew_begins_its_periods_when_it_is_up() {
     assert_eq!(first, Some(2_700));
 }
 
-/// Reset at 1 s a board hears again from 2.6 s on.
+/// Reset at 1 s a board receives again from 2.6 s on.
 #[test]
 fn a_board_hears_from_the_moment_that_it_is_up() {
     for (millis, heard) in [(2_599, ""), (2_600, "ready\r\nX 1000\r\n")] {

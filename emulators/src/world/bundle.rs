@@ -100,7 +100,7 @@ pub(super) struct Bundle {
     depth: Four,
     tolerance: f32,
     index: [u32; LANES],
-    /// Where the cell goes on; 0 if it does not.
+    /// Where the cell continues; 0 if it does not.
     pub(super) next: u32,
 }
 

@@ -214,7 +214,7 @@ mod tests {
     }
 
     /// Of two surfaces met in one step the one that came faster makes the contact, a millimetre in
-    /// one of a millisecond is 1 m/s; a body that leans on one goes on touching it until it is
+    /// one of a millisecond is 1 m/s; a body that leans on one continues touching it until it is
     /// left.
     #[test]
     fn a_step_makes_one_contact_at_most() {

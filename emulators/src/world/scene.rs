@@ -229,8 +229,8 @@ impl Scene {
         Near::of(index, &self.inner.fixed.primitives[index], point)
     }
 
-    /// Calls `visit` for each obstacle surface, as placed at time `at`. Indices go on behind those
-    /// of the fixtures.
+    /// Calls `visit` for each obstacle surface, as placed at time `at`. Indices continue behind
+    /// those of the fixtures.
     pub(super) fn each_moving(&self, at: Instant, point: Point, mut visit: impl FnMut(Near)) {
         let mut index = self.inner.fixed.primitives.len();
         for (obstacle, moving) in self.inner.obstacles.iter().zip(&self.inner.moving) {
@@ -260,7 +260,7 @@ impl Scene {
     }
 
     /// Calls `visit` with number, shape and path of each obstacle surface. The shape is seen from
-    /// the place on the path; numbers go on behind those of the fixtures.
+    /// the place on the path; numbers continue behind those of the fixtures.
     pub(super) fn each_moving_shape(&self, mut visit: impl FnMut(usize, Primitive, &Path)) {
         let mut index = self.inner.fixed.primitives.len();
         for (obstacle, moving) in self.inner.obstacles.iter().zip(&self.inner.moving) {

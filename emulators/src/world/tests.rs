@@ -771,7 +771,7 @@ fn headings_stay_within_half_a_turn() {
     assert!(widest <= PI && widest > PI - TAU / 100.0, "{widest}");
 }
 
-/// What is left of a push goes on in the next one, the twist as well: half of 1 rad and 1 rad.
+/// What is left of a push continues in the next one, the twist as well: half of 1 rad and 1 rad.
 #[test]
 fn a_second_push_turns_by_what_is_left_of_the_first() {
     let mut world = open_floor();

@@ -35,7 +35,7 @@ const JITTER_RAD: f64 = 0.01 * PI / 180.0;
 /// Half the width of the dot: the first reading on the hand of (A) is mostly a dim one.
 const DOT_RAD: f64 = 0.45 * PI / 180.0;
 /// How much a surface must bend within the dot to have a corner in its middle, in its outer part,
-/// and between neighbouring beams to be looked at; parts of the distance. A right angle bends by
+/// and between neighbouring beams to be checked; parts of the distance. A right angle bends by
 /// 1.6 % if it lies in the middle of the dot, by 1 % if it is 0.15 degrees off, and by 0.35 % if it
 /// is 0.35 degrees off.
 const BEND_IN_MIDDLE: f64 = 0.0105;
@@ -87,7 +87,7 @@ pub(super) struct Eye {
     pub(super) optics: Optics,
     /// No laser light: nothing is seen.
     pub(super) dark: bool,
-    /// Distance told by distance measured.
+    /// Reported distance divided by measured distance.
     pub(super) range_factor: f64,
     detail: Detail,
     /// Law of the deviation of a range.
@@ -228,7 +228,7 @@ impl Eye {
         smooth(mm + place.deeper_mm, hit, &noise, law)
     }
 
-    /// Looks anew at what a lidar sees of `scene`, if that is another one.
+    /// Looks again at what a lidar sees of `scene`, if that is another one.
     fn keep_view(&mut self, scene: &Scene) {
         let is_kept = |[whole, _]: &[Scene; 2]| whole.is_clone_of(scene);
         if !self.views.as_ref().is_some_and(is_kept) {

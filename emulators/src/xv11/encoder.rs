@@ -283,7 +283,7 @@ mod tests {
                     297.0 * way / TOOTH_DEG
                 })
                 .collect();
-            // As the capture is looked at: without the mean of each turn.
+            // As the capture is checked: without the mean of each turn.
             let rest: Vec<f64> = speeds
                 .chunks_exact(15)
                 .flat_map(|turn| {

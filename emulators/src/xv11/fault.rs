@@ -16,7 +16,7 @@ pub enum Fault {
     },
     /// The head is held. It stops at once.
     Stuck,
-    /// The encoder is not seen. The head never locks, and the boot text repeats for ever.
+    /// The encoder is not seen. The head never locks, and the boot text repeats forever.
     EncoderBlind,
     /// The speed word no longer changes. Everything else is right.
     FrozenSpeed,
@@ -79,7 +79,7 @@ impl Fault {
         }
     }
 
-    /// The names of all faults, and `slow`, which is what enough dust does.
+    /// The names of all faults, and `slow`, the effect of heavy dust.
     pub(super) const NAMES: [&str; 12] = {
         let mut names = ["slow"; 12];
         let mut index = 0;

@@ -31,7 +31,7 @@ const FREE_RUN_TICK: Duration = Duration::from_nanos(41_950);
 /// A tooth that takes longer than this many of the one before is no longer waited for. A guess.
 const WAIT_TEETH: f64 = 1.5;
 /// A head that turns but does not lock makes the processor restart after this. A guess; two sources
-/// report that it restarts for ever.
+/// report that it restarts forever.
 const SPIN_TIME: Duration = Duration::from_secs(2);
 #[derive(Clone, Debug)]
 enum Phase {
@@ -69,7 +69,7 @@ struct FreeRun {
     tick: u64,
 }
 
-/// How measuring goes on after a pause.
+/// How measuring continues after a pause.
 #[derive(Clone, Copy, Debug)]
 struct Resume {
     at: Instant,

@@ -8,7 +8,7 @@ use protocols::{Decode, Instant, LineEvent};
 use super::*;
 use crate::world::{BodyConfig, Point, Pose, Scene, Shape};
 
-/// A sensor in a world, and the line that takes what it sends.
+/// A sensor in a world, and the line that receives its bytes.
 struct Bench {
     lidar: Xv11,
     world: World,
@@ -326,7 +326,7 @@ fn a_head_at_rest_leaves_the_line_silent() {
     assert_eq!(bench.lidar.state(), State::Spin);
 }
 
-/// Two owners report boot text for ever when the encoder does not work.
+/// Two owners report boot text forever when the encoder does not work.
 #[test]
 fn a_blind_encoder_boots_in_a_loop() {
     let blind = Config {
@@ -710,8 +710,8 @@ fn a_near_object_shadows_the_wall_before_it_and_not_behind_it() {
     assert!(blind(100..104) <= 2, "{}", blind(100..104));
 }
 
-/// Whatever is broken, mended, fed or sent at whatever time, the sensor goes on: no panic, no work
-/// left over after a poll, and never more bytes than its line can carry.
+/// Whatever is broken, mended, fed or sent at whatever time, the sensor continues: no panic, no
+/// work left over after a poll, and never more bytes than its line can carry.
 #[test]
 fn no_sequence_of_faults_and_inputs_upsets_the_sensor() {
     for seed in 0..150 {
@@ -865,7 +865,7 @@ fn a_lock_takes_fifteen_even_teeth() {
 }
 
 /// T4: the slots behind a doubled tooth are numbered a tooth too far, and the five up to the second
-/// edge are left out: tooth k begins slot 24 k + 3, so packets go on at 24 (k + 1) + 8, index 2
+/// edge are left out: tooth k begins slot 24 k + 3, so packets continue at 24 (k + 1) + 8, index 2
 /// (mod 6). They show 600 rpm.
 #[test]
 fn after_a_doubled_tooth_slots_are_a_tooth_ahead() {

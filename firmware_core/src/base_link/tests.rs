@@ -272,7 +272,7 @@ proptest! {
     }
 }
 
-/// T5: what an idle line frees is judged like everything else: a damaged count hid a sound frame of
+/// T5: what an idle line frees is judged like everything else: a damaged count hid a valid frame of
 /// another register, which is no answer. It is counted, and the request goes out again.
 #[test]
 fn a_frame_that_an_idle_line_frees_must_be_the_answer() {

@@ -2,8 +2,8 @@
 //!
 //! A first pass overrates the estimate of the way that is left by a factor and is quick; further
 //! passes repair what it found with smaller factors. The cost that a pass returns is at most its
-//! factor times the least one. Each pass keeps the costs of the one before: OPEN goes on, and what
-//! became cheaper after it was closed (INCONS) joins it.
+//! factor times the least one. Each pass keeps the costs of the one before: OPEN continues, and
+//! what became cheaper after it was closed (INCONS) joins it.
 
 use core::cmp::Reverse;
 
@@ -54,7 +54,7 @@ impl Default for Limits {
     }
 }
 
-/// Where to go.
+/// The goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
     /// The pose, brought to the nearest cell and heading.
@@ -161,7 +161,7 @@ struct Search<'a> {
     /// Cells of the map along x and y.
     size: [u32; 2],
     angles: u32,
-    /// Least cost of the way from each cell to the goal's.
+    /// Minimum cost of the way from each cell to the goal's.
     left: Vec<u32>,
     cost: Vec<u32>,
     /// State and action from which each was reached.
@@ -387,7 +387,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Least cost of a way of the reference point alone from each cell to `goal`, as the search may
+/// Minimum cost of a way of the reference point alone from each cell to `goal`, as the search may
 /// rely on: what the lattice costs is never less.
 fn ways_to(map: &Costmap, goal: [i32; 2], detour: f64) -> Vec<u32> {
     let mut left = alloc::vec![UNKNOWN; map.costs().len()];

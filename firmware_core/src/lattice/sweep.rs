@@ -471,7 +471,7 @@ mod tests {
     }
 
     /// Costs 1 + the dearest cell; in the outline a cell may be as dear as it likes but for an
-    /// obstacle, and is looked at only where something is near at all.
+    /// obstacle, and is checked only where something is near at all.
     #[test]
     fn an_action_costs_the_dearest_cell_that_it_passes() {
         let inflation = Inflation {

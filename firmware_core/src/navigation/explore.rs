@@ -72,7 +72,7 @@ const LEFT: core::ops::RangeInclusive<f32> = -45.0 * DEGREE..=150.0 * DEGREE;
 const WALL_BEARING: f32 = 50.0 * DEGREE;
 /// Beams this far beside it help if it has no reading.
 const WALL_SPREAD: f32 = 3.0 * DEGREE;
-/// A turn away from an obstacle goes on until this much more is free.
+/// A turn away from an obstacle continues until this much more is free.
 const HYSTERESIS_MM: f32 = 60.0;
 
 const DEGREE: f32 = core::f32::consts::PI / 180.0;

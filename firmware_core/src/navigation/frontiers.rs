@@ -119,18 +119,18 @@ impl Outlook {
     }
 }
 
-/// What is still to be looked at.
+/// What is still to be checked.
 #[derive(Clone, Debug)]
 pub struct Frontiers {
     sought: Sought,
-    /// Edges that were looked at in vain from afar.
+    /// Edges that were checked in vain from afar.
     doubted: Cells,
-    /// Edges and walls that were looked at in vain from near by.
+    /// Edges and walls that were checked in vain from near by.
     given_up: Cells,
     /// Walls that the heat sensors have passed, and the floor from which they did.
     felt: Cells,
     passed: Cells,
-    /// Whether the two faces of a board are told apart.
+    /// Whether the two faces of a board are distinguished.
     has_faces: bool,
     /// Places that showed nothing.
     stale: Cells,
@@ -140,7 +140,7 @@ pub struct Frontiers {
 }
 
 impl Frontiers {
-    /// Nothing was looked at yet.
+    /// Nothing was checked yet.
     pub const fn new(sought: Sought) -> Self {
         Self {
             sought,
@@ -264,7 +264,7 @@ impl Frontiers {
         })
     }
 
-    /// What of `sought` is to be seen from `place`, or beside it, was looked at in vain, or the
+    /// What of `sought` is to be seen from `place`, or beside it, was checked in vain, or the
     /// robot does not get there.
     pub fn give_up(&mut self, map: &Grid, place: Point, sought: Sought) {
         let scene = self.scene(map);

@@ -357,7 +357,7 @@ mod tests {
         assert!(walk(&planner, &map, from, goal) < Some(55));
     }
 
-    /// A wall right through the room with a door of 600 mm at its far end: the goal lies straight
+    /// A wall right through the room with a door of 600 mm at its other end: the goal lies straight
     /// behind the wall.
     #[test]
     fn the_way_to_the_other_side_of_a_wall_leads_through_the_door() {

@@ -172,7 +172,7 @@ mod tests {
         assert_eq!(squeeze.step(&BODY, 0, &ahead(206.0)), (BODY, i8::MAX));
     }
 
-    /// Each third cell less counts as getting on, and another goal begins anew; a robot that never
+    /// Each third cell less counts as getting on, and another goal begins again; a robot that never
     /// had a path waits for none.
     #[test]
     fn a_way_that_becomes_shorter_is_none() {

@@ -14,8 +14,8 @@ const LOOK_AHEAD_S: [f32; 5] = [0.15, 0.3, 0.5, 0.7, 0.9];
 /// Coming nearer by less than this does not count.
 const APPROACH_MM: f32 = 4.0;
 
-/// Most points: those of a scan, and as many places again that other sensors tell of as there is
-/// use for.
+/// Maximum number of points: those of a scan, and as many places again that other sensors tell of
+/// as there is use for.
 const POINTS_MAX: usize = BEAMS + 80;
 
 /// What the lidar saw last, from where the robot is now.

@@ -492,7 +492,7 @@ fn guesses_are_thrown_to_the_side_that_is_drawn() {
     }
 }
 
-/// Half of the guesses are drawn anew, those whose number is below a half: the first one's is
+/// Half of the guesses are drawn again, those whose number is below a half: the first one's is
 /// exactly so, and stays.
 #[test]
 fn a_search_takes_the_part_that_was_asked_for() {
@@ -523,7 +523,7 @@ fn a_search_takes_the_part_that_was_asked_for() {
     assert!((0.45..0.55).contains(&part), "{part}");
 }
 
-/// Weights whose sum is no number begin anew, each as likely as all others.
+/// Weights whose sum is no number begin again, each as likely as all others.
 #[test]
 fn weights_that_cannot_be_added_are_even() {
     let settings = Settings::default();

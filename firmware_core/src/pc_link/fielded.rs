@@ -11,11 +11,11 @@ use super::{PcLink, READY_AFTER, SHORT_QUEUE, View, WAITING_MAX, next_period, pr
 /// What the fielded program did wrong on the PC link; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// A byte that breaks the start word off cannot begin it anew (PU-01).
+    /// A byte that breaks the start word off cannot begin it again (PU-01).
     pub forgets_to_restart: bool,
     /// The low half of the checksum is put together with its sign (PU-02).
     pub signed_checksum: bool,
-    /// A length is compared with its sign; a negative one is waited for for ever (PU-03).
+    /// A length is compared with its sign; a negative one is waited for forever (PU-03).
     pub signed_length: bool,
     /// A frame without payload takes a byte of the next one (PU-04).
     pub wants_a_byte: bool,
@@ -25,7 +25,7 @@ pub struct Defects {
     pub unlocked: bool,
     /// The receive queue holds 200 bytes, and one is taken per row sent (PU-12).
     pub short_queue: bool,
-    /// One received byte is looked at per row sent (PU-14).
+    /// One received byte is checked per row sent (PU-14).
     pub byte_per_row: bool,
     /// What comes while the link is switched off is kept and taken later (PU-15).
     pub keeps_while_off: bool,
@@ -508,8 +508,8 @@ mod tests {
 
     const LIST: &[u8] = b"PCUI_MSG\x02\x00\x07\x00\x00\x00LWP\x03\x04";
 
-    /// PU-01: of "PPCUI_MSG" only a receiver that begins anew finds the frame. A sum that is wrong,
-    /// and 512 bytes, are refused, and the next frame is found.
+    /// PU-01: of "PPCUI_MSG" only a receiver that begins again finds the frame. A sum that is
+    /// wrong, and 512 bytes, are refused, and the next frame is found.
     #[test]
     fn a_start_word_that_breaks_off_may_begin_anew() {
         let forgets = Defects {
@@ -533,7 +533,7 @@ mod tests {
     }
 
     /// PU-02: 257 bytes of 0x80 add up to 0x8080, which is negative in 16 bits. PU-03: so is a
-    /// length of 0x8000, and nothing is heard any more.
+    /// length of 0x8000, and nothing is received any more.
     #[test]
     fn signs_deafen_the_fielded_receiver() {
         let mut frame = b"PCUI_MSG\x01\x01\x80\x80\x00\x00LWP".to_vec();
@@ -605,7 +605,7 @@ mod tests {
             |it| it.keeps_while_off = true,
         ];
         assert_eq!(of_sender.map(with), [(false, false); 4]);
-        // PU-03 alone: a length below 0 is waited for for ever, by the link as by its receiver.
+        // PU-03 alone: a length below 0 is waited for forever, by the link as by its receiver.
         let mut link = fielded(Defects {
             signed_length: true,
             ..Defects::NONE

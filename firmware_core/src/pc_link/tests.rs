@@ -127,7 +127,7 @@ fn a_list_goes_out_before_the_next_row() {
     );
 }
 
-/// Each 50 ms from when it was due; a call that is late by more begins anew.
+/// Each 50 ms from when it was due; a call that is late by more begins again.
 #[test]
 fn a_late_period_is_not_made_up_for() {
     let period = Duration::from_millis(50);
@@ -266,7 +266,7 @@ fn half_a_frame_waits_for_its_rest() {
     assert!(!takes(100).0);
 }
 
-/// The far end closed in the middle of a long frame: the next one is heard at once.
+/// The other end closed in the middle of a long frame: the next one is received at once.
 #[test]
 fn a_line_that_broke_gives_up_what_it_had_begun() {
     let heard = |breaks: bool| {

@@ -330,7 +330,7 @@ impl Rescue {
         }
     }
 
-    /// Whatever the robot was doing, it stops; the next scan decides how it goes on.
+    /// Whatever the robot was doing, it stops; the next scan decides how it continues.
     fn set_mode(&mut self, now: Instant, mode: Mode) {
         self.mode = mode;
         if mode != Mode::Stop {

@@ -19,7 +19,7 @@ const MARGIN_RAD: f32 = 0.2;
 /// turn by half a radian too much in one step.
 const DRIFT: (f32, f32) = (3000.0, 0.7);
 
-/// See the module.
+/// See the module's documentation.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Lost {
     unseen_mm: f32,

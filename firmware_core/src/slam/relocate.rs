@@ -32,7 +32,7 @@ const HEADINGS: u16 = 180;
 const HEADING_STEP: f32 = TAU / 180.0;
 /// Points of the coarse search.
 const COARSE_POINTS: usize = 48;
-/// Places that are looked at closely.
+/// Places that are checked closely.
 const PLACES: usize = 24;
 /// Places nearer than this, in blocks and headings, are one.
 const APART_BLOCKS: i32 = 4;

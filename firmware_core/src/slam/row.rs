@@ -152,7 +152,7 @@ impl Twos {
 /// A point whose window hangs over the map's edge.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
-    /// Index of its lower left cell, were the map's rows one long one that goes on to both sides.
+    /// Index of its lower left cell, were the map's rows one long one that continues to both sides.
     start: i32,
     /// Its lowest row.
     low: i16,

@@ -190,14 +190,14 @@ impl MotionNoise {
     };
 }
 
-/// Everything that a mapper is told once.
+/// Fixed settings of a mapper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// The seed report's way or ours.
     pub mode: Mode,
     /// Edge of a map cell.
     pub resolution_mm: f32,
-    /// Where the robot believes to start.
+    /// Estimated start pose of the robot.
     pub start: Pose,
     /// Of the document's random numbers.
     pub seed: u64,
@@ -205,7 +205,7 @@ pub struct Settings {
     pub hole_mm: f32,
     /// Weight of a map update when the robot does not turn, of 256.
     pub weight: u16,
-    /// Least weight, when the robot turns fast.
+    /// Minimum weight, when the robot turns fast.
     pub weight_min: u16,
     /// How the weight falls when the robot turns.
     pub fading: Fading,

@@ -24,7 +24,7 @@ pub(super) struct Task<'a> {
     pub(super) prior: Prior,
     /// What it may have missed.
     pub(super) pushes: Pushes,
-    /// Agreement below which other places are looked at.
+    /// Agreement below which other places are checked.
     pub(super) suspicious: f32,
     /// How far the robot may have turned unseen.
     pub(super) unseen_rad: f32,
@@ -43,7 +43,7 @@ pub(super) struct Place {
 
 /// Agreement below which the odometry is doubted.
 pub(super) const DOUBTFUL: f32 = 0.5;
-/// Agreement below which a push is thought possible: along two walls, most of a room goes on
+/// Agreement below which a push is thought possible: along two walls, most of a room continues
 /// fitting. Where less than half fits, the robot was rather carried away, and places far off that
 /// look alike must be weighed against each other.
 pub(super) const SUSPICIOUS: f32 = 0.75;

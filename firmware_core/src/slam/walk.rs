@@ -27,7 +27,7 @@ impl Walk {
         }
     }
 
-    /// The index of the current cell; goes on to the next.
+    /// The index of the current cell; continues to the next.
     #[inline]
     pub(super) fn next(&mut self) -> usize {
         let at = self.at;

@@ -90,9 +90,9 @@ fn a_robot_that_cannot_know_its_place_says_so() {
     assert_eq!(outcomes[1..], [Certainty::Ambiguous; 4]);
 }
 
-/// Error in millimetres two scans after a push of 400 mm in a bare room, in which most of the beams
-/// go on fitting, to a robot that has never moved: its map is a comb with gaps between the beams,
-/// and the scans within the push are smeared.
+/// Error in millimetres two scans after a push of 400 mm in a bare room, in which most of the
+/// beams continue fitting, to a robot that has never moved: its map is a comb with gaps between
+/// the beams, and the scans within the push are smeared.
 fn error_after_push(push: [f64; 2], seed: u64) -> f32 {
     let walls = boxed(300.0, 300.0, 2700.0, 2700.0).to_vec();
     let world = World::new(walls, [1500.0, 1200.0, FRAC_PI_2], seed);

@@ -120,7 +120,7 @@ pub(crate) struct Bench {
     /// Chance that an answer of the base is lost.
     pub(crate) base_loss: f64,
     pub(crate) heard: Heard,
-    /// Least distance between body and walls so far.
+    /// Minimum distance between body and walls so far.
     pub(crate) clearance_mm: f64,
     /// Set-points that the base was told, and when.
     pub(crate) writes: Vec<(Instant, [i8; 2])>,
@@ -130,7 +130,7 @@ pub(crate) struct Bench {
     pub(crate) heard_bytes: usize,
     pub(crate) radio_is_blocked: bool,
     pub(crate) polls_twice: bool,
-    /// The main loop is stuck; interrupts go on.
+    /// The main loop is stuck; interrupts continue.
     pub(crate) hangs: bool,
     wheels: [f64; 2],
     ticks: [f64; 2],
@@ -255,7 +255,7 @@ impl Bench {
         self.pc.discarded()
     }
 
-    /// Counters and set-points begin anew.
+    /// Counters and set-points begin again.
     pub(crate) fn restart_base(&mut self) {
         self.ticks = [0.0; 2];
         self.set_point = [0; 2];

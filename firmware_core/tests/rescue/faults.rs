@@ -18,7 +18,7 @@ fn driving(seed: u64) -> Bench {
     bench
 }
 
-/// Field defect XV-08: with the lidar unplugged the program waited for ever and only the base's
+/// Field defect XV-08: with the lidar unplugged the program waited forever and only the base's
 /// watchdog stopped the robot, a second later.
 #[test]
 fn a_robot_without_lidar_stops_and_says_so() {
@@ -60,8 +60,8 @@ fn a_robot_whose_lidar_has_come_back_waits_for_two_further_turns() {
     assert!((3..=4).contains(&turns), "{turns}");
 }
 
-/// Field defect MA-07: the fielded program did not notice a silent base. The base hears nothing,
-/// answers nothing and stops by its own watchdog; when it is back the mission goes on.
+/// Field defect MA-07: the fielded program did not notice a silent base. The base receives nothing,
+/// answers nothing and stops by its own watchdog; when it is back the mission continues.
 #[test]
 fn a_silent_base_is_noticed_and_its_return_as_well() {
     let mut bench = driving(2);

@@ -1,4 +1,4 @@
-//! What the PC hears, and what the robot makes of what the PC says.
+//! What the PC receives, and what the robot makes of what the PC says.
 
 use core::time::Duration;
 
@@ -9,7 +9,7 @@ use protocols::pcui::{self, HEADER_LEN, seal};
 use crate::bench::{Bench, SECOND, flat};
 
 /// Field defects PU-06 and PU-18: poses and text inside of map rows cost both. Everything that the
-/// PC hears must be a whole frame.
+/// PC receives must be a whole frame.
 #[test]
 fn the_pc_hears_whole_frames_only() {
     let mut bench = Bench::new(flat(), 1);

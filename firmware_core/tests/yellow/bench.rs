@@ -293,7 +293,7 @@ impl Bench {
 
     /// The chip's hardware: one sample.
     fn sense(&mut self) {
-        // The sensors look anew each 38 ms, from a ring of 9 cm radius; 15 mV of noise.
+        // The sensors look again each 38 ms, from a ring of 9 cm radius; 15 mV of noise.
         if self.now.as_millis().is_multiple_of(38) {
             for (slot, bearing) in [0.0, -60.0, 60.0_f64].into_iter().enumerate() {
                 let way = self.body[2] + bearing.to_radians();

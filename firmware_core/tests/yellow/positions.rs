@@ -117,7 +117,7 @@ fn ye7_the_last_turn_goes_the_short_way() {
 }
 
 /// YA-02: a new goal behind the robot while it drives to another one. Soundly it turns first and
-/// drives straight; as fielded it goes on driving and describes a curve.
+/// drives straight; as fielded it continues driving and describes a curve.
 #[test]
 fn a_new_goal_on_the_way_begins_with_its_turn() {
     let strayed = |mut bench: Bench| {

@@ -8,7 +8,7 @@ use crate::bench::{Bench, SECOND, Wall, closed};
 const BODY_M: f64 = 0.12;
 const SIN_60: f64 = 0.866_025_4;
 
-/// A corridor 0.5 m wide that turns right after 2 m and goes on for 2 m.
+/// A corridor 0.5 m wide that turns right after 2 m and continues for 2 m.
 fn corner() -> Vec<Wall> {
     closed(&[
         [-0.3, -0.25],

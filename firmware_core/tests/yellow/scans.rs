@@ -184,7 +184,7 @@ fn a_protection_stop_is_noticed_and_ended() {
     );
 }
 
-/// YL-04: the fielded program keeps what it saw last for ever.
+/// YL-04: the fielded program keeps what it saw last forever.
 #[test]
 fn the_fielded_program_keeps_its_old_ranges() {
     let mut bench = Bench::with_defect(square(2.0), "YL-04");
@@ -199,7 +199,7 @@ fn the_fielded_program_keeps_its_old_ranges() {
 }
 
 /// YL-02: after a restart the new descriptor is taken for data, seven bytes, so that every node is
-/// misaligned by two; a driver that begins to count anew with each scan (YL-01) is not.
+/// misaligned by two; a driver that begins to count again with each scan (YL-01) is not.
 #[test]
 fn a_header_counted_once_misaligns_the_second_scan() {
     for (id, is_misaligned) in [("YL-01", false), ("YL-02", true)] {

@@ -129,7 +129,7 @@ fn a_position_needs_a_pose() {
     assert_eq!(bench.mode(), "position");
 }
 
-/// How long a robot without further orders goes on driving by hand.
+/// How long a robot without further orders continues driving by hand.
 fn manual_lasts(mut bench: Bench) -> (Duration, Bench) {
     bench.drive(0.3, 0.0);
     assert!(bench.run_until(SECOND, |bench| bench.mode() == "manual"));
@@ -184,7 +184,7 @@ fn the_end_of_a_manoeuvre_erases_no_order() {
 }
 
 /// Without a sample of the hardware the machine runs by the clock, and harms nothing. A board that
-/// counts anew, or was without supply for 50 ms: the robot has rolled by an unknown distance. A
+/// counts again, or was without supply for 50 ms: the robot has rolled by an unknown distance. A
 /// manoeuvre depends on that distance, so it ends; an operator who drives by hand sees where the
 /// robot is.
 #[test]

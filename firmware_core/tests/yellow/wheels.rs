@@ -57,7 +57,7 @@ fn ye4_without_an_integral_part_friction_leaves_an_error() {
     assert!(error > 0.025, "{error}");
 }
 
-/// No wheel ever turns against what the profile asks for: it comes down to zero and goes on.
+/// No wheel ever turns against what the profile asks for: it comes down to zero and continues.
 #[test]
 fn ye4_a_reversal_has_no_error_of_sign() {
     let mut bench = ready(Bench::new(square(100.0)));
@@ -121,7 +121,7 @@ fn the_mid_point_rule_goes_where_the_robot_goes() {
     assert!(fielded > sound, "{fielded} m against {sound} m");
 }
 
-/// A board that begins to count anew has not moved 6 m.
+/// A board that begins to count again has not moved 6 m.
 #[test]
 fn a_counter_that_begins_anew_moves_nobody() {
     let mut bench = ready(Bench::new(square(100.0)));
@@ -133,7 +133,7 @@ fn a_counter_that_begins_anew_moves_nobody() {
     assert_eq!(bench.counter("encoder samples disbelieved"), 2);
 }
 
-/// Started anew after 20 counts or 90 of a turn on the spot, or of one wheel's: by 90 counts back
+/// Started again after 20 counts or 90 of a turn on the spot, or of one wheel's: by 90 counts back
 /// and 90 ahead the heading would go back by 2 x 17.7 / 180 rad, 11 degrees.
 #[test]
 fn a_board_that_begins_anew_turns_nobody_back() {

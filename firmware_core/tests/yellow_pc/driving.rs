@@ -99,9 +99,9 @@ fn ye12_goals_are_reached_though_a_third_of_the_commands_is_lost() {
 }
 
 /// At stake: a sum does not tell that two bytes of an order have changed places, and the robot
-/// drives into a wall. The first order of each drive sends it half a radian, 29 degrees, beside its
-/// way. Of 40 that are not watched 22 touch a wall, and two never arrive; what is heard each 200 ms
-/// is too late for some that start beside one.
+/// drives into a wall. The first order of each drive sends it half a radian, 29 degrees, beside
+/// its way. Of 40 that are not watched 22 touch a wall, and two never arrive; what is heard
+/// each 200 ms is too late for some that start beside one.
 #[test]
 fn a_robot_that_was_sent_elsewhere_is_told_again() {
     let world = world();

@@ -262,7 +262,7 @@ fn damaged_frames_are_counted_and_change_nothing() {
         .pc
         .receive(PcProgram::TELEMETRY, bench.now(), &[0x7E, 0, 2, 1, 2, 9]);
     assert_eq!(bench.counter("bad frames"), 1);
-    // A sound frame that is no message.
+    // A valid frame that is no message.
     bench
         .pc
         .receive(PcProgram::TELEMETRY, bench.now(), &[0x7E, 0, 1, 0xFF, 0]);

@@ -88,7 +88,7 @@ pub(crate) struct Robot {
     pub(crate) is_blind: bool,
     /// Its lidar shows the walls turned, each time by another angle.
     pub(crate) is_dizzy: bool,
-    /// Least room between it and a wall so far, metres.
+    /// Minimum room between it and a wall so far, metres.
     pub(crate) room: f64,
     pub(crate) driven: f64,
 }

@@ -8,8 +8,8 @@ pub const SYNC: [u8; 2] = [0x00, 0x0F];
 pub const FRAME_LEN: usize = 13;
 /// No ultrasonic sensor reports more: its default range of 11.008 m.
 pub const ULTRASONIC_MAX_CM: u16 = 1_100;
-/// Least and greatest voltage of a battery that the board can run from, millivolts. A guess on both
-/// sides: the electronics need 6.8 V, a charged pack has 8.4 V.
+/// Minimum and maximum voltage of a battery that the board can run from, millivolts. A guess on
+/// both sides: the electronics need 6.8 V, a charged pack has 8.4 V.
 pub const BATTERY_MV: [u16; 2] = [4_000, 10_000];
 
 /// A frame with its sync; keeps every bit and judges nothing.
@@ -72,7 +72,7 @@ impl Readings {
 /// Frames whose values the sensors can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameFormat {
-    /// Least and greatest voltage of the battery, millivolts.
+    /// Minimum and maximum voltage of the battery, millivolts.
     pub battery_mv: [u16; 2],
 }
 

@@ -180,14 +180,14 @@ pub enum LineError {
     Sum {
         /// Of the figures.
         expected: f64,
-        /// As told.
+        /// As commanded.
         found: f64,
     },
     /// The CRC is another.
     Crc {
         /// Of the line.
         expected: u16,
-        /// As told.
+        /// As commanded.
         found: u16,
     },
 }

@@ -103,7 +103,7 @@ pub enum Search {
     Seeks,
     /// Nothing that it can reach is unknown, or its battery is low: it goes home.
     GoesHome,
-    /// It is there.
+    /// It exists.
     IsHome,
 }
 

@@ -1,4 +1,4 @@
-//! What is wrong with a sound frame.
+//! What is wrong with a valid frame.
 
 /// Why a frame means nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,7 +10,7 @@ pub enum MessageError {
     Length {
         /// Bytes that the message has (for a row: at least).
         expected: usize,
-        /// Bytes that came.
+        /// Received bytes.
         found: usize,
     },
     /// A mode that does not exist.

@@ -17,7 +17,8 @@ use super::diagnosis::{self, Diagnosis, VictimList};
 use super::error::MessageError;
 use super::{Frame, HEADER_LEN, seal};
 
-/// Most waypoints that fit one frame: (902 - 2) / 9, as many as the report's robot keeps.
+/// Maximum number of waypoints that fit one frame: (902 - 2) / 9, as many as the report's robot
+/// keeps.
 pub const WAYPOINTS_MAX: usize = 100;
 /// `previous` of the first waypoint.
 pub const NO_WAYPOINT: i16 = -1;
@@ -112,7 +113,7 @@ pub struct State {
 /// What the PC orders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Order {
-    /// What the robot shall do.
+    /// The robot's order.
     pub mode: Mode,
     /// Set-points for manual mode, left and right, in ticks per 40 ms.
     pub set_point: [i8; 2],

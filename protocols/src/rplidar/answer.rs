@@ -92,7 +92,7 @@ impl Descriptor {
         }
     }
 
-    /// Least and greatest length that a payload of this kind can have; `None`: not a known kind.
+    /// Minimum and maximum length that a payload of this kind can have; `None`: not a known kind.
     pub(super) fn lengths(self) -> Option<[u32; 2]> {
         let least = match (self.transfer(), self.kind()) {
             (Transfer::Single, kind::INFO) => 20,
@@ -142,7 +142,7 @@ impl Answer {
         Self { bytes, len }
     }
 
-    /// Makes it of bytes that were judged already.
+    /// Makes it from bytes that were already judged.
     pub(super) fn from_judged(judged: &[u8]) -> Self {
         let mut bytes = [0; ANSWER_MAX];
         bytes[..judged.len()].copy_from_slice(judged);

@@ -73,7 +73,7 @@ impl Capsule {
         Self(bytes)
     }
 
-    /// Makes it of bytes that were judged already.
+    /// Makes it from bytes that were already judged.
     pub(super) fn from_judged(bytes: &[u8]) -> Self {
         let mut capsule = Self([0; CAPSULE_LEN]);
         capsule.0.copy_from_slice(&bytes[..CAPSULE_LEN]);

@@ -11,7 +11,7 @@ use crate::{Candidate, Decode, Format, FrameError};
 /// Nodes behind a node whose check bits must hold, too, where nothing sound came right before it. A
 /// quarter of all positions in a stream look like a node; five in a row are one in a thousand.
 const NODES_AHEAD: usize = 4;
-/// The same behind a sound node. The next one is looked at because a lost byte shows only there.
+/// The same behind a sound node. The next one is checked because a lost byte shows only there.
 const NODES_AHEAD_ALIGNED: usize = 1;
 
 /// What the sensor sends besides answers.
@@ -24,7 +24,7 @@ pub enum Mode {
     Nodes,
     /// Capsules of an express scan.
     Capsules,
-    /// Capsules of the kind 0x84.
+    /// Capsules of type 0x84.
     Ultra,
 }
 
@@ -137,7 +137,7 @@ impl Decode for Decoder {
 #[derive(Clone, Copy, Debug, Default)]
 struct Answers {
     mode: Mode,
-    /// Whether the pending bytes begin right behind a sound frame.
+    /// Whether the pending bytes begin right behind a valid frame.
     is_aligned: bool,
     /// Whether requests are looked for.
     has_requests: bool,

@@ -42,7 +42,7 @@ impl Node {
         }
     }
 
-    /// Makes it of bytes that were judged already.
+    /// Makes it from bytes that were already judged.
     pub(super) const fn from_judged(bytes: [u8; NODE_LEN]) -> Self {
         Self(bytes)
     }

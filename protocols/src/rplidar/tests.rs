@@ -243,7 +243,7 @@ fn a_node_is_refused_where_none_follows() {
     assert_eq!(outcome, Some(Node::parse(FIRST_NODES[2]).map(Frame::Node)));
 }
 
-/// Behind a sound frame equal start bits are damage, which is told; where nothing sound came before
+/// Behind a valid frame equal start bits are damage, which is told; where nothing sound came before
 /// they are noise. 02 begins no turn: two nodes in a row that do are damage as well.
 #[test]
 fn damage_between_nodes_is_told() {

@@ -74,7 +74,7 @@ impl UltraCapsule {
         Self(bytes)
     }
 
-    /// Makes it of bytes that were judged already.
+    /// Makes it from bytes that were already judged.
     pub(super) fn from_judged(bytes: &[u8]) -> Self {
         let mut capsule = Self([0; ULTRA_LEN]);
         capsule.0.copy_from_slice(&bytes[..ULTRA_LEN]);

@@ -24,13 +24,13 @@ use micropb::{DecodeError, MessageDecode, PbDecoder, PbEncoder, PbRead, PbWrite}
 use fields::{FieldWriter, Fields, read_fields};
 pub use telecommand::{LinesRequest, Reactive, Telecommand, Velocities};
 
-/// Most points of a scan: one a degree.
+/// Maximum number of points of a scan: one a degree.
 pub const POINTS_MAX: usize = 360;
-/// Most lines that the robot tells.
+/// Maximum number of lines that the robot tells.
 pub const LINES_MAX: usize = 20;
 /// Most IR sensors of a message.
 pub const INFRARED_MAX: usize = 6;
-/// Most values of a covariance.
+/// Maximum number of values of a covariance.
 const COVARIANCE_MAX: usize = 9;
 
 /// What the robot does, or shall do.
@@ -88,7 +88,7 @@ pub struct Pose {
 /// Heading of a desired pose that means: any.
 pub const ANY_HEADING: f32 = 123_456.0;
 
-/// Where the robot believes to be.
+/// Estimated pose of the robot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Odometry {
     /// Metres and radians.
@@ -206,7 +206,7 @@ impl Telemetry {
         fields::encode(self, out)
     }
 
-    /// Reads the message that `payload` is.
+    /// Decodes the message in `payload`.
     ///
     /// # Errors
     /// If it is none.

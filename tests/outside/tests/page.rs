@@ -5,7 +5,8 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-/// Most looks at the page, each a second or more: on a busy machine one in twenty sees the panels.
+/// Maximum number of looks at the page, each a second or more: on a busy machine one in twenty
+/// sees the panels.
 const LOOKS: usize = 200;
 
 /// Ends with the test, whatever becomes of it.
@@ -59,7 +60,7 @@ fn its_panels_and_axes_are_on_the_page() {
         .read_line(&mut line)
         .expect("says where it is");
     let url = line.trim().strip_prefix("page at ").expect("an address");
-    // The browser's time does not wait for the run's: the page is looked at until it shows them.
+    // The browser's time does not wait for the run's: the page is checked until it shows them.
     let parts = ["servo board", "bad packets", "steering", "deg"];
     let mut page = String::new();
     for _ in 0..LOOKS {

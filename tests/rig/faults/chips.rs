@@ -58,7 +58,8 @@ fn range_cm(bench: &Bench, bus: &mut VirtualPort) -> Option<u16> {
 
 const RANGER: &str = "[device.ranger.srf08]\naddress = 0xE2\nnoise_m = 0\n";
 
-/// A wall of 1 m is 100 cm. Half a metre more, no echo, no answer; what is stuck was heard before.
+/// A wall of 1 m is 100 cm. Half a metre more, no echo, no answer; what is stuck was heard
+/// before.
 #[test]
 fn a_ranger_by_itself_tells_100_cm_and_its_faults_something_else() {
     let rows = [

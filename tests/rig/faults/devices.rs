@@ -205,7 +205,7 @@ fn all_are_silent(seen: &Seen, plain: &Seen) {
         assert!(seen.is_silent(link, 4_100, 6_000));
         assert!(!seen.is_silent(link, 7_000, 10_000));
     }
-    // A base that starts anew has counted nothing.
+    // A base that restarts has counted nothing.
     assert!(seen.left_count(7_000) < plain.left_count(7_000) / 2);
 }
 

@@ -1,4 +1,4 @@
-//! Faults added to, and taken from, a run that goes on.
+//! Faults added to, and taken from, a run that continues.
 
 use core::time::Duration;
 use std::path::Path;

@@ -138,7 +138,7 @@ fn begins(when: &str) -> (Run, Instant) {
 
 /// Register 46 is the set-point of the left wheel, and the robot stands for the first seconds. Of
 /// two runs that are the same until then, the one without the fault tells when it first moved: the
-/// condition is looked at every 10 ms.
+/// condition is checked every 10 ms.
 #[test]
 fn a_fault_begins_when_a_register_says_so() {
     let (_, began) = begins("device = \"base\", register = 46, at_least = 1");

@@ -7,7 +7,7 @@ use protocols::{Instant, LineConfig};
 use crate::replay::Arrival;
 use engine::hex;
 
-/// Most chunks in a line.
+/// Maximum number of chunks in a line.
 const CHUNKS_MAX: usize = 16;
 /// Longest chunk that shares its line with others.
 const CHUNK_MAX: usize = 64;

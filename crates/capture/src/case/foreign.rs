@@ -16,7 +16,7 @@ use engine::scenario::Scenario;
 
 /// Pieces from which on a program is taken to talk on a link.
 const PIECES_MIN: usize = 5;
-/// Least time over which it does.
+/// Minimum time over which it does.
 const SPAN_MIN: Duration = Duration::from_secs(1);
 /// A pause may be so many times as long as the longest one before the program fell silent.
 const PAUSES: u32 = 3;
@@ -25,8 +25,8 @@ const PAUSES: u32 = 3;
 const LIVES: &str = "program-alive";
 
 impl Case {
-    /// A case of a foreign program: what is asked is that it lives and goes on talking on the links
-    /// where it talked. What it said is not asked again: it may have been wrong.
+    /// A case of a foreign program: what is asked is that it lives and continues talking on the
+    /// links where it talked. What it said is not asked again: it may have been wrong.
     pub fn of_outsider(name: &str, recorded: &Recorded, scenario: Option<&Scenario>) -> Self {
         let links = recorded.links.iter();
         let links = links.filter(|link| !link.arrivals.is_empty());
@@ -103,7 +103,7 @@ impl Case {
     }
 
     /// The same without what reached the program damaged, and how many bytes those are: those that
-    /// are in no sound frame of the protocol of their link.
+    /// are in no valid frame of the protocol of their link.
     pub fn without_damage(&self, recorded: &Recorded) -> (Recorded, usize) {
         let (mut sound, mut left_out) = (recorded.clone(), 0);
         for passage in &mut sound.links {
@@ -238,9 +238,9 @@ mod tests {
 
     const END: Instant = Instant::from_secs(10);
 
-    /// Whether a program talked to the end or fell silent, it must go on talking where it talked,
-    /// and nothing that it said is asked again. A link on which nothing was said to it is none of
-    /// its own.
+    /// Whether a program talked to the end or fell silent, it must continue talking where it
+    /// talked, and nothing that it said is asked again. A link on which nothing was said to it is
+    /// none of its own.
     #[test]
     fn a_foreign_program_must_go_on_talking_where_it_talked() {
         let passage = |link: &str, last_ms, heard: &[u8]| Passage {

@@ -16,7 +16,7 @@ use engine::scenario::Span;
 pub enum Rule {
     /// It lives, and it neither hangs nor spins; every case asks this.
     Lives,
-    /// It goes on sending to the end: on this link, or on all on which it sent in the capture.
+    /// It continues sending to the end: on this link, or on all on which it sent in the capture.
     Talks(Option<String>),
     /// It ends with this exit code.
     Exits(i32),

@@ -1,8 +1,8 @@
 //! Damage that a whole stream shows: a host's terminal in text mode, a wrong rate, a line of seven
 //! bits, an echo, bytes doubled or swapped, a checksum the other way round.
 //!
-//! A stream is accused only of what its bytes prove. One that is nearly all sound frames is not
-//! accused, whatever it contains; the echo alone is made of sound frames.
+//! A stream is accused only of what its bytes prove. One that is nearly all valid frames is not
+//! accused, whatever it contains; the echo alone is made of valid frames.
 
 mod evidence;
 
@@ -34,7 +34,7 @@ pub enum Damage {
     },
     /// Each two bytes are the wrong way round.
     Swapped {
-        /// Bytes in sound frames once they are put right.
+        /// Bytes in valid frames once they are put right.
         framed: u64,
         /// Bytes in all.
         bytes: u64,
@@ -154,12 +154,12 @@ impl core::fmt::Display for Damage {
     }
 }
 
-/// Fewest expected occurrences of a value whose absence says something: chance leaves out a value
-/// that is this frequent once in 4e8 streams.
+/// Minimum number of expected occurrences of a value whose absence says something: chance leaves
+/// out a value that is this frequent once in 4e8 streams.
 const EXPECTED_MIN: u64 = 20;
-/// Fewest bytes that say something.
+/// Minimum number of bytes that say something.
 const BYTES_MIN: u64 = 64;
-/// Bytes that are looked at where all of them would take long.
+/// Bytes that are checked where all of them would take long.
 const SAMPLE: usize = 128 << 10;
 
 /// What is wrong with all of `line`.

@@ -12,7 +12,7 @@ use crate::{Interface, Kind, Record};
 use engine::hex;
 use engine::rig::line::Direction;
 
-/// Bytes that came together.
+/// Bytes that arrived together.
 struct Piece {
     direction: Direction,
     begins: Instant,

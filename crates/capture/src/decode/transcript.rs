@@ -21,16 +21,16 @@ use engine::rig::line::Direction;
 /// slower lines than 57600 baud a few may come late.
 const PATIENCE: Duration = Duration::from_millis(100);
 /// Bytes in which a protocol must show itself. If none does, they are text or bad, and the next
-/// ones are looked at.
+/// ones are checked.
 const GUESS_MAX: usize = 4096;
-/// How many bytes are looked at first, and then twice as many, so that what is found depends on the
+/// How many bytes are checked first, and then twice as many, so that what is found depends on the
 /// bytes alone and not on the pieces in which they came.
 const GUESS_FIRST: usize = 64;
-/// Fewest of its bytes in sound frames for a protocol to be believed at once.
+/// Minimum number of of its bytes in valid frames for a protocol to be believed at once.
 const GUESS_MIN: u64 = 44;
-/// Bytes that were told without a protocol and are looked at again together with the next ones.
+/// Bytes that were told without a protocol and are checked again together with the next ones.
 const UNKNOWN_MAX: usize = 512;
-/// Most bytes of an unknown protocol that are told at once.
+/// Maximum number of bytes of an unknown protocol that are reported at once.
 const CHUNK_MAX: usize = 256;
 /// Shortest run of printable bytes among bad ones that is shown as text.
 const TEXT_MIN: usize = 4;
@@ -53,7 +53,7 @@ struct Lane {
     /// None until the bytes have shown it.
     stream: Option<Stream>,
     codec: Option<&'static Codec>,
-    /// Without a stream: how many untold bytes are looked at next.
+    /// Without a stream: how many untold bytes are checked next.
     look_at: usize,
     /// Bytes that were not told yet, and where they begin in the stream.
     untold: VecDeque<u8>,
@@ -96,7 +96,7 @@ pub struct Sum {
     pub codec: Option<&'static Codec>,
     /// Bytes in all.
     pub bytes: u64,
-    /// Bytes in sound frames.
+    /// Bytes in valid frames.
     pub framed: u64,
 }
 

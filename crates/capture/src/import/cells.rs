@@ -28,7 +28,7 @@ pub(super) fn rows_of(bytes: &[u8], divider: char) -> impl Iterator<Item = CellR
     core::iter::from_fn(move || {
         let first = lines.next()?;
         let mut text = utf8(first.text).to_owned();
-        // An odd number of quotes: a cell goes on in the next line.
+        // An odd number of quotes: a cell continues in the next line.
         while text.matches('"').count() % 2 == 1 {
             let Some(more) = lines.next() else { break };
             text.push('\n');

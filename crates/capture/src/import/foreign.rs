@@ -213,7 +213,7 @@ fn has(bytes: &[u8], part: &[u8]) -> bool {
     bytes.windows(part.len()).any(|window| window == part)
 }
 
-/// Lines that are looked at.
+/// Lines that are checked.
 const LINES: usize = 50;
 
 fn any_line(bytes: &[u8], is: fn(&[u8]) -> bool) -> bool {

@@ -28,11 +28,11 @@ use super::text::Line;
 use layout::{Layout, Shape, layouts, same};
 use lines::{Row, rows};
 
-/// Most bytes of a dump.
+/// Maximum number of bytes of a dump.
 const BYTES_MAX: usize = 64 << 20;
 
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
-    // Most other files have no row at their beginning; nothing more is looked at.
+    // Most other files have no row at their beginning; nothing more is checked.
     lines::begins_with_rows(bytes).then_some(())?;
     let mut notes = Vec::new();
     let rows = rows(bytes, &mut notes).ok()?;
@@ -81,7 +81,7 @@ fn has_text(offset: &str, rest: &str) -> bool {
 /// Cells of a first row from which on several rows are believed.
 const CELLS_MIN: usize = 4;
 
-/// Bytes that came together.
+/// Bytes that arrived together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Chunk {
     bytes: Vec<u8>,
@@ -172,7 +172,7 @@ fn messages<'a>(
 /// A layout, the offset of the first byte, and the bytes.
 type Fit = (Layout, usize, Vec<Chunk>);
 
-/// The bytes by the first layout in which all rows fit; a dump may begin anew at offset 0, as one
+/// The bytes by the first layout in which all rows fit; a dump may begin again at offset 0, as one
 /// of packets does.
 fn chunks(rows: &[(Line<'_>, Row)]) -> Result<Fit, ImportError> {
     let offsets = || {

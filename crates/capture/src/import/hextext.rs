@@ -8,8 +8,8 @@
 //! AB 24 0A   // set the motors        a comment
 //! ```
 //!
-//! A line that begins with a time or a direction begins a message; lines without either go on with
-//! it. In a file that has neither, each line is a message, unless the lines are only wrapped.
+//! A line that begins with a time or a direction begins a message; lines without either continue
+//! with it. In a file that has neither, each line is a message, unless the lines are only wrapped.
 
 mod base;
 mod literal;
@@ -209,7 +209,7 @@ fn timed(whole: &Whole<'_>, options: &Options, out: &mut Imported) -> Result<(),
             return Err(one.line.wrong("expected a time of the same form as before"));
         }
         if own == Clock::Day {
-            // Midnight: the time of the day begins anew.
+            // Midnight: the time of the day begins again.
             if nanos + days + HALF_DAY < last {
                 days += 2 * HALF_DAY;
             }

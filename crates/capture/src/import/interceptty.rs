@@ -15,7 +15,7 @@ use crate::Kind;
 use engine::hex;
 
 struct Row {
-    /// Since midnight; none for a row that goes on, or without -T.
+    /// Since midnight; none for a row that continues, or without -T.
     nanos: Option<u64>,
     is_received: bool,
     bytes: Vec<u8>,

@@ -2,8 +2,8 @@
 
 use std::io::Read;
 
-/// Most bytes that are unpacked: more than an hour of four full lines, and no archive can fill the
-/// memory.
+/// Maximum number of bytes that are unpacked: more than an hour of four full lines, and no archive
+/// can fill the memory.
 const UNPACKED_MAX: u64 = 256 << 20;
 
 /// All that `from` holds, if that is not too much.

@@ -24,12 +24,12 @@ const CODINGS: [(u8, Parity); 6] = [
     (7, Parity::Odd),
     (7, Parity::None),
 ];
-/// Changes of a level that are looked at: more would only take longer.
+/// Changes of a level that are checked: more would only take longer.
 const CHANGES_MAX: usize = 20_000;
-/// Fewest edges inside characters from which a usual and an unusual rate are derived.
+/// Minimum number of edges inside characters from which a usual and an unusual rate are derived.
 const EDGES_MIN: usize = 6;
 const UNUSUAL_EDGES_MIN: usize = 40;
-/// Fewest bytes that tell seven bits from eight.
+/// Minimum number of bytes that tell seven bits from eight.
 const SEVEN_MIN: usize = 16;
 
 /// How well a line fits some levels.

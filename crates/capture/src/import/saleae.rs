@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Form known from the analyzer's source and from files of others, not from a run. The value must
-//! be in hex: in other radices the two cannot be told apart.
+//! be in hex: in other radices the two cannot be distinguished.
 
 use super::Look;
 use super::cells::{CellRow, rows};

@@ -5,8 +5,8 @@
 //! 000000.061 RTS  inactive
 //! ```
 //!
-//! Times count from the opening of the port. A dump of more than 16 bytes goes on in further lines
-//! with higher offsets. Lines of other events carry no bytes.
+//! Times count from the opening of the port. A dump of more than 16 bytes continues in further
+//! lines with higher offsets. Lines of other events carry no bytes.
 
 use super::imported::{ImportError, Imported, Options};
 use super::text::{decimal_nanos, lines, number, utf8};

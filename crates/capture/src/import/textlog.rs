@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Behind times each line is taken to have ended with CR LF, which the terminal does not show.
-//! Where bytes are no text, times and bytes cannot be told apart: that is an error.
+//! Where bytes are no text, times and bytes cannot be distinguished: that is an error.
 
 use super::Look;
 use super::hextext::{Clock, Message, emit, split_prefix};

@@ -2,7 +2,7 @@
 
 use super::uart::Levels;
 
-/// Least difference of the two levels, volts.
+/// Minimum difference of the two levels, volts.
 const SWING_MIN: f64 = 0.5;
 
 /// The level of a line by its voltage at some times: high above 60 % of what it swings, low below

@@ -219,8 +219,8 @@ mod tests {
         assert_eq!(read[0].0, 150_000);
     }
 
-    /// 0x55 with a low stop bit is a framing error, a long low a break; then reading goes on. With
-    /// parity: 0x03 has two ones, so its even parity bit is 0.
+    /// 0x55 with a low stop bit is a framing error, a long low a break; then reading continues.
+    /// With parity: 0x03 has two ones, so its even parity bit is 0.
     #[test]
     fn wrong_characters_are_events() {
         let mut levels = levels(&[0x55], 10_000, 10_000);

@@ -1,15 +1,15 @@
-//! A link of a capture played back as a conversation: the far end answers when it is asked.
+//! A link of a capture played back as a conversation: the other end answers when it is asked.
 //!
 //! ```text
 //! capture:  opened .. greeting    request A .. answer A    request B .. answer B .. message
 //!           cause     distance    cause        distance    cause        distance    distance
 //! ```
 //!
-//! A capture is cut into requests of the program, and what the far end said after each. The bytes
+//! A capture is cut into requests of the program, and what the other end said after each. The bytes
 //! of the program that plays now are matched with those requests: by frames where the protocol is
 //! known, by lines of text, else by bytes and silence. The answer follows its request as late as it
 //! did in the capture. What came without being asked follows what caused it: the answer before it,
-//! the message before it, or the opening of the port. Messages that the far end sent again and
+//! the message before it, or the opening of the port. Messages that the other end sent again and
 //! again before anything was asked follow their own clock.
 //!
 //! So a program that starts later, is slower, asks in another order or asks twice has the same
@@ -39,7 +39,7 @@ use script::{Message, Script};
 /// Messages of an earlier request that may still come behind a new one; if there are more, they
 /// were a stream, which the new request has ended.
 const LEFT_MAX: usize = 2;
-/// Least silence after which nothing more is expected of the program.
+/// Minimum silence after which nothing more is expected of the program.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// The same before the program has said anything: it may wait for a board to start, or read its
 /// settings.
@@ -63,7 +63,7 @@ struct Due {
     source: Source,
     message: usize,
     is_reply: bool,
-    /// Whether its request was made before: nothing goes on by it.
+    /// Whether its request was made before: nothing continues by it.
     is_again: bool,
     bytes: Vec<u8>,
 }
@@ -213,7 +213,7 @@ impl Conversation {
         self.settle(now);
     }
 
-    /// Does what is due.
+    /// Performs due actions.
     pub fn poll(&mut self, now: Instant) {
         self.settle(now);
         while let Some(entry) = self.due.first_entry()
@@ -231,7 +231,7 @@ impl Conversation {
         }
     }
 
-    /// A stream that a request has started goes on until the next one.
+    /// A stream that a request has started continues until the next one.
     fn go_on_flowing(&mut self, said: Source) {
         let Some((exchange, left, from)) = &mut self.flow else {
             return;
@@ -249,7 +249,7 @@ impl Conversation {
         }
     }
 
-    /// A stream that went on to the end of the capture goes on.
+    /// A stream that continued to the end of the capture continues.
     fn go_on_streaming(&mut self) {
         if let Some(tail) = self.script.tail.as_ref().filter(|_| self.streaming == 0) {
             self.stream_from += tail.period;
@@ -277,7 +277,7 @@ impl Conversation {
     pub fn poll_at(&self) -> Option<Instant> {
         let due = self.due.keys().next().map(|&(at, _)| at);
         let heard = (!self.heard.is_empty()).then_some(self.heard_at);
-        // Whether it is quiet enough was looked at when the last byte came, so later is enough.
+        // Whether it is quiet enough was checked when the last byte came, so later is enough.
         let quiet = heard.map(|at| at + if self.is_quiet { UNFINISHED } else { QUIET });
         due.into_iter().chain(quiet).min()
     }
@@ -297,7 +297,7 @@ impl Conversation {
         self.due.values().any(|due| !due.is_again)
     }
 
-    /// When the conversation last went on.
+    /// When the conversation last continued.
     pub const fn moved_at(&self) -> Instant {
         self.moved_at
     }
@@ -342,7 +342,7 @@ impl Conversation {
         found
     }
 
-    /// Finds out what was heard.
+    /// Finds out what was received.
     fn settle(&mut self, now: Instant) {
         while !self.heard.is_empty() {
             let quiet = now - self.heard_at;
@@ -380,7 +380,7 @@ impl Conversation {
         self.is_quiet = false;
     }
 
-    /// Plans what the far end said after the request of `exchange`.
+    /// Plans what the other end said after the request of `exchange`.
     fn answer(&mut self, exchange: usize, is_unknown: bool) {
         let made = self.requests.make(exchange, &self.script.exchanges);
         if made.is_some() {
@@ -427,7 +427,7 @@ impl Conversation {
         }
     }
 
-    /// A new request ends what an earlier one has started, if that would go on.
+    /// A new request ends what an earlier one has started, if that would continue.
     fn drop_streams(&mut self) {
         let saying = self.saying;
         let may_go = |due: &Due| {

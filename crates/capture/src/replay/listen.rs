@@ -31,7 +31,7 @@ impl Eavesdrop {
         Self { links, sent }
     }
 
-    /// What was heard so far.
+    /// What was received so far.
     pub fn played(&self) -> Vec<Played> {
         let sent = self.sent.borrow();
         let links = self.links.iter().map(|(index, link)| Played {

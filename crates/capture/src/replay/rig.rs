@@ -42,8 +42,8 @@ pub struct Ear {
 }
 
 impl Ear {
-    /// What was heard so far. By time, only what the capture says is still listened to behind its
-    /// end: of what came later it says nothing.
+    /// What was received so far. By time, only what the capture says is still listened to behind
+    /// its end: of what came later it says nothing.
     pub fn played(&self) -> Vec<Played> {
         let sent = self.sent.borrow();
         let both = self.expected.iter().zip(sent.iter()).enumerate();

@@ -212,7 +212,7 @@ impl RegisterNames {
         self.0.iter().find(holds)
     }
 
-    /// The words of a sound frame of the bus; none if `bytes` are no frame.
+    /// The words of a valid frame of the bus; none if `bytes` are no frame.
     pub fn words(&self, bytes: &[u8]) -> Option<String> {
         [ChecksumOrder::LowFirst, ChecksumOrder::HighFirst]
             .into_iter()

@@ -11,7 +11,7 @@ use super::row::Codec;
 pub struct Evidence {
     /// Bytes in all.
     pub bytes: u64,
-    /// Bytes in sound frames whose values can be.
+    /// Bytes in valid frames whose values can be.
     pub framed: u64,
     /// Such frames.
     pub frames: u64,

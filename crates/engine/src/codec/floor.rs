@@ -1,16 +1,16 @@
-//! What a format needs before bytes are taken for it.
+//! Minimum evidence for recognising a format.
 
-/// What a format needs before bytes are taken for it.
+/// Minimum evidence for recognising a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Floor {
     /// Bits of a frame that other bytes meet by chance only: start, length, checksum, values that
     /// cannot be.
     pub check_bits: u8,
-    /// Least share of the bytes that is in frames, per cent.
+    /// Minimum share of the bytes that is in frames, per cent.
     pub share: u8,
-    /// Fewest frames.
+    /// Minimum number of frames.
     pub frames: u16,
-    /// Least share of the frames that begin where one ends, per cent.
+    /// Minimum share of the frames that begin where one ends, per cent.
     pub joined: u8,
 }
 

@@ -10,9 +10,9 @@ use protocols::{Decode, FrameError};
 pub struct Ranges {
     /// How many.
     pub count: u64,
-    /// Least and largest distance.
+    /// Minimum and maximum distance.
     pub distance_mm: Option<[u16; 2]>,
-    /// Least and largest strength.
+    /// Minimum and maximum strength.
     pub strength: Option<[u16; 2]>,
 }
 

@@ -183,7 +183,7 @@ fn pixels_mean_themselves<'a>(
     Err(Broken::new("pixels-mean-themselves", detail))
 }
 
-/// Most pixels that fit a frame one by one.
+/// Maximum number of pixels that fit a frame one by one.
 const PIXELS_MAX: usize = 480;
 
 /// The pixels of `runs` in a row; `None` if there are more than fit.

@@ -72,8 +72,8 @@ pub struct Answers {
     pub head: usize,
     /// Whether a frame says that another one was bad.
     pub is_refusal: fn(&[u8]) -> bool,
-    /// Least value, and how many from there on, of the first [`Choices`] of frames that are likely
-    /// to be answered: half of those that are asked are made so.
+    /// Minimum value, and how many from there on, of the first [`Choices`] of frames that are
+    /// likely to be answered: half of those that are asked are made so.
     pub likely: &'static [(u8, u8)],
 }
 
@@ -236,12 +236,12 @@ impl Codec {
         &self.floor
     }
 
-    /// How answers are told apart.
+    /// How answers are distinguished.
     pub const fn answers(&self) -> &Answers {
         &self.answers
     }
 
-    /// The other order of its checksum, if that is told apart.
+    /// The other order of its checksum, if that is distinguished.
     pub const fn other_order(&self) -> Option<OtherOrder> {
         self.other_order
     }
@@ -286,18 +286,18 @@ impl Codec {
         self.figures.map(|figures| figures(bytes))
     }
 
-    /// Bytes of `bytes` that are in sound frames.
+    /// Bytes of `bytes` that are in valid frames.
     pub fn framed(&self, bytes: &[u8]) -> u64 {
         let frames = self.frames(bytes);
         frames.iter().map(|one| one.end - one.start).sum()
     }
 
-    /// Places of the sound frames in `bytes`.
+    /// Places of the valid frames in `bytes`.
     pub fn frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
         self.frames_if(bytes, |_| true)
     }
 
-    /// Places of the sound frames in `bytes` whose values can be.
+    /// Places of the valid frames in `bytes` whose values can be.
     pub fn plausible_frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
         self.frames_if(bytes, |decoder| decoder.is_plausible())
     }

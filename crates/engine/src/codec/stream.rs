@@ -29,7 +29,7 @@ pub struct Stretch {
 /// What bytes are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum What {
-    /// A sound frame, in words.
+    /// A valid frame, in words.
     Frame(String),
     /// No part of a frame; why the candidates among them, if any, were none.
     Bad(Vec<FrameError>),
@@ -57,7 +57,7 @@ struct Progress {
     errors: Vec<(u64, FrameError)>,
 }
 
-/// Most bad bytes that are told as one stretch.
+/// Maximum number of bad bytes that are reported as one stretch.
 pub const BAD_MAX: u64 = 256;
 /// Errors kept of one stretch of bad bytes.
 const ERRORS_MAX: usize = 8;
@@ -73,7 +73,7 @@ impl Codec {
 }
 
 impl Stream {
-    /// Nothing fed yet.
+    /// No bytes received yet.
     pub fn new(codec: &Codec) -> Self {
         let (decoder, place) = (codec.decoder(), Progress::default());
         Self { decoder, place }
@@ -91,7 +91,7 @@ impl Stream {
         self.settle(bytes)
     }
 
-    /// The line went quiet: what is pending will not be finished.
+    /// The line is silent: a partial frame will not be completed.
     pub fn idle(&mut self) -> Vec<Stretch> {
         self.decoder.idle();
         let mut found = self.settle(&[]);
@@ -154,14 +154,14 @@ pub struct Counter {
 /// What a [`Counter`] saw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// Sound frames.
+    /// Valid frames.
     pub frames: u64,
-    /// Candidates for a frame that were none.
+    /// Rejected candidates for a frame.
     pub errors: u64,
 }
 
 impl Counter {
-    /// Nothing fed yet.
+    /// No bytes received yet.
     pub fn new(codec: &Codec) -> Self {
         let decoder = codec.decoder();
         Self { decoder }
@@ -179,7 +179,7 @@ impl Counter {
         count
     }
 
-    /// The line went quiet: what is pending will not be finished.
+    /// The line is silent: a partial frame will not be completed.
     pub fn idle(&mut self) -> Count {
         self.decoder.idle();
         self.push(&[])

@@ -47,8 +47,8 @@ pub trait Wire {
     /// Makes lengths and checksum fit the damaged `frame` again, if it still has room for them.
     fn repair(frame: &mut [u8]);
 
-    /// The length of the frame that `bytes` begins with: the format read slowly and obviously,
-    /// without the code on trial.
+    /// Length of the frame at the start of `bytes`, from a slow and simple reference implementation
+    /// that does not use the tested code.
     fn frame_at(bytes: &[u8]) -> Option<usize>;
 
     /// The length of the frame that `bytes` begins with if it is one whatever came before it: such
@@ -67,7 +67,7 @@ pub trait Wire {
         Ok(())
     }
 
-    /// Whether the values of a sound frame can be: what no device sends is no evidence that the
+    /// Whether the values of a valid frame can be: what no device sends is no evidence that the
     /// bytes are of this format.
     fn is_plausible(frame: &<Self::Decoder as Decode>::Frame) -> bool {
         let _ = frame;
@@ -105,7 +105,7 @@ impl fmt::Display for Broken {
 
 impl core::error::Error for Broken {}
 
-/// Something that takes any bytes.
+/// A decoder that accepts any bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
     /// Its name, as on the command line and of its folder in the corpus.

@@ -95,7 +95,7 @@ impl Rig {
         }
     }
 
-    /// Gives the faults other numbers.
+    /// Renumbers the faults.
     pub(crate) fn renumber_faults(&mut self, to: impl Fn(FaultId) -> FaultId) {
         for line in self.links.iter_mut().flat_map(|link| &mut link.lines) {
             line.faults.renumber(&to);

@@ -115,9 +115,9 @@ pub struct Line {
     waiting: Option<Message>,
 }
 
-/// Most chunks on their way at once; a sender is asked for more only below it.
+/// Maximum number of chunks on their way at once; a sender is asked for more only below it.
 const CHUNKS_MAX: usize = 1 << 16;
-/// Most stalls, one after the other, that withhold a byte.
+/// Maximum number of stalls, one after the other, that withhold a byte.
 const GATES_MAX: usize = 1000;
 /// Later than any run.
 pub(super) const NEVER: Instant = Instant::from_nanos(u64::MAX);

@@ -32,7 +32,7 @@ impl Rig {
         }
     }
 
-    /// The owner of an outside end sends nothing more of what was injected, or goes on.
+    /// The owner of an outside end sends nothing more of what was injected, or continues.
     pub fn hold(&mut self, node: usize, is_held: bool) {
         if let Body::Outside(outside) = &mut self.nodes[node].body
             && outside.hold(is_held)

@@ -15,15 +15,15 @@ impl Rig {
         false
     }
 
-    /// Tells all node programs to exit and waits for them.
+    /// Ends all node programs and waits for them.
     pub const fn end_nodes(&mut self) {}
 
-    /// What node programs said on standard error, the end of it.
+    /// The end of the node programs' standard error.
     pub const fn node_words(&self) -> Vec<(String, String)> {
         Vec::new()
     }
 
-    /// Which node program answered late in real time, in a sentence.
+    /// Sentence that names the node program with late answers in real time.
     pub const fn slow_node(&self) -> Option<String> {
         None
     }

@@ -15,7 +15,7 @@ use crate::rig::cpu::CpuModel;
 use crate::rig::line::{MESSAGE_MAX, Mark, MarkDamage, NEVER};
 
 /// An emulated device in a rig: any [`Device`] that owns its data and can be cloned, so that a rig
-/// can go on from one state in several ways.
+/// can continue from one state in several ways.
 pub trait AnyDevice: Device + Any {
     /// The same device in the same state.
     fn clone_device(&self) -> Box<dyn AnyDevice>;
@@ -33,7 +33,7 @@ impl Clone for Box<dyn AnyDevice> {
     }
 }
 
-/// A robot's program in a rig: any [`Master`] that can be looked at and cloned.
+/// A robot's program in a rig: any [`Master`] that can be checked and cloned.
 pub trait Program: Master + Inspect + Any {
     /// The same program in the same state.
     fn clone_program(&self) -> Box<dyn Program>;
@@ -110,7 +110,7 @@ impl Outside {
         self.to_rig.extend_from_slice(bytes);
     }
 
-    /// Sends nothing, or goes on sending; whether that is new.
+    /// Sends nothing, or continues sending; whether that is new.
     pub(super) const fn hold(&mut self, is_held: bool) -> bool {
         core::mem::replace(&mut self.is_held, is_held) != is_held
     }
@@ -310,7 +310,7 @@ impl Node {
         self.polled_at <= now
     }
 
-    /// Asks a device anew when it wants to be polled: room in its transmitter may be what it was
+    /// Asks a device again when it wants to be polled: room in its transmitter may be what it was
     /// waiting for, or it was told of something that it does later.
     pub(super) fn replan(&mut self, now: Instant) {
         if let Body::Device(device) = &self.body

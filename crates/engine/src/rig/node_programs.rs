@@ -25,7 +25,7 @@ impl Rig {
         nodes.filter_map(|node| node.device_mut())
     }
 
-    /// The node programs that cannot go on, and why.
+    /// The node programs that cannot continue, and why.
     pub fn lost_nodes(&self) -> impl Iterator<Item = (&str, NodeError)> {
         let nodes = self.node_programs();
         nodes.filter_map(|(name, node)| Some((name, node.error()?)))
@@ -36,22 +36,22 @@ impl Rig {
         self.lost_nodes().next().is_some()
     }
 
-    /// Whether copies of all node programs could go on as they do.
+    /// Whether copies of all node programs could continue as they do.
     pub(super) fn can_save_nodes(&self) -> bool {
         self.node_programs().all(|(_, node)| node.can_save())
     }
 
-    /// Whether the node `name` is a program that cannot go on.
+    /// Whether the node `name` is a program that cannot continue.
     pub(crate) fn is_lost(&self, name: &str) -> bool {
         self.lost_nodes().any(|(lost, _)| lost == name)
     }
 
-    /// Tells all node programs to exit and waits for them.
+    /// Ends all node programs and waits for them.
     pub fn end_nodes(&mut self) {
         self.node_programs_mut().for_each(NodeDevice::end);
     }
 
-    /// What node programs said on standard error, the end of it.
+    /// The end of the node programs' standard error.
     pub fn node_words(&self) -> Vec<(String, String)> {
         let words = self.node_programs();
         let words = words.map(|(name, node)| (name.to_owned(), node.said()));
@@ -64,7 +64,7 @@ impl Rig {
             .for_each(|node| node.measure_by(stopwatch.clone()));
     }
 
-    /// Which node program answered late in real time, in a sentence.
+    /// Sentence that names the node program with late answers in real time.
     pub fn slow_node(&self) -> Option<String> {
         let nodes = self.node_programs();
         let nodes = nodes.map(|(name, node)| (name, node.slowness()));

@@ -13,7 +13,7 @@ use super::line::passage::{Mark, MarkDamage};
 /// `2 * sender.baud`, so that every edge and every sampling point is a whole number.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resampler {
-    /// Levels still to be looked at, one per sender's bit.
+    /// Levels still to be checked, one per sender's bit.
     bits: Vec<bool>,
     /// Units of `bits[0]` that the receiver has already passed.
     phase: u64,

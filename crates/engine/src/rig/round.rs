@@ -8,7 +8,7 @@ use super::node::Body;
 use super::trace::{Side, Tap as _};
 use super::{LinkKind, Rig};
 
-/// What is due on a line. Apart from the lines, because all of it is looked at between any two
+/// What is due on a line. Apart from the lines, because all of it is checked between any two
 /// events.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Due {
@@ -37,7 +37,7 @@ impl Rig {
         polls.fold(NEVER, Instant::min).max(self.now)
     }
 
-    /// Looks at all lines and devices anew, whatever was done to them meanwhile.
+    /// Looks at all lines and devices again, whatever was done to them meanwhile.
     pub(super) fn foresee(&mut self) {
         for node in &mut self.nodes {
             node.replan(self.now);

@@ -21,7 +21,7 @@ impl Rig {
         self.links.get_mut(link).map(|link| &mut link.lines)
     }
 
-    /// Takes the device at the far end of `link` out of the rig and opens its end of the link to
+    /// Takes the device at the other end of `link` out of the rig and opens its end of the link to
     /// the outside; the number of the new node. Whatever else the device was connected to leads
     /// nowhere from then on. `None` if there is no such link, or no device on it.
     pub fn replace_device(&mut self, link: &str) -> Option<usize> {

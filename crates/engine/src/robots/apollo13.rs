@@ -56,7 +56,7 @@ const WALL_M: f64 = 0.40;
 /// Walls that are followed in autonomous driving without a goal, by the name of the start mode.
 const WALLS: [(&str, Side); 2] = [("wall-left", Side::Left), ("wall-right", Side::Right)];
 
-/// Situations that a campaign must bring about: what each link can do to the program.
+/// Situations that a campaign must cause: possible events on each link.
 const SITUATIONS: [&str; 6] = [
     "board bad frames",
     "odometer bad lines",

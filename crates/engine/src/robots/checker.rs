@@ -105,7 +105,7 @@ pub struct Look<'a> {
 
 /// An invariant that is watched during the run.
 pub trait Checker {
-    /// Looks at the rig; called every few milliseconds of virtual time.
+    /// Checks the rig; called every few milliseconds of virtual time.
     fn observe(&mut self, look: &Look<'_>);
 
     /// The verdict so far. One that had nothing to watch says so.

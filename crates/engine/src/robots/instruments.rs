@@ -26,7 +26,7 @@ pub struct Dialect {
     pub link: &'static str,
     /// The longest frame, bytes.
     pub frame_max: usize,
-    /// What the sound frame with which these bytes end commands, if they end with one that
+    /// What the valid frame with which these bytes end commands, if they end with one that
     /// commands: for each axis the set-point as the axis can follow it.
     pub command: fn(&[u8]) -> Option<Command>,
 }
@@ -136,7 +136,7 @@ pub type Console = (&'static str, &'static str);
 /// What may be asked of a robot in its rig. Everything is optional; what is not answered is not
 /// shown and not judged. Looking changes nothing.
 pub trait Instruments {
-    /// What the robot is told to do, as the devices took it: always the same axes.
+    /// Set-points of the robot, as its devices accepted them: always the same axes.
     fn axes(&self, _rig: &Rig) -> Vec<Axis> {
         Vec::new()
     }
@@ -242,7 +242,7 @@ pub trait Instruments {
         false
     }
 
-    /// The far end of the robot's radio or telemetry link, if it is emulated.
+    /// The other end of the robot's radio or telemetry link, if it is emulated.
     fn station<'a>(&'a self, _rig: &'a Rig) -> Option<&'a dyn Station> {
         None
     }

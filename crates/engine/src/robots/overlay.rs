@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// Most coordinates of an overlay, so that it stays small on its way to a page.
+/// Maximum number of coordinates of an overlay, so that it stays small on its way to a page.
 const NUMBERS_MAX: usize = 4_000;
 
 /// Lines and points of one meaning, in the frame of the world, metres.

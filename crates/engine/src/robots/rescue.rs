@@ -1,4 +1,4 @@
-//! The rescue robot: XV-11 lidar, AVR base, HC-06 radio, and a PC at the far end of the air.
+//! The rescue robot: XV-11 lidar, AVR base, HC-06 radio, and a PC at the other end of the air.
 //!
 //! | link | device end | master end |
 //! |---|---|---|
@@ -59,7 +59,7 @@ const SILENCE: Silence = Silence {
 /// A break, or three ESC, open the lidar's console and end its stream.
 const CONSOLES: [Console; 1] = [("lidar", "lidar")];
 
-/// Situations that a campaign must bring about: what each link can do to the program.
+/// Situations that a campaign must cause: possible events on each link.
 const SITUATIONS: [&str; 14] = [
     "lidar packets lost",
     "lidar packets bad",

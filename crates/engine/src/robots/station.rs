@@ -1,4 +1,4 @@
-//! The operator's station of a robot: the far end of its radio or telemetry link, and the hand at
+//! The operator's station of a robot: the other end of its radio or telemetry link, and the hand at
 //! the page that uses it.
 
 use core::time::Duration;
@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::scenario::{Action, SetPoint, Step};
 
 /// Silence of the driver by hand after which the robot is stopped: a page that hangs or was
-/// closed must not go on driving.
+/// closed must not continue driving.
 pub const HAND_OFF: Duration = Duration::from_millis(1000);
 
 /// A mode with a place and a heading behind its name, metres and degrees: its name and the figures,
@@ -33,20 +33,20 @@ pub enum Gesture {
         /// Where.
         at: [i32; 2],
     },
-    /// A waypoint goes elsewhere.
+    /// Moves a waypoint.
     Move {
         /// Its place in the list, from 0.
         index: usize,
-        /// Where it is, as the operator sees it.
+        /// Its position, as displayed to the operator.
         from: [i32; 2],
-        /// Where it goes.
+        /// Its destination.
         to: [i32; 2],
     },
     /// A waypoint is taken out of the list.
     Delete {
         /// Its place in the list, from 0.
         index: usize,
-        /// Where it is, as the operator sees it.
+        /// Its position, as displayed to the operator.
         at: [i32; 2],
     },
     /// All waypoints are taken out.
@@ -108,7 +108,7 @@ pub struct StationView {
     pub rows_missing: Option<usize>,
     /// What it was last ordered: mode and set-points.
     pub order: Option<(&'static str, Vec<SetPoint>)>,
-    /// Bytes that came.
+    /// Received bytes.
     pub bytes: u64,
     /// Frames, messages and rows that were damaged.
     pub bad: u64,
@@ -148,7 +148,7 @@ pub struct PlaceAct {
     pub heading: bool,
 }
 
-/// The far end of a robot's link, steered by a mission's steps and by gestures.
+/// The other end of a robot's link, steered by a mission's steps and by gestures.
 pub trait Station {
     /// The modes that it can order.
     fn modes(&self) -> &'static [&'static str];

@@ -8,7 +8,7 @@
 //! | `telemetry` | PC, behind a WiFi bridge | program, 38400 baud |
 //!
 //! Half of the robot's mind is on the PC: maps, ways, localisation. That program is the device at
-//! the far end of `telemetry`.
+//! the other end of `telemetry`.
 
 mod body;
 mod command;
@@ -46,7 +46,7 @@ const LINKS: [&str; 4] = ["lidar", "lidar-motor", BOARD, TELEMETRY];
 /// Bytes that the bridge hands over at once.
 const TELEMETRY_PIECE: usize = 16;
 
-/// Situations that a campaign must bring about: what each link can do to the program.
+/// Situations that a campaign must cause: possible events on each link.
 const SITUATIONS: [&str; 7] = [
     "encoder samples disbelieved",
     "lidar resyncs",
@@ -272,7 +272,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
     Ok(())
 }
 
-/// What robot and PC are told once: the start, and the defects of the fielded programs.
+/// Fixed settings of robot and PC: the start pose, and the defects of the fielded programs.
 fn configs(scenario: &Scenario, source: &Source) -> Result<(Config, PcConfig), ScenarioError> {
     let start = scenario.world.start_pose();
     #[expect(clippy::cast_possible_truncation, reason = "millimetres fit an f32")]

@@ -61,12 +61,12 @@ impl Agenda {
         self.0.retain(|item| item.due().is_some());
     }
 
-    /// Leaves out a fault that has not begun.
+    /// Removes a fault that has not begun.
     pub(super) fn leave_out(&mut self, id: FaultId) {
         self.0.retain(|item| item.id != id);
     }
 
-    /// Gives the faults other numbers.
+    /// Renumbers the faults.
     pub(super) fn renumber(&mut self, to: impl Fn(FaultId) -> FaultId) {
         self.0.iter_mut().for_each(|item| item.id = to(item.id));
     }
@@ -141,7 +141,7 @@ mod tests {
         assert!(agenda.0.is_empty());
     }
 
-    /// Time that went on without looking does each begin and end all the same.
+    /// Time that continued without looking does each begin and end all the same.
     #[test]
     fn what_was_due_meanwhile_is_made_up_for() {
         let (mut agenda, mut rig) = (Agenda::default(), rig());

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! driver under test -- Read + Write --> VirtualPort --> line --> device     one thread, no clock:
-//!                                                                time goes on while a call waits
+//!                                                                time continues while a call waits
 //! ```
 //!
 //! A read that finds nothing lets the rig run until a byte arrives or the port's timeout is over; a
@@ -195,7 +195,7 @@ fn wait(run: &mut Run, deadline: Instant) {
 /// | `flush` | waits until the last bit has left |
 ///
 /// When the scenario's time is up the port is hung up: `read` gives 0 bytes, `write` and `flush`
-/// are a `BrokenPipe`; so a program that serves its ports for ever ends all the same. As with a
+/// are a `BrokenPipe`; so a program that serves its ports forever ends all the same. As with a
 /// real driver, unread bytes beyond 4096 are lost. On a link that carries messages one
 /// read gives one message, whose rest is lost if `buf` is too short, and one write is one.
 #[derive(Clone, Debug)]

@@ -1,4 +1,4 @@
-//! Orders to a run while it goes on. It becomes part of the scenario, so that the same
+//! Orders to a run while it continues. It becomes part of the scenario, so that the same
 //! run can be had again.
 
 use protocols::Instant;
@@ -8,8 +8,8 @@ use crate::robots;
 use crate::scenario::{Action, Expect, Scenario, Span, Step, TapSpec};
 
 impl Run {
-    /// Lets the PC do `action`, within a millisecond, to which the run goes on. The action becomes
-    /// a step of the scenario's mission, so that [`case`](Self::case) repeats it.
+    /// Lets the PC do `action`, within a millisecond, to which the run continues. The action
+    /// becomes a step of the scenario's mission, so that [`case`](Self::case) repeats it.
     ///
     /// # Errors
     /// If the rig has no PC, or the action is beyond the limits of its protocol.
@@ -44,7 +44,8 @@ impl Run {
     }
 
     /// Taps on the robot's display at `place`, column and row, within a millisecond, to which the
-    /// run goes on. The tap becomes one of the scenario's, so that [`case`](Self::case) repeats it.
+    /// run continues. The tap becomes one of the scenario's, so that [`case`](Self::case) repeats
+    /// it.
     ///
     /// # Errors
     /// If the robot has no display, or the place is beside it.

@@ -20,7 +20,7 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// How many there were.
+    /// Their number.
     pub const fn count(&self) -> u64 {
         self.count
     }

@@ -83,7 +83,7 @@ impl Run {
                     Some(value) => {
                         Check::new(name, pass, format!("{value:.1} {unit}, at most {max}"))
                     }
-                    // In a run that goes on it may still come.
+                    // In a run that continues it may still come.
                     None if !is_over => {
                         Check::not_observed(name, format!("no value yet, at most {max} {unit}"))
                     }

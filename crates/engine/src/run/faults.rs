@@ -1,4 +1,4 @@
-//! The faults of a run: listed, added while it goes on, and saved as what they did.
+//! The faults of a run: listed, added while it continues, and saved as what they did.
 
 use core::time::Duration;
 
@@ -11,7 +11,7 @@ use crate::rig::fault::{Activity, FaultId, LineFaults, Window};
 use crate::rig::line::{Direction, Line};
 use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, Flaw, Origin, Scenario, Span};
 
-/// Most faults that a run takes while it goes on.
+/// Maximum number of faults that a run takes while it continues.
 pub const FAULTS_MAX: usize = 10_000;
 
 /// How far a fault has come.
@@ -39,11 +39,11 @@ pub struct FaultReport {
 
 /// The least time by which a change lies after what the rig has already done.
 const NEXT: Duration = Duration::from_nanos(1);
-/// Most spells of one clogged line that a case holds.
+/// Maximum number of spells of one clogged line that a case holds.
 const SPELLS_MAX: u128 = 100_000;
 
 impl Run {
-    /// Adds a fault to the run as it goes on, from now on or from a later time that it names. Its
+    /// Adds a fault to the run as it continues, from now on or from a later time that it names. Its
     /// times count from the start of the run, and it joins the scenario: the saved
     /// [`case`](Self::case) holds it with the time from which it was in force.
     ///

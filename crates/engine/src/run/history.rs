@@ -10,15 +10,15 @@ use crate::rig::line::{Direction, Traffic};
 use crate::rig::{Link, Rig};
 use crate::robots::{Instruments, KeptMap, Overlay};
 
-/// Most samples of the wires.
+/// Maximum number of samples of the wires.
 const BINS_MAX: u32 = 500;
 /// Shortest span of a sample of the wires.
 const BIN_MIN: Duration = Duration::from_millis(100);
-/// Most scans kept.
+/// Maximum number of scans kept.
 const SCANS_MAX: usize = 200;
-/// Most maps kept.
+/// Maximum number of maps kept.
 const MAPS_MAX: usize = 16;
-/// Most overlays kept.
+/// Maximum number of overlays kept.
 const OVERLAYS_MAX: usize = 32;
 /// Points kept of a scan: every third degree.
 const POINTS_OF: usize = 3;
@@ -138,7 +138,7 @@ impl History {
         }
     }
 
-    /// Looks at the rig; called every few milliseconds of virtual time.
+    /// Checks the rig; called every few milliseconds of virtual time.
     pub fn observe(&mut self, rig: &Rig, instruments: &dyn Instruments) {
         let now = rig.now();
         if now > self.end {

@@ -158,7 +158,7 @@ mod tests {
         progress.observe(Instant::from_secs(secs), Pose::new(x, 0.0, 0.0), is_moving);
     }
 
-    /// 200 mm are near enough by default. The nearest approach goes on until the next
+    /// 200 mm are near enough by default. The nearest approach continues until the next
     /// waypoint is reached.
     #[test]
     fn waypoints_are_visited_in_their_order() {

@@ -1,4 +1,4 @@
-//! How a run ended.
+//! The end of a run.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ use crate::rig::Logged;
 use crate::robots::{Axis, KeptMap, Panel};
 use crate::scenario::Scenario;
 
-/// How a run ended.
+/// The end of a run.
 pub struct Outcome {
     /// The scenario as run, faults written out as what they did: running it again gives the same
     /// bytes.
@@ -32,7 +32,7 @@ pub struct Outcome {
     pub wall_overlap: Option<WallOverlap>,
     /// True way.
     pub truth: Vec<(Instant, Pose)>,
-    /// Believed poses beside the true ones.
+    /// Believed poses with the true ones.
     pub pairs: Vec<PosePair>,
     /// The program's map.
     pub map: Option<KeptMap>,
@@ -65,7 +65,7 @@ pub struct Outcome {
     pub probable_cause: Option<String>,
     /// What node programs said on standard error, the end of it, by the names of their nodes.
     pub node_words: Vec<(String, String)>,
-    /// Which node program answered late in real time, in a sentence.
+    /// Sentence that names the node program with late answers in real time.
     pub slow_node: Option<String>,
     /// Waypoints visited and demanded.
     pub waypoints: [usize; 2],

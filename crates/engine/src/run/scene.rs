@@ -8,7 +8,7 @@ pub use crate::robots::overlay::millimetres;
 /// What is solid: `scene` of `show/view/view.js`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Scene {
-    /// Least and largest x and y: x0, y0, x1, y1.
+    /// Minimum and maximum x and y: x0, y0, x1, y1.
     pub bounds: [f64; 4],
     /// Outlines, as they are now.
     pub shapes: Vec<Outline>,

@@ -27,7 +27,7 @@ pub(super) struct Steps {
     watch: Option<(Watch, Instant)>,
     done: Vec<Check>,
     has_failed: bool,
-    /// What the PC was told to do while the run went on.
+    /// What the PC was told to do while the run continued.
     pub(super) by_hand: Vec<Step>,
 }
 
@@ -180,7 +180,7 @@ mod tests {
         assert!(steps.is_waiting());
     }
 
-    /// What holds anyway comes true with the step before it, at 1 s; the run is looked at then, as
+    /// What holds anyway comes true with the step before it, at 1 s; the run is checked then, as
     /// each 10 ms.
     #[test]
     fn a_step_may_be_done_as_soon_as_those_before_it() {

@@ -157,7 +157,7 @@ impl DeviceSpec {
         settings.downcast_mut()
     }
 
-    /// Makes the device; `name` and `seed` choose its dice.
+    /// Makes the device; `name` and `seed` choose its random stream.
     ///
     /// # Errors
     /// If a setting is out of range.

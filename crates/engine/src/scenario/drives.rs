@@ -23,7 +23,7 @@ pub struct DrivesSpec {
 }
 
 impl DrivesSpec {
-    /// What it comes to.
+    /// The result.
     ///
     /// # Errors
     /// A sentence, if not exactly one way to drive is given.

@@ -55,7 +55,7 @@ impl Bench {
         }
     }
 
-    /// Time passes, a millisecond at a time.
+    /// Advances time in steps of one millisecond.
     fn run(&mut self, time: Duration) {
         let end = self.now + time;
         while self.now < end {

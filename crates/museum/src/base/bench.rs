@@ -12,7 +12,7 @@ use crate::{Observation, Variant};
 use engine::codec::BUS_HIGH_FIRST;
 
 pub(super) const MS: Duration = Duration::from_millis(1);
-/// Longer than any divider count or idle gap: what happened before is forgotten.
+/// Longer than any divider count or idle gap: earlier bytes have no effect.
 const PAUSE: Duration = Duration::from_millis(30);
 /// Longer than any reply takes.
 const REPLY: Duration = Duration::from_millis(4);
@@ -74,7 +74,7 @@ impl Bench {
         bench
     }
 
-    /// As a rig does it: from deadline to deadline.
+    /// Advances like a rig: from deadline to deadline.
     pub(super) fn run(&mut self, time: Duration) {
         let end = self.now + time;
         while self.now < end {
@@ -120,14 +120,14 @@ impl Bench {
         !core::mem::take(&mut self.received).is_empty()
     }
 
-    /// What the base has sent since the last call.
+    /// Bytes sent by the base since the last call.
     pub(super) fn take(&mut self) -> Vec<u8> {
         let received = core::mem::take(&mut self.received);
         self.seen.bytes("base", &BUS_HIGH_FIRST, &received);
         received
     }
 
-    /// Sends `bytes` after a pause and returns the answer to them alone.
+    /// Sends `bytes` after a pause and returns only their answer.
     pub(super) fn ask(&mut self, bytes: &[u8]) -> Vec<u8> {
         self.run(PAUSE);
         self.received.clear();

@@ -1,4 +1,4 @@
-//! What the PC program shows of what it hears.
+//! What the PC program shows of what it receives.
 
 use super::{Operator, properties, robots_list};
 use crate::frames::frame;

@@ -44,7 +44,7 @@ pub(super) const WALL: Experiment = Experiment {
     perform: wall::perform,
 };
 
-/// How often the car is looked at.
+/// How often the car is checked.
 const EVERY: Duration = Duration::from_millis(100);
 /// When the phone begins to drive.
 const BEGIN: Duration = Duration::from_secs(1);

@@ -13,7 +13,7 @@ use super::{Figure, Findings, Plan, Plot, Table};
 /// The left wheel loses three per cent of its way, the right one nothing, and both some by chance.
 const SLIP: &str = "\n[world.body]\nslip = [0.03, 0.0]\nslip_noise_m = 0.02\n";
 const IMU: &str = "\n[device.base.avr-base]\nimu = true\n";
-/// How often the heading is looked at, and for how long.
+/// How often the heading is checked, and for how long.
 const EVERY: Duration = Duration::from_secs(2);
 const LOOKS: u32 = 45;
 

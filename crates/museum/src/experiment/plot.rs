@@ -91,7 +91,7 @@ impl Plot {
         self
     }
 
-    /// Least and largest along an axis; at least something.
+    /// Minimum and maximum along an axis; at least something.
     fn range(&self, axis: usize) -> [f64; 2] {
         let places = self.curves.iter().flat_map(|curve| &curve.places);
         let values = places.map(|place| place[axis]);

@@ -19,7 +19,7 @@ const ROOM: &str = "schema = 1\nname = \"push\"\nrobot = \"rescue\"\nduration = 
     path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n";
 const PUSH_AT_MS: u64 = 10_000;
 const PUSH_TAKES_MS: u64 = 1_000;
-/// Searches that are looked at after the push.
+/// Searches that are checked after the push.
 const SEARCHES: usize = 15;
 /// Back in position: an eighth of the push.
 const BACK_MM: f64 = 50.0;
@@ -45,7 +45,7 @@ struct Pushed {
 }
 
 impl Pushed {
-    /// Searches until the robot is back, and stays so for the ones that are looked at.
+    /// Searches until the robot is back, and stays so for the ones that are checked.
     fn back_after(&self) -> f64 {
         let away = self.errors.iter().rposition(|error| *error > BACK_MM);
         match away {

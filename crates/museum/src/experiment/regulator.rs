@@ -7,7 +7,7 @@ use super::runs::{FLAT, Spread, each, start};
 use super::{Figure, Findings, Plan, Plot, Table};
 use engine::scenario::MapperSpec;
 
-/// Turns that are looked at: a minute.
+/// Turns that are checked: a minute.
 const TURNS: usize = 300;
 /// From here on it has settled.
 const SETTLED: usize = 60;

@@ -46,10 +46,10 @@ pub(super) struct Lab<const W: usize = SIDE, const H: usize = SIDE> {
     pub(super) sense: Sense,
     /// Metres beyond which nothing comes back.
     pub(super) reach_m: f64,
-    /// Believed poses beside the true ones.
+    /// Believed poses with the true ones.
     pub(super) pairs: Vec<PosePair>,
     wheels: Odometry,
-    /// Where the wheels alone put the robot.
+    /// Pose from odometry alone.
     reckoned: Believed,
     noise: Rng,
     before: [u16; BEAMS],
@@ -98,7 +98,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
         }
     }
 
-    /// Where the wheels alone put the robot.
+    /// Pose from odometry alone.
     pub(super) const fn reckoned(&self) -> Believed {
         self.reckoned
     }

@@ -1,4 +1,4 @@
-//! Where the robot believes to be.
+//! Estimated pose of the robot.
 
 use core::time::Duration;
 

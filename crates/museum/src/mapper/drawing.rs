@@ -20,7 +20,7 @@ pub(super) fn sl_05(variant: Variant) -> Observation {
     seen.judged(drawn == 0 && erased > 0)
 }
 
-/// A wall that is seen for ever: 5000 scans with each weight.
+/// A wall that is seen forever: 5000 scans with each weight.
 pub(super) fn sl_06(variant: Variant) -> Observation {
     let ceilings: Vec<String> = (2..=10)
         .map(|weight| {

@@ -24,7 +24,7 @@ const HALF_AXLE_M: f64 = 0.09;
 /// The motion profile's fastest turn.
 const TURN_MAX_RAD_S: f32 = 3.0;
 
-/// The program and what is around it.
+/// The program and its surroundings.
 pub(super) struct Robot {
     pub(super) program: Box<Yellow>,
     pub(super) now: Instant,
@@ -34,7 +34,7 @@ pub(super) struct Robot {
     /// Counts of the left and the right wheel, both ahead.
     pub(super) counts: [f64; 2],
     pub(super) lidar: Head,
-    /// What the PC has received.
+    /// Data received by the PC.
     pub(super) heard: Vec<Telemetry>,
     /// The same as frames.
     pub(super) sent: Vec<Vec<u8>>,

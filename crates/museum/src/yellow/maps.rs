@@ -62,7 +62,7 @@ pub(super) const ROWS: [Bug; 7] = [
     ),
 ];
 
-/// A closed room is looked at once.
+/// A closed room is checked once.
 fn looked(config: PcConfig, at: [f32; 2]) -> Desk {
     let mut desk = Desk::new(config);
     desk.at = at;

@@ -1,4 +1,4 @@
-//! What a request came to.
+//! Result of a request.
 
 use protocols::Instant;
 use serde::Serialize;
@@ -8,7 +8,7 @@ use engine::rig::fault::FaultId;
 use engine::run::FaultReport;
 use engine::scenario::{Flaw, Span};
 
-/// What a request came to.
+/// Result of a request.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Answer {
     /// Whether the request was granted.

@@ -9,7 +9,7 @@ use super::LINE_MAX;
 use super::answer::{Answer, Refusal};
 use super::perform::{Office, Pending, Reply, Session};
 
-/// Most requests of one client in one turn, so that no client blocks the rig.
+/// Maximum number of requests of one client in one turn, so that no client blocks the rig.
 const REQUESTS_MAX: usize = 8;
 /// Answers that may wait for a client that does not read, bytes; as long as there are more, none
 /// of its requests are done.

@@ -26,14 +26,14 @@ pub enum Request {
         /// Time of the rig after which the answer is no.
         timeout: Span,
     },
-    /// Rig time, which stands, goes on for this long and then stands again; answered then.
+    /// Rig time, which stands, continues for this long and then stands again; answered then.
     Step {
         /// How long, at most 10 minutes.
         by: Span,
     },
     /// Rig time stands from now on.
     Pause {},
-    /// Rig time goes on.
+    /// Rig time continues.
     Resume {},
     /// Rig time goes slower or faster.
     Speed {

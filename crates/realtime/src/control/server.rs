@@ -20,8 +20,8 @@ use safefs::Dir;
 
 /// Name of the socket in the directory of the ports.
 pub const NAME: &str = "control";
-/// Most clients at once. When one more comes, the one that is idle and was silent for longest is
-/// hung up on.
+/// Maximum number of clients at once. When one more comes, the one that is idle and was silent for
+/// longest is hung up on.
 pub const CLIENTS_MAX: usize = 64;
 
 /// Takes requests of any number of clients.
@@ -109,7 +109,7 @@ impl Control {
         self.looks += 1;
         self.accept();
         let heard = self.clients.iter_mut().map(|one| one.hear(self.looks));
-        // Each of them is to be heard.
+        // Each of them is to be received.
         heard.fold(false, |any, one| any | one)
     }
 

@@ -27,7 +27,7 @@ pub(crate) struct Evidence<'a> {
     pub(crate) waits: &'a [Wait],
     /// How the program ended by itself, and when.
     pub(crate) ended: Option<(Ended, Instant)>,
-    /// The end of what it said.
+    /// The end of its output.
     pub(crate) said: &'a str,
     /// The judged run.
     pub(crate) outcome: &'a Outcome,

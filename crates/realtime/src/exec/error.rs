@@ -11,7 +11,7 @@ pub enum ExecError {
     /// The scenario cannot be wired.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// A port cannot be had.
+    /// A port cannot be opened.
     #[error(transparent)]
     Transport(#[from] TransportError),
     /// It cannot be started.

@@ -1,6 +1,6 @@
-//! Whether a program goes on with its work: it sends and reads, and does not fall silent.
+//! Whether a program continues with its work: it sends and reads, and does not fall silent.
 //!
-//! A program that waits for ever breaks no rule of a device and lives to the end, so nothing else
+//! A program that waits forever breaks no rule of a device and lives to the end, so nothing else
 //! would fail. Rig time alone counts, and a program that listens to a device which has nothing to
 //! say is not silent: the device is.
 
@@ -108,7 +108,7 @@ impl Ports {
     fn silent_for(&self, now: Instant) -> Option<Duration> {
         let active = self.active_at?;
         let open = || self.all.iter().filter(|port| port.is_open);
-        // A device that goes on by itself after it was last spoken to, and then stops, stops a
+        // A device that continues by itself after it was last spoken to, and then stops, stops a
         // sound listener as well.
         let is_stream = |port: &Port| {
             let sent = port.sent_at.unwrap_or_default();

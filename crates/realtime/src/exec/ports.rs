@@ -1,4 +1,4 @@
-//! What is seen of a program at its ports: which it opens, and whether it goes on reading.
+//! What is seen of a program at its ports: which it opens, and whether it continues reading.
 
 use core::time::Duration;
 
@@ -206,7 +206,8 @@ impl Port {
     }
 }
 
-/// Most times that are kept for a port; if there are more, each second one is left out.
+/// Maximum number of times that are kept for a port; if there are more, each second one is left
+/// out.
 const PASSED_MAX: usize = 1 << 14;
 
 impl Port {

@@ -5,7 +5,7 @@ use std::fs;
 
 use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
 
-/// Longest command that is told.
+/// Maximum length of a reported command.
 const COMMAND_MAX: usize = 120;
 
 /// A process that a user's program started and left behind.

@@ -59,7 +59,7 @@ impl CaptureFile {
         })
     }
 
-    /// Where it is.
+    /// Its position.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -1,4 +1,4 @@
-//! A transport whose far end is in this process: for tests of whatever runs on transports.
+//! A transport whose other end is in this process: for tests of whatever runs on transports.
 
 use core::cell::RefCell;
 use std::collections::VecDeque;

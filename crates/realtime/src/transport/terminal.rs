@@ -39,9 +39,9 @@ pub struct Terminal {
     unread: usize,
     /// The next character means nothing special.
     is_literal: bool,
-    /// The far end has sent a stop character, or the client wants to be silent.
+    /// The other end has sent a stop character, or the client wants to be silent.
     stopped: [bool; 2],
-    /// What is to be echoed when output goes on.
+    /// What is to be echoed when output continues.
     echo: Vec<u8>,
     column: usize,
     /// Damaged characters so far: without a stop bit, with wrong parity, breaks.
@@ -172,7 +172,7 @@ impl Terminal {
         self.stopped != [false; 2]
     }
 
-    /// The client stops or goes on sending by itself (TCOOFF, TCOON).
+    /// The client stops or continues sending by itself (TCOOFF, TCOON).
     pub const fn suspend(&mut self, is_stopped: bool) {
         self.stopped[1] = is_stopped;
     }

@@ -1,6 +1,6 @@
 //! A network port of this machine: packets of UDP, one a message, for links that carry messages.
 //!
-//! Such a port has no open or close. The sender of the last packet is the far end. It counts as
+//! Such a port has no open or close. The sender of the last packet is the other end. It counts as
 //! open from its first packet on; packets sent before that are lost.
 
 use core::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -71,7 +71,7 @@ impl Transport for Udp {
                 }
                 Ok(len)
             }
-            // The far end of an earlier packet is gone: that is no news of the port.
+            // The other end of an earlier packet is gone: that is no news of the port.
             Err(error) if is_passing(&error) => Ok(0),
             Err(source) => Err(TransportError::Lost {
                 path: self.path.clone(),

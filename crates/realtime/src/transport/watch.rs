@@ -11,7 +11,8 @@ use std::path::Path;
 
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, Reader, WatchFlags};
 
-/// Most entries taken from the kernel's queue in one look; the next look takes the rest.
+/// Maximum number of entries taken from the kernel's queue in one look; the next look takes the
+/// rest.
 const ENTRIES_MAX: usize = 64;
 
 /// What happened since the last look.

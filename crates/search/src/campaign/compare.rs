@@ -42,7 +42,7 @@ impl fmt::Display for Change {
 /// fails alike there.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Elsewhere {
-    /// How many they are.
+    /// Their number.
     pub runs: usize,
     /// Of these, how many pass there.
     pub pass: usize,
@@ -57,7 +57,7 @@ pub struct Elsewhere {
 pub struct CauseChange {
     /// Why runs fail, as in the groups.
     pub cause: String,
-    /// What became of it.
+    /// Its result.
     pub change: Change,
     /// Runs that fail for it now, and what they came to in the earlier campaign.
     pub now: Elsewhere,

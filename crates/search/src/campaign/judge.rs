@@ -21,7 +21,7 @@ pub struct Record {
     pub seed: u64,
     /// Why it failed, without the figures; the same for every run that fails alike.
     pub cause: Option<String>,
-    /// Why it failed, with the figures.
+    /// The cause of the failure, with the figures.
     pub detail: Option<String>,
     /// Virtual time, milliseconds.
     pub ran_ms: u64,
@@ -189,7 +189,7 @@ mod tests {
     use engine::scenario::Span;
 
     /// What a campaign finds is found in its case: of each scenario that is shipped, with
-    /// everything made anew, the first 40 s, in which most faults come and the first steps that
+    /// everything made again, the first 40 s, in which most faults come and the first steps that
     /// wait are done.
     #[test]
     fn a_case_does_again_what_its_run_did() {

@@ -67,12 +67,12 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Why it failed, without the figures.
+    /// The cause of the failure, without the figures.
     pub(super) fn cause(&self) -> Option<&str> {
         self.cause.as_ref().map(|word| &*word.0)
     }
 
-    /// Why it failed, with the figures.
+    /// The cause of the failure, with the figures.
     pub(super) fn detail(&self) -> Option<&str> {
         self.detail.as_ref().map(|word| &*word.0)
     }

@@ -7,9 +7,9 @@ use protocols::Instant;
 
 use engine::run::{Outcome, is_of_the_end};
 
-/// What is looked at of a mission that was not done: its end.
+/// What is checked of a mission that was not done: its end.
 const END: Duration = Duration::from_secs(15);
-/// What is looked at before a contact.
+/// What is checked before a contact.
 const BEFORE: Duration = Duration::from_millis(300);
 /// A robot that believes to be farther off than this, metres and radians, is lost: a waypoint
 /// counts within 20 cm.

@@ -12,10 +12,10 @@ use crate::shrink::{self, Branches, Effort};
 use engine::scenario::Scenario;
 use show::moment;
 
-/// Most seeds named for a group.
+/// Maximum number of seeds named for a group.
 const SEEDS_MAX: usize = 20;
-/// Most runs spent on making the case of a group smaller. A number, not a time: merged anywhere, a
-/// campaign comes to the same bytes.
+/// Maximum number of runs spent on making the case of a group smaller. A number, not a time:
+/// merged anywhere, a campaign comes to the same bytes.
 const TRIES: u32 = 150;
 
 /// Runs that failed alike.
@@ -25,7 +25,7 @@ pub struct Group {
     pub cause: String,
     /// What the first of them says, with figures.
     pub detail: String,
-    /// How many there are.
+    /// Their number.
     pub runs: usize,
     /// The first of them: scenario and seed.
     pub first: (String, u64),
@@ -53,7 +53,7 @@ pub struct SituationCount {
 /// What a whole campaign came to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Merged {
-    /// What was run.
+    /// The executed scenario or case.
     pub plan: CampaignPlan,
     /// Runs done.
     pub runs: usize,

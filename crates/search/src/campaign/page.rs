@@ -23,7 +23,7 @@ pub fn page(merged: &Merged) -> String {
 }
 
 /// The page of a campaign of which only the `failures` are known; `far` says how far it is. It
-/// loads itself anew in each `period`, if there is one.
+/// loads itself again in each `period`, if there is one.
 pub fn live_page(
     plan: &CampaignPlan,
     far: &str,

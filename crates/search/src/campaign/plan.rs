@@ -16,7 +16,7 @@ use crate::files;
 pub struct Shard {
     /// Number of this shard, from 0.
     pub index: usize,
-    /// How many there are.
+    /// Their number.
     pub of: usize,
 }
 
@@ -72,7 +72,7 @@ pub struct CampaignPlan {
     pub scenarios: BTreeMap<String, String>,
     /// First seed, and the one after the last.
     pub seeds: Range<u64>,
-    /// What is made anew for each seed, as on the command line.
+    /// What is made again for each seed, as on the command line.
     pub vary: String,
     /// Options that name a user's program, as on the command line; `None` for the robot's own. Runs
     /// with it take place in real time, so no two are the same.

@@ -14,9 +14,9 @@ pub struct Run<'a> {
     pub scenario: &'a str,
     /// Seed of the run.
     pub seed: u64,
-    /// Why it failed, without the figures.
+    /// The cause of the failure, without the figures.
     pub cause: Option<&'a str>,
-    /// Why it failed, with the figures.
+    /// The cause of the failure, with the figures.
     pub detail: Option<&'a str>,
     /// Virtual time, milliseconds.
     pub ran_ms: u64,
@@ -161,7 +161,7 @@ impl Runs {
         }
     }
 
-    /// How many there are.
+    /// Their number.
     pub(super) fn len(&self) -> usize {
         self.done.iter().map(BTreeMap::len).sum()
     }
@@ -183,7 +183,7 @@ impl Runs {
         self.packed(scenario, seed).is_some()
     }
 
-    /// What this run came to, if it is done.
+    /// Result of this run, if it is done.
     pub(super) fn get(&self, scenario: &str, seed: u64) -> Option<Run<'_>> {
         let (number, packed) = self.packed(scenario, seed)?;
         Some(self.unpacked(number, seed, packed))

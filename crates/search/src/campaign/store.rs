@@ -25,7 +25,7 @@ type RunKey = (String, u64);
 pub struct Failures<'a> {
     /// Why they fail.
     pub cause: &'a str,
-    /// How many they are.
+    /// Their number.
     pub runs: usize,
     /// The first of them: scenario and seed.
     pub first: (&'a str, u64),
@@ -37,7 +37,7 @@ pub struct Store {
     dir: PathBuf,
     plan: CampaignPlan,
     runs: Runs,
-    /// For each cause the first run in order that has it.
+    /// For each cause its first run.
     first: BTreeMap<String, RunKey>,
     /// `None` if it is only read.
     writer: Option<Writer>,
@@ -58,8 +58,8 @@ const PAGE: &str = "campaign.html";
 const READ_AT_ONCE: usize = 1 << 16;
 
 impl Store {
-    /// Opens `dir`, or makes it, to go on with `plan`, and keeps other processes out of it. A line
-    /// that was cut off is cut away.
+    /// Opens `dir`, or makes it, to continue with `plan`, and keeps other processes out of it. A
+    /// line that was cut off is cut away.
     ///
     /// # Errors
     /// If it cannot be written, belongs to another campaign, or another process works in it.
@@ -145,7 +145,7 @@ impl Store {
         &self.plan
     }
 
-    /// Where it is.
+    /// Its position.
     pub(crate) fn dir(&self) -> &Path {
         &self.dir
     }
@@ -175,7 +175,7 @@ impl Store {
         self.runs.iter()
     }
 
-    /// What this run came to, if it is done.
+    /// Result of this run, if it is done.
     pub fn run(&self, scenario: &str, seed: u64) -> Option<Run<'_>> {
         self.runs.get(scenario, seed)
     }
@@ -269,7 +269,7 @@ impl Store {
         Ok(())
     }
 
-    /// Writes `page` into the folder, for readers that look at it while runs go on.
+    /// Writes `page` into the folder, for readers that look at it while runs continue.
     ///
     /// # Errors
     /// If the folder cannot be written.
@@ -289,7 +289,7 @@ impl Store {
     }
 }
 
-/// For each cause the first run in order that has it.
+/// For each cause its first run.
 fn first_of_causes(runs: &Runs) -> BTreeMap<String, RunKey> {
     let mut first = BTreeMap::<String, RunKey>::new();
     for run in runs.iter() {

@@ -4,7 +4,7 @@ use core::fmt::{self, Write as _};
 
 use show::html::Escaped;
 
-/// Most squares: a campaign of more runs has several in each.
+/// Maximum number of squares: a campaign of more runs has several in each.
 const SQUARES_MAX: usize = 1200;
 /// Squares in a row.
 const COLUMNS: usize = 120;

@@ -9,14 +9,14 @@
 //! ```
 //!
 //! A *case* is what the program is told, as a value: a scenario with faults in what the program
-//! hears, or traffic on one link in place of a device's. It is the same for the same seed. What the
-//! program does is the same in virtual time; else it is not, as it lives in the time of the wall
-//! clock. So it is judged by what needs no
-//! exact time, and with generous limits: whether it lives, whether a device calls what it does
-//! against the rules, whether it answers a damaged frame as it answers the sound one. The last one
-//! needs an experiment. The fuzzer picks a frame that gets the same answer twice, while noise does
-//! not get that answer. It damages the frame so that it is no valid frame of the format. A program
-//! that still answers it has not checked its checksum.
+//! receives, or traffic on one link in place of a device's. It is the same for the same seed. What
+//! the program does is the same in virtual time; else it is not, as it lives in the time of the
+//! wall clock. So it is judged by what needs no exact time, and with generous limits: whether it
+//! lives, whether a device calls what it does against the rules, whether it answers a damaged
+//! frame as it answers the sound one. The last one needs an experiment. The fuzzer picks a frame
+//! that gets the same answer twice, while noise does not get that answer. It damages the frame so
+//! that it is no valid frame of the format. A program that still answers it has not checked its
+//! checksum.
 
 mod case;
 mod cause;

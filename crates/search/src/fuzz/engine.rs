@@ -15,9 +15,10 @@ use super::subject::{Behaviour, MARKS, Subject, Violation, law};
 use crate::campaign::words_of_panic;
 use engine::workers;
 
-/// Most causes that are kept of one law: a law that is broken in a hundred ways is one to look at.
+/// Maximum number of causes that are kept of one law: a law that is broken in a hundred ways is
+/// one to look at.
 const CAUSES_MAX: usize = 5;
-/// Most choices that are kept for being new.
+/// Maximum number of choices that are kept for being new.
 const POOL_MAX: usize = 20_000;
 /// Cases that a thread takes at once.
 const CHUNK: u64 = 16;
@@ -25,7 +26,7 @@ const CHUNK: u64 = 16;
 /// The first case of a cause.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FirstCase {
-    /// What is wrong.
+    /// The error.
     pub fault: Violation,
     /// The choices that brought it about.
     pub choices: Vec<u8>,

@@ -1,4 +1,4 @@
-//! What a fuzzer leaves behind, and goes on from.
+//! What a fuzzer leaves behind, and continues from.
 //!
 //! ```text
 //! fuzz.json                     what is fuzzed, how many cases were tried, how often each cause
@@ -27,7 +27,7 @@ pub struct FuzzPlan {
     pub seed: u64,
     /// Text of the scenario, if one is fuzzed.
     pub scenario: Option<String>,
-    /// What of it is made anew, as on the command line.
+    /// What of it is made again, as on the command line.
     pub vary: String,
     /// Defects that were switched on.
     pub defects: Vec<String>,
@@ -65,7 +65,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Opens `dir`, or makes it, to go on with `plan`.
+    /// Opens `dir`, or makes it, to continue with `plan`.
     ///
     /// # Errors
     /// If it cannot be written, or belongs to another plan.

@@ -94,7 +94,7 @@ mod tests {
         assert_ne!(make(3), make(4));
     }
 
-    /// Splices double a string; it must not grow for ever.
+    /// Splices double a string; it must not grow forever.
     #[test]
     fn choices_stay_short() {
         let pool = vec![vec![7; LEN_MAX]];

@@ -21,7 +21,7 @@ pub struct Missions {
 const CASE: &str = "case.toml";
 
 impl Missions {
-    /// What is made of `scenario` when `vary` of it is made anew.
+    /// What is made of `scenario` when `vary` of it is made again.
     pub const fn new(scenario: Scenario, source: Source, vary: Vary) -> Self {
         Self {
             scenario,
@@ -259,7 +259,7 @@ mod tests {
         }
     }
 
-    /// Five seconds stay five seconds, whatever is made anew, and all faults end within them. A
+    /// Five seconds stay five seconds, whatever is made again, and all faults end within them. A
     /// mission of ninety may last half as long again: its goals are judged then.
     #[test]
     fn a_case_lasts_as_long_as_its_scenario() {

@@ -25,7 +25,7 @@ use tape::Tape;
 trait Bench: Sync {
     /// Name of the subject.
     const NAME: &'static str;
-    /// Names of the ports on which it hears, with their rates.
+    /// Names of the ports on which it receives, with their rates.
     const PORTS: &'static [(&'static str, u32)];
 
     /// The session that `choices` make.

@@ -47,7 +47,7 @@ pub struct Behaviour {
     marks: Vec<u32>,
 }
 
-/// Marks that are told apart.
+/// Marks that are distinguished.
 pub(super) const MARKS: u32 = 1 << 20;
 
 impl Behaviour {
@@ -97,7 +97,7 @@ pub struct Kept {
     pub files: Vec<(&'static str, Vec<u8>)>,
 }
 
-/// Something that takes any bytes.
+/// A decoder that accepts any bytes.
 pub trait Subject: Sync {
     /// Its name, as on the command line and of its folder in the corpus.
     fn name(&self) -> &str;

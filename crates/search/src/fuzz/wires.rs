@@ -172,7 +172,7 @@ mod tests {
         assert_eq!(of_atoms(&atoms_of(&stream)).to_text(), text);
     }
 
-    /// A decoder that gives up for ever at a read of 64 registers or more. Nothing of the stream
+    /// A decoder that gives up forever at a read of 64 registers or more. Nothing of the stream
     /// matters but such a frame's three bytes and that they are a frame.
     static BROKEN: Target = Target {
         check: |stream| {

@@ -4,7 +4,7 @@ use super::dice::Draw;
 use super::ground::Ground;
 use engine::scenario::{Scenario, WorldSpec};
 
-/// Most walls and pieces of furniture that are moved.
+/// Maximum number of walls and pieces of furniture that are moved.
 const MOVES_MAX: u64 = 4;
 /// How far, in centimetres to each side.
 const MOVE_CM: u64 = 20;

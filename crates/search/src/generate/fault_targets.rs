@@ -20,9 +20,9 @@ pub(super) struct Device {
     pub(super) name: String,
     /// The faults that it knows.
     pub(super) faults: &'static [&'static str],
-    /// Whether its registers can be looked at.
+    /// Whether its registers can be checked.
     pub(super) has_registers: bool,
-    /// Whether it sends messages. What has levels alone is read when it is looked at, never late.
+    /// Whether it sends messages. What has levels alone is read when it is checked, never late.
     pub(super) has_messages: bool,
     /// Whether its robot searches until all is seen, and goes home before if its battery is low.
     has_to_last: bool,
@@ -154,7 +154,7 @@ impl FaultTargets {
         self.devices.iter().filter(can).collect()
     }
 
-    /// Devices whose registers can be looked at.
+    /// Devices whose registers can be checked.
     pub(super) fn with_registers(&self) -> Vec<&Device> {
         let devices = self.devices.iter();
         devices.filter(|device| device.has_registers).collect()

@@ -6,7 +6,7 @@ use engine::scenario::{
     Span, Step, WhenSpec,
 };
 
-/// Most faults of a mission.
+/// Maximum number of faults of a mission.
 const FAULTS_MAX: u64 = 12;
 /// Chances per byte, from one in ten thousand to one in thirty.
 const RATES: [f64; 6] = [0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03];

@@ -40,7 +40,7 @@ pub(super) fn steps(waypoints: &[[f64; 2]], dice: &mut Draw) -> Vec<Step> {
 }
 
 /// The last steps of a mission: an operator who sees the robot stand tries again. After the last
-/// fault the port is opened anew, and waypoints that the robot did not confirm are sent again. If
+/// fault the port is opened again, and waypoints that the robot did not confirm are sent again. If
 /// the mission is not done a while later, because the robot took another place for a waypoint, or
 /// went home with a low battery, it is given once more.
 pub(super) fn once_more(mission: &Mission) -> [Step; 3] {

@@ -11,7 +11,7 @@ use engine::scenario::{PillarSpec, Scenario, Span, StartSpec, WorldSpec};
 const FLOORS: u8 = 4;
 /// Cells on which a mission makes sense: a square metre.
 const CELLS_MIN: usize = 250;
-/// Most obstacles that are added.
+/// Maximum number of obstacles that are added.
 const OBSTACLES_MAX: u64 = 3;
 /// What they leave of the ground, in tenths.
 const LEFT_OF_10: usize = 8;

@@ -20,7 +20,7 @@ const START_MAX: usize = 4;
 const TAIL_MAX: usize = 2;
 /// Last place of a checksum in a header.
 const HEAD_MAX: usize = 12;
-/// Frames that are looked at.
+/// Frames that are checked.
 const FRAMES_MAX: usize = 64;
 /// Most evidence of a sum over bytes of which only one changes.
 const COPY_BITS: f64 = 16.0;

@@ -9,7 +9,7 @@ use capture::Capture;
 use capture::import::{self, Format, Options};
 use engine::codec::wire::{Piece, Stream};
 
-/// Most files of a folder, and most bytes of a file that is no capture.
+/// Maximum number of files of a folder, and most bytes of a file that is no capture.
 const FILES_MAX: usize = 10_000;
 const FILE_BYTES_MAX: u64 = 16 << 20;
 /// The first bytes of a pcapng file.
@@ -30,7 +30,7 @@ pub enum CorpusError {
     /// A file or a folder.
     #[error("--corpus {path}: {1}", path = .0.display())]
     Read(PathBuf, io::Error),
-    /// A file does not say what it should.
+    /// A file has the wrong content.
     #[error("--corpus {path}: {1}", path = .0.display())]
     Content(PathBuf, String),
 }

@@ -1,5 +1,5 @@
-//! How frames of an unknown format are told apart: by what ends or begins them, by their stuffing
-//! and by what they tell of their length.
+//! How frames of an unknown format are distinguished: by what ends or begins them, by their
+//! stuffing and by what they tell of their length.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,7 +14,7 @@ const LENGTH_BITS: f64 = 10.0;
 const LENGTHS_MAX: usize = 3;
 /// Share of chunks of which one may not end as the others, or not be stuffed as they are.
 const DAMAGED_SHARE: usize = 8;
-/// Bytes that are looked at.
+/// Number of checked bytes.
 const BYTES_MAX: usize = 64 << 10;
 /// Ends of frames that are tried first, each with its stuffing.
 const ENDS: [(&[u8], &[u8], Coding); 8] = [
@@ -76,7 +76,7 @@ pub(crate) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
     })
 }
 
-/// So many of `chunks` as are looked at.
+/// So many of `chunks` as are checked.
 fn few(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
     let mut room = BYTES_MAX;
     let mut few = Vec::new();

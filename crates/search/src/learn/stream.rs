@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How frames of a stream are told apart.
+/// How frames of a stream are distinguished.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Cutting {
     /// First bytes of each frame.
@@ -30,7 +30,7 @@ pub(crate) enum How {
     },
 }
 
-/// Bytes that are looked at.
+/// Number of checked bytes.
 const BYTES_MAX: usize = 32 << 10;
 /// Sync bytes that are tried.
 const STARTS_MAX: usize = 10;

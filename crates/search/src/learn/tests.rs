@@ -124,7 +124,7 @@ fn a_damaged_frame_is_no_reason_to_give_up() {
 }
 
 /// Every algorithm, low byte first and high byte first, after a header that it leaves out: it holds
-/// in frames that are made anew by what was learned.
+/// in frames that are made again by what was learned.
 #[test]
 fn every_checksum_is_found() {
     for sum in sums::ALL.iter() {

@@ -13,7 +13,7 @@ use engine::scenario::{Scenario, ScenarioError, Source};
 
 /// Checkpoints of one run, evenly over its time; as many at most before what goes wrong.
 const POINTS: u32 = 24;
-/// Least time between two.
+/// Minimum time between two.
 const EVERY_MIN: Duration = Duration::from_millis(100);
 
 /// Runs the tries of a search in this process; each comes to what a run from the beginning does.
@@ -179,7 +179,7 @@ mod tests {
     }
 
     /// 400 ms have checkpoints each 100 ms, and one more before the cut at 250 ms, behind which
-    /// they count anew.
+    /// they count again.
     #[test]
     fn what_goes_wrong_has_a_checkpoint_before_it() {
         let text = "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"400ms\"\n\

@@ -14,7 +14,7 @@ use engine::rig::line::Direction;
 pub struct Unit {
     /// As it stands in the capture.
     pub record: Record,
-    /// The format in which it is a sound frame, if it is one.
+    /// The format in which it is a valid frame, if it is one.
     pub frame: Option<&'static Codec>,
 }
 
@@ -175,7 +175,7 @@ fn error_of(bytes: &[u8], codec: &'static Codec) -> &'static str {
     }
 }
 
-/// The fewest units, and the plainest bytes in them, for which `fails` still holds. In sound frames
+/// The fewest units, and the plainest bytes in them, for which `fails` still holds. In valid frames
 /// the payload is put to zero byte by byte; with `repairs` their checksums are made to fit again.
 ///
 /// `fails` holds for all of `units`.

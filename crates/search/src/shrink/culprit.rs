@@ -1,8 +1,8 @@
 use super::{Effort, Judged};
 use engine::scenario::Scenario;
 
-/// What a case fails for, as far as it can be taken out of it: what is left of the case must go on
-/// failing for it, and not for what was left out.
+/// What a case fails for, as far as it can be taken out of it: what is left of the case must
+/// continue failing for it, and not for what was left out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Culprit {
     /// Everything that goes wrong.

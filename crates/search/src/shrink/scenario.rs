@@ -79,7 +79,7 @@ fn nothing_in_the_end(case: &Scenario) -> Scenario {
     }
 }
 
-/// Least time by which faults are tried earlier.
+/// Minimum time by which faults are tried earlier.
 const EARLIER_MIN: Duration = Duration::from_millis(100);
 
 type Fails<'a> = &'a mut dyn FnMut(&Scenario) -> bool;
@@ -177,8 +177,8 @@ fn shorter(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     }
 }
 
-/// Lets all that goes wrong, and the end of the run, come earlier: each try that cannot go on from
-/// a checkpoint is as long as the run.
+/// Lets all that goes wrong, and the end of the run, come earlier: each try that cannot continue
+/// from a checkpoint is as long as the run.
 fn earlier(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     let begin = |fault: &FaultSpec| {
         let waits = fault.at_byte.is_some() || fault.at_frame.is_some() || fault.when.is_some();

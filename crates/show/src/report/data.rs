@@ -31,9 +31,9 @@ use engine::run::history::Lane;
 use engine::run::score::PosePair;
 use engine::scenario::FaultSpec;
 
-/// Most points of a way.
+/// Maximum number of points of a way.
 const WAY_MAX: usize = 1500;
-/// Most points of a plot.
+/// Maximum number of points of a plot.
 const PLOT_MAX: usize = 500;
 
 /// The data of `outcome`, `events` marked on the time line.

@@ -8,9 +8,9 @@ use crate::html::escape;
 use engine::rig::line::Direction;
 use engine::scenario::{FaultSpec, Span};
 
-/// Most rows; case.toml has all faults.
+/// Maximum number of rows; case.toml has all faults.
 const ROWS_MAX: usize = 100;
-/// Most hits that are told by their bytes.
+/// Maximum number of hits that are reported by their bytes.
 const HITS_MAX: usize = 40;
 
 /// Hits of one kind on one direction of a link, as their bytes.

@@ -8,7 +8,7 @@ use super::sqlite::{self, Database, Table, Value};
 use super::{BagError, Contents, Meaning};
 use crate::finding::{Findings, Kind};
 
-/// With this every file begins.
+/// First bytes of every file.
 pub const MAGIC: &[u8] = sqlite::MAGIC;
 
 /// Adds what a file holds, as far as it is sound.

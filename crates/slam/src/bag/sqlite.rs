@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! page: | kind u8 | 2 | cells u16 | 3 | right u32, if inner | cells' places u16 .. |   big-endian
-//! leaf's cell: | length varint | row varint | header, values | next page u32, if they go on |
+//! leaf's cell: | length varint | row varint | header, values | next page u32, if they continue |
 //! ```
 //!
 //! By hand, since the library in C takes 53 s to compile with optimisation, 9 s without, and gives
@@ -13,7 +13,7 @@ use std::borrow::Cow;
 
 use crate::finding::{Findings, Kind};
 
-/// With this every file begins.
+/// First bytes of every file.
 pub(super) const MAGIC: &[u8] = b"SQLite format 3\0";
 /// The file's header, which is on its first page.
 const HEADER: usize = 100;

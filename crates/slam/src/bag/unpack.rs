@@ -6,7 +6,7 @@ use std::io::Read;
 use lz4_flex::frame::FrameDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
-/// Most bytes that a file or a part of it may unpack to.
+/// Maximum number of bytes that a file or a part of it may unpack to.
 pub const BYTES_MAX: u64 = 1 << 30;
 
 /// A packed file may always unpack to this.
@@ -14,11 +14,11 @@ const SMALL: u64 = 64 << 20;
 /// Beyond that, how many times its own length. Logs of sensors, in text too, pack to a tenth or so.
 const RATIO_MAX: u64 = 100;
 
-/// How packed bytes begin.
+/// First bytes of compressed data.
 pub const GZIP: &[u8] = &[0x1F, 0x8B];
-/// How packed bytes begin.
+/// First bytes of compressed data.
 pub const ZSTD: &[u8] = &[0x28, 0xB5, 0x2F, 0xFD];
-/// How packed bytes begin.
+/// First bytes of compressed data.
 pub const LZ4: &[u8] = &[0x04, 0x22, 0x4D, 0x18];
 
 /// What came out, and why not more.
@@ -26,7 +26,7 @@ pub const LZ4: &[u8] = &[0x04, 0x22, 0x4D, 0x18];
 pub struct Unpacked {
     /// All bytes before the damage; none of what is over the limit.
     pub bytes: Vec<u8>,
-    /// What is wrong.
+    /// The error.
     pub error: Option<String>,
 }
 

@@ -27,7 +27,7 @@ impl PoseKind {
         }
     }
 
-    /// Behind each scan of a corrected log the odometry begins anew at the scan's pose, without a
+    /// Behind each scan of a corrected log the odometry begins again at the scan's pose, without a
     /// time of its own or after a jump at the same time.
     pub(super) fn of(messages: &[Message]) -> Self {
         let (mut corrected, mut plain) = (0_u32, 0_u32);

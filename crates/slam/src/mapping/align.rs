@@ -31,7 +31,7 @@ fn difference(a: Pose, b: Pose) -> [f64; 3] {
     [a.x - b.x, a.y - b.y, wrap_angle(a.theta - b.theta)]
 }
 
-/// What came of it.
+/// The result.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fit {
     pub(crate) pose: Pose,

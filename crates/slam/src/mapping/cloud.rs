@@ -9,7 +9,7 @@ pub struct Spot {
     pub at: [f32; 2],
     /// Unit vector across the wall, towards the lidar; zero if unknown.
     pub normal: [f32; 2],
-    /// Whether the wall goes on from the spot before.
+    /// Whether the wall continues from the spot before.
     pub is_joined: bool,
 }
 

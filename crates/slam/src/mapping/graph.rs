@@ -46,7 +46,7 @@ pub struct Graph {
     around: Vec<Vec<usize>>,
 }
 
-/// Squared deviations from which on a loop is heard less and less.
+/// Squared deviations from which on a loop is weighted less and less.
 const LOOP_FREE: f64 = 12.0;
 /// The first pose stays.
 const HELD: f64 = 1e12;

@@ -25,7 +25,7 @@ pub struct Sheet {
 pub const UNKNOWN: u8 = 127;
 /// Cells along an edge of a tile.
 const TILE: usize = 64;
-/// Most cells of a sheet: more are drawn coarser.
+/// Maximum number of cells of a sheet: more are drawn coarser.
 const CELLS_MAX: f64 = 4e8;
 /// A beam's end says as much as so many beams that went through.
 const END: u32 = 3;

@@ -78,7 +78,7 @@ impl Surfels {
         middle.map(|m| cell(m) - self.side / 2)
     }
 
-    /// Forgets everything and begins anew around another place.
+    /// Forgets everything and begins again around another place.
     pub(crate) fn clear(&mut self, middle: [f32; 2]) {
         self.corner = self.corner_for(middle);
         self.index.fill(0);
@@ -316,7 +316,7 @@ pub(crate) fn lies_along(a: [f32; 2], b: [f32; 2], normal: [f32; 2]) -> bool {
 /// Sine of the greatest angle between a wall and what is drawn as its part.
 const ACROSS_MOST: f32 = 0.25;
 
-/// Least product of two normals of one wall.
+/// Minimum product of two normals of one wall.
 const ALIKE: f32 = 0.7;
 /// How much a way along a wall counts against one across.
 const ALONG: f32 = 0.1;

@@ -19,10 +19,10 @@ use closing::Closing;
 pub use localise::{Localiser, WallPoint};
 use summits::{best_fit, window};
 
-/// What the mapper is told once.
+/// Fixed settings of the mapper.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Whether places seen again are looked for.
+    /// Whether loop closures are searched.
     pub closes_loops: bool,
     /// Where the way begins.
     pub start: Pose,
@@ -40,7 +40,7 @@ impl Default for Settings {
     }
 }
 
-/// What became of a scan.
+/// Result of a scan.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
     /// Where it was taken, as far as is known by now.
@@ -90,7 +90,7 @@ pub struct Mapper {
 
 /// To each side of the walls' middle, metres.
 const WALLS_M: f32 = 50.0;
-/// Farther from the middle the walls are drawn anew.
+/// Farther from the middle the walls are drawn again.
 const OFF_MIDDLE_M: f64 = 8.0;
 
 /// Way back that walls are remembered for, metres, and keyframes in them at most.
@@ -116,7 +116,7 @@ const BIAS_MOST: f64 = 0.1;
 /// Errors of wheels that slip, as a part of what is usual, at least.
 const RARE: f64 = 0.7;
 /// Deviations of wheels that do not, in mean errors: of the way and of turns. A scan's error of
-/// place is one of its neighbours' too, so the wheels are heard more than their own error says.
+/// place is one of its neighbours' too, so the wheels are weighted more than their own error says.
 const USUAL: [f64; 2] = [0.7, 1.0];
 /// Squared deviations up to which wheels have not slipped.
 const SLIPPED: f64 = 12.0;
@@ -344,7 +344,7 @@ impl Mapper {
         here.nth(KNOWN_BY - 2).map(|_| nearest)
     }
 
-    /// The robot is where an old keyframe stands: it goes on from there.
+    /// The robot is where an old keyframe stands: it continues from there.
     fn lean_on(&mut self, old: usize, fit: &Fit) {
         self.at = old;
         self.scans
@@ -406,7 +406,7 @@ impl Mapper {
             || libm::hypot(self.pose.x - x, self.pose.y - y) > OFF_MIDDLE_M
     }
 
-    /// Draws the walls anew: those that belong to where the robot is, whatever way it came.
+    /// Draws the walls again: those that belong to where the robot is, whatever way it came.
     fn redraw(&mut self) {
         let walk = Walk::of(&self.graph, self.at, LATELY_M);
         let near: Vec<usize> = walk.take(DRAWN_MAX / 2).collect();
@@ -426,12 +426,12 @@ impl Mapper {
         scans.map(|(key, from)| moved(poses[*key], *from)).collect()
     }
 
-    /// How often a place looked like several.
+    /// Number of ambiguous places.
     pub const fn ambiguous(&self) -> usize {
         self.closing.ambiguous
     }
 
-    /// Loops that were closed and opened again, since everything else contradicted them.
+    /// Loop closures that were removed because all other data contradicted them.
     pub const fn dropped_loops(&self) -> usize {
         self.closing.dropped
     }
@@ -568,7 +568,8 @@ mod tests {
         }
     }
 
-    /// What wheels that go on lying hid for four scans is 0.7 m away: each makes the search wider.
+    /// What wheels that continue lying hid for four scans is 0.7 m away: each makes the search
+    /// wider.
     #[test]
     fn what_is_not_found_is_looked_for_farther_off() {
         assert!(off(0.6, 0.95, 0) > 0.5);
@@ -641,7 +642,7 @@ mod tests {
     }
 
     /// At stake: one scan that fits little, and that far from where the wheels have it, is laid
-    /// askew, and what sees the place again is tied to it.
+    /// skewed, and what sees the place again is tied to it.
     #[test]
     fn who_contradicts_the_wheels_must_lie_on_walls() {
         let (off, outcome) = seen_in_part(2);

@@ -246,7 +246,7 @@ fn f3_a_write_over_the_motors_state_changes_it() {
     assert_eq!(bench.read(36, 1), [0x44]);
     assert_eq!(bench.read(40, 4), [0x22, 0x11, 0, 0]);
     bench.run(100 * MS);
-    // What was written to the battery's reading is measured anew: 95 percent.
+    // What was written to the battery's reading is measured again: 95 percent.
     assert_eq!(bench.read(33, 4), [0x30, 0x00, 0x5F, 0x44]);
     // A measured speed stays until the regulator runs: at most 40 ms.
     let mut data = bench.read(255, 79);
@@ -344,7 +344,7 @@ fn point_05_of_twenty_frames_without_a_gap_three_or_four_are_answered() {
     assert_eq!(judge_burst(burst_shares(&hex("AB 24 01 00 D0"))), Ok(()));
 }
 
-/// Least and most time to an answer, ns, of reads that end 1 us behind each of the `ticks`.
+/// Minimum and most time to an answer, ns, of reads that end 1 us behind each of the `ticks`.
 fn held_up(bench: &mut Bench, ticks: impl Iterator<Item = u32>) -> [u128; 2] {
     let mut bounds = [u128::MAX, 0];
     for tick in ticks {

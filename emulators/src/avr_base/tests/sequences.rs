@@ -142,7 +142,7 @@ fn held(bench: &Bench) -> Vec<u8> {
     (FIRST..=LAST).map(|r| bench.base.register(r)).collect()
 }
 
-/// Whether the base has lost a sound frame since the last look, AV-21: one in 20,000.
+/// Whether the base has lost a valid frame since the last look, AV-21: one in 20,000.
 fn has_vanished(bench: &mut Bench) -> bool {
     bench.notes().iter().any(|note| note.1 == "frame-vanished")
 }

@@ -273,7 +273,7 @@ fn the_regulator_holds_the_speed_of_its_set_point() {
     }
 }
 
-/// Stand-by lets the motors run out; the regulator goes on and the registers stay.
+/// Stand-by lets the motors run out; the regulator continues and the registers stay.
 #[test]
 fn stand_by_lets_the_motors_go() {
     let mut bench = Bench::new(in_phase(Profile::Document));
@@ -318,7 +318,7 @@ fn a_late_poll_does_not_upset_the_regulator() {
     assert!((18..=22).contains(&speed), "{speed}");
 }
 
-/// A processor that starts anew knows nothing of before: counts begin at 0, speeds are 0, the
+/// A processor that restarts knows nothing of before: counts begin at 0, speeds are 0, the
 /// driver lets go, and no answer comes before it is up.
 #[test]
 fn a_reset_forgets_everything() {
@@ -343,7 +343,7 @@ fn a_reset_forgets_everything() {
     }
 }
 
-/// Percent never rise, but a firmware that starts anew has seen nothing lower yet. 12.4 V read as
+/// Percent never rise, but a firmware that restarts has seen nothing lower yet. 12.4 V read as
 /// 12390 mV: 0.037 * 12390 - 363 = 95.
 #[test]
 fn a_reset_forgets_the_lowest_voltage() {

@@ -333,7 +333,7 @@ fn breaks_and_noise_are_told_while_there_is_supply() {
     assert_eq!(told(Rplidar::UART, LineEvent::Break, true), [""; 0]);
 }
 
-/// The A1 knows no speed of its motor: the request is refused, and a scan goes on.
+/// The A1 knows no speed of its motor: the request is refused, and a scan continues.
 #[test]
 fn a_speed_that_is_not_understood_ends_no_scan() {
     let mut bench = plain();

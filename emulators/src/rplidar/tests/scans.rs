@@ -336,7 +336,7 @@ fn any_request_ends_a_scan_and_is_then_handled() {
     assert!(bench.run_ms(1_000).bytes.is_empty());
 }
 
-/// SCAN while scanning begins anew, STOP ends it.
+/// SCAN while scanning begins again, STOP ends it.
 #[test]
 fn a_second_scan_request_restarts_the_scan() {
     let mut bench = plain();
@@ -373,7 +373,7 @@ fn protection_stop_is_silent_until_reset() {
     assert!(bench.nodes().len() > 1_900);
 }
 
-/// A short disturbance pauses the nodes; no descriptor comes when they go on.
+/// A short disturbance pauses the nodes; no descriptor comes when they continue.
 #[test]
 fn a_head_that_is_freed_in_time_goes_on() {
     let mut bench = plain();

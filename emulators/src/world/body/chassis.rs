@@ -16,7 +16,7 @@ use super::{BodyConfig, Drive};
 /// Footprint, actuators and encoders are the same lists in the same order for the whole life of the
 /// chassis; indices are places in them. No index beyond its list is ever passed.
 ///
-/// Equal chassis behave alike for ever, and a clone goes on as its original does: no clock, no
+/// Equal chassis behave alike forever, and a clone continues as its original does: no clock, no
 /// chance but [named streams](crate::rng) of the chassis's own, drawn by the step and not by
 /// what the robot does. It need not know walls: the world keeps the body out of them, and its
 /// wheels slip meanwhile.
@@ -82,9 +82,9 @@ pub struct Velocity {
 pub struct Actuator {
     /// Stable name in snake case, unique in its chassis.
     pub name: String,
-    /// What it is.
+    /// A short description.
     pub kind: ActuatorKind,
-    /// Least and greatest value in the unit of its kind; what is beyond counts as the nearest.
+    /// Minimum and maximum value in the unit of its kind; what is beyond counts as the nearest.
     pub range: [f64; 2],
 }
 
@@ -156,7 +156,7 @@ impl Actuator {
     }
 }
 
-/// What an actuator is told to do.
+/// Command of an actuator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Command {
@@ -270,7 +270,7 @@ pub enum CommandError {
     Unfit {
         /// Its name.
         actuator: String,
-        /// What it is.
+        /// A short description.
         kind: ActuatorKind,
         /// What it was to do.
         command: Command,

@@ -106,7 +106,7 @@ impl BodyConfig {
         TAU * self.wheel_radius_m / f64::from(self.ticks_per_turn)
     }
 
-    /// Speed of a wheel that is driven for long, m/s.
+    /// Final speed of a driven wheel, m/s.
     pub fn steady_speed_m_s(&self, drive: Drive) -> f64 {
         self.motor().steady_speed_m_s(drive)
     }
@@ -172,7 +172,7 @@ pub struct BodyError {
     pub field: &'static str,
     /// As given.
     pub found: f64,
-    /// Least allowed.
+    /// Minimum allowed.
     pub min: f64,
     /// Greatest allowed.
     pub max: f64,

@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::world::geometry::{Point, Pose};
 
-/// Least and greatest radius of a disc, metres.
+/// Minimum and maximum radius of a disc, metres.
 const RADIUS_M: [f64; 2] = [0.02, 2.0];
 /// Corners of an outline at most: a collision costs a look at each.
 const CORNERS_MAX: usize = 64;

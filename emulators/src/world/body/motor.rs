@@ -47,7 +47,7 @@ pub enum Reversing {
 }
 
 impl MotorFigures {
-    /// Speed of a wheel that is driven for long, m/s.
+    /// Final speed of a driven wheel, m/s.
     pub(super) fn steady_speed_m_s(&self, drive: Drive) -> f64 {
         let Drive::Power(power) = drive else {
             return 0.0;

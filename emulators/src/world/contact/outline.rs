@@ -35,7 +35,7 @@ const PIECE_M: f64 = 2e-3;
 const PIECES_MAX: u32 = 20;
 /// Halvings of the last piece: 2 nm are left of it.
 const HALVINGS: u32 = 20;
-/// Least part of a step that is worth making.
+/// Minimum part of a step that is worth making.
 const PART_MIN: f64 = 1e-6;
 
 /// A surface that the body may meet in one step.

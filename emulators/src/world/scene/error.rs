@@ -9,7 +9,7 @@ use crate::world::geometry::Bounds;
 pub struct SceneError {
     /// The part at fault.
     pub part: Part,
-    /// What is wrong with it.
+    /// The error.
     pub cause: Cause,
 }
 

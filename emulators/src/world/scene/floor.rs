@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::Scene;
 use crate::world::geometry::Point;
 
-/// Least and greatest width of a line, metres.
+/// Minimum and maximum width of a line, metres.
 const WIDTH_M: [f64; 2] = [1e-3, 1.0];
 
 /// A straight line on the floor with round ends.

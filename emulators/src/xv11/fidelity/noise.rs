@@ -14,7 +14,7 @@ const PAIRS_MIN: u64 = 300;
 /// One class of distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bin {
-    /// Least distance of the class, millimetres.
+    /// Minimum distance of the class, millimetres.
     pub from_mm: u16,
     /// Differences it holds.
     pub pairs: u64,

@@ -6,7 +6,7 @@ use super::{Firmware, Phase};
 use crate::xv11::Xv11;
 
 const ESC: u8 = 0x1B;
-/// Most bytes shown with a violation.
+/// Maximum number of bytes shown with a violation.
 const SHOWN_BYTES: usize = 64;
 
 impl Xv11 {

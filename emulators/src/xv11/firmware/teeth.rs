@@ -17,7 +17,7 @@ use crate::xv11::{Fault, Xv11};
 const RESYNC_READINGS: u8 = 3;
 /// The first tooth slower than this is taken for two: 175.6 rpm was, 183.3 rpm was not.
 const DOUBLING_BELOW_RPM: f64 = 180.0;
-/// How far the head turns before measuring goes on after a doubled tooth, ...
+/// How far the head turns before measuring continues after a doubled tooth, ...
 const DOUBLING_PAUSE_DEG: f64 = 2.35;
 /// ... and slots measured until the mistake shows.
 const DOUBLING_SLOTS: u16 = 44;
@@ -352,7 +352,7 @@ mod tests {
         }
     }
 
-    /// 24 slots a tooth; measuring goes on in the fifth of the tooth after the next, also across
+    /// 24 slots a tooth; measuring continues in the fifth of the tooth after the next, also across
     /// the end of the turn. Half of 1/75 s is 600 rpm.
     #[test]
     fn a_doubled_tooth_leaves_the_turn_one_tooth_ahead() {
@@ -411,7 +411,7 @@ mod tests {
         }
     }
 
-    /// The fifteenth even tooth in a row locks, none before it, and counting begins anew.
+    /// The fifteenth even tooth in a row locks, none before it, and counting begins again.
     #[test]
     fn a_turn_of_even_teeth_locks() {
         let (mut lidar, seen) = turning(3, 1.0 / 75.0);

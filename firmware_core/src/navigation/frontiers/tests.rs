@@ -230,7 +230,7 @@ fn a_board_has_two_faces_in_the_end() {
     assert_eq!(outlook(&mut frontiers), [0, 0]);
 }
 
-/// A niche of 3 by 3 planner's cells in the wall at the far end of a hall, of which nothing is
+/// A niche of 3 by 3 planner's cells in the wall at the other end of a hall, of which nothing is
 /// known: a few cells. From 0.5 m away it is looked into; from 2.4 m away it is not worth the way,
 /// 80 cells, for which 6 + 80 / 4 = 26 would have to be unknown.
 #[test]

@@ -21,7 +21,7 @@ pub const SILENCE_MAX: Duration = Duration::from_secs(1);
 pub struct Defects {
     /// With both toggles on, what was sent last persists.
     pub both_persist: bool,
-    /// A phone that is gone goes on driving.
+    /// A phone that is gone continues driving.
     pub never_silent: bool,
 }
 
@@ -196,7 +196,7 @@ mod tests {
         assert!(!arbiter.hear(at(60), "/1/horn", 1.0));
     }
 
-    /// The kill switch comes last, and the planner goes on without the phone.
+    /// The kill switch comes last, and the planner continues without the phone.
     #[test]
     fn ap9_the_kill_switch_stops_in_every_mode() {
         let mut arbiter = Arbiter::new(Defects::default());

@@ -44,7 +44,7 @@ impl BoardOdometry {
     }
 
     /// Where it is now, if the motor has stood since the last frame: a board that is silent may be
-    /// starting anew.
+    /// starting again.
     pub fn pose_at(&self, now: Instant) -> CarPose {
         let rolled_m = self
             .heard
@@ -151,7 +151,7 @@ mod tests {
         assert!((board.pose().x_m - 3.0 * PULSE_M).abs() < 1e-3);
     }
 
-    /// At 0.22 m/s for 4 s, then 0.4 s without a frame, and a counter that begins anew: the car
+    /// At 0.22 m/s for 4 s, then 0.4 s without a frame, and a counter that begins again: the car
     /// rolled 0.22 * 0.3 m * (1 - exp(-4/3)) = 48.6 mm; one that had stopped before did not. A
     /// pulse is 25 mm of it.
     #[test]

@@ -21,10 +21,10 @@ const BLIND_M: f64 = 0.55;
 /// How often an obstacle must have been seen more than seen through to be one.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 6;
-/// Half of the middle of an ultrasonic cone, which is open as far as it hears nothing.
+/// Half of the middle of an ultrasonic cone, which is open as far as it receives nothing.
 const CONE_RAD: f64 = 0.1;
-/// What is heard nearer than this is entered across the whole cone, metres: that is narrower than
-/// the car there. Farther away the echo may come from a post beside the way.
+/// What is heard nearer than this is entered across the whole cone, metres: that is narrower
+/// than the car there. Farther away the echo may come from a post beside the way.
 const HEARD_M: f64 = 0.27;
 /// Half of the whole cone.
 const WHOLE_CONE_RAD: f64 = 0.38;

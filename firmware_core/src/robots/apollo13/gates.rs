@@ -13,7 +13,7 @@ use crate::ackermann::{CarPose, wrapped};
 /// What makes a gate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Least width: 0.33 m of the car and 5 cm to each side.
+    /// Minimum width: 0.33 m of the car and 5 cm to each side.
     pub width_min_m: f64,
     /// Greatest width: farther apart two markers are of different gates.
     pub width_max_m: f64,
@@ -124,7 +124,7 @@ impl Gates {
     }
 
     /// The car is not at `from`, where it believed to be, but at `to`: what stands near it goes
-    /// along until it is seen anew, once. Where the other markers were seen is forgotten, but not
+    /// along until it is seen again, once. Where the other markers were seen is forgotten, but not
     /// which gates were passed.
     pub fn carry(&mut self, from: CarPose, to: CarPose) {
         self.markers.retain(|_, Marker { mean_m, seen }| {
@@ -482,7 +482,7 @@ mod tests {
             panic!("{markers:?}");
         };
         assert!((x_m + 1.0).abs() < 1e-9 && (y_m - 0.5).abs() < 1e-9);
-        // Seen anew it is where it is seen, half of it at once.
+        // Seen again it is where it is seen, half of it at once.
         gates.see(1, [-1.0, 0.7]);
         let (_, [_, y_m]) = gates.markers().next().unwrap();
         assert!((y_m - 0.6).abs() < 1e-9);

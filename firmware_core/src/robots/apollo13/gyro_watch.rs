@@ -1,6 +1,6 @@
 //! Watches whether the gyroscope still measures.
 //!
-//! A chip whose registers are stuck tells one rate for ever; the odometer adds it up to a heading,
+//! A chip whose registers are stuck tells one rate forever; the odometer adds it up to a heading,
 //! and its lines look sound. But a gyroscope that measures is never quiet: 0.05 degrees a second of
 //! noise (MPU-6050, data sheet) are 0.8 of its steps of 0.061 at 2,000 degrees a second, so that
 //! one line in three tells the rate of the line before. As many in a row as are counted here come
@@ -41,9 +41,9 @@ impl GyroWatch {
         self.same >= SAME_MAX
     }
 
-    /// A line, and how the wheels were steered, radians; what to add to the heading that it tells,
-    /// radians: 0 while the chip measures. It was stuck from the first of the same lines on, so the
-    /// turn of all of them is set right at once.
+    /// A line, and how the wheels were steered, radians; what to add to the heading that it
+    /// reports, radians: 0 while the chip measures. It was stuck from the first of the same lines
+    /// on, so the turn of all of them is set right at once.
     pub fn hear(&mut self, reading: Reading, steering_rad: f64) -> f64 {
         let Some(before) = self.before.replace(reading) else {
             return 0.0;

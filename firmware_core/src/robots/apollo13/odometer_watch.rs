@@ -2,8 +2,8 @@
 //!
 //! Its microcontroller takes the gyroscope's offset when it starts, from samples at rest. It starts
 //! whenever its port is opened, and by itself after a loss of supply. So an odometer that fell
-//! silent, or that began anew while the car was rolling, is started once more by opening its port,
-//! with the car at rest. If it stays silent, the car goes on by what its board tells.
+//! silent, or that began again while the car was rolling, is started once more by opening its port,
+//! with the car at rest. If it stays silent, the car continues by what its board tells.
 
 use core::time::Duration;
 
@@ -21,7 +21,7 @@ const CALIBRATED_BEFORE: Duration = Duration::from_millis(200);
 const PATIENCE: Duration = Duration::from_secs(3);
 /// The first line comes 1.10 s after the port was opened, that of the later sketch 2.24 s.
 const ANSWERS: Duration = Duration::from_millis(2_800);
-/// Attempts until the car goes on without.
+/// Attempts until the car continues without.
 const ATTEMPTS: u8 = 3;
 /// After so long without it, one attempt more.
 const ONCE_MORE: Duration = Duration::from_secs(30);
@@ -260,7 +260,8 @@ mod tests {
         );
     }
 
-    /// Silent from 1 s on, it is heard again before its port is opened: nothing is done about it.
+    /// Silent from 1 s on, it is heard again before its port is opened: nothing is done about
+    /// it.
     #[test]
     fn an_odometer_that_is_heard_again_is_not_opened() {
         let mut watch = OdometerWatch::default();
@@ -277,7 +278,7 @@ mod tests {
         assert!(opened.is_empty() && watch.openings() == 0);
     }
 
-    /// Opened, it goes on with lines that are not the first: its port had no reset line.
+    /// Opened, it continues with lines that are not the first: its port had no reset line.
     #[test]
     fn an_odometer_that_goes_on_behind_its_opening_is_believed() {
         let mut watch = OdometerWatch::default();

@@ -1,4 +1,4 @@
-//! Drives to a goal: plans, follows, and plans anew when something is in the way.
+//! Drives to a goal: plans, follows, and plans again when something is in the way.
 
 use alloc::vec::Vec;
 use core::time::Duration;
@@ -10,7 +10,7 @@ use crate::ackermann::{CarPose, wrapped};
 use crate::costmap::Costmap;
 use crate::lattice::{Goal, Lattice, Limits, NoPlan, Outline, PrimitiveSet};
 
-/// How often the way ahead is looked at.
+/// How often the way ahead is checked.
 const LOOKS_EVERY: Duration = Duration::from_millis(200);
 /// Plans in a row that do not help before the goal is given up.
 const PLANS_MAX: u8 = 8;
@@ -29,7 +29,7 @@ pub enum GoalState {
     Driving,
     /// It stands and looks for a way.
     Planning,
-    /// It is there.
+    /// It exists.
     Reached,
     /// There is no way, or none that could be driven.
     GivenUp,
@@ -123,7 +123,7 @@ impl Pilot {
         is_at_it && self.goal == Some(goal)
     }
 
-    /// What became of it.
+    /// Its result.
     pub const fn state(&self) -> GoalState {
         self.state
     }
@@ -230,7 +230,7 @@ impl Pilot {
         }
     }
 
-    /// A plan was not made or not driven; where the car has got on since, that counts anew.
+    /// A plan was not made or not driven; where the car has got on since, that counts again.
     fn fail(&mut self, pose: CarPose) {
         self.follower = None;
         if self

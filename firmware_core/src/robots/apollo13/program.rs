@@ -1,4 +1,4 @@
-//! The whole program: what it hears on its five ports, what it decides, what it sends.
+//! The whole program: what it receives on its five ports, what it decides, what it sends.
 //!
 //! | port | speaks |
 //! |---|---|
@@ -91,7 +91,7 @@ pub struct Config {
     pub wall: Option<(Side, f64)>,
     /// Of the localisation's dice.
     pub seed: u64,
-    /// What is wrong with it.
+    /// The error.
     pub defects: Defects,
 }
 

@@ -24,7 +24,7 @@ pub struct RawLines {
 }
 
 impl RawLines {
-    /// What a line comes to. After a reset of the board its time begins anew.
+    /// What a line comes to. After a reset of the board its time begins again.
     pub fn read(&mut self, raw: &Raw) -> Reading {
         let before_m = self.told_m.unwrap_or(raw.distance);
         if raw.distance == 0.0 && before_m.abs() > RESET_M {
@@ -115,7 +115,7 @@ mod tests {
 
     /// Lines of 10.03 ms: what turns in the fiftieth, after half a second, is learned with 10.03
     /// of 500 parts; of 1 degree a second above the first line's there remain 0.97994. A count of
-    /// the encoder begins the half second anew.
+    /// the encoder begins the half second again.
     #[test]
     fn an_offset_is_learned_after_half_a_second_at_rest() {
         let mut lines = RawLines::default();

@@ -61,7 +61,7 @@ const SCANS_AT_REST: u32 = 10;
 const SCANS_MIN: u32 = 5;
 
 /// With edges left that the car could not get to, it goes back by so much of its way and tries them
-/// anew: from beside a corner there may be no way on. Metres, and how often.
+/// again: from beside a corner there may be no way on. Metres, and how often.
 const BACK_M: f64 = 2.5;
 const BACK_MAX: u8 = 1;
 /// After so many goals in a row that show fewer new cells than this, a quarter of a square metre,
@@ -221,8 +221,8 @@ impl Survey {
     }
 
     /// Whether the car keeps off a cell: it is an obstacle, or it is unseen and lies beside an
-    /// obstacle. A camera that looks ahead does not see how a wall goes on beside the car, nor the
-    /// corner that it turns around, and the way back is not looked at at all.
+    /// obstacle. A camera that looks ahead does not see how a wall continues beside the car, nor
+    /// the corner that it turns around, and the way back is not looked at at all.
     fn is_kept_off(&self, [x, y]: [usize; 2]) -> bool {
         let is_wall =
             |x: usize, y: usize| x < SIDE && self.cells.get(y * SIDE + x) == Some(&OBSTACLE);

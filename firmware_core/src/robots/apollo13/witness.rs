@@ -1,6 +1,6 @@
 //! Lays beside each other what the odometer and the board tell of the same way.
 //!
-//! An encoder whose wires are exchanged counts backwards, a gyroscope that is stuck turns for ever;
+//! An encoder whose wires are exchanged counts backwards, a gyroscope that is stuck turns forever;
 //! both lines look sound. The board's pulses and the steering that was commanded are coarse, but
 //! they come another way. For the travel the board is believed: no standing wheel makes pulses. For
 //! the turn neither source is believed: a servo may be dead as well as a gyroscope, and the camera
@@ -87,7 +87,7 @@ pub struct Witness {
 }
 
 impl Witness {
-    /// Begins anew: what was told up to here is settled, or cannot be compared.
+    /// Begins again: what was told up to here is settled, or cannot be compared.
     pub const fn begin(&mut self, told: Told) {
         (self.way, self.turn, self.heard) = (told, told, told.now);
     }
@@ -287,7 +287,7 @@ mod tests {
     }
 
     /// The board's line stands still for a second; its frames come at once then, a millisecond
-    /// apart, and tell of the 0.22 m that the odometer told of before. From then on both go on
+    /// apart, and tell of the 0.22 m that the odometer told of before. From then on both continue
     /// alike.
     #[test]
     fn frames_that_were_held_up_find_nothing() {

@@ -11,7 +11,7 @@ use crate::pose::Point;
 use crate::scan::{Mounting, WeakReadings};
 use crate::{pc_link, radio_setup, slam};
 
-/// What the robot is told once, before it starts.
+/// Settings of the robot before it starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
     /// Byte order of the register bus's checksum.
@@ -35,7 +35,7 @@ pub struct Config {
     pub turning: Turning,
     /// Whether it looks for what its lidar does not see.
     pub infrared: Infrared,
-    /// What the robot does until it is told otherwise.
+    /// Default behaviour of the robot.
     pub initial_mode: Mode,
     /// How the radio is set up before it is used; `None`: it is ready.
     pub radio_setup: Option<radio_setup::Settings>,

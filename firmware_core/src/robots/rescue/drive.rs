@@ -625,7 +625,7 @@ mod tests {
     }
 
     /// A base that says nothing is told to stand still, and asked ten times a second; with its
-    /// first answer all goes on.
+    /// first answer all continues.
     #[test]
     fn a_silent_base_is_asked_whether_it_is_back() {
         let mut drive = Drive::new(&Config::default());

@@ -36,7 +36,7 @@ const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
 const NEARLY_SCANS: u16 = 50;
 const NEARLY_MM: f32 = 500.0;
-/// Least progress towards a view, millimetres, within so many scans, 15 s. A robot below it is
+/// Minimum progress towards a view, millimetres, within so many scans, 15 s. A robot below it is
 /// stuck and gives the view up.
 const SHUFFLE_MM: f32 = 300.0;
 const SHUFFLE_SCANS: u8 = 75;
@@ -60,7 +60,7 @@ pub enum Progress {
     Seeks,
     /// Nothing that it can reach is unknown: it goes home.
     GoesHome,
-    /// It is there.
+    /// It exists.
     IsHome,
 }
 
@@ -564,7 +564,7 @@ mod tests {
         explore
     }
 
-    /// Within 300 mm for 75 scans: the 76th is too many. A robot that has moved farther goes on.
+    /// Within 300 mm for 75 scans: the 76th is too many. A robot that has moved farther continues.
     #[test]
     fn who_shuffles_before_a_view_for_15_seconds_gives_it_up() {
         let map = room(true);

@@ -40,7 +40,7 @@ impl Health {
         }
     }
 
-    /// An operator has ordered the robot to go on: the base does not report the release of its
+    /// An operator has ordered the robot to continue: the base does not report the release of its
     /// button.
     pub(super) const fn goes_on(&mut self) {
         self.is_stopped = false;
@@ -136,7 +136,7 @@ impl Rescue {
         self.lidar.speed_is_stable()
     }
 
-    /// What the PC is told.
+    /// Data sent to the PC.
     pub(super) fn diagnosis(&self) -> Diagnosis {
         let battery = self.drive.battery();
         let (lidar, base, pc) = (

@@ -323,7 +323,7 @@ mod tests {
         assert!(lidar.counters.bad_packets > 0 && lidar.counters.packets == 2);
     }
 
-    /// XV-08: the fielded program waits for its lidar, and goes on as if nothing had been.
+    /// XV-08: the fielded program waits for its lidar, and continues as if nothing had been.
     #[test]
     fn the_fielded_program_waits_for_its_lidar() {
         let mut lidar = lidar();

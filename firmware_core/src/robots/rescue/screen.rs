@@ -33,9 +33,9 @@ use crate::waypoints::Waypoints;
 pub(super) use layout::{Action, Hit};
 pub(super) use notice::{Notice, Notices};
 
-/// How often it is looked at what changed.
+/// How often it is checked what changed.
 const LOOK_PERIOD: Duration = Duration::from_millis(500);
-/// How often all of the map is looked at. The fielded program drew it anew every 200 ms, over a
+/// How often all of the map is checked. The fielded program drew it again every 200 ms, over a
 /// parallel bus; here it would fill the line, because walls waver with every scan.
 const SWEEP_PERIOD: Duration = Duration::from_secs(4);
 /// Two taps at one place within this time are a double tap.

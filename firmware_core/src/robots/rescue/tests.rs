@@ -233,8 +233,8 @@ fn an_order_by_hand_ends_after_a_second() {
     );
 }
 
-/// PU-16: a byte in its first millisecond ends the fielded program; nothing is heard, said or done
-/// any more.
+/// PU-16: a byte in its first millisecond ends the fielded program; nothing is heard, said or
+/// done any more.
 #[test]
 fn a_program_that_has_ended_does_nothing() {
     let config = Config::default().with_defect("PU-16").expect("it is known");
@@ -357,7 +357,7 @@ fn turn_the_lidar(robot: &mut Rescue, until: u64) {
     }
 }
 
-/// A turn is looked at once the encoders behind it have been read, or 30 ms later.
+/// A turn is checked once the encoders behind it have been read, or 30 ms later.
 #[test]
 fn a_turn_waits_for_the_encoders_for_thirty_milliseconds() {
     // A base that is silent would not be waited for.
@@ -503,7 +503,7 @@ fn waypoints_that_the_robot_stands_on_are_reached_at_once() {
     );
 }
 
-/// A search that goes on, and one that an operator has ended, report no result.
+/// A search that continues, and one that an operator has ended, report no result.
 #[test]
 fn only_a_search_that_ends_by_itself_is_told_on_the_display() {
     let mut robot = robot();

@@ -27,7 +27,7 @@ const SPEED_MAX_M_S: f32 = 0.5;
 /// A goal farther aside than this is not driven to.
 const ASIDE_RAD: f32 = 0.5;
 
-/// What the fielded program did wrong; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The last turn may go the long way round.
@@ -44,7 +44,7 @@ impl Defects {
     };
 }
 
-/// Where to go.
+/// The goal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Goal {
     pub(super) position: Point,

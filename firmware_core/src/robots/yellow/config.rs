@@ -1,7 +1,7 @@
 use super::Defects;
 use crate::pose::Pose;
 
-/// What the robot is told once, before it starts.
+/// Settings of the robot before it starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
     /// Where the robot stands when it is switched on: its odometry begins there.

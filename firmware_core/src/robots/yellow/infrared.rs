@@ -20,7 +20,7 @@ const OFFSET: f32 = FAR_VOLTS - SLOPE / FAR_M;
 /// The fielded program's curve: 0.58 (1 - sqrt(part of the reference)).
 const FIELDED_M: f32 = 0.58;
 
-/// What the fielded program did wrong; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// A curve that is right near the robot only: 0.8 m are read as 0.38 m.

@@ -37,7 +37,7 @@ const TURN_MAX: Duration = Duration::from_millis(1_500);
 const THREE_QUARTERS_Q6: u16 = 270 * 64;
 const QUARTER_Q6: u16 = 90 * 64;
 
-/// What the fielded program did wrong; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Seven bytes are skipped, then five are a node whatever they are.

@@ -40,7 +40,7 @@ pub enum PcCommand {
         /// Nominal speed, m/s.
         speed_m_s: f32,
     },
-    /// Whatever goes on ends, and the motors are off.
+    /// Whatever continues ends, and the motors are off.
     Stop,
     /// Speeds by hand, until something else is asked for.
     Manual {
@@ -100,7 +100,7 @@ pub enum TaskState {
     /// None was begun.
     #[default]
     Standby,
-    /// It goes on.
+    /// It continues.
     InProgress,
     /// It ended well.
     Done,
@@ -144,7 +144,7 @@ impl Failure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Refused {
-    /// Something else goes on; it has to be stopped first.
+    /// Something else continues; it has to be stopped first.
     Busy(Task),
     /// There is no map.
     NoMap,
@@ -276,7 +276,7 @@ impl PcProgram {
         self.task
     }
 
-    /// How far it is.
+    /// The progress.
     pub const fn task_state(&self) -> TaskState {
         self.state
     }
@@ -292,7 +292,7 @@ impl PcProgram {
         }
     }
 
-    /// What was heard last, and when.
+    /// What was received last, and when.
     pub fn telemetry(&self) -> Option<(Instant, &Telemetry)> {
         let heard = self.link.heard();
         heard.map(|heard| (heard.at, &*heard.message))

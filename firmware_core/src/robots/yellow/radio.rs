@@ -18,7 +18,7 @@ const PERIOD: Duration = Duration::from_millis(200);
 /// depends on it, for a start byte begins a frame anywhere; a radio may pause within one.
 const IDLE_GAP: Duration = Duration::from_secs(1);
 
-/// What the fielded program did wrong; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Of the framing.

@@ -27,7 +27,7 @@ const ESCAPE_MAX: Duration = Duration::from_millis(3_200);
 /// The fielded program's fastest turn in its formula.
 const FIELDED_TURN: f32 = 4.0;
 
-/// What the fielded program did wrong; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Its formula: always at the ends of what is possible, and a little to the left.
@@ -113,7 +113,7 @@ impl Reactive {
         };
     }
 
-    /// Begins anew.
+    /// Begins again.
     pub(super) const fn begin(&mut self) {
         self.phase = Phase::Drive;
     }
@@ -309,7 +309,7 @@ mod tests {
         assert!(is(told([1.2, 0.1, 1.2]), [-0.4, 0.0]));
     }
 
-    /// A law that begins anew drives, whatever it did before.
+    /// A law that begins again drives, whatever it did before.
     #[test]
     fn a_law_that_begins_anew_drives() {
         let mut law = law();

@@ -24,7 +24,7 @@ pub(super) const NOTHING_MM: i32 = 10_000;
 /// Weaker readings the fielded program takes for none.
 const FIELDED_QUALITY_MIN: u8 = 10;
 
-/// What the fielded program did wrong; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// A set is five copies of the newest distances, one a degree.
@@ -95,7 +95,7 @@ impl Scans {
         }
     }
 
-    /// A turn is complete: what it has brought is looked at, and the oldest one forgotten.
+    /// A turn is complete: what it has brought is checked, and the oldest one forgotten.
     pub(super) fn turn_ends(&mut self) {
         for bin in 0..BINS {
             self.set_mm[bin] = self.combined(bin);

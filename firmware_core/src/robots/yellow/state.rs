@@ -22,7 +22,7 @@ const MANUAL_HOLDS: Duration = Duration::from_secs(2);
 /// sees that it had begun.
 const INTERRUPTED: Duration = Duration::from_millis(400);
 
-/// What the fielded program did wrong; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The watchdog of MANUAL is declared and never looked at.
@@ -95,7 +95,7 @@ impl Mode {
     }
 }
 
-/// What the robot shall do.
+/// The robot's order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Desired {
     Off,
@@ -309,8 +309,8 @@ mod tests {
         assert_eq!(after(State::Manual, fielded, 9_000), (Mode::Manual, 0));
     }
 
-    /// A manoeuvre that is interrupted stands for 400 ms; another order goes on at once. What goes
-    /// by no pose is not interrupted.
+    /// A manoeuvre that is interrupted stands for 400 ms; another order continues at once. What
+    /// goes by no pose is not interrupted.
     #[test]
     fn an_interrupted_manoeuvre_stands_before_it_ends() {
         let mut machine = told(State::AutoPosition, Defects::NONE);
@@ -358,7 +358,7 @@ mod tests {
         );
     }
 
-    /// The button's going down counts: on when all is off, off whatever goes on.
+    /// The button's going down counts: on when all is off, off whatever continues.
     #[test]
     fn the_button_switches_on_and_off() {
         let mut machine = Machine::new(Defects::NONE);

@@ -40,7 +40,7 @@ const DUTY_LEAST: f32 = 0.02;
 const DUTY_GREATEST: f32 = 0.98;
 /// Duty at which the motor stands.
 const DUTY_STOP: u16 = DUTY_MAX / 2;
-/// More counts in a sample are no motion but a counter that began anew: ten samples of full speed.
+/// More counts in a sample are no motion but a counter that began again: ten samples of full speed.
 const COUNTS_MAX: u16 = 100;
 /// Counts of a sample at full speed: 12 V turn a wheel at 480 rpm.
 const FULL_SPEED_COUNTS: u16 = 10;
@@ -54,7 +54,7 @@ const SILENCE_MAX: f32 = 120.0;
 /// A wheel that turns slower stands: 20 ms behind its last count.
 const REST_RPM: f32 = 1.0;
 
-/// What the fielded program did wrong; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Counters are subtracted as they are, and a speed above 1500 rpm, as it comes out when one
@@ -207,7 +207,7 @@ impl Wheels {
         ]
     }
 
-    /// Whether the board that counts was started anew: both counters are about 0, and at least one
+    /// Whether the board that counts was restarted: both counters are about 0, and at least one
     /// came there faster than it can.
     fn began_anew(&self, counters: [u16; 2]) -> bool {
         let is_fast = |counts: i16| counts.unsigned_abs() > FULL_SPEED_COUNTS;
@@ -236,7 +236,7 @@ impl Wheels {
         self.velocity == Velocity::ZERO && !self.wheels.iter().any(turns)
     }
 
-    /// Where the robot believes to be.
+    /// Estimated pose of the robot.
     pub(super) const fn pose(&self) -> Pose {
         self.pose
     }
@@ -304,7 +304,7 @@ mod tests {
     }
 
     /// A hundred counts in a sample are believed either way, one more are a counter that began
-    /// anew. The fielded program takes the speed before for one above 1500 rpm, 30 counts.
+    /// again. The fielded program takes the speed before for one above 1500 rpm, 30 counts.
     #[test]
     fn a_jump_is_no_motion() {
         let counts = |change: i16, defects| {
@@ -331,7 +331,7 @@ mod tests {
     }
 
     /// 20 rpm from rest: 0.2 V a rpm ahead and a volt for 40 are 4.5 of 24 V beside a half; each
-    /// sample 0.04 V more. Back it is 0.1 V a rpm, and begins anew. 100 rpm are more than the
+    /// sample 0.04 V more. Back it is 0.1 V a rpm, and begins again. 100 rpm are more than the
     /// bridge is driven to.
     #[test]
     fn a_duty_is_what_speed_and_error_take() {

@@ -101,7 +101,7 @@ pub(super) fn encode(message: &impl Fields, out: &mut [u8]) -> Result<usize, Mes
     written.map(|()| len).map_err(|_| no_room)
 }
 
-/// Reads the message that `payload` is.
+/// Decodes the message in `payload`.
 pub(super) fn decode<T: MessageDecode + Default>(payload: &[u8]) -> Result<T, MessageError> {
     let mut message = T::default();
     message.decode_from_bytes(payload)?;

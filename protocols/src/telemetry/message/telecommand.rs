@@ -22,7 +22,7 @@ pub struct LinesRequest {
     pub gap_mm: u32,
     /// How far a point may lie beside its line, mm.
     pub tolerance_mm: u32,
-    /// Least interior angle at which two lines are one, degrees.
+    /// Minimum interior angle at which two lines are one, degrees.
     pub merge_deg: u32,
 }
 
@@ -45,11 +45,11 @@ pub struct Reactive {
 pub struct Telecommand {
     /// Milliseconds since the PC's program began.
     pub timestamp_ms: u32,
-    /// What the robot shall do.
+    /// The robot's order.
     pub state: Option<State>,
     /// Speeds by hand.
     pub velocities: Option<Velocities>,
-    /// Where the robot is in truth: its odometry goes on from there.
+    /// Where the robot is in truth: its odometry continues from there.
     pub corrected_pose: Option<Pose>,
     /// Where it shall go.
     pub desired_pose: Option<Pose>,
@@ -70,7 +70,7 @@ impl Telecommand {
         fields::encode(self, out)
     }
 
-    /// Reads the message that `payload` is.
+    /// Decodes the message in `payload`.
     ///
     /// # Errors
     /// If it is none.

@@ -63,7 +63,7 @@ pub(super) fn doubled(bytes: &[u8]) -> Option<Damage> {
 }
 
 /// Whether the stream becomes sound when each two bytes change places; `framed` of them are in
-/// sound frames as it is.
+/// valid frames as it is.
 pub(super) fn swapped(bytes: &[u8], framed: u64) -> Option<Damage> {
     let len = bytes.len() as u64;
     (0..2).find_map(|start| {
@@ -143,7 +143,7 @@ pub(super) fn slow_sender(bytes: &[u8]) -> Option<Damage> {
 }
 
 /// Whether all runs of equal bits that begin and end inside the character are multiples of
-/// `factor` long. The last run goes on after the stop bit.
+/// `factor` long. The last run continues after the stop bit.
 fn is_stretched(byte: u8, factor: u32) -> bool {
     // Start bit, data from the lowest bit, stop bit.
     let bits = u16::from(byte) << 1 | 0x200;

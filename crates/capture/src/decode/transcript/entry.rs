@@ -12,7 +12,7 @@ pub struct Entry {
     pub at: Instant,
     /// Index of the link.
     pub link: usize,
-    /// Which way it went.
+    /// Direction.
     pub direction: Direction,
     /// Place of its first byte among those of its line.
     pub place: u64,
@@ -23,7 +23,7 @@ pub struct Entry {
 /// What a line of a transcript is about.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Said {
-    /// A sound frame, in words.
+    /// A valid frame, in words.
     Frame(String),
     /// Printable bytes outside of frames, in words.
     Text(String),

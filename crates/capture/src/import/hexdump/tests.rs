@@ -98,7 +98,7 @@ fn every_layout_is_read_with_the_same_bytes() {
     }
 }
 
-/// `xxd -b`, and packets of `tshark -x`, whose offsets begin anew.
+/// `xxd -b`, and packets of `tshark -x`, whose offsets begin again.
 #[test]
 fn binary_digits_and_packets_are_read() {
     let bits = "00000000: 01000001 11111111 00000000  A..\n";

@@ -52,7 +52,7 @@ fn all_spellings_are_the_same_bytes() {
     }
 }
 
-/// Times by hand; a line without a prefix goes on with the one before.
+/// Times by hand; a line without a prefix continues with the one before.
 #[test]
 fn times_and_directions_before_the_bytes_are_read() {
     let both = vec![(501, true, vec![0xAB]), (1_500, false, vec![0x24, 0x0A])];

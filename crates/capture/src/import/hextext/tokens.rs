@@ -17,7 +17,7 @@ pub(super) struct Found {
     pub(super) has_marks: bool,
 }
 
-/// The text without its comments; `is_open` tells whether one of C goes on.
+/// The text without its comments; `is_open` tells whether one of C continues.
 pub(super) fn without_comments(text: &str, is_open: &mut bool) -> String {
     let mut out = String::new();
     let mut rest = text;

@@ -8,7 +8,7 @@ use protocols::{Instant, LineConfig};
 use crate::divergence::Track;
 use engine::codec::{self, Codec};
 
-/// Share of bytes in sound frames from which on a stream is cut by frames, per cent.
+/// Share of bytes in valid frames from which on a stream is cut by frames, per cent.
 const FRAMED_MIN: u64 = 80;
 /// Silence that ends a message, however long a character takes: a program writes a request in one
 /// or two calls, which are less than this apart.
@@ -78,7 +78,7 @@ impl Cut {
         let least = GAP_MIN.max(line.byte_time() * 7 / 2);
         let (limit, limit_at_break) = match self {
             Self::Gaps => (least, Some(Duration::ZERO)),
-            // A prompt has no end of line; a line that came in two pieces goes on at once.
+            // A prompt has no end of line; a line that came in two pieces continues at once.
             Self::Lines(_) => (GAP_IN_MESSAGE, Some(least)),
             Self::Frames(_) => (GAP_IN_MESSAGE, None),
         };

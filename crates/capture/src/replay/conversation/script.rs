@@ -10,7 +10,7 @@ use super::cut::Cut;
 use crate::divergence::Track;
 use crate::replay::Passage;
 
-/// Bytes of the far end that belong together.
+/// Bytes of the other end that belong together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Message {
     /// Pieces, and when the last byte of each was complete, counted from the cause.
@@ -19,7 +19,7 @@ pub(super) struct Message {
     pub(super) is_reply: bool,
 }
 
-/// A request of the program and what the far end said until the next one.
+/// A request of the program and what the other end said until the next one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Exchange {
     /// The program's bytes.
@@ -40,7 +40,7 @@ pub(super) struct Exchange {
 pub(super) struct Script {
     /// Coding of the line.
     pub(super) line: LineConfig,
-    /// What the far end says when the port is opened, for each opening that the capture has.
+    /// What the other end says when the port is opened, for each opening that the capture has.
     pub(super) openings: Vec<Vec<Message>>,
     /// What it says by its own clock, whatever is asked; counted from the first opening.
     pub(super) stream: Vec<Message>,
@@ -48,13 +48,13 @@ pub(super) struct Script {
     pub(super) tail: Option<Tail>,
     /// Requests in their order.
     pub(super) exchanges: Vec<Exchange>,
-    /// How requests are told apart.
+    /// How requests are distinguished.
     pub(super) cut: Cut,
     /// The longest time between two requests, or before the first.
     pub(super) longest_gap: Duration,
 }
 
-/// The last messages of a stream that went on to the end of the capture.
+/// The last messages of a stream that continued to the end of the capture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Tail {
     /// The messages, timed as the stream is.
@@ -64,7 +64,7 @@ pub(super) struct Tail {
 }
 
 impl Tail {
-    /// The tail of `stream`, if it went on to the end of a session that lasted `lasted`.
+    /// The tail of `stream`, if it continued to the end of a session that lasted `lasted`.
     fn of(stream: &[Message], lasted: Duration) -> Option<Self> {
         let ends = |message: &Message| message.parts.last().map(|&(after, _)| after);
         let (first, last) = (
@@ -100,7 +100,7 @@ const BEGINS_AFTER: Duration = Duration::from_millis(100);
 /// Messages from which on what follows a request is a stream that it has started.
 const STREAM_MIN: usize = 16;
 /// Messages of a kind, and how many of those before the first request, that make it one which the
-/// far end sends by itself.
+/// other end sends by itself.
 const FREE_MIN: usize = 3;
 
 /// What causes a message.
@@ -167,7 +167,7 @@ impl Script {
         this
     }
 
-    /// Gives each message of the far end its cause.
+    /// Gives each message of the other end its cause.
     fn attach(&mut self, said: &Track, opened: &[Instant]) {
         let cut = Cut::of(said.bytes());
         let asked: Vec<Instant> = self.exchanges.iter().map(|one| one.at).collect();
@@ -229,8 +229,8 @@ fn mark_replies(answers: &mut [Message], line: LineConfig) {
     }
 }
 
-/// Kinds of messages that the far end sends by itself: those that it sends again and again and sent
-/// before anything was asked.
+/// Kinds of messages that the other end sends by itself: those that it sends again and again and
+/// sent before anything was asked.
 fn kinds_of_its_own(
     cut: Cut,
     messages: &[Vec<(Instant, Vec<u8>)>],

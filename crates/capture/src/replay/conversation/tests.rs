@@ -8,8 +8,8 @@ fn ms(millis: u64) -> Instant {
     Instant::from_millis(millis)
 }
 
-/// A link on which the program sent and the far end said these at these milliseconds. A byte takes
-/// 10 us.
+/// A link on which the program sent and the other end said these at these milliseconds. A byte
+/// takes 10 us.
 fn passage(sent: &[(u64, &[u8])], said: &[(u64, &[u8])]) -> Passage {
     let mut track = Track::default();
     for &(at, bytes) in sent {
@@ -131,7 +131,7 @@ fn another_order_and_a_retry_are_the_same_conversation() {
 }
 
 /// Register 14 in place of 12, its sum with it: byte 3 of the second request, number 11 from zero.
-/// The request is answered as the one that it is most like, so that the program goes on.
+/// The request is answered as the one that it is most like, so that the program continues.
 #[test]
 fn a_request_that_the_capture_does_not_have_is_told_with_both_sides() {
     let mut talk = talk(&meter());
@@ -297,7 +297,7 @@ fn many_turns_of_the_same_requests_are_gone_through() {
     assert_eq!(talk.divergence(), None);
 }
 
-/// A program that polls for ever goes on after all was asked; the conversation is over a second
+/// A program that polls forever continues after all was asked; the conversation is over a second
 /// after its last new answer, or at the end of the session if that is later.
 #[test]
 fn a_program_that_asks_for_ever_does_not_hold_up_the_end() {
@@ -338,7 +338,7 @@ fn a_request_that_is_made_again_is_answered_if_it_ever_was() {
 }
 
 /// A range finder says something each 10 ms, to the end of the capture. A program that takes longer
-/// goes on hearing it; the conversation is over all the same.
+/// continues hearing it; the conversation is over all the same.
 #[test]
 fn a_stream_without_an_end_goes_on() {
     let frames: Vec<(u64, &[u8])> = (1..=200).map(|n| (n * 10, &b"YYabcdefg"[..])).collect();

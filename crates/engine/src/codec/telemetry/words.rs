@@ -11,7 +11,7 @@ use protocols::telemetry::message::{ANY_HEADING, MessageError, Pose, Telecommand
 
 use crate::hex;
 
-/// Payload bytes that are told of what is no message.
+/// Payload bytes that are reported of what is no message.
 const TOLD_MAX: usize = 16;
 
 /// A payload in words.

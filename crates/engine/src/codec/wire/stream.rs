@@ -1,7 +1,7 @@
 use super::{Choices, Wire};
 use crate::hex;
 
-/// Most frames, pieces and damages of a session.
+/// Maximum number of frames, pieces and damages of a session.
 const ITEMS_MAX: usize = 64;
 
 /// Bytes as a line delivers them: in pieces, with pauses.
@@ -177,7 +177,7 @@ impl Stream {
     }
 
     /// Reads what [`to_text`](Self::to_text) writes; `#` begins a comment. A line that ends in `\`
-    /// goes on in the next one.
+    /// continues in the next one.
     pub fn parse(text: &str) -> Result<Self, StreamError> {
         let mut stream = Self::default();
         let mut goes_on = true;

@@ -142,7 +142,7 @@ impl Activity {
         };
     }
 
-    /// Ends at `at`, if it would go on for longer. What waits for an event never was at work.
+    /// Ends at `at`, if it would continue for longer. What waits for an event never was at work.
     pub fn end(&mut self, at: Instant) {
         if self.trigger.take().is_some() {
             self.window.from = at;

@@ -1,4 +1,4 @@
-//! All that goes wrong on one direction of a link.
+//! All faults of one direction of a link.
 
 mod message;
 
@@ -11,7 +11,7 @@ use protocols::{Instant, LineConfig};
 use super::{Activity, Budget, Damage, DamageKind, Effect, FaultId, Gate, Strike, Trigger, Window};
 use crate::rig::line::{Mark, MarkDamage};
 
-/// Most strikes that are kept for the saved case; later ones strike all the same.
+/// Maximum number of strikes that are kept for the saved case; later ones strike all the same.
 pub const STRIKES_MAX: usize = 1 << 20;
 
 #[derive(Clone, Debug)]
@@ -23,7 +23,7 @@ struct Entry {
     drawn: u64,
 }
 
-/// Which entries are to be looked at, of very many. Made anew whenever one changes.
+/// Which entries are to be checked, of very many. Made again whenever one changes.
 #[derive(Clone, Debug, Default)]
 struct Order {
     is_known: bool,
@@ -37,7 +37,7 @@ struct Order {
     waiting: Vec<usize>,
 }
 
-/// All that goes wrong on one direction of a link.
+/// All faults of one direction of a link.
 #[derive(Clone, Debug, Default)]
 pub struct LineFaults {
     entries: Vec<Entry>,
@@ -64,7 +64,7 @@ struct Wire {
     frames: u64,
 }
 
-/// What comes out at the far end of what was sent in one go.
+/// What comes out at the other end of what was sent in one go.
 #[derive(Debug, Default)]
 pub(crate) struct Passed {
     /// The bytes.
@@ -79,9 +79,9 @@ pub(crate) struct Passed {
     pub(crate) piece: Option<usize>,
     /// By how much they are late.
     pub(crate) late: Duration,
-    /// Whether the sender hears itself.
+    /// Whether the sender receives its own bytes.
     pub(crate) echo: bool,
-    /// What was at work.
+    /// The active faults.
     pub(crate) effects: Vec<&'static str>,
 }
 
@@ -131,7 +131,7 @@ impl LineFaults {
         self.add(id, window.into(), Effect::Cut);
     }
 
-    /// Ends a fault that has a window at `at`, if it would go on for longer.
+    /// Ends a fault that has a window at `at`, if it would continue for longer.
     pub fn end(&mut self, id: FaultId, at: Instant) {
         let entries = self.entries.iter_mut().filter(|entry| entry.id == id);
         entries.for_each(|entry| entry.activity.end(at));
@@ -145,13 +145,13 @@ impl LineFaults {
         self.order.is_known = false;
     }
 
-    /// Leaves out a fault that has not begun.
+    /// Removes a fault that has not begun.
     pub(crate) fn leave_out(&mut self, id: FaultId) {
         self.entries.retain(|entry| entry.id != id);
         self.order.is_known = false;
     }
 
-    /// Gives the faults other numbers.
+    /// Renumbers the faults.
     pub(crate) fn renumber(&mut self, to: impl Fn(FaultId) -> FaultId) {
         let entries = self.entries.iter_mut();
         entries.for_each(|entry| entry.id = to(entry.id));
@@ -173,7 +173,7 @@ impl LineFaults {
         place.map(|place| damages.remove(place)).is_some()
     }
 
-    /// Whether nothing goes wrong, and nothing that went wrong goes on.
+    /// Whether nothing goes wrong, and nothing that went wrong continues.
     pub fn is_clean(&self) -> bool {
         self.entries.is_empty() && self.planned.is_empty() && self.wire.is_clean()
     }
@@ -277,7 +277,7 @@ impl LineFaults {
         order.striking.retain(|index| !is_over(index));
     }
 
-    /// What the far end gets of `sent`, whose first byte is the `first`-th on this line. They are
+    /// What the other end gets of `sent`, whose first byte is the `first`-th on this line. They are
     /// sent back to back from `start` on by a sender with `line`.
     pub(crate) fn pass(
         &mut self,
@@ -441,7 +441,7 @@ impl Wire {
     }
 }
 
-/// Most copies of one byte, however often it is doubled.
+/// Maximum number of copies of one byte, however often it is doubled.
 const COPIES_MAX: usize = 64;
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ pub const PIECE_MAX: usize = 64;
 /// What a receiver gets in one go.
 #[derive(Clone, Debug)]
 pub struct Delivery {
-    /// When the last byte was complete.
+    /// Time at which the last byte was complete.
     pub at: Instant,
     /// The bytes, faults applied; may be empty.
     pub bytes: Vec<u8>,
@@ -32,7 +32,7 @@ pub struct Mark {
     pub before: usize,
     /// What the receiver read.
     pub value: u8,
-    /// What is wrong with it.
+    /// The error.
     pub damage: MarkDamage,
 }
 

@@ -128,7 +128,7 @@ fn bytes_are_conserved_if_the_sums_are_equal() {
 }
 
 /// From 20 to 50 us nothing is handed over: what arrives just then still is, the rest at 50 us.
-/// Another stall that begins before that one ends goes on to 70 us.
+/// Another stall that begins before that one ends continues to 70 us.
 #[test]
 fn a_stall_holds_back_what_arrives_within_it() {
     let stalled = |stalls: &[[u64; 2]]| {

@@ -2,10 +2,10 @@
 
 use firmware_core::robots::apollo13::Defects;
 
-/// Switches one on.
+/// Enables one.
 type Switch = fn(&mut Defects);
 
-/// Every one that the program can have.
+/// All defects of the program.
 const SWITCHES: [(&str, Switch); 8] = [
     ("AF-01", |it| it.reads_cr_as_nl = true),
     ("AF-02", |it| it.loses_frames = true),

@@ -1,4 +1,4 @@
-//! What may be asked of the robot.
+//! The interface of the robot.
 
 use emulators::car_board::{CarBoard, steering};
 use firmware_core::robots::apollo13::Apollo13;

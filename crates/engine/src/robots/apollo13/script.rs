@@ -71,7 +71,7 @@ impl Mode {
 }
 
 impl Wish {
-    /// What `action` means here.
+    /// The meaning of `action` for this robot.
     ///
     /// # Errors
     /// What was expected, if the robot has no such mode or axes.

@@ -1,4 +1,4 @@
-//! What the base is told to do, read from the bytes themselves.
+//! Commands to the base, decoded from the bytes.
 
 use emulators::avr_base::AvrBase;
 use protocols::avr::registers::{SPEED_LEFT_TO, SPEED_RIGHT_TO};
@@ -22,7 +22,7 @@ pub(super) fn dialect(rig: &Rig) -> Option<Dialect> {
     })
 }
 
-/// The set-points in the frame with which `bytes` end.
+/// The set-points in the last frame of `bytes`.
 fn command(bytes: &[u8], order: ChecksumOrder) -> Option<Command> {
     let format = avr::Bus { order };
     let starts = (0..bytes.len()).filter(|&at| bytes[at] == avr::START);

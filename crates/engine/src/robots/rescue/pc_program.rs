@@ -6,9 +6,9 @@
 //!
 //! The protocol itself, with its patience and its repetitions, is [`emulators::pc::Pc`]; this
 //! module knows the waypoints as a list that a person edits. The robot's numbers of waypoints are
-//! not used: a list is always sent whole, numbered and chained anew, so that nothing can refer to a
-//! waypoint that is gone (the fielded program sent the numbers it had, and robots crashed of it).
-//! A gesture that does not make sense is refused with a sentence, and nothing is sent.
+//! not used: a list is always sent whole, numbered and chained again, so that nothing can refer to
+//! a waypoint that is gone (the fielded program sent the numbers it had, and robots crashed of
+//! it). A gesture that does not make sense is refused with a sentence, and nothing is sent.
 
 pub mod fielded;
 

@@ -1,4 +1,4 @@
-//! What the motor board is told to do, read from the bytes themselves.
+//! Commands to the motor board, decoded from the bytes.
 
 use std::sync::LazyLock;
 
@@ -8,7 +8,7 @@ use protocols::{Candidate, Format as _};
 
 use crate::robots::{Command, Dialect};
 
-/// Any outputs, by which boards that make other speeds of them are told apart.
+/// Any outputs, by which boards that make other speeds of them are distinguished.
 const PROBE: Outputs = Outputs {
     duty: [6_000, 7_000],
     channel: 0,
@@ -29,7 +29,7 @@ pub(super) fn dialect(board: &WheelBoard) -> Option<Dialect> {
     })
 }
 
-/// The set-points in the frame with which `bytes` end.
+/// The set-points in the last frame of `bytes`.
 fn command(bytes: &[u8]) -> Option<Command> {
     let format = OutputsFormat;
     let is_whole = format.judge(bytes) == Candidate::Complete(OUTPUTS_LEN);

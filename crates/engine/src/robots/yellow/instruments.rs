@@ -1,4 +1,4 @@
-//! What may be asked of the robot.
+//! The interface of the robot.
 
 use emulators::wheel_board::WheelBoard;
 use emulators::world::{Pose, Wheel};

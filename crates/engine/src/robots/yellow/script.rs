@@ -70,7 +70,7 @@ pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
 ];
 
 impl Wish {
-    /// What `action` means here.
+    /// The meaning of `action` for this robot.
     ///
     /// # Errors
     /// What was expected, if the robot has no such mode or axes.

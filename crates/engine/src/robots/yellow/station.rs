@@ -1,4 +1,5 @@
-//! The PC as a device at the far end of the telemetry link: the program, and the person before it.
+//! The PC as a device at the other end of the telemetry link: the program, and the person before
+//! it.
 
 use core::time::Duration;
 
@@ -18,7 +19,7 @@ use crate::robots::station::{DriveKeys, PlaceAct, StationState};
 use crate::robots::{Gesture, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
 
-/// Between two looks at a task that goes on.
+/// Between two looks at a task that continues.
 const LOOK: Duration = Duration::from_millis(50);
 /// A target that was not reached is tried so often, as is what a person ordered and failed.
 const TRIES: u32 = 3;
@@ -104,7 +105,7 @@ impl PcStation {
         self.look_at = Some(now);
     }
 
-    /// Other targets for a tour, also for one that has ended. The same ones do not begin it anew,
+    /// Other targets for a tour, also for one that has ended. The same ones do not begin it again,
     /// and the map that it waits for is made all the same.
     fn aim(&mut self, targets: Vec<[f64; 2]>) {
         let is_new = self.targets != targets;
@@ -183,7 +184,7 @@ impl PcStation {
         self.note(now, "command-refused", refused.to_string());
     }
 
-    /// Tells what ended, and goes on with a tour.
+    /// Tells what ended, and continues with a tour.
     fn follow(&mut self, now: Instant) {
         let alike = self.alike();
         if alike > self.alike {

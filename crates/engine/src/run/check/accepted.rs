@@ -18,7 +18,7 @@ const COMMANDS_MIN: usize = 8;
 /// And for so long at least: a value may be in force until the next one is taken.
 const REMEMBERED: Duration = Duration::from_secs(2);
 
-/// Every set-point in force was told by a sound frame that reached the base, or is 0. Whatever the
+/// Every set-point in force was told by a valid frame that reached the base, or is 0. Whatever the
 /// line did: a frame whose checksum does not hold commands nothing.
 pub struct SetPointsAsAccepted {
     heard: Rc<RefCell<Heard>>,

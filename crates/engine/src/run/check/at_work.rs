@@ -10,8 +10,8 @@ use crate::rig::fault::Window;
 use crate::rig::line::Direction;
 
 /// After adversity and recovery the robot is at work as before: the lines that were busy all
-/// through the second half of the warm-up carry bytes again, and a program in this process goes on
-/// finding out where it is.
+/// through the second half of the warm-up carry bytes again, and a program in this process
+/// continues finding out where it is.
 #[derive(Clone, Debug)]
 pub struct AtWorkAgain {
     /// Warm-up, adversity, recovery, judgement.

@@ -121,7 +121,7 @@ pub fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Schema {
 /// The input for making a device.
 #[derive(Clone, Copy, Debug)]
 pub struct BuildContext<'a> {
-    /// Name of the device, which chooses its dice.
+    /// Name of the device, which chooses its random stream.
     pub name: &'a str,
     /// Seed of the run.
     pub seed: u64,
@@ -243,11 +243,11 @@ pub struct PortInfo {
     pub piece: usize,
     /// The program that is to connect, for people.
     pub connect: &'static str,
-    /// Whether the far end can do without.
+    /// Whether the other end can do without.
     pub is_optional: bool,
     /// Type of its link.
     pub kind: LinkKind,
-    /// Which baud rates of a client at the far end are right.
+    /// Which baud rates of a client at the other end are right.
     pub rate: PortRate,
     /// Protocol of the port, if it is fixed.
     pub codec: Option<&'static Codec>,
@@ -279,7 +279,7 @@ impl PortInfo {
         Self { piece, ..self }
     }
 
-    /// The same, but the far end can do without.
+    /// The same, but the other end can do without.
     pub const fn optional(self) -> Self {
         Self {
             is_optional: true,

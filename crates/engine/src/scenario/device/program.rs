@@ -325,7 +325,7 @@ pub fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
     outputs.map(row).collect()
 }
 
-/// Whether the chassis of `world` has what the node senses and drives.
+/// Checks that the chassis of `world` has the encoders and actuators of the node.
 pub(super) fn check_chassis(
     context: &BuildContext<'_>,
     node: &NodeDevice,

@@ -107,12 +107,12 @@ impl FaultSpec {
         self.kind.place() == FaultPlace::Line && !matches!(self.kind, Break | Swizzle | Unplugged)
     }
 
-    /// The name of its dice.
+    /// The name of its random stream.
     pub fn dice(&self, id: FaultId) -> String {
         self.stream.clone().unwrap_or_else(|| format!("fault.{id}"))
     }
 
-    /// When it is at work; `id` and `seed` choose its dice.
+    /// When it is at work; `id` and `seed` choose its random stream.
     pub fn activity(&self, id: FaultId, seed: u64) -> Activity {
         let spells = self.every.map(|every| Spells {
             every: every.0,

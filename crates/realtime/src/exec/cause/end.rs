@@ -36,7 +36,7 @@ fn busy(evidence: &Evidence<'_>) -> Option<Cause> {
     ))
 }
 
-/// Motors that go on when the program does not.
+/// Motors that continue when the program does not.
 fn motors(evidence: &Evidence<'_>) -> Option<Cause> {
     let detail = &failed(evidence, STOPS)?.detail;
     Some(Cause::new(

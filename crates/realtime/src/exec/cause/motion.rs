@@ -10,9 +10,9 @@ use super::{Cause, weight};
 use engine::run::Outcome;
 use engine::run::check::Status;
 
-/// Least turn that counts, and least bearing of a goal to the side, radians.
+/// Minimum turn that counts, and least bearing of a goal to the side, radians.
 const TURN: f64 = 0.35;
-/// Least distance that counts, metres.
+/// Minimum distance that counts, metres.
 const WAY: f64 = 0.05;
 
 pub(super) fn causes(outcome: &Outcome) -> Vec<Cause> {

@@ -2,7 +2,7 @@
 //!
 //! The master sees neither that a client reads nor that it flushes. A watch on the terminal's node
 //! reports the first, and nothing reports the second. A client that flushed a full port once left
-//! it silent for ever, because the rig's own count said that there was no room.
+//! it silent forever, because the rig's own count said that there was no room.
 
 use rustix::io::{Errno, ioctl_fionread};
 use rustix::termios::{OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
@@ -101,7 +101,7 @@ impl Pty {
             Ok(client_side) => {
                 let _ = tcflush(&client_side, QueueSelector::IFlush);
             }
-            // A client has, or had, the port to itself. Settings that are set anew flush, too.
+            // A client has, or had, the port to itself. Settings that are set again flush, too.
             Err(Errno::BUSY) => {
                 if let Ok(termios) = tcgetattr(master) {
                     let _ = tcsetattr(master, OptionalActions::Flush, &termios);

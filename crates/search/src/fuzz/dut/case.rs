@@ -10,13 +10,13 @@ use engine::scenario::{DirectionSpec, Expect, FaultKind, FaultSpec, Scenario, Sp
 /// How long the devices are at work, in virtual time, before the program comes: a lidar turns by
 /// then.
 pub(super) const WARM_UP: Duration = Duration::from_secs(5);
-/// Most faults of a case.
+/// Maximum number of faults of a case.
 const FAULTS_MAX: u64 = 6;
 
 /// What is done to a program, as a value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// World, devices, and the faults in what the program hears.
+    /// World, devices, and the faults in what the program receives.
     pub scenario: Scenario,
     /// The rest.
     pub told: Told,
@@ -179,7 +179,7 @@ pub(super) fn quiet(scenario: &Scenario, lasting: Duration) -> Scenario {
     quiet
 }
 
-/// Kinds of faults in what a program hears. None delays: a program that asks again because an
+/// Kinds of faults in what a program receives. None delays: a program that asks again because an
 /// answer is late breaks no rule, and the device could not tell the difference.
 const KINDS: [FaultKind; 12] = [
     FaultKind::Flip,
@@ -198,7 +198,7 @@ const KINDS: [FaultKind; 12] = [
 /// Chances per byte.
 const RATES: [f64; 6] = [0.0003, 0.001, 0.003, 0.01, 0.03, 0.1];
 
-/// Faults in what the program hears on `links`, from the end of the warm-up, for `lasting`.
+/// Faults in what the program receives on `links`, from the end of the warm-up, for `lasting`.
 pub(super) fn faults(links: &[String], lasting: Duration, rng: &mut Rng) -> Vec<FaultSpec> {
     let Some(last) = (links.len() as u64).checked_sub(1) else {
         return Vec::new();

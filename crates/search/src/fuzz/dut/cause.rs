@@ -16,7 +16,7 @@ const RULES_OF_TIME: [&str; 5] = [
     "frame-cut-off",
 ];
 
-/// What was wrong.
+/// The error.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Cause {
     /// It ended by a signal, or with an exit code that is not 0.
@@ -34,7 +34,7 @@ pub enum Cause {
     Ended,
     /// It lives and gives no sign of it.
     Hang(String),
-    /// It waits for ever for a reply that does not come.
+    /// It waits forever for a reply that does not come.
     NoTimeout(String),
     /// A thread computes without end; only in virtual time, where the thread is known.
     Spins(String),

@@ -15,7 +15,7 @@ const FLOATING: u8 = 0x40;
 const TEXT: u8 = 0x80;
 /// Places of a message at which one side is looked for.
 const PLACES_MAX: usize = 6;
-/// Most messages that are made because of one comparison.
+/// Maximum number of messages that are made because of one comparison.
 const MADE_MAX: usize = 40;
 
 /// Two sides that were not equal.

@@ -147,7 +147,7 @@ impl Drop for Counters {
 mod tests {
     use super::*;
 
-    /// Three times is as often as twice, but not as once or four times; a place is reached anew
+    /// Three times is as often as twice, but not as once or four times; a place is reached again
     /// after each look.
     #[test]
     fn a_place_reached_another_number_of_times_is_news_by_its_size() {

@@ -102,7 +102,7 @@ pub(super) fn converse(
     if !asks {
         return Ok(());
     }
-    // Does it go on, when all is sound again?
+    // Does it continue, when all is sound again?
     let reply = last
         .as_deref()
         .and_then(|asked| matching(&raw.exchange, asked));

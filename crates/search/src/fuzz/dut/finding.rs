@@ -1,4 +1,4 @@
-//! What is kept of a finding, and of a search so that it can go on.
+//! What is kept of a finding, and of a search so that it can continue.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -18,7 +18,7 @@ use safefs::Dir;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {
-    /// The program, the scenario, the link and the seed: what must be the same to go on.
+    /// The program, the scenario, the link and the seed: what must be the same to continue.
     pub of: String,
     /// Number of the next case.
     pub next: u64,

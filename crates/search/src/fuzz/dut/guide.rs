@@ -40,7 +40,7 @@ const ALIKE_MAX: u8 = 2;
 /// Bytes by which an input that comes from a new place may be longer.
 const NEW_BYTES: u64 = 64;
 /// Bytes by which an input may be longer that has waited for a case: short ones are worth more, and
-/// none waits for ever.
+/// none waits forever.
 const WAIT_BYTES: u64 = 4;
 /// Inputs of a case, at most: between cases there is something to be learnt.
 const PARTS_MAX: usize = 200;

@@ -19,7 +19,7 @@ use realtime::transport::{PortDir, Transport, TransportError};
 /// Whose program it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Whose {
-    /// Started anew for each case, its ports being pseudo-terminals in a directory.
+    /// Started again for each case, its ports being pseudo-terminals in a directory.
     Command {
         /// For the shell.
         command: String,
@@ -61,7 +61,7 @@ pub struct Harness<'a> {
     pub supervision: Option<Supervision>,
     /// Where the time of the cases went.
     pub(super) spent: Cell<Spent>,
-    /// Whether to go on; asked a thousand times a second.
+    /// Whether to continue; asked a thousand times a second.
     pub goes_on: &'a dyn Fn() -> bool,
     /// What programs share with us of what they reach.
     pub(super) counters: Option<Counters>,
@@ -75,7 +75,7 @@ pub enum HarnessError {
     /// The scenario cannot be run.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// A port cannot be had.
+    /// A port cannot be opened.
     #[error(transparent)]
     Transport(#[from] TransportError),
     /// There is no shell.
@@ -87,7 +87,7 @@ pub enum HarnessError {
     /// A file cannot be written or read.
     #[error("{path}: {1}", path = .0.display())]
     File(PathBuf, io::Error),
-    /// A file does not say what it should.
+    /// A file has the wrong content.
     #[error("{path}: {1}", path = .0.display())]
     Content(PathBuf, String),
     /// The program cannot be put into virtual time.
@@ -96,7 +96,7 @@ pub enum HarnessError {
     /// Nothing can be learned from a corpus.
     #[error(transparent)]
     Corpus(#[from] CorpusError),
-    /// The user has interrupted the search.
+    /// The user interrupted the search.
     #[error("interrupted")]
     Interrupted,
 }

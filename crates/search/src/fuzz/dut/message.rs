@@ -11,7 +11,7 @@ use crate::fuzz::havoc;
 
 /// Longest message.
 const LEN_MAX: usize = 512;
-/// Most messages of an input.
+/// Maximum number of messages of an input.
 const MESSAGES_MAX: usize = 8;
 /// What stands between the words of lines.
 const SEPARATORS: &[u8] = b"  =,;:/";

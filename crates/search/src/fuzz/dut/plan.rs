@@ -33,7 +33,7 @@ pub struct TrialPlan {
     pub repeat: String,
 }
 
-/// Progress of a search, for the callback that decides whether it goes on.
+/// Progress of a search, for the callback that decides whether it continues.
 #[derive(Debug, Default)]
 pub struct Progress {
     /// Cases since it was begun or gone on with.

@@ -18,18 +18,18 @@ use realtime::process::{Ended, Patience, Process};
 use realtime::transport::PortDir;
 use realtime::{Realtime, Sign};
 
-/// Why a case cannot go on.
+/// Why a case cannot continue.
 #[derive(Debug)]
 pub(super) enum Halt {
     /// The program ended.
     Ended(Ended),
-    /// A port went away.
+    /// A port disappeared.
     Lost(String),
     /// It computes on and on.
     Spins(String),
     /// It cannot be supervised.
     Guest(GuestError),
-    /// The user has interrupted the search.
+    /// The user interrupted the search.
     Interrupted,
 }
 
@@ -49,7 +49,7 @@ pub(super) struct Live {
     process: Option<Process>,
 }
 
-/// A run that goes on when its mission is over.
+/// A run that continues when its mission is over.
 struct Endless(Run);
 
 impl Paced for Endless {

@@ -25,12 +25,12 @@ use engine::robots::OpenEnd;
 use engine::scenario::Span;
 use safefs::Dir;
 
-/// Most causes that are kept.
+/// Maximum number of causes that are kept.
 const FINDINGS_MAX: usize = 100;
 
 /// Turns of a conversation.
 const TURNS: usize = 100;
-/// Least time of the conversation that is learned from.
+/// Minimum time of the conversation that is learned from.
 const LESSON: Duration = Duration::from_secs(3);
 
 /// A search under way.
@@ -50,7 +50,7 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Begins a search or goes on with the one in the folder.
+    /// Begins a search or continues with the one in the folder.
     pub fn new(
         harness: &'a Harness<'a>,
         plan: TrialPlan,

@@ -39,14 +39,14 @@ pub(super) struct Session<'a> {
     heard: Vec<u8>,
     /// When the last byte was said there.
     said_at: Instant,
-    /// When the ports were looked at last.
+    /// When the ports were checked last.
     looked_at: Instant,
     names: Vec<String>,
     ports: BTreeMap<String, PortActivity>,
     goes_on: &'a dyn Fn() -> bool,
     /// What the program did from one look to the next.
     reached: Vec<Reached>,
-    /// The turns that were said, by their numbers.
+    /// The used turns, by their numbers.
     pub(super) played: Vec<usize>,
 }
 
@@ -157,7 +157,7 @@ impl<'a> Session<'a> {
         self.player.late()
     }
 
-    /// Runs the rig on and looks at the program.
+    /// Advances the rig and checks the program.
     pub(super) fn turn(&mut self) -> Result<(), Halt> {
         if !(self.goes_on)() {
             return Err(Halt::Interrupted);
@@ -293,7 +293,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Puts back what was heard.
+    /// Puts back what was received.
     pub(super) fn unhear(&mut self, heard: &[u8]) {
         self.heard.splice(0..0, heard.iter().copied());
     }

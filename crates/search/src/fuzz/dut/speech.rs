@@ -1,4 +1,5 @@
-//! What may be said on a link: how sessions of its format are made, and how answers are told apart.
+//! What may be said on a link: how sessions of its format are made, and how answers are
+//! distinguished.
 
 use std::collections::BTreeSet;
 

@@ -15,7 +15,7 @@ const PAIRS_MAX: u64 = 4;
 const CUT_ONE_IN: u64 = 4;
 /// Share of a line that raw traffic takes.
 const LOAD: f64 = 0.6;
-/// Least and most bytes of a stream.
+/// Minimum and most bytes of a stream.
 const BYTES: core::ops::Range<f64> = 200.0..200_000.0;
 
 /// Traffic on the link that `met` was met on. `dice` are for the pairs and for the stream: which

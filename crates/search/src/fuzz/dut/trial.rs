@@ -24,7 +24,7 @@ use realtime::clock::{Clock as _, WallClock};
 /// What came of a case.
 #[derive(Clone, Debug)]
 pub struct TrialOutcome {
-    /// What was wrong.
+    /// The error.
     pub causes: Vec<Cause>,
     /// What the program said on its standard error.
     pub said: String,
@@ -36,7 +36,7 @@ pub struct TrialOutcome {
     pub was_late: bool,
     /// What the program did until each pause of the traffic; of one that counts it.
     pub reached: Vec<Reached>,
-    /// The turns that were said, by their numbers.
+    /// The used turns, by their numbers.
     pub played: Vec<usize>,
     /// An error that the program reported as it should, and ended.
     pub reported: Option<Cause>,
@@ -48,7 +48,7 @@ const WINDOW: Duration = Duration::from_millis(60);
 const CUT_SILENCE: Duration = Duration::from_secs(1);
 /// How often the program is asked after a frame that it lost.
 const CUT_ASKED: usize = 32;
-/// Least virtual time of a conversation: a program that asks once a second is asked to go on.
+/// Minimum virtual time of a conversation: a program that asks once a second is asked to continue.
 const DIALOGUE: Duration = Duration::from_secs(120);
 /// Virtual time that a program may wait for a reply that does not come.
 const SILENCE: Duration = Duration::from_secs(10);

@@ -77,7 +77,7 @@ impl Base {
 
 /// The documented order.
 const ORDER: ChecksumOrder = ChecksumOrder::LowFirst;
-/// Most frames and pauses of a session.
+/// Maximum number of frames and pauses of a session.
 const STEPS_MAX: usize = 12;
 /// Registers at which something begins or ends: set-points, what lies around them, counts, the
 /// end of the map, and far behind it.

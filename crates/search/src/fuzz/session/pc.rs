@@ -42,7 +42,7 @@ impl Client {
     }
 }
 
-/// Most frames and pauses of a session.
+/// Maximum number of frames and pauses of a session.
 const STEPS_MAX: usize = 16;
 /// Cells of a row, and rows.
 const WIDTH: usize = 300;
@@ -281,7 +281,7 @@ struct Expected {
 }
 
 impl Expected {
-    /// Reads what was heard: whole rows within the map, each by its own rule.
+    /// Reads what was received: whole rows within the map, each by its own rule.
     fn pause(&mut self) {
         let heard = core::mem::take(&mut self.heard);
         let mut at = 0;

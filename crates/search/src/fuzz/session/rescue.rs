@@ -46,7 +46,7 @@ pub(super) const LIDAR: usize = 0;
 pub(super) const BASE: usize = 1;
 pub(super) const RADIO: usize = 2;
 
-/// Most things that happen in a session.
+/// Maximum number of things that happen in a session.
 const STEPS_MAX: usize = 24;
 /// Pauses, ms; all of them end every wait for the rest of a frame.
 const PAUSES: [u32; 4] = [120, 120, 200, 600];

@@ -10,7 +10,7 @@ pub(super) struct Plan {
     pub(super) route: Vec<[f64; 2]>,
 }
 
-/// Least and most metres of a building's longer side.
+/// Minimum and most metres of a building's longer side.
 const SIZE_M: [f64; 2] = [30.0, 300.0];
 
 impl Plan {

@@ -32,7 +32,7 @@ pub(crate) struct Closing {
     looked_at_m: f64,
     /// Edges since the poses were made to agree.
     fresh: usize,
-    /// How often a place looked like several.
+    /// Number of ambiguous places.
     pub(crate) ambiguous: usize,
     /// Loops that turned out to be false.
     pub(crate) dropped: usize,
@@ -53,7 +53,7 @@ const REACH: [f64; 3] = [0.4, 0.035, 15.0];
 const TURN: [f64; 3] = [0.06, 0.003, 0.5];
 /// Way before and behind a keyframe whose walls stand for a place.
 const PLACE_M: f64 = 8.0;
-/// Places that are looked at.
+/// Places that are checked.
 const PLACES: usize = 3;
 /// Part of a keyframe on old walls.
 const EXPLAINED: f64 = 0.6;
@@ -68,7 +68,7 @@ const APART: f64 = 25.0;
 /// Two guesses agree to this, metres and radians.
 const AGREE_M: f64 = 0.35;
 const AGREE_RAD: f64 = 0.05;
-/// An edge that is off by more squared deviations makes the poses be found anew at once, and so
+/// An edge that is off by more squared deviations makes the poses be found again at once, and so
 /// many new ones at last.
 const STRAINED: f64 = 12.0;
 const FRESH_MAX: usize = 40;
@@ -77,7 +77,7 @@ const FRESH_MAX: usize = 40;
 const NEAR: usize = 400;
 /// Steps to where the poses agree.
 const STEPS: u32 = 6;
-/// A loop that is still off by more squared deviations when all others have been heard is false:
+/// A loop that is still off by more squared deviations when all others have been weighted is false:
 /// then it counts a tenth or less, and is dropped.
 const HOPELESS: f64 = 64.0;
 

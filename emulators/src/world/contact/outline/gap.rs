@@ -283,7 +283,7 @@ mod tests {
         );
     }
 
-    /// A square with sides of 1 m around (0, 3); what is looked at stands at (2, 3).
+    /// A square with sides of 1 m around (0, 3); what is checked stands at (2, 3).
     #[test]
     fn a_surface_is_where_its_place_puts_it() {
         let square = [(0.5, 2.5), (0.5, 3.5), (-0.5, 3.5), (-0.5, 2.5)];

@@ -25,7 +25,7 @@ const GETS_ON_WITHIN: Duration = Duration::from_secs(15);
 
 impl Apollo13 {
     /// A map is begun when mapping is ordered: the plan that the car was given does not count. When
-    /// something else is ordered, the car goes on by what it drew.
+    /// something else is ordered, the car continues by what it drew.
     pub(super) fn begin_or_end_mapping(&mut self, pose: CarPose) {
         let is_mapping = self.arbiter.mode() == Mode::Mapping;
         match (is_mapping, self.survey.take()) {
@@ -72,7 +72,7 @@ impl Apollo13 {
     }
 
     /// Whether the car has got on within the last while, at least by what counts as such; a car
-    /// that has not starts to count anew.
+    /// that has not starts to count again.
     fn gets_on(&mut self, pose: CarPose) -> bool {
         let (since, at) = *self.got_on.get_or_insert((self.now, pose));
         let has_moved = at.distance_m(pose) > GOT_ON_M;
@@ -116,7 +116,7 @@ mod tests {
     use super::super::Config;
     use super::*;
 
-    /// Within 15 s it has to come farther than 0.3 m; either way it then counts anew.
+    /// Within 15 s it has to come farther than 0.3 m; either way it then counts again.
     #[test]
     fn a_car_gets_on_by_more_than_30_cm_in_15_seconds() {
         let mut car = Apollo13::new(Config::default());

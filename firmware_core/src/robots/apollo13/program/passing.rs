@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     /// 6 m by 4 m whose corner is -1, 2: the middle is 2, 4, the others a quarter of the width to
-    /// its sides; four headings from each. After the twelfth they begin anew.
+    /// its sides; four headings from each. After the twelfth they begin again.
     #[test]
     fn lookouts_lie_in_the_middle_and_to_its_sides() {
         let plan = FloorPlan {

@@ -1,4 +1,4 @@
-//! What the program hears and sees.
+//! What the program receives and sees.
 
 use core::time::Duration;
 
@@ -22,7 +22,7 @@ const ULTRASOUND_MAX_M: f64 = 3.0;
 const MISSED_M: f64 = 0.08;
 /// Scans are entered into the floor no oftener; the fielded costmap did it each 200 ms.
 const SEE_EVERY: Duration = Duration::from_millis(100);
-/// Where the ultrasonic sensor ahead hears nothing up to here, columns without a depth are open
+/// Where the ultrasonic sensor ahead receives nothing up to here, columns without a depth are open
 /// floor, metres.
 const OPEN_M: f64 = 0.60;
 

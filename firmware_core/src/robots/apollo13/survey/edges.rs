@@ -1,4 +1,4 @@
-//! The open edges of what was looked at, and which of them to go to.
+//! The open edges of what was checked, and which of them to go to.
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -61,7 +61,7 @@ impl Tried {
     }
 }
 
-/// Cells that the car can get to through what was looked at: each with the one before it on the
+/// Cells that the car can get to through what was checked: each with the one before it on the
 /// way, itself at the start.
 struct Reach {
     width: usize,
@@ -178,7 +178,7 @@ impl Reach {
             let place = costs.middle_m(here);
             let beside = AROUND[..4].iter();
             let mut beside = beside.map(|[dx, dy]| costs.middle_m([here[0] + dx, here[1] + dy]));
-            // The car's whole track is looked at last.
+            // The car's whole track is checked last.
             survey.is_free(place)
                 && beside.any(|place| survey.is_unknown(place))
                 && !survey.is_beside(place)

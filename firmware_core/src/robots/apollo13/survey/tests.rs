@@ -54,7 +54,7 @@ fn costs(survey: &Survey) -> Costmap {
     )
 }
 
-/// What was looked at ends 4 m ahead of the camera: the car goes to there, less what it stops
+/// What was checked ends 4 m ahead of the camera: the car goes to there, less what it stops
 /// before, and looks along the corridor. The map has the walls where they are.
 #[test]
 fn the_edge_ahead_is_gone_to() {
@@ -297,7 +297,7 @@ fn a_cell_is_what_most_scans_say() {
 }
 
 /// What is 2 m ahead is entered and the way to it is free up to 1.925 m; what is 3.5 m ahead is not
-/// entered yet; of 10 m the first 4 were looked at.
+/// entered yet; of 10 m the first 4 were checked.
 #[test]
 fn a_beam_frees_its_way_and_enters_its_end() {
     let looked = |range_m: f64, x_m: f64| {
@@ -565,7 +565,7 @@ fn who_moves_to_and_fro_has_not_passed() {
     assert!(survey.is_beside([4.9, 0.7]));
 }
 
-/// What was given up beside the way is looked at once more after the car has gone back: then it
+/// What was given up beside the way is checked once more after the car has gone back: then it
 /// counts as an edge again.
 #[test]
 fn what_was_given_up_beside_the_way_counts_after_going_back() {
@@ -597,7 +597,7 @@ fn who_backs_out_has_not_come_by() {
 }
 
 /// Before an edge that the car has no room to stand before it goes back by some of its way and
-/// tries it anew, once.
+/// tries it again, once.
 #[test]
 fn who_is_barred_from_an_edge_goes_back() {
     let mut survey = Survey::new(at(0.0));

@@ -582,8 +582,8 @@ mod tests {
     }
 
     /// 5 cm behind the wall a point lies on it, off by that; sqrt(1 + 20 / 10) times 4 mm. In the
-    /// next row of squares the wall is still near, two rows on it is not. Beyond its end it goes on
-    /// for a quarter of a metre from the middle of its last piece.
+    /// next row of squares the wall is still near, two rows on it is not. Beyond its end it
+    /// continues for a quarter of a metre from the middle of its last piece.
     #[test]
     fn a_point_lies_on_the_line_beside_it() {
         let tracker = before_a_wall();
@@ -701,7 +701,7 @@ mod tests {
         // Ten points, each of a quarter of the weight: 4 mm by the root of 1 + 20 / 2.5.
         assert!((sigma - 0.012).abs() < 1e-9, "{sigma}");
         assert!(tracker.line_near([1.6, 4.1]).is_none() && tracker.line_near([0.5, 3.6]).is_none());
-        // From the middle of its last piece, 0.1, it goes on for a quarter of a metre.
+        // From the middle of its last piece, 0.1, it continues for a quarter of a metre.
         assert!(
             tracker.line_near([-0.14, 4.1]).is_some() && tracker.line_near([-0.16, 4.1]).is_none()
         );

@@ -174,7 +174,7 @@ impl Atlas {
     }
 
     /// Cells of a look, each by all that was ever seen of it: a wall that a bad look has put
-    /// somewhere must not bar the way for ever.
+    /// somewhere must not bar the way forever.
     fn weigh(&mut self, local: &CellMap) -> Result<(), NotWritten> {
         let known = local.iter().filter(|(_, value)| *value != UNKNOWN);
         for (cell, value) in known {
@@ -195,7 +195,7 @@ impl Atlas {
     }
 
     /// The places of a way over `map`, without the beginning; `None` if no way leads there. The
-    /// roadmap can be looked at afterwards.
+    /// roadmap can be checked afterwards.
     pub(super) fn plan(&mut self, map: &CellMap, from: Pose, to: Point) -> Option<VecDeque<Point>> {
         let start = map.cell_of(from.position()).ok()?;
         let end = map.cell_of(to).ok()?;

@@ -84,7 +84,7 @@ pub enum Following {
     /// A robot that rests somewhere else is told again, five times at most.
     #[default]
     Rested,
-    /// The course's: a robot that moved less than 1 cm is told again, for ever; one that stopped
+    /// The course's: a robot that moved less than 1 cm is told again, forever; one that stopped
     /// halfway never.
     Moved,
 }

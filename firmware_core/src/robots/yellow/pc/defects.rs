@@ -3,10 +3,10 @@
 use super::config::{Following, NextView, PcConfig, Planning};
 use crate::localise::Votes;
 
-/// Switches one on.
+/// Enables one.
 type Switch = fn(&mut PcConfig);
 
-/// Every one that the program can have.
+/// All defects of the program.
 const SWITCHES: [(&str, Switch); 11] = [
     ("YP-01", |c| c.sending.one_per_frame = true),
     ("YP-02", |c| c.sending.byte_per_ms = true),

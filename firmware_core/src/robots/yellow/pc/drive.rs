@@ -12,7 +12,7 @@ use super::config::Following;
 use super::link::{Kind, Link};
 use crate::pose::{Point, Pose, normalised};
 
-/// How often the robot is looked at: the fielded program.
+/// How often the robot is checked: the fielded program.
 const POLL: Duration = Duration::from_millis(500);
 /// The robot is there if it rests and is nowhere farther off, mm: the fielded program.
 const ARRIVED_MM: f32 = 50.0;
@@ -25,7 +25,7 @@ const POLLS_STUCK: u32 = 20;
 /// Less than this is no motion: the fielded program.
 const MOVED_MM: f32 = 10.0;
 const MOVED_RAD: f32 = 0.05;
-/// Most times that it is told again.
+/// Maximum number of times that it is told again.
 const RESENDS_MAX: u32 = 5;
 /// A robot that has come so far, mm, looks to its goal, unless that is nearer than this. It steers
 /// by what it is aside: a third of a radian is another goal.
@@ -145,7 +145,7 @@ pub(super) struct Drive {
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     next_poll: Instant,
-    /// The last message that was looked at.
+    /// The last message that was checked.
     number: u64,
     /// Where the robot was told.
     told_at: Pose,
@@ -376,7 +376,7 @@ mod tests {
         // Each 11th look at 1 mm or at 5 mrad a look is one that got on.
         assert_eq!([told_at(1.0, 0.0), told_at(0.0, 0.005)], [None; 2]);
         assert_eq!(told_at(0.4, 0.0), Some(19));
-        // A rest that is interrupted by a look at a robot that drives begins anew.
+        // A rest that is interrupted by a look at a robot that drives begins again.
         let mut both = sent();
         let states = [
             State::Off,

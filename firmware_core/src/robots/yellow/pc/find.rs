@@ -1,4 +1,4 @@
-//! Finding the robot on the map: look, compare; if places look alike, go on a little and look
+//! Finding the robot on the map: look, compare; if places look alike, continue a little and look
 //! again.
 
 use alloc::collections::BTreeSet;
@@ -16,17 +16,17 @@ use crate::localise::{Estimate, Matches, Votes};
 use crate::pose::Pose;
 use crate::walls::Walls;
 
-/// Most looks: places that still look alike then are alike.
+/// Maximum number of looks: places that still look alike then are alike.
 const LOOKS_MAX: u32 = 8;
 /// A second place that scores so well beside the first, of 1, may be the place all the same: scores
 /// are those of cells of 10 cm, and the wrong one of two rooms alike has come to 0.89 to 1. The
 /// walls themselves decide.
 const CLOSE: f32 = 0.8;
-/// So much of what fits at the first place fits there, too: a wall that was mapped askew may be
+/// So much of what fits at the first place fits there, too: a wall that was mapped skewed may be
 /// missing.
 const AS_MANY: f32 = 0.75;
 
-/// How far it is.
+/// The progress.
 #[derive(Clone, Debug)]
 pub(super) struct Find {
     phase: Phase,

@@ -19,11 +19,11 @@ use crate::pose::{Point, Pose};
 /// As near to the goal as the robot comes by one drive: its own 20 mm, and what it rolls on.
 const NEAR_MM: f32 = 30.0;
 const NEAR_RAD: f32 = 0.04;
-/// Most drives from beside the goal to the goal.
+/// Maximum number of drives from beside the goal to the goal.
 const AGAIN_MAX: u32 = 4;
 /// Drives that the robot may end by itself before they are over.
 const INTERRUPTIONS_MAX: u32 = 5;
-/// Most looks for a way where none is known.
+/// Maximum number of looks for a way where none is known.
 const SEARCHES_MAX: u32 = 4;
 
 /// A drive to a goal.

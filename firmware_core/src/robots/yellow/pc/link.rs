@@ -1,4 +1,4 @@
-//! The telemetry link as the PC sees it: what was heard, what goes out, what is asked again.
+//! The telemetry link as the PC sees it: what was received, what goes out, what is asked again.
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -21,9 +21,9 @@ const QUIET: Duration = Duration::from_millis(100);
 /// Longest telecommand with all its fields, and the frame around it.
 const COMMAND_MAX: usize = 256;
 const FRAME_MAX: usize = 2 * COMMAND_MAX + 8;
-/// Most bytes that wait for the wire.
+/// Maximum number of bytes that wait for the wire.
 const OUT_MAX: usize = 16_384;
-/// Most commands that wait for a frame.
+/// Maximum number of commands that wait for a frame.
 const QUEUE_MAX: usize = 64;
 /// A byte's time of the fielded program.
 const BYTE_PAUSE: Duration = Duration::from_millis(1);
@@ -107,7 +107,7 @@ pub(super) enum Kind {
     Drive,
 }
 
-/// What happened so far.
+/// The events so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Counts {
     pub(super) frames: u64,
@@ -233,7 +233,7 @@ impl Link {
         }
     }
 
-    /// Does what is due.
+    /// Performs due actions.
     pub(super) fn poll(&mut self, now: Instant) {
         self.decoder.read_done();
         let quiet = self.heard.as_ref().map(|heard| now - heard.at);
@@ -311,7 +311,8 @@ pub(super) struct Request {
     sent: u32,
 }
 
-/// Most times that a request is sent: with 30 % of commands lost, one in 17 millions fails.
+/// Maximum number of times that a request is sent: with 30 % of commands lost, one in 17 millions
+/// fails.
 const SENT_MAX: u32 = 14;
 /// An answer comes with the next message, within 200 ms and the time of its bytes.
 const ANSWER: Duration = Duration::from_millis(700);

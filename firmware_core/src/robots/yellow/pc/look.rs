@@ -20,7 +20,7 @@ const AGAIN_MAX: u32 = 12;
 /// Fewer walls than this are none, mm.
 const WALLS_MIN_MM: f32 = 300.0;
 /// And fewer than this the first time, mm: all that comes is laid on what was seen first, and a
-/// lidar that tells little tells that askew. A robot between walls sees more.
+/// lidar that tells little tells that skewed. A robot between walls sees more.
 const FIRST_MIN_MM: f32 = 2_000.0;
 /// Two sights of one place have most of their walls in common.
 const SHARE_MIN: f32 = 0.6;
@@ -41,7 +41,7 @@ pub(super) struct Look {
     again: u32,
 }
 
-/// How far it is.
+/// The progress.
 #[derive(Clone, Debug)]
 enum Phase {
     /// The robot is to rest.

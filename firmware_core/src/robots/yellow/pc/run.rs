@@ -1,4 +1,4 @@
-//! What goes on: one task, step by step.
+//! What continues: one task, step by step.
 
 use core::time::Duration;
 

@@ -16,7 +16,7 @@ pub(crate) struct PassedMessage {
     pub(crate) is_overtaken: bool,
     /// By how much it is late.
     pub(crate) late: Duration,
-    /// What was at work.
+    /// The active faults.
     pub(crate) effects: Vec<&'static str>,
 }
 

@@ -318,7 +318,7 @@ fn a_parity_error_needs_a_byte() {
     assert_eq!(at_once(&mut faults, &[0, 1]).parity_errors, 0);
 }
 
-/// What goes on keeps a line from being clean: a burst, a truncation, a byte held back.
+/// What continues keeps a line from being clean: a burst, a truncation, a byte held back.
 #[test]
 fn a_line_is_clean_when_nothing_goes_on() {
     assert!(LineFaults::default().is_clean());
@@ -458,7 +458,7 @@ fn a_gate_stays_closed_as_long_as_any() {
     );
 }
 
-/// Whole messages: each time from nothing to `by`, both included; for ever is no overflow.
+/// Whole messages: each time from nothing to `by`, both included; forever is no overflow.
 #[test]
 fn the_jitter_of_messages_is_what_its_dice_say() {
     let mut faults = jitter(Duration::from_nanos(2));

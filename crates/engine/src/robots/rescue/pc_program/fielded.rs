@@ -47,7 +47,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// Whether an exception has ended its serial handler: it hears nothing any more (UI-02).
+    /// Whether an exception has ended its serial handler: it receives nothing any more (UI-02).
     pub const fn is_deaf(&self) -> bool {
         self.is_deaf
     }
@@ -82,8 +82,8 @@ impl Client {
         pixels
     }
 
-    /// The far end has closed the port: it was opened when the program began, and nothing opens it
-    /// again (F-12).
+    /// The other end has closed the port: it was opened when the program began, and nothing opens
+    /// it again (F-12).
     pub const fn closed_by_far_end(&mut self) {
         self.is_left_alone = true;
     }
@@ -165,7 +165,7 @@ impl Client {
     }
 
     /// A frame's id and payload, once `byte` completes it. Only the payload is covered by the sum
-    /// (UI-01), and a byte that breaks the start word off cannot begin it anew (UI-08).
+    /// (UI-01), and a byte that breaks the start word off cannot begin it again (UI-08).
     fn collect(&mut self, byte: u8) -> Option<([u8; 3], Vec<u8>)> {
         if let Some(&expected) = MAGIC.get(self.pending.len()) {
             if byte == expected {
@@ -398,7 +398,7 @@ mod tests {
 
     proptest! {
         /// Its faults are an exception and what is painted wrong, never the end of the process that
-        /// shows them: whatever frames it hears, between whatever clicks.
+        /// shows them: whatever frames it receives, between whatever clicks.
         #[test]
         fn no_frame_brings_the_comparison_down(
             frames in prop::collection::vec(

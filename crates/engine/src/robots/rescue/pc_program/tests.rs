@@ -128,7 +128,7 @@ fn ui_01_a_plain_row_taken_for_a_coded_one_is_not_drawn() {
 }
 
 /// UI-02: frames that killed the fielded program's receiver for good. Each is counted, and the
-/// program still hears.
+/// program still receives.
 #[test]
 fn ui_02_no_frame_makes_the_program_deaf() {
     let mut desk = Operator::with_map();
@@ -259,7 +259,7 @@ fn pu_06_a_pose_inside_a_row_costs_at_most_the_two() {
 }
 
 /// PU-07: a list whose first waypoint says it comes after the second one crashed the fielded
-/// robot. From a robot that says so, the order of the list counts; sent back, it is chained anew,
+/// robot. From a robot that says so, the order of the list counts; sent back, it is chained again,
 /// and each keeps its number.
 #[test]
 fn pu_07_predecessors_are_always_those_of_the_list() {
@@ -462,7 +462,7 @@ proptest! {
         }
     }
 
-    /// No bytes from the robot bring the program down, and it goes on hearing.
+    /// No bytes from the robot bring the program down, and it continues hearing.
     #[test]
     fn no_bytes_break_the_program(
         pieces in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..40), 0..8),

@@ -22,7 +22,7 @@ const CONTENT_MAX: usize = 2048;
 const FRESH_MAX: u64 = 41;
 /// What separates the fields of a line.
 const SEPARATORS: &[u8] = b",;:=|/ \t";
-/// Most pieces of a mutant.
+/// Maximum number of pieces of a mutant.
 const PIECES_MAX: usize = 64;
 
 /// A changed content.

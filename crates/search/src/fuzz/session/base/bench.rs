@@ -40,7 +40,7 @@ pub(super) struct Master<'a> {
     base: AvrBase,
     world: World,
     now: Instant,
-    /// All that was sent, and what was heard since it was last looked at.
+    /// All that was sent, and what was received since it was last looked at.
     sent: Vec<u8>,
     heard: Vec<u8>,
     /// When the last good frame ended, and the last byte.

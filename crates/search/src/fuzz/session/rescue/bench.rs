@@ -253,7 +253,7 @@ impl<'a> Around<'a> {
         ))
     }
 
-    /// Every frame that stood on a line was heard, and no other.
+    /// Every frame that stood on a line was received, and no other.
     fn judge_frames(&mut self) -> Result<(), Violation> {
         self.frames[RADIO] += frames::<codec::Pcui>(&self.heard[RADIO]);
         self.frames[LIDAR] += frames::<codec::Xv11>(&self.heard[LIDAR]);
