@@ -1,4 +1,4 @@
-//! Bytes in words: one table of the wire formats, a row each, and what is done with any of them.
+//! Table of the wire formats, one row each, and the functions that use it to print bytes in words.
 //!
 //! A [`Codec`] is all that the tool knows of a format. `decode`, `--diagnose`, `shrink`, `fuzz`,
 //! the page, the museum and the dissector for Wireshark ask the table, so a format of one's own is
@@ -133,7 +133,7 @@ pub fn best(bytes: &[u8]) -> Option<(&'static Codec, u64)> {
     best
 }
 
-/// All that takes any bytes: the decoders of the table, then what is no frame.
+/// All decoders that accept any bytes: those of the table, then those without frames.
 pub fn targets() -> Vec<&'static Target> {
     let rows = all()
         .into_iter()

@@ -49,7 +49,7 @@ use round::Due;
 pub struct Link {
     /// Name as in the scenario.
     pub name: String,
-    /// What it is made of.
+    /// Type of the link.
     pub kind: LinkKind,
     /// From device to master, then from master to device.
     pub lines: [Line; 2],
@@ -91,9 +91,9 @@ pub struct Rig {
     excused_counts: u64,
     /// Limits of random faults.
     pub budget: Budget,
-    /// What continues besides damage to bytes.
+    /// Active effects other than damage to bytes.
     disturbed: Vec<Disturbance>,
-    /// Into which nodes put what they send.
+    /// Buffer for the bytes that nodes send.
     room: [u8; line::MESSAGE_MAX],
     /// Two of each link.
     due: Vec<Due>,
@@ -202,12 +202,12 @@ impl Rig {
         self.taps.push(tap);
     }
 
-    /// What has stopped a tap since the last call, in words, so that it can be told at once.
+    /// Errors that stopped taps since the last call, in words, for immediate output.
     pub fn take_tap_trouble(&mut self) -> Option<String> {
         self.taps.iter_mut().find_map(|tap| tap.take_trouble())
     }
 
-    /// Ends what the taps write; the first thing that could not be written, if any.
+    /// Finishes the files of the taps; returns the first write error.
     pub fn finish_taps(&mut self) -> std::io::Result<()> {
         self.taps.iter_mut().try_for_each(|tap| tap.finish())
     }
@@ -275,15 +275,15 @@ impl Rig {
         device.downcast_ref()
     }
 
-    /// The device called `name`, if it is a `T`. It is polled next, whatever it had planned.
+    /// The device `name`, if it is a `T`. It is polled next, independent of its planned time.
     pub fn device_mut<T: Device + Any>(&mut self, name: &str) -> Option<&mut T> {
         let node = self.nodes.iter_mut().find(|node| node.name == name)?;
         node.stir();
         node.device_mut()
     }
 
-    /// The same, to be told what to do later: it is polled when it wants to be, not before, as if
-    /// it had known from the start.
+    /// The same for a change that acts later: the device is polled at its planned time, as if it
+    /// had known the change from the start.
     pub fn device_to_plan<T: Device + Any>(&mut self, name: &str) -> Option<&mut T> {
         let mut nodes = self.nodes.iter_mut();
         nodes.find(|node| node.name == name)?.device_mut()
@@ -305,13 +305,13 @@ impl Rig {
         })
     }
 
-    /// The program under test as what it is.
+    /// The program under test with its own type.
     pub fn program_as<T: Any>(&self) -> Option<&T> {
         let program: &dyn Any = self.program()?;
         program.downcast_ref()
     }
 
-    /// The program under test as what it is, to change it.
+    /// The program under test with its own type, mutable.
     pub fn program_as_mut<T: Any>(&mut self) -> Option<&mut T> {
         self.nodes.iter_mut().find_map(|node| match &mut node.body {
             Body::Program { program, .. } => {
@@ -337,7 +337,7 @@ impl Rig {
         self.trace.hash()
     }
 
-    /// What devices and lines reported, oldest first, at most [`EVENTS_MAX`].
+    /// Reports of devices and lines, oldest first, at most [`EVENTS_MAX`].
     pub fn events(&self) -> &[Logged] {
         &self.events
     }
@@ -368,8 +368,8 @@ impl Rig {
         self.excused
     }
 
-    /// What masters break before `until` is noted but not charged to them: the rig itself was late,
-    /// and what they sent meanwhile comes all at once.
+    /// Violations of masters before `until` are logged but not charged: the rig was late, and the
+    /// masters' bytes arrive in a burst.
     pub fn excuse_until(&mut self, until: Instant) {
         if self.excused_until <= self.now {
             for node in &mut self.nodes {
@@ -439,7 +439,7 @@ impl Rig {
         }
     }
 
-    /// Takes what arrived at an outside end since the last call.
+    /// Takes the bytes that arrived at an outside end since the last call.
     pub fn take_output(&mut self, node: usize) -> Bytes {
         match &mut self.nodes[node].body {
             Body::Outside(outside) => {

@@ -77,7 +77,7 @@ use steps::Steps;
 pub const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Virtual time between two points of the true way that is kept.
 const WAY_EVERY: u32 = 5;
-/// Longest time that an order takes until the robot says that it has it, with a radio that fails.
+/// Maximum time from an order to the robot's confirmation, with a failing radio.
 const ORDER_ARRIVES: Duration = Duration::from_secs(5);
 
 /// A run under way.
@@ -85,7 +85,7 @@ pub struct Run {
     /// The rig.
     pub rig: Rig,
     instruments: Rc<dyn Instruments>,
-    /// As it was given; `scenario` changes as the run continues.
+    /// The scenario as given; `scenario` changes during the run.
     asked: Rc<Scenario>,
     scenario: Scenario,
     seed: u64,
@@ -101,7 +101,7 @@ pub struct Run {
     contacts: Contacts,
     /// Steps of the mission that wait for something, and those added during the run.
     steps: Steps,
-    /// What receives the lines for conditions on bytes, once there are any.
+    /// Watches of conditions on bytes, once there are any.
     line_watches: Option<LineWatches>,
     looks: u32,
     next_look: Instant,
@@ -173,7 +173,7 @@ impl Run {
         &self.scenario
     }
 
-    /// How far the mission has come.
+    /// Progress of the mission.
     pub const fn progress(&self) -> &Progress {
         &self.progress
     }
@@ -183,7 +183,7 @@ impl Run {
         &*self.instruments
     }
 
-    /// Where the robot believes to be; see [`Instruments::estimate`].
+    /// Estimated pose of the robot; see [`Instruments::estimate`].
     pub fn estimate(&self) -> Option<(Instant, Pose)> {
         self.instruments.estimate(&self.rig)
     }
@@ -193,17 +193,17 @@ impl Run {
         self.instruments.station(&self.rig)?.has_whole_map()
     }
 
-    /// Adds a checker of one's own.
+    /// Adds your own checker.
     pub fn add_checker(&mut self, checker: Box<dyn Checker>) {
         self.watchers.add(checker);
     }
 
-    /// What the robot touched since it was last taken, the latest thousand.
+    /// Contacts since the last call, the latest thousand.
     pub fn take_contacts(&mut self) -> Vec<Contact> {
         self.contacts.take()
     }
 
-    /// What the robot touched so far.
+    /// Contacts so far.
     pub const fn contacts(&self) -> &Contacts {
         &self.contacts
     }
@@ -235,8 +235,7 @@ impl Run {
         self.is_over = now >= self.scenario.duration.instant() || done || lost;
     }
 
-    /// Whether what the robot searched by itself is done and it rests, with no order to come that
-    /// could send it out again.
+    /// Whether the robot's own search is done, it rests, and no later order can move it.
     fn has_come_home(&self, now: Instant) -> bool {
         let is_wanted = self.scenario.expect.home_within_mm.is_some();
         let orders = self.scenario.mission.step.iter();
@@ -256,7 +255,7 @@ impl Run {
         self.advance(deadline);
     }
 
-    /// Runs the rig until `deadline`, doing to robot and devices what is due in between.
+    /// Runs the rig until `deadline`, and performs the due actions on robot and devices.
     fn advance(&mut self, deadline: Instant) {
         loop {
             let push = self.pushes.first().map(|push| push.at.instant());
@@ -394,7 +393,7 @@ impl Run {
         }
     }
 
-    /// Which rules were broken how often: as devices count, else as their entries in the log.
+    /// Counts of violations by rule: the devices' counts, else the entries in their log.
     fn broken_rules(&self) -> Vec<(String, &'static str, u64)> {
         let counted = self.rig.broken_rules();
         let mut broken: Vec<_> = counted

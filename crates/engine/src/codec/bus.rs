@@ -69,7 +69,7 @@ pub trait Order {
     const NAME: &'static str;
 }
 
-/// As documented.
+/// The documented variant.
 #[derive(Clone, Copy, Debug)]
 pub struct LowFirst;
 
@@ -78,7 +78,7 @@ impl Order for LowFirst {
     const NAME: &'static str = "bus";
 }
 
-/// As fielded.
+/// The fielded variant.
 #[derive(Clone, Copy, Debug)]
 pub struct HighFirst;
 
@@ -255,7 +255,7 @@ impl RegisterNames {
         out
     }
 
-    /// `data` as the values of the registers from `first` on; what is no whole value as bytes.
+    /// `data` as the values of the registers from `first` on; incomplete values as bytes.
     fn values(&self, first: u8, mut data: &[u8]) -> String {
         let (mut out, mut at) = (String::new(), first);
         while let [byte, rest @ ..] = data {

@@ -122,7 +122,7 @@ impl Wire for CarBoard {
         out.extend(readings.encode().as_bytes());
     }
 
-    /// Values that no sensor has are put within what it can have.
+    /// Clamps values to the sensors' ranges.
     fn repair(frame: &mut [u8]) {
         let Some(frame) = frame.first_chunk_mut::<FRAME_LEN>() else {
             return;
@@ -150,7 +150,7 @@ impl Wire for CarBoard {
         made_again(frame.as_bytes(), frame.readings().encode().as_bytes())
     }
 
-    /// Which sensors have something new, and whether there is a line.
+    /// The sensors with new values, and whether there is a line.
     fn kind(frame: &Frame) -> u64 {
         let readings = frame.readings();
         let words = [readings.front_cm, readings.right_cm, readings.left_cm];

@@ -1,4 +1,4 @@
-//! How much bytes speak for a format, and how much must before they are taken for it.
+//! Evidence that bytes have a format, and the minimum evidence for recognising it.
 //!
 //! Every format has frames in some foreign bytes. A checksum makes that rare, so few frames prove
 //! it; a format without one must explain nearly all bytes, with many frames one behind the other.
@@ -6,7 +6,7 @@
 use super::floor::Floor;
 use super::row::Codec;
 
-/// What bytes show of a format.
+/// Evidence of bytes for a format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Evidence {
     /// Bytes in all.
@@ -20,7 +20,7 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// What `bytes` show of `codec`.
+    /// The evidence of `bytes` for `codec`.
     pub fn of(codec: &Codec, bytes: &[u8]) -> Self {
         let mut evidence = Self {
             bytes: bytes.len() as u64,

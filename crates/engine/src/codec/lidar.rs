@@ -54,13 +54,13 @@ pub struct Lidar {
     pub invalid: BTreeMap<u8, u64>,
     /// Speed words of the packets in order of size.
     pub speeds: Vec<u16>,
-    /// From one packet's index to the next's, of 90, and how often.
+    /// Difference between consecutive packet indices, of 90, and its count.
     pub steps: BTreeMap<u8, u64>,
     /// Distances in bytes from one turn's header to the next's.
     pub gaps: BTreeSet<u64>,
     /// Period words of the turns.
     pub periods: BTreeSet<u16>,
-    /// Where boot text begins, and it.
+    /// Position and content of the boot text.
     pub boot: Option<(usize, String)>,
 }
 
@@ -154,13 +154,13 @@ impl Lidar {
     }
 }
 
-/// What every generation's banner has; two letters and a line end come before it.
+/// Common part of the banners of all generations, after two letters and a line end.
 const BANNER: &[u8] = b"\n\rPiccolo";
 /// Most of a text that is shown.
 const TEXT_MAX: usize = 400;
 
-/// Where the banner begins, and the text from there on, up to a frame's `header`: that of the old
-/// firmware begins with a letter.
+/// Position of the banner, and the text from there to a frame's `header`. The old firmware's banner
+/// begins with a letter.
 fn boot_text(bytes: &[u8], header: &[u8]) -> Option<(usize, String)> {
     let at = bytes
         .windows(BANNER.len())
@@ -243,7 +243,7 @@ mod tests {
     const PACKET: &[u8; xv11::FRAME_LEN] =
         b"\xFA\xA0\x4E\x4A\x27\x01\x05\x04\x27\x01\xD7\x03\x26\x01\x29\x04\x26\x01\xF0\x03\x3C\x5C";
 
-    /// Eight independent clients counted more bytes than the summary told.
+    /// Eight independent clients counted more bytes than the summary showed.
     #[test]
     fn every_byte_is_in_a_frame_or_outside_also_at_the_end() {
         let noise = Lidar::of_packets(&[&PACKET[..], b"some text"].concat());

@@ -11,7 +11,7 @@ pub struct Lua {
     pub judge: &'static str,
     /// A function that returns a frame's title and a list of fields and values.
     pub tell: &'static str,
-    /// What it shows; rows may share some.
+    /// Its value; rows may share some.
     pub fields: &'static [LuaField],
 }
 
@@ -20,17 +20,17 @@ pub struct Lua {
 pub struct LuaField {
     /// Its name in `f`.
     pub key: &'static str,
-    /// What makes it, e.g. `uint8`.
+    /// Its Lua type, e.g. `uint8`.
     pub kind: &'static str,
     /// Its name in filters.
     pub filter: &'static str,
-    /// What it is called in the tree.
+    /// Its label in the tree.
     pub label: &'static str,
     /// More arguments, e.g. the base of a number; empty for none.
     pub shown_as: &'static str,
 }
 
-/// A field that is shown as it is.
+/// A field shown without conversion.
 pub const fn field(
     key: &'static str,
     kind: &'static str,

@@ -136,7 +136,7 @@ fn dialect_of(content: &[u8]) -> Dialect {
     }
 }
 
-/// Why a line is none, at the place of its fault.
+/// Error of an invalid line, at its position.
 fn frame_error(error: LineError, line: &[u8]) -> FrameError {
     let field_at = |field: usize| {
         let mut stars = line.iter().enumerate().filter(|(_, byte)| **byte == b'*');

@@ -248,7 +248,7 @@ fn words(frame: &pcui::Frame) -> String {
     }
 }
 
-/// Messages whose checksum holds the other way round, and as it stands.
+/// Counts of messages whose checksum is valid with swapped bytes, and in the right order.
 fn other_order(bytes: &[u8]) -> [u64; 2] {
     let (mut other, mut expected) = (0, 0);
     for (at, window) in bytes.windows(pcui::HEADER_LEN).enumerate() {

@@ -1,4 +1,4 @@
-//! `perception`: rows of depths, scans and markers that a camera's program tells.
+//! `perception`: rows of depths, scans and markers from a camera's program.
 //!
 //! Messages of a network, one a packet; of a capture their bytes are read in a row, as each says
 //! how long it is. They have no checksum: that is the network's.
@@ -225,14 +225,14 @@ impl Wire for Perception {
         made_again(bytes, &made[..len])
     }
 
-    /// Which message, and how large.
+    /// Type and size of the message.
     fn kind(Told(bytes): &Told) -> u64 {
         let first = bytes.first().copied().unwrap_or_default();
         u64::from(first) << 8 | u64::from(usize::BITS - bytes.len().leading_zeros())
     }
 }
 
-/// How many were measured, and the nearest.
+/// Number of measured values, and the smallest.
 fn measured(values: impl Iterator<Item = u16>) -> String {
     let values: Vec<u16> = values.filter(|mm| *mm > 0).collect();
     match values.iter().min() {

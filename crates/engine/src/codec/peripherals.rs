@@ -196,8 +196,7 @@ impl Wire for Peripherals {
         frame.meaning.encode() == frame.bytes
     }
 
-    /// Values that no hardware has are cut to what is possible, so it is the meaning that must be
-    /// the same.
+    /// Values that no hardware has are clamped, so the test compares the meaning.
     fn means_itself(frame: &BoardFrame) -> Result<(), Broken> {
         let made = frame.meaning.encode();
         let again = match frame.meaning {

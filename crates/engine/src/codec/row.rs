@@ -10,7 +10,7 @@ use super::wire::{Choices, Target, Wire};
 use crate::registry::Named;
 use crate::rig::line::Direction;
 
-/// A wire format that can be told from its bytes: a row of the table.
+/// A wire format that can be recognised from its bytes: a row of the table.
 ///
 /// Made of a [`Wire`] by [`of`](Self::of), which is enough for `decode`, `shrink` and `fuzz`; the
 /// `with_` functions add what cannot be told from the format itself.
@@ -28,7 +28,7 @@ pub struct Codec {
     lua: Option<Lua>,
 }
 
-/// What knows the bytes of a row.
+/// The functions for the bytes of a row.
 #[derive(Clone, Copy)]
 enum Format {
     /// A type.
@@ -63,12 +63,13 @@ pub trait OwnFormat: Send + Sync {
 /// that a device leaves inside of a frame.
 pub const IDLE: Duration = Duration::from_millis(50);
 
-/// How a client of a program tells its answers apart, and which requests are worth sending.
+/// The method by which a program's client distinguishes its answers, and the requests worth
+/// sending.
 #[derive(Clone, Copy, Debug)]
 pub struct Answers {
-    /// The bytes of a frame that say what kind of frame it is.
+    /// Positions of the bytes that select the kind of a frame.
     pub kind: fn(&[u8]) -> &[u8],
-    /// Bytes before what a frame carries.
+    /// Number of bytes before a frame's payload.
     pub head: usize,
     /// Whether a frame says that another one was bad.
     pub is_refusal: fn(&[u8]) -> bool,
@@ -93,8 +94,8 @@ pub enum OtherOrder {
     /// Devices with either order exist: only the program that expects one order can tell which is
     /// wrong.
     Row(&'static Codec),
-    /// No device sends it so: how many frames have a checksum that holds the other way round, and
-    /// how many one that holds as it stands.
+    /// Test for swapped checksums, which no device sends: counts of frames whose checksum is valid
+    /// with swapped bytes, and in the right order.
     Wrong(fn(&[u8]) -> [u64; 2]),
 }
 
@@ -156,7 +157,7 @@ impl Codec {
         self
     }
 
-    /// The row with so many cases that a fuzzer tries in one go.
+    /// Sets the number of cases that a fuzzer tries in one round.
     #[must_use]
     pub const fn with_round(mut self, cases: u64) -> Self {
         self.target.round = cases;
@@ -170,22 +171,22 @@ impl Codec {
         self
     }
 
-    /// The row with what it needs before bytes are taken for it; if a frame has no checksum, that
-    /// is much more than [`Floor::CHECKED`].
+    /// Sets the minimum evidence for recognising the format; without a checksum, it must be much
+    /// larger than [`Floor::CHECKED`].
     #[must_use]
     pub const fn with_floor(mut self, floor: Floor) -> Self {
         self.floor = floor;
         self
     }
 
-    /// The row with what is known of answers.
+    /// Sets the knowledge about answers.
     #[must_use]
     pub const fn with_answers(mut self, answers: Answers) -> Self {
         self.answers = answers;
         self
     }
 
-    /// The row with what `decode --diagnose` holds against a swapped checksum.
+    /// Sets the test for a swapped checksum for `decode --diagnose`.
     #[must_use]
     pub const fn with_other_order(mut self, other: OtherOrder) -> Self {
         self.other_order = Some(other);
@@ -211,12 +212,12 @@ impl Codec {
         self.name
     }
 
-    /// What it is, in a line.
+    /// One-line description.
     pub const fn about(&self) -> &'static str {
         self.about
     }
 
-    /// What `hilrig fuzz` does with it.
+    /// The fuzz target for `hilrig fuzz`.
     pub const fn target(&self) -> &Target {
         &self.target
     }
@@ -231,12 +232,12 @@ impl Codec {
         self.floor.share
     }
 
-    /// What it needs before bytes are taken for it.
+    /// The minimum evidence for recognising the format.
     pub const fn floor(&self) -> &Floor {
         &self.floor
     }
 
-    /// How answers are distinguished.
+    /// The method of distinguishing answers.
     pub const fn answers(&self) -> &Answers {
         &self.answers
     }
@@ -357,9 +358,9 @@ impl fmt::Debug for Codec {
     }
 }
 
-/// A decoder whatever its frames are: they are told by their length, and in words if asked.
+/// A decoder with frames of any type, described by their length, or in words on request.
 pub trait AnyDecoder {
-    /// As [`Decode::step`], with the frame's length.
+    /// Like [`Decode::step`], with the frame's length.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>>;
     /// The frame that the last step found, in words.
     fn words(&self) -> String;
@@ -367,9 +368,9 @@ pub trait AnyDecoder {
     fn is_plausible(&self) -> bool {
         true
     }
-    /// As [`Decode::idle`].
+    /// Like [`Decode::idle`].
     fn idle(&mut self);
-    /// As [`Decode::pending`].
+    /// Like [`Decode::pending`].
     fn pending(&self) -> usize;
 }
 

@@ -93,7 +93,7 @@ impl Wire for Rplidar {
         }
     }
 
-    /// What a frame was is told by its start and length.
+    /// A frame is identified by its start and length.
     fn repair(frame: &mut [u8]) {
         let len = frame.len();
         match *frame {
@@ -139,7 +139,7 @@ impl Wire for Rplidar {
         whole.find(is_whole).or(answer).or(request)
     }
 
-    /// An answer of a known kind and length; whatever else there is may be part of something.
+    /// An answer of a known kind and length; other bytes may be a part of one.
     fn unmistakable_at(bytes: &[u8]) -> Option<usize> {
         let len = answer_at(bytes)?;
         is_known(bytes).then_some(len)

@@ -1,4 +1,4 @@
-//! One direction of a link, cut into frames and what is none.
+//! One direction of a link, split into frames and other bytes.
 //!
 //! ```
 //! use hilrig_engine::codec::{BUS_HIGH_FIRST, What};
@@ -17,16 +17,16 @@ use protocols::FrameError;
 use super::row::{AnyDecoder, Codec};
 use crate::rig::line::Direction;
 
-/// What some bytes of a stream are.
+/// A stretch of a stream with its meaning.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stretch {
-    /// Which bytes, counted from the start of the stream.
+    /// Range of bytes, counted from the start of the stream.
     pub bytes: Range<u64>,
-    /// What they are.
+    /// The meaning.
     pub what: What,
 }
 
-/// What bytes are.
+/// The meaning of bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum What {
     /// A valid frame, in words.
@@ -51,9 +51,9 @@ pub struct Stream {
 #[derive(Default)]
 struct Progress {
     fed: u64,
-    /// Up to here everything has been told.
+    /// Position up to which everything has been reported.
     told: u64,
-    /// Why candidates were none, with the place of the byte that it cost.
+    /// Reasons of rejected candidates, with the position of the lost byte.
     errors: Vec<(u64, FrameError)>,
 }
 
@@ -125,8 +125,8 @@ impl Stream {
 }
 
 impl Progress {
-    /// What lies before `until` and was not told is bad; in stretches that do not depend on how the
-    /// bytes came.
+    /// Reports the remaining bytes before `until` as bad, in stretches that do not depend on the
+    /// chunking.
     fn report_bad(&mut self, until: u64, found: &mut Vec<Stretch>) {
         while self.told < until {
             let end = until.min(self.told + BAD_MAX);
@@ -146,12 +146,12 @@ impl Progress {
     }
 }
 
-/// What passed one direction of a link, counted only: nothing is put in words.
+/// Counts of one direction of a link, without words.
 pub struct Counter {
     decoder: Box<dyn AnyDecoder>,
 }
 
-/// What a [`Counter`] saw.
+/// Counts of a [`Counter`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
     /// Valid frames.
@@ -167,7 +167,7 @@ impl Counter {
         Self { decoder }
     }
 
-    /// Takes more bytes; what they came to.
+    /// Adds bytes, and returns their result.
     pub fn push(&mut self, mut bytes: &[u8]) -> Count {
         let mut count = Count::default();
         while let Some(outcome) = self.decoder.step(&mut bytes) {

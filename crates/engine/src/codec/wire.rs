@@ -36,7 +36,7 @@ pub trait Wire {
     /// A frame's bytes.
     fn bytes(frame: &<Self::Decoder as Decode>::Frame) -> &[u8];
 
-    /// What a frame means, on one line.
+    /// Meaning of a frame, on one line.
     fn words(frame: &<Self::Decoder as Decode>::Frame) -> String {
         hex::pairs(Self::bytes(frame))
     }
@@ -58,7 +58,7 @@ pub trait Wire {
         Self::frame_at(bytes)
     }
 
-    /// Whether a frame means what its parts say: made again of them, it is the same.
+    /// Whether encoding the decoded parts gives the same frame.
     ///
     /// # Errors
     /// The law that is broken if it is not.
@@ -67,14 +67,14 @@ pub trait Wire {
         Ok(())
     }
 
-    /// Whether the values of a valid frame can be: what no device sends is no evidence that the
-    /// bytes are of this format.
+    /// Whether the values of a valid frame are possible: impossible values are no evidence for this
+    /// format.
     fn is_plausible(frame: &<Self::Decoder as Decode>::Frame) -> bool {
         let _ = frame;
         true
     }
 
-    /// Which kind of frame it is, below 2^32: frames of a kind are alike to a fuzzer.
+    /// The kind of the frame, below 2^32: a fuzzer treats frames of one kind as equal.
     fn kind(frame: &<Self::Decoder as Decode>::Frame) -> u64 {
         Self::bytes(frame).len() as u64
     }
@@ -110,13 +110,13 @@ impl core::error::Error for Broken {}
 pub struct Target {
     /// Its name, as on the command line and of its folder in the corpus.
     pub name: &'static str,
-    /// Makes a stream of what a fuzzer gives.
+    /// Makes a stream from a fuzzer's bytes.
     pub stream: fn(&[u8]) -> Stream,
     /// Whether the laws hold on a stream.
     pub check: fn(&Stream) -> Result<(), Broken>,
-    /// What the decoder does with it, as numbers.
+    /// The decoder's reactions to it, as numbers.
     pub marks: fn(&Stream, Mark<'_>),
-    /// What its streams are made of.
+    /// Generator of its streams.
     pub holds: Holds,
     /// Cases that a fuzzer tries in one go: fewer of long ones.
     pub round: u64,
@@ -125,7 +125,7 @@ pub struct Target {
 /// Cases in one go, if nothing speaks against it.
 const ROUND: u64 = 4096;
 
-/// What the streams of a target are made of.
+/// Generator of a target's streams.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Holds {
     /// Sessions of frames, damage and pauses.
@@ -135,7 +135,7 @@ pub enum Holds {
 }
 
 impl Target {
-    /// Rows of a map in their code, and the radio's commands: what is no frame.
+    /// Formats without frames: rows of a map in their code, and the radio's commands.
     pub const TEXTS: [Self; 2] = [
         Self {
             name: "rle",
@@ -187,7 +187,7 @@ impl Target {
         }
     }
 
-    /// What a coverage-guided fuzzer calls with any bytes.
+    /// Entry point for a coverage-guided fuzzer, with any bytes.
     ///
     /// # Panics
     /// If a law is broken: that is how such a fuzzer is told.
@@ -208,7 +208,7 @@ pub(super) fn made_again(found: &[u8], made: &[u8]) -> Result<(), Broken> {
     Err(Broken::new("frame-means-itself", detail))
 }
 
-/// How an error is told from another without its figures.
+/// Key of an error, without its figures.
 const fn kind_of(error: FrameError) -> u8 {
     match error {
         FrameError::Checksum { .. } => 1,

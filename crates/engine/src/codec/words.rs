@@ -1,14 +1,14 @@
-//! What is said in words of bytes that are no frames.
+//! Words for bytes outside of frames.
 
 use protocols::hc06::{Command, LineCommand};
 
-/// A free comment, on one line whatever it holds.
+/// A free comment, escaped to one line.
 pub fn one_line(comment: &str) -> String {
     let plain = |c: char| if c.is_control() { ' ' } else { c };
     comment.chars().map(plain).collect()
 }
 
-/// Text on a line; what an HC-06 would take for a command is named.
+/// Text on a line; names text that an HC-06 would execute as a command.
 pub fn text(bytes: &[u8]) -> String {
     let shown = bytes.escape_ascii();
     match at_command(bytes) {

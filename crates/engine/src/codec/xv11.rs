@@ -31,7 +31,7 @@ pub static XV11: Codec = Codec::of::<Xv11>("XV-11 lidar, frames of four readings
 
 /// Both generations of the lidar in Lua: their readings are the same.
 pub(super) const LUA: &str = include_str!("lua/xv11.lua");
-/// What a reading has in Wireshark, whatever frame it came in.
+/// Fields of a reading in Wireshark, for all frame types.
 pub(super) const READING: [LuaField; 5] = [
     field("angle", "uint16", "hilrig.xv11.angle", "Angle (deg)"),
     field(
@@ -87,7 +87,7 @@ impl Wire for Xv11 {
         }
     }
 
-    /// The sum as the public description has it, one byte after the other.
+    /// The checksum as publicly documented, computed byte by byte.
     fn frame_at(bytes: &[u8]) -> Option<usize> {
         let frame = bytes.get(..22)?;
         if frame[0] != 0xFA || !(0xA0..=0xF9).contains(&frame[1]) {
@@ -144,7 +144,7 @@ fn words(frame: &xv11::Frame) -> String {
     out + " mm"
 }
 
-/// Packets whose checksum holds the other way round, and as it stands.
+/// Counts of packets whose checksum is valid with swapped bytes, and in the right order.
 fn other_order(bytes: &[u8]) -> [u64; 2] {
     let (mut other, mut expected) = (0, 0);
     for window in bytes.windows(xv11::FRAME_LEN) {

@@ -1,4 +1,4 @@
-//! Rigs in an empty world, for what continues between two ends.
+//! Rigs in an empty world, for tests between two ends.
 
 use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
 use protocols::{LineConfig, Port};

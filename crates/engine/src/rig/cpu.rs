@@ -1,4 +1,4 @@
-//! What computing costs on the robot's microcontroller.
+//! Computing time on the robot's microcontroller.
 
 use core::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What happens to a rig while a fault is at work, besides damage to bytes.
+//! Effects of an active fault on a rig, except damage to bytes.
 
 use protocols::{Instant, LineEvent};
 
@@ -6,21 +6,21 @@ use super::{Body, Rig};
 use crate::rig::fault::{FaultId, Window};
 use crate::rig::line::Direction;
 
-/// What happens to a rig when a fault begins and when it ends, besides what happens to bytes.
+/// Actions on a rig at the begin and end of a fault, except those on bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Disturbance {
     /// Something is wrong with a device.
     Device {
-        /// Which.
+        /// Name of the device.
         name: String,
-        /// What, by a name that the device knows.
+        /// Name of the fault, as the device knows it.
         fault: String,
-        /// By which factor, or how much.
+        /// Factor or amount.
         figure: Option<f64>,
     },
-    /// A receiver is told something.
+    /// A receiver gets a line event.
     Tell {
-        /// Which link.
+        /// The link.
         link: String,
         /// Direction.
         direction: Direction,
@@ -29,10 +29,10 @@ pub enum Disturbance {
         /// At the end.
         end: Option<LineEvent>,
     },
-    /// A plug is pulled, and comes back in at the end: the receiver is told, and the port of a
-    /// client is gone meanwhile.
+    /// A plug is pulled, and reconnected at the end: the receiver gets an error, and a client's
+    /// port disappears meanwhile.
     Unplug {
-        /// Which link.
+        /// The link.
         link: String,
         /// Direction.
         direction: Direction,
@@ -43,7 +43,7 @@ pub enum Disturbance {
     Cross {
         /// The links.
         links: [String; 2],
-        /// Which of their lines.
+        /// The direction of both lines.
         direction: Direction,
     },
 }
@@ -71,7 +71,7 @@ impl Rig {
         })
     }
 
-    /// Ends what a fault does to lines at `at`.
+    /// Ends a fault's effects on lines at `at`.
     pub fn end_fault(&mut self, id: FaultId, at: Instant) {
         for line in self.links.iter_mut().flat_map(|link| &mut link.lines) {
             line.faults.end(id, at);
@@ -102,7 +102,7 @@ impl Rig {
         }
     }
 
-    /// Begins or ends what a fault does besides damaging bytes. What two faults do at a time ends
+    /// Begins or ends a fault's effects other than damage. Effects of two overlapping faults end
     /// with the second.
     pub fn disturb(&mut self, what: &Disturbance, begins: bool) {
         match what {

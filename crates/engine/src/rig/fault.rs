@@ -1,4 +1,4 @@
-//! What goes wrong on a line, as data: what, when, how often.
+//! Faults on a line as data: kind, time, rate.
 //!
 //! A fault is first a *rate* ("one byte in a hundred") and becomes a list of *strikes* ("byte 1234,
 //! bit 3") while the run goes. The strikes are what a saved case holds: they mean the same in every

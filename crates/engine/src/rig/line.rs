@@ -26,7 +26,7 @@ pub struct End {
     pub port: Port,
 }
 
-/// Which way bytes go on a link.
+/// Direction of bytes on a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Direction {
     /// From the device to the robot's program; on the air from the radio to the PC, which is that
@@ -49,7 +49,7 @@ impl Direction {
     }
 }
 
-/// What has passed a line.
+/// Counts of a line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Bytes that left the sender.
@@ -62,8 +62,8 @@ pub struct Traffic {
     pub delivered: u64,
     /// Characters without a valid stop bit: never delivered as data.
     pub framing_errors: u64,
-    /// Bytes that a receiver at another baud rate read differently in number: what came out of
-    /// resampling, minus what went in.
+    /// Difference in the number of bytes at a receiver with another baud rate: bytes after
+    /// resampling minus bytes before.
     pub resampled: i64,
 }
 
@@ -79,9 +79,9 @@ struct Chunk {
 /// One direction of a link.
 #[derive(Clone, Debug)]
 pub struct Line {
-    /// Where bytes come from.
+    /// Source of the bytes.
     pub from: End,
-    /// Where they go.
+    /// Destination of the bytes.
     pub to: End,
     /// A fault.
     pub faults: LineFaults,
@@ -90,23 +90,23 @@ pub struct Line {
     /// Most bytes that travel as one piece. Byte times are exact all the same; a larger piece
     /// only means that the receiver hears of all its bytes when the last one is complete.
     pub piece: usize,
-    /// Whether the sender is unplugged and a recording plays in its place: what the sender puts on
-    /// the wire is lost, what [`play`](Self::play) adds arrives.
+    /// Whether a recording replaces the sender: the sender's bytes are lost, those of
+    /// [`play`](Self::play) arrive.
     pub is_played: bool,
     /// Whether the sender had nothing to send when it was last asked: it is asked again when
     /// something has happened to it.
     pub(crate) is_silent: bool,
     traffic: Traffic,
     free_at: Instant,
-    /// When [`deliver`](Self::deliver) next has something to do.
+    /// Time of the next [`deliver`](Self::deliver).
     due: Instant,
     chunks: VecDeque<Chunk>,
     in_flight: u64,
     /// No later chunk overtakes this.
     last_arrives: Instant,
-    /// What the sender is to hear of itself, and when.
+    /// Echoed bytes for the sender, and their time.
     echo: Option<(Instant, Vec<u8>)>,
-    /// When the receiver was last unable to take bytes, and how many it had room for until then.
+    /// Time at which the receiver last could not read, and the size of its buffer until then.
     overrun: (Instant, usize),
     resampler: Resampler,
     spare: Vec<Vec<u8>>,
@@ -115,7 +115,7 @@ pub struct Line {
     waiting: Option<Message>,
 }
 
-/// Maximum number of chunks on their way at once; a sender is asked for more only below it.
+/// Maximum number of chunks in flight; the sender is polled only below this limit.
 const CHUNKS_MAX: usize = 1 << 16;
 /// Maximum number of stalls, one after the other, that withhold a byte.
 const GATES_MAX: usize = 1000;
@@ -148,12 +148,12 @@ impl Line {
         }
     }
 
-    /// What has passed so far.
+    /// The counts so far.
     pub const fn traffic(&self) -> Traffic {
         self.traffic
     }
 
-    /// When the last bit that the sender was asked for has left it.
+    /// Time at which the last requested bit has left the sender.
     pub const fn free_at(&self) -> Instant {
         self.free_at
     }
@@ -178,8 +178,7 @@ impl Line {
         sent - lost + added + t.resampled == delivered + errors + in_flight
     }
 
-    /// When the line next has something to deliver, or can take more from a sender that had more
-    /// the last time.
+    /// Time at which the line can next deliver, or can poll a sender that had more bytes.
     pub fn poll_at(&self, now: Instant) -> Option<Instant> {
         let at = self.next_at(now);
         (at < NEVER).then_some(at)
@@ -196,7 +195,7 @@ impl Line {
         }
     }
 
-    /// Looks again when something is due, after what goes wrong has changed.
+    /// Updates the next time after a change of the faults.
     #[inline]
     pub fn note_due(&mut self) {
         let front = self.chunks.front();
@@ -205,7 +204,7 @@ impl Line {
         self.due = front.min(idle);
     }
 
-    /// When the receiver gets what arrives at `at`, and how many bytes it has room for until then.
+    /// Delivery time of bytes that arrive at `at`, and the receiver's buffer size until then.
     #[inline]
     fn release(&self, at: Instant) -> (Instant, Option<usize>) {
         if self.faults.is_clean() {
@@ -232,7 +231,7 @@ impl Line {
         self.free_at <= now && self.chunks.len() < CHUNKS_MAX
     }
 
-    /// Puts what the sender has `sent` on the wire; when the last of it ends.
+    /// Puts the sender's bytes `sent` on the wire; returns the end of the last one.
     pub fn take(
         &mut self,
         now: Instant,
@@ -316,15 +315,15 @@ impl Line {
         ends
     }
 
-    /// Counts what became of `given` bytes, those held back before included: `passed`, and what is
-    /// held back now, are left.
+    /// Counts the fate of `given` bytes, including those held back earlier: `passed`, and the bytes
+    /// held back now, remain.
     fn count(&mut self, given: u64, passed: u64) {
         let left = passed + self.faults.held();
         self.traffic.added += left.saturating_sub(given);
         self.traffic.lost += given.saturating_sub(left);
     }
 
-    /// What is kept of `sent` because something else will arrive, or later.
+    /// A copy of `sent` if other bytes will arrive, or if they arrive later.
     fn original(&self, ends: Instant, passed: &Passed, sent: &[u8], struck: usize) -> Original {
         Original {
             at: ends,
@@ -335,7 +334,7 @@ impl Line {
         }
     }
 
-    /// Puts what passed on its way, in pieces if it is to arrive so.
+    /// Puts the output bytes in flight, split into pieces if a fault requires it.
     fn send_off(
         &mut self,
         start: Instant,
@@ -395,15 +394,15 @@ impl Line {
         self.note_due();
     }
 
-    /// Lets `bytes` arrive at `at`, no earlier than what is on its way, whatever the sender does;
-    /// `framing_errors` characters without a stop bit come before them.
+    /// Delivers `bytes` at `at`, after all bytes in flight and independent of the sender;
+    /// `framing_errors` characters without a stop bit precede them.
     pub fn play(&mut self, at: Instant, bytes: &[u8], framing_errors: u32) {
         self.traffic.added += bytes.len() as u64 + u64::from(framing_errors);
         let errors = Errors::framing(framing_errors, Vec::new());
         self.put(at, bytes.to_vec(), errors, None);
     }
 
-    /// What the sender is to hear of itself, see [`receive`](Self::receive).
+    /// Echoed bytes for the sender, see [`receive`](Self::receive).
     pub(crate) const fn take_echo(&mut self) -> Option<(Instant, Vec<u8>)> {
         self.echo.take()
     }
@@ -418,7 +417,7 @@ impl Line {
         self.put(at, bytes, Errors::default(), None);
     }
 
-    /// Hands over what has arrived by `now`, one chunk a call.
+    /// Delivers the bytes that have arrived by `now`, one chunk a call.
     pub fn deliver(&mut self, now: Instant) -> Option<Delivery> {
         if self.due > now {
             return None;

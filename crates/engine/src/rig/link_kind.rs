@@ -1,10 +1,10 @@
-//! What a link is made of, which decides what can go wrong with it; which rates its ports take.
+//! Types of links, with their possible faults and the baud rates of their ports.
 
 use core::fmt;
 
 use protocols::LineConfig;
 
-/// What a link is made of.
+/// Type of a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LinkKind {
     /// Asynchronous serial: bytes with start and stop bits.
@@ -12,9 +12,9 @@ pub enum LinkKind {
     Uart,
     /// A level, not a message: each byte is its value from then on.
     Pin,
-    /// A bus with clock and acknowledge; what a node transmits in one call is one transaction.
+    /// A bus with clock and acknowledge; bytes transmitted in one call are one transaction.
     I2c,
-    /// Packets as of UDP: what a node transmits in one call arrives whole, or not at all.
+    /// Packets like UDP: bytes transmitted in one call arrive completely, or not at all.
     Datagram,
 }
 
@@ -38,7 +38,7 @@ impl LinkKind {
     }
 }
 
-/// Which baud rates are right at a port of a link.
+/// The valid baud rates of a link's port.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PortRate {
     /// The line's own: a client at another one reads garbage.
@@ -46,7 +46,7 @@ pub enum PortRate {
     OfLine,
     /// Any: there is no UART behind the port, e.g. at the PC's end of a Bluetooth link.
     Any {
-        /// What the port is set to until a client sets something else.
+        /// Initial settings of the port, until a client changes them.
         usual: LineConfig,
     },
 }

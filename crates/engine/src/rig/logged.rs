@@ -1,4 +1,4 @@
-//! What happened in a rig, and at which device or link.
+//! Events of a rig, with their device or link.
 
 use emulators::{Event, EventKind};
 
@@ -7,7 +7,7 @@ use emulators::{Event, EventKind};
 pub struct Logged {
     /// Name of the device, or of the link.
     pub source: String,
-    /// What happened.
+    /// The event.
     pub event: Event,
 }
 

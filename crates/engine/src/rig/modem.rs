@@ -1,5 +1,5 @@
-//! What the owner of an outside end sees and does besides bytes: levels of pins, modem lines that
-//! are set by hand, flow control, damaged characters, a plug that is out.
+//! Functions for the owner of an outside end, except bytes: levels of pins, modem lines set by
+//! hand, flow control, damaged characters, a pulled plug.
 
 use super::Rig;
 use super::line::Mark;
@@ -32,7 +32,7 @@ impl Rig {
         }
     }
 
-    /// The owner of an outside end sends nothing more of what was injected, or continues.
+    /// Stops or continues sending the injected bytes of an outside end.
     pub fn hold(&mut self, node: usize, is_held: bool) {
         if let Body::Outside(outside) = &mut self.nodes[node].body
             && outside.hold(is_held)
@@ -51,7 +51,7 @@ impl Rig {
         }
     }
 
-    /// Throws away what was injected at an outside end and the line has not taken yet.
+    /// Discards the injected bytes of an outside end that the line has not sent yet.
     pub fn discard_input(&mut self, node: usize) {
         if let Body::Outside(outside) = &mut self.nodes[node].body {
             outside.to_rig.clear();

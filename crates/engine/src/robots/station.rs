@@ -30,7 +30,7 @@ pub fn with_pose(mode: &str) -> Option<(&str, [f32; 3])> {
 pub enum Gesture {
     /// Another waypoint at the end of the list.
     Add {
-        /// Where.
+        /// The position.
         at: [i32; 2],
     },
     /// Moves a waypoint.
@@ -51,7 +51,7 @@ pub enum Gesture {
     },
     /// All waypoints are taken out.
     Clear,
-    /// What the robot shall do: one of the station's [modes](Station::modes).
+    /// The robot's order: one of the station's [modes](Station::modes).
     Mode(String),
     /// The axes' set-points by hand, in their order and unit.
     Drive(Vec<SetPoint>),
@@ -62,7 +62,7 @@ pub enum Gesture {
 }
 
 impl Gesture {
-    /// What a station does about it that has no more to mind than its list of `places`, metres.
+    /// The reaction of a station that only has a list of `places`, metres.
     ///
     /// # Errors
     /// A sentence, if there is no such place.
@@ -87,26 +87,26 @@ impl Gesture {
     }
 }
 
-/// What a station knows of its robot.
+/// A station's knowledge of its robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct StationView {
     /// `closed`, `opening` or `connected`.
     pub connection: &'static str,
-    /// Since the robot last told something, milliseconds.
+    /// Time since the robot's last message, milliseconds.
     pub heard_ms: Option<u64>,
-    /// What the robot says that it does.
+    /// The reported activity of the robot.
     pub state: Option<StationState>,
-    /// Where it says that it is: millimetres and degrees of its map.
+    /// The reported pose: millimetres and degrees of the robot's map.
     pub pose: Option<[i16; 3]>,
     /// Size of its map, millimetres.
     pub size_mm: Option<[u16; 2]>,
-    /// The waypoints, millimetres of its map: what was sent last until it is confirmed.
+    /// The waypoints, millimetres of the robot's map: the last sent ones until they are confirmed.
     pub waypoints: Vec<[i16; 2]>,
     /// Whether the robot has them all.
     pub confirmed: bool,
     /// Rows of the map that have not come yet.
     pub rows_missing: Option<usize>,
-    /// What it was last ordered: mode and set-points.
+    /// The last order: mode and set-points.
     pub order: Option<(&'static str, Vec<SetPoint>)>,
     /// Received bytes.
     pub bytes: u64,
@@ -114,23 +114,23 @@ pub struct StationView {
     pub bad: u64,
 }
 
-/// What a robot tells of itself.
+/// A robot's reports about itself.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct StationState {
     /// Its mode.
     pub mode: &'static str,
-    /// How fast its wheels or axes are, mm/s.
+    /// Speeds of its wheels or axes, mm/s.
     pub speed: Vec<SetPoint>,
     /// Set-points in force.
     pub to: Vec<SetPoint>,
 }
 
-/// What keys do to the set-points of the axes, in the axes' order and unit.
+/// Effect of keys on the set-points of the axes, in the axes' order and unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DriveKeys {
-    /// What the key to go ahead adds; the one back takes it away.
+    /// Change by the forward key; the backward key subtracts it.
     pub ahead: Vec<SetPoint>,
-    /// What the key to turn left adds; the one to the right takes it away.
+    /// Change by the left key; the right key subtracts it.
     pub left: Vec<SetPoint>,
     /// Greatest set-point either way, of each axis.
     pub limit: Vec<SetPoint>,
@@ -153,17 +153,17 @@ pub trait Station {
     /// The modes that it can order.
     fn modes(&self) -> &'static [&'static str];
 
-    /// What it can do with a place on the map.
+    /// Its actions with a position on the map.
     fn place_acts(&self) -> &'static [PlaceAct] {
         &[]
     }
 
-    /// How keys drive the robot by hand; `None` if it cannot be driven so.
+    /// Manual control by keys; `None` if it has none.
     fn keys(&self) -> Option<DriveKeys> {
         None
     }
 
-    /// What it knows at `now`.
+    /// Its knowledge at `now`.
     fn view(&self, now: Instant) -> StationView;
 
     /// The map that it received.
@@ -174,10 +174,10 @@ pub trait Station {
         None
     }
 
-    /// Where the robot says that it is, metres and radians of its map.
+    /// The reported pose of the robot, metres and radians of its map.
     fn stated_pose(&self) -> Option<emulators::world::Pose>;
 
-    /// What it does about `gesture`, by what it knows.
+    /// Its reaction to `gesture`.
     ///
     /// # Errors
     /// A sentence, if the gesture makes no sense now.
@@ -201,10 +201,10 @@ pub trait RemoteStation: Station + Device {
     /// A sentence, if it is beyond the limits of the protocol.
     fn perform(&mut self, now: Instant, action: &Action) -> Result<(), String>;
 
-    /// Does what is due by `now`; a station has no world.
+    /// Performs actions that are due at `now`; a station has no world.
     fn tick(&mut self, now: Instant);
 
-    /// Size of the robot as it is drawn, metres.
+    /// Size of the drawn robot, metres.
     fn radius_m(&self) -> f64;
 }
 

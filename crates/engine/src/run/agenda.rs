@@ -1,4 +1,4 @@
-//! What is to be done to a rig at certain times of a run: disturbances that begin and end.
+//! Scheduled actions on a rig: begins and ends of disturbances.
 
 use protocols::Instant;
 
@@ -20,7 +20,7 @@ struct Item {
 }
 
 impl Item {
-    /// When something is next to be done.
+    /// Time of the next action.
     fn due(&self) -> Option<Instant> {
         let spell = self.activity.spell(self.spell)?;
         Some(if self.is_on { spell.until } else { spell.from })
@@ -28,7 +28,7 @@ impl Item {
 }
 
 impl Agenda {
-    /// Adds what is to be done when a fault begins and ends.
+    /// Schedules the actions at the begin and end of a fault.
     pub fn add(&mut self, id: FaultId, activity: Activity, what: Vec<Disturbance>) {
         if !what.is_empty() {
             self.0.push(Item {
@@ -41,12 +41,12 @@ impl Agenda {
         }
     }
 
-    /// When something is next to be done, if ever.
+    /// Time of the next action, if any.
     pub fn due(&self) -> Option<Instant> {
         self.0.iter().filter_map(Item::due).min()
     }
 
-    /// Does what is due at the rig's time.
+    /// Performs the actions due at the rig's time.
     pub fn perform(&mut self, rig: &mut Rig) {
         let now = rig.now();
         for item in &mut self.0 {

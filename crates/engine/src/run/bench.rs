@@ -52,7 +52,7 @@ use super::{Outcome, Run};
 use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
 use crate::scenario::{Scenario, ScenarioError, Source};
 
-/// How long a read waits for its first byte unless the port was told otherwise, virtual time.
+/// Default timeout of a read, virtual time.
 pub const TIMEOUT: Duration = Duration::from_secs(1);
 /// Bytes written that may wait for the line before a write waits too, as in a UART's driver.
 const BACKLOG_MAX: usize = 4096;
@@ -66,7 +66,7 @@ pub struct Bench(Rc<RefCell<Inner>>);
 struct Inner {
     /// `None` once it was judged.
     run: Option<Run>,
-    /// When it was judged.
+    /// Time of the verdict.
     ended: Instant,
     ends: Vec<OpenEnd>,
 }
@@ -180,7 +180,7 @@ fn end_of(run: &Run) -> Instant {
     Instant::ZERO + run.scenario().duration.0
 }
 
-/// Runs on to what happens next, no further than to `deadline`.
+/// Runs to the next event, at most to `deadline`.
 fn wait(run: &mut Run, deadline: Instant) {
     let next = run.rig.next_event().unwrap_or(deadline);
     run.go_on_until(next.clamp(run.rig.now(), deadline));
@@ -214,12 +214,12 @@ impl VirtualPort {
         &self.end.name
     }
 
-    /// How long a read waits for its first byte, virtual time; zero: not at all.
+    /// Timeout of a read, virtual time; zero: none.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
     }
 
-    /// Sets baud rate and format; at first they are what the device expects.
+    /// Sets baud rate and format; initially those that the device expects.
     ///
     /// # Errors
     /// [`ErrorKind::BrokenPipe`] after the run was judged.
@@ -241,7 +241,7 @@ impl VirtualPort {
         Ok(self.received.len())
     }
 
-    /// Takes what arrived.
+    /// Takes the arrived bytes.
     fn collect(&mut self, run: &mut Run) {
         let (rig, node) = (&mut run.rig, self.end.node);
         match self.has_messages {
@@ -254,7 +254,7 @@ impl VirtualPort {
         }
     }
 
-    /// Moves what is there into `buf`.
+    /// Moves the available bytes into `buf`.
     fn take(&mut self, buf: &mut [u8]) -> io::Result<usize> {
         let len = self.received.read(buf)?;
         if self.messages.pop_front().is_some() {

@@ -25,7 +25,7 @@ pub use silence::{STOPS, WATCHDOG};
 
 pub use crate::robots::checker::{Check, Checker, Look, Status};
 
-/// The checkers of every run, chosen by what `instruments` can tell. Some listen to `rig`.
+/// The checkers of every run, selected by the data that `instruments` have. Some listen to `rig`.
 pub fn standard(rig: &mut Rig, instruments: &dyn Instruments) -> Vec<Box<dyn Checker>> {
     let mut checkers: Vec<Box<dyn Checker>> = Vec::new();
     if instruments.has_body() {
@@ -55,7 +55,7 @@ fn set_points(axes: &[Axis]) -> String {
     points.join(", ")
 }
 
-/// No set-point that the robot acts on is ever beyond what its axes can do.
+/// No accepted set-point exceeds the limits of its axis.
 #[derive(Clone, Debug, Default)]
 pub struct SetPointsInRange {
     looks: u64,
@@ -93,8 +93,8 @@ impl Checker for SetPointsInRange {
     }
 }
 
-/// The robot does not run into anything. A person who runs into the robot is not its fault: what
-/// counts is its own way towards what it touches.
+/// The robot does not collide. A person who walks into the robot is not its fault: only its own
+/// motion towards the obstacle counts.
 #[derive(Clone, Debug, Default)]
 pub struct NoCollisionAtSpeed {
     has_moved: bool,
@@ -174,7 +174,7 @@ impl Checker for BytesConserved {
     }
 }
 
-/// What checkers of the program say without one.
+/// Result of checkers of the program if there is no program.
 const NO_PROGRAM: &str = "no program in this process to watch";
 
 /// The program never writes beside its buffers.

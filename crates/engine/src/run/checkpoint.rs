@@ -20,7 +20,7 @@ use super::mission::ends_alike;
 use crate::rig::fault::{FaultId, Window};
 use crate::scenario::{FaultKind, FaultSpec, Scenario};
 
-/// A run as it was at one moment.
+/// A run at one moment.
 pub struct Checkpoint(Run);
 
 impl core::fmt::Debug for Checkpoint {
@@ -67,7 +67,7 @@ impl Run {
     }
 }
 
-/// What becomes of the faults of a checkpoint's run.
+/// Changes to the faults of a checkpoint's run.
 #[derive(Debug, Default)]
 struct Changes<'a> {
     /// The new number of each, if it is kept.
@@ -79,7 +79,7 @@ struct Changes<'a> {
 }
 
 impl Checkpoint {
-    /// When it was taken.
+    /// Time of the checkpoint.
     pub fn at(&self) -> Instant {
         self.0.rig.now()
     }
@@ -208,8 +208,7 @@ impl Run {
     }
 }
 
-/// Whether the two differ in nothing but their faults, their length, what is judged in the end, and
-/// words.
+/// Whether the two differ only in their faults, their length, their expectations, and descriptions.
 fn is_alike(a: &Scenario, b: &Scenario) -> bool {
     let Scenario {
         schema,

@@ -98,7 +98,7 @@ impl Run {
     }
 }
 
-/// Why the PC cannot do what it was told.
+/// Reason why the PC cannot execute the order.
 #[derive(Debug, thiserror::Error)]
 pub enum CommandError {
     /// The rig has no station of its own.

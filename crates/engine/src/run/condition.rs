@@ -31,8 +31,8 @@ impl core::fmt::Debug for Watch {
 }
 
 impl Run {
-    /// Begins to watch for `condition`. Bytes, frames and log entries count from now on, and none
-    /// is missed; everything else is as it is when [`has_come`](Self::has_come) asks.
+    /// Starts to watch `condition`. Bytes, frames and log entries count from now on, without gaps;
+    /// everything else is evaluated when [`has_come`](Self::has_come) is called.
     ///
     /// # Errors
     /// If its figures make no sense, or if it names an unknown item; the message lists the known
@@ -110,7 +110,7 @@ impl Run {
         })
     }
 
-    /// Whether the run has what `condition` asks about.
+    /// Checks that the run has the objects of `condition`.
     fn has_what_is_named(&self, condition: &Condition) -> Result<(), Flaw> {
         match condition {
             Condition::Register(register) => {
@@ -148,7 +148,7 @@ impl Run {
         }
     }
 
-    /// Whether what `watch` waits for has come true.
+    /// Whether the condition of `watch` has become true.
     pub fn has_come(&self, watch: &Watch) -> bool {
         match (&watch.condition, &watch.line) {
             (_, Some(line)) => line.borrow().is_found,
@@ -163,7 +163,7 @@ impl Run {
         }
     }
 
-    /// Whether a condition about what is, not about what passes, holds.
+    /// Whether a condition on the current state is true.
     pub(super) fn holds_now(&self, condition: &Condition) -> bool {
         match condition {
             Condition::Register(register) => {

@@ -32,7 +32,7 @@ impl Contacts {
         self.kept.iter().skip(skip)
     }
 
-    /// When the first of all was that may have done harm.
+    /// Time of the first contact that may have caused harm.
     pub const fn first_in_earnest(&self) -> Option<Instant> {
         self.first_in_earnest
     }

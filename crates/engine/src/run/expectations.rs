@@ -1,4 +1,4 @@
-//! What a scenario expects of a run, judged in the end.
+//! Expectations of a scenario, judged at the end.
 
 use emulators::world::Pose;
 
@@ -6,8 +6,8 @@ use super::check::Check;
 use super::score::{PoseError, WallOverlap, wall_overlap};
 use super::{Run, WAY_EVERY, explored, victims};
 
-/// Whether the check called `name` says what has not come true in the end: a run that is too short
-/// fails it as well.
+/// Whether the check `name` judges an expectation at the end: a run that is too short also fails
+/// it.
 pub fn is_of_the_end(name: &str) -> bool {
     let names = [
         "waypoints-visited",
@@ -22,7 +22,7 @@ pub fn is_of_the_end(name: &str) -> bool {
 }
 
 impl Run {
-    /// What is expected of a search that the robot does by itself.
+    /// Expectations on the robot's own search.
     fn search_expectations(&self, checks: &mut Vec<Check>) {
         let (expect, start) = (&self.scenario.expect, self.scenario.world.start_pose());
         if let Some(most) = expect.home_within_mm {
@@ -51,13 +51,13 @@ impl Run {
         }
     }
 
-    /// How map and world agree, if the scenario expects something of that.
+    /// Agreement of map and world, if the scenario expects some.
     pub(super) fn expected_overlap(&self) -> Option<WallOverlap> {
         let is_expected = self.scenario.expect.wall_overlap_min.is_some();
         is_expected.then(|| self.wall_overlap()).flatten()
     }
 
-    /// How map and world agree on what was to be seen on the robot's way.
+    /// Agreement of map and world for the walls visible from the robot's path.
     pub(super) fn wall_overlap(&self) -> Option<WallOverlap> {
         let way = self.truth.iter().step_by(WAY_EVERY as usize);
         let mut way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();

@@ -1,4 +1,4 @@
-//! How much of the floor that a robot could see from near by its map says anything about.
+//! Share of the floor visible from nearby that the robot's map knows.
 
 use emulators::world::{Point, Pose, World};
 use firmware_core::grid::UNKNOWN;

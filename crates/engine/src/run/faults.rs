@@ -1,4 +1,4 @@
-//! The faults of a run: listed, added while it continues, and saved as what they did.
+//! The faults of a run: listed, added during the run, and saved with their effects.
 
 use core::time::Duration;
 
@@ -14,11 +14,11 @@ use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, Flaw, Origin, Scenari
 /// Maximum number of faults that a run takes while it continues.
 pub const FAULTS_MAX: usize = 10_000;
 
-/// How far a fault has come.
+/// State of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FaultState {
-    /// Its time, or what it waits for, is still to come.
+    /// Its time or its condition has not come yet.
     Planned,
     /// It is at work, or will be again.
     Active,
@@ -31,13 +31,13 @@ pub enum FaultState {
 pub struct FaultReport {
     /// Its number, see [`Run::inject`].
     pub id: FaultId,
-    /// How far it has come.
+    /// Its state.
     pub state: FaultState,
     /// The fault itself; times count from the start of the run.
     pub fault: FaultSpec,
 }
 
-/// The least time by which a change lies after what the rig has already done.
+/// Minimum delay of a change after the rig's current time.
 const NEXT: Duration = Duration::from_nanos(1);
 /// Maximum number of spells of one clogged line that a case holds.
 const SPELLS_MAX: u128 = 100_000;
@@ -79,7 +79,7 @@ impl Run {
         Ok(id)
     }
 
-    /// Plans a fault on the rig, and what belongs to it on the agenda.
+    /// Schedules a fault on the rig, and its actions on the agenda.
     pub(super) fn plan(&mut self, fault: &FaultSpec, id: FaultId) -> Result<(), Flaw> {
         let what = self.rig.plan_fault(fault, id, self.seed)?;
         if fault.when.is_some() {
@@ -90,8 +90,8 @@ impl Run {
         Ok(())
     }
 
-    /// Puts on the agenda what belongs to the faults of the scenario. Their effects on lines were
-    /// planned when the rig was wired.
+    /// Schedules the actions of the scenario's faults. Their effects on lines were scheduled when
+    /// the rig was built.
     pub(super) fn plan_agenda(&mut self) {
         for (index, fault) in self.scenario.fault.iter().enumerate() {
             let id = FaultId(index);
@@ -183,7 +183,7 @@ impl Run {
         Some(&mut link.line_mut(fault.direction?.into()).faults)
     }
 
-    /// When the fault is at work, its trigger considered.
+    /// Activity of the fault, including its trigger.
     fn activity_of(&self, id: FaultId, fault: &FaultSpec) -> Activity {
         let on_line = self
             .line_of(fault)
@@ -265,7 +265,7 @@ impl Run {
         case
     }
 
-    /// A fault as it was at work: with its times, and without dice where that can be.
+    /// A fault with its real times, and without random values where possible.
     fn resolved(&self, id: FaultId, fault: &FaultSpec) -> Vec<FaultSpec> {
         let activity = self.activity_of(id, fault);
         let mut fault = fault.clone();

@@ -38,8 +38,8 @@ pub struct Lane {
     struck_before: usize,
 }
 
-/// Samples in order of time, every second one dropped when there are too many. Copies share them:
-/// the maps are most of what a checkpoint would copy.
+/// Samples in order of time; every second one is dropped when there are too many. Copies share
+/// them, because the maps are the largest part of a checkpoint.
 #[derive(Clone, Debug)]
 pub struct Thinned<T> {
     /// Times and samples.
@@ -82,7 +82,7 @@ impl<T> Thinned<T> {
         self.next = now + self.period;
     }
 
-    /// The same for what seldom changes: only what differs from the last sample is taken.
+    /// The same for rarely changing data: a sample is added only if it differs from the last.
     fn offer_change(&mut self, now: Instant, make: impl FnOnce() -> T)
     where
         T: PartialEq + Default,
@@ -116,7 +116,7 @@ pub struct History {
     pub scans: Thinned<Points>,
     /// Maps.
     pub maps: Thinned<KeptMap>,
-    /// What the robot had to show besides.
+    /// Further data of the robot.
     pub overlays: Thinned<Vec<Overlay>>,
     next_bin: Instant,
     end: Instant,

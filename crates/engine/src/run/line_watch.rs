@@ -9,11 +9,11 @@ use crate::codec::{Codec, Stream, What};
 use crate::rig::line::Direction;
 use crate::rig::trace::{Side, Tap};
 
-/// What is looked for in the bytes of a line.
+/// Pattern in the bytes of a line.
 pub(super) enum Wanted {
-    /// So many more bytes.
+    /// Number of further bytes.
     Count(u64),
-    /// These bytes in a row; what could be their beginning so far.
+    /// These bytes in sequence; the matched beginning so far.
     Pattern { pattern: Vec<u8>, tail: Vec<u8> },
     /// A frame with these words, in the line's protocol.
     Frame {

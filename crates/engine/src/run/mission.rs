@@ -1,4 +1,4 @@
-//! How far the robot has come with its mission, judged by where it truly is.
+//! Progress of the robot's mission, judged by its true position.
 
 use core::time::Duration;
 
@@ -12,7 +12,7 @@ const WITHIN_MM: f64 = 200.0;
 /// Time at rest after which a mission is over if the scenario names none.
 const REST: Duration = Duration::from_secs(2);
 
-/// How near counts as a visit, mm, and how long a rest ends the mission.
+/// Maximum distance of a visit, mm, and rest time that ends the mission.
 fn visits_and_rest(expect: &Expect) -> (f64, Duration) {
     (
         expect.visit_within_mm.unwrap_or(WITHIN_MM),
@@ -34,9 +34,9 @@ pub(super) fn ends_alike(a: &Expect, b: &Expect) -> bool {
 /// A visited waypoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Visit {
-    /// When the robot was first near enough.
+    /// Time of the first visit.
     pub at: Instant,
-    /// Which.
+    /// Index of the waypoint.
     pub waypoint: Point,
     /// The least distance until the next one was reached.
     pub nearest_mm: f64,
@@ -46,7 +46,7 @@ pub struct Visit {
 #[derive(Clone, Debug)]
 pub struct Progress {
     waypoints: Vec<Point>,
-    /// Which of them come next: the first alone, or any.
+    /// Order of the waypoints: only the first may come next, or any.
     left: Vec<Point>,
     any_order: bool,
     within_mm: f64,
@@ -74,7 +74,7 @@ impl Progress {
         }
     }
 
-    /// Where the robot is now, and whether it moves.
+    /// True pose of the robot, and whether it moves.
     pub fn observe(&mut self, now: Instant, pose: Pose, is_moving: bool) {
         let place = pose.point();
         self.last = Some(place);
@@ -105,7 +105,7 @@ impl Progress {
         &self.visits
     }
 
-    /// How many waypoints there are.
+    /// Number of waypoints.
     pub fn waypoints(&self) -> usize {
         self.waypoints.len()
     }
@@ -127,7 +127,7 @@ impl Progress {
         Some(place.distance(self.last?) * 1000.0)
     }
 
-    /// How long the robot has been at rest.
+    /// Time for which the robot has rested.
     pub fn rested(&self, now: Instant) -> Duration {
         let since = self.resting_since.unwrap_or(now);
         now - since

@@ -17,8 +17,7 @@ use crate::scenario::Scenario;
 
 /// The end of a run.
 pub struct Outcome {
-    /// The scenario as run, faults written out as what they did: running it again gives the same
-    /// bytes.
+    /// The scenario with faults replaced by their effects: running it gives the same bytes.
     pub case: Scenario,
     /// The seed.
     pub seed: u64,
@@ -36,7 +35,7 @@ pub struct Outcome {
     pub pairs: Vec<PosePair>,
     /// The program's map.
     pub map: Option<KeptMap>,
-    /// What is solid, obstacles where they were in the end.
+    /// The solid shapes, with obstacles at their final positions.
     pub scene: scene::Scene,
     /// Whether there is a robot; else devices on their wires alone.
     pub has_body: bool,
@@ -46,30 +45,30 @@ pub struct Outcome {
     pub layers: Vec<(&'static str, KeptMap)>,
     /// The run over its time.
     pub history: History,
-    /// What the robot's display showed in the end.
+    /// The robot's display at the end.
     pub display: Option<Picture>,
-    /// What the robot was told to do and did in the end.
+    /// Set-points and measured values of the robot at the end.
     pub axes: Vec<Axis>,
     /// Its values in the end.
     pub panels: Vec<Panel>,
     /// The program's counters.
     pub counters: BTreeMap<&'static str, u64>,
-    /// What devices reported.
+    /// Reports of devices.
     pub events: Vec<Logged>,
-    /// How often the program broke a rule of a device.
+    /// Number of violations of device rules by the program.
     pub violations: u64,
-    /// Which rules of which devices, and how often each.
+    /// Violated rules with their devices and counts.
     pub broken_rules: Vec<(String, &'static str, u64)>,
     /// The probable cause of a failure, if the program was a foreign one and its ports were
     /// watched.
     pub probable_cause: Option<String>,
-    /// What node programs said on standard error, the end of it, by the names of their nodes.
+    /// The end of the node programs' standard error, by node names.
     pub node_words: Vec<(String, String)>,
     /// Sentence that names the node program with late answers in real time.
     pub slow_node: Option<String>,
     /// Waypoints visited and demanded.
     pub waypoints: [usize; 2],
-    /// When the robot first ran into something in earnest.
+    /// Time of the first real collision.
     pub collided_at: Option<Instant>,
     /// Fingerprint of all bytes.
     pub trace_hash: String,

@@ -1,11 +1,11 @@
-//! What is solid in a world at one moment, as page and report draw it.
+//! Solid shapes of a world at one moment, as drawn by page and report.
 
 use emulators::world::{Outline as Body, Point, Shape, World};
 use serde::Serialize;
 
 pub use crate::robots::overlay::millimetres;
 
-/// What is solid: `scene` of `show/view/view.js`.
+/// Solid shapes: `scene` of `show/view/view.js`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Scene {
     /// Minimum and maximum x and y: x0, y0, x1, y1.
@@ -44,7 +44,7 @@ pub fn scene(world: &World) -> Scene {
     }
 }
 
-/// The robot's outline in its own axes, x ahead: what is solid of it.
+/// The robot's outline in its own axes, x ahead.
 pub fn footprint(world: &World) -> Outline {
     match world.footprint().outline() {
         Body::Circle { radius_m } => Outline::Circle([0.0, 0.0, millimetres(radius_m)]),
@@ -55,7 +55,7 @@ pub fn footprint(world: &World) -> Outline {
     }
 }
 
-/// What is shown of a world without anything in it.
+/// The view of an empty world.
 const NOWHERE: [f64; 4] = [0.0, 0.0, 3.0, 3.0];
 
 fn outline(shape: &Shape, from: Point) -> Outline {
@@ -83,7 +83,7 @@ mod tests {
 
     use super::*;
 
-    /// A car's box as it is, a round robot as a disc around its middle.
+    /// A car's box, or a round robot as a disc around its middle.
     #[test]
     fn a_footprint_is_what_is_solid_of_the_robot() {
         let solid = Solid::new(Vec::<Shape>::new(), Vec::new()).expect("empty");

@@ -1,4 +1,4 @@
-//! How well the program knew where it was and what the world looks like, measured against truth.
+//! Accuracy of the program's pose and map, compared with the true world.
 
 use emulators::world::{Point, Pose as TruePose, Shape, World};
 use firmware_core::map_view::MapView;
@@ -9,9 +9,9 @@ use protocols::Instant;
 pub struct PosePair {
     /// The moment that the estimate is about.
     pub at: Instant,
-    /// Where the robot was.
+    /// True position of the robot.
     pub truth: TruePose,
-    /// Where the program says it was, in metres and radians.
+    /// Estimated position, in metres and radians.
     pub estimate: TruePose,
 }
 
@@ -83,7 +83,7 @@ pub fn is_wall(map: MapView<'_>, x: usize, y: usize) -> bool {
     here >= OCCUPIED && (ridge(1, 0) || ridge(0, 1))
 }
 
-/// How map and world agree on walls.
+/// Agreement of map and world on walls.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WallOverlap {
     /// Share of the walls that an ideal lidar would have seen on the robot's way and that the map

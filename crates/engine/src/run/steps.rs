@@ -15,7 +15,7 @@ struct Waiting {
     /// Its place in the mission, from 1.
     number: usize,
     step: Step,
-    /// When the steps with a time before it are done.
+    /// Time at which all earlier steps with a time are done.
     not_before: Instant,
 }
 
@@ -27,7 +27,7 @@ pub(super) struct Steps {
     watch: Option<(Watch, Instant)>,
     done: Vec<Check>,
     has_failed: bool,
-    /// What the PC was told to do while the run continued.
+    /// Orders of the PC added during the run.
     pub(super) by_hand: Vec<Step>,
 }
 
@@ -57,7 +57,7 @@ impl Steps {
         !self.waiting.is_empty() && !self.has_failed
     }
 
-    /// What came of each; `is_over`: nothing more can come true.
+    /// Result of each step; `is_over`: nothing can become true any more.
     pub(super) fn checks(&self, is_over: bool) -> Vec<Check> {
         let mut checks = self.done.clone();
         // The first of those that are left has a verdict if it failed.
@@ -132,7 +132,7 @@ fn name(number: usize) -> String {
     format!("mission-step-{number}")
 }
 
-/// What a step waits for, as a file could say it.
+/// Condition of a step in the form of a file.
 fn condition(step: &Step) -> String {
     let text = step.when.as_ref().map(serde_json::to_string);
     text.and_then(Result::ok).unwrap_or_default()

@@ -7,7 +7,7 @@ use crate::rig::Rig;
 use crate::robots::Instruments;
 use crate::scenario::Scenario;
 
-/// The checkers of a run, chosen by what its robot and its rig have.
+/// The checkers of a run, selected by its robot and its rig.
 pub struct Watchers {
     checkers: Vec<Box<dyn Checker>>,
 }
@@ -37,7 +37,7 @@ impl Watchers {
         self.checkers.push(checker);
     }
 
-    /// Lets all look at the rig; what the robot touched since the last look is `contacts`.
+    /// Updates all checkers; `contacts` are the contacts since the last update.
     pub fn look(&mut self, rig: &Rig, instruments: &dyn Instruments, contacts: &[Contact]) {
         let axes = instruments.axes(rig);
         let look = Look {
@@ -49,7 +49,7 @@ impl Watchers {
         checkers.for_each(|checker| checker.observe(&look));
     }
 
-    /// What each has to say.
+    /// The result of each checker.
     pub fn verdicts(&self) -> Vec<Check> {
         let checkers = self.checkers.iter();
         checkers.map(|checker| checker.verdict()).collect()

@@ -1,4 +1,4 @@
-//! What a payload says: which message it is, and what is in it.
+//! A payload in words: message name and fields.
 //!
 //! Nothing in a payload says whether robot or PC sent it. Some fields are only the robot's
 //! (odometry, scan, lines, IR), some only the PC's; a field of the other message is one that no
@@ -11,7 +11,7 @@ use protocols::telemetry::message::{ANY_HEADING, MessageError, Pose, Telecommand
 
 use crate::hex;
 
-/// Payload bytes that are reported of what is no message.
+/// Maximum number of printed bytes of an invalid payload.
 const TOLD_MAX: usize = 16;
 
 /// A payload in words.
@@ -44,7 +44,7 @@ fn is_whole(payload: &[u8], encode: impl FnOnce(&mut [u8]) -> Result<usize, Mess
     encode(&mut out).is_ok_and(|len| out.get(..len) == Some(payload))
 }
 
-/// A time and a state alone are a command: the robot always tells more.
+/// A payload with only time and state is a command: the robot always sends more.
 const fn is_of_the_robot(told: &Telemetry) -> bool {
     told.odometry.is_some()
         || told.lidar.is_some()

@@ -1,5 +1,5 @@
-/// Choices made by a string of bytes: what a fuzzer mutates. When it is used up, every further
-/// choice is the first one, so that cutting the end off makes things simpler.
+/// Choices encoded in a string of bytes, which a fuzzer mutates. After its end every choice is the
+/// first one, so that shorter strings give simpler inputs.
 #[derive(Clone, Debug)]
 pub struct Choices<'a>(&'a [u8]);
 

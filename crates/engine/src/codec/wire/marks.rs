@@ -1,5 +1,5 @@
-//! What a decoder did with a stream, as numbers: what tells a fuzzer without instrumentation that
-//! a stream is of a new kind.
+//! A decoder's reactions to a stream, as numbers: they show a fuzzer without instrumentation that a
+//! stream is of a new kind.
 
 use protocols::Decode;
 use protocols::hc06::{Command, LineCommand};
@@ -7,7 +7,7 @@ use protocols::rle;
 
 use super::{Piece, Stream, Wire, kind_of};
 
-/// Where marks go.
+/// Destination of marks.
 pub type Mark<'a> = &'a mut dyn FnMut(&[u64]);
 
 const fn size(number: usize) -> u64 {
@@ -48,7 +48,7 @@ pub(super) fn of_session<W: Wire>(stream: &Stream, mark: Mark<'_>) {
     }
 }
 
-/// How a row's code ends.
+/// The end state of a row's code.
 pub(super) fn of_row(stream: &Stream, mark: Mark<'_>) {
     let mut row = [0; 300];
     let bytes = stream.bytes();
@@ -68,7 +68,7 @@ fn error_number(error: rle::RleError) -> u64 {
     }
 }
 
-/// Which commands are understood, by the letters that they are written with.
+/// Recognised commands, by their letters.
 pub(super) fn of_command(stream: &Stream, mark: Mark<'_>) {
     let bytes = stream.bytes();
     let heads = |most: usize| {

@@ -8,7 +8,7 @@ const ITEMS_MAX: usize = 64;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stream {
     bytes: Vec<u8>,
-    /// Where a piece ends, and whether the line was idle after it; in order.
+    /// Ends of the pieces in their order, and whether the line was idle after each.
     marks: Vec<(usize, bool)>,
 }
 
@@ -24,9 +24,9 @@ pub enum Piece<'a> {
 /// A line of a stream's text that is none.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StreamError {
-    /// Which line, from 1.
+    /// Line number, from 1.
     pub line: usize,
-    /// What stands there.
+    /// Text of the line.
     pub found: String,
 }
 
@@ -71,7 +71,7 @@ impl Stream {
         stream
     }
 
-    /// All bytes, whatever the pieces.
+    /// All bytes, without piece boundaries.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }

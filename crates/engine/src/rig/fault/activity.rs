@@ -1,4 +1,4 @@
-//! When a fault is at work: a window, in it spells, or from an event on.
+//! Activity of a fault: a window, periodic times within it, or the time after an event.
 
 use core::time::Duration;
 
@@ -35,34 +35,34 @@ impl Window {
 /// Repeated times within a window in which a fault is at work.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spells {
-    /// From the beginning of one to that of the next.
+    /// Time between two begins.
     pub every: Duration,
     /// Length of each.
     pub lasting: Duration,
-    /// How many there are before the fault has worn off.
+    /// Maximum number of repetitions.
     pub count: Option<u32>,
     /// Seed and name of the dice, if each begins and ends by chance within its period: then
     /// `lasting` is the mean length.
     pub dice: Option<(u64, String)>,
 }
 
-/// What a fault waits for on its line.
+/// Event on the line that a fault waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trigger {
     /// This byte, counted from zero as sent.
     Byte(u64),
-    /// This frame, counted from zero: what is sent without a pause of two characters.
+    /// This frame, counted from zero; frames are separated by a pause of two characters.
     Frame(u64),
 }
 
-/// When a fault is at work.
+/// The activity of a fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Activity {
     /// Never outside. While a trigger is waited for, its length counts from there.
     pub window: Window,
     /// In spells, or all the time.
     pub spells: Option<Spells>,
-    /// What is waited for; `None` when it has come.
+    /// The awaited event; `None` after it has occurred.
     pub trigger: Option<Trigger>,
 }
 

@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 
 use protocols::Instant;
 
-/// Bounds for random damage on all lines together. Damage that names its byte is not counted: it
-/// was asked for.
+/// Limits of random damage on all lines together. Damage with a selected byte is not counted,
+/// because it was ordered.
 #[derive(Clone, Debug, Default)]
 pub struct Budget {
     /// Most strikes of the run.
@@ -17,7 +17,7 @@ pub struct Budget {
     recent: VecDeque<Instant>,
 }
 
-/// What counts as one moment.
+/// Length of the window for `at_once`.
 pub const AT_ONCE: Duration = Duration::from_millis(100);
 
 impl Budget {

@@ -1,14 +1,14 @@
-//! What happens to single bytes.
+//! Damage to single bytes.
 
 use core::fmt;
 use core::time::Duration;
 
-/// What happens to a byte, or to some bytes from it on.
+/// Damage to a byte, or to some bytes from it on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Damage {
     /// One bit is inverted; 0 is the least significant, larger numbers wrap at 8.
     Flip {
-        /// Which bit.
+        /// Number of the bit.
         bit: u8,
     },
     /// The byte never arrives.
@@ -22,15 +22,15 @@ pub enum Damage {
     Duplicate,
     /// This byte and those behind it are garbled.
     Burst {
-        /// How many bytes, this one included.
+        /// Number of bytes, including this one.
         len: u16,
         /// The bits inverted in each.
         mask: u8,
     },
-    /// This byte and the rest of what is sent with it never arrive: all up to the next pause of
-    /// two characters.
+    /// This byte and the rest of its frame never arrive: all bytes up to the next pause of two
+    /// characters.
     Truncate {
-        /// At most so many bytes are lost.
+        /// Maximum number of lost bytes.
         len: u16,
     },
     /// The byte arrives behind the one that follows it.
@@ -60,7 +60,7 @@ impl fmt::Display for Damage {
     }
 }
 
-/// The kinds of [`Damage`], without what is drawn by lot.
+/// The kinds of [`Damage`], without their random values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DamageKind {
     /// See [`Damage::Flip`].
@@ -73,12 +73,12 @@ pub enum DamageKind {
     Duplicate,
     /// See [`Damage::Burst`].
     Burst {
-        /// How many bytes.
+        /// Number of bytes.
         len: u16,
     },
     /// See [`Damage::Truncate`].
     Truncate {
-        /// How many bytes at most.
+        /// Maximum number of bytes.
         len: u16,
     },
     /// See [`Damage::Swap`].
@@ -133,7 +133,7 @@ impl DamageKind {
 pub struct Strike {
     /// Number of the byte on its line, counted from zero as sent.
     pub byte: u64,
-    /// What happens to it.
+    /// Kind of the damage.
     pub damage: Damage,
 }
 

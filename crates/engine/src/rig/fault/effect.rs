@@ -1,4 +1,4 @@
-//! What a fault does to a line while it is at work.
+//! Effect of an active fault on a line.
 
 use core::time::Duration;
 
@@ -7,12 +7,12 @@ use protocols::{Instant, LineConfig};
 
 use super::{DamageKind, HostDamage};
 
-/// What a fault does to a line.
+/// Effect of a fault on a line.
 #[derive(Clone, Debug)]
 pub enum Effect {
     /// Damages bytes at random.
     Strikes {
-        /// What happens to a byte.
+        /// Damage to bytes.
         kind: DamageKind,
         /// Chance per byte, 0 to 1.
         chance: f64,
@@ -29,7 +29,7 @@ pub enum Effect {
     Cut,
     /// Nothing is handed over before the end, then all of it at once.
     Stall,
-    /// As a stall, and the receiver has room for so many bytes; the rest is lost.
+    /// Like a stall, with a receive buffer of this many bytes; further bytes are lost.
     Overrun {
         /// Room for bytes.
         fifo: usize,
@@ -41,12 +41,12 @@ pub enum Effect {
     },
     /// Bytes take longer.
     Latency {
-        /// By this time.
+        /// Added delay.
         by: Duration,
     },
     /// Bytes take longer, sometimes more, sometimes less, but never overtake each other.
     Jitter {
-        /// By at most this time.
+        /// Maximum added delay.
         by: Duration,
         /// The dice.
         rng: Box<Rng>,
@@ -56,7 +56,7 @@ pub enum Effect {
 }
 
 impl Effect {
-    /// What it is called in a capture.
+    /// Its name in a capture.
     pub const fn words(&self) -> &'static str {
         match self {
             Self::Strikes { .. } => "strikes",
@@ -111,10 +111,10 @@ pub const BAUD_MIN: u32 = 50;
 /// Fastest rate of a line.
 pub const BAUD_MAX: u32 = 50_000_000;
 
-/// What is withheld until when.
+/// Withheld bytes, and the time of their delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Gate {
-    /// When all is handed over.
+    /// Time at which all is delivered.
     pub(crate) opens: Instant,
     /// For how many bytes there is room meanwhile.
     pub(crate) fifo: Option<usize>,

@@ -1,4 +1,4 @@
-//! What a host does to a byte stream that it takes for text.
+//! Changes to a byte stream by a host port in text mode.
 
 /// A terminal setting, or a program, that was not made for binary data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,7 +20,7 @@ const XON: u8 = 0x11;
 const XOFF: u8 = 0x13;
 
 impl HostDamage {
-    /// What arrives of `byte`.
+    /// The bytes that arrive for `byte`.
     pub const fn of(self, byte: u8) -> Option<u8> {
         match (self, byte) {
             (Self::StripNul, NUL) | (Self::EatXonXoff, XON | XOFF) => None,

@@ -23,7 +23,7 @@ struct Entry {
     drawn: u64,
 }
 
-/// Which entries are to be checked, of very many. Made again whenever one changes.
+/// Indices of the entries to check. Recomputed after each change.
 #[derive(Clone, Debug, Default)]
 struct Order {
     is_known: bool,
@@ -49,7 +49,7 @@ pub struct LineFaults {
     wire: Wire,
 }
 
-/// What damage leaves behind for the bytes that follow.
+/// State of damage for the following bytes.
 #[derive(Clone, Debug, Default)]
 struct Wire {
     /// Bytes still to be garbled, and how.
@@ -58,26 +58,26 @@ struct Wire {
     truncated: u16,
     /// A byte that waits for the next one.
     held: Option<u8>,
-    /// When the sender last ended.
+    /// Time at which the sender last ended.
     quiet_from: Instant,
     /// Frames begun.
     frames: u64,
 }
 
-/// What comes out at the other end of what was sent in one go.
+/// Output of the line for bytes sent in one go.
 #[derive(Debug, Default)]
 pub(crate) struct Passed {
     /// The bytes.
     pub(crate) bytes: Vec<u8>,
     /// Pauses of the sender: before which of `bytes`, how long.
     pub(crate) pauses: Vec<(usize, Duration)>,
-    /// Bytes that came as a parity error.
+    /// Bytes with a parity error.
     pub(crate) parity_errors: u32,
-    /// The same, by what was read and where.
+    /// The same, with read values and positions.
     pub(crate) marks: Vec<Mark>,
     /// Longest piece in which they are handed over.
     pub(crate) piece: Option<usize>,
-    /// By how much they are late.
+    /// Their delay.
     pub(crate) late: Duration,
     /// Whether the sender receives its own bytes.
     pub(crate) echo: bool,
@@ -157,7 +157,7 @@ impl LineFaults {
         entries.for_each(|entry| entry.id = to(entry.id));
     }
 
-    /// When the fault is at work, as far as that is known by now.
+    /// Activity of the fault, as far as it is known.
     pub fn activity(&self, id: FaultId) -> Option<&Activity> {
         let mut entries = self.entries.iter();
         let entry = entries.find(|entry| entry.id == id)?;
@@ -190,7 +190,7 @@ impl LineFaults {
             .flat_map(|(&byte, damages)| damages.iter().map(move |&damage| Strike { byte, damage }))
     }
 
-    /// How many strikes there were so far.
+    /// Number of damaged bytes so far.
     pub(crate) fn struck_len(&self) -> usize {
         self.struck.len()
     }
@@ -211,7 +211,7 @@ impl LineFaults {
             })
     }
 
-    /// What withholds bytes that arrive at `at`, if anything does.
+    /// The effect that withholds bytes that arrive at `at`, if any.
     pub(crate) fn gate(&self, at: Instant) -> Option<Gate> {
         let gates = self.others().filter_map(|entry| {
             let fifo = match entry.effect {
@@ -277,8 +277,8 @@ impl LineFaults {
         order.striking.retain(|index| !is_over(index));
     }
 
-    /// What the other end gets of `sent`, whose first byte is the `first`-th on this line. They are
-    /// sent back to back from `start` on by a sender with `line`.
+    /// The bytes that the receiver gets for `sent`, whose first byte has number `first` on this
+    /// line. A sender with `line` sends them back to back from `start` on.
     pub(crate) fn pass(
         &mut self,
         first: u64,
@@ -324,7 +324,7 @@ impl LineFaults {
         self.wire.quiet_from = start + line.bytes_time(sent.len() as u64);
     }
 
-    /// Counts frames, ends what a pause ends, and starts what waited for this.
+    /// Counts frames, ends effects at a pause, and starts effects that waited for this frame.
     fn notice(&mut self, first: u64, len: u64, start: Instant, line: LineConfig) {
         // Nothing is counted without faults: what comes then begins a frame.
         let is_first = first == 0 || self.wire.frames == 0;
@@ -335,7 +335,7 @@ impl LineFaults {
         self.fire(first + len, self.wire.frames - 1, start);
     }
 
-    /// Starts what waited for one of the bytes up to `bytes`, or for this frame.
+    /// Starts effects that waited for one of the bytes up to `bytes`, or for this frame.
     fn fire(&mut self, bytes: u64, frame: u64, start: Instant) {
         if self.order.is_known && self.order.waiting.is_empty() {
             return;
@@ -353,7 +353,7 @@ impl LineFaults {
         }
     }
 
-    /// What happens to the byte `number`, sent at `now`.
+    /// Damage to byte `number`, sent at `now`.
     fn damages(&mut self, number: u64, now: Instant, budget: &mut Budget) -> Vec<Damage> {
         let mut damages = self.planned.remove(&number).unwrap_or_default();
         self.look(now);
@@ -396,7 +396,7 @@ impl Wire {
         self.burst.0 == 0 && self.truncated == 0 && self.held.is_none()
     }
 
-    /// Puts out what arrives of `byte`; `None`: it was taken away before.
+    /// Delivers the bytes for `byte`; `None`: it was removed before.
     fn apply(&mut self, byte: Option<u8>, damages: &[Damage], passed: &mut Passed) {
         let waiting = self.held.take();
         let mut byte = byte;

@@ -19,7 +19,7 @@ use super::{Chunk, Errors, Line, Original};
 use crate::rig::LinkKind;
 use crate::rig::fault::Budget;
 
-/// Longest message: what a UDP packet carries in one Ethernet frame.
+/// Maximum message length: the payload of a UDP packet in one Ethernet frame.
 pub const MESSAGE_MAX: usize = 1472;
 /// Bytes before the payload of a packet: 20 of IP, 8 of UDP.
 const HEADERS_LEN: usize = 28;
@@ -32,7 +32,7 @@ pub(super) struct Message {
     original: Option<Box<Original>>,
 }
 
-/// How long a message of `len` bytes takes on a link of `kind` whose sender has this `line`.
+/// Duration of a message of `len` bytes on a link of `kind` whose sender has this `line`.
 pub fn message_time(kind: LinkKind, line: LineConfig, len: usize) -> Duration {
     let len = len as u64;
     let bits = match kind {
@@ -107,7 +107,7 @@ impl Line {
         }
     }
 
-    /// Lets `message` arrive at `at`, behind what arrives no later.
+    /// Delivers `message` at `at`, after messages that arrive no later.
     fn arrive(&mut self, at: Instant, message: Message) {
         let Message {
             bytes,

@@ -1,4 +1,4 @@
-//! What goes into a line in one go, and what comes out.
+//! Input and output of a line in one go.
 
 use protocols::{Instant, LineEvent};
 
@@ -7,21 +7,21 @@ use crate::rig::fault::Strike;
 /// Largest piece.
 pub const PIECE_MAX: usize = 64;
 
-/// What a receiver gets in one go.
+/// Bytes that a receiver gets in one go.
 #[derive(Clone, Debug)]
 pub struct Delivery {
     /// Time at which the last byte was complete.
     pub at: Instant,
     /// The bytes, faults applied; may be empty.
     pub bytes: Vec<u8>,
-    /// What happened besides.
+    /// Further events.
     pub event: Option<LineEvent>,
-    /// Characters without a valid stop bit among what was sent.
+    /// Characters without a valid stop bit among the sent ones.
     pub framing_errors: u32,
     /// Characters that arrived damaged, in order: a receiver that checks them has no byte, one that
     /// does not check reads them all the same.
     pub marks: Vec<Mark>,
-    /// What was sent, if the line changed or delayed it.
+    /// The sent bytes, if the line changed or delayed them.
     pub original: Option<Box<Original>>,
 }
 
@@ -30,13 +30,13 @@ pub struct Delivery {
 pub struct Mark {
     /// Before which of the bytes that arrived with it.
     pub before: usize,
-    /// What the receiver read.
+    /// The bytes read by the receiver.
     pub value: u8,
     /// The error.
     pub damage: MarkDamage,
 }
 
-/// What is wrong with a character.
+/// Error of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MarkDamage {
     /// Its parity bit is wrong.
@@ -77,23 +77,23 @@ impl Errors {
     }
 }
 
-/// Bytes as they left the sender, and what the line did to them.
+/// The sent bytes, and the line's changes to them.
 #[derive(Clone, Debug)]
 pub struct Original {
-    /// When the last of them ended on the wire.
+    /// End of the last byte on the wire.
     pub at: Instant,
     /// The bytes.
     pub bytes: Vec<u8>,
     /// The damage, byte by byte.
     pub strikes: Vec<Strike>,
-    /// What was at work on the line, in words.
+    /// The active faults of the line, in words.
     pub effects: Vec<&'static str>,
     /// The rates of sender and receiver, if those do not agree.
     pub bauds: Option<[u32; 2]>,
 }
 
 impl Original {
-    /// Whether `arrived` are the bytes as sent, which nothing but time befell.
+    /// Whether `arrived` equals the sent bytes, apart from delay.
     pub fn is_only_late(&self, arrived: &[u8]) -> bool {
         self.strikes.is_empty()
             && self.effects.is_empty()

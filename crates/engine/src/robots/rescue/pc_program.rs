@@ -18,14 +18,14 @@ use protocols::pcui::message::WAYPOINTS_MAX;
 pub use crate::robots::station::{Gesture, HAND_OFF, Hand};
 use crate::scenario::Action;
 
-/// Why a gesture leads to nothing.
+/// Reason why a gesture has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
     /// No connection.
     #[error("not connected to the robot")]
     NotConnected,
-    /// The robot has not told the size of its map yet: no place has a meaning.
+    /// The robot has not reported the size of its map yet, so no position is valid.
     #[error("the robot has not told the size of its map yet")]
     NoMap,
     /// The place is not on the map.
@@ -42,8 +42,7 @@ pub enum Refusal {
     Changed,
 }
 
-/// The list as it is to be seen: what was sent last until the robot has confirmed it, then what
-/// the robot says.
+/// The displayed list: the last sent one until the robot confirms it, then the robot's.
 pub fn waypoints(pc: &Pc) -> Vec<[i16; 2]> {
     match (pc.unconfirmed_waypoints(), &pc.record().waypoints) {
         (Some(list), _) => list.to_vec(),
@@ -52,7 +51,7 @@ pub fn waypoints(pc: &Pc) -> Vec<[i16; 2]> {
     }
 }
 
-/// What the PC does about `gesture`, by what it knows.
+/// The PC's reaction to `gesture`.
 ///
 /// # Errors
 /// If the gesture makes no sense now.

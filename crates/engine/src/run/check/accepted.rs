@@ -1,4 +1,4 @@
-//! Whether the base acts on what it was told, and on nothing else.
+//! Checks that the base obeys its valid commands, and nothing else.
 
 use core::cell::RefCell;
 use core::time::Duration;
@@ -18,8 +18,8 @@ const COMMANDS_MIN: usize = 8;
 /// And for so long at least: a value may be in force until the next one is taken.
 const REMEMBERED: Duration = Duration::from_secs(2);
 
-/// Every set-point in force was told by a valid frame that reached the base, or is 0. Whatever the
-/// line did: a frame whose checksum does not hold commands nothing.
+/// Every active set-point comes from a valid frame that reached the base, or is 0. A frame with a
+/// checksum mismatch commands nothing, also after damage on the line.
 pub struct SetPointsAsAccepted {
     heard: Rc<RefCell<Heard>>,
     broken: Option<(Instant, String)>,
@@ -37,7 +37,8 @@ struct Heard {
 }
 
 impl SetPointsAsAccepted {
-    /// Listens to what `rig` delivers on the link of `dialect`; nothing if there is no such link.
+    /// Listens to the frames that `rig` delivers on the link of `dialect`; does nothing without
+    /// such a link.
     pub fn listening(rig: &mut Rig, dialect: Dialect) -> Option<Self> {
         let link = rig
             .links()

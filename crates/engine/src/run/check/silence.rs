@@ -1,5 +1,5 @@
-//! Whether what a device drives comes to rest when nothing reaches the device any more, and which
-//! devices stopped by themselves.
+//! Checks that a device stops its actuators when its line is silent, and lists devices that stopped
+//! by their watchdog.
 
 use core::time::Duration;
 
@@ -13,7 +13,7 @@ use crate::robots::{Axis, Silence, Stops};
 
 /// Name of the check.
 pub const STOPS: &str = "motors-stop-after-silence";
-/// What devices note when they stop by themselves because their master is silent.
+/// Log entries of devices that stop because their master is silent.
 pub const WATCHDOG: [&str; 3] = ["made-safe", "watchdog", "dead-man"];
 
 /// The motors come to rest when nothing reaches their device any more.
@@ -22,7 +22,7 @@ pub struct MotorsStopAfterSilence {
     watched: Vec<Watched>,
 }
 
-/// A device and what it drives.
+/// A device and its actuators.
 #[derive(Clone, Debug)]
 struct Watched {
     stops: Stops,
@@ -125,8 +125,7 @@ impl Checker for MotorsStopAfterSilence {
     }
 }
 
-/// Which devices stopped by themselves, and how often; `None` if none did. That is no failure: it
-/// is what a watchdog is for.
+/// Devices that stopped by their watchdog, with counts; `None` if none did. This is no failure.
 pub(crate) fn fired(events: &[Logged]) -> Option<Check> {
     let is_stop = |logged: &&Logged| {
         logged.event.kind == EventKind::Note && WATCHDOG.contains(&logged.event.rule)

@@ -1,4 +1,4 @@
-//! What goes wrong with whole messages.
+//! Faults of whole messages.
 
 use core::time::Duration;
 
@@ -7,22 +7,21 @@ use protocols::Instant;
 use super::{COPIES_MAX, LineFaults};
 use crate::rig::fault::{Budget, Damage, Effect};
 
-/// What becomes of a message.
+/// Fate of a message.
 #[derive(Debug)]
 pub(crate) struct PassedMessage {
-    /// How often it arrives.
+    /// Number of copies that arrive.
     pub(crate) copies: usize,
     /// Whether the next message arrives before it.
     pub(crate) is_overtaken: bool,
-    /// By how much it is late.
+    /// Its delay.
     pub(crate) late: Duration,
     /// The active faults.
     pub(crate) effects: Vec<&'static str>,
 }
 
 impl LineFaults {
-    /// What becomes of the message `number`, sent at `start`. What only bytes can have does
-    /// nothing.
+    /// Fate of message `number`, sent at `start`. Effects on single bytes do nothing.
     pub(crate) fn pass_message(
         &mut self,
         number: u64,

@@ -11,15 +11,14 @@ use emulators::pc::CELLS_MAX;
 use protocols::pcui::message::{NO_WAYPOINT, Waypoint};
 use protocols::pcui::{HEADER_LEN, MAGIC, PAYLOAD_MAX, checksum};
 
-/// The map as the program holds it: made when the first size is told, and kept whatever size is
-/// told later.
+/// The program's map: created when the first size arrives; later sizes do not change it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Held {
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Values layer by layer and row by row; 0 until they are told.
+    /// Values layer by layer and row by row; 0 until they arrive.
     pub cells: Vec<u8>,
 }
 
@@ -38,7 +37,7 @@ pub struct Client {
     is_deaf: bool,
     is_left_alone: bool,
     resolution_mm: Option<u8>,
-    /// Columns and rows as told last.
+    /// Last reported columns and rows.
     size: [usize; 2],
     held: Option<Held>,
     pose: Option<[i32; 3]>,
@@ -52,12 +51,12 @@ impl Client {
         self.is_deaf
     }
 
-    /// The pose as it is shown: x and y in millimetres, psi in degrees, all without sign (UI-03).
+    /// The displayed pose: x and y in millimetres, psi in degrees, all without sign (UI-03).
     pub const fn pose(&self) -> Option<[i32; 3]> {
         self.pose
     }
 
-    /// The map as it is held, once a size was told.
+    /// The stored map, after a size was received.
     pub const fn held(&self) -> Option<&Held> {
         self.held.as_ref()
     }
@@ -188,7 +187,7 @@ impl Client {
         is_sound.then(|| ([frame[14], frame[15], frame[16]], payload.to_vec()))
     }
 
-    /// What a frame says; `None` is the exception that ends the handler.
+    /// Meaning of a frame; `None` is the exception that ends the handler.
     fn read(&mut self, id: [u8; 3], payload: &[u8]) -> Option<()> {
         let byte = |at: usize| payload.get(at).copied();
         let word = |at: usize| Some(u16::from_le_bytes([byte(at)?, byte(at + 1)?]));
