@@ -44,7 +44,7 @@ const AT_MAX: usize = 6;
 const FRAME_MAX: usize = 1_024;
 /// Least share of bytes in frames, per cent: other formats may share the line.
 const SHARE_MIN: usize = 10;
-/// Fewest frames.
+/// Minimum number of frames.
 const FRAMES_MIN: usize = 6;
 /// Bytes of a frame that its length field does not count, at most.
 const BASE_MAX: usize = 32;

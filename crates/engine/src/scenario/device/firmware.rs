@@ -99,7 +99,7 @@ pub struct ContactsSpec {
 }
 
 impl FirmwareSpec {
-    /// Remembers the folder `base`, so that a saved case runs wherever it lies.
+    /// Stores the folder `base`, so that a saved case runs in any folder.
     pub(in crate::scenario) fn embed(&mut self, base: &Path) {
         let base = match base.as_os_str().is_empty() {
             true => Path::new("."),
