@@ -63,9 +63,9 @@ pub struct Config {
     pub profile: Profile,
     /// Drive of the head.
     pub motor: MotorControl,
-    /// Where it sits on the robot; its angle 0 looks along the mount's bearing.
+    /// Mount on the robot; its angle 0 looks along the mount's bearing.
     pub mount: Mount,
-    /// What is wrong with it from the start, with the figure where it is not the usual one.
+    /// Initial faults, with their figures if these are not the default.
     pub faults: Vec<(Fault, Option<f64>)>,
 }
 
@@ -117,7 +117,7 @@ pub struct Rplidar {
     dtr_high: bool,
     optics: Optics,
     requests: RequestDecoder,
-    /// When a request that has begun is given up.
+    /// Time at which a partial request is discarded.
     give_up_at: Option<Instant>,
     handling: Handling,
     phase: Phase,

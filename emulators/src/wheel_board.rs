@@ -92,12 +92,12 @@ impl WheelBoard {
         }
     }
 
-    /// How it is set up.
+    /// Its configuration.
     pub const fn config(&self) -> &Config {
         &self.config
     }
 
-    /// What the master set last.
+    /// Last values set by the master.
     pub const fn outputs(&self) -> Outputs {
         self.outputs
     }
@@ -175,7 +175,7 @@ impl WheelBoard {
             .repeated(now, EventKind::Violation, "bad-frame", || error.to_string());
     }
 
-    /// What the master would see now.
+    /// Current values for the master.
     fn sample(&mut self, now: Instant) -> Sample {
         let channel = self.outputs.channel.min(CHANNELS - 1);
         let noise = self.garbage.uniform();

@@ -63,7 +63,7 @@ pub struct World {
     wheels: [Option<usize>; 2],
     bumper: Bumper,
     push: Push,
-    /// What the body did in the step before by its wheels alone.
+    /// Motion of the body by its wheels alone in the previous step.
     rolled: Velocity,
     now: Instant,
     /// The step that begins next. The one before it is under way, or ends right `now`.
@@ -149,7 +149,7 @@ impl World {
         self.now
     }
 
-    /// What is solid.
+    /// The solid shapes.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -159,7 +159,7 @@ impl World {
         &*self.chassis
     }
 
-    /// What of the body collides.
+    /// Outline of the body for collisions.
     pub fn footprint(&self) -> &Footprint {
         self.chassis.footprint()
     }
@@ -171,7 +171,7 @@ impl World {
         self.chassis.body().unwrap_or(&self.stand_in)
     }
 
-    /// Where the body is now.
+    /// Pose of the body.
     pub fn pose(&self) -> Pose {
         self.pose_at(self.now)
     }
@@ -202,7 +202,7 @@ impl World {
         self.scene.cast_ray(at, from, angle, max_range)
     }
 
-    /// What of the body can be set.
+    /// Actuators of the body.
     pub fn actuators(&self) -> &[Actuator] {
         self.chassis.actuators()
     }
@@ -231,7 +231,7 @@ impl World {
         Ok(())
     }
 
-    /// What can be counted.
+    /// Encoders of the body.
     pub fn encoders(&self) -> &[Encoder] {
         self.chassis.encoders()
     }

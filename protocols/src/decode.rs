@@ -10,7 +10,7 @@ use core::fmt;
 ///   called, never on how the bytes were cut.
 /// - A rejected candidate costs one byte, so a frame that begins inside it is still found.
 pub trait Decode {
-    /// What comes out: verified, with every bit kept.
+    /// The decoded frame: verified, with every bit kept.
     type Frame;
 
     /// Takes bytes from the front of `input` until something can be said.
@@ -65,7 +65,7 @@ impl<D: Decode> Drop for Frames<'_, D> {
     }
 }
 
-/// Why a candidate was rejected.
+/// Reason for rejecting a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FrameError {
@@ -80,7 +80,7 @@ pub enum FrameError {
     Length {
         /// Most payload bytes that are allowed.
         max: u32,
-        /// What the length field said.
+        /// Value of the length field.
         found: u32,
     },
     /// The line went quiet, or the next frame began, before the frame was complete.
@@ -120,7 +120,7 @@ impl fmt::Display for FrameError {
 
 impl core::error::Error for FrameError {}
 
-/// What the bytes at the front of a buffer are.
+/// State of the bytes at the front of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Candidate {
     /// The first byte cannot begin a frame.
@@ -135,7 +135,7 @@ pub enum Candidate {
 
 /// A frame format: all that [`Decoder`] has to know of a protocol.
 pub trait Format {
-    /// What a verified frame becomes.
+    /// The value decoded from a verified frame.
     type Frame;
 
     /// Judges the non-empty `bytes` from their first one. Must say `Noise`, `Rejected` or

@@ -80,7 +80,7 @@ impl LineConfig {
     }
 }
 
-/// What a line tells besides bytes.
+/// Events of a line other than bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineEvent {
     /// The other end opened its port (for the air end of a radio: the PC connected).

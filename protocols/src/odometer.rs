@@ -37,7 +37,7 @@ pub const BAUD: u32 = 115_200;
 /// 2000 degrees a second has 0.061 degrees a count, 4.88 times as much.
 const RATE_SCALE: [f32; 2] = [25.0, 2000.0];
 
-/// What figures mean, and what protects them.
+/// Meaning of the numbers, and their protection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dialect {
     /// As the report describes it.
@@ -49,7 +49,7 @@ pub enum Dialect {
     Fixed,
 }
 
-/// What the microcontroller knows when it prints a line. 32-bit floats, as it has no others.
+/// State of the microcontroller when it prints a line. 32-bit floats, because it has no others.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
     /// Way since the start, metres; backwards counts down.

@@ -78,7 +78,7 @@ impl Window {
     }
 }
 
-/// What a frame to the panel asks for.
+/// Request of a frame to the panel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command<'a> {
     /// Show what is in memory.
@@ -91,7 +91,7 @@ pub enum Command<'a> {
     Runs(Window, &'a [u8]),
 }
 
-/// Where the pen is.
+/// Position of the pen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pen {
     /// Whether it touches the panel.
@@ -122,7 +122,7 @@ impl<const N: usize> Frame<N> {
         self.bytes[1]
     }
 
-    /// What it carries.
+    /// Its payload.
     pub fn payload(&self) -> &[u8] {
         &self.bytes[HEADER_LEN..self.len - 2]
     }
@@ -132,7 +132,7 @@ impl<const N: usize> Frame<N> {
         &self.bytes[..self.len]
     }
 
-    /// What it asks of the panel; `None` for numbers and lengths that mean nothing to it.
+    /// Its request to the panel; `None` for invalid numbers and lengths.
     pub fn command(&self) -> Option<Command<'_>> {
         let payload = self.payload();
         match (self.op(), payload.split_first_chunk()) {
@@ -148,7 +148,7 @@ impl<const N: usize> Frame<N> {
         }
     }
 
-    /// Where it says the pen is; `None` if it says something else.
+    /// The reported pen position; `None` if it is another message.
     pub fn pen(&self) -> Option<Pen> {
         let (PEN, &[contact, x1, x0, y1, y0]) = (self.op(), self.payload()) else {
             return None;

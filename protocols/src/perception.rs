@@ -62,7 +62,7 @@ pub enum Message<'a> {
     Marker(Marker),
 }
 
-/// Why bytes are no message.
+/// Error of an invalid message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MessageError {
@@ -73,9 +73,9 @@ pub enum MessageError {
     },
     /// It has another length than it says.
     Length {
-        /// What it should have.
+        /// The expected length.
         expected: usize,
-        /// What it has.
+        /// The actual length.
         found: usize,
     },
 }

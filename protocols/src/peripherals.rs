@@ -29,7 +29,7 @@ pub const DUTY_MAX: u16 = 10_000;
 /// Channels of the ADC's multiplexer.
 pub const CHANNELS: u8 = 8;
 
-/// What the hardware shows in one millisecond.
+/// Inputs from the hardware in one millisecond.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sample {
     /// Counters of the left and right wheel's encoder, which wrap.
@@ -44,7 +44,7 @@ pub struct Sample {
     pub button: bool,
 }
 
-/// What the program sets.
+/// Outputs of the program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outputs {
     /// Duty of the left and right motor's PWM, 0 to [`DUTY_MAX`].

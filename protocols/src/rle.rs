@@ -6,7 +6,7 @@
 //!
 //! Source: seed report 2015, chapter on the PC link; the loss was seen by running the fielded code.
 
-/// Which rule an encoder follows.
+/// Rule of an encoder.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dialect {
     /// Every pixel is counted.
@@ -35,7 +35,7 @@ pub fn encode(pixels: &[u8], dialect: Dialect, out: &mut [u8]) -> Option<usize> 
     Some(len)
 }
 
-/// Why a coded row was not accepted.
+/// Error of an invalid coded row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RleError {

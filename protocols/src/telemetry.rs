@@ -27,7 +27,7 @@ pub const BAUD: u32 = 38_400;
 pub const START: u8 = 0x7E;
 /// Comes before a byte that was changed.
 pub const ESCAPE: u8 = 0x7D;
-/// How an escaped byte is changed.
+/// Change of an escaped byte.
 const FLIP: u8 = 0x20;
 /// Most payload bytes: the buffers of the robot.
 pub const PAYLOAD_MAX: usize = 3_200;
@@ -74,7 +74,7 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// Why a frame was not written.
+/// Reason why a frame was not written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum EncodeError {

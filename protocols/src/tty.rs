@@ -1,10 +1,10 @@
-//! What a terminal driver of the host does to bytes before a program reads them.
+//! Changes to bytes by the host's terminal driver before a program reads them.
 //!
 //! A serial port of a Unix host is a terminal. Its input mode flag `ICRNL` (POSIX, General Terminal
 //! Interface) turns each carriage return into a newline, which is right for a keyboard and wrong
 //! for binary frames. A program that clears some flags and forgets this one reads 13 as 10.
 
-/// How the driver passes input on.
+/// Input mode of the driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum InputMode {
     /// As it came: what `cfmakeraw` sets up.
@@ -15,7 +15,7 @@ pub enum InputMode {
 }
 
 impl InputMode {
-    /// What a program reads where `byte` came.
+    /// Bytes that a program reads for `byte`.
     pub const fn read(self, byte: u8) -> u8 {
         match (self, byte) {
             (Self::CrToNl, b'\r') => b'\n',

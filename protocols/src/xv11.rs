@@ -97,7 +97,7 @@ impl Frame {
         readings
     }
 
-    /// What the four readings mean.
+    /// Meaning of the four readings.
     pub fn readings(&self) -> [Reading; READINGS_PER_FRAME] {
         self.raw_readings().map(Reading::from)
     }

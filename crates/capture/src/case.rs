@@ -53,22 +53,22 @@ pub struct Case {
     pub case: u32,
     /// Short name.
     pub name: String,
-    /// Where it comes from, for people.
+    /// Human-readable origin.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
     /// Tool and version that wrote it.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub tool: String,
-    /// How long it is, ns.
+    /// Duration, ns.
     pub end_ns: u64,
     /// Whether the captured program was none of ours: a robot's own program is tested in its place,
     /// unless the case is run with a foreign program.
     #[serde(default, rename = "foreign", skip_serializing_if = "is_false")]
     pub is_foreign: bool,
-    /// What answers a foreign program; the robot's own program is played to by time.
+    /// Source of the answers for a foreign program; the robot's own program is played to by time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub play: Option<Play>,
-    /// What must hold.
+    /// The expectations.
     pub expect: Expectation,
     /// The bytes.
     #[serde(default)]
@@ -78,7 +78,7 @@ pub struct Case {
     pub scenario: Option<Scenario>,
 }
 
-/// What answers a foreign program.
+/// Source of the answers for a foreign program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
@@ -102,10 +102,10 @@ pub struct LinkBytes {
     pub name: String,
     /// Bits per second.
     pub baud: u32,
-    /// When the program opened the port, ns, as far as the capture says so.
+    /// Time at which the program opened the port, ns, if the capture records it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub opened_ns: Vec<u64>,
-    /// What reached the program.
+    /// Bytes received by the program.
     #[serde(default)]
     pub to_program: String,
     /// Bytes sent by the program.
@@ -123,7 +123,7 @@ fn known_version<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u3
     }
 }
 
-/// Why a case cannot be read, made or run.
+/// Error when a case cannot be read, made or run.
 #[derive(Debug, thiserror::Error)]
 pub enum CaseError {
     /// The file cannot be read, or is no case.
@@ -136,7 +136,7 @@ pub enum CaseError {
         path: PathBuf,
         /// The link.
         link: String,
-        /// What is wrong, with its line.
+        /// The error, with its line.
         message: String,
     },
     /// It cannot be played.
@@ -368,12 +368,12 @@ fn is_silent_for(sent: &Track, end: Instant, longest: Duration) -> bool {
     sent.end().is_none_or(|last| end - last > longest)
 }
 
-/// How a case ended.
+/// Result of a case.
 #[derive(Clone, Debug)]
 pub struct Judgement {
     /// Name of the case.
     pub name: String,
-    /// What must be known to read the verdicts.
+    /// Notes for the reader of the verdicts.
     pub note: Option<String>,
     /// All verdicts.
     pub checks: Vec<Check>,

@@ -1,4 +1,4 @@
-//! Where two streams of bytes part: the first byte that differs, when, and what it means.
+//! First difference of two byte streams: position, time, and meaning.
 
 use core::fmt;
 use core::time::Duration;
@@ -13,7 +13,7 @@ use engine::rig::line::Direction;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Track {
     bytes: Vec<u8>,
-    /// Where each piece ends, and when.
+    /// End and time of each piece.
     ends: Vec<(usize, Instant)>,
 }
 
@@ -38,7 +38,7 @@ impl Track {
         pieces.map(|(start, &(end, at))| (at, &self.bytes[start..end]))
     }
 
-    /// When byte `index` was complete, as far as the pieces tell: its piece's last byte.
+    /// Time at which byte `index` was complete: that of its piece's last byte.
     pub fn time_of(&self, index: usize) -> Option<Instant> {
         let piece = self.ends.partition_point(|&(end, _)| end <= index);
         self.ends.get(piece).map(|&(_, at)| at)
@@ -67,17 +67,17 @@ pub struct Divergence {
     pub link: String,
     /// Direction.
     pub direction: Direction,
-    /// When the byte was complete: as expected, or as it came if none was expected.
+    /// Time of the byte: expected, or actual if none was expected.
     pub at: Instant,
     /// Number of the byte on its line, from zero.
     pub byte: usize,
-    /// What was expected there; `None`: nothing more.
+    /// The expected byte; `None`: end of the stream.
     pub expected: Option<u8>,
-    /// What came; `None`: nothing more.
+    /// The actual byte; `None`: end of the stream.
     pub got: Option<u8>,
     /// The frame that the byte belongs to, in words: as expected, and as it came.
     pub frames: [String; 2],
-    /// What else helps to find the place; may be empty.
+    /// Further notes on the position; may be empty.
     pub note: String,
 }
 
@@ -160,7 +160,7 @@ fn message_words(codec: Option<&'static Codec>, message: &[u8], byte: usize) -> 
     }
 }
 
-/// What `byte` of `bytes` is part of.
+/// The frame that contains `byte` of `bytes`.
 fn words(codec: Option<&'static Codec>, bytes: &[u8], byte: usize) -> String {
     if byte >= bytes.len() {
         return "nothing more".to_owned();

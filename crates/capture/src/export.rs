@@ -70,7 +70,7 @@ impl Format {
     }
 }
 
-/// What the program believed of itself and its surroundings.
+/// The program's pose and map.
 #[derive(Clone, Debug, Default)]
 pub struct Belief {
     /// Its way; times begin with the capture.
@@ -109,7 +109,7 @@ impl Belief {
         })
     }
 
-    /// Where the program believed to be at `at`: what it said last, or first.
+    /// The program's pose at `at`: the last reported one, or the first.
     fn pose_at(&self, at: Instant) -> Option<Pose> {
         let behind = self.way.partition_point(|&(said, _)| said <= at);
         let entry = self.way.get(behind.saturating_sub(1))?;
@@ -117,16 +117,16 @@ impl Belief {
     }
 }
 
-/// What is exported.
+/// Input of an export.
 #[derive(Clone, Copy)]
 pub struct Export<'a> {
     /// The capture.
     pub capture: &'a Capture,
     /// The same, ready to be played.
     pub recorded: &'a Recorded,
-    /// What the program believed, if it is known which one it was.
+    /// The program's pose and map, if the program is known.
     pub belief: Option<&'a Belief>,
-    /// How CARMEN's lidar turns are written.
+    /// Layout of lidar turns in a CARMEN log.
     pub laser: Laser,
 }
 

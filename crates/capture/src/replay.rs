@@ -32,7 +32,7 @@ use listen::Listener;
 pub use rig::{Ear, StandIn, Timing};
 pub use silence::{SILENCE_MAX, Silence, Silences};
 
-/// Why a capture cannot be replayed.
+/// Error when a capture cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
     /// The robot cannot be wired.
@@ -46,10 +46,10 @@ pub enum ReplayError {
 /// Idle time at the beginning of a capture that is played; the rest is left out.
 const IDLE_MAX: Duration = Duration::from_secs(2);
 
-/// What reaches the other end of a line at one moment.
+/// Bytes that reach the other end of a line at one moment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// When its last byte was complete.
+    /// Time of its last byte.
     pub at: Instant,
     /// The bytes; none: a character without a stop bit.
     pub bytes: Vec<u8>,
@@ -62,24 +62,24 @@ pub struct Passage {
     pub link: String,
     /// Bits per second.
     pub baud: u32,
-    /// What reached the program, in order.
+    /// Bytes to the program, in order.
     pub arrivals: Vec<Arrival>,
-    /// What reached the device, in order.
+    /// Bytes to the device, in order.
     pub heard: Vec<Arrival>,
     /// Bytes sent by the program.
     pub sent: Track,
-    /// When the program opened the port, as far as the capture says so.
+    /// Time at which the program opened the port, if the capture records it.
     pub opened: Vec<Instant>,
 }
 
-/// What a capture says of each link, ready to be played; times begin with the run.
+/// Content of a capture for each link, ready to be played; times count from the start of the run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Recorded {
     /// The links.
     pub links: Vec<Passage>,
-    /// When the last thing happened.
+    /// Time of the last event.
     pub end: Instant,
-    /// What the capture's own clock showed at time zero.
+    /// Time of the capture's own clock at time zero.
     pub zero: Instant,
 }
 
@@ -225,14 +225,14 @@ struct Feed {
     arrivals: std::vec::IntoIter<Arrival>,
 }
 
-/// How a replay ended.
+/// Result of a replay.
 #[derive(Clone, Debug)]
 pub struct Replayed {
     /// Length in virtual time.
     pub ran: Duration,
     /// Bytes that reached the program.
     pub heard: usize,
-    /// What the program sent on each link, beside what the capture says it sent.
+    /// Bytes of the program on each link, with those of the capture.
     pub links: Vec<Played>,
     /// Rules that the program broke, as the devices saw it.
     pub violations: Vec<Logged>,
@@ -247,18 +247,18 @@ pub struct Replayed {
 pub struct Played {
     /// Its name.
     pub link: String,
-    /// What the program sent in the captured run.
+    /// Bytes of the program in the captured run.
     pub expected: Track,
-    /// What it sent now.
+    /// Bytes of the program now.
     pub got: Track,
-    /// How the conversation went, if it was one.
+    /// State of the conversation, if it was one.
     pub talk: Option<Talked>,
 }
 
-/// How a conversation went.
+/// State of a conversation.
 #[derive(Clone, Debug)]
 pub struct Talked {
-    /// How its requests compare with those of the capture.
+    /// Comparison of its requests with those of the capture.
     pub tally: Tally,
     /// Bytes that the other end said.
     pub said: u64,
@@ -267,7 +267,7 @@ pub struct Talked {
 }
 
 impl Talked {
-    /// How `talk` went so far.
+    /// State of `talk` so far.
     pub fn of(talk: &Conversation) -> Self {
         Self {
             tally: talk.tally(),

@@ -1,4 +1,4 @@
-//! What is answered to requests that are no scans.
+//! Answers to requests other than scans.
 
 use protocols::Instant;
 use protocols::rplidar::{Answer, Command, Conf, Descriptor, Health, Status, kind};

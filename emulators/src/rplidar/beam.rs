@@ -21,11 +21,11 @@ const RANGE_MIN_MM: f64 = 150.0;
 const RANGE_SIGMA: f64 = 0.0025;
 /// Angular jitter of a beam. A guess.
 const JITTER_RAD: f64 = 0.05 * PI / 180.0;
-/// How far beside the axis the beam leaves, metres.
+/// Distance of the beam's origin from the axis, metres.
 const ASIDE_M: f64 = 0.024_014;
-/// How far behind the head's zero it looks, degrees.
+/// Angle of the beam behind the head's zero, degrees.
 const BACK_DEG: f64 = 8.0;
-/// How far behind the head's zero a point at 1 m lies: the angles of a turn count from there.
+/// Angle of a point at 1 m behind the head's zero: the angles of a turn count from there.
 pub(super) const ZERO_DEG: f64 = 6.624;
 /// Of the dot that falls on two surfaces one is measured if it has this part of the light more.
 /// A guess, fitted to the shares of real turns (see FIDELITY).
@@ -42,12 +42,12 @@ const SPOT_ONE_IN: u64 = 16;
 /// varies from sample to sample (standard deviation, parts of it): specks. Guesses.
 const SPECK: f64 = 0.15;
 
-/// What one sample saw.
+/// Result of one sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Seen {
     /// Quarters of a millimetre; 0 without a measurement.
     pub(super) distance_q2: u16,
-    /// How far the point lies behind the head's zero, degrees; 0 without a measurement.
+    /// Angle of the point behind the head's zero, degrees; 0 without a measurement.
     pub(super) lead_deg: f64,
     /// Light by the light that is just enough; at least 1 where something was measured.
     pub(super) light: f64,

@@ -16,7 +16,7 @@ const UNTAKEN_MAX: usize = 4_096;
 pub(super) struct Output {
     queue: VecDeque<u8>,
     dropped: u64,
-    /// Which bytes are lost.
+    /// Selection of lost bytes.
     loss: Rng,
     /// Bytes of a burst that are still to be lost.
     burst: u64,

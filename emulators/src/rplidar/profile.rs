@@ -120,7 +120,7 @@ impl Profile {
         }
     }
 
-    /// What the sample rate request tells.
+    /// Answer to the sample rate request.
     pub fn sample_rate(self) -> SampleRate {
         let told = |mode: usize| u16::try_from(self.modes()[mode].sample_us).unwrap_or(u16::MAX);
         SampleRate {

@@ -1,4 +1,4 @@
-//! What comes from the host, and when it is handled.
+//! Requests of the host, and the time of their handling.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -27,9 +27,9 @@ const WAITING_MAX: usize = 16;
 /// microcontrollers relies on (stop and scan in one write).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Handling {
-    /// What to do, and when.
+    /// The action, and its time.
     requests: VecDeque<(Instant, Command)>,
-    /// When the start text is printed.
+    /// Time of the start text.
     text_at: Option<Instant>,
     /// Until when requests are discarded: the processor starts, or a fault keeps it busy.
     deaf_until: Instant,

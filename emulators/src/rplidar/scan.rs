@@ -52,7 +52,7 @@ pub(super) enum Phase {
     ProtectionStop { error: u16 },
 }
 
-/// What is streamed.
+/// The streamed data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stream {
     Nodes,
@@ -71,7 +71,7 @@ pub(super) struct Starting {
     check_at: Instant,
     speed_rpm: f64,
     even_checks: u8,
-    /// When the first node was sent, and since when the scan pauses.
+    /// Time of the first node, and start of the current pause.
     paused: Option<(Instant, Instant)>,
 }
 
@@ -80,13 +80,13 @@ pub(super) struct Starting {
 pub(super) struct Scanning {
     stream: Stream,
     sample_time: Duration,
-    /// When the first node of the scan was due.
+    /// Scheduled time of the scan's first node.
     began_at: Instant,
-    /// When sample 0 was due.
+    /// Scheduled time of sample 0.
     from: Instant,
     sample: u64,
     speed_rpm: f64,
-    /// What the samples of the capsule saw.
+    /// Results of the capsule's samples.
     capsule: Vec<Seen>,
     /// Angle of the head at the first sample of the capsule.
     start_angle_q6: u16,
@@ -94,7 +94,7 @@ pub(super) struct Scanning {
 }
 
 impl Phase {
-    /// When there is something to do.
+    /// Time of the next action.
     pub(super) fn next_at(&self) -> Option<Instant> {
         match self {
             Self::Off | Self::Idle | Self::ProtectionStop { .. } => None,
@@ -228,7 +228,7 @@ impl Rplidar {
         false
     }
 
-    /// What a scan draws from the supply.
+    /// Current that a scan draws from the supply.
     fn current_ma(&self) -> f64 {
         if self.rotor.speed_rpm() < SPEED_MIN_RPM {
             START_MA

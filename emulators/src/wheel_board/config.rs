@@ -28,7 +28,7 @@ pub struct Config {
     pub range_sensors: Vec<RangeSensor>,
     /// Standard deviation of what a range sensor gives, volts. A guess.
     pub range_noise_v: f64,
-    /// When the button is down.
+    /// Times at which the button is pressed.
     pub presses: Vec<Press>,
 }
 
@@ -43,14 +43,14 @@ pub struct MotorConfig {
     pub dead_band_v: f64,
 }
 
-/// Where an infrared range sensor sits, metres and radians in the robot's frame.
+/// Mount of an infrared range sensor, metres and radians in the robot's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RangeSensor {
     /// Ahead of the middle.
     pub x_m: f64,
     /// To the left of the middle.
     pub y_m: f64,
-    /// Where it looks, counter-clockwise from ahead.
+    /// Direction, counter-clockwise from ahead.
     pub angle_rad: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What can go wrong with a board.
+//! Faults of a board.
 
 /// Names of all faults.
 ///
@@ -18,7 +18,7 @@ pub(super) const NAMES: [&str; 7] = [
 const USUAL_WRONG: f64 = 1.1;
 const USUAL_SLOW: f64 = 0.5;
 
-/// What is wrong at the moment.
+/// Active faults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Faults {
     /// Of the left and right encoder.

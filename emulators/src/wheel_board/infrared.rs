@@ -35,14 +35,14 @@ const RANGE_M: f64 = 3.0;
 pub(super) struct Infrared {
     sensors: Vec<Sensor>,
     noise_v: f64,
-    /// When the next measurement of any sensor is done.
+    /// Time of the next finished measurement of any sensor.
     next_at: Instant,
 }
 
 #[derive(Clone, Debug)]
 struct Sensor {
     mount: RangeSensor,
-    /// What it holds.
+    /// Its held value.
     volts: f64,
     done_at: Instant,
     dice: Rng,
@@ -113,7 +113,7 @@ fn duration(ms: f64) -> Duration {
     Duration::from_secs_f64(ms / 1_000.0)
 }
 
-/// What a sensor gives for something so many metres away, or for nothing.
+/// Voltage of a sensor for an object at this distance, metres, or for none.
 pub(super) fn volts(distance_m: Option<f64>) -> f64 {
     match distance_m {
         None => OFFSET_V,

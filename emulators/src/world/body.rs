@@ -37,7 +37,7 @@ pub(super) const STEP_S: f64 = 1e-3;
 /// millisecond; drawing seldom also makes it nearly free.
 const NOISE_STEPS: u64 = 20;
 
-/// How the body moves during one step: an arc, and what pushes it over the floor.
+/// Motion of the body during one step: an arc, and pushes over the floor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Motion {
     /// Pose at the beginning of the step.

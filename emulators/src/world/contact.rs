@@ -1,4 +1,4 @@
-//! What stops the body: walls and obstacles. And what moves it besides its wheels: hands.
+//! Forces on the body besides its wheels: contacts with walls and obstacles, and pushes.
 //!
 //! A motion that would bring the body into a surface is cut short where they meet: by [`disc`] for
 //! a round body, by [`outline`] for one with corners; any way out stays free. An obstacle that
@@ -18,7 +18,7 @@ pub(super) use push::Push;
 
 /// Free distance beyond which contacts are not computed.
 const REACH_M: f64 = 1.0;
-/// Where to look first.
+/// Index at which the search starts.
 const CLOSE_M: f64 = 0.02;
 /// The body has left a surface when it is this far off.
 const LEFT_M: f64 = 1e-3;
@@ -30,19 +30,19 @@ const CONTACTS_MAX: usize = 1024;
 pub struct Contact {
     /// Beginning of the step in which they met.
     pub at: Instant,
-    /// How fast body and surface approached each other, m/s.
+    /// Closing speed of body and surface, m/s.
     pub speed_m_s: f64,
-    /// How fast the body itself approached the surface, m/s: 0 if a person ran into it.
+    /// Closing speed by the body's own motion, m/s: 0 if a person ran into it.
     pub own_m_s: f64,
-    /// Where on the surface.
+    /// Position on the surface.
     pub place: Point,
 }
 
-/// How much nearer body and surface came in a step, metres; 0 if they only stay near.
+/// Decrease of the distance between body and surface in a step, metres; 0 if they only stay near.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Approach {
     both: f64,
-    /// What the body's own way did; less than 0 if it led away.
+    /// Part of the decrease by the body's own motion; negative if it moved away.
     own: f64,
 }
 

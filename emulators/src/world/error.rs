@@ -1,11 +1,11 @@
-//! What a world refuses.
+//! Errors of a world.
 
 use core::fmt;
 
 use super::body::BodyError;
 use super::geometry::Pose;
 
-/// Why a world cannot begin.
+/// Reason why a world cannot start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum WorldError {
@@ -17,7 +17,7 @@ pub enum WorldError {
     StartBlocked {
         /// As given.
         start: Pose,
-        /// How deep it stands in the wall.
+        /// Depth of the overlap with the wall.
         overlap_m: f64,
     },
 }

@@ -40,7 +40,7 @@ impl Point {
     }
 }
 
-/// Where a body is and which way it looks.
+/// Pose of a body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
     /// Metres forward (east).
@@ -178,7 +178,7 @@ pub(super) enum Primitive {
 }
 
 impl Primitive {
-    /// Where `ray` first meets it, no farther than `limit`.
+    /// First intersection with `ray`, within `limit`.
     #[inline]
     pub(super) fn cross(&self, ray: Ray, limit: f64) -> Option<Crossing> {
         match self {

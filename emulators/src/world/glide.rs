@@ -1,4 +1,4 @@
-//! What a body does on a floor that holds its wheels less than they want.
+//! Motion of a body on a floor with little grip.
 
 use super::body::{STEP_S, Velocity};
 

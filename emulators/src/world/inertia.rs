@@ -1,4 +1,4 @@
-//! What a body feels: how its motion changes.
+//! Accelerations of a body.
 
 use core::time::Duration;
 

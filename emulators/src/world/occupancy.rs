@@ -3,7 +3,7 @@
 use super::geometry::Point;
 use super::scene::Shape;
 
-/// Which squares of the floor are occupied.
+/// Occupied squares of the floor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OccupancyImage {
     /// Squares along x.

@@ -1,4 +1,4 @@
-//! How an obstacle moves: timed way-points, straight lines between them.
+//! Motion of an obstacle: timed way-points with straight lines between them.
 //!
 //! The place is a pure function of time, so a beam cast a millisecond in the past sees the obstacle
 //! where it was then, and no order of calls can matter.
@@ -10,13 +10,13 @@ use super::geometry::Point;
 /// A place and when the obstacle is there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Waypoint {
-    /// When.
+    /// Time.
     pub at: Instant,
-    /// Where, metres.
+    /// Position, metres.
     pub position: Point,
 }
 
-/// What happens after the last way-point.
+/// Motion after the last way-point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Repeat {
     /// The obstacle stays there.
@@ -33,7 +33,7 @@ pub enum Repeat {
 pub struct Path {
     /// At least one.
     pub waypoints: Vec<Waypoint>,
-    /// What follows the last.
+    /// Motion after the last way-point.
     pub repeat: Repeat,
 }
 

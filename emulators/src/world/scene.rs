@@ -85,11 +85,11 @@ impl From<Shape> for Fixture {
 pub struct Obstacle {
     /// Outline, relative to the place on the path, and surface.
     pub fixture: Fixture,
-    /// Where it is when.
+    /// Its position over time.
     pub path: Path,
 }
 
-/// What a ray met.
+/// Result of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Metres from the origin of the ray.
@@ -175,7 +175,7 @@ impl Scene {
         self.inner.bounds
     }
 
-    /// What a ray meets first at time `at`, up to `max_range` metres away.
+    /// First hit of a ray at time `at`, within `max_range` metres.
     pub fn cast_ray(&self, at: Instant, from: Point, angle: f64, max_range: f64) -> Option<Hit> {
         let ray = Ray::new(from, angle);
         let inner = &*self.inner;
@@ -348,11 +348,11 @@ impl Hit {
 /// A surface near the robot.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Near {
-    /// Which primitive of the scene.
+    /// Index of the primitive in the scene.
     pub(super) index: usize,
     /// Its nearest point.
     pub(super) at: Point,
-    /// How far that is.
+    /// Its distance.
     pub(super) distance: f64,
 }
 

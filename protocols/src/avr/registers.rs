@@ -17,7 +17,7 @@ pub enum Access {
     Scratch,
 }
 
-/// How the bytes of a register make a value.
+/// Type of a register's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// One unsigned byte.
@@ -48,7 +48,7 @@ pub struct Register {
     pub address: u8,
     /// Short name in snake case.
     pub name: &'static str,
-    /// How its bytes make a value.
+    /// Type of its value.
     pub width: Width,
     /// The side that may write it.
     pub access: Access,

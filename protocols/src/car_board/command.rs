@@ -9,7 +9,7 @@ const LEVEL_OFFSET: i8 = 10;
 /// Added to a steering value on the wire.
 const STEERING_OFFSET: i8 = 50;
 
-/// How fast the motor shall turn: -10 (backwards) to 10; 0 stops.
+/// Speed of the motor: -10 (backwards) to 10; 0 stops.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Level(i8);
 
@@ -36,7 +36,7 @@ impl Level {
     }
 }
 
-/// Where the front wheels shall point: -50 (left) to 50 (right), in steps of the servo.
+/// Direction of the front wheels: -50 (left) to 50 (right), in steps of the servo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Steering(i8);
 
@@ -87,7 +87,7 @@ impl Command {
         }
     }
 
-    /// What a byte says.
+    /// Meaning of a byte.
     ///
     /// # Errors
     /// If the level (95 to FF) or the steering value (65 to 7F) is beyond its range; the error says

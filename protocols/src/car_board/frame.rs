@@ -27,7 +27,7 @@ impl Frame {
         &self.0
     }
 
-    /// What it says.
+    /// Its content.
     pub const fn readings(&self) -> Readings {
         let [_, _, f0, f1, r0, r1, l0, l1, line, h0, h1, b0, b1] = self.0;
         Readings {

@@ -11,7 +11,7 @@ use super::reply::{DIGITS_MAX, Role, decimal};
 use super::{BAUD_RATES, NAME_MAX, Parity, put};
 use crate::LineConfig;
 
-/// What ends every line, in both directions.
+/// End of every line, in both directions.
 pub const LINE_END: [u8; 2] = *b"\r\n";
 
 /// A command of the line-terminated family.

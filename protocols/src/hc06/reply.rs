@@ -1,4 +1,4 @@
-//! What the silence-terminated families answer: texts without any line end.
+//! Replies of the families whose commands end by silence: texts without a line end.
 //!
 //! The wording differs between firmware builds and even between reports about one build, so it is
 //! data ([`Texts`]) and not code.
@@ -25,7 +25,7 @@ pub enum Led {
     On,
 }
 
-/// How a firmware words its replies.
+/// Wording of a firmware's replies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Texts {
     /// All of the reply to `AT+VERSION`; for the line-terminated family the version alone.

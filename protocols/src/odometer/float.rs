@@ -1,4 +1,4 @@
-//! How an Arduino prints a floating-point number.
+//! Arduino's text format of a floating-point number.
 
 use core::fmt;
 

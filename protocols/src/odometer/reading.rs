@@ -1,4 +1,4 @@
-//! What a line says, verified as far as its dialect allows.
+//! Content of a line, verified as far as its dialect allows.
 
 use core::fmt;
 
@@ -160,7 +160,7 @@ fn last_place(number: f64) -> f64 {
     f64::from(number.next_up()) - f64::from(number)
 }
 
-/// Why a line is not read.
+/// Error of an invalid line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum LineError {

@@ -21,7 +21,7 @@ impl Text {
         &self.bytes[..self.len]
     }
 
-    /// What stands before the end of the line.
+    /// Content before the end of the line.
     pub fn content(&self) -> &[u8] {
         let line = self.as_bytes();
         let line = line.strip_suffix(b"\n").unwrap_or(line);

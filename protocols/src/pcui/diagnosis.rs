@@ -93,7 +93,7 @@ impl Conditions {
     }
 }
 
-/// How far the search of the maze has got.
+/// Progress of the search of the maze.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Search {
     /// None was asked for.
@@ -121,14 +121,14 @@ impl Search {
     }
 }
 
-/// What the robot knows of its own state.
+/// The robot's knowledge of its own state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Diagnosis {
     /// Voltage of the battery, mV; 0 if it is not known.
     pub battery_mv: u16,
     /// Its charge; -1 if it is not known.
     pub battery_percent: i8,
-    /// What is out of the ordinary.
+    /// Unusual conditions.
     pub conditions: Conditions,
     /// The search.
     pub search: Search,

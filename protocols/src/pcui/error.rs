@@ -1,6 +1,6 @@
-//! What is wrong with a valid frame.
+//! Errors in the content of a valid frame.
 
-/// Why a frame means nothing.
+/// Error in the content of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MessageError {

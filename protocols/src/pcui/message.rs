@@ -1,4 +1,4 @@
-//! What the frames of the PC link say.
+//! Messages of the PC link.
 //!
 //! | id | direction | payload |
 //! |---|---|---|
@@ -66,7 +66,7 @@ pub struct Waypoint {
     pub previous: i16,
 }
 
-/// What the robot is doing, as numbered on the wire.
+/// Mode of the robot, as numbered on the wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Mode {
     /// Motors off.
@@ -110,7 +110,7 @@ pub struct State {
     pub set_point: [i8; 2],
 }
 
-/// What the PC orders.
+/// Orders of the PC.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Order {
     /// The robot's order.
@@ -167,7 +167,7 @@ pub enum Message<'a> {
 }
 
 impl Frame {
-    /// What the frame says.
+    /// Content of the frame.
     pub fn message(&self) -> Result<Message<'_>, MessageError> {
         let payload = self.payload();
         match &self.id() {

@@ -74,7 +74,7 @@ impl Descriptor {
         (bytes[5] & 0x80 == 0).then_some(Self(bytes))
     }
 
-    /// What kind of answer follows, see [`kind`].
+    /// Type of the following answer, see [`kind`].
     pub const fn kind(self) -> u8 {
         self.0[6]
     }
@@ -150,7 +150,7 @@ impl Answer {
         Self { bytes, len }
     }
 
-    /// What kind of answer it is, see [`kind`].
+    /// Type of the answer, see [`kind`].
     pub const fn kind(&self) -> u8 {
         self.bytes[6]
     }
@@ -160,7 +160,7 @@ impl Answer {
         &self.bytes[DESCRIPTOR_LEN..self.len]
     }
 
-    /// What it means.
+    /// Its meaning.
     pub fn reply(&self) -> Reply<'_> {
         let payload = self.payload();
         let reply = match self.kind() {
@@ -206,7 +206,7 @@ pub enum Reply<'a> {
     Unknown,
 }
 
-/// Which sensor it is.
+/// Identity of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Info {
     /// 0x18 for the A1M8.
@@ -242,7 +242,7 @@ impl Info {
     }
 }
 
-/// How well a sensor is.
+/// Health status of a sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Status {
     /// Works.
@@ -259,7 +259,7 @@ pub enum Status {
 /// Status, and why.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
-    /// How well it is.
+    /// The health status.
     pub status: Status,
     /// Error code; the vendor does not document the figures.
     pub error: u16,
@@ -322,7 +322,7 @@ impl SampleRate {
     }
 }
 
-/// What [`Command::Conf`](super::Command::Conf) can ask for.
+/// Keys of [`Command::Conf`](super::Command::Conf).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum ConfKey {

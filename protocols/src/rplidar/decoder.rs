@@ -14,7 +14,7 @@ const NODES_AHEAD: usize = 4;
 /// The same behind a sound node. The next one is checked because a lost byte shows only there.
 const NODES_AHEAD_ALIGNED: usize = 1;
 
-/// What the sensor sends besides answers.
+/// Data of the sensor other than answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// Nothing.
@@ -41,7 +41,7 @@ pub enum Frame {
     Capsule(Capsule),
     /// 96 samples of a scan of the kind 0x84.
     Ultra(UltraCapsule),
-    /// What the host asks for; only of a decoder of [both ways](Decoder::of_both_ways).
+    /// Request of the host; only from a decoder of [both ways](Decoder::of_both_ways).
     Request(Request),
 }
 
@@ -94,7 +94,7 @@ impl Decoder {
         self.0.format_mut().mode = mode;
     }
 
-    /// What is looked for.
+    /// The expected frame.
     pub const fn mode(&self) -> Mode {
         self.0.format().mode
     }

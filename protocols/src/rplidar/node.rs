@@ -9,7 +9,7 @@ pub const NODE_LEN: usize = 5;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node([u8; NODE_LEN]);
 
-/// What the first two bytes of a node say about its check bits.
+/// State of the check bits in the first two bytes of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Head {
     /// Not all of them are there yet.

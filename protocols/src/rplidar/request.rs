@@ -40,7 +40,7 @@ const PAYLOAD_MAX: usize = 255;
 /// The longest request.
 pub const REQUEST_MAX: usize = PAYLOAD_MAX + OVERHEAD;
 
-/// What a request asks for.
+/// Content of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Command {
@@ -65,7 +65,7 @@ pub enum Command {
     },
     /// [`code::CONF`]
     Conf {
-        /// What is asked for, see [`ConfKey`](super::ConfKey).
+        /// The requested key, see [`ConfKey`](super::ConfKey).
         key: u32,
         /// Number of the scan mode, for keys that are about one.
         mode: Option<u16>,
@@ -153,7 +153,7 @@ impl Request {
         }
     }
 
-    /// What it asks for; `None` for unknown commands and payloads of the wrong size.
+    /// Its content; `None` for unknown commands and payloads of the wrong size.
     pub fn command(&self) -> Option<Command> {
         Some(match (self.code(), self.payload()) {
             (code::STOP, _) => Command::Stop,

@@ -3,14 +3,14 @@
 use super::{ESCAPE, FLIP, Frame, PAYLOAD_MAX, START, checksum};
 use crate::{Decode, FrameError};
 
-/// What is wrong with both fielded ends of the link; nothing by default.
+/// Enabled defects of both fielded ends of the link; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// A wrong checksum sets the state ERROR, which DONE overwrites: the frame is delivered.
     pub deliver_corrupt: bool,
     /// A start byte inside a frame is taken for data, so one lost byte costs two frames.
     pub ignore_start: bool,
-    /// What arrives between a frame and [`Decoder::read_done`] is discarded.
+    /// Bytes between a frame and [`Decoder::read_done`] are discarded.
     pub deaf_while_done: bool,
 }
 
@@ -29,7 +29,7 @@ pub struct Decoder {
     /// Bytes of the candidate as on the wire.
     pending: usize,
     discarded: u64,
-    /// What became of a candidate that a start byte or a pause ended.
+    /// Result of a candidate that a start byte or a pause ended.
     cut: Option<FrameError>,
 }
 

@@ -33,7 +33,7 @@ pub const INFRARED_MAX: usize = 6;
 /// Maximum number of values of a covariance.
 const COVARIANCE_MAX: usize = 9;
 
-/// What the robot does, or shall do.
+/// State of the robot, or the ordered one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
@@ -120,9 +120,9 @@ pub struct Lidar {
 /// A straight piece of wall in the robot's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Line {
-    /// Where it begins, millimetres.
+    /// Its start, millimetres.
     pub start: Pose,
-    /// Where it ends, millimetres.
+    /// Its end, millimetres.
     pub end: Pose,
 }
 
@@ -135,14 +135,14 @@ pub struct Infrared {
     pub distances_m: Vec<f32, INFRARED_MAX>,
 }
 
-/// What the robot tells.
+/// Messages of the robot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Telemetry {
     /// Milliseconds since the robot's start.
     pub timestamp_ms: u32,
     /// The measured value.
     pub state: Option<State>,
-    /// Where it believes to be.
+    /// Estimated pose.
     pub odometry: Option<Odometry>,
     /// The scan, if one was asked for.
     pub lidar: Option<Lidar>,
@@ -152,7 +152,7 @@ pub struct Telemetry {
     pub infrared: Option<Infrared>,
 }
 
-/// Why a message was not written or read.
+/// Error when a message was not written or read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MessageError {

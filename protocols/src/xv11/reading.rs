@@ -12,7 +12,7 @@ const WEAK: u8 = 0x40;
 /// Largest distance that fits the 14 bits of the wire, in mm.
 const DISTANCE_MAX_MM: u16 = 0x3FFF;
 
-/// What a reading means.
+/// Meaning of a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
     /// The beam came back.

@@ -12,7 +12,7 @@ use crate::{Candidate, Format};
 /// Bytes in a frame.
 pub const FRAME_LEN: usize = 1446;
 
-/// What a frame begins with.
+/// First byte of a frame.
 pub const HEADER: [u8; 4] = [0x5A, 0xA5, 0x00, 0xC0];
 const READINGS_AT: usize = 6;
 
@@ -44,7 +44,7 @@ impl Frame {
         RawReading([self.0[at], self.0[at + 1], self.0[at + 2], self.0[at + 3]])
     }
 
-    /// What the reading at `degree` means.
+    /// Meaning of the reading at `degree`.
     pub fn reading(&self, degree: usize) -> Reading {
         self.raw_reading(degree).into()
     }

@@ -15,13 +15,13 @@ use engine::codec::{self, Codec, Stream, Stretch, What};
 use engine::rig::line::Direction;
 use engine::run::check::Check;
 
-/// What a decoder makes of one direction of a link.
+/// Expected output of a decoder for one direction of a link.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Decoded {
     /// Name of the link.
     pub link: String,
-    /// Which way: `to-master` or `to-device`.
+    /// Direction: `to-master` or `to-device`.
     pub direction: String,
     /// Name of the protocol.
     pub protocol: String,
@@ -152,7 +152,7 @@ fn pieces(passage: &Passage, direction: Direction) -> Box<dyn Iterator<Item = Pi
     }
 }
 
-/// What `codec` makes of one direction of a link.
+/// Output of `codec` for one direction of a link.
 fn decode(passage: &Passage, direction: Direction, codec: &'static Codec) -> Decoded {
     let mut stream = Stream::towards(codec, direction);
     let (mut bytes, mut found) = (Vec::new(), Vec::new());

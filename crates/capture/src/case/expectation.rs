@@ -1,4 +1,4 @@
-//! What a case expects.
+//! Expectations of a case.
 
 use protocols::Instant;
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use super::{is_false, rule};
 use crate::replay::Replayed;
 use engine::run::check::Check;
 
-/// What must hold when the bytes of a case are played to the program.
+/// Expectations when the bytes of a case are played to the program.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Expectation {
@@ -50,10 +50,10 @@ pub struct Expectation {
     /// The longest pause of a program that has begun to send, ns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recovers_ns: Option<u64>,
-    /// What a reference program did.
+    /// Behaviour of a reference program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sound: Option<Sound>,
-    /// What decoders make of the bytes.
+    /// Output of decoders for the bytes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub decoder: Vec<Decoded>,
 }

@@ -187,7 +187,7 @@ fn pause_of(sent: &Track) -> Option<Duration> {
 }
 
 impl Expectation {
-    /// What the bytes on the links alone tell.
+    /// Observations from the bytes on the links alone.
     pub(super) fn judge_links(&self, links: &[Played], end: Instant) -> Vec<Check> {
         let mut checks = Vec::new();
         if self.same_outputs {

@@ -143,18 +143,18 @@ impl Expectation {
     }
 }
 
-/// What was seen of a program.
+/// Observations of a program.
 #[derive(Clone, Copy, Debug)]
 pub struct Evidence<'a> {
-    /// What it sent on each link.
+    /// Its bytes on each link.
     pub links: &'a [Played],
     /// All that it printed.
     pub said: &'a str,
     /// Its exit code, if it ended by itself, and when it ended.
     pub exit_code: Option<i32>,
-    /// When it ended, if it did.
+    /// Time of its end, if it ended.
     pub ended_at: Option<Instant>,
-    /// When the session ended.
+    /// End of the session.
     pub end: Instant,
 }
 
@@ -211,7 +211,7 @@ impl Expectation {
     }
 }
 
-/// Where the bytes that `text` names were sent, and when.
+/// Links and times of the bytes named in `text`.
 fn find(text: &str, links: &[Played]) -> Option<(String, Instant)> {
     let (link, bytes) = pattern(text)?;
     let mut links = links

@@ -1,4 +1,4 @@
-//! What a reference program did, and whether another one does the same.
+//! Behaviour of a reference program, and its comparison with another program.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,21 +8,21 @@ use crate::replay::{Arrival, Played};
 use engine::rig::line::Direction;
 use engine::run::check::Check;
 
-/// What a sound program did in the same case.
+/// Behaviour of a reference program in the same case.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sound {
     /// Its command.
     pub command: String,
-    /// What it printed.
+    /// Its output.
     #[serde(default)]
     pub prints: String,
-    /// What it sent.
+    /// Its bytes.
     #[serde(default)]
     pub link: Vec<SoundLink>,
 }
 
-/// What a sound program sent on a link.
+/// Bytes of a reference program on a link.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SoundLink {

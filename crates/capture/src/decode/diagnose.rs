@@ -16,13 +16,13 @@ pub struct Line<'a> {
     pub bytes: &'a [u8],
     /// All bytes that went the other way, if known.
     pub opposite: &'a [u8],
-    /// What the line should carry, if known.
+    /// The expected protocol of the line, if known.
     pub codec: Option<&'static Codec>,
     /// Characters without a stop bit, if the capture tells.
     pub framing_errors: u64,
 }
 
-/// What was done to all bytes of a line, with the evidence.
+/// Damage of all bytes of a line, with the evidence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Damage {
     /// Each byte comes twice.
@@ -46,7 +46,7 @@ pub enum Damage {
         /// Frames whose checksum holds as expected.
         expected: u64,
     },
-    /// What was sent comes back.
+    /// Sent bytes return as an echo.
     Echo {
         /// Frames sent that were also received, in the order sent.
         back: u64,
@@ -76,19 +76,19 @@ pub enum Damage {
     },
     /// 0x00 is missing.
     NulStripped {
-        /// How often it would occur, were all values equally frequent.
+        /// Expected count if all values were equally frequent.
         expected: u64,
     },
     /// 0x0D is missing and 0x0A is too frequent.
     CrToLf {
-        /// How often 0x0A occurs.
+        /// Count of 0x0A.
         found: u64,
-        /// How often its neighbours do.
+        /// Counts of its neighbours.
         expected: u64,
     },
     /// 0x11 and 0x13 are missing.
     FlowControl {
-        /// How often their neighbours occur.
+        /// Counts of their neighbours.
         expected: u64,
     },
 }
@@ -162,7 +162,7 @@ const BYTES_MIN: u64 = 64;
 /// Bytes that are checked where all of them would take long.
 const SAMPLE: usize = 128 << 10;
 
-/// What is wrong with all of `line`.
+/// Damage of the whole `line`.
 pub fn diagnose(line: &Line<'_>) -> Vec<Damage> {
     let (bytes, len) = (line.bytes, line.bytes.len() as u64);
     let sample = &bytes[..bytes.len().min(SAMPLE)];

@@ -68,9 +68,9 @@ pub struct Profile {
     pub entropy: f64,
     /// Bytes that can be printed, per cent.
     pub printable: usize,
-    /// How pieces begin.
+    /// Common first bytes of pieces.
     pub begins: Option<Shared>,
-    /// How pieces end: a candidate for a terminator.
+    /// Common last bytes of pieces: a candidate for a terminator.
     pub ends: Option<Shared>,
 }
 

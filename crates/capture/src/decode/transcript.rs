@@ -37,7 +37,7 @@ const TEXT_MIN: usize = 4;
 
 /// One direction of a link.
 struct Lane {
-    /// What it should carry.
+    /// The expected protocol.
     expected: Option<&'static Codec>,
     /// Names of its registers.
     names: Option<RegisterNames>,
@@ -63,14 +63,14 @@ struct Lane {
     framed: u64,
 }
 
-/// What is known of one direction of a link before its bytes are seen.
+/// Knowledge about one direction of a link before its bytes are read.
 #[derive(Clone, Debug)]
 pub struct Known {
     /// Name of the link.
     pub link: String,
     /// Direction.
     pub direction: Direction,
-    /// What it carries, if it carries frames of it at all.
+    /// The expected protocol, if it has frames of it.
     pub codec: Option<&'static Codec>,
     /// Names of its registers, if it is a register bus.
     pub names: Option<RegisterNames>,
@@ -92,7 +92,7 @@ pub struct Sum {
     pub link: usize,
     /// Direction.
     pub direction: Direction,
-    /// What it carried, if any frame was found.
+    /// The recognised protocol, if any frame was found.
     pub codec: Option<&'static Codec>,
     /// Bytes in all.
     pub bytes: u64,
@@ -164,7 +164,7 @@ impl Transcript {
         self.waiting.drain(..)
     }
 
-    /// What the lanes carried.
+    /// Protocols of the lanes.
     pub fn sums(&self) -> impl Iterator<Item = Sum> {
         self.lanes.iter().map(|lane| Sum {
             link: lane.link,

@@ -9,7 +9,7 @@ use core::fmt::Write as _;
 use super::scans::{READINGS, Scan, scans};
 use super::{Export, ExportError};
 
-/// How lidar turns are written.
+/// Layout of lidar turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Laser {

@@ -18,7 +18,7 @@ pub(super) const READINGS: usize = 360;
 pub(crate) struct Scan {
     /// Name of its link.
     pub link: String,
-    /// When its last bytes had arrived, from the beginning of the capture.
+    /// Time of its last bytes, from the start of the capture.
     pub at: Instant,
     /// Bearing of the first reading, radians counter-clockwise from ahead; the others follow by a
     /// degree each.
@@ -50,7 +50,7 @@ fn turns(passage: &Passage) -> Vec<Scan> {
     }
 }
 
-/// What `decoder` reads: in each degree the nearest of what was measured.
+/// Readings of `decoder`: the nearest one in each degree.
 fn turns_by(mut decoder: impl ScanDecoder, passage: &Passage) -> Vec<Scan> {
     let mut scans = Vec::new();
     for arrival in &passage.arrivals {

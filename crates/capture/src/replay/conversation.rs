@@ -49,7 +49,7 @@ const PATIENCE_GAPS: u32 = 4;
 /// Time for the program to answer what was said last.
 const ANSWERS: Duration = Duration::from_secs(1);
 
-/// What a message belongs to.
+/// Context of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Source {
     Stream,
@@ -101,16 +101,16 @@ pub struct Conversation {
     first: Option<Divergence>,
 }
 
-/// How the requests of the program compare with those of the capture.
+/// Comparison of the program's requests with those of the capture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Requests of the capture.
     pub all: usize,
     /// Those of them that were made.
     pub made: usize,
-    /// How often one was made before its turn, or after it.
+    /// Number of requests out of order.
     pub out_of_turn: usize,
-    /// How often one was made again.
+    /// Number of repeated requests.
     pub repeated: usize,
     /// Requests that the capture does not have.
     pub unknown: usize,
@@ -273,7 +273,7 @@ impl Conversation {
         self.said
     }
 
-    /// When something is due next.
+    /// Time of the next action.
     pub fn poll_at(&self) -> Option<Instant> {
         let due = self.due.keys().next().map(|&(at, _)| at);
         let heard = (!self.heard.is_empty()).then_some(self.heard_at);
@@ -297,19 +297,19 @@ impl Conversation {
         self.due.values().any(|due| !due.is_again)
     }
 
-    /// When the conversation last continued.
+    /// Time of the conversation's last progress.
     pub const fn moved_at(&self) -> Instant {
         self.moved_at
     }
 
-    /// How long it may stand still before nothing more is expected.
+    /// Maximum time without progress before the conversation is over.
     pub fn patience(&self) -> Duration {
         let has_spoken = self.tally.made + self.tally.unknown > 0 || !self.heard.is_empty();
         let least = if has_spoken { PATIENCE } else { PATIENCE_FIRST };
         least + self.script.longest_gap * PATIENCE_GAPS
     }
 
-    /// How many of its requests were made.
+    /// Number of its sent requests.
     pub const fn tally(&self) -> Tally {
         self.tally
     }

@@ -1,4 +1,4 @@
-//! What the program of a run sends, heard on its lines.
+//! Bytes that the program of a run sends on its lines.
 
 use core::cell::RefCell;
 use std::rc::Rc;
@@ -11,7 +11,7 @@ use engine::rig::Rig;
 use engine::rig::line::{Delivery, Direction};
 use engine::rig::trace::{Side, Tap};
 
-/// What the program of a run sends on each of its links, as long as it runs.
+/// Bytes that the program of a run sends on each of its links.
 #[derive(Clone, Debug)]
 pub struct Eavesdrop {
     links: Vec<(usize, String)>,
@@ -31,7 +31,7 @@ impl Eavesdrop {
         Self { links, sent }
     }
 
-    /// What was received so far.
+    /// Bytes received so far.
     pub fn played(&self) -> Vec<Played> {
         let sent = self.sent.borrow();
         let links = self.links.iter().map(|(index, link)| Played {

@@ -20,20 +20,20 @@ use engine::robots::{self, Instruments, OpenEnd, Wired};
 use engine::run::Run;
 use engine::scenario::{Scenario, ScenarioError, Span};
 
-/// How long answers may take behind the end of the capture.
+/// Maximum time for answers after the end of the capture.
 const ANSWERS: Duration = Duration::from_secs(1);
 
 /// A capture that takes the part of the devices.
 pub struct StandIn {
     /// The run; it is over when all was played, and answers had their time.
     pub run: Run,
-    /// What the program is to open.
+    /// Ports for the program.
     pub open_ends: Vec<OpenEnd>,
-    /// What is heard of the program.
+    /// Received bytes of the program.
     pub ear: Ear,
 }
 
-/// What a program says on each link, beside what the captured one said.
+/// Bytes of a program on each link, with those of the captured one.
 pub struct Ear {
     expected: Vec<(String, Track)>,
     sent: Rc<RefCell<Vec<Track>>>,
@@ -82,7 +82,7 @@ fn until(track: &Track, end: Instant, least: usize) -> Track {
     heard
 }
 
-/// What moves a capture on that is played.
+/// Clock of a played capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Timing {
     /// The program's requests.

@@ -17,11 +17,11 @@ pub const SILENCE_MAX: Duration = Duration::from_secs(60);
 /// A silence of all links that is played as if it had lasted [`SILENCE_MAX`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Silence {
-    /// When the last thing before it happened, in the time of the capture.
+    /// Time of the last event before it, in the capture.
     pub from: Instant,
-    /// How long it was.
+    /// Its length.
     pub lasted: Duration,
-    /// What was cut out of it and of all silences before.
+    /// Time removed from it and from all earlier silences.
     cut: Duration,
 }
 
@@ -52,7 +52,7 @@ impl Silences {
         &self.0
     }
 
-    /// When what the capture has at `at` is played.
+    /// Play time for the capture's time `at`.
     pub fn played_at(&self, at: Instant) -> Instant {
         let begun = self.0.partition_point(|silence| silence.from < at);
         let Some(last) = begun.checked_sub(1).map(|index| self.0[index]) else {

@@ -33,7 +33,7 @@ use wheels::RearWheels;
 /// Full speed, dead zone, lags, servo, slip and noise are guesses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AckermannConfig {
-    /// What collides, seen from the middle of the rear axle.
+    /// Outline for collisions, relative to the middle of the rear axle.
     pub footprint: Footprint,
     /// Between the axles.
     pub wheelbase_m: f64,
@@ -53,15 +53,15 @@ pub struct AckermannConfig {
     pub steering_rate_rad_s: f64,
     /// Time constant of the servo near its goal.
     pub steering_lag_s: f64,
-    /// How the wheels' angle differs from the one told.
+    /// Difference between the wheels' angle and the commanded one.
     pub steering_law: SteeringLaw,
-    /// What the car stands on.
+    /// Grip of the floor under the car.
     pub floor: Floor,
     /// At drive 255 in the long run.
     pub full_speed_m_s: f64,
     /// Greatest drive at which the car does not move yet; below 255.
     pub dead_zone_drive: u8,
-    /// What the driver does while the car still rolls the other way.
+    /// Reaction of the motor driver while the car still rolls the other way.
     pub reversing: Reversing,
     /// Time constant of the driven car.
     pub lag_s: f64,

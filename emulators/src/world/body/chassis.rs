@@ -1,4 +1,4 @@
-//! What the world asks of a drive train, whatever its wheels are.
+//! The world's interface to a drive train, for any kind of wheels.
 
 use core::fmt;
 
@@ -35,14 +35,14 @@ pub trait Chassis: fmt::Debug + Send + Sync {
     /// What an actuator was set to last, or does since the start.
     fn command(&self, actuator: usize) -> Command;
 
-    /// What an actuator really does in this step, in the unit of its kind.
+    /// True value of an actuator in this step, in the unit of its kind.
     fn actual(&self, actuator: usize) -> f64;
 
     /// Begins step `number`. Both figures must be finite; a speed of more than 5 m/s or a turn rate
     /// of more than 20 rad/s may carry the body through thin things.
     fn begin_step(&mut self, number: u64) -> Velocity;
 
-    /// What can be counted. Names differ.
+    /// Its encoders. Their names are unique.
     fn encoders(&self) -> &[Encoder];
 
     /// Counts of an encoder since the start of the run, `after_s` seconds (0 to 0.001) into the
@@ -88,7 +88,7 @@ pub struct Actuator {
     pub range: [f64; 2],
 }
 
-/// What an actuator is.
+/// Kind of an actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ActuatorKind {
@@ -255,15 +255,15 @@ impl fmt::Display for Select<'_> {
     }
 }
 
-/// Why a command has no effect.
+/// Reason why a command has no effect.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum CommandError {
     /// The chassis has no such actuator.
     UnknownActuator {
-        /// What was asked for.
+        /// The requested name.
         wanted: String,
-        /// What there is.
+        /// The existing names.
         known: Vec<String>,
     },
     /// The actuator cannot do that.

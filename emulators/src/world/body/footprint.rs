@@ -1,4 +1,4 @@
-//! What of a body collides: a disc, or an outline with corners.
+//! Outline of a body for collisions: a disc, or a polygon.
 
 use core::fmt;
 
@@ -178,7 +178,7 @@ fn folds(one: [Point; 2], other: [Point; 2]) -> bool {
     u.x * v.y - u.y * v.x == 0.0 && u.x * v.x + u.y * v.y < 0.0
 }
 
-/// Why an outline is none.
+/// Error of an invalid outline.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FootprintError {

@@ -10,7 +10,7 @@ const STICTION_M_S: f64 = 1e-3;
 /// Slower than this counts as standing for a driver that brakes before it reverses; a guess.
 const REVERSES_BELOW_M_S: f64 = 0.03;
 
-/// What the motor driver does to one motor.
+/// Drive mode of the motor driver for one motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Drive {
     /// Pulse width as in an 8-bit compare register, -255..=255; positive drives forward. Larger
@@ -36,7 +36,7 @@ pub(super) struct MotorFigures {
     pub(super) reversing: Reversing,
 }
 
-/// What a motor driver does that is told to drive the other way while the wheel still turns.
+/// Reaction of a motor driver to a command in the other direction while the wheel still turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reversing {
     /// Drives the other way.

@@ -1,4 +1,4 @@
-//! How a disc collides: by the distance of its middle from each surface.
+//! Collisions of a disc: by the distance of its middle from each surface.
 //!
 //! A surface that the next step would bring into the disc blocks the step's translation where they
 //! meet; turning on the spot stays free, and so does any way out.

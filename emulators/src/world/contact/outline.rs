@@ -1,4 +1,4 @@
-//! How a body with corners collides: by the gap between its outline and each surface.
+//! Collisions of a body with corners: by the gap between its outline and each surface.
 //!
 //! The whole motion of a step is tried first. If a surface is in the way, the body turns as wanted
 //! and goes as far as it can; if the turn itself is blocked, it makes the part of the motion that
@@ -220,7 +220,7 @@ impl<'a> Step<'a> {
         None
     }
 
-    /// Which surfaces keep the body from standing at `pose`.
+    /// Surfaces that overlap the body at `pose`.
     fn blockers(&mut self, pose: Pose) -> Vec<usize> {
         self.footprint.place(pose, &mut self.corners);
         let middle = middle(self.footprint, pose);

@@ -1,10 +1,10 @@
-//! Why a scene can be refused.
+//! Errors of a scene.
 
 use core::fmt;
 
 use crate::world::geometry::Bounds;
 
-/// Why a scene was refused, and because of which part.
+/// Error of a scene, with the part that causes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneError {
     /// The part at fault.
@@ -22,7 +22,7 @@ pub enum Part {
     Obstacle(usize),
 }
 
-/// What is wrong with a part of a scene.
+/// Error of a part of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Cause {
@@ -35,7 +35,7 @@ pub enum Cause {
     },
     /// A polygon with less than three corners.
     TooFewCorners {
-        /// How many it has.
+        /// Its number of points.
         found: usize,
     },
     /// A circle of no or negative radius.
@@ -55,21 +55,21 @@ pub enum Cause {
     },
     /// The part reaches beyond the scene.
     OutOfBounds {
-        /// Where the part reaches.
+        /// Extent of the part.
         found: Bounds,
-        /// Where the scene ends.
+        /// Extent of the scene.
         bounds: Bounds,
     },
     /// More walls and circles than a scene may have.
     TooMany {
-        /// How many it may have.
+        /// The maximum number.
         limit: usize,
     },
     /// A path without way-points.
     NoWaypoints,
     /// A way-point that is not later than the one before it.
     TimesNotRising {
-        /// Which, counted from 0.
+        /// Its index, from 0.
         waypoint: usize,
     },
     /// A looping path whose last place is not its first.

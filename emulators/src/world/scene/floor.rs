@@ -68,7 +68,7 @@ impl Scene {
     }
 }
 
-/// Why a line cannot be.
+/// Error of an invalid line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FloorLineError {

@@ -21,7 +21,7 @@ pub struct HeatPlate {
     celsius: f64,
 }
 
-/// Why there is no such plate.
+/// Error of an invalid plate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeatPlateError;
 
@@ -53,7 +53,7 @@ impl HeatPlate {
         )
     }
 
-    /// How far along a ray it is met.
+    /// Distance of the hit along a ray.
     fn met_at(&self, origin: Point, [cos, sin]: [f64; 2]) -> Option<f64> {
         let (ex, ey) = (self.to.x - self.from.x, self.to.y - self.from.y);
         let (fx, fy) = (self.from.x - origin.x, self.from.y - origin.y);

@@ -10,14 +10,14 @@ use protocols::Instant;
 use super::Scene;
 use crate::world::geometry::{Circle, Pose, Primitive, Segment};
 
-/// What is nearer than this is behind the camera, metres.
+/// Minimum distance from the camera, metres.
 const NEAR_M: f64 = 1e-9;
 
 /// A pinhole camera's row: column `u` looks aside by `(u - middle) / focal` of what it looks ahead,
 /// to the right.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// Where the camera is and looks.
+    /// Pose of the camera.
     pub camera: Pose,
     /// Focal length, pixels.
     pub focal_px: f64,

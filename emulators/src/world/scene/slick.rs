@@ -57,7 +57,7 @@ impl Scene {
     }
 }
 
-/// Why a slick place cannot be.
+/// Error of an invalid slick area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SlickFloorError {

@@ -1,4 +1,4 @@
-//! What can be seen of a scene from a height, and within a cone.
+//! Visible parts of a scene from a height, and within a cone.
 
 use std::sync::Arc;
 

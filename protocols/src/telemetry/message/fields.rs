@@ -28,7 +28,7 @@ pub(super) const MESSAGE_6: Key = (6, WIRE_TYPE_LEN);
 pub(super) const MESSAGE_7: Key = (7, WIRE_TYPE_LEN);
 pub(super) const MESSAGE_8: Key = (8, WIRE_TYPE_LEN);
 
-/// What can be written field by field.
+/// A value that is written field by field.
 pub(super) trait Fields {
     fn write<W: PbWrite>(&self, to: &mut PbEncoder<W>) -> Result<(), W::Error>;
 }

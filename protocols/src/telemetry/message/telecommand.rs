@@ -1,4 +1,4 @@
-//! What the PC tells the robot.
+//! Commands of the PC to the robot.
 
 use micropb::{DecodeError, MessageDecode, PbDecoder, PbEncoder, PbRead, PbWrite};
 
@@ -20,7 +20,7 @@ pub struct Velocities {
 pub struct LinesRequest {
     /// Gap between neighbouring points that ends a region, mm.
     pub gap_mm: u32,
-    /// How far a point may lie beside its line, mm.
+    /// Maximum distance of a point from its line, mm.
     pub tolerance_mm: u32,
     /// Minimum interior angle at which two lines are one, degrees.
     pub merge_deg: u32,
@@ -49,9 +49,9 @@ pub struct Telecommand {
     pub state: Option<State>,
     /// Speeds by hand.
     pub velocities: Option<Velocities>,
-    /// Where the robot is in truth: its odometry continues from there.
+    /// True pose of the robot: its odometry continues from there.
     pub corrected_pose: Option<Pose>,
-    /// Where it shall go.
+    /// The goal.
     pub desired_pose: Option<Pose>,
     /// A request for the scan, a point each so many degrees.
     pub lidar_step_deg: Option<u32>,

@@ -1,11 +1,11 @@
-//! What is counted in a stream for or against a damage.
+//! Counts in a stream as evidence for or against damage.
 
 use std::collections::BTreeSet;
 
 use super::Damage;
 use engine::codec::{self, Codec, OtherOrder};
 
-/// How often each value occurs.
+/// Count of each value.
 pub(super) struct Counts([u64; 256]);
 
 impl Counts {
@@ -40,7 +40,7 @@ impl Counts {
         (printable + controls) * 20 >= self.len() * 19
     }
 
-    /// How often the values on both sides of `a` and `b` occur, on average.
+    /// Mean count of the values on both sides of `a` and `b`.
     pub(super) fn around(&self, a: u8, b: u8) -> u64 {
         let sides = [a - 1, a + 1, b - 1, b + 1].map(|value| self.of_value(value));
         sides.iter().sum::<u64>() / 4

@@ -8,7 +8,7 @@ use engine::rig::line::Direction;
 /// One line of a transcript.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// When its last byte arrived, or the event happened.
+    /// Time of its last byte, or of the event.
     pub at: Instant,
     /// Index of the link.
     pub link: usize,
@@ -16,11 +16,11 @@ pub struct Entry {
     pub direction: Direction,
     /// Place of its first byte among those of its line.
     pub place: u64,
-    /// What it was.
+    /// Its content.
     pub said: Said,
 }
 
-/// What a line of a transcript is about.
+/// Content of a line of a transcript.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Said {
     /// A valid frame, in words.

@@ -16,7 +16,7 @@ const GAP_MIN: Duration = Duration::from_millis(3);
 /// Silence that ends an unfinished frame or line.
 const GAP_IN_MESSAGE: Duration = Duration::from_millis(50);
 
-/// How a direction is cut.
+/// Method of splitting a direction.
 #[derive(Clone, Copy)]
 pub(super) enum Cut {
     /// Frames of a known protocol.

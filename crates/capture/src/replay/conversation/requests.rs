@@ -1,4 +1,4 @@
-//! Which request of the capture the program's bytes are.
+//! Finds the request of the capture for the program's bytes.
 
 use core::ops::Bound;
 use core::time::Duration;
@@ -15,7 +15,7 @@ pub(super) const UNFINISHED: Duration = Duration::from_secs(1);
 /// Requests among which one is looked for that is like what came.
 const LIKE_MAX: usize = 64;
 
-/// What some bytes are.
+/// Meaning of some bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Found {
     /// The first bytes are the request of this exchange.
@@ -94,7 +94,7 @@ impl Requests {
         behind.or_else(|| self.left.first()).copied()
     }
 
-    /// What `heard` is, after which there was silence for `quiet`.
+    /// Meaning of `heard`, followed by silence for `quiet`.
     pub(super) fn find(
         &self,
         heard: &[u8],
@@ -214,7 +214,7 @@ impl Requests {
     }
 }
 
-/// How much two requests are alike, from 0; a quarter of the bytes at least must be.
+/// Similarity of two requests, from 0; at least a quarter of the bytes must be equal.
 fn likeness(one: &[u8], other: &[u8]) -> usize {
     let pairs = || one.iter().zip(other);
     let prefix = pairs().take_while(|(one, other)| one == other).count();

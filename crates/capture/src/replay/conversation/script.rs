@@ -1,4 +1,4 @@
-//! What a capture says as a conversation: requests, and what each of them caused.
+//! A capture as a conversation: requests with their answers.
 
 use core::ops::Range;
 use core::time::Duration;
@@ -24,11 +24,11 @@ pub(super) struct Message {
 pub(super) struct Exchange {
     /// The program's bytes.
     pub(super) request: Vec<u8>,
-    /// When the last of them was complete, in the capture.
+    /// Time of its last byte in the capture.
     pub(super) at: Instant,
     /// Number of its first byte among all that the program sent.
     pub(super) byte: usize,
-    /// What followed.
+    /// The following bytes.
     pub(super) answers: Vec<Message>,
     /// The end of a stream that the request has started, which is said again and again until the
     /// next request.
@@ -40,15 +40,15 @@ pub(super) struct Exchange {
 pub(super) struct Script {
     /// Coding of the line.
     pub(super) line: LineConfig,
-    /// What the other end says when the port is opened, for each opening that the capture has.
+    /// Bytes after the port is opened, for each opening in the capture.
     pub(super) openings: Vec<Vec<Message>>,
-    /// What it says by its own clock, whatever is asked; counted from the first opening.
+    /// Periodic bytes, independent of requests; times count from the first opening.
     pub(super) stream: Vec<Message>,
     /// The end of that stream, which is said again and again where the stream had no end.
     pub(super) tail: Option<Tail>,
     /// Requests in their order.
     pub(super) exchanges: Vec<Exchange>,
-    /// How requests are distinguished.
+    /// Method of distinguishing requests.
     pub(super) cut: Cut,
     /// The longest time between two requests, or before the first.
     pub(super) longest_gap: Duration,
@@ -89,7 +89,7 @@ impl Tail {
 const STREAM_LEN: usize = 10;
 /// A stream has no end if the capture ends at most so many of its gaps behind its last message.
 const STREAM_GAPS: u32 = 3;
-/// How much of its end is said again.
+/// Length of its end that is repeated.
 const TAIL: Duration = Duration::from_secs(1);
 /// Longest pause within an answer of several messages.
 const BURST_GAP: Duration = Duration::from_millis(20);
@@ -103,7 +103,7 @@ const STREAM_MIN: usize = 16;
 /// other end sends by itself.
 const FREE_MIN: usize = 3;
 
-/// What causes a message.
+/// Cause of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cause {
     Opening(usize),
@@ -250,7 +250,7 @@ fn kinds_of_its_own(
     kinds.map(|(kind, _)| kind).collect()
 }
 
-/// What is the same in all messages of a kind: the first word of a line, or the first bytes.
+/// Common part of all messages of a kind: the first word of a line, or the first bytes.
 fn kind(cut: Cut, parts: &[(Instant, Vec<u8>)]) -> Vec<u8> {
     let bytes: Vec<u8> = parts.iter().flat_map(|(_, bytes)| bytes).copied().collect();
     match cut {

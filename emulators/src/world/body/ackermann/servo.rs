@@ -1,4 +1,4 @@
-//! What turns the front wheels of a car, and why they do not quite go where they are told.
+//! The steering servo of a car, and the errors of its angle.
 
 use super::super::motor::{noise_root, part_per_step};
 use super::super::{NOISE_STEPS, STEP_S};

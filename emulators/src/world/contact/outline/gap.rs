@@ -5,7 +5,7 @@ use crate::world::geometry::{Circle, Point, Primitive};
 /// Depth of a body whose sides cross a surface, however little.
 const CROSSED_M: f64 = 1e-9;
 
-/// Where body and surface are closest.
+/// Closest points of body and surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gap {
     /// Metres; negative if they overlap.
