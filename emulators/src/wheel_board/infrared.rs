@@ -42,7 +42,7 @@ pub(super) struct Infrared {
 #[derive(Clone, Debug)]
 struct Sensor {
     mount: RangeSensor,
-    /// Its held value.
+    /// Output voltage, held until the next measurement.
     volts: f64,
     done_at: Instant,
     dice: Rng,

@@ -18,7 +18,7 @@ pub(super) use push::Push;
 
 /// Free distance beyond which contacts are not computed.
 const REACH_M: f64 = 1.0;
-/// Index at which the search starts.
+/// Margin around the body that is searched first, metres.
 const CLOSE_M: f64 = 0.02;
 /// The body has left a surface when it is this far off.
 const LEFT_M: f64 = 1e-3;

@@ -94,7 +94,7 @@ impl Decoder {
         self.0.format_mut().mode = mode;
     }
 
-    /// The expected frame.
+    /// The search mode of the decoder.
     pub const fn mode(&self) -> Mode {
         self.0.format().mode
     }

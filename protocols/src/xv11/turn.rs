@@ -12,7 +12,7 @@ use crate::{Candidate, Format};
 /// Bytes in a frame.
 pub const FRAME_LEN: usize = 1446;
 
-/// First byte of a frame.
+/// First bytes of a frame.
 pub const HEADER: [u8; 4] = [0x5A, 0xA5, 0x00, 0xC0];
 const READINGS_AT: usize = 6;
 
