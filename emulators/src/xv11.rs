@@ -121,7 +121,7 @@ pub struct Xv11 {
     uart: Uart,
     firmware: Firmware,
     faults: Faults,
-    /// Position and kind of the damage in a packet.
+    /// Random numbers for the damage in a packet: its position and kind.
     garbage: Rng,
     /// Whether it was reported that the host's motor drive is not connected.
     duty_told: bool,

@@ -56,7 +56,7 @@ pub struct Completion {
     pub request: Request,
     /// When the answer was complete, or the last try given up.
     pub at: Instant,
-    /// The result.
+    /// Outcome of the request.
     pub outcome: Outcome,
 }
 
@@ -234,7 +234,7 @@ impl BaseLink {
         self.listener.stray
     }
 
-    /// The events so far.
+    /// The counters so far.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }

@@ -209,7 +209,7 @@ impl Display {
         }
     }
 
-    /// The events so far.
+    /// The counters so far.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }

@@ -96,7 +96,7 @@ pub struct View<'a> {
     pub pose: Pose,
     /// The measured value.
     pub state: State,
-    /// Its destination.
+    /// Its waypoints.
     pub waypoints: &'a Waypoints,
     /// How it is.
     pub diagnosis: Diagnosis,
@@ -326,7 +326,7 @@ impl PcLink {
         count
     }
 
-    /// The events so far.
+    /// The counters so far.
     pub const fn counters(&self) -> &Counters {
         &self.counters
     }

@@ -83,7 +83,7 @@ pub struct Findings {
 pub struct Experiment {
     /// By which it is asked for.
     pub name: &'static str,
-    /// The action.
+    /// Short description of the experiment.
     pub about: &'static str,
     /// Where the report has it.
     pub place: &'static str,

@@ -169,7 +169,7 @@ impl Joiner {
         }
     }
 
-    /// An item that is never merged with others.
+    /// Makes an item that is never merged with others.
     pub(super) fn single(
         &mut self,
         line: usize,

@@ -235,7 +235,7 @@ pub struct Record {
     pub at: Instant,
     /// Direction.
     pub direction: Direction,
-    /// A short description.
+    /// Its kind.
     pub kind: Kind,
     /// The bytes as the receiver got them.
     pub bytes: Bytes,

@@ -42,7 +42,7 @@ impl Batch {
         self.put(line, at, bytes, delay_ns, None);
     }
 
-    /// An item that is never merged with others.
+    /// Makes an item that is never merged with others.
     pub(super) fn single(
         &mut self,
         line: usize,

@@ -11,7 +11,7 @@ use engine::run::check::{Check, Status};
 /// Verdicts that belong together in a JUnit file.
 #[derive(Clone, Copy, Debug)]
 pub struct Suite<'a> {
-    /// The executed scenario or case.
+    /// Name of the scenario or case.
     pub name: &'a str,
     /// With which seed, if there was one.
     pub seed: Option<u64>,

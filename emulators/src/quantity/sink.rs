@@ -11,7 +11,7 @@ pub struct Sink {
     pub actuator: String,
     /// Units of the actuator per count of the value: drive, m/s or rad, as `kind` says.
     pub scale: f64,
-    /// Command of the actuator.
+    /// Kind of the actuator's command.
     pub kind: SinkKind,
 }
 

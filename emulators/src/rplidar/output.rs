@@ -20,7 +20,7 @@ pub(super) struct Output {
     loss: Rng,
     /// Bytes of a burst that are still to be lost.
     burst: u64,
-    /// Position and kind of the damage in a packet.
+    /// Random numbers for the damage in a packet: its position and kind.
     garbage: Rng,
     /// The last node or capsule.
     last: Vec<u8>,

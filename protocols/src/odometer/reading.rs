@@ -180,14 +180,14 @@ pub enum LineError {
     Sum {
         /// Of the figures.
         expected: f64,
-        /// As commanded.
+        /// The sum in the line.
         found: f64,
     },
     /// The CRC is another.
     Crc {
         /// Of the line.
         expected: u16,
-        /// As commanded.
+        /// The CRC in the line.
         found: u16,
     },
 }

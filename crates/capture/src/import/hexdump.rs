@@ -81,7 +81,7 @@ fn has_text(offset: &str, rest: &str) -> bool {
 /// Cells of a first row from which on several rows are believed.
 const CELLS_MIN: usize = 4;
 
-/// Bytes that arrived together.
+/// A group of bytes that belong together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Chunk {
     bytes: Vec<u8>,

@@ -23,7 +23,7 @@ pub struct DrivesSpec {
 }
 
 impl DrivesSpec {
-    /// The result.
+    /// Returns the actuator and its scale.
     ///
     /// # Errors
     /// A sentence, if not exactly one way to drive is given.

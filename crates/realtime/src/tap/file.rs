@@ -59,7 +59,7 @@ impl CaptureFile {
         })
     }
 
-    /// Its position.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -57,7 +57,7 @@ pub struct Elsewhere {
 pub struct CauseChange {
     /// Why runs fail, as in the groups.
     pub cause: String,
-    /// Its result.
+    /// Its state compared with the earlier campaign.
     pub change: Change,
     /// Runs that fail for it now, and what they came to in the earlier campaign.
     pub now: Elsewhere,

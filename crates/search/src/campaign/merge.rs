@@ -53,7 +53,7 @@ pub struct SituationCount {
 /// What a whole campaign came to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Merged {
-    /// The executed scenario or case.
+    /// Plan of the campaign.
     pub plan: CampaignPlan,
     /// Runs done.
     pub runs: usize,

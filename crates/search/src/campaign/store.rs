@@ -145,7 +145,7 @@ impl Store {
         &self.plan
     }
 
-    /// Its position.
+    /// Its folder.
     pub(crate) fn dir(&self) -> &Path {
         &self.dir
     }

@@ -26,7 +26,7 @@ const CHUNK: u64 = 16;
 /// The first case of a cause.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FirstCase {
-    /// The error.
+    /// The violated law.
     pub fault: Violation,
     /// The choices that brought it about.
     pub choices: Vec<u8>,

@@ -14,7 +14,7 @@ const LENGTH_BITS: f64 = 10.0;
 const LENGTHS_MAX: usize = 3;
 /// Share of chunks of which one may not end as the others, or not be stuffed as they are.
 const DAMAGED_SHARE: usize = 8;
-/// Number of checked bytes.
+/// Maximum number of checked bytes.
 const BYTES_MAX: usize = 64 << 10;
 /// Ends of frames that are tried first, each with its stuffing.
 const ENDS: [(&[u8], &[u8], Coding); 8] = [

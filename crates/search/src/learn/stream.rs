@@ -30,7 +30,7 @@ pub(crate) enum How {
     },
 }
 
-/// Number of checked bytes.
+/// Maximum number of checked bytes.
 const BYTES_MAX: usize = 32 << 10;
 /// Sync bytes that are tried.
 const STARTS_MAX: usize = 10;

@@ -82,7 +82,7 @@ pub struct Velocity {
 pub struct Actuator {
     /// Stable name in snake case, unique in its chassis.
     pub name: String,
-    /// A short description.
+    /// Its kind.
     pub kind: ActuatorKind,
     /// Minimum and maximum value in the unit of its kind; what is beyond counts as the nearest.
     pub range: [f64; 2],

@@ -29,7 +29,7 @@ pub enum GoalState {
     Driving,
     /// It stands and looks for a way.
     Planning,
-    /// It exists.
+    /// The car is at the goal.
     Reached,
     /// There is no way, or none that could be driven.
     GivenUp,

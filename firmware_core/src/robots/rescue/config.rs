@@ -35,7 +35,7 @@ pub struct Config {
     pub turning: Turning,
     /// Whether it looks for what its lidar does not see.
     pub infrared: Infrared,
-    /// Default behaviour of the robot.
+    /// Mode of the robot until its first order.
     pub initial_mode: Mode,
     /// How the radio is set up before it is used; `None`: it is ready.
     pub radio_setup: Option<radio_setup::Settings>,

@@ -60,7 +60,7 @@ pub enum Progress {
     Seeks,
     /// Nothing that it can reach is unknown: it goes home.
     GoesHome,
-    /// It exists.
+    /// The robot is home.
     IsHome,
 }
 

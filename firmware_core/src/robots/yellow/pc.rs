@@ -276,7 +276,7 @@ impl PcProgram {
         self.task
     }
 
-    /// The progress.
+    /// State of the task.
     pub const fn task_state(&self) -> TaskState {
         self.state
     }

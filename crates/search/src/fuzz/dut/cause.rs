@@ -16,7 +16,7 @@ const RULES_OF_TIME: [&str; 5] = [
     "frame-cut-off",
 ];
 
-/// The error.
+/// Cause of a finding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Cause {
     /// It ended by a signal, or with an exit code that is not 0.

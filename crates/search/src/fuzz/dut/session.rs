@@ -46,7 +46,7 @@ pub(super) struct Session<'a> {
     goes_on: &'a dyn Fn() -> bool,
     /// What the program did from one look to the next.
     reached: Vec<Reached>,
-    /// The used turns, by their numbers.
+    /// Numbers of the played turns.
     pub(super) played: Vec<usize>,
 }
 

@@ -24,7 +24,7 @@ use realtime::clock::{Clock as _, WallClock};
 /// What came of a case.
 #[derive(Clone, Debug)]
 pub struct TrialOutcome {
-    /// The error.
+    /// Causes of the failure.
     pub causes: Vec<Cause>,
     /// What the program said on its standard error.
     pub said: String,
@@ -36,7 +36,7 @@ pub struct TrialOutcome {
     pub was_late: bool,
     /// What the program did until each pause of the traffic; of one that counts it.
     pub reached: Vec<Reached>,
-    /// The used turns, by their numbers.
+    /// Numbers of the played turns.
     pub played: Vec<usize>,
     /// An error that the program reported as it should, and ended.
     pub reported: Option<Cause>,

@@ -39,7 +39,7 @@ pub struct SteeringLaw {
 }
 
 impl Default for SteeringLaw {
-    /// As commanded.
+    /// The wheels follow the commanded angle without error.
     fn default() -> Self {
         Self {
             gain: 1.0,
@@ -60,7 +60,7 @@ pub(super) struct Servo {
     floor: Floor,
     wander: f64,
     noise: Rng,
-    /// As commanded.
+    /// The commanded angle.
     pub(super) wanted: f64,
     /// Holds for the current step.
     pub(super) angle: f64,

@@ -107,7 +107,7 @@ pub(super) enum Kind {
     Drive,
 }
 
-/// The events so far.
+/// Counters of the link.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Counts {
     pub(super) frames: u64,
