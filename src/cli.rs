@@ -27,6 +27,7 @@ mod link;
 mod man;
 mod map;
 mod new;
+mod node;
 mod place;
 mod port;
 mod ports;
@@ -113,6 +114,7 @@ enum Command {
     Learn(learn::LearnArgs),
     Talk(talk::TalkArgs),
     Conform(conform::ConformArgs),
+    Node(node::NodeArgs),
     Bugs(bugs::Bugs),
     Campaign(campaign::CampaignArgs),
     Fuzz(fuzz::FuzzArgs),
@@ -339,6 +341,7 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
         Command::Learn(args) => learn::run(&args),
         Command::Talk(args) => talk::run(&args),
         Command::Conform(args) => conform::run(&args),
+        Command::Node(args) => node::run(&args),
         Command::Bugs(args) => bugs::run(args),
         Command::Campaign(args) => campaign::run(args),
         Command::Fuzz(args) => fuzz::run(&args),

@@ -47,3 +47,27 @@ def test_every_test_on_the_page_runs(inner, pytester: pytest.Pytester) -> None:
     tests = [block for block in re.findall(r"```python\n(.*?)```", page, re.S) if "serial" in block]
     assert tests
     inner("\n".join(tests)).assert_outcomes(passed=len(tests))
+
+
+def test_the_scale_of_the_page_is_weighed_and_fails_as_it_says(tmp_path: Path) -> None:
+    page = (DOCS / "device-program.md").read_text()
+    scale, drive, typed = re.findall(r"```python\n(.*?)```", page, re.S)
+    scenario = re.findall(r"```toml\n(.*?)```", page, re.S)[0]
+    examples = DOCS.parent / "nodes" / "examples"
+    assert scale == (examples / "scale.py").read_text()
+    assert typed == (examples / "typed_scale.py").read_text()
+    assert sum(1 for line in scale.splitlines() if line) == 25
+    for name, text in [("scale.py", scale), ("drive.py", drive), ("scale.toml", scenario)]:
+        (tmp_path / name).write_text(text)
+    program = f"python3 {tmp_path / 'drive.py'}"
+    out = tmp_path / "out"
+    result = hilrig.run(tmp_path / "scale.toml", program, out=out, virtual=True, may_end=True)
+    assert result.passed, result
+    said = (out / "program.log").read_text().splitlines()
+    assert said == ["b'S S     100.25 g\\r\\n'", "b'ZI S\\r\\n'", "b'S S       0.00 g\\r\\n'"]
+    wrong = scale.replace('settings["load_g"]', 'settings["load_kg"]')
+    (tmp_path / "scale.py").write_text(wrong)
+    result = hilrig.run(tmp_path / "scale.toml", program, out=out, virtual=True, may_end=True)
+    [failed] = [check for check in result.failures if check.name == "node-programs"]
+    assert failed.detail.startswith("scale exited (exit code 1) before it answered an exchange")
+    assert failed.detail.endswith("its last words: KeyError: 'load_kg'")

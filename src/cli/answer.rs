@@ -13,7 +13,8 @@ use serde_json::{Value, json};
 
 pub(super) use case::{CaseChecked, CaseMade, CaseTry};
 pub(super) use described::{
-    ClaimTold, Conformed, DifferenceTold, Exchanged, Learned, RepliedWith, Talked, ValueTold,
+    ClaimTold, Conformed, DifferenceTold, Exchanged, Learned, NodeChecked, NodePart, RepliedWith,
+    Talked, ValueTold,
 };
 pub(super) use experiment::{ExperimentDone, ExperimentFigure, Experiments};
 
@@ -87,7 +88,7 @@ fn made_or_checked(generator: &mut SchemaGenerator) -> Schema {
 }
 
 /// The results of the commands.
-const RESULTS: [(&str, Subschema); 31] = [
+const RESULTS: [(&str, Subschema); 32] = [
     ("demo", of::<Runs>),
     ("run", of::<Runs>),
     ("up", of::<UpEnded>),
@@ -106,6 +107,7 @@ const RESULTS: [(&str, Subschema); 31] = [
     ("learn", of::<Learned>),
     ("talk", of::<Talked>),
     ("conform", of::<Conformed>),
+    ("node", of::<NodeChecked>),
     ("bugs", of::<Bugs>),
     ("campaign", of::<CampaignEnded>),
     ("fuzz", of::<FuzzEnded>),

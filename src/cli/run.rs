@@ -2,6 +2,7 @@ mod exec;
 mod firmware;
 mod guest;
 mod judged;
+mod node;
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -11,7 +12,7 @@ use clap::Args;
 
 use super::answer::{RunEnded, Runs};
 use super::ends::EndArgs;
-use super::exec::{ExecArgs, is_bare};
+use super::exec::{ExecArgs, is_bare, quoted};
 use super::replay::judge_case;
 use super::show::{Show, ShowArgs};
 use super::stop::Stop;
@@ -41,6 +42,7 @@ pub(super) use judged::{Clocking, Ran, Talk, judged_run, write_results};
     hilrig run scenarios/*.toml --junit junit.xml\n  \
     hilrig run hilrig-out/rescue-flat-1/case.toml   # a saved case: the same bytes again\n  \
     hilrig run scenarios/rescue-flat.toml --exec './my-robot \"$HILRIG_DIR\"'\n  \
+    hilrig run bench.toml --node ./driver     # a driver that speaks the node protocol, docs/nodes.md\n  \
     hilrig run scenarios/own-slave.toml --exec 'python3 grip.py \"$HILRIG_PORT_GRIPPER\"' \\\n    \
     --exec-needs gripper --exec-may-end      # a test that ends by itself"
 )]
@@ -62,6 +64,15 @@ pub(super) struct RunArgs {
     program: ExecArgs,
     #[command(flatten)]
     firmware: FirmwareArgs,
+    /// Start this shell command as a node program in the place of the robot's own: it speaks the
+    /// node protocol on its standard input and output (docs/nodes.md)
+    #[arg(
+        long,
+        value_name = "CMD",
+        conflicts_with_all = ["exec", "firmware"],
+        help_heading = "Your program"
+    )]
+    node: Option<String>,
     /// Run the program twice in virtual time; if the runs differ, name the first different call
     #[arg(long, requires = "is_virtual")]
     check: bool,
@@ -128,7 +139,10 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         let out = folder_of(&args, &file.0.name, seed, several);
         let ran = one(&args, file, &out, &mut show, &stop)?;
         wall += ran.wall;
-        let exec = args.program.repeat() + &args.firmware.repeat() + &args.ends.repeat();
+        let node = args.node.as_ref();
+        let node = node.map_or(String::new(), |node| format!(" --node {}", quoted(node)));
+        let other = args.firmware.repeat() + &args.ends.repeat() + &node;
+        let exec = args.program.repeat() + &other;
         let path = path.display();
         let repeat = format!("hilrig run {path} --seed {seed}{exec}");
         let repeat = Some(repeat).filter(|_| !ran.outcome.passed());
@@ -195,8 +209,12 @@ fn one(
     stop: &Stop,
 ) -> Result<Ran, CliError> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
-    if args.firmware.is_given() {
-        let run = args.firmware.run(scenario, &source)?;
+    let node = args.node.as_ref();
+    if node.is_some() || args.firmware.is_given() {
+        let run = match node {
+            Some(command) => node::run(scenario, &source, command)?,
+            None => args.firmware.run(scenario, &source)?,
+        };
         let pace = match args.realtime {
             true => Clocking::Realtime(show),
             false => Clocking::Virtual,

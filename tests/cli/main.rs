@@ -15,6 +15,7 @@ mod fidelity;
 mod fuzz;
 mod json;
 mod mutated;
+mod nodes;
 mod prepared;
 mod results;
 mod robots;

@@ -16,6 +16,7 @@ mod figures;
 mod maps;
 mod mission;
 mod mutants;
+mod nodes;
 mod own_device;
 mod pc_program;
 mod report;

@@ -4,7 +4,7 @@ use core::fmt;
 use core::time::Duration;
 use std::sync::Arc;
 
-use protocols::LineConfig;
+use protocols::{FrameError, LineConfig};
 
 use crate::behaviour::{After, Every, Fault, On};
 use crate::compile::{Compiler, Files};
@@ -173,6 +173,20 @@ impl Description {
     /// An empty decoder of the frames that `from` sends.
     pub fn cutter_of(&self, from: From) -> Cutter {
         cutter(self.frames_of(from))
+    }
+
+    /// Whether a silence ends the frames that a driver sends: then [`whole`](Self::whole) judges
+    /// what came before it.
+    pub fn ends_with_silence(&self) -> bool {
+        self.frames_of(From::Host).ends_with_silence()
+    }
+
+    /// The frame that a driver sent between two silences.
+    ///
+    /// # Errors
+    /// If it is none.
+    pub fn whole(&self, bytes: &[u8]) -> Result<Frame, FrameError> {
+        self.frames_of(From::Host).whole(bytes)
     }
 
     /// The body of a frame: what the messages see.

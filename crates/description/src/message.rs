@@ -64,6 +64,26 @@ impl Message {
         self.from == from || self.from == From::Both || from == From::Both
     }
 
+    /// Names of its fields; those without one are left out.
+    pub fn field_names(&self) -> Vec<&str> {
+        let pieces = match &self.layout {
+            Layout::Fields(_) => &[],
+            Layout::Text { pieces, .. } => &pieces[..],
+        };
+        let holes = pieces.iter().filter_map(|piece| match piece {
+            Piece::Hole(hole) => Some(hole.name.as_str()),
+            Piece::Words(_) => None,
+        });
+        let fields = self.fields().iter().map(|field| &*field.name);
+        let mut names: Vec<&str> = Vec::new();
+        for name in holes.chain(fields).filter(|name| !name.is_empty()) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
     pub(crate) fn fields(&self) -> &[Field] {
         match &self.layout {
             Layout::Fields(fields) | Layout::Text { fields, .. } => fields,

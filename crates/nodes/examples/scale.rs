@@ -1,7 +1,7 @@
 //! The device of `nodes/examples/scale.py` in Rust: a balance that speaks MT-SICS, drifts, and is
 //! busy for a second when it zeroes.
 
-use nodes::message::{Greeting, Note, Reply};
+use nodes::message::{Greeting, Hello, Note, Reply};
 use nodes::program::{Node, serve};
 use nodes::{Input, Item, Output};
 use protocols::Instant;
@@ -102,13 +102,17 @@ impl Node for Scale {
     }
 }
 
-fn main() -> std::io::Result<()> {
-    serve(|hello| Scale {
+pub(crate) fn scale(hello: &Hello) -> impl Node + use<> {
+    Scale {
         load_g: hello.settings["load_g"].as_f64().unwrap_or_default(),
         zero_g: 0.0,
         busy_until: 0,
         zero_at: None,
         state: 'S',
         line: Vec::new(),
-    })
+    }
+}
+
+fn main() -> std::io::Result<()> {
+    serve(scale)
 }

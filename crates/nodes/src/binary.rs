@@ -8,6 +8,7 @@
 //! All numbers are little endian.
 
 use protocols::{Instant, LineConfig, LineEvent, Parity};
+use serde_json::Value;
 
 use crate::message::{Answer, CODING, Input, Item, LINE_EVENTS, Note, Output, Reply, Request};
 
@@ -245,6 +246,10 @@ fn number(from: &[u8]) -> Result<f64, String> {
     Ok(f64::from_le_bytes(bytes))
 }
 
+fn message_of(from: &[u8]) -> Result<Value, String> {
+    serde_json::from_slice(from).map_err(|error| format!("is a message that is no JSON: {error}"))
+}
+
 fn code_of(event: LineEvent) -> u8 {
     let known = LINE_EVENTS.iter().find(|(_, known, _)| *known == event);
     known.map_or(0, |(code, ..)| *code)
@@ -263,6 +268,7 @@ impl Payload for Input {
             Self::Line(_) => 2,
             Self::Fault { .. } => 3,
             Self::Quantity(_) => 4,
+            Self::Message(_) => 6,
         }
     }
 
@@ -280,6 +286,7 @@ impl Payload for Input {
                 to.extend_from_slice(name.as_bytes());
             }
             Self::Quantity(value) => to.extend_from_slice(&value.to_le_bytes()),
+            Self::Message(message) => to.extend_from_slice(message.to_string().as_bytes()),
         }
     }
 
@@ -302,7 +309,8 @@ impl Payload for Input {
                 })
             }
             4 => number(from).map(Self::Quantity),
-            other => Err(format!("is of kind {other}, expected 1 to 4")),
+            6 => message_of(from).map(Self::Message),
+            other => Err(format!("is of kind {other}, expected 1 to 4 or 6")),
         }
     }
 }
@@ -315,6 +323,7 @@ impl Payload for Output {
             Self::Note(note) if note.is_violation => 4,
             Self::Note(_) => 3,
             Self::Quantity(_) => 5,
+            Self::Message(_) => 6,
         }
     }
 
@@ -337,6 +346,7 @@ impl Payload for Output {
                 }
             }
             Self::Quantity(value) => to.extend_from_slice(&value.to_le_bytes()),
+            Self::Message(message) => to.extend_from_slice(message.to_string().as_bytes()),
         }
     }
 
@@ -350,7 +360,8 @@ impl Payload for Output {
             },
             3 | 4 => note_of(kind == 4, from).map(Self::Note),
             5 => number(from).map(Self::Quantity),
-            other => Err(format!("is of kind {other}, expected 1 to 5")),
+            6 => message_of(from).map(Self::Message),
+            other => Err(format!("is of kind {other}, expected 1 to 6")),
         }
     }
 }

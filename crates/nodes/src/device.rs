@@ -7,10 +7,10 @@
 //! The process is started when the node is first needed. A copy of the device begins as the saved
 //! state of its program, and starts a process of its own when it is first needed.
 
+mod frames;
 mod port;
 
 use core::cell::{Ref, RefCell};
-use core::time::Duration;
 use std::rc::Rc;
 
 use emulators::device::{Device, Event, EventKind, earliest};
@@ -22,15 +22,17 @@ use crate::host::{BYTES_MAX, Host};
 use crate::intern::forever;
 use crate::message::{Input, Item, Note, Output};
 use crate::spec::{NodeSpec, line_of};
+use crate::typed::Listener;
 use port::{Out, PortState};
 
-/// A clock that says how much wall time has passed.
-pub type Stopwatch = Rc<dyn Fn() -> Duration>;
+pub use crate::slowness::{SLOW, Slowness, Stopwatch};
 
 /// A node program in a rig.
 pub struct NodeDevice {
     spec: Rc<NodeSpec>,
     life: RefCell<Life>,
+    /// Exchanges of the device that this one is a copy of.
+    exchanges_before: u64,
     now: Instant,
     has_greeted: bool,
     /// The log says that the program is gone.
@@ -43,6 +45,8 @@ pub struct NodeDevice {
     outputs: Vec<(String, Option<f64>)>,
     /// What the program was last told of each quantity.
     told: Vec<Option<f64>>,
+    /// Reads frames of the description, if the program wants messages.
+    listener: Option<Listener>,
     stopwatch: Option<Stopwatch>,
     slowness: Slowness,
 }
@@ -61,23 +65,12 @@ enum Life {
     },
 }
 
-/// How long a node program took for its answers, in wall time; measured in real time only.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Slowness {
-    /// Answers that took longer than [`SLOW`].
-    pub answers: u64,
-    /// The longest time for an answer.
-    pub longest: Duration,
-}
-
-/// An answer that takes longer than this makes a rig in real time late.
-pub const SLOW: Duration = Duration::from_millis(5);
-
 impl NodeDevice {
     /// The node that `spec` describes; its process is started when it is first needed.
     pub fn new(spec: NodeSpec) -> Self {
         Self {
             life: RefCell::new(Life::Waiting(None)),
+            exchanges_before: 0,
             now: Instant::ZERO,
             has_greeted: false,
             has_failed: false,
@@ -87,6 +80,7 @@ impl NodeDevice {
             events: Vec::new(),
             outputs: Vec::new(),
             told: vec![None; spec.quantities.len()],
+            listener: None,
             stopwatch: None,
             slowness: Slowness::default(),
             spec: Rc::new(spec),
@@ -108,11 +102,12 @@ impl NodeDevice {
 
     /// How often it answered.
     pub fn exchanges(&self) -> u64 {
-        match &*self.life.borrow() {
+        let own = match &*self.life.borrow() {
             Life::Waiting(_) => 0,
             Life::Running(host) => host.exchanges(),
             Life::Over { exchanges, .. } => *exchanges,
-        }
+        };
+        self.exchanges_before + own
     }
 
     /// What it said on standard error so far, the end of it.
@@ -194,6 +189,9 @@ impl NodeDevice {
                 self.ports[number].line = line;
             }
         }
+        let description = self.spec.description.clone();
+        let description = description.filter(|_| greeting.messages);
+        self.listener = description.map(Listener::new);
         let outputs = greeting.outputs.into_iter();
         self.outputs = outputs.map(|name| (name, None)).collect();
         true
@@ -211,6 +209,7 @@ impl NodeDevice {
     fn note_failure(&mut self) {
         self.inbox.clear();
         self.next = None;
+        self.listener = None;
         for port in &mut self.ports {
             port.clear();
         }
@@ -270,6 +269,10 @@ impl NodeDevice {
                     continue;
                 }
                 Output::Bytes(bytes) => Out::Bytes(bytes.into()),
+                Output::Message(message) => match self.frame_of(&message) {
+                    Ok(bytes) => Out::Bytes(bytes.into()),
+                    Err(error) => return self.fail(error),
+                },
                 Output::Line(event) => Out::Line(event),
                 Output::Coding(line) => Out::Coding(line),
             };
@@ -355,6 +358,10 @@ fn event_of(at: Instant, note: Note) -> Event {
 impl Clone for NodeDevice {
     /// The copy begins with what its program has saved; if that fails, with the reason.
     fn clone(&self) -> Self {
+        let exchanges_before = match &*self.life.borrow() {
+            Life::Over { .. } => self.exchanges_before,
+            Life::Waiting(_) | Life::Running(_) => self.exchanges(),
+        };
         let life = match &mut *self.life.borrow_mut() {
             Life::Waiting(state) => Life::Waiting(state.clone()),
             Life::Running(host) => match host.save() {
@@ -378,6 +385,7 @@ impl Clone for NodeDevice {
         Self {
             spec: Rc::clone(&self.spec),
             life: RefCell::new(life),
+            exchanges_before,
             now: self.now,
             has_greeted: self.has_greeted,
             has_failed: self.has_failed,
@@ -387,6 +395,7 @@ impl Clone for NodeDevice {
             events: self.events.clone(),
             outputs: self.outputs.clone(),
             told: self.told.clone(),
+            listener: self.listener.clone(),
             stopwatch: None,
             slowness: Slowness::default(),
         }
@@ -412,13 +421,17 @@ impl Device for NodeDevice {
 
     fn poll(&mut self, now: Instant, world: &mut World) {
         self.now = now;
-        let is_asked = !self.inbox.is_empty() || self.next.is_some_and(|next| next <= now);
-        if !is_asked {
+        let quiet_at = self.listener.as_ref().and_then(Listener::quiet_at);
+        let is_due = |at: Option<Instant>| at.is_some_and(|at| at <= now);
+        if self.inbox.is_empty() && !is_due(self.next) && !is_due(quiet_at) {
             return;
         }
-        match self.greet() {
-            true => self.exchange(world),
-            false => self.note_failure(),
+        if !self.greet() {
+            return self.note_failure();
+        }
+        self.read_frames();
+        if !self.inbox.is_empty() || is_due(self.next) {
+            self.exchange(world);
         }
     }
 
@@ -440,7 +453,8 @@ impl Device for NodeDevice {
 
     fn poll_at(&self) -> Option<Instant> {
         let out = self.ports.iter().map(|port| port.poll_at(self.now));
-        earliest(out.chain([self.next]))
+        let quiet_at = self.listener.as_ref().and_then(Listener::quiet_at);
+        earliest(out.chain([self.next, quiet_at]))
     }
 
     fn line_config(&self, port: Port) -> LineConfig {

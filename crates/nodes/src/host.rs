@@ -12,6 +12,7 @@ use crate::message::{
 };
 use crate::process::{self, Process};
 use crate::spec::{NodeSpec, format_of, line_of};
+use crate::typed::table_of;
 use crate::{VERSION, binary, json};
 
 /// Wall time within which a program must exit once it was told to.
@@ -108,6 +109,7 @@ impl Host {
             ports: spec.ports.iter().map(port).collect(),
             quantities: spec.quantities.iter().map(|one| one.name.clone()).collect(),
             settings: spec.settings.clone(),
+            messages: spec.description.as_deref().map(table_of).into(),
         };
         if self.form == Form::Binary {
             self.buf.extend_from_slice(&binary::MAGIC);
@@ -170,6 +172,16 @@ impl Host {
                     continue;
                 }
                 Output::Quantity(_) => ("output", self.greeting.outputs.len()),
+                Output::Message(_) if !self.greeting.messages => {
+                    return Err(NodeError::Unreadable {
+                        to: "an exchange",
+                        what: format!(
+                            "item {number} is a message, expected \"messages\": true in the \
+                             answer to hello"
+                        ),
+                    });
+                }
+                Output::Message(_) => ("port of a description", self.ports.min(1)),
                 Output::Bytes(_) | Output::Line(_) | Output::Coding(_) => ("port", self.ports),
             };
             if port >= known.1 {
@@ -247,6 +259,12 @@ impl Host {
                 process::trouble(status).map_or(Ok(()), |how| Err(NodeError::EndedWith(how)))
             }
         }
+    }
+
+    /// Closes the program's standard input, as a rig that is killed does; whether it exits within
+    /// [`END_MAX`].
+    pub fn hang_up(&mut self) -> bool {
+        self.process.end(END_MAX).is_some()
     }
 
     /// Bytes that came and belong to no answer.
@@ -349,6 +367,10 @@ fn greeting_of(text: Value, spec: &NodeSpec) -> Result<Greeting, NodeError> {
             let what = format!("port {name} has the line {rate} {format}, expected e.g. 9600, 8N1");
             return Err(unreadable(what));
         }
+    }
+    if greeting.messages && spec.description.is_none() {
+        let what = "it wants messages, and the scenario names no description".to_owned();
+        return Err(unreadable(what));
     }
     for drive in &spec.drives {
         if !greeting.outputs.contains(&drive.output) {

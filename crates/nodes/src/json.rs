@@ -52,6 +52,7 @@ fn input(item: &Item<Input>) -> Value {
             figure,
         } => json!({ "fault": name, "begins": begins, "figure": figure, "time": time }),
         Input::Quantity(value) => json!({ "quantity": port, "value": value, "time": time }),
+        Input::Message(message) => json!({ "message": message, "port": port, "time": time }),
     }
 }
 
@@ -71,6 +72,7 @@ fn output(item: &Item<Output>) -> Value {
             json!({ kind: note.rule, "detail": note.detail, "bytes": hex(&note.bytes), "time": time })
         }
         Output::Quantity(value) => json!({ "quantity": port, "value": value, "time": time }),
+        Output::Message(message) => json!({ "message": message, "port": port, "time": time }),
     }
 }
 
@@ -191,10 +193,13 @@ fn read_input(item: &Value) -> Result<Input, String> {
             figure: item["figure"].as_f64(),
         });
     }
+    if let Some(message) = item.get("message") {
+        return Ok(Input::Message(message.clone()));
+    }
     let value = item["value"].as_f64();
     value
         .map(Input::Quantity)
-        .ok_or_else(|| "is of no kind, expected bytes, line, fault or quantity".to_owned())
+        .ok_or_else(|| "is of no kind, expected bytes, line, fault, quantity or message".to_owned())
 }
 
 fn read_output(item: &Value) -> Result<Output, String> {
@@ -221,9 +226,12 @@ fn read_output(item: &Value) -> Result<Output, String> {
             .map(Output::Coding)
             .ok_or_else(|| "is a line coding that cannot be, expected e.g. 9600, 8N1".to_owned());
     }
+    if let Some(message) = item.get("message") {
+        return Ok(Output::Message(message.clone()));
+    }
     let value = item["value"].as_f64();
     value.map(Output::Quantity).ok_or_else(|| {
-        "is of no kind, expected bytes, line, rate, note, violation or quantity".to_owned()
+        "is of no kind, expected bytes, line, rate, note, violation, quantity or message".to_owned()
     })
 }
 
@@ -239,11 +247,11 @@ fn event_of(name: &str) -> Result<LineEvent, String> {
         .ok_or_else(|| format!("is the line event \"{name}\", expected opened, closed or break"))
 }
 
-fn hex(bytes: &[u8]) -> String {
+pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn bytes(value: &Value) -> Result<Vec<u8>, String> {
+pub(crate) fn bytes(value: &Value) -> Result<Vec<u8>, String> {
     let wrong = || "has bytes that are no hexadecimal text".to_owned();
     let digits = value.as_str().ok_or_else(wrong)?.as_bytes();
     let digit = |digit: u8| char::from(digit).to_digit(16);

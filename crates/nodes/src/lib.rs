@@ -17,8 +17,10 @@
 //! | [`host`] | a node program behind the contract: greeting, exchanges, checks of each answer |
 //! | [`device`] | a node program as a device of a rig |
 //! | [`program`] | the other end, for node programs in Rust |
+//! | [`conform`] | whether a program keeps the contract |
 
 pub mod binary;
+pub mod conform;
 pub mod device;
 mod error;
 pub mod host;
@@ -27,7 +29,9 @@ pub mod json;
 pub mod message;
 pub mod process;
 pub mod program;
+mod slowness;
 mod spec;
+mod typed;
 
 pub use device::{FAILED, NodeDevice, Slowness, Stopwatch};
 pub use error::NodeError;

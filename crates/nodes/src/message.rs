@@ -85,6 +85,8 @@ pub enum Input {
     },
     /// A value that the rig gives.
     Quantity(f64),
+    /// A message of the description: its name and its fields.
+    Message(Value),
 }
 
 /// What a node program tells.
@@ -100,6 +102,8 @@ pub enum Output {
     Note(Note),
     /// A value that the program gives.
     Quantity(f64),
+    /// A message of the description to be sent, not before the item's time.
+    Message(Value),
 }
 
 /// An entry of the log.
@@ -132,6 +136,9 @@ pub struct Hello {
     pub quantities: Vec<String>,
     /// Whatever the scenario says to it.
     pub settings: Map<String, Value>,
+    /// The messages of its description.
+    #[serde(default)]
+    pub messages: Value,
 }
 
 /// A port in a greeting.
@@ -169,6 +176,9 @@ pub struct Greeting {
     /// Other codings of its lines.
     #[serde(default)]
     pub ports: Vec<PortText>,
+    /// Whether it wants messages of its description in place of bytes.
+    #[serde(default)]
+    pub messages: bool,
 }
 
 /// Line events by their numbers.

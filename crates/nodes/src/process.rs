@@ -14,7 +14,7 @@ use std::thread::{self, JoinHandle};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::Errno;
-use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
 
 use crate::error::NodeError;
 
@@ -25,6 +25,18 @@ const LAST_WORDS: Duration = Duration::from_millis(500);
 /// Most pieces of one answer, besides those that its length explains: a program that sends a byte
 /// now and then hangs.
 const PIECES_MAX: usize = 1_000;
+
+/// Looks at whether all of a killed group have ended, 2 ms apart.
+const GROUP_ENDS: usize = 250;
+/// Time between two looks at whether a silent program has exited.
+const SLICE: Duration = Duration::from_millis(100);
+
+/// What became of waiting for an answer.
+enum Waited {
+    Answered,
+    Exited,
+    Silent,
+}
 
 /// A process that answers requests.
 #[derive(Debug)]
@@ -150,14 +162,39 @@ impl Process {
                 return Ok(found);
             }
             let is_slow = pieces > PIECES_MAX + came.len() / 512;
-            let ready = PollFd::new(&self.stdout, PollFlags::IN);
-            if is_slow || !wait(ready, self.limit) {
-                let limit = self.limit;
-                return Err(NodeError::Hung { to, limit });
-            }
             pieces += 1;
-            if !self.fill() {
-                return Err(self.gone("output", to));
+            match self.wait_for_answer() {
+                Waited::Answered if is_slow => {}
+                Waited::Answered if self.fill() => continue,
+                Waited::Answered | Waited::Exited => return Err(self.gone("output", to)),
+                Waited::Silent => {}
+            }
+            let limit = self.limit;
+            return Err(NodeError::Hung { to, limit });
+        }
+    }
+
+    /// Waits until something comes. A program that has exited is noticed although another one that
+    /// it started holds its standard output open.
+    fn wait_for_answer(&mut self) -> Waited {
+        let mut left = self.limit;
+        loop {
+            let slice = left.min(SLICE);
+            if wait(PollFd::new(&self.stdout, PollFlags::IN), slice) {
+                return Waited::Answered;
+            }
+            let child = self.child.as_mut();
+            if child.is_none_or(|child| child.try_wait().is_ok_and(|ended| ended.is_some())) {
+                // Its last answer may have come meanwhile.
+                let ready = PollFd::new(&self.stdout, PollFlags::IN);
+                return match wait(ready, Duration::ZERO) {
+                    true => Waited::Answered,
+                    false => Waited::Exited,
+                };
+            }
+            left -= slice;
+            if left.is_zero() {
+                return Waited::Silent;
             }
         }
     }
@@ -216,6 +253,15 @@ impl Process {
             let _ = kill_process_group(group, Signal::KILL);
         }
         let _ = waiter.join();
+        // What it had started ends a little later.
+        let (_still, never) = mpsc::channel::<()>();
+        let is_there = |group| test_kill_process_group(group).is_ok();
+        for _ in 0..GROUP_ENDS {
+            if !self.group.is_some_and(is_there) {
+                break;
+            }
+            let _ = never.recv_timeout(Duration::from_millis(2));
+        }
         status
     }
 

@@ -2,7 +2,9 @@
 
 use core::time::Duration;
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use description::Description;
 use emulators::quantity::{Sink, ValueSource};
 use protocols::{LineConfig, Parity};
 use serde_json::{Map, Value};
@@ -68,7 +70,7 @@ pub struct Drive {
 }
 
 /// A node program: how it is started, and what it is told.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct NodeSpec {
     /// Name of the node.
     pub name: String,
@@ -90,6 +92,8 @@ pub struct NodeSpec {
     pub drives: Vec<Drive>,
     /// Whatever the scenario says to it.
     pub settings: Map<String, Value>,
+    /// What is spoken on its first port; then it may have messages in place of bytes.
+    pub description: Option<Arc<Description>>,
     /// Wall time for which the rig waits for an answer.
     pub patience: Duration,
 }
@@ -111,6 +115,7 @@ impl NodeSpec {
             quantities: Vec::new(),
             drives: Vec::new(),
             settings: Map::new(),
+            description: None,
             patience: PATIENCE,
         }
     }

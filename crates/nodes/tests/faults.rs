@@ -8,10 +8,12 @@ use core::sync::atomic::{AtomicUsize, Ordering};
 use core::time::Duration;
 use std::thread;
 
+use emulators::device::Device as _;
+use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
 use nodes::host::{BYTES_MAX, Host};
 use nodes::message::{Answer, Note, Reply};
-use nodes::{Item, NodeError, NodePort, NodeSpec, Output, binary};
-use protocols::{Instant, LineConfig};
+use nodes::{Item, NodeDevice, NodeError, NodePort, NodeSpec, Output, binary};
+use protocols::{Instant, LineConfig, LineEvent, Port};
 use serde_json::json;
 
 const fn at(nanos: u64) -> Instant {
@@ -251,6 +253,45 @@ fn nothing_is_left_behind() {
     let error = outcome(&command).expect_err("it is silent").to_string();
     assert!(error.contains("it hangs"), "{error}");
     assert!(!is_running(&mark));
+}
+
+/// The pipe stays open as long as the child lives: that must not be taken for a program that thinks.
+#[test]
+fn a_program_that_exits_is_noticed_although_its_child_holds_the_pipe() {
+    let command = says(&[&hello()], "(sleep 50) & exit 4");
+    let error = outcome(&command).expect_err("it exits").to_string();
+    assert!(error.starts_with("exited (exit code 4)"), "{error}");
+}
+
+/// A copy begins with the state that its program saved, in a process of its own.
+#[test]
+fn a_copy_goes_on_from_the_saved_state_and_counts_on() {
+    let saved = answer(&Answer::Saved(b"state".to_vec()));
+    let loaded = answer(&Answer::Loaded);
+    let command = format!(
+        "if mkdir {0}; then {1}; else rmdir {0}; {2}; fi",
+        std::env::temp_dir()
+            .join(format!("hilrig-nodes-first-{}", std::process::id()))
+            .display(),
+        says(&[&hello(), &reply(u64::MAX - 1, vec![]), &saved], HEARS),
+        says(&[&hello(), &loaded, &reply(u64::MAX - 1, vec![])], HEARS),
+    );
+    let mut world = World::new(
+        Scene::new([] as [Shape; 0], Vec::new()).expect("nothing"),
+        BodyConfig::default(),
+        Pose::default(),
+        0,
+    )
+    .expect("an empty place");
+    let mut device = NodeDevice::new(spec(&command));
+    device.poll(at(0), &mut world);
+    assert_eq!((device.exchanges(), device.error()), (1, None));
+    assert!(device.can_save());
+    let mut copy = device.clone();
+    assert_eq!((copy.exchanges(), copy.error()), (1, None));
+    copy.line_event(Port(0), at(9), LineEvent::Opened);
+    copy.poll(at(9), &mut world);
+    assert_eq!((copy.exchanges(), copy.error()), (2, None));
 }
 
 /// What a program says on standard error is kept and told, also if it never answered.

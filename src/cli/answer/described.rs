@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::run::check::Status;
+
 /// Requests to a device and its replies.
 #[derive(Debug, Default, Serialize, JsonSchema)]
 pub(in crate::cli) struct Talked {
@@ -67,6 +69,24 @@ pub(in crate::cli) struct DifferenceTold {
     pub(in crate::cli) expected: String,
     /// The device's behaviour.
     pub(in crate::cli) found: String,
+}
+
+/// A node program compared with the contract.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct NodeChecked {
+    pub(in crate::cli) verdict: Status,
+    pub(in crate::cli) parts: Vec<NodePart>,
+}
+
+/// A part of the contract.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct NodePart {
+    /// Its name.
+    pub(in crate::cli) name: String,
+    /// Whether the program keeps it; not observed if it does not offer it.
+    pub(in crate::cli) status: Status,
+    /// A sentence.
+    pub(in crate::cli) detail: String,
 }
 
 /// What was learned from captured bytes.

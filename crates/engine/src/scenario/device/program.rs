@@ -3,7 +3,9 @@
 use core::any::Any;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use ::description::Description;
 use emulators::quantity::{ValueSource, Wanted};
 use emulators::world::World;
 use nodes::{Drive, NodeDevice, NodePort, NodeSpec, Quantity, forever, line_of};
@@ -121,6 +123,25 @@ impl NodeProgramSpec {
         }
     }
 
+    /// The description of the device, if it names one.
+    fn described(
+        &self,
+        context: &BuildContext<'_>,
+    ) -> Result<Option<Arc<Description>>, ScenarioError> {
+        let Some(name) = &self.description else {
+            return Ok(None);
+        };
+        let loaded = load(name, &self.base(context));
+        loaded.map(Some).map_err(|error| match error {
+            LoadError::Description(error) => ScenarioError::Description(error),
+            LoadError::Read(message) => {
+                let span = context.source.find(context.name);
+                let key = format!("{}.description", context.key());
+                context.source.invalid(span, key, message)
+            }
+        })
+    }
+
     fn plan(&self, context: &BuildContext<'_>) -> Result<Vec<Planned>, ScenarioError> {
         let (source, at) = (context.source, context.key());
         let wrong = |key: &str, message: String| {
@@ -139,16 +160,7 @@ impl NodeProgramSpec {
                 line => Ok(line),
             }
         };
-        let described = self.description.as_ref().map(|name| {
-            load(name, &self.base(context)).map_err(|error| match error {
-                LoadError::Description(error) => ScenarioError::Description(error),
-                LoadError::Read(message) => {
-                    let span = source.find(context.name);
-                    source.invalid(span, format!("{at}.description"), message)
-                }
-            })
-        });
-        let described = described.transpose()?;
+        let described = self.described(context)?;
         let codec = described.as_ref().map(codec_of);
         let uart = |line: LineConfig| {
             let port = NodePort::uart("uart", line);
@@ -290,6 +302,7 @@ impl DeviceKind for ProgramKind {
             quantities: spec.quantities.iter().map(quantity).collect(),
             drives: spec.drive_list(context)?,
             settings: spec.settings.clone(),
+            description: spec.described(context)?,
             ..NodeSpec::new(context.name, &spec.exec)
         };
         Ok(Built {

@@ -1,0 +1,37 @@
+//! `--node`: a node program in the place of the robot's program.
+
+use nodes::{NodeDevice, NodePort, NodeSpec, Role};
+
+use super::super::CliError;
+use crate::realtime::exec::pc_end;
+use crate::robots::{self, Dut, OpenEnd};
+use crate::run::Run;
+use crate::scenario::{Scenario, Source};
+
+/// Name of the node of a program under test.
+const NODE: &str = "program";
+
+/// A run of `scenario` with the node program that `command` starts at all its open ends.
+pub(super) fn run(scenario: Scenario, source: &Source, command: &str) -> Result<Run, CliError> {
+    let pc = pc_end(&scenario);
+    let mut wired = robots::wire(&scenario, source, Dut::External, pc)?;
+    let ends = core::mem::take(&mut wired.open_ends);
+    let port = |end: &OpenEnd| NodePort {
+        name: end.name.clone(),
+        line: end.line,
+        carries_messages: wired
+            .rig
+            .link(&end.link)
+            .is_some_and(|link| link.kind.carries_messages()),
+    };
+    let spec = NodeSpec {
+        role: Role::Program,
+        seed: scenario.seed,
+        ports: ends.iter().map(port).collect(),
+        ..NodeSpec::new(NODE, command)
+    };
+    let places: Vec<usize> = ends.iter().map(|end| end.node).collect();
+    let program = Box::new(NodeDevice::new(spec));
+    wired.rig.seat(NODE, program, &places);
+    Ok(Run::with_rig(scenario, wired.rig, wired.instruments))
+}

@@ -1,0 +1,103 @@
+//! Node programs from the command line: exit codes, sentences, and no process left behind.
+
+use std::path::Path;
+
+use super::{Session, text};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The shell command of an example in Python.
+fn python(name: &str) -> String {
+    let root = root().display();
+    format!("PYTHONPATH={root}/python/src exec python3 {root}/nodes/examples/{name}.py")
+}
+
+fn scenario(command: &str) -> String {
+    format!(
+        "schema = 1\nname = \"scale\"\nrobot = \"none\"\nduration = \"5s\"\n\
+         [device.scale.program]\nexec = '''{command}'''\nrate = 9600\n\
+         settings = {{ load_g = 100.25 }}\n"
+    )
+}
+
+/// Whether a process whose command holds `mark` is there.
+fn is_running(mark: &str) -> bool {
+    let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    let mut commands = entries.map(|entry| std::fs::read(entry.path().join("cmdline")));
+    commands.any(|command| {
+        let command = command.unwrap_or_default();
+        String::from_utf8_lossy(&command).contains(mark)
+    })
+}
+
+/// Both ends of the wire are programs: nine weighings from 0.5 s to 4.5 s, in both forms the same.
+#[test]
+fn a_driver_is_a_node_program_in_the_place_of_the_robots() {
+    let session = Session::new("nodes-driver");
+    session.write("scale.toml", &scenario(&python("scale")));
+    let mut traces = Vec::new();
+    for form in [&[][..], &["--json-nodes"]] {
+        let driver = python("driver");
+        let arguments = ["run", "scale.toml", "--node", &driver, "--out", "o"];
+        let output = session.hilrig(&[&arguments[..], form].concat());
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        let events = session.read("o/events.txt");
+        assert_eq!(events.matches("weighed").count(), 9, "{events}");
+        let said = text(&output.stdout);
+        traces.extend(
+            said.lines()
+                .find(|line| line.contains("trace "))
+                .map(str::to_owned),
+        );
+    }
+    assert_eq!(traces.len(), 2);
+    assert_eq!(traces[0], traces[1]);
+}
+
+/// It has started another program, both ignore a request to end.
+#[test]
+fn a_program_that_exits_fails_the_run_and_leaves_nobody_behind() {
+    let session = Session::new("nodes-exit");
+    let mark = format!("hilrig-cli-left-{}", std::process::id());
+    let child = format!("sh -c \"trap : TERM HUP; sleep 60; : {mark}\"");
+    let command = format!("trap : TERM HUP; {child} & echo no meter >&2; exit 3");
+    session.write("scale.toml", &scenario(&command));
+    let output = session.hilrig(&["run", "scale.toml", "--out", "o"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let said = text(&output.stdout);
+    assert!(said.contains("FAIL node-programs"), "{said}");
+    assert!(
+        said.contains("scale exited (exit code 3) before it answered hello"),
+        "{said}"
+    );
+    assert!(said.contains("| no meter"), "{said}");
+    assert_eq!(session.read("o/node-scale.log"), "no meter\n");
+    assert!(!is_running(&mark));
+}
+
+/// One program keeps the contract as its scenario starts it; one does not.
+#[test]
+fn a_program_is_tested_against_the_contract() {
+    let session = Session::new("nodes-check");
+    session.write("scale.toml", &scenario(&python("scale")));
+    let output = session.hilrig(&["node", "check", "scale.toml", "--send", r"SI\r\n"]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let said = text(&output.stdout);
+    assert_eq!(said.matches("ok  ").count(), 10, "{said}");
+    let output = session.hilrig(&["node", "check", "exit 3", "--json"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let said = text(&output.stdout);
+    assert!(said.contains("\"verdict\": \"fail\""), "{said}");
+    assert!(
+        said.contains("it exited (exit code 3) before it answered hello"),
+        "{said}"
+    );
+    let output = session.hilrig(&["node", "check", "true", "--port", "uart"]);
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    assert!(
+        text(&output.stderr).contains("--port: is \"uart\""),
+        "{output:?}"
+    );
+}
