@@ -255,7 +255,7 @@ fn nothing_is_left_behind() {
     assert!(!is_running(&mark));
 }
 
-/// The pipe stays open as long as the child lives: that must not be taken for a program that thinks.
+/// The pipe stays open as long as the child lives: that must not look like a program that thinks.
 #[test]
 fn a_program_that_exits_is_noticed_although_its_child_holds_the_pipe() {
     let command = says(&[&hello()], "(sleep 50) & exit 4");
