@@ -138,7 +138,7 @@ fn asked(device: &mut dyn Device, world: &mut World) -> usize {
     let request = [0xAB, 0, 10, 0xB5, 0];
     let (mut now, mut bytes) = (Instant::ZERO, 0);
     for _ in 0..REQUESTS {
-        now = now + Duration::from_millis(2);
+        now += Duration::from_millis(2);
         device.receive(Port(0), now, &request);
         let end = now + Duration::from_millis(1);
         while now < end {

@@ -133,6 +133,9 @@ impl NodeDevice {
     /// From now on, how long its answers take is measured by `stopwatch`.
     pub fn measure_by(&mut self, stopwatch: Stopwatch) {
         self.stopwatch = Some(stopwatch);
+        if let Life::Running(host) = self.life.get_mut() {
+            host.part();
+        }
     }
 
     /// How long its answers took, as far as that was measured.
@@ -155,6 +158,9 @@ impl NodeDevice {
             let life = &mut *self.life.borrow_mut();
             if let Life::Waiting(state) = life {
                 *life = begin(&self.spec, state.as_deref());
+                if let (Life::Running(host), Some(_)) = (&mut *life, &self.stopwatch) {
+                    host.part();
+                }
             }
         }
         let running = |life: &Life| matches!(life, Life::Running(_));

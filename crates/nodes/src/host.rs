@@ -11,6 +11,7 @@ use crate::message::{
     Answer, Form, Greeting, Hello, Input, Item, Output, PortText, Reply, Request,
 };
 use crate::process::{self, Process};
+use crate::processor::SameProcessor;
 use crate::spec::{NodeSpec, format_of, line_of};
 use crate::typed::table_of;
 use crate::{VERSION, binary, json};
@@ -52,6 +53,8 @@ pub struct Host {
     asked: (Instant, u32),
     buf: Vec<u8>,
     in_pieces: bool,
+    /// Dropped last: the thread that waits for the end of the process moves then.
+    together: Option<SameProcessor>,
 }
 
 impl Host {
@@ -73,6 +76,7 @@ impl Host {
         version: u64,
     ) -> Result<Self, (NodeError, String)> {
         let folder = spec.folder.as_deref();
+        let together = SameProcessor::keep();
         let process = Process::start(&spec.command, folder, &spec.env, spec.patience);
         let process = process.map_err(|error| (error, String::new()))?;
         let mut host = Self {
@@ -85,6 +89,7 @@ impl Host {
             asked: (Instant::ZERO, 0),
             buf: Vec::new(),
             in_pieces: false,
+            together,
         };
         match host.greet(spec, version) {
             Ok(()) => Ok(host),
@@ -120,6 +125,11 @@ impl Host {
         };
         self.greeting = greeting_of(text, spec)?;
         Ok(())
+    }
+
+    /// Lets the rig's thread move to other processors again: in real time others wait for it.
+    pub fn part(&mut self) {
+        self.together = None;
     }
 
     /// What the program said of itself.

@@ -28,6 +28,7 @@ mod intern;
 pub mod json;
 pub mod message;
 pub mod process;
+mod processor;
 pub mod program;
 mod slowness;
 mod spec;
