@@ -164,7 +164,7 @@ cargo metadata --locked --no-deps --format-version 1 |
     python3 -c "$names" "${waiting[@]}" >"$target/computing"
 computing() {
     # shellcheck disable=SC2046 # One name a line.
-    cargo test --locked --workspace --lib --bins $(sed 's/^/--test /' "$target/computing")
+    cargo test --locked --workspace --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing")
     cargo test --locked --workspace --doc
 }
 set -m
@@ -173,7 +173,7 @@ computes=$!
 set +m
 trap 'kill -- -"$builds" -"$computes" 2>/dev/null || true' EXIT
 status=0
-cargo test --locked --workspace "${waiting[@]/#/--test=}" || status=$?
+cargo test --locked --workspace --no-fail-fast "${waiting[@]/#/--test=}" || status=$?
 computed=0
 wait "$computes" || computed=$?
 cat "$target/computing.log"

@@ -29,7 +29,7 @@ fn python(name: &str) -> String {
     format!("PYTHONPATH={root}/python/src exec python3 {root}/nodes/examples/{name}.py")
 }
 
-/// The next line that comes at `port`; what there is if none comes in time.
+/// The next line that comes at `port`; the bytes so far if none comes in time.
 fn line(port: &mut VirtualPort) -> String {
     let mut line = Vec::new();
     let mut byte = [0];
@@ -82,7 +82,7 @@ fn faults_of_a_program_are_faults_of_the_scenario() {
     );
 }
 
-/// The first exchange is all that there is: nobody asks a program that wants nothing.
+/// Only the first exchange takes place: a program that asks for nothing is not called.
 #[test]
 fn an_idle_program_costs_nothing() {
     let (scenario, source) = scenario(&python("scale"), "");

@@ -1,4 +1,4 @@
-//! Whether a program keeps the contract: a test that anybody can run.
+//! The conformance test of a node program: whether it keeps the contract.
 
 use core::time::Duration;
 
