@@ -8,6 +8,8 @@ pub(crate) use rig::{hex, registry};
 #[allow(dead_code, reason = "the rest of the rig needs more of them")]
 mod rig {
     pub mod codec;
+    #[path = "rig/direction.rs"]
+    pub mod direction;
     pub(crate) mod hex;
     pub(crate) mod registry;
 }

@@ -204,7 +204,11 @@ fn differences(name: &str) -> Option<Vec<String>> {
     let count: usize = count.unwrap_or(if is_whole { FRAMES_ALL } else { FRAMES });
     let frames: Vec<_> = (0..count).map(|number| frame(&of, number, dice)).collect();
     fs::write(folder.join("c.pcapng"), capture(&frames)).expect("writable");
-    fs::write(folder.join("d.lua"), dissector_of(&[of.clone()])).expect("writable");
+    fs::write(
+        folder.join("d.lua"),
+        dissector_of(core::slice::from_ref(&of)),
+    )
+    .expect("writable");
     let known = of.lua(of.name()).fields;
     let mut fields = vec!["hilrig.words".to_owned()];
     fields.extend(known.iter().map(|field| field.filter.clone()));

@@ -3,6 +3,7 @@
 
 pub mod bare;
 pub mod cpu;
+pub mod direction;
 mod disturb;
 pub mod fault;
 pub mod line;

@@ -8,7 +8,7 @@ use super::floor::Floor;
 use super::lua::Lua;
 use super::wire::{Choices, Target, Wire};
 use crate::registry::Named;
-use crate::rig::line::Direction;
+use crate::rig::direction::Direction;
 
 /// A wire format that can be recognised from its bytes: a row of the table.
 ///

@@ -15,7 +15,7 @@ use core::ops::Range;
 use protocols::FrameError;
 
 use super::row::{AnyDecoder, Codec};
-use crate::rig::line::Direction;
+use crate::rig::direction::Direction;
 
 /// A stretch of a stream with its meaning.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -10,6 +10,7 @@ use core::time::Duration;
 
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
+pub use super::direction::Direction;
 use crate::rig::fault::{Budget, LineFaults, Passed};
 use crate::rig::resample::Resampler;
 use message::Message;
@@ -24,29 +25,6 @@ pub struct End {
     pub node: usize,
     /// The node's port.
     pub port: Port,
-}
-
-/// Direction of bytes on a link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Direction {
-    /// From the device to the robot's program; on the air from the radio to the PC, which is that
-    /// link's master.
-    ToMaster,
-    /// From the robot's program to the device; on the air from the PC to the radio.
-    ToDevice,
-}
-
-impl Direction {
-    /// Both, in the order in which a rig looks at them.
-    pub(super) const BOTH: [Self; 2] = [Self::ToMaster, Self::ToDevice];
-
-    /// Name as in scenarios and reports.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::ToMaster => "to-master",
-            Self::ToDevice => "to-device",
-        }
-    }
 }
 
 /// Counts of a line.
