@@ -4,7 +4,8 @@
 
 Each row of programs.toml is run N times (three): the program prints what its row says, the runs have
 one trace and one output, and the table tells how many times faster than life they were, by the
-processor time of program and supervisor together. --write makes the table of docs/virtual-time.md.
+processor time of program and supervisor together. --write makes the table of docs/virtual-time.md;
+with names, their rows of it.
 HILRIG is the command, TOOLS the folder of the Python environment, BIN where programs are built.
 """
 import argparse
@@ -119,10 +120,10 @@ def main():
     words.add_argument("--verbose", action="store_true")
     words.add_argument("names", nargs="*")
     words = words.parse_args()
-    rows = tomllib.loads((HERE / "programs.toml").read_text())["program"]
-    rows = [row for row in rows if not words.names or row["name"].split()[0] in words.names]
+    all_rows = tomllib.loads((HERE / "programs.toml").read_text())["program"]
+    rows = [row for row in all_rows if not words.names or row["name"].split()[0] in words.names]
     os.makedirs(BIN, exist_ok=True)
-    table, failed = [], 0
+    table, failed = {}, 0
     for row in rows:
         if "build" in row:
             env = os.environ | {"HERE": str(HERE), "BIN": BIN}
@@ -139,12 +140,17 @@ def main():
         print(f"{'FAIL ' if wrong else ''}{row['name']}: {same}, {speed} times life"
               f"{', ' + '; '.join(wrong) if wrong else ''}", flush=True)
         failed += bool(wrong)
-        table.append(f"| {row['name']} | {same} | {speed} | {note} |\n")
+        table[row["name"]] = f"| {row['name']} | {same} | {speed} | {note} |\n"
     if words.write:
         head = "| program | three runs | times life | leaves virtual time |\n|---|---|---|---|\n"
         page = PAGE.read_text()
         before, rest = page.split(BEGIN)
-        PAGE.write_text(before + BEGIN + head + "".join(table) + END + rest.split(END)[1])
+        old, after = rest.split(END)
+        # Programs that were not run now keep their rows.
+        kept = {line.split(" | ")[0][2:]: line for line in old.splitlines(keepends=True)}
+        table = kept | table
+        table = "".join(table[row["name"]] for row in all_rows if row["name"] in table)
+        PAGE.write_text(before + BEGIN + head + table + END + after)
     return failed > 0
 
 
