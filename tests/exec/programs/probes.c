@@ -863,15 +863,116 @@ static void epoll(void)
     say("%d %d %d, %d %d", waiting > 0, first, len >= waiting, none, second);
 }
 
-/* A port that was looked at and is closed by the last that has it is closed. */
+/* A port that was looked at and is closed by the last that has it is closed: what was unread is gone.
+   The parent process has closed it as well. */
 static void reopened(void)
 {
+    struct pollfd one = {port, POLLIN, 0};
     int waiting, fd;
-    usleep(150000);
+    tcflush(port, TCIFLUSH);
+    poll(&one, 1, 1000);
+    usleep(30000);
     int before = polled(port, POLLIN);
+    close(port);
     fd = open(path, O_RDWR | O_NOCTTY);
     ioctl(fd, FIONREAD, &waiting);
     say("%d %d %d", before, waiting > 0, polled(fd, POLLOUT));
+}
+
+/* The signals of an open file are others from now on, at its copies as well. */
+static void file_of_others(void)
+{
+    sigset_t one, other;
+    sigemptyset(&one);
+    sigaddset(&one, SIGUSR1);
+    sigemptyset(&other);
+    sigaddset(&other, SIGUSR2);
+    hold(SIGUSR1, SIG_BLOCK);
+    hold(SIGUSR2, SIG_BLOCK);
+    int fd = signalfd(-1, &one, 0), copy = dup(fd);
+    kill(getpid(), SIGUSR2);
+    int before = polled(fd, POLLIN) + polled(copy, POLLIN);
+    signalfd(fd, &other, 0);
+    say("%d %d %d", before, polled(fd, POLLIN), polled(copy, POLLIN));
+}
+
+/* Files that were not opened for it, or are no files of that kind, fail at once. */
+static void wrong_way(void)
+{
+    char bytes[8] = {0};
+    int ends[2], bad = 0, invalid = 0, timer = timerfd_create(CLOCK_MONOTONIC, 0);
+    int in = open(path, O_WRONLY | O_NOCTTY), out = open(path, O_RDONLY | O_NOCTTY);
+    pipe(ends);
+    int readers[] = {ends[1], in, dup(in), open(path, O_PATH), open("/dev/urandom", O_WRONLY)};
+    int writers[] = {ends[0], out, dup(out), open(path, O_PATH)};
+    for (int i = 0; i < 5; i++) bad += read(readers[i], bytes, 8) == -1 && errno == EBADF;
+    for (int i = 0; i < 4; i++) bad += write(writers[i], bytes, 8) == -1 && errno == EBADF;
+    invalid += read(epoll_create1(0), bytes, 8) == -1 && errno == EINVAL;
+    invalid += write(timer, bytes, 8) == -1 && errno == EINVAL;
+    invalid += read(timer, bytes, 4) == -1 && errno == EINVAL;
+    invalid += read(eventfd(0, 0), bytes, 4) == -1 && errno == EINVAL;
+    int none = recv(ends[0], bytes, 8, 0) == -1 && errno == ENOTSOCK;
+    say("%d %d %d %ld", bad, invalid, none, (long)read(ends[0], bytes, 0));
+}
+
+/* Looks at many files, each of them fruitless or not all of it, are no wait. */
+static void scans(void)
+{
+    int ends[2], copies[40];
+    struct pollfd many[20];
+    char byte;
+    pipe(ends);
+    fcntl(ends[0], F_SETFL, O_NONBLOCK);
+    for (int i = 0; i < 20; i++) many[i] = (struct pollfd){500 + i, POLLIN, 0};
+    many[19] = (struct pollfd){ends[1], POLLOUT, 0};
+    long begin = ms();
+    for (int i = 0; i < 200; i++) {
+        read(ends[0], &byte, 1);
+        poll(many, 20, 0);
+    }
+    long first = ms() - begin;
+    for (int i = 0; i < 40; i++) copies[i] = dup(ends[0]);
+    begin = ms();
+    for (int i = 0; i < 400; i++) polled(copies[i % 40], POLLIN);
+    say("%d %d", first < 20, ms() - begin < 20);
+}
+
+/* What came is there for a call of which the supervisor knows nothing. */
+static void kernel_reads(void)
+{
+    char *low = mmap(0, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_32BIT, -1, 0);
+    long len = 3;
+    struct pollfd one = {port, POLLIN, 0};
+    tcflush(port, TCIFLUSH);
+    poll(&one, 1, 1000);
+    __asm__ volatile("int $0x80" : "+a"(len) : "b"(port), "c"(low), "d"(1) : "memory");
+    say("%ld %d", len, *low != 0);
+}
+
+/* A timer goes on at a copy of its file; the number that it had is another file's now. */
+static void timer_copy(void)
+{
+    struct itimerspec soon = {.it_value = {0, 20000000}};
+    int ends[2], timer = timerfd_create(CLOCK_MONOTONIC, 0), copy = dup(timer);
+    uint64_t count = 0;
+    char byte = '-';
+    long begin = ms();
+    timerfd_settime(timer, 0, &soon, 0);
+    close(timer);
+    pipe(ends);
+    write(ends[1], "xy", 2);
+    long len = read(ends[0], &byte, 1), then = read(copy, &count, 8);
+    say("%d %ld %c, %ld %d after %ld ms", ends[0] == timer, len, byte, then, (int)count, since(begin));
+}
+
+/* It goes on in another program as well. */
+static void timer_exec(void)
+{
+    struct itimerspec soon = {.it_value = {0, 20000000}};
+    int timer = timerfd_create(CLOCK_MONOTONIC, 0);
+    dup2(timer, 7);
+    timerfd_settime(7, 0, &soon, 0);
+    execl("/bin/sh", "sh", "-c", "head -c 8 <&7 | wc -c | sed 's/^ */timer-exec: /'", (char *)0);
 }
 
 /* Libraries look for the driver of a port before they open it. */
@@ -927,7 +1028,6 @@ static const struct {
     {"cancel", cancel},
     {"drops-rights", drops_rights},
     {"stops", stops},
-    {"int-0x80", int_0x80},
     {"mq", mq},
     {"mq-times-out", mq_times_out},
     {"mq-full", mq_full},
@@ -957,7 +1057,15 @@ static const struct {
     {"pipe-ends", pipe_ends},
     {"replaced", replaced},
     {"epoll", epoll},
+    {"int-0x80", int_0x80},
+    /* A port that was closed is as new: no bytes of it are in the kernel before the next probe. */
     {"reopened", reopened},
+    {"kernel-reads", kernel_reads},
+    {"file-of-others", file_of_others},
+    {"wrong-way", wrong_way},
+    {"scans", scans},
+    {"timer-copy", timer_copy},
+    {"timer-exec", timer_exec},
     {"entry", entry},
     {"errors", errors},
     {"yields", yields},
@@ -966,17 +1074,22 @@ static const struct {
 };
 static const unsigned outside = 1;
 
-/* Those whose names begin like one of the words; of those that are only there for some test no word
-   is none. */
-int main(int argc, char **argv)
+static void opens_port(void)
 {
     struct termios termios;
-    path = getenv("HILRIG_PORT_SONAR");
     port = open(path, O_RDWR | O_NOCTTY);
     tcgetattr(port, &termios);
     cfmakeraw(&termios);
     cfsetspeed(&termios, B9600);
     tcsetattr(port, TCSANOW, &termios);
+}
+
+/* Those whose names begin like one of the words; of those that are only there for some test no word
+   is none. */
+int main(int argc, char **argv)
+{
+    path = getenv("HILRIG_PORT_SONAR");
+    opens_port();
     const unsigned all = sizeof probes / sizeof *probes;
     for (unsigned i = 0; i < all; i++) {
         int wanted = argc < 2 && i < all - outside;
@@ -989,7 +1102,10 @@ int main(int argc, char **argv)
             probes[i].probe();
             _exit(0);
         }
+        int is_last = probes[i].probe == reopened;
+        if (is_last) close(port);
         waitpid(child, 0, 0);
+        if (is_last) opens_port();
     }
     return 0;
 }

@@ -164,6 +164,7 @@ const STOPPED: &[i64] = &[
     libc::SYS_pwritev2,
     libc::SYS_splice,
     libc::SYS_sendfile,
+    libc::SYS_io_submit,
     libc::SYS_io_uring_setup,
     libc::SYS_io_uring_enter,
     libc::SYS_io_getevents,

@@ -18,6 +18,9 @@ pub(super) struct Memory(pub(super) Pid);
 impl Memory {
     /// Fills `buf` from `address` on.
     pub(super) fn read(self, address: u64, buf: &mut [u8]) -> Result<(), Errno> {
+        if buf.is_empty() {
+            return Ok(());
+        }
         let (base, len) = place(address, buf.len())?;
         let remote = [RemoteIoVec { base, len }];
         let count = process_vm_readv(self.0, &mut [IoSliceMut::new(buf)], &remote)?;
@@ -138,13 +141,14 @@ impl Memory {
         if count > 1024 {
             return Err(Errno::EINVAL);
         }
-        (0..count)
-            .map(|index| {
-                let at = address + 16 * index;
-                let len = usize::try_from(self.u64(at + 8)?).map_err(|_| Errno::EINVAL)?;
-                Ok((self.u64(at)?, len))
-            })
-            .collect()
+        let mut words = vec![[0; 8]; 2 * usize::try_from(count).unwrap_or_default()];
+        self.read(address, words.as_flattened_mut())?;
+        let words: Vec<u64> = words.into_iter().map(u64::from_ne_bytes).collect();
+        let buffers = words.chunks_exact(2).map(|pair| {
+            let len = usize::try_from(pair[1]).map_err(|_| Errno::EINVAL)?;
+            Ok((pair[0], len))
+        });
+        buffers.collect()
     }
 }
 

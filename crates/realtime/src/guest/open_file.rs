@@ -20,10 +20,41 @@ pub(super) enum Kind {
     Chance,
     /// What the program says: heard in wall time.
     Mouth,
-    /// Signals, as bits.
-    Signals(u64),
+    /// Signals (signalfd). Which ones is asked each time: `signalfd4` changes that of an open file.
+    Signals,
     /// Pipes, sockets, events: may wait.
     Stream,
+}
+
+/// What the system made of a file: a call that it does not support fails at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    Pipe,
+    Socket,
+    /// Events that are counted (eventfd): reads and writes of at least [`EVENT`] bytes may wait.
+    Counter,
+    /// Timers, signals, changes of folders: only reads may wait, as those of a counter.
+    Events,
+    Other,
+}
+
+/// Length of the shortest read of events that may wait; a shorter one fails (eventfd(2)).
+pub(super) const EVENT: usize = 8;
+
+impl Form {
+    /// The form of a file without a name in any folder, by its entry in `/proc/self/fd`.
+    pub(super) fn of_nameless(entry: &str) -> Self {
+        match entry
+            .trim_start_matches("anon_inode:")
+            .trim_matches(['[', ']'])
+        {
+            "eventfd" => Self::Counter,
+            "timerfd" | "signalfd" | "inotify" | "fanotify" | "userfaultfd" | "perf_event" => {
+                Self::Events
+            }
+            _ => Self::Other,
+        }
+    }
 }
 
 /// A file of the program.
@@ -31,11 +62,40 @@ pub(super) enum Kind {
 pub(super) struct File {
     pub(super) fd: OwnedFd,
     pub(super) kind: Kind,
+    pub(super) form: Form,
     /// The device that it is, if it is one of characters.
     pub(super) device: Option<u64>,
+    /// How it was opened; that never changes, nor does a copy differ.
+    opened: OFlags,
 }
 
 impl File {
+    pub(super) fn new(fd: OwnedFd, (kind, form, device): (Kind, Form, Option<u64>)) -> Self {
+        let opened = fcntl_getfl(&fd).unwrap_or(OFlags::RDWR);
+        Self {
+            fd,
+            kind,
+            form,
+            device,
+            opened,
+        }
+    }
+
+    /// Whether it was opened for reading.
+    pub(super) fn is_readable(&self) -> bool {
+        matches!(self.access(), Some(OFlags::RDONLY | OFlags::RDWR))
+    }
+
+    /// Whether it was opened for writing.
+    pub(super) fn is_writable(&self) -> bool {
+        matches!(self.access(), Some(OFlags::WRONLY | OFlags::RDWR))
+    }
+
+    /// `None`: it stands for a place only (O_PATH).
+    fn access(&self) -> Option<OFlags> {
+        (!self.opened.contains(OFlags::PATH)).then_some(self.opened & OFlags::RWMODE)
+    }
+
     /// Whether its owner does not want to wait.
     pub(super) fn never_waits(&self) -> bool {
         fcntl_getfl(&self.fd).is_ok_and(|flags| flags.contains(OFlags::NONBLOCK))
@@ -47,6 +107,45 @@ impl File {
         match poll(&mut fds, Some(&Timespec::default())) {
             Ok(_) => fds[0].revents(),
             Err(_) => PollFlags::empty(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::{File as Opened, OpenOptions};
+
+    use rustix::fs::open;
+
+    use super::*;
+
+    fn of(fd: impl Into<OwnedFd>) -> [bool; 2] {
+        let file = File::new(fd.into(), (Kind::Prompt, Form::Other, None));
+        [file.is_readable(), file.is_writable()]
+    }
+
+    /// O_RDONLY, O_WRONLY, O_RDWR, the 3 of drivers, and O_PATH: open(2).
+    #[test]
+    fn a_file_is_read_and_written_as_it_was_opened() {
+        let options = |read, write| OpenOptions::new().read(read).write(write).open("/dev/null");
+        assert_eq!(of(Opened::open("/dev/null").expect("there")), [true, false]);
+        assert_eq!(of(options(false, true).expect("there")), [false, true]);
+        assert_eq!(of(options(true, true).expect("there")), [true, true]);
+        let flags = |flags| open("/dev/null", flags, rustix::fs::Mode::empty()).expect("there");
+        assert_eq!(of(flags(OFlags::RWMODE)), [false, false]);
+        assert_eq!(of(flags(OFlags::PATH)), [false, false]);
+    }
+
+    #[test]
+    fn nameless_files_are_known_by_their_entries() {
+        for (entry, form) in [
+            ("anon_inode:[eventfd]", Form::Counter),
+            ("anon_inode:[timerfd]", Form::Events),
+            ("anon_inode:inotify", Form::Events),
+            ("anon_inode:[eventpoll]", Form::Other),
+            ("anon_inode:[pidfd]", Form::Other),
+        ] {
+            assert_eq!(Form::of_nameless(entry), form, "{entry}");
         }
     }
 }

@@ -112,6 +112,8 @@ pub(super) struct Thread {
     /// How often the lines of a port had changed when it began to wait for them.
     pub(super) lines_before: Option<[u32; 4]>,
     pub(super) slice: u32,
+    /// The files of its `poll` or `select`, as it names them in memory.
+    pub(super) watched: Vec<u8>,
     /// What it asks for over and over.
     pub(super) idle: Option<Idle>,
     /// The thread that waits in the kernel until this one has become another program.
@@ -122,12 +124,21 @@ pub(super) struct Thread {
 /// nothing else but looks at clocks.
 #[derive(Clone, Debug)]
 pub(super) struct Idle {
-    /// Number and arguments of each of them, and what came of it.
-    pub(super) seen: Vec<((i64, [u64; 3]), i64)>,
+    pub(super) seen: Vec<Fruitless>,
     /// How many there were in a row.
     pub(super) count: u32,
     /// When the first one was made.
     pub(super) since: Instant,
+}
+
+/// A call of no use.
+#[derive(Clone, Debug)]
+pub(super) struct Fruitless {
+    /// Its number and arguments.
+    pub(super) call: (i64, [u64; 3]),
+    /// The files of a `poll` or `select`, as its thread names them in memory.
+    pub(super) watched: Vec<u8>,
+    pub(super) answer: i64,
 }
 
 /// One side of a named pipe: device and number of the file, and which side.

@@ -222,32 +222,6 @@ impl Pty {
         self.counters.overrun += received.lost as u64;
         received.ready
     }
-
-    /// Puts bytes where the client reads them; how many there was room for.
-    fn put(&mut self, bytes: &[u8]) -> usize {
-        let room = self.room(bytes.len());
-        if self.plugged.is_some() && self.terminal.hold(bytes) {
-            self.unread += bytes.len();
-            self.since_read += bytes.len();
-            return bytes.len();
-        }
-        let Some(Plugged { master, .. }) = &self.plugged else {
-            return 0;
-        };
-        let mut written = 0;
-        while written < room {
-            match rustix::io::write(master, &bytes[written..room]) {
-                Ok(len) if len > 0 => written += len,
-                Err(Errno::INTR) => {}
-                // The kernel's own buffer is full. Any other failure shows in the next read.
-                _ => break,
-            }
-        }
-        self.unread += written;
-        self.since_read += written;
-        self.counters.overrun += (bytes.len() - written) as u64;
-        written
-    }
 }
 
 impl Transport for Pty {
@@ -457,9 +431,14 @@ impl Transport for Pty {
     }
 
     fn release(&mut self) {
+        // These bytes are counted already.
         let held = self.terminal.release();
-        if !held.is_empty() {
-            self.put(&held);
+        let lost = held.len() - self.hand_over(&held);
+        if lost > 0 {
+            self.counters.overrun += lost as u64;
+            self.unread = self.unread.saturating_sub(lost);
+            let unread = self.terminal.unread().saturating_sub(lost);
+            self.terminal.correct_unread(unread);
         }
     }
 

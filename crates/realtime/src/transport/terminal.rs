@@ -264,9 +264,13 @@ impl Terminal {
         self.is_literal = false;
     }
 
-    /// The client has no file open any more: what was set stays, what waits is gone.
+    /// The client has no file open any more: what was set stays, what waits is gone, and nothing in
+    /// the kernel has to do with it.
     pub fn close(&mut self) {
         self.forget();
+        if self.is_whole {
+            self.held = Some(VecDeque::new());
+        }
         self.stopped = [false; 2];
         self.echo.clear();
         self.urgent.clear();

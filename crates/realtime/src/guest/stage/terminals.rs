@@ -81,6 +81,13 @@ impl Stage {
         self.realtime.release(port);
     }
 
+    /// Hands the unread bytes of all ports to the kernel, for good.
+    pub(in crate::guest) fn release_all(&mut self) {
+        for port in 0..self.slots.len() {
+            self.release(port);
+        }
+    }
+
     /// Bytes that passed a port, to its client and from it.
     pub(in crate::guest) fn traffic(&self, port: usize) -> Traffic {
         self.realtime.traffic(port)

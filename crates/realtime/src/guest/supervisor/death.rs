@@ -60,6 +60,7 @@ impl Supervisor {
             lines_before: None,
             opens: None,
             slice: 0,
+            watched: Vec::new(),
             idle: None,
             vfork_parent,
         };
@@ -145,9 +146,9 @@ impl Supervisor {
             process.files.clear();
             process.sites.clear();
             process.clocks = None;
-            process.timers.clear();
             process.posix_timers.clear();
         }
+        self.keep_open_timers(tid);
         if let Err(error) = refuse(tid) {
             self.trouble = Some(error);
         }

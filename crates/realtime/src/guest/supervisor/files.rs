@@ -4,9 +4,10 @@
 //! number. Those calls are stopped at no virtual time: a copy that outlives the file would hide the
 //! end of a pipe and the closing of a port.
 
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::{AsFd, AsRawFd as _, OwnedFd};
 use std::sync::Arc;
 
+use nix::libc;
 use nix::unistd::Pid;
 use rustix::fs::{FileType, fstat};
 use rustix::process::{PidfdFlags, PidfdGetfdFlags, pidfd_getfd, pidfd_open};
@@ -15,7 +16,7 @@ use super::clocks::low_i32;
 use super::{Memory, Outcome, Supervisor};
 use crate::guest::call::Call;
 use crate::guest::launch::KEPT_BELOW;
-pub(super) use crate::guest::open_file::{File, Kind};
+pub(super) use crate::guest::open_file::{EVENT, File, Form, Kind};
 
 impl Supervisor {
     /// The file `fd` of the process of `tid`.
@@ -38,8 +39,8 @@ impl Supervisor {
         }
         let handle = process.handle.as_ref()?.as_fd();
         let fd = pidfd_getfd(handle, fd, PidfdGetfdFlags::empty()).ok()?;
-        let (kind, device) = self.kind(&fd);
-        let file = Arc::new(File { fd, kind, device });
+        let known = self.kind(&fd);
+        let file = Arc::new(File::new(fd, known));
         if number < KEPT_BELOW.cast_signed()
             && let Some(process) = self.processes.get_mut(&pid)
         {
@@ -49,27 +50,41 @@ impl Supervisor {
     }
 
     /// Drops the copies of files that the program is about to close or replace.
-    pub(super) fn lets_go(&mut self, call: &Call) {
+    pub(super) fn lets_go(&mut self, tid: i32, call: &Call) {
         self.stage.stir();
         let [first, second, ..] = call.args.map(low_i32);
         let gone = match call.number {
-            nix::libc::SYS_close => first..=first,
-            nix::libc::SYS_dup2 | nix::libc::SYS_dup3 => second..=second,
+            libc::SYS_close => first..=first,
+            libc::SYS_dup2 | libc::SYS_dup3 => second..=second,
             _ => 0..=i32::MAX,
         };
         // In all processes: some share their table of files.
         for process in self.processes.values_mut() {
             process.files.retain(|fd, _| !gone.contains(fd));
         }
+        if call.number != libc::SYS_close_range {
+            self.forget_timer(tid, *gone.start());
+        }
     }
 
-    /// Hands the bytes of ports to the kernel before a call that reads them there.
+    /// Drops all copies, and hands the bytes of all ports to the kernel: a call follows that the
+    /// supervisor does not understand.
+    pub(super) fn lets_all_go(&mut self) {
+        for process in self.processes.values_mut() {
+            process.files.clear();
+        }
+        self.has_signal_files = true;
+        self.stage.release_all();
+    }
+
+    /// Hands the bytes of a port to the kernel before a call that reads them there.
     pub(super) fn lets_kernel_read(&mut self, tid: i32, call: &Call) {
         self.stage.stir();
-        for fd in [call.args[0], call.args[1], call.args[2]].map(low_i32) {
-            if let Some(Kind::Port(port)) = self.file(tid, fd).map(|file| file.kind) {
-                self.stage.release(port);
-            }
+        let Some(fd) = read_by_kernel(call) else {
+            return;
+        };
+        if let Some(Kind::Port(port)) = self.file(tid, fd).map(|file| file.kind) {
+            self.stage.release(port);
         }
     }
 
@@ -84,28 +99,42 @@ impl Supervisor {
         }
     }
 
-    fn kind(&self, fd: &OwnedFd) -> (Kind, Option<u64>) {
+    fn kind(&self, fd: &OwnedFd) -> (Kind, Form, Option<u64>) {
         let Ok(stat) = fstat(fd) else {
-            return (Kind::Prompt, None);
+            return (Kind::Prompt, Form::Other, None);
         };
-        let kind = match FileType::from_raw_mode(stat.st_mode) {
+        let (kind, form) = match FileType::from_raw_mode(stat.st_mode) {
             FileType::CharacterDevice => {
-                return (self.device_kind(stat.st_rdev), Some(stat.st_rdev));
+                let device = stat.st_rdev;
+                return (self.device_kind(device), Form::Other, Some(device));
             }
-            FileType::RegularFile => self.told_file(fd).map_or(Kind::Prompt, Kind::Told),
-            FileType::Directory | FileType::BlockDevice => Kind::Prompt,
-            _ if (stat.st_dev, stat.st_ino) == self.stage.mouth => Kind::Mouth,
-            FileType::Socket | FileType::Fifo => Kind::Stream,
-            _ if self.has_signal_files => Self::signals_of(fd).map_or(Kind::Stream, Kind::Signals),
-            _ => Kind::Stream,
+            FileType::RegularFile => {
+                let told = self.told_file(fd).map_or(Kind::Prompt, Kind::Told);
+                (told, Form::Other)
+            }
+            FileType::Directory | FileType::BlockDevice | FileType::Symlink => {
+                (Kind::Prompt, Form::Other)
+            }
+            _ if (stat.st_dev, stat.st_ino) == self.stage.mouth => (Kind::Mouth, Form::Pipe),
+            FileType::Fifo => (Kind::Stream, Form::Pipe),
+            FileType::Socket => (Kind::Stream, Form::Socket),
+            _ => {
+                let entry = std::fs::read_link(format!("/proc/self/fd/{}", fd.as_raw_fd()));
+                let entry = entry.unwrap_or_default();
+                match Form::of_nameless(&entry.to_string_lossy()) {
+                    Form::Other => (Kind::Prompt, Form::Other),
+                    form if entry.ends_with("anon_inode:[signalfd]") => (Kind::Signals, form),
+                    form => (Kind::Stream, form),
+                }
+            }
         };
-        (kind, None)
+        (kind, form, None)
     }
 
     /// Files that tell of the world outside are named.
     pub(super) fn open(&mut self, tid: i32, call: &Call) -> Outcome {
         let address = match call.number {
-            nix::libc::SYS_open => call.args[0],
+            libc::SYS_open => call.args[0],
             _ => call.args[1],
         };
         let path = Memory(Pid::from_raw(tid)).text(address);
@@ -115,5 +144,16 @@ impl Supervisor {
             return nix::errno::Errno::EBUSY.into();
         }
         self.open_fifo(tid, call, &path)
+    }
+}
+
+/// The file whose bytes the kernel itself reads, or watches, in a call.
+fn read_by_kernel(call: &Call) -> Option<i32> {
+    let [first, second, third, ..] = call.args.map(low_i32);
+    match call.number {
+        libc::SYS_preadv2 | libc::SYS_splice => Some(first),
+        libc::SYS_sendfile => Some(second),
+        libc::SYS_epoll_ctl if second != libc::EPOLL_CTL_DEL => Some(third),
+        _ => None,
     }
 }

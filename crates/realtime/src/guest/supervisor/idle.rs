@@ -9,9 +9,10 @@ use core::time::Duration;
 use nix::libc;
 use nix::unistd::Pid;
 
+use super::polls::{POLLFD, entries, watched};
 use super::{Flow, Memory, Next, Outcome, Supervisor};
 use crate::guest::call::Call;
-use crate::guest::task::Idle;
+use crate::guest::task::{Fruitless, Idle};
 
 /// So many fruitless calls in a row take no longer than others.
 const FREE: u32 = 8;
@@ -22,9 +23,6 @@ const LONGEST: Duration = Duration::from_millis(1);
 const LONGEST_YIELD: Duration = Duration::from_micros(20);
 /// Most different calls of which a wait is made up.
 const KINDS_MAX: usize = 8;
-
-/// Most entries of a `poll` that are examined for closed files.
-const POLLED_MAX: usize = 16;
 
 /// What a call has to do with waiting.
 enum Sign {
@@ -43,13 +41,11 @@ const fn key(call: &Call) -> (i64, [u64; 3]) {
 
 /// Whether `poll` reports nothing but closed files.
 fn finds_no_file(tid: i32, call: &Call) -> bool {
-    let [address, count, ..] = call.args;
-    let len = usize::try_from(count).unwrap_or(0).min(POLLED_MAX);
-    let mut entries = vec![0; 8 * len];
-    let read = Memory(Pid::from_raw(tid)).read(address, &mut entries);
-    let found = entries.chunks_exact(8).map(|entry| [entry[6], entry[7]]);
-    let mut found = found.map(|flags| i16::from_ne_bytes(flags) & !libc::POLLNVAL);
-    read.is_ok() && found.all(|rest| rest == 0)
+    let entries = entries(tid, call);
+    let found = entries.as_deref().unwrap_or_default().chunks_exact(POLLFD);
+    let found = found.map(|entry| i16::from_ne_bytes([entry[6], entry[7]]));
+    let mut rest = found.map(|flags| flags & !libc::POLLNVAL);
+    entries.is_ok() && rest.all(|rest| rest == 0)
 }
 
 impl Supervisor {
@@ -57,8 +53,12 @@ impl Supervisor {
     /// it may make its call now.
     pub(super) fn idle_away(&mut self, tid: i32, call: &Call) -> Option<Flow> {
         let idle = self.threads.get(&tid)?.idle.as_ref()?;
-        let is_known = idle.seen.iter().any(|(seen, _)| *seen == key(call));
-        if idle.count < FREE || !is_known {
+        if idle.count < FREE || idle.seen.iter().all(|seen| seen.call != key(call)) {
+            return None;
+        }
+        let watched = watched(tid, call);
+        let is_known = |seen: &Fruitless| seen.call == key(call) && seen.watched == watched;
+        if !idle.seen.iter().any(is_known) {
             return None;
         }
         if !self.queue.is_empty() {
@@ -103,17 +103,20 @@ impl Supervisor {
             count: 0,
             since: now,
         });
-        let known = idle.seen.iter().find(|(seen, _)| *seen == key(call));
-        let is_same = known.map(|(_, known)| *known == answer);
-        let is_full = idle.seen.len() >= KINDS_MAX;
-        match is_same {
-            Some(true) => {}
-            None if !is_full => idle.seen.push((key(call), answer)),
+        let is_it = |seen: &&Fruitless| seen.call == key(call) && seen.watched == thread.watched;
+        let known = idle.seen.iter().find(is_it);
+        let is_same = known.map(|known| known.answer == answer);
+        if is_same != Some(true) {
             // Another answer is news: the wait begins anew.
-            _ => {
-                idle.seen = vec![(key(call), answer)];
+            if is_same.is_some() || idle.seen.len() >= KINDS_MAX {
+                idle.seen.clear();
                 (idle.count, idle.since) = (0, now);
             }
+            idle.seen.push(Fruitless {
+                call: key(call),
+                watched: thread.watched.clone(),
+                answer,
+            });
         }
         idle.count = idle.count.saturating_add(1);
     }
@@ -151,7 +154,7 @@ impl Supervisor {
                 &Outcome::Answer(answer),
             ) if answer <= 0 => Sign::Fruitless(answer),
             // Examined only for a program that is waiting already: reading its memory costs time.
-            (libc::SYS_poll, &Outcome::Answer(answer)) if answer > 0 => {
+            (libc::SYS_poll | libc::SYS_ppoll, &Outcome::Answer(answer)) if answer > 0 => {
                 let waits = self.threads.get(&tid).is_some_and(|it| it.idle.is_some());
                 match waits && finds_no_file(tid, call) {
                     true => Sign::Fruitless(answer),

@@ -14,28 +14,24 @@ use super::files::{File, Kind};
 use super::{Memory, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 
-/// Most files that are waited for at once.
+/// Most files that are waited for at once, and most of those of a `select`.
 const FILES_MAX: u64 = 4096;
+const SELECTED_MAX: i32 = 1024;
 /// Bytes of a `pollfd`, and of an `epoll_event` on this processor.
-const POLLFD: u64 = 8;
+pub(super) const POLLFD: usize = 8;
 const EPOLL_EVENT: usize = 12;
 
 impl Supervisor {
     pub(super) fn poll(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let memory = Memory(Pid::from_raw(tid));
-        let [address, count, timeout, ..] = call.args;
-        if count > FILES_MAX {
-            return Err(Errno::EINVAL);
-        }
+        let [address, _, timeout, ..] = call.args;
+        let mut entries = entries(tid, call)?;
         let deadline = match call.number {
             libc::SYS_poll => self.millis_from(tid, low_i32(timeout)),
             _ => self.timespec_from(tid, timeout, 1)?,
         };
-        let mut entries = vec![0; usize::try_from(count * POLLFD).unwrap_or_default()];
-        if count > 0 {
-            memory.read(address, &mut entries)?;
-        }
-        let wanted = entries.chunks_exact(8).map(|entry| {
+        self.note_watched(tid, || wanted_of(&entries));
+        let wanted = entries.chunks_exact(POLLFD).map(|entry| {
             let fd = i32::from_ne_bytes([entry[0], entry[1], entry[2], entry[3]]);
             (fd, u16::from_ne_bytes([entry[4], entry[5]]))
         });
@@ -46,7 +42,7 @@ impl Supervisor {
         if ready == 0 && !is_time_up {
             return Ok(wait_until(deadline));
         }
-        for (entry, flags) in entries.chunks_exact_mut(8).zip(&found) {
+        for (entry, flags) in entries.chunks_exact_mut(POLLFD).zip(&found) {
             entry[6..].copy_from_slice(&flags.to_ne_bytes());
         }
         memory.write(address, &entries)?;
@@ -54,6 +50,15 @@ impl Supervisor {
             self.tell_rest(memory, timeout, deadline, 1)?;
         }
         Ok(Outcome::Answer(i64::try_from(ready).unwrap_or(0)))
+    }
+
+    /// Notes which files the thread watches, in case that it finds nothing.
+    fn note_watched(&mut self, tid: i32, watched: impl Fn() -> Vec<u8>) {
+        if let Some(thread) = self.threads.get_mut(&tid)
+            && thread.watched.is_empty()
+        {
+            thread.watched = watched();
+        }
     }
 
     /// What is ready of each file, as the kernel's flags.
@@ -83,12 +88,9 @@ impl Supervisor {
         let looks = files.iter().zip(wanted);
         looks
             .map(|(file, &(fd, flags))| match file.as_deref() {
-                Some(File {
-                    kind: Kind::Signals(signals),
-                    ..
-                }) => {
+                Some(file) if file.kind == Kind::Signals => {
                     found.next();
-                    match self.has_signal(tid, *signals) {
+                    match self.has_signal(tid, file) {
                         true => flags & PollFlags::IN.bits(),
                         false => 0,
                     }
@@ -166,14 +168,10 @@ impl Supervisor {
             libc::SYS_select => 1_000,
             _ => 1,
         };
-        let count = u64::from(low_i32(count).max(0).unsigned_abs()).min(1024);
-        let len = usize::try_from(count.div_ceil(64) * 8).unwrap_or_default();
-        let mut sets = [(); 3].map(|()| vec![0_u8; len]);
         let addresses = [read, write, except];
-        let mut time = [0; 16];
-        let places = sets.iter_mut().map(Vec::as_mut_slice).zip(addresses);
-        let places = places.chain([(&mut time[..], timeout)]);
-        memory.read_all(places.map(|(bytes, address)| (address, bytes)))?;
+        let (count, len) = size_of_sets(count);
+        let (sets, time) = sets(tid, call)?;
+        self.note_watched(tid, || sets.concat());
         let deadline = match timeout {
             0 => None,
             _ => Some(self.deadline_after(tid, time, unit)?),
@@ -211,12 +209,12 @@ impl Supervisor {
     fn select_from(
         &mut self,
         tid: i32,
-        count: u64,
+        count: usize,
         sets: &[Vec<u8>; 3],
         kinds: [PollFlags; 3],
     ) -> Vec<Option<(usize, PollFlags)>> {
         let mut wanted = Vec::new();
-        for place in 0..usize::try_from(count).unwrap_or_default() {
+        for place in 0..count {
             let is_in = |set: &Vec<u8>| set[place / 8] & (1 << (place % 8)) != 0;
             let mut flags = PollFlags::empty();
             for (set, kind) in sets.iter().zip(kinds) {
@@ -335,6 +333,53 @@ impl Supervisor {
         rest[8..].copy_from_slice(&(nanos / unit).to_ne_bytes());
         rest
     }
+}
+
+/// The entries of a `poll`.
+pub(super) fn entries(tid: i32, call: &Call) -> Result<Vec<u8>, Errno> {
+    let [address, count, ..] = call.args;
+    if count > FILES_MAX {
+        return Err(Errno::EINVAL);
+    }
+    let mut entries = vec![0; POLLFD * usize::try_from(count).unwrap_or_default()];
+    Memory(Pid::from_raw(tid)).read(address, &mut entries)?;
+    Ok(entries)
+}
+
+/// What entries of a `poll` ask for: all but the answers.
+fn wanted_of(entries: &[u8]) -> Vec<u8> {
+    let wanted = entries.chunks_exact(POLLFD).map(|entry| &entry[..6]);
+    wanted.collect::<Vec<_>>().concat()
+}
+
+/// How many files the sets of a `select` are about, and the length of each set.
+fn size_of_sets(count: u64) -> (usize, usize) {
+    let count = low_i32(count).clamp(0, SELECTED_MAX);
+    let count = usize::try_from(count).unwrap_or_default();
+    (count, count.div_ceil(64) * 8)
+}
+
+/// The three sets of a `select`, and its time.
+fn sets(tid: i32, call: &Call) -> Result<([Vec<u8>; 3], [u8; 16]), Errno> {
+    let [count, read, write, except, timeout, _] = call.args;
+    let (_, len) = size_of_sets(count);
+    let mut sets = [(); 3].map(|()| vec![0_u8; len]);
+    let mut time = [0; 16];
+    let places = sets.iter_mut().map(Vec::as_mut_slice);
+    let places = places.chain([&mut time[..]]);
+    let places = [read, write, except, timeout].into_iter().zip(places);
+    Memory(Pid::from_raw(tid)).read_all(places)?;
+    Ok((sets, time))
+}
+
+/// The files that a `poll` or `select` is about, as they are named in memory; none of other calls.
+pub(super) fn watched(tid: i32, call: &Call) -> Vec<u8> {
+    let watched = match call.number {
+        libc::SYS_poll | libc::SYS_ppoll => entries(tid, call).map(|it| wanted_of(&it)),
+        libc::SYS_select | libc::SYS_pselect6 => sets(tid, call).map(|(sets, _)| sets.concat()),
+        _ => return Vec::new(),
+    };
+    watched.unwrap_or_default()
 }
 
 const fn wait_until(deadline: Option<Instant>) -> Outcome {

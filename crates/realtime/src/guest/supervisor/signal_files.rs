@@ -2,6 +2,7 @@
 //! owner, so the supervisor keeps track of them itself.
 
 use std::fs::read_to_string;
+use std::os::fd::AsRawFd as _;
 
 use nix::errno::Errno;
 use rustix::event::PollFlags;
@@ -12,24 +13,15 @@ use super::{On, Outcome, Supervisor, Wait};
 use crate::guest::pending::Pending;
 
 impl Supervisor {
-    /// The signals of a file, as bits, if it is of this kind.
-    pub(super) fn signals_of(file: &impl std::os::fd::AsRawFd) -> Option<u64> {
-        let info = read_to_string(format!("/proc/self/fdinfo/{}", file.as_raw_fd())).ok()?;
-        let mask = info
-            .lines()
-            .find_map(|line| line.strip_prefix("sigmask:"))?;
-        u64::from_str_radix(mask.trim(), 16).ok()
-    }
-
-    /// Whether `tid` would find a signal of these in a file.
-    pub(super) fn has_signal(&self, tid: i32, signals: u64) -> bool {
+    /// Whether `tid` would find a signal in `file`, which is of this kind.
+    pub(super) fn has_signal(&self, tid: i32, file: &File) -> bool {
         let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
         let pending = Pending::of(process, tid);
-        (pending.own | pending.common) & signals != 0
+        (pending.own | pending.common) & signals_of(file).unwrap_or(0) != 0
     }
 
-    pub(super) fn read_signals(&self, tid: i32, file: &File, signals: u64) -> Outcome {
-        match self.has_signal(tid, signals) || file.never_waits() {
+    pub(super) fn read_signals(&self, tid: i32, file: &File) -> Outcome {
+        match self.has_signal(tid, file) || file.never_waits() {
             true => Outcome::Kernel,
             false => Outcome::Block(Wait {
                 on: On::Files,
@@ -59,13 +51,23 @@ impl Supervisor {
                 continue;
             };
             let wanted = u64::from(PollFlags::IN.bits());
-            let Some(Kind::Signals(signals)) = self.file(tid, fd).map(|file| file.kind) else {
+            let file = self.file(tid, fd);
+            let Some(file) = file.filter(|file| file.kind == Kind::Signals) else {
                 continue;
             };
-            if events & wanted != 0 && self.has_signal(tid, signals) {
+            if events & wanted != 0 && self.has_signal(tid, &file) {
                 found.push((u32::from(PollFlags::IN.bits()), data));
             }
         }
         Ok(found)
     }
+}
+
+/// The signals of a file, as bits, if it is of this kind.
+fn signals_of(file: &File) -> Option<u64> {
+    let info = read_to_string(format!("/proc/self/fdinfo/{}", file.fd.as_raw_fd())).ok()?;
+    let mask = info
+        .lines()
+        .find_map(|line| line.strip_prefix("sigmask:"))?;
+    u64::from_str_radix(mask.trim(), 16).ok()
 }

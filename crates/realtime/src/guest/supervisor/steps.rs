@@ -146,6 +146,7 @@ impl Supervisor {
             if ptrace::getevent(Pid::from_raw(tid)) == Ok(launch::OTHER_ARCHITECTURE.into()) {
                 self.stage.stir();
                 self.note("makes calls as a 32-bit program does (int 0x80)".to_owned());
+                self.lets_all_go();
                 return Flow::Goes(None);
             }
             self.learn_site(tid, &call);
@@ -177,6 +178,7 @@ impl Supervisor {
         thread.lines_before = None;
         thread.opens = None;
         thread.is_woken = false;
+        thread.watched.clear();
         thread.slice += 1;
         let is_tired = thread.slice >= SLICE;
         *self.spent.entry(call.number).or_default() += 1;

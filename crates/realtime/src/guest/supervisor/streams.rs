@@ -7,7 +7,7 @@ use rustix::event::PollFlags;
 use rustix::net::sockopt::{self, Timeout};
 
 use super::clocks::low_i32;
-use super::files::{File, Kind};
+use super::files::{EVENT, File, Form, Kind};
 use super::{Memory, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 
@@ -21,6 +21,9 @@ impl Supervisor {
                 false => Ok(Outcome::Kernel),
             };
         };
+        if let Some(outcome) = unsupported(tid, call, &file, file.is_readable())? {
+            return Ok(outcome);
+        }
         match file.kind {
             Kind::Prompt | Kind::Mouth => Ok(Outcome::Kernel),
             Kind::Port(port) => self.read_port(tid, call, &file, port),
@@ -46,7 +49,7 @@ impl Supervisor {
                 }
                 self.when_ready(tid, &file, PollFlags::IN, waits)
             }
-            Kind::Signals(signals) => Ok(self.read_signals(tid, &file, signals)),
+            Kind::Signals => Ok(self.read_signals(tid, &file)),
         }
     }
 
@@ -55,10 +58,15 @@ impl Supervisor {
         let Some(file) = self.file(tid, fd) else {
             return Ok(Outcome::Kernel);
         };
+        if let Some(outcome) = unsupported(tid, call, &file, file.is_writable())? {
+            return Ok(outcome);
+        }
         match file.kind {
-            Kind::Prompt | Kind::Told(_) | Kind::Mouth | Kind::Chance | Kind::Signals(_) => {
+            Kind::Prompt | Kind::Told(_) | Kind::Mouth | Kind::Chance | Kind::Signals => {
                 Ok(Outcome::Kernel)
             }
+            // Of these only a counter takes anything.
+            Kind::Stream if file.form == Form::Events => Ok(Outcome::Kernel),
             Kind::Port(port) => self.write_port(tid, call, &file, port),
             Kind::Gone => {
                 self.stage.note_fruitless();
@@ -94,6 +102,36 @@ impl Supervisor {
             deadline,
         }))
     }
+}
+
+/// A call that fails, or does nothing, at once: because of how the file was opened or what it is,
+/// or because there is nothing to do.
+fn unsupported(
+    tid: i32,
+    call: &Call,
+    file: &File,
+    is_allowed: bool,
+) -> Result<Option<Outcome>, Errno> {
+    let is_plain = matches!(
+        call.number,
+        libc::SYS_read | libc::SYS_readv | libc::SYS_write | libc::SYS_writev
+    );
+    if !is_plain {
+        return match file.form == Form::Socket {
+            true => Ok(None),
+            false => Err(Errno::ENOTSOCK),
+        };
+    }
+    if !is_allowed {
+        return Err(Errno::EBADF);
+    }
+    let least = match (file.kind, file.form) {
+        (Kind::Stream | Kind::Signals, Form::Counter | Form::Events) => EVENT,
+        (Kind::Stream, Form::Pipe | Form::Socket) => 1,
+        _ => return Ok(None),
+    };
+    let is_short = lens(&buffers(tid, call)?) < least;
+    Ok(is_short.then_some(Outcome::Kernel))
 }
 
 /// Whether a call's own flags let it wait.

@@ -72,10 +72,7 @@ impl Supervisor {
         let memory = Memory(Pid::from_raw(tid));
         let pid = self.threads.get(&tid).ok_or(Errno::ESRCH)?.process;
         if call.number == libc::SYS_timerfd_create {
-            // Closing is not seen: the number of a file that is gone may come again.
-            if let Some(process) = self.processes.get_mut(&pid) {
-                process.timers.retain(|&fd, _| clock_of(pid, fd).is_some());
-            }
+            self.keep_open_timers(pid);
             return Ok(Outcome::Kernel);
         }
         self.know_timer(tid, pid, fd)?;
@@ -97,6 +94,36 @@ impl Supervisor {
             was.tell(memory, place, now)?;
         }
         Ok(Outcome::Answer(0))
+    }
+
+    /// Forgets timers whose files are closed. Not every closing is seen: an exec closes files, and
+    /// files with large numbers are closed without a stop.
+    pub(super) fn keep_open_timers(&mut self, pid: i32) {
+        if let Some(process) = self.processes.get_mut(&pid) {
+            process.timers.retain(|&fd, _| clock_of(pid, fd).is_some());
+        }
+    }
+
+    /// The process of `tid` is about to close `fd`. A timer goes on at a copy of its file.
+    pub(super) fn forget_timer(&mut self, tid: i32, fd: i32) {
+        let Some(pid) = self.threads.get(&tid).map(|thread| thread.process) else {
+            return;
+        };
+        let Some(process) = self.processes.get_mut(&pid) else {
+            return;
+        };
+        let Some(timer) = process.timers.remove(&fd) else {
+            return;
+        };
+        let files = std::fs::read_dir(format!("/proc/{pid}/fd"));
+        let numbers = files.into_iter().flatten().flatten();
+        let numbers = numbers.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+        let copy = numbers
+            .filter(|other| *other != fd && !process.timers.contains_key(other))
+            .find(|&other| clock_of(pid, other) == Some(timer.clock));
+        if let Some(copy) = copy {
+            process.timers.insert(copy, timer);
+        }
     }
 
     /// Begins to stand in for the kernel's timer behind `fd`.
@@ -130,6 +157,10 @@ impl Supervisor {
         let pid = self.threads.get(&tid)?.process;
         let fd = low_i32(call.args[0]);
         let timer = self.processes.get_mut(&pid)?.timers.get_mut(&fd)?;
+        if timer.expired > 0 && file.readiness(PollFlags::IN).is_empty() {
+            // A read at a copy of this file has taken them.
+            timer.expired = 0;
+        }
         if timer.expired == 0 {
             return Some(match file.never_waits() {
                 true => Err(Errno::EAGAIN),

@@ -23,6 +23,38 @@ pub(super) struct Asked {
 }
 
 impl Pty {
+    /// Puts bytes where the client reads them; how many there was room for.
+    pub(super) fn put(&mut self, bytes: &[u8]) -> usize {
+        let room = self.room(bytes.len());
+        if self.plugged.is_some() && self.terminal.hold(bytes) {
+            self.unread += bytes.len();
+            self.since_read += bytes.len();
+            return bytes.len();
+        }
+        if self.plugged.is_none() {
+            return 0;
+        }
+        let written = self.hand_over(&bytes[..room]);
+        self.unread += written;
+        self.since_read += written;
+        self.counters.overrun += (bytes.len() - written) as u64;
+        written
+    }
+
+    /// Gives bytes to the kernel's terminal; how many it took.
+    pub(super) fn hand_over(&self, bytes: &[u8]) -> usize {
+        let mut written = 0;
+        while let Some(master) = self.master().filter(|_| written < bytes.len()) {
+            match rustix::io::write(master, &bytes[written..]) {
+                Ok(len) if len > 0 => written += len,
+                Err(Errno::INTR) => {}
+                // The kernel's own buffer is full. Any other failure shows in the next read.
+                _ => break,
+            }
+        }
+        written
+    }
+
     /// How many of `wanted` bytes the client may be given.
     pub(super) fn room(&mut self, wanted: usize) -> usize {
         if self.terminal.is_whole() {
