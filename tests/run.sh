@@ -257,6 +257,10 @@ if proof Cargo.lock deny.toml; then
         echo "SKIPPED: cargo-deny cannot be installed; the licences are not checked" >&2
     fi
 fi
+if proof crates/realtime src tests/exec/hostile; then
+    step "programs that attack their supervisor"
+    HILRIG=$built/hilrig python3 tests/exec/hostile/prove.py
+fi
 if proof crates src tests/outside; then
     step "a robot in a crate of its own"
     CARGO_TARGET_DIR=$target bash tests/outside/run.sh

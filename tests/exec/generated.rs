@@ -4,6 +4,31 @@
 
 use std::process::{Command, Stdio};
 
+/// Twelve of those that attack their supervisor, in a second or two; `prove.py` runs 1,000.
+#[test]
+fn hostile_programs_leave_nothing_behind_and_are_judged_right() {
+    let tools = ["cc", "python3"].map(|tool| Command::new(tool).arg("--version").output());
+    if tools.iter().any(Result::is_err) {
+        eprintln!("SKIPPED: hostile programs: expected cc and python3");
+        return;
+    }
+    let proof = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/exec/hostile/prove.py");
+    let output = Command::new("python3")
+        .args([proof, "--count", "12"])
+        .env("HILRIG", env!("CARGO_BIN_EXE_hilrig"))
+        .env("TMPDIR", env!("CARGO_TARGET_TMPDIR"))
+        .stdin(Stdio::null())
+        .output()
+        .expect("Python");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned()
+        + &String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    assert!(
+        said.contains("12 hostile programs of seed 1: 0 wrong"),
+        "{said}"
+    );
+}
+
 /// Three of them; `tests/exec/generated.sh` does as many as one likes.
 #[test]
 fn generated_programs_are_the_same_twice_and_as_in_real_time() {
