@@ -2,8 +2,8 @@
 //!
 //! A whole rig at 1,000 times real time has 1 ms for that second.
 
-#[path = "../tests/oracle/flat.rs"]
-mod flat;
+#[path = "floor/flat.rs"]
+pub mod flat;
 
 use core::hint::black_box;
 

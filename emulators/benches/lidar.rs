@@ -1,8 +1,8 @@
 //! What does a lidar cost? A simulated second of 1800 beams in a furnished flat, ray casts and all,
 //! should take no more than 0.25 ms, so that the whole rig can run a thousand times real time.
 
-#[path = "../tests/oracle/flat.rs"]
-mod flat;
+#[path = "floor/flat.rs"]
+pub mod flat;
 
 use core::hint::black_box;
 

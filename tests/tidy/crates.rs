@@ -105,7 +105,7 @@ fn the_lower_crates_depend_on_next_to_nothing() {
         ),
         (
             "hilrig-emulators",
-            &["hilrig-protocols", "libm", "rand_xoshiro", "parry2d-f64"],
+            &["hilrig-protocols", "libm", "rand_xoshiro"],
         ),
     ];
     for (name, allowed) in allowed {

@@ -1,15 +1,10 @@
 //! The world's own ray cast against parry2d: another library, another algorithm, the same hits.
 
-#[path = "oracle/flat.rs"]
-mod flat;
-#[path = "oracle/rival.rs"]
-mod rival;
-
 use emulators::world::{Point, Scene, Shape};
 use proptest::prelude::*;
 use protocols::Instant;
-
-use rival::Rival;
+use ray_oracle::flat;
+use ray_oracle::rival::Rival;
 
 const RANGE_M: f64 = 30.0;
 
@@ -54,7 +49,7 @@ fn both(shapes: &[Shape], from: Point, angle: f64) -> [Option<(f64, f64)>; 2] {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1_000))]
+    #![proptest_config(ProptestConfig::with_cases(4 * ProptestConfig::default().cases))]
 
     #[test]
     fn rays_hit_what_parry2d_says_they_hit(
@@ -73,7 +68,7 @@ proptest! {
         turn in 0.0..core::f64::consts::TAU,
         aim in -0.5..0.5_f64,
     ) {
-        let from = Point::new(-20.0 * libm::cos(turn), -20.0 * libm::sin(turn));
+        let from = Point::new(-20.0 * turn.cos(), -20.0 * turn.sin());
         let [ours, theirs] = both(&shapes, from, turn + aim);
         prop_assert!(agree(ours, theirs), "ours {ours:?}, parry2d {theirs:?}");
     }

@@ -5,18 +5,13 @@
 //! 3 m x 3 m and of an office of 12 m x 12 m, from angle to distance and incidence. parry2d holds
 //! walls and legs in one compound with its bounding volume hierarchy.
 
-#[path = "../tests/oracle/flat.rs"]
-mod flat;
-#[path = "../tests/oracle/rival.rs"]
-mod rival;
-
 use core::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use emulators::world::{Point, Scene, Shape};
 use protocols::Instant;
-
-use rival::Rival;
+use ray_oracle::flat;
+use ray_oracle::rival::Rival;
 
 const RANGE_M: f64 = 6.0;
 

@@ -4,7 +4,8 @@ use emulators::world::{Point, Shape};
 
 /// Two rooms of together 3 m x 3 m with a door, cupboards, a bed, a table, chairs: 60 walls and
 /// 20 legs.
-pub(crate) fn furnished_flat() -> Vec<Shape> {
+#[must_use]
+pub fn furnished_flat() -> Vec<Shape> {
     let mut shapes = vec![
         rectangle(0.0, 0.0, 3.0, 3.0),
         wall(1.6, 0.0, 1.6, 1.1),
@@ -51,7 +52,9 @@ fn wall(x0: f64, y0: f64, x1: f64, y1: f64) -> Shape {
     }
 }
 
-pub(crate) fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Shape {
+/// A rectangle by two opposite corners, metres.
+#[must_use]
+pub fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Shape {
     let corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
         .map(|(x, y)| Point::new(x, y))
         .to_vec();

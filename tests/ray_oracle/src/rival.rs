@@ -6,10 +6,12 @@ use parry2d_f64::query::{Ray, RayCast};
 use parry2d_f64::shape::{Compound, SharedShape};
 
 /// Walls and circles in a compound of parry2d, hollow as ours.
-pub(crate) struct Rival(Compound);
+pub struct Rival(Compound);
 
 impl Rival {
-    pub(crate) fn new(shapes: &[Shape]) -> Self {
+    /// Takes over all shapes.
+    #[must_use]
+    pub fn new(shapes: &[Shape]) -> Self {
         let mut parts = Vec::new();
         let at = |p: &Point| Vector::new(p.x, p.y);
         for shape in shapes {
@@ -32,9 +34,10 @@ impl Rival {
         Self(Compound::new(parts))
     }
 
-    /// Distance and cosine of the incidence.
-    pub(crate) fn cast_ray(&self, from: Point, angle: f64, range: f64) -> Option<(f64, f64)> {
-        let (sin, cos) = libm::sincos(angle);
+    /// Distance, metres, and cosine of the incidence.
+    #[must_use]
+    pub fn cast_ray(&self, from: Point, angle: f64, range: f64) -> Option<(f64, f64)> {
+        let (sin, cos) = angle.sin_cos();
         let ray = Ray::new(Vector::new(from.x, from.y), Vector::new(cos, sin));
         let hit = self.0.cast_local_ray_and_get_normal(&ray, range, false)?;
         Some((hit.time_of_impact, hit.normal.dot(ray.dir).abs()))
