@@ -433,6 +433,8 @@ pub(super) struct Shrunk {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Figures {
     pub(super) figures: Vec<FigureCompared>,
+    /// What judges the device, and what cannot be judged.
+    pub(super) ledger: Vec<super::fidelity::ledger::Row>,
 }
 
 /// A figure.

@@ -1,3 +1,5 @@
+pub(super) mod ledger;
+
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
@@ -10,19 +12,34 @@ use super::{CliError, Verdict, out};
 use crate::codec::{XV11, XV11_TURN};
 
 /// Compare an emulated device with the real one, figure by figure.
+///
+/// Without a device, or with one that has no figures of its own, the command prints the ledger: the
+/// document, capture, client or chip that judges each device, what agrees and how closely, and what
+/// cannot be checked.
 #[derive(Debug, Args)]
-#[command(after_long_help = "Examples:\n  \
+#[command(
+    subcommand_value_name = "DEVICE",
+    after_long_help = "Examples:\n  \
+    hilrig fidelity                                   # the ledger of all devices\n  \
+    hilrig fidelity hc06                              # the rows of one device\n  \
     hilrig fidelity xv11                              # against the published figures\n  \
     hilrig fidelity xv11 --capture hand_in_box.bin    # against a capture's own figures\n  \
-    hilrig fidelity xv11 --capture mine.bin --against none")]
+    hilrig fidelity xv11 --capture mine.bin --against none"
+)]
 pub(super) struct Fidelity {
     #[command(subcommand)]
-    device: Device,
+    device: Option<Device>,
+    /// Print the ledger as Markdown, for docs/fidelity.md
+    #[arg(long)]
+    markdown: bool,
 }
 
 #[derive(Debug, Subcommand)]
 enum Device {
     Xv11(Xv11),
+    /// DEVICE: the rows of the ledger of any device
+    #[command(external_subcommand)]
+    Other(Vec<String>),
 }
 
 /// Figures of an XV-11's stream: error codes, encoder, strength, noise, coast-down, restart.
@@ -51,7 +68,42 @@ struct Xv11 {
 }
 
 pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
-    let Device::Xv11(args) = args.device;
+    match args.device {
+        None => print_ledger(None, args.markdown),
+        Some(Device::Other(words)) => print_ledger(Some(&words), args.markdown),
+        Some(Device::Xv11(xv11)) => compare_lidars(&xv11),
+    }
+}
+
+/// The ledger, of the device that `words` names.
+fn print_ledger(words: Option<&[String]>, is_markdown: bool) -> Result<Verdict, CliError> {
+    let device = words.map(|words| words[0].as_str());
+    if let Some(more) = words.and_then(|words| words.get(1)) {
+        let device = device.unwrap_or_default();
+        return Err(CliError::Usage(format!(
+            "unexpected argument {more:?}: `fidelity {device}` prints the ledger and takes no \
+             options; only `fidelity xv11` compares figures of a capture"
+        )));
+    }
+    let rows = ledger::rows(device);
+    if rows.is_empty() {
+        let (device, known) = (device.unwrap_or_default(), ledger::devices().join(", "));
+        return Err(CliError::Usage(format!(
+            "unknown device {device:?}; expected one of {known}"
+        )));
+    }
+    let page = match is_markdown {
+        true => ledger::markdown(&rows),
+        false => ledger::text(&rows),
+    };
+    out::answer(&Figures {
+        figures: Vec::new(),
+        ledger: rows,
+    });
+    out::write_text("the ledger", page.as_bytes())
+}
+
+fn compare_lidars(args: &Xv11) -> Result<Verdict, CliError> {
     let (real_name, real) = match &args.capture {
         Some(path) => ("capture", read(path)?),
         None => ("published", Column::published()),
@@ -71,6 +123,7 @@ pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
     let rows = compare(&real, ours.as_ref().unwrap_or(&Column::default()));
     out::answer(&Figures {
         figures: rows.iter().map(compared).collect(),
+        ledger: ledger::rows(Some("xv11")),
     });
     if ours.is_none() {
         for row in &rows {

@@ -141,3 +141,39 @@ fn of_a_capture_only_what_the_lidar_sent_is_read() {
     };
     assert_eq!(table("c.pcapng"), table("raw.bin"));
 }
+
+/// After a change of the ledger, run `hilrig fidelity --markdown` and put its table into the page.
+#[test]
+fn the_page_holds_the_ledger() {
+    let session = Session::new("fidelity-ledger");
+    let output = session.hilrig(&["fidelity", "--markdown"]);
+    let table = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(
+        include_str!("../../docs/fidelity.md").contains(table),
+        "{table}"
+    );
+}
+
+#[test]
+fn the_ledger_of_a_device_names_its_oracle() {
+    let session = Session::new("fidelity-device");
+    let output = session.hilrig(&["fidelity", "odometer"]);
+    let said = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(
+        said.starts_with("odometer: chip: both published sketches"),
+        "{said}"
+    );
+    let output = session.hilrig(&["fidelity", "odometre"]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = text(&output.stderr);
+    assert!(
+        said.contains("unknown device \"odometre\"; expected one of xv11,"),
+        "{said}"
+    );
+    // Options that would be ignored are refused.
+    let output = session.hilrig(&["fidelity", "rplidar", "--capture", "a.bin"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("only `fidelity xv11` compares"));
+}

@@ -116,6 +116,30 @@ fn the_tests_that_the_fidelity_page_names_exist() {
     }
 }
 
+/// The last column of the ledger names tests, or a file with them.
+#[test]
+fn the_tests_that_the_ledger_names_exist() {
+    let page = std::fs::read_to_string(root().join("docs/fidelity.md")).expect("the page");
+    let sources = all(&[".rs"]);
+    let defined: BTreeSet<&str> = sources
+        .iter()
+        .flat_map(|file| functions(&file.text))
+        .collect();
+    let rows: Vec<_> = page
+        .lines()
+        .filter(|line| line.ends_with("` |"))
+        .filter_map(|line| line.trim_end_matches(" |").rsplit_once(" | "))
+        .collect();
+    assert!(rows.len() > 20, "{}", rows.len());
+    for name in rows
+        .iter()
+        .flat_map(|(_, tests)| tests.split('`').skip(1).step_by(2))
+    {
+        let is_there = defined.contains(name) || root().join(name).is_file();
+        assert!(is_there, "there is no {name}");
+    }
+}
+
 /// Both licences of the crates' manifests come with their text.
 #[test]
 fn both_licences_are_here() {
