@@ -119,6 +119,7 @@ cargo --version
 step "format"
 cargo fmt --all --check
 rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src/main.rs \
+    tests/ray_oracle/src/lib.rs tests/ray_oracle/tests/rays.rs tests/ray_oracle/benches/ray_cast.rs \
     tests/outside/src/lib.rs tests/outside/tests/*.rs tests/lidar_clients/rust/src/main.rs \
     tests/mutants/src/main.rs \
     fuzz/src/lib.rs fuzz/src/bin/corpus.rs \
@@ -133,14 +134,6 @@ cargo test --locked --workspace --no-run
 lints_and_docs() {
     renice -n 10 "$BASHPID"
     cargo clippy --locked --workspace --all-targets -- -D warnings
-    # The demo alone, and the library of a test in another crate.
-    cargo clippy --locked -p hilrig-demo -- -D warnings
-    cargo clippy --locked --no-default-features --lib -- -D warnings
-    cargo clippy --locked -p hilrig-firmware --features host,large -- -D warnings
-    # The coverage-guided targets, on stable. Nothing is linked, so libFuzzer's C++ is not
-    # compiled: it is said to be there already.
-    CUSTOM_LIBFUZZER_PATH=/dev/null CARGO_TARGET_DIR=$target \
-        cargo clippy --locked --manifest-path fuzz/Cargo.toml --all-targets -- -D warnings
     RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
 }
 beside=$target/beside.log
@@ -155,6 +148,8 @@ step "tests, and lints and docs beside them"
 # The same cases on every run: a check that is red today and green tomorrow judges no change.
 # Other cases: PROPTEST_RNG_SEED=N bash tests/run.sh, and `hilrig fuzz` for as long as one likes.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
+# An eighth of them at each landing.
+$all || export PROPTEST_CASES=${PROPTEST_CASES:-32}
 # These wait for browsers, ports and programs most of their time; the others compute.
 waiting=(cli exec page transport)
 names='import json, sys
@@ -173,11 +168,17 @@ computes=$!
 set +m
 trap 'kill -- -"$builds" -"$computes" 2>/dev/null || true' EXIT
 status=0
-cargo test --locked --workspace --no-fail-fast "${waiting[@]/#/--test=}" || status=$?
+cargo test --locked --workspace --no-fail-fast "${waiting[@]/#/--test=}" 2>&1 |
+    tee "$target/waiting.log" || status=$?
 computed=0
 wait "$computes" || computed=$?
 cat "$target/computing.log"
-[[ $status -eq 0 && $computed -eq 0 ]] || exit 1
+if [[ $status -ne 0 || $computed -ne 0 ]]; then
+    # Once more what failed: some readers see only the end of a log.
+    printf '\n== what failed\n'
+    sed -n '/^failures:$/,/^test result/p; /^error/p' "$target/waiting.log" "$target/computing.log"
+    exit 1
+fi
 
 step "examples"
 # Built by the tests. One is a client of a rig, for tests/exec/many.sh.
@@ -203,6 +204,19 @@ trap - EXIT
 cat "$beside"
 [[ $status -eq 0 ]] || exit "$status"
 
+if proof Cargo.toml protocols emulators firmware_core crates src fuzz; then
+    step "lints of other features: the demo, the library of another crate's test, coverage-guided targets"
+    cargo clippy --locked -p hilrig-demo -- -D warnings
+    cargo clippy --locked --no-default-features --lib -- -D warnings
+    cargo clippy --locked -p hilrig-firmware --features host,large -- -D warnings
+    # On stable. Nothing is linked, so libFuzzer's C++ is not compiled: it is said to be there.
+    CUSTOM_LIBFUZZER_PATH=/dev/null CARGO_TARGET_DIR=$target \
+        cargo clippy --locked --manifest-path fuzz/Cargo.toml --all-targets -- -D warnings
+fi
+if proof emulators/src/world tests/ray_oracle; then
+    step "the world's rays, judged by parry2d"
+    CARGO_TARGET_DIR=$target bash tests/ray_oracle/prove.sh
+fi
 if proof protocols firmware_core tests/bare_metal; then
     step "bare metal: no std, no heap, 128 KiB"
     bash tests/bare_metal/prove.sh

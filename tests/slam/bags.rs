@@ -293,7 +293,7 @@ fn an_sqlite_file_of_something_else_is_told() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(ProptestConfig::default())]
     /// Bytes changed or cut off anywhere: what can be read is read, nothing panics or runs on.
     #[test]
     fn no_damage_to_a_bag_panics_the_reader(
@@ -471,7 +471,7 @@ mod chunks {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(300))]
+        #![proptest_config(ProptestConfig::default())]
         #[test]
         fn no_damage_to_a_compressed_chunk_panics_the_reader(
             flips in proptest::collection::vec((any::<usize>(), 1_u8..), 1..8),

@@ -228,7 +228,7 @@ fn damaged(text: &str, damages: &[Damage]) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig::default())]
     #[test]
     fn no_damage_to_a_log_panics_the_reader(damages in damages()) {
         let bytes = damaged(&room::log().0, &damages);

@@ -408,7 +408,7 @@ fn the_trajectory_holds_each_pose_once() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig::with_cases(2 * ProptestConfig::default().cases))]
 
     /// Whatever comes, whenever: no panic, and every byte is in a frame, counted or pending.
     #[test]

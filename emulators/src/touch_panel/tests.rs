@@ -140,7 +140,7 @@ fn a_frame_that_is_as_it_should_be_is_counted() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1000))]
+    #![proptest_config(ProptestConfig::with_cases(4 * ProptestConfig::default().cases))]
 
     /// Garbage before, between and after frames: after a pause the next frame is drawn.
     #[test]

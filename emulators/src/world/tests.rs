@@ -684,7 +684,7 @@ fn run(seed: u64, acts: &[(u64, Act)], cuts: &[u64]) -> World {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(ProptestConfig::default())]
 
     /// It must not matter which device polls the world, and how often: devices are polled by chance
     /// of their deadlines. The printed state holds every bit of every number.

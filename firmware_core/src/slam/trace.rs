@@ -319,7 +319,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        #![proptest_config(ProptestConfig::with_cases(8 * ProptestConfig::default().cases))]
         /// Every cell against the plain rule in double precision: its middle along the long axis
         /// lies on the beam, its row is the beam's there. Beams that pass a border of two rows
         /// within a hundredth of a cell may choose either.

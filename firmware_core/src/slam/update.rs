@@ -475,7 +475,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        #![proptest_config(ProptestConfig::with_cases(8 * ProptestConfig::default().cases))]
         #[test]
         fn rays_draw_the_same_cells_as_the_naive_rule(
             from in (0_i32..40, 0_i32..30), hit in (-60_i32..100, -60_i32..90),

@@ -10,7 +10,7 @@ use protocols::{Instant, Port};
 use crate::bench::{Bench, SECOND, square};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(ProptestConfig::default())]
 
     #[test]
     fn any_bytes_are_borne(

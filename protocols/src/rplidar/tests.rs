@@ -648,7 +648,7 @@ fn outcome(bytes: &[u8], mut cuts: Vec<usize>) -> (Vec<Result<Frame, FrameError>
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1_000))]
+    #![proptest_config(ProptestConfig::with_cases(4 * ProptestConfig::default().cases))]
 
     /// Sound frames, damage and noise in any order: the same in any pieces, every byte accounted.
     #[test]

@@ -189,8 +189,7 @@ mod tests {
     use engine::scenario::Span;
 
     /// What a campaign finds is found in its case: of each scenario that is shipped, with
-    /// everything made again, the first 40 s, in which most faults come and the first steps that
-    /// wait are done.
+    /// everything made again, the first 16 s, in which most faults come.
     #[test]
     fn a_case_does_again_what_its_run_did() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
@@ -202,7 +201,7 @@ mod tests {
             let (shipped, source) = Scenario::read(&path).expect("sound");
             let mut dice = Dice::of_seed(7, &shipped.name);
             let mut made = generate::scenario(&shipped, Vary::ALL, &mut dice);
-            made.duration = made.duration.min(Span(Duration::from_secs(40)));
+            made.duration = made.duration.min(Span(Duration::from_secs(16)));
             let name = &made.name;
             let Ok((record, outcome)) = run(&made, &source) else {
                 assert_eq!(name, "custom-robot", "it alone has no program");

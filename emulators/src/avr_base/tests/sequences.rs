@@ -278,7 +278,7 @@ fn split(sent: &[u8], order: ChecksumOrder) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig::with_cases(2 * ProptestConfig::default().cases))]
 
     #[test]
     fn the_documented_bank_is_the_reference(
@@ -295,7 +295,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(10_000))]
+    #![proptest_config(ProptestConfig::with_cases(39 * ProptestConfig::default().cases))]
 
     /// Whatever was sent: no panic, all answers are whole frames, a silent second later the motors
     /// stand, and the next good request is answered.

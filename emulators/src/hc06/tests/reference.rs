@@ -224,7 +224,7 @@ fn op() -> impl Strategy<Value = Op> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1_500))]
+    #![proptest_config(ProptestConfig::with_cases(6 * ProptestConfig::default().cases))]
 
     /// Whatever host, radio, power and robot do, in any order: mode, memory and replies are the
     /// reference's, the rate in use is the one remembered, and no byte goes astray.
