@@ -53,14 +53,15 @@ fn who_never_opens_its_port_fails_and_the_port_is_named() {
     ended.assert_is_failure();
 }
 
+/// It has sent something, so rig time runs a second later, not when its wait is over.
 #[test]
 fn who_opens_one_port_and_not_the_other_fails_and_the_other_is_named() {
     let bench = Bench::new(
         "one",
         "1s",
-        "fd = port()\nwhile True:\n    os.read(fd, 100)\n",
+        "fd = port()\nos.write(fd, b'ping\\r\\n')\nwhile True:\n    os.read(fd, 100)\n",
     );
-    let ended = bench.run(&["--exec-needs", "base", "--exec-wait", "2s"]);
+    let ended = bench.run(&["--exec-needs", "base"]);
     assert_eq!(ended.failed(), ["program-connected"], "{}", ended.said);
     let detail = "never opened base; opened sonar";
     assert_eq!(ended.check("program-connected").1, detail);
