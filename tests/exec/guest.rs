@@ -76,6 +76,8 @@ fn the_robots_own_program_makes_the_same_bytes_on_a_busy_machine() {
         one.said,
         one.log
     );
+    assert_eq!(one.code, Some(0), "{}", one.said);
+    assert!(!one.said.contains("last words"), "{}", one.said);
     assert_eq!(trace(&one), trace(&other));
 }
 
