@@ -265,9 +265,7 @@ fn programs_that_misbehave_end_with_a_clear_word() {
     for (name, program, ..) in cases {
         let program = format!("{BEGIN}{program}\n");
         let files = [("program.py", program.as_str())];
-        // In wall time: on a busy machine a program that makes calls is slow to make them.
-        let spin_max = if name == "spins" { "1s" } else { "60s" };
-        let more = ["--spin-max", spin_max];
+        let more = ["--spin-max", "1s"];
         started.push(start(name, "exec python3 program.py", &files, &more));
     }
     for ((name, _, check, word), child) in cases.into_iter().zip(started) {
