@@ -151,8 +151,12 @@ fn a_robot_that_is_killed_at_work_can_be_started_again() {
     first.wait_for("mode waypoint");
     up.wait_for("motors-on");
     first.signal(Signal::KILL);
-    // Its master is gone: the base stops by itself, maybe before the closing is seen.
-    up.wait_for_all(&["base port-closed", "motors-stopped"]);
+    // Its master is gone: the base stops by itself, maybe before the closing is seen. A port that
+    // is seen closed can be had again.
+    let ports = ["lidar", "motor", "base", "radio"];
+    let closed = ports.map(|port| format!("{port} port-closed"));
+    let closed = closed.iter().map(String::as_str);
+    up.wait_for_all(&closed.chain(["motors-stopped"]).collect::<Vec<_>>());
     drop(first);
 
     let mut second = Running::dut(&dir);
