@@ -62,7 +62,7 @@ lidar, wheels = opened('LIDAR'), opened('WHEELS')
 drive(25, 25)
 sys.exit(3)
 ";
-/// It says something to the lidar, which does not listen: then rig time does not wait for more ports.
+/// It says something to the lidar, which does not listen: rig time waits for no more ports.
 const NEVER_OPENS_THE_WHEELS: &str = "\
 lidar = opened('LIDAR')
 os.write(lidar, b'?')
