@@ -20,7 +20,7 @@ import pytest, serial
 @pytest.mark.hilrig("robot.toml")
 def test_one(rig, number):
     r = rig(seed=number)
-    with serial.Serial(r.port("lidar"), 115200, timeout=5) as lidar:
+    with serial.Serial(r.port("lidar"), 115200, timeout=60) as lidar:
         assert len(lidar.read(1)) == 1
     with r.fault("lidar", direction="to-master", kind="cut"):
         assert r.state()["time_ns"] > 0
@@ -140,7 +140,7 @@ def test_a_killed_pytest_leaves_no_process_and_no_port(inner, pytester) -> None:
     wait_until(lambda: not any(path.exists() for path in [*rigs, *ports]))
 
 
-def wait_until(holds, patience_s: float = 20.0) -> None:
+def wait_until(holds, patience_s: float = 120.0) -> None:
     deadline = time.monotonic() + patience_s
     while not holds():
         assert time.monotonic() < deadline, "it never came true"

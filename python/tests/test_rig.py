@@ -22,11 +22,17 @@ def test_a_program_drives_waits_and_is_judged(scenario: Path) -> None:
     with hilrig.Rig(scenario, seed=7) as rig:
         assert rig.seed == 7
         assert set(rig.ports) == {"lidar", "lidar-motor", "wheels"}
-        with serial.Serial(rig.port("wheels"), 115200, timeout=1) as wheels:
-            # The empty frame of register 1, and its sum 0xAB + 0x01 = 0x00AC.
-            assert drive(wheels, 20, 20) == bytes([0xAB, 1, 0, 0xAC, 0])
-            # 0.2 m/s from x = 1.
-            assert rig.wait({"axis": {"name": "left", "op": ">", "value": 0}}, "2s")
+        with serial.Serial(rig.port("wheels"), 115200, timeout=60) as wheels:
+            # 0.2 m/s from x = 1. The wheels stop half a second after the last order, which a slow
+            # program repeats.
+            turns = {"axis": {"name": "left", "op": ">", "value": 0}}
+            for _ in range(100):
+                # The empty frame of register 1, and its sum 0xAB + 0x01 = 0x00AC.
+                assert drive(wheels, 20, 20) == bytes([0xAB, 1, 0, 0xAC, 0])
+                if rig.wait(turns, "100ms"):
+                    break
+            else:
+                pytest.fail("the wheels never turned")
             state = rig.state()
             assert state["pose"]["y_m"] == pytest.approx(1.0, abs=0.05)
             assert not rig.wait({"visited": 1}, "100ms")
@@ -50,6 +56,7 @@ def test_faults_come_and_go(scenario: Path) -> None:
             with rig.fault("wheels", direction="to-device", kind="cut") as fault:
                 assert fault.number == 0
                 assert drive(wheels, 0, 0) == b""
+            wheels.timeout = 60
             assert len(drive(wheels, 0, 0)) == 5
         with pytest.raises(hilrig.Refused, match="unknown variant `nonsense`"):
             rig.fault("wheels", direction="to-device", kind="nonsense")
@@ -118,7 +125,7 @@ def test_a_rig_ends_with_its_process(scenario: Path) -> None:
         ports, pid = process.stdout.readline().split()
         assert (Path(ports) / "lidar").exists()
         process.send_signal(signal.SIGKILL)
-    for _ in range(500):
+    for _ in range(6_000):
         if not Path(ports, "lidar").exists() and not Path("/proc", pid).exists():
             return
         time.sleep(0.02)

@@ -66,7 +66,8 @@ struct ExecHow {
         requires = "is_virtual"
     )]
     call_cost: Span,
-    /// Maximum wall time of computing without a call; after it the program is reported as spinning
+    /// Maximum processor time of computing without a call; after it the program is reported as
+    /// spinning
     #[arg(
         long,
         value_name = "TIME",

@@ -7,8 +7,8 @@ use std::process::{Child, Output, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-use super::text;
 use super::verbs::{Bench, VERBS, wait};
+use super::{text, wait_until};
 
 /// What the command said of errors; it must not have panicked.
 fn complaints(line: &str, stderr: &[u8]) -> Vec<String> {
@@ -194,8 +194,10 @@ fn ctrl_c_ends_each_with_whole_files() {
         if !begun.is_empty() {
             bench.wait_for(begun);
         }
-        // Some of its work: what is too early for a signal handler ends the process at once.
-        wait(Duration::from_millis(300));
+        // What is too early for a signal handler ends the process at once.
+        wait_until(line, || catches_interrupt(&child));
+        // Some of its work.
+        wait(Duration::from_millis(100));
         let output = interrupted(child);
         assert_eq!(
             output.status.code(),
@@ -208,6 +210,15 @@ fn ctrl_c_ends_each_with_whole_files() {
             assert!(is_whole(&name, &bytes), "{line}: {name}");
         }
     }
+}
+
+/// Whether it catches SIGINT, as the system lists it: bit 1 of a mask.
+fn catches_interrupt(child: &Child) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", child.id()));
+    let status = status.unwrap_or_default();
+    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+    let caught = caught.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    caught.is_some_and(|mask| mask & 0b10 != 0)
 }
 
 fn interrupted(child: Child) -> Output {

@@ -3,16 +3,14 @@
 use core::time::Duration;
 use std::collections::BTreeSet;
 use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use hilrig::realtime::clock::{Clock as _, WallClock};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::campaign_folder::line;
-use super::{Session, shipped, text};
-
-/// How long a test waits for what must come.
-const PATIENCE: Duration = Duration::from_secs(60);
+use super::{Session, shipped, text, wait_until};
 
 /// A campaign that continues until it is killed.
 struct Running(Child);
@@ -34,13 +32,10 @@ impl Drop for Running {
     }
 }
 
-/// Waits until `holds`.
-fn wait_until(holds: impl Fn() -> bool) {
-    let clock = WallClock::start();
-    while !holds() {
-        assert!(clock.now() - protocols::Instant::ZERO < PATIENCE, "in vain");
-        clock.sleep_until(clock.now() + Duration::from_millis(1));
-    }
+/// Waits until a run is recorded in `runs`.
+fn wait_for_a_run(runs: &Path) {
+    let is_there = || std::fs::metadata(runs).is_ok_and(|file| file.len() > 0);
+    wait_until("a run", is_there);
 }
 
 /// Runs `arguments` to the end: exit code, standard output, standard error.
@@ -78,7 +73,7 @@ fn a_campaign_that_is_told_to_end_is_not_done() {
         let campaign = "campaign calm.toml --seeds 0..100000 --shard 0/2 --out night";
         let mut running = Running::start(&session, campaign);
         let runs = session.path("night/runs.jsonl");
-        wait_until(|| std::fs::metadata(&runs).is_ok_and(|file| file.len() > 0));
+        wait_for_a_run(&runs);
         kill_process(Pid::from_child(&running.0), signal).expect("it runs");
         assert_eq!(running.0.wait().expect("it ends").code(), Some(code));
         let done = session.read("night/runs.jsonl");
@@ -99,7 +94,7 @@ fn who_is_told_to_end_while_a_case_is_made_smaller_takes_the_best_so_far() {
     session.write("exact.toml", &scenario);
     let mut running = Running::start(&session, "campaign exact.toml --seeds 0..1 --out night");
     let runs = session.path("night/runs.jsonl");
-    wait_until(|| std::fs::metadata(&runs).is_ok_and(|file| file.len() > 0));
+    wait_for_a_run(&runs);
     kill_process(Pid::from_child(&running.0), Signal::INT).expect("it runs");
     assert_eq!(running.0.wait().expect("it ends").code(), Some(1));
     let smallest = session.read("night/groups/01.toml");
@@ -144,7 +139,7 @@ fn a_kill_at_any_moment_loses_no_finished_run() {
             clock.sleep_until(clock.now() + Duration::from_millis(round * 37 % 50));
         } else {
             let more = before.len() + 150 * usize::try_from(round % 4).expect("small");
-            wait_until(|| file().len() > more as u64);
+            wait_until("more runs", || file().len() > more as u64);
         }
         drop(running);
 
@@ -205,8 +200,9 @@ fn a_second_process_is_refused_until_the_first_is_dead() {
     let first = Running::start(&session, campaign);
     let pid = first.0.id();
     let lock = session.path("night/campaign.lock");
-    wait_until(|| std::fs::read_to_string(&lock).is_ok_and(|text| text == format!("{pid}\n")));
-    wait_until(|| session.path("night/plan.json").exists());
+    let is_locked = || std::fs::read_to_string(&lock).is_ok_and(|text| text == format!("{pid}\n"));
+    wait_until("the lock", is_locked);
+    wait_until("the plan", || session.path("night/plan.json").exists());
 
     // Of one run only, so that it ends if it is let in.
     let one = format!("{campaign} --shard 0/100000");

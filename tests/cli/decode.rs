@@ -315,7 +315,7 @@ fn a_growing_capture_is_followed() {
     let (first, last) = bytes.split_at(bytes.len() - 40);
     file.write_all(first).expect("written");
     let mut child = Command::new(env!("CARGO_BIN_EXE_hilrig"))
-        .args(["decode", "c.pcapng", "--follow", "--duration", "30s"])
+        .args(["decode", "c.pcapng", "--follow", "--duration", "10min"])
         .current_dir(&session.folder)
         .stdout(Stdio::piped())
         .spawn()

@@ -4,8 +4,7 @@ use std::process::{Command, Stdio};
 
 use hilrig::description;
 
-use super::verbs::wait;
-use super::{Session, text};
+use super::{Session, text, wait_until};
 
 /// Runs a command that must end with `code`; its standard output.
 fn run(session: &Session, line: &[&str], code: i32) -> String {
@@ -111,12 +110,9 @@ fn one_description_goes_through_all_uses() {
         .stdout(Stdio::null())
         .stderr(Stdio::null());
     let mut rig = up.spawn().expect("starts");
-    for _ in 0..1_000 {
-        if session.path("live/control").exists() {
-            break;
-        }
-        wait(core::time::Duration::from_millis(10));
-    }
+    // The last that it makes: all its ports are there.
+    let note = session.path("live/.hilrig-scenario.toml");
+    wait_until("the ports", || note.exists());
     // Compared at the port, with what changes nothing.
     let found = run(
         &session,
@@ -140,7 +136,7 @@ fn one_description_goes_through_all_uses() {
         "--description",
         "box.toml",
         "--timeout",
-        "5s",
+        "60s",
     ];
     let said = run(&session, &[&talk[..], &["set", "target=25"]].concat(), 0);
     assert!(said.contains("target 25 C, heating on"), "{said}");

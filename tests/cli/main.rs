@@ -29,8 +29,25 @@ mod captures;
 #[path = "../support/thorough.rs"]
 mod thorough;
 
+use core::time::Duration;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+
+use hilrig::realtime::clock::{Clock as _, WallClock};
+
+/// How long a test waits for what must come, on a machine with other work as well. Only a failing
+/// test waits that long.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Waits until `holds`.
+fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
+    let clock = WallClock::start();
+    while !holds() {
+        let waited = clock.now() - protocols::Instant::ZERO;
+        assert!(waited < PATIENCE, "waited in vain: {what}");
+        clock.sleep_until(clock.now() + Duration::from_millis(2));
+    }
+}
 
 /// The command, in an empty folder of its own that is removed afterwards.
 struct Session {

@@ -6,7 +6,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 
 use hilrig::realtime::clock::{Clock as _, WallClock};
 
-use super::Session;
+use super::{Session, wait_until};
 
 /// One command.
 pub(crate) struct Verb {
@@ -155,20 +155,15 @@ impl Bench {
             rig,
             lease,
         };
-        bench.wait_for("live/control");
+        // The last that it makes: all its ports are there.
+        bench.wait_for("live/.hilrig-scenario.toml");
         bench
     }
 
     /// Waits until there is a file; only a failing test waits long.
     pub(crate) fn wait_for(&self, name: &str) {
         let path = self.session.path(name);
-        for _ in 0..1000 {
-            if path.exists() {
-                return;
-            }
-            wait(Duration::from_millis(10));
-        }
-        panic!("{name} never came");
+        wait_until(name, || path.exists());
     }
 
     /// A command in the folder, its output not yet wanted.

@@ -8,7 +8,7 @@ const BOARD: &str = r#"
 schema = 1
 name = "sonar"
 robot = "none"
-duration = "20s"
+duration = "120s"
 [device.sonar.text]
 baud = 9600
 resets_on = "dtr"
@@ -32,7 +32,7 @@ def lines():
     bits = struct.unpack('I', fcntl.ioctl(fd, termios.TIOCMGET, bytes(4)))[0]
     names = ['DTR', 'RTS', 'CTS', 'DSR', 'CAR', 'RNG']
     return [name for name in names if bits & getattr(termios, 'TIOCM_' + name)]
-def line(most=5):
+def line(most=60):
     text, end = b'', time.monotonic() + most
     while not text.endswith(b'\\n') and time.monotonic() < end:
         if select.select([fd], [], [], 0.05)[0]:
@@ -50,9 +50,9 @@ print('low', line(0.4))
 low(termios.TIOCMBIS)
 print('reset', line(), *lines())
 def ring():
-    time.sleep(0.2)
+    time.sleep(0.5)
     os.write(fd, b'bell 1\\r\\n')
-    time.sleep(0.2)
+    time.sleep(0.5)
     os.write(fd, b'bell 0\\r\\n')
 threading.Thread(target=ring).start()
 fcntl.ioctl(fd, 0x545C, termios.TIOCM_RNG)

@@ -76,8 +76,10 @@ subprocess.Popen(['sleep', '600'])
 #[test]
 fn a_child_that_has_to_be_killed_fails_the_run() {
     let python = "\
+words = \"trap '' TERM; echo ignores; sleep 600; true\"
+child = subprocess.Popen(['sh', '-c', words], stdout=subprocess.PIPE)
+child.stdout.readline()
 fd = port()
-subprocess.Popen(['sh', '-c', \"trap '' TERM; sleep 600; true\"])
 while True:
     os.read(fd, 100)
 ";

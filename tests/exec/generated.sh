@@ -17,7 +17,7 @@ for seed in $(seq "${1:-1}" "${2:-50}"); do
     cc -O1 -pthread -o program program.c
     # In real time the port is a file; it is ended when it has said its last line.
     rm -f real
-    HILRIG_PORT_SONAR=/dev/null timeout 30 ./program > real & pid=$!
+    HILRIG_PORT_SONAR=/dev/null timeout 120 ./program > real & pid=$!
     until grep -q ^sum real 2> /dev/null; do sleep 0.02; kill -0 $pid 2> /dev/null || break; done
     kill $pid 2> /dev/null || true
     wait $pid 2> /dev/null || true

@@ -76,6 +76,8 @@ fn the_robots_own_program_makes_the_same_bytes_on_a_busy_machine() {
         one.said,
         one.log
     );
+    assert_eq!(one.code, Some(0), "{}", one.said);
+    assert!(!one.said.contains("last words"), "{}", one.said);
     assert_eq!(trace(&one), trace(&other));
 }
 
@@ -263,12 +265,8 @@ fn programs_that_misbehave_end_with_a_clear_word() {
     for (name, program, ..) in cases {
         let program = format!("{BEGIN}{program}\n");
         let files = [("program.py", program.as_str())];
-        started.push(start(
-            name,
-            "exec python3 program.py",
-            &files,
-            &["--spin-max", "1s"],
-        ));
+        let more = ["--spin-max", "1s"];
+        started.push(start(name, "exec python3 program.py", &files, &more));
     }
     for ((name, _, check, word), child) in cases.into_iter().zip(started) {
         let ended = end(name, child);

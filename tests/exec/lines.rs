@@ -7,7 +7,7 @@ const LIDAR: &str = "\
 schema = 1
 name = \"sonar\"
 robot = \"custom\"
-duration = \"60s\"
+duration = \"120s\"
 device.sonar.rplidar = { profile = \"fw1.29\", motor = \"dtr\" }
 [world]
 start = { x_m = 1.0, y_m = 1.4, heading_deg = 0 }
@@ -49,7 +49,7 @@ os.write(fd, b'\\xa5\\x20')
 print('stands', not hears(0.3, 20))
 change(termios.TIOCMBIC, termios.TIOCM_DTR)
 print(*lines())
-print('turns', hears(10, 1000))
+print('turns', hears(60, 1000))
 change(termios.TIOCMSET, termios.TIOCM_DTR)
 if os.fork() == 0:
     print(*lines(), flush=True)

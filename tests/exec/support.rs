@@ -1,8 +1,12 @@
 //! What all tests of this binary need: a small rig, foreign programs, what became of them.
 
+use core::time::Duration;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+
+use hilrig::realtime::clock::{Clock as _, WallClock};
+use protocols::Instant;
 
 /// A sonar that says its distance ten times a second, and answers "ping".
 const RIG: &str = r#"
@@ -121,6 +125,11 @@ pub(crate) fn ended_in(folder: &Path, output: Output) -> Ended {
     assert!(!folder.join("out/ports").exists(), "no port is left");
     for line in log.lines().filter_map(|line| line.strip_prefix("group ")) {
         let group = line.parse().expect("a number");
+        // What was killed is gone once the machine comes to it. What lives, lives for longer.
+        let clock = WallClock::start();
+        while !members(group).is_empty() && clock.now() < Instant::from_secs(30) {
+            clock.sleep_until(clock.now() + Duration::from_millis(2));
+        }
         assert_eq!(members(group), Vec::<u32>::new(), "{log}");
     }
     Ended {

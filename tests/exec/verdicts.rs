@@ -2,9 +2,10 @@
 
 use crate::support::*;
 
-/// The robot's own program as a foreign one: found by the directory of ports alone.
+/// The robot's own program as a foreign one: found by the directory of ports alone. What becomes of
+/// its mission depends on the machine here, and is judged in virtual time.
 #[test]
-fn a_sound_robot_passes_its_mission() {
+fn a_sound_robot_finds_its_ports_and_goes_on() {
     let bench = Bench::new("sound", "5s", "");
     let dut = format!("{} dut --dir \"$HILRIG_DIR\"", env!("CARGO_BIN_EXE_hilrig"));
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_hilrig"))
@@ -18,9 +19,8 @@ fn a_sound_robot_passes_its_mission() {
     assert!(connected.1.contains("lidar"), "{}", connected.1);
     assert_eq!(ended.check("program-alive").0, "pass", "{}", ended.said);
     assert_eq!(ended.check("program-reads").0, "pass", "{}", ended.said);
+    assert_eq!(ended.check("program-goes-on").0, "pass", "{}", ended.said);
     assert!(ended.log.contains("opened"), "{}", ended.log);
-    assert!(!ended.said.contains("last words"), "{}", ended.said);
-    assert_eq!(ended.code, Some(0), "{}", ended.said);
 }
 
 #[test]
@@ -53,14 +53,15 @@ fn who_never_opens_its_port_fails_and_the_port_is_named() {
     ended.assert_is_failure();
 }
 
+/// It has sent something, so rig time runs a second later, not when its wait is over.
 #[test]
 fn who_opens_one_port_and_not_the_other_fails_and_the_other_is_named() {
     let bench = Bench::new(
         "one",
         "1s",
-        "fd = port()\nwhile True:\n    os.read(fd, 100)\n",
+        "fd = port()\nos.write(fd, b'ping\\r\\n')\nwhile True:\n    os.read(fd, 100)\n",
     );
-    let ended = bench.run(&["--exec-needs", "base", "--exec-wait", "2s"]);
+    let ended = bench.run(&["--exec-needs", "base"]);
     assert_eq!(ended.failed(), ["program-connected"], "{}", ended.said);
     let detail = "never opened base; opened sonar";
     assert_eq!(ended.check("program-connected").1, detail);

@@ -258,6 +258,25 @@ impl Browser {
         self.value("(draw(), true)");
         self.value("hilrig.now.at_ns").as_u64().expect("a time")
     }
+
+    /// Pauses the run at a time at which an expression in the page is true.
+    pub(crate) fn pause_when(&self, expression: &str) -> u64 {
+        // Looked at and clicked at once. What the run did until it stood is undone by no step, but
+        // a later time will do.
+        let click = "(hilrig.now.paused || document.getElementById('play').click(), true)";
+        self.wait(&format!("({expression}) && {click}"));
+        let mut at_ns = self.pause();
+        self.set("#step-ms", "1000");
+        for _ in 0..LOOKS_MAX {
+            if self.value(&format!("Boolean({expression})")) == true {
+                return at_ns;
+            }
+            self.click("#step");
+            self.wait(&format!("hilrig.now.at_ns === {}", at_ns + 1_000_000_000));
+            at_ns = self.pause();
+        }
+        panic!("never, when the run stands: {expression}");
+    }
 }
 
 impl Drop for Browser {

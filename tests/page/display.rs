@@ -15,7 +15,7 @@ const PIXELS: &str = "Array.from(document.getElementById('screen').getContext('2
 /// holds at that nanosecond, and the saved session has the same tap.
 #[test]
 fn a_click_on_the_robots_display_touches_it() {
-    let server = Server::held("rescue-flat", "4");
+    let server = Server::held_on("rescue-flat", "4", "display");
     let Some(browser) = Browser::at("display", &server) else {
         return;
     };

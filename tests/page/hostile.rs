@@ -124,7 +124,7 @@ fn half_headers_do_not_keep_the_page_away() {
 
 #[test]
 fn messages_without_sense_are_refused_in_words() {
-    let server = Server::of("empty-room", "4");
+    let server = Server::of("empty-room", "1");
     let mut page = server.page().expect("there is room");
     let wrong = [
         "",
@@ -153,7 +153,7 @@ fn messages_without_sense_are_refused_in_words() {
 
 #[test]
 fn a_huge_message_costs_the_page_its_connection_and_nobody_else() {
-    let server = Server::of("empty-room", "4");
+    let server = Server::of("empty-room", "1");
     let mut good = server.page().expect("there is room");
     for size in [3_000, 1 << 20, 1 << 24] {
         let mut bad = server.page().expect("there is room");
@@ -183,7 +183,7 @@ fn fifty_pages_that_do_not_read_hold_nothing_up() {
     }
     drop(idle);
     // Their tasks notice when they next send.
-    let free = (0..200).any(|_| {
+    let free = (0..2_000).any(|_| {
         a_second_passes(&mut reading);
         server.page().is_ok()
     });

@@ -58,19 +58,10 @@ fn a_rig_on_ports_is_shown_and_steered() {
 #[test]
 fn a_judged_run_in_real_time_is_shown() {
     let dir = folder("judged");
-    let room = fs::read_to_string(scenario("empty-room")).expect("shipped");
-    let short = dir.join("short.toml");
-    fs::write(&short, room.replace("\"90s\"", "\"2s\"")).expect("can be written");
-    let (short, out) = (short.to_str().expect("plain"), dir.join("out"));
+    let (room, out) = (scenario("empty-room"), dir.join("out"));
     let out = out.to_str().expect("plain letters");
-    let mut run = Server::of_process(Process::start(&[
-        "run",
-        short,
-        "--realtime",
-        "--ui",
-        "--out",
-        out,
-    ]));
+    let run = ["run", &*room, "--realtime", "--ui", "--out", out];
+    let mut run = Server::of_process(Process::start(&run));
     let mut page = run.page().expect("there is room");
     let stage = page.hear("stage", |_| true).expect("shown");
     assert_eq!(stage["name"], "empty-room");
@@ -78,8 +69,8 @@ fn a_judged_run_in_real_time_is_shown() {
         page.hear("now", |now| now["at_ns"].as_u64() > Some(500_000_000))
             .is_some()
     );
-    // Two seconds are too short for the mission.
-    assert!(!run.process().ended());
+    // Ended by a signal, a little before its mission is done; it is judged all the same.
+    assert!(!run.process().end());
     assert!(dir.join("out/result.json").exists());
 }
 

@@ -31,9 +31,8 @@ fn what_a_robot_sees_and_plans_is_shown() {
     let Some(browser) = Browser::at("overlays", &server) else {
         return;
     };
-    browser.wait("hilrig.overlays.some((overlay) => overlay.name === 'way')");
-    browser.wait("hilrig.maps.local");
-    let at_ns = browser.pause();
+    let way = "hilrig.overlays.some((overlay) => overlay.name === 'way')";
+    let at_ns = browser.pause_when(&format!("{way} && hilrig.maps.local"));
     let run = again(&server.case(), at_ns);
     assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
     let overlays = run.instruments().overlays(&run.rig);

@@ -112,7 +112,7 @@ fn all_that_is_shown_of_a_time_is_what_the_core_was_then() {
 /// again gives the same bytes.
 #[test]
 fn a_run_goes_on_from_an_earlier_time_in_another_way() {
-    let server = Server::held("rescue-flat", "4");
+    let server = Server::held_on("rescue-flat", "4", "branch");
     let Some(browser) = Browser::at("branch", &server) else {
         return;
     };

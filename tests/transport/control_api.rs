@@ -22,8 +22,7 @@ struct Client(BufReader<UnixStream>);
 impl Client {
     fn of(dir: &Path) -> Self {
         let stream = UnixStream::connect(dir.join(NAME)).expect("the rig listens");
-        let patience = core::time::Duration::from_secs(20);
-        stream.set_read_timeout(Some(patience)).expect("not zero");
+        stream.set_read_timeout(Some(PATIENCE)).expect("not zero");
         Self(BufReader::new(stream))
     }
 
@@ -46,7 +45,7 @@ impl Client {
 /// The contract, used from Python with nothing but its standard library.
 const PYTHON: &str = r#"
 import json, socket, sys
-sock = socket.socket(socket.AF_UNIX); sock.connect(sys.argv[1]); sock.settimeout(20)
+sock = socket.socket(socket.AF_UNIX); sock.connect(sys.argv[1]); sock.settimeout(120)
 file = sock.makefile("rw")
 def ask(**request):
     file.write(json.dumps(request) + "\n"); file.flush()

@@ -183,8 +183,8 @@ fn two_rigs_in_two_directories_share_names_and_nothing_else() {
     let (mut client_a, mut client_b) = (client(&a, LINE.baud), client(&b, LINE.baud));
     assert_eq!(a.write(b"from a"), 6);
     assert_eq!(b.write(b"from b"), 6);
-    assert_eq!(client_reads(&mut client_a), b"from a");
-    assert_eq!(client_reads(&mut client_b), b"from b");
+    assert_eq!(client_gets(&mut client_a, 6), b"from a");
+    assert_eq!(client_gets(&mut client_b, 6), b"from b");
 }
 
 #[test]

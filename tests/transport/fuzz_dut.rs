@@ -2,7 +2,7 @@
 //! `--dut-dir` against one that is there already.
 //!
 //! The wall clock is in these tests as a limit only: a program that lives has far more time than it
-//! needs, and one that hangs hangs forever.
+//! needs. What it answers in time, and whether it hangs, is seen in virtual time.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -14,7 +14,7 @@ use std::thread;
 
 use hilrig::capture::Capture;
 use hilrig::realtime::clock::{Clock, WallClock};
-use hilrig::realtime::transport::{PortDir, Pty, Transport};
+use hilrig::realtime::transport::{PortDir, Pty, Transport, wait};
 
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -52,7 +52,10 @@ fn search(bug: &str, more: &[&str]) -> (PathBuf, Vec<String>, String) {
 fn search_in(out: &Path, exec: &str, bug: &str, more: &[&str]) -> (Vec<String>, String) {
     let mut command = Command::new(HILRIG);
     command.args(["fuzz", "--exec", exec, "--scenario", SCENARIO]);
-    command.args(["--case", "300ms", "--alive", "1s"]);
+    // On a busy machine the answers of a program that lives may come late.
+    let is_virtual = more.contains(&"--virtual");
+    let alive = if is_virtual { "1s" } else { "60s" };
+    command.args(["--case", "300ms", "--alive", alive]);
     command.args(more).arg("--out").arg(out);
     let (code, said) = run(&mut command, bug);
     let folders = std::fs::read_dir(out.join("findings"));
@@ -99,8 +102,9 @@ fn a_crash_is_found_and_its_command_repeats_it() {
 
 /// The client stands still at two start bytes in a row, alive and with its port open.
 #[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn a_hang_is_found_and_told_from_a_crash() {
-    let (out, names, said) = search("hang", &["--cases", "4", "--shrink", "2"]);
+    let (out, names, said) = search("hang", &["--virtual", "--cases", "4", "--shrink", "2"]);
     assert_eq!(names, ["01-hang"], "{said}");
     let cause = read(&out.join("findings/01-hang/cause.txt"));
     assert!(
@@ -111,13 +115,15 @@ fn a_hang_is_found_and_told_from_a_crash() {
 
 /// The client compares the low byte of the checksum only.
 #[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn an_accepted_damaged_frame_is_found_and_told_from_a_crash() {
-    let (_, names, said) = search("accept", &["--cases", "1", "--shrink", "4"]);
+    let (_, names, said) = search("accept", &["--virtual", "--cases", "1", "--shrink", "4"]);
     assert_eq!(names, ["01-accepts-corrupt-frame"], "{said}");
 }
 
 /// The client waits for the rest of a cut frame forever, so that the next request is lost.
 #[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn a_missing_timeout_is_found_in_a_program_that_answers() {
     let (out, names, said) = search("patient", &["--virtual", "--cases", "8", "--shrink", "2"]);
     assert!(names.contains(&"01-no-timeout".to_owned()), "{said}");
@@ -131,8 +137,9 @@ fn a_missing_timeout_is_found_in_a_program_that_answers() {
 /// The sound client answers a bad checksum by the refusal of the bus, which is no acceptance.
 /// Two cases, then the same command continues to the third.
 #[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn nothing_is_found_in_a_sound_program() {
-    let (out, names, said) = search("none", &["--cases", "2"]);
+    let (out, names, said) = search("none", &["--virtual", "--cases", "2"]);
     assert_eq!(names, [""; 0], "{said}");
     assert!(
         said.contains("frames are answered, and asked damaged"),
@@ -141,12 +148,8 @@ fn nothing_is_found_in_a_sound_program() {
     assert!(!out.join("ports").exists(), "the ports are removed");
     assert!(read(&out.join("dut.json")).contains("\"next\": 2"));
 
-    let (names, said) = search_in(
-        &out,
-        &client(),
-        "none",
-        &["--link", "gripper", "--cases", "3"],
-    );
+    let more = ["--virtual", "--link", "gripper", "--cases", "3"];
+    let (names, said) = search_in(&out, &client(), "none", &more);
     assert!(names.is_empty() && said.contains("1 cases with "), "{said}");
     let mut other = Command::new(HILRIG);
     other.args(["fuzz", "--exec", "another", "--scenario", SCENARIO]);
@@ -169,6 +172,7 @@ fn a_broken_rule_of_a_device_is_found() {
 
 /// Two programs of one line: one ends as if all were well, the other never reads its port.
 #[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn an_early_end_and_a_port_that_is_not_read_are_found() {
     let open = "exec 3<>\"$HILRIG_DIR/gripper\"";
     for (name, exec, found) in [
@@ -176,7 +180,8 @@ fn an_early_end_and_a_port_that_is_not_read_are_found() {
         ("deaf", format!("{open}; sleep 60"), "01-hang"),
     ] {
         let out = fresh_path(&format!("fuzz-{name}"));
-        let more = ["--link", "gripper", "--cases", "1", "--shrink", "0"];
+        let more = ["--virtual", "--cases", "1", "--shrink", "0"];
+        let more = [&ON_LINK[..], &more].concat();
         let (names, said) = search_in(&out, &exec, "none", &more);
         assert_eq!(names, [found], "{said}");
     }
@@ -264,14 +269,15 @@ fn an_interrupted_search_ends_its_program() {
     let mut screen = Pty::open(&dir, "screen", LINE).expect("a free name");
     let terminal = File::options().write(true).open(screen.path());
     let mut command = Command::new(HILRIG);
-    command.args([&args[..], &ON_LINK, &["--case", "300ms"]].concat());
+    let times = ["--case", "300ms", "--alive", "60s"];
+    command.args([&args[..], &ON_LINK, &times].concat());
     command.stdin(Stdio::null()).stdout(Stdio::piped());
     command.stderr(terminal.expect("the test may open it"));
     let search = command.spawn().expect("the binary is built");
     drop(command);
     let mut shown = String::new();
     let mut buf = [0; 256];
-    // From the first case on it is known which frames are answered.
+    // From the first case on there is something to say.
     wait_until(|| {
         let len = screen.read(&mut buf).unwrap_or(0);
         shown += &String::from_utf8_lossy(&buf[..len]);
@@ -286,7 +292,7 @@ fn an_interrupted_search_ends_its_program() {
     }
     let said = String::from_utf8_lossy(&output.stdout) + &*shown;
     assert_eq!(output.status.code(), Some(0), "{said}");
-    assert!(said.contains("frames are answered"), "{said}");
+    assert!(said.contains(" inputs/s, 0 findings"), "{said}");
     assert!(!out.join("ports").exists(), "{said}");
 }
 
@@ -299,12 +305,19 @@ fn a_program_behind_a_port_is_asked_as_well() {
     let is_over = Arc::clone(&over);
     let board = thread::spawn(move || {
         let (mut client, clock, mut buf) = (Client::with("accept"), WallClock::start(), [0; 256]);
+        let (idle, mut heard_at) = (Duration::from_millis(15), clock.now());
         while !is_over.load(Ordering::Relaxed) {
+            let mut fds = Vec::new();
+            board.readiness(&mut fds);
+            // An answer comes at once, and silence ends half a frame.
+            wait(&fds, idle).expect("poll works");
             let len = board.read(&mut buf).unwrap_or(0);
             while board.next_event().is_some() {}
-            let reply = client.hears(&buf[..len]);
-            board.write(&reply);
-            clock.sleep_until(clock.now() + Duration::from_millis(15));
+            if len > 0 || clock.now() - heard_at >= idle {
+                let reply = client.hears(&buf[..len]);
+                board.write(&reply);
+                heard_at = clock.now();
+            }
         }
     });
     let out = fresh_path("fuzz-board-out");
@@ -322,10 +335,7 @@ fn a_program_behind_a_port_is_asked_as_well() {
     over.store(true, Ordering::Relaxed);
     board.join().expect("the board lives");
     assert_eq!(code, Some(1), "{said}");
-    assert!(
-        said.contains("/findings/01-accepts-corrupt-frame: "),
-        "{said}"
-    );
+    assert!(said.contains("-accepts-corrupt-frame: "), "{said}");
 }
 
 /// Set-up errors: what is wrong, what was expected, exit code 2.

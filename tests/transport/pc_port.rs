@@ -68,15 +68,23 @@ fn fielded_client<P: Read + Write>(name: &str, open: impl FnOnce(&Path) -> P) ->
 
     let (mut client, mut decoder) = (Client::default(), pcui::Decoder::default());
     let (mut heard, mut has_clicked) = (Heard::default(), false);
-    let mut buf = [0; 4096];
+    let (mut buf, mut taken) = ([0; 4096], 0);
     while !heard.is_whole() && realtime.clock().now() < MISSION_MAX {
         realtime.turn(&mut run).expect("the port stays");
         realtime.clock().advance(Duration::from_millis(5));
-        let len = read(&mut port, &mut buf);
-        client.receive(&buf[..len]);
-        for frame in decoder.push(&buf[..len]) {
-            heard.take(frame, has_clicked);
-        }
+        // Time stands until the client has all that it was given: the kernel carries bytes across
+        // in a thread of its own, and a port that fills meanwhile loses bytes.
+        let reports = realtime.reports();
+        let given: u64 = reports.map(|report| report.traffic.to_client).sum();
+        wait_until(|| {
+            let len = read(&mut port, &mut buf);
+            client.receive(&buf[..len]);
+            for frame in decoder.push(&buf[..len]) {
+                heard.take(frame, has_clicked);
+            }
+            taken += len as u64;
+            taken >= given
+        });
         if !has_clicked && heard.frames > 50 {
             client.click([1200, 1200]);
             let list = client.click([2200, 1200]);

@@ -22,7 +22,7 @@ fn every_byte_value_passes_both_ways_unchanged() {
     let all: Vec<u8> = (0..=255).collect();
 
     assert_eq!(port.write(&all), 256);
-    assert_eq!(client_reads(&mut client), all);
+    assert_eq!(client_gets(&mut client, 256), all);
 
     client.write_all(&all).expect("room for 256 bytes");
     assert_eq!(read_exactly(&mut port, 256), all);
@@ -62,7 +62,7 @@ fn a_client_that_opens_late_gets_no_stale_byte() {
     let mut client = client(&port, LINE.baud);
     assert_eq!(client_reads(&mut client), b"");
     assert_eq!(port.write(b"now"), 3);
-    assert_eq!(client_reads(&mut client), b"now");
+    assert_eq!(client_gets(&mut client, 3), b"now");
     assert_eq!(
         port.counters(),
         Counters {
@@ -79,8 +79,9 @@ fn what_a_client_left_unread_is_gone_for_the_next() {
     let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
     let mut first = client(&port, LINE.baud);
     assert_eq!(port.write(&[0xAA; 4096]), 4096);
-    // One byte read shows that the rest has arrived, too.
-    first.read_exact(&mut [0; 1]).expect("arrives");
+    // As many as a terminal holds.
+    wait_until(|| waiting(&first) >= 4095);
+    first.read_exact(&mut [0; 1]).expect("is there");
     drop(first);
     assert_eq!(next_events(&mut port, 2), [Opened, Closed]);
     assert_eq!(port.write(b"no client there"), 0);
@@ -88,7 +89,7 @@ fn what_a_client_left_unread_is_gone_for_the_next() {
     let mut second = client(&port, LINE.baud);
     assert_eq!(client_reads(&mut second), b"");
     assert_eq!(port.write(b"fresh"), 5);
-    assert_eq!(client_reads(&mut second), b"fresh");
+    assert_eq!(client_gets(&mut second, 5), b"fresh");
 }
 
 /// Closed and opened again between two looks: the hang-up is gone by the time we look.
@@ -99,7 +100,8 @@ fn a_quick_restart_of_the_client_is_noticed() {
     let mut first = client(&port, LINE.baud);
     assert_eq!(next_events(&mut port, 1), [Opened]);
     assert_eq!(port.write(b"unread"), 6);
-    first.read_exact(&mut [0; 1]).expect("arrives");
+    wait_until(|| waiting(&first) == 6);
+    first.read_exact(&mut [0; 1]).expect("is there");
 
     drop(first);
     let mut second = client(&port, LINE.baud);
@@ -163,9 +165,10 @@ fn a_client_that_does_not_read_loses_the_newest_bytes() {
     assert_eq!(port.write(b"lost too"), 0);
     assert_eq!(port.counters().overrun, 6000 - 4096 + 8);
 
-    assert_eq!(client_reads(&mut client), sent[..Pty::UNREAD_MAX]);
+    let read = client_gets(&mut client, Pty::UNREAD_MAX);
+    assert_eq!(read, sent[..Pty::UNREAD_MAX]);
     assert_eq!(port.write(b"again"), 5);
-    assert_eq!(client_reads(&mut client), b"again");
+    assert_eq!(client_gets(&mut client, 5), b"again");
 }
 
 /// A hung-up terminal is "ready" without end: 183,000 times in 50 ms. The rig must not wait for it.
@@ -192,19 +195,19 @@ fn waiting_ends_when_a_client_opens_or_sends() {
     let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
     next_events(&mut port, 0);
     let mut client = client(&port, LINE.baud);
-    assert!(is_ready(&port));
+    assert!(is_ready(&port, PATIENCE));
     assert_eq!(next_events(&mut port, 1), [Opened]);
-    assert!(!is_ready(&port));
+    assert!(!is_ready(&port, Duration::from_millis(100)));
 
     client.write_all(b"x").expect("room");
-    assert!(is_ready(&port));
+    assert!(is_ready(&port, PATIENCE));
 }
 
-fn is_ready(port: &Pty) -> bool {
+/// Whether a wait ends before `timeout` does.
+fn is_ready(port: &Pty, timeout: Duration) -> bool {
     let mut fds: Vec<BorrowedFd<'_>> = Vec::new();
     port.readiness(&mut fds);
     let clock = WallClock::start();
-    let timeout = Duration::from_millis(100);
     wait(&fds, timeout).expect("poll works");
     clock.now() < Instant::ZERO + timeout
 }
@@ -245,7 +248,11 @@ fn a_full_port_that_is_flushed_goes_on() {
             went_on += port.write(b"on");
             went_on >= 2
         });
-        assert!(client_reads(&mut client).ends_with(b"on"));
+        let mut read = Vec::new();
+        wait_until(|| {
+            read.extend(client_reads(&mut client));
+            read.ends_with(b"on")
+        });
     }
 }
 
@@ -280,7 +287,7 @@ fn an_unplugged_port_hangs_up_and_comes_back_as_another() {
     let mut second = client(&port, LINE.baud);
     assert_eq!(next_events(&mut port, 1), [Opened]);
     assert_eq!(port.write(b"new"), 3);
-    assert_eq!(client_reads(&mut second), b"new");
+    assert_eq!(client_gets(&mut second, 3), b"new");
     assert!(first.write(b"y").is_err(), "the old file stays dead");
     drop((port, dir));
 }

@@ -108,12 +108,28 @@ impl Station {
         (this, path)
     }
 
-    /// Runs for a while longer than the counter needs to send everything: 3000 bytes take 260 ms.
-    fn run(&mut self) {
-        let end = self.realtime.clock().now() + Duration::from_millis(350);
-        while self.rig.now() < end {
+    /// Runs until `done`.
+    fn run_until(&mut self, mut done: impl FnMut(&Self) -> bool) {
+        wait_until(|| {
             self.realtime.turn(&mut self.rig).expect("the port stays");
-        }
+            done(self)
+        });
+    }
+
+    /// Runs until all that was sent has long passed the line.
+    fn settle(&mut self) {
+        let end = self.rig.now() + Duration::from_millis(50);
+        self.run_until(|this| this.rig.now() >= end);
+    }
+
+    /// Runs until the counter was heard and has sent everything: 3000 bytes take 260 ms.
+    fn send_all(&mut self) {
+        self.run_until(|this| this.counter().sent == SENT);
+        self.settle();
+    }
+
+    fn counter(&self) -> &Counter {
+        self.rig.device::<Counter>("counter").expect("there")
     }
 
     fn log(&self) -> String {
@@ -154,11 +170,10 @@ fn a_client_reads_what_the_device_sent_in_order_and_whole() {
     let (mut station, path) = Station::served_in(&dir);
     let mut client = client_at(&path, LINE.baud);
     client.write_all(b"go").expect("room");
-    station.run();
+    station.send_all();
 
-    assert_eq!(client_reads(&mut client), counting(SENT));
-    let device = station.rig.device::<Counter>("counter").expect("there");
-    assert_eq!(device.heard, b"go");
+    assert_eq!(client_gets(&mut client, SENT), counting(SENT));
+    assert_eq!(station.counter().heard, b"go");
     assert!(!station.log().contains("wrong-baud"));
 }
 
@@ -169,15 +184,18 @@ fn a_client_at_the_wrong_rate_is_told_and_reads_garbage() {
     let (mut station, path) = Station::served_in(&dir);
     let mut client = client_at(&path, 57_600);
     client.write_all(b"go").expect("room");
-    station.run();
+    station.send_all();
 
-    let read = client_reads(&mut client);
-    assert!(!read.is_empty(), "garbage is not silence");
+    // Garbage is not silence.
+    let read = client_gets(&mut client, 1);
     let real = counting(SENT + 256);
     let is_data = |piece: &[u8]| real.windows(4).any(|data| data == piece);
     assert!(!read.windows(4).any(is_data), "data at the wrong rate");
-    let device = station.rig.device::<Counter>("counter").expect("there");
-    assert_ne!(device.heard, b"go", "the device reads garbage too");
+    assert_ne!(
+        station.counter().heard,
+        b"go",
+        "the device reads garbage too"
+    );
     let expected = "counter wrong-baud: client at 57600 baud, expected 115200: it reads garbage";
     assert!(station.log().contains(expected), "{}", station.log());
 }
@@ -188,24 +206,13 @@ fn a_client_that_comes_late_reads_only_what_is_sent_from_then_on() {
     let dir = fresh_dir("comes_late");
     let (mut station, path) = Station::served_in(&dir);
     std::fs::write(&path, b"go").expect("room");
-    while station
-        .rig
-        .device::<Counter>("counter")
-        .expect("there")
-        .sent
-        < SENT / 2
-    {
-        station.realtime.turn(&mut station.rig).expect("stays");
-    }
+    station.run_until(|this| this.counter().sent >= SENT / 2);
+    let rest = SENT - station.counter().sent;
     let mut client = client_at(&path, LINE.baud);
-    station.run();
+    station.send_all();
 
-    let read = client_reads(&mut client);
-    assert!(
-        !read.is_empty() && read.len() <= SENT / 2 + 16,
-        "{}",
-        read.len()
-    );
+    let read = client_gets(&mut client, rest);
+    assert!(read.len() <= SENT / 2 + 16, "{}", read.len());
     assert_eq!(read, counting(SENT)[SENT - read.len()..], "the rest, whole");
 }
 
@@ -218,14 +225,11 @@ fn two_rigs_side_by_side_do_not_meet() {
     let (mut client_a, mut client_b) =
         (client_at(&path_a, LINE.baud), client_at(&path_b, LINE.baud));
     client_a.write_all(b"only a").expect("room");
-    a.run();
-    b.run();
-    assert_eq!(client_reads(&mut client_a), counting(SENT));
+    a.send_all();
+    b.settle();
+    assert_eq!(client_gets(&mut client_a, SENT), counting(SENT));
     assert_eq!(client_reads(&mut client_b), b"");
-    let heard = |station: &Station| {
-        let device = station.rig.device::<Counter>("counter").expect("there");
-        device.heard.clone()
-    };
+    let heard = |station: &Station| station.counter().heard.clone();
     assert_eq!((heard(&a), heard(&b)), (b"only a".to_vec(), Vec::new()));
 }
 
@@ -244,12 +248,24 @@ fn a_real_device_takes_the_place_of_the_emulated_one() {
     station.realtime.serve(end, Box::new(serial));
     let mut client = client_at(&path, LINE.baud);
     client.write_all(b"hello device").expect("room");
-    station.run();
-    assert_eq!(read_exactly(&mut device, 12), b"hello device");
+    let mut read = Vec::new();
+    station.run_until(|_| {
+        let mut buf = [0; 64];
+        let len = device.read(&mut buf).expect("the port stays");
+        read.extend_from_slice(&buf[..len]);
+        read.len() >= 12
+    });
+    assert_eq!(read, b"hello device");
 
     assert_eq!(device.write(&counting(SENT)), SENT);
-    station.run();
-    assert_eq!(client_reads(&mut client), counting(SENT));
+    let mut read = Vec::new();
+    station.run_until(|_| {
+        read.extend(client_has(&mut client));
+        read.len() >= SENT
+    });
+    station.settle();
+    read.extend(client_reads(&mut client));
+    assert_eq!(read, counting(SENT));
     assert!(station.rig.device::<Counter>("counter").is_none());
 }
 

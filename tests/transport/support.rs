@@ -11,8 +11,9 @@ use serialport::{ErrorKind, TTYPort};
 /// The lidar's line, as any line would do.
 pub(crate) const LINE: LineConfig = LineConfig::new_8n1(115_200);
 
-/// How long a test waits for what must happen. Only a failing test waits that long.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// How long a test waits for what must happen, on a machine with other work as well. Only a failing
+/// test waits that long.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 /// How long a test waits for what must not happen.
 const QUIET: Duration = Duration::from_millis(30);
 
@@ -45,6 +46,34 @@ pub(crate) fn client_reads(client: &mut TTYPort) -> Vec<u8> {
             Err(error) => panic!("client: {error}"),
         }
     }
+}
+
+/// What the client reads until it has `count` bytes and its line is quiet. The kernel carries bytes
+/// between the two sides in a thread of its own, which waits for its turn as all others do.
+pub(crate) fn client_gets(client: &mut TTYPort, count: usize) -> Vec<u8> {
+    let mut all = Vec::new();
+    wait_until(|| {
+        all.extend(client_reads(client));
+        all.len() >= count
+    });
+    all
+}
+
+/// What waits at the client now.
+pub(crate) fn client_has(client: &mut TTYPort) -> Vec<u8> {
+    let mut buf = [0; 4096];
+    match waiting(client) {
+        0 => Vec::new(),
+        _ => {
+            let len = std::io::Read::read(client, &mut buf).expect("there is something");
+            buf[..len].to_vec()
+        }
+    }
+}
+
+/// How many bytes wait at the client.
+pub(crate) fn waiting(client: &TTYPort) -> u32 {
+    serialport::SerialPort::bytes_to_read(client).expect("the port stays")
 }
 
 /// Reads until `count` bytes are there.

@@ -88,7 +88,7 @@ pub struct Foreign {
 pub struct Supervision {
     /// Virtual time that each stopped call takes.
     pub call_cost: Duration,
-    /// Wall time for which a thread may compute without a call.
+    /// Processor time for which a thread may compute without a call.
     pub spin_max: Duration,
 }
 

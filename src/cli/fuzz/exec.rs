@@ -79,7 +79,7 @@ const TIME: Duration = Duration::from_secs(60);
 const PROGRESS: Duration = Duration::from_secs(2);
 /// Virtual time of each stopped call.
 const CALL_COST: Duration = Duration::from_micros(1);
-/// Minimum of the maximum wall time of computing without a call, because the machine may be busy.
+/// Minimum of the maximum processor time of computing without a call.
 const SPIN_MIN: Duration = Duration::from_secs(2);
 /// Name of the scenario of a program without one, and its line.
 const ONE_PORT: &str = "one-port";

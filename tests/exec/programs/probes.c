@@ -185,7 +185,8 @@ static void rt_reads(int flags)
     (void)!pipe(ends);
     handle(number, counts, flags);
     if (!fork()) {
-        nap(30);
+        /* Until the parent reads, on a busy machine as well. */
+        nap(300);
         signals_parent(&number);
         nap(30);
         (void)!write(ends[1], "x", 1);

@@ -3,7 +3,7 @@ import array, errno, fcntl, os, select, struct, termios, time
 
 DIR = os.environ["HILRIG_DIR"]
 I, O, C, L, IN, OUT, CC = range(7)
-LONG = 4
+LONG = 50
 RAW8 = termios.CS8 | termios.CREAD | termios.CLOCAL
 
 
@@ -73,7 +73,7 @@ def failure(call, *arguments):
         return errno.errorcode[error.errno]
 
 
-# Rig time runs from the first opening on; the plug is out from 100 to 300 ms.
+# Rig time runs from the first opening on; the plug is out from 1 to 1.5 s.
 plug = os.open(f"{DIR}/plug", os.O_RDWR | os.O_NOCTTY)
 local = termios.tcgetattr(plug)[L]
 tell("fresh port", "raw" if not local & (termios.ICANON | termios.ECHO) else "canonical, echo")
@@ -123,9 +123,10 @@ os.close(ask)
 ask = port("ask")
 tell("reopened port", "nothing old" if number(ask, termios.FIONREAD) == 0 else "old bytes")
 slow = port("slow")
-os.write(slow, b"0123456789" * 6)
+# A second of the line.
+os.write(slow, b"0123456789" * 24)
 sent = number(slow, termios.TIOCOUTQ)
-tell("bytes to send (TIOCOUTQ)", "counted" if 0 < sent <= 60 else sent)
+tell("bytes to send (TIOCOUTQ)", "counted" if 0 < sent <= 240 else sent)
 start = time.monotonic()
 termios.tcdrain(slow)
 tell("tcdrain", "waits for the line" if time.monotonic() - start > 0.1 else "returns at once")
@@ -151,7 +152,7 @@ os.write(ask, b"ping\r\n")
 tell("VMIN 5 of 6 bytes", "at least 5" if len(os.read(ask, 5)) >= 5 else "fewer")
 grown(ask, 1)
 termios.tcflush(ask, termios.TCIFLUSH)
-settings(ask, least=200, tenths=3)
+settings(ask, least=200, tenths=10)
 os.write(ask, b"ping\r\n")
 tell("VMIN 200, VTIME 1", len(os.read(ask, 64)))
 settings(ask, least=1, tenths=0)

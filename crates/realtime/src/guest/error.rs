@@ -41,7 +41,10 @@ pub enum GuestError {
         source: io::Error,
     },
     /// A thread computes on and on.
-    #[error("{0} computes without a call for {secs:.0} s of wall time", secs = .1.as_secs_f64())]
+    #[error(
+        "{0} computes without a call for {secs:.0} s of processor time",
+        secs = .1.as_secs_f64()
+    )]
     Spins(String, Duration),
     /// Virtual time stands.
     #[error(

@@ -41,6 +41,8 @@ use waiters::Waiter;
 
 /// How long the rig may take to answer; a rig that is just ending never does.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// The same for its first answer: it may have just started, on a busy machine.
+const PATIENCE_FIRST: Duration = Duration::from_secs(10);
 /// Bits of modem lines, as TIOCMGET has them, by their names in the rig's answer.
 const BITS: [(&str, u32); 6] = [
     ("dtr", 0x002),
@@ -160,10 +162,11 @@ struct Rig(BufReader<UnixStream>);
 impl Rig {
     fn find(dir: &Path) -> io::Result<Self> {
         let stream = UnixStream::connect(dir.join(control::NAME))?;
-        stream.set_read_timeout(Some(PATIENCE))?;
+        stream.set_read_timeout(Some(PATIENCE_FIRST))?;
         let mut rig = Self(BufReader::new(stream));
         // From now on each opening of a port raises its lines.
         rig.ask(&json!({"do": "modem"}))?;
+        rig.0.get_ref().set_read_timeout(Some(PATIENCE))?;
         Ok(rig)
     }
 

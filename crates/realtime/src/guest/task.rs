@@ -98,7 +98,7 @@ pub(super) struct Thread {
     pub(super) outside: Option<Call>,
     /// When it made that call.
     pub(super) entered: Instant,
-    /// Wall time for which it has computed since then.
+    /// Processor time for which it has computed since then.
     pub(super) computed: Duration,
     /// Counts all beginnings of waits.
     pub(super) blocked_at: u64,

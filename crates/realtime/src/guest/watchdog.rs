@@ -1,5 +1,6 @@
 //! A watch in wall time over the one thread that runs: if it waits in the kernel for something of
 //! which virtual time knows nothing, or computes on and on, it is stopped so that it can be named.
+//! Computing is measured in processor time, since on a busy machine a thread may wait for its turn.
 //!
 //! Nothing here counts for a verdict, and a thread that makes calls is never stopped.
 
@@ -20,7 +21,7 @@ const EVERY: Duration = Duration::from_millis(50);
 const SLEEPS: u32 = 2;
 /// The same for one that waits for a disk.
 const FETCHES: u32 = 200;
-/// Wall time after which one that computes is stopped, to hear of others.
+/// Processor time after which one that computes is stopped, to hear of others.
 const COMPUTES: Duration = Duration::from_secs(1);
 /// So many times as long as a thread may compute virtual time may stand.
 const STANDS: u32 = 3;
@@ -140,7 +141,7 @@ fn watch(shared: &Shared, root: i32, spin_max: Duration) {
     let (mut steps, mut looks) = (0, 0);
     // What it was seen to do in all of them.
     let mut seen = None;
-    let (mut since, mut time, mut turns, mut moved_at) = (clock.now(), 0, 0, clock.now());
+    let (mut since, mut time, mut turns, mut moved_at) = (Duration::ZERO, 0, 0, clock.now());
     while !shared.is_over.load(Ordering::Relaxed) {
         clock.sleep_until(clock.now() + EVERY);
         let wall = clock.now();
@@ -165,34 +166,43 @@ fn watch(shared: &Shared, root: i32, spin_max: Duration) {
             return;
         }
         let now = shared.steps.load(Ordering::Relaxed);
+        let used = used(process, tid).unwrap_or(wall - Instant::ZERO);
         if tid == 0 || now != steps {
-            (steps, looks, since) = (now, 0, wall);
+            (steps, looks, since) = (now, 0, used);
             continue;
         }
         let state = state(process, tid);
         if core::mem::replace(&mut seen, state) != state {
-            (looks, since) = (0, wall);
+            (looks, since) = (0, used);
         }
         looks += 1;
+        let computed = used.saturating_sub(since);
         let (sleeps, is_enough) = match state {
             Some('S') => (true, looks >= SLEEPS),
             // For a disk, which on a busy machine takes its time.
             Some('D') => (true, looks >= FETCHES),
-            Some('R') => (false, wall - since >= spin_max.min(COMPUTES)),
+            Some('R') => (false, computed >= spin_max.min(COMPUTES)),
             _ => continue,
         };
         if is_enough {
-            let millis = u32::try_from((wall - since).as_millis()).unwrap_or(u32::MAX);
+            let millis = u32::try_from(computed.as_millis()).unwrap_or(u32::MAX);
             shared.sleeps.store(sleeps, Ordering::Relaxed);
             shared
                 .kicked
                 .store(millis.saturating_add(1), Ordering::Relaxed);
-            (looks, since) = (0, wall);
+            (looks, since) = (0, used);
             if let Some(pid) = Pid::from_raw(process) {
                 let _ = kill_process(pid, Signal::STOP);
             }
         }
     }
+}
+
+/// Processor time that a thread has used; `None` where the system does not tell.
+fn used(process: i32, tid: i32) -> Option<Duration> {
+    let text = fs::read_to_string(format!("/proc/{process}/task/{tid}/schedstat")).ok()?;
+    let nanos = text.split_ascii_whitespace().next()?.parse().ok()?;
+    Some(Duration::from_nanos(nanos))
 }
 
 /// What a thread does, as the system's letter.

@@ -36,11 +36,11 @@ impl Supervisor {
                 self.set_state(tid, State::Outside);
                 Flow::Stays
             }
-            (Kick::Computes(wall), _) => {
+            (Kick::Computes(time), _) => {
                 let limit = self.settings.supervision.spin_max;
                 let thread = self.threads.get_mut(&tid);
                 let computed = thread.map(|thread| {
-                    thread.computed += wall;
+                    thread.computed += time;
                     thread.computed
                 });
                 if let Some(computed) = computed.filter(|&computed| computed >= limit) {
