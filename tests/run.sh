@@ -112,6 +112,9 @@ target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
     python3 -m venv "$target/tools"
     "$target/tools/bin/pip" install -q mcap==1.6.0 evo==1.38.1
 }
+# A port is watched by inotify, of which a user has 128 instances. Tests run side by side need more.
+instances=/proc/sys/fs/inotify/max_user_instances
+if [[ -w $instances && $(<$instances) -lt 1024 ]]; then echo 1024 >$instances; fi
 cargo fmt --version >/dev/null 2>&1 || rustup component add rustfmt
 cargo clippy --version >/dev/null 2>&1 || rustup component add clippy
 cargo --version
