@@ -1,4 +1,4 @@
-//! What the base tells about itself and about its master, without flooding the log.
+//! Log of the base about itself and its master, with a limit on repeated entries.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use protocols::Instant;
 use crate::device::BrokenRules;
 use crate::{Event, EventKind};
 
-/// The rules that a master can break, and what an innocent master does.
+/// Rules that a master can break, and what to do instead.
 pub mod rules {
     /// Bytes that belong to no frame: none between frames.
     pub const STRAY_BYTES: &str = "stray-bytes";
@@ -121,8 +121,8 @@ impl Journal {
         }
     }
 
-    /// Oldest first. Work is done in the order of its time within one call, but a request may be
-    /// judged after a later one has come in, so the list is sorted here.
+    /// All events, oldest first. One call works in time order, but a request may be judged after a
+    /// later one has arrived, so the list is sorted here.
     pub(super) fn take(&mut self) -> Vec<Event> {
         if self.lost > 0 {
             let at = self.events.iter().map(|event| event.at).max();

@@ -1,4 +1,4 @@
-//! What the light on top of the robot shows.
+//! State of the light on top of the robot.
 
 use protocols::avr::registers;
 

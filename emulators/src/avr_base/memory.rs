@@ -14,10 +14,10 @@
 //! ```
 //!
 //! Nothing checks an address in those builds, so a request reads and writes all of it from 0 on.
-//! Sources: field firmware b77a6df run in a simulated ATmega2560, and its public source (structs
-//! in the order in which they lie, 16-bit whole numbers low byte first). Build 5f54f4d has the
-//! same layout one byte higher. What lies behind 312 is not used: it reads as what was written to
-//! it last, 0 at first.
+//! Those builds check no address, so a request reads and writes all of it from 0 on. Sources: field
+//! firmware b77a6df run in a simulated ATmega2560, and its public source (structs in their order,
+//! 16-bit integers low byte first). Build 5f54f4d has the same layout one byte higher. Memory
+//! behind 312 is unused: it reads as the last byte written to it, 0 at first.
 
 use std::collections::BTreeMap;
 
@@ -68,13 +68,13 @@ const BATTERY: usize = 265;
 /// Where the motors' state lies.
 const MOTORS: core::ops::Range<usize> = 267..313;
 
-/// Registers and what is around them.
+/// Registers and the memory around them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Memory {
     bytes: [u8; SIZE],
     /// Where the map lies in the processor's memory.
     map: u16,
-    /// What was written elsewhere, through a pointer that was overwritten itself.
+    /// Bytes written elsewhere, through an overwritten data pointer.
     far: BTreeMap<u16, u8>,
     /// Which bytes of the task table were overwritten.
     tasks: [bool; TASK_BYTES as usize],
@@ -112,7 +112,7 @@ pub(super) enum Tasks {
     Sound,
     /// The next tick meets a task of which a part is overwritten.
     Damaged,
-    /// None of its periods comes to an end within a run.
+    /// The task table is overwritten; no period ends within a run.
     Gone,
 }
 
@@ -196,7 +196,7 @@ impl Memory {
         self.percent = percent.unwrap_or(self.percent);
     }
 
-    /// The main loop refills what the base feeds.
+    /// Refills the registers that the base feeds, as the main loop does.
     pub(super) fn refill(&mut self) {
         for (register, variable) in FED {
             self.bytes.copy_within(variable..variable + 2, register);
@@ -257,8 +257,8 @@ impl Memory {
         first < MOTORS.end && first + count > MOTORS.start
     }
 
-    /// Puts the request that is worked on where the fielded builds have it. Its pointer stays what
-    /// it is: it is set once, as the processor starts.
+    /// Puts the current request where the fielded builds have it. The data pointer stays unchanged:
+    /// the firmware sets it once, when the processor starts.
     pub(super) fn hold_request(&mut self, register: u8, control: u8, checksum: [u8; 2]) {
         let [sum_high, sum_low] = checksum;
         self.bytes[REQUEST..POINTER].copy_from_slice(&[register, control]);
@@ -391,8 +391,7 @@ mod tests {
         assert_eq!(memory.tasks(), Tasks::Gone);
     }
 
-    /// Whatever the pointer is, nothing is out of reach of `copy_data`, and what cannot be stored
-    /// is not held.
+    /// `copy_data` follows any pointer, and memory that cannot be stored is not held.
     #[test]
     fn a_pointer_to_anywhere_is_followed() {
         for pointer in (0..=u16::MAX).step_by(97) {

@@ -1,9 +1,9 @@
-//! What a master asks of the base: what the receiver finds, the ticks price and the main loop
-//! answers.
+//! A master's request: the receiver finds it, the ticks set its duration and the main loop answers
+//! it.
 
 use protocols::Instant;
 
-/// What a request wants, as the top bit of its count says.
+/// Kind of a request, from the top bit of its count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RequestKind {
     Read,

@@ -105,7 +105,7 @@ pub(super) struct Due {
 }
 
 impl Due {
-    /// What the tick interrupt takes, with the analog task at `block`.
+    /// Duration of the tick interrupt, with the analog task at `block`.
     pub(super) fn work(self, block: usize, driven: bool) -> Duration {
         let mut work = if self.analog {
             ANALOG_WORK[block % ANALOG_WORK.len()]
@@ -121,7 +121,7 @@ impl Due {
         work
     }
 
-    /// What a tick takes whose tasks were overwritten.
+    /// Duration of a tick whose tasks were overwritten.
     pub(super) const fn bare_work() -> Duration {
         BARE_TICK
     }
