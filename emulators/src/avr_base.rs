@@ -8,10 +8,10 @@
 //! ```
 //!
 //! The base acts only on frames whose checksum holds, and stops the motors by itself when the
-//! master falls silent. Which firmware it runs is a [`Profile`]; the fielded ones come with all
-//! The base acts only on frames whose checksum holds, and stops the motors by itself when the
 //! master falls silent. A [`Profile`] selects the firmware. The fielded firmwares come with all
 //! their defects and with their timing: see the module on ticks.
+//!
+//! Sources: seed report of 2015, chapter on the slave; field firmware b77a6df and 5f54f4d, run in
 //! a simulated ATmega2560 with a byte every 10 us.
 
 mod answer;

@@ -13,7 +13,6 @@
 //!  267..=312  motors, see [`Motors`]
 //! ```
 //!
-//! Nothing checks an address in those builds, so a request reads and writes all of it from 0 on.
 //! Those builds check no address, so a request reads and writes all of it from 0 on. Sources: field
 //! firmware b77a6df run in a simulated ATmega2560, and its public source (structs in their order,
 //! 16-bit integers low byte first). Build 5f54f4d has the same layout one byte higher. Memory
