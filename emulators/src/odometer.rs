@@ -52,17 +52,17 @@ const COMPLAINT_PERIOD: Duration = Duration::from_micros(500_600);
 /// How the board is set up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OdometerConfig {
-    /// What it prints.
+    /// Kind of its output.
     pub program: Program,
-    /// What it does with a loop that takes too long.
+    /// Reaction to a loop that takes too long.
     pub overrun: Overrun,
-    /// Encoder of the chassis whose axis the contacts turn with.
+    /// Encoder of the chassis whose axis turns with the contacts.
     pub encoder: String,
     /// Edges of the contacts a metre of rim.
     pub edges_per_m: f64,
     /// From one loop to the next, in the mean.
     pub loop_period: Duration,
-    /// At most so much more or less, evenly distributed.
+    /// Maximum deviation, more or less, evenly distributed.
     pub jitter: Duration,
     /// From the start of the program to its first line.
     pub calibration: Duration,
@@ -114,7 +114,7 @@ impl OdometerConfig {
     }
 }
 
-/// What the board is doing.
+/// State of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     /// Without supply.
@@ -167,7 +167,7 @@ pub struct Odometer {
     wear: f64,
     /// The wires of the contacts are exchanged.
     is_swapped: bool,
-    /// What iron nearby adds to the magnetic field, uT.
+    /// Magnetic field of nearby iron, uT.
     iron_ut: f32,
     lines: VecDeque<u8>,
     log: EventLog,
@@ -197,7 +197,7 @@ impl Odometer {
         }
     }
 
-    /// What the program has counted since it was reset; a test's view of the device.
+    /// Count of the program since its reset; a test's view of the device.
     pub fn counted(&self) -> i64 {
         self.sketch.counted()
     }

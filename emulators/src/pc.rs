@@ -1,9 +1,9 @@
 //! A PC at the other end of the radio, with a person who follows a script.
 //!
-//! It opens the port, sends waypoints and orders, and collects what the robot tells: map, pose,
-//! state, waypoints. A list of waypoints that does not come back within two seconds is sent again;
-//! in manual mode the order is repeated all the time, as the robot stops without it. Nothing that
-//! the robot sends can break the PC: what makes no sense is counted, and a violation of the robot.
+//! It opens the port, sends waypoints and orders, and collects the robot's messages: map, pose,
+//! state, waypoints. If the robot does not return a list of waypoints within two seconds, the PC
+//! sends the list again. In manual mode it repeats the order, because the robot stops without one.
+//! No message of the robot can break the PC: nonsense is counted, and is a violation of the robot.
 //!
 //! Rules: `bad-message`, `bad-row`, `waypoints-not-confirmed`, `order-not-confirmed`.
 
@@ -39,8 +39,7 @@ const OUT_MAX: usize = 131_072;
 /// How patient the PC is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
-    /// Silence after which a half-received frame is given up. The radio's own gaps stay below
-    /// 40 ms.
+    /// Idle time after which a partial frame is discarded. The radio's own gaps stay below 40 ms.
     pub idle: Duration,
     /// Time for the robot to confirm waypoints or an order before they are sent again.
     pub confirm: Duration,
@@ -48,9 +47,9 @@ pub struct Patience {
     pub tries_max: u32,
     /// Time between two orders in manual mode: the robot wants one a second at least.
     pub order_period: Duration,
-    /// Time after which a port that the other end closed is opened again; `None`: never.
+    /// Time after which the PC reopens a port that the other end closed; `None`: never.
     pub reopen: Option<Duration>,
-    /// Time for the other end to answer before it is called once more; `None`: forever.
+    /// Time for the other end to answer before the PC calls again; `None`: forever.
     pub answer: Option<Duration>,
 }
 
@@ -83,7 +82,7 @@ pub enum Connection {
     Closed,
     /// The port is open; nothing was received yet.
     Opening,
-    /// Connected since then: told by the radio, or by the first frame.
+    /// Connected since then, by the radio's report or by the first frame.
     Connected(Instant),
 }
 
@@ -159,7 +158,7 @@ impl Pc {
         self.waypoints.as_ref()?.confirmed_at()
     }
 
-    /// Whether every step was done and the robot confirmed what it was asked for.
+    /// Whether every step was done and the robot confirmed all its orders.
     pub fn is_done(&self) -> bool {
         self.next_step == self.script.steps().len() && self.confirmed_at().is_some()
     }
@@ -228,7 +227,7 @@ impl Pc {
         self.changes.push_back(LineEvent::Opened);
     }
 
-    /// What was opened did not answer, or what the other end closed is to be opened again.
+    /// Opens the port again: the other end did not answer, or closed the port.
     fn reopen(&mut self, now: Instant) {
         if self.connection == Connection::Opening {
             self.log.note(now, "no-answer", String::new());
@@ -264,7 +263,7 @@ impl Pc {
         }
     }
 
-    /// Does all that is due by `now`. A PC lives in no world, so it can also be on a real port.
+    /// Handles everything due by `now`. A PC needs no world, so it can also be on a real port.
     pub fn tick(&mut self, now: Instant) {
         if self.quiet_at.is_some_and(|at| at <= now) {
             self.quiet_at = None;

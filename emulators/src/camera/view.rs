@@ -1,4 +1,4 @@
-//! What the camera makes of the world.
+//! View of the camera on the world.
 
 use core::f64::consts::PI;
 
@@ -14,7 +14,7 @@ const HALF_HEIGHT: f64 = 240.0 / 525.0;
 const MARKER_RANGE_M: [f64; 2] = [0.4, 4.0];
 /// Seen from farther aside than 70 degrees it is not recognised.
 const MARKER_ASIDE_RAD: f64 = 70.0 / 180.0 * PI;
-/// The marker lies on what holds it: that hides it only if it is nearer by this, metres.
+/// A marker's own support hides the marker only if it is nearer by this, metres.
 const MARKER_DEPTH_M: f64 = 0.05;
 /// Error of a marker's place: standard deviation, part of its depth.
 const MARKER_NOISE: f64 = 0.005;
@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(seen([2.0, 0.5, 0.25], PI), Some([-0.5, 0.3 - 0.25, 2.0]));
     }
 
-    /// Seen from ahead, a marker faces back; 70 degrees either way it is still read.
+    /// Seen from ahead, a marker faces back. The camera still reads it 70 degrees to either side.
     #[test]
     fn a_marker_is_read_up_to_70_degrees_aside() {
         let is_read = |degrees: f64| seen([1.0, 0.0, 0.3], degrees.to_radians()).is_some();

@@ -1,4 +1,4 @@
-//! What a module is: its firmware, the figures of its radio, and what it remembers.
+//! Kind of a module: its firmware, the figures of its radio, and its stored settings.
 
 use core::time::Duration;
 
@@ -18,7 +18,7 @@ pub enum LineSwitch {
     AtPowerOn,
 }
 
-/// What happens to bytes that had not gone through when the connection ended. No source says.
+/// Treatment of undelivered bytes when the connection ends. No source says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Leftovers {
     /// They are gone.
@@ -28,7 +28,7 @@ pub enum Leftovers {
     Kept,
 }
 
-/// What the module remembers without power.
+/// Settings that the module keeps without power.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Name shown to a host that scans for modules, at most 20 bytes.
@@ -55,8 +55,8 @@ pub struct Profile {
     pub settings: Settings,
     /// Address on the air.
     pub address: [u8; 6],
-    /// Silence that ends a command, families without line ends. Public tools that set real modules
-    /// up look for the reply 0.55, 0.6 or 1 s after their command, and one says that the module
+    /// Silence that ends a command, families without line ends. Public tools that configure real
+    /// modules look for the reply 0.55, 0.6 or 1 s after their command. One states that the module
     /// takes 0.6 s: about half a second. "One command a second" is a rule for the sender.
     pub silence: Duration,
     /// Longest time from the first to the last byte of a command, families without line ends:
@@ -68,7 +68,7 @@ pub struct Profile {
     pub connect_delay: Duration,
     /// Radio silence after which both sides give the connection up. Bluetooth default.
     pub supervision: Duration,
-    /// What becomes of bytes under way when the connection ends.
+    /// Treatment of bytes under way when the connection ends.
     pub leftovers: Leftovers,
     /// Bytes between UART and radio, towards the host. One remark has "after about 700 bytes".
     pub fifo_len: usize,
@@ -85,8 +85,8 @@ pub struct Profile {
     pub latency_busy: [Duration; 2],
     /// Pause after which the radio link counts as idle. No source says.
     pub idle_after: Duration,
-    /// Bytes under way and delivered but not taken, per direction, at which the module stops
-    /// moving bytes. No source says; enough not to slow down a link whose other end reads.
+    /// Number of bytes per direction, under way or not yet taken, at which the module stops moving
+    /// bytes. No source says; enough not to slow down a link whose other end reads.
     pub window: usize,
     /// Bytes that the host's operating system holds for the module before it loses some, which
     /// no host does: it makes the writer wait, see [`Hc06::room`](super::Hc06::room).

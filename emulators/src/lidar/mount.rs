@@ -1,4 +1,4 @@
-//! Where a lidar sits on its robot, and which way it turns.
+//! Mounting position of a lidar on its robot, and direction of rotation.
 
 /// Where the sensor sits on the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +26,7 @@ impl Default for Mount {
     }
 }
 
-/// Which way the head turns, seen from above.
+/// Direction of rotation of the head, seen from above.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Direction {
     /// As in all reports but one.

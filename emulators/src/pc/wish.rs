@@ -30,7 +30,7 @@ enum Outcome {
     GivenUp,
 }
 
-/// What is to be done about a wish.
+/// Next action for a wish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Due {
     Nothing,
@@ -61,7 +61,7 @@ impl<T> Wish<T> {
         Some(self.said_at.map_or(Instant::ZERO, |at| at + every))
     }
 
-    /// What is to be done about it now; it is taken as done.
+    /// The action due now; it counts as done.
     pub(super) fn take_due(&mut self, now: Instant) -> Due {
         if self.due_at().is_none_or(|at| at > now) {
             return Due::Nothing;
@@ -88,7 +88,7 @@ impl<T> Wish<T> {
         news
     }
 
-    /// The connection is gone: what was not confirmed is said again on the next one.
+    /// Restarts after a lost connection: unconfirmed wishes are sent again on the next one.
     pub(super) fn start_again(&mut self) {
         self.said_at = None;
         self.tries = 0;
