@@ -34,7 +34,7 @@ pub struct TextConfig {
     pub watchdog: Option<Duration>,
     /// Its values.
     pub variables: Vec<Variable>,
-    /// What it understands; the first that fits is taken.
+    /// Its commands; the first match is taken.
     pub commands: Vec<Command>,
     /// Reply to everything else, if any.
     pub unknown: Option<String>,
@@ -51,9 +51,9 @@ pub struct TextConfig {
 /// A request and its reply.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Command {
-    /// What the master says.
+    /// Pattern of the master's line.
     pub request: String,
-    /// What the slave answers, if anything.
+    /// Pattern of the slave's answer, if any.
     pub reply: Option<String>,
 }
 
@@ -74,7 +74,7 @@ enum Piece {
     Field(usize),
 }
 
-/// Bytes of a line at most; a longer one is none.
+/// Maximum length of a line in bytes; a longer one is ignored.
 const LINE_MAX: usize = 256;
 /// Replies that wait at most.
 const QUEUE_MAX: usize = 16;
@@ -355,7 +355,7 @@ impl Device for Text {
                 self.line.truncate(len);
                 self.end_of_line(now);
             } else if self.line.len() > LINE_MAX {
-                // What comes is checked only for the end.
+                // The rest of a line that is too long is checked only for its end.
                 let keep = self.config.terminator.len().min(LINE_MAX);
                 self.line.drain(..self.line.len() - keep);
                 if !core::mem::replace(&mut self.is_too_long, true) {

@@ -21,7 +21,7 @@ pub const WIDTH: usize = 480;
 /// Rows.
 pub const HEIGHT: usize = 272;
 
-/// Quiet time after which a half-received frame is given up.
+/// Idle time after which a partial frame is discarded.
 const IDLE_GAP: Duration = Duration::from_millis(5);
 /// How often a touching pen is reported.
 const REPORT_PERIOD: Duration = Duration::from_millis(20);
@@ -103,7 +103,7 @@ impl TouchPanel {
         self.is_on
     }
 
-    /// What the display holds: RGB565, 480 pixels a row, top row first.
+    /// Content of the display: RGB565, 480 pixels a row, top row first.
     pub fn pixels(&self) -> &[u16] {
         &self.pixels
     }
@@ -208,7 +208,7 @@ impl TouchPanel {
     }
 }
 
-/// What the converter reads at the middle of a pixel: the whole panel is 0 to 4095.
+/// Reading of the converter at the middle of a pixel: the whole panel is 0 to 4095.
 fn reading_of(place: [u16; 2]) -> [u16; 2] {
     let reading = |at: u16, all: usize| {
         let all = u32::try_from(all).expect("a few hundred");

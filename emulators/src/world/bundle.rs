@@ -1,9 +1,9 @@
 //! Four walls or circles screened at once, before any is tested exactly.
 //!
 //! A cell of the [grid](super::grid) holds its primitives in bundles of four. The screen works in
-//! `f32`, because four of those fill one register, and errs on one side only: what it lets pass is
-//! tested exactly afterwards, and what it refuses is out of reach of all rounding. So it costs
-//! or saves time and never changes a result.
+//! `f32`, because four of those fill one register. It errs on one side only: primitives that pass
+//! are tested exactly afterwards, and refused ones are out of reach of all rounding. So it costs or
+//! saves time and never changes a result.
 //!
 //! A circle is screened as a wall of the same width that always faces the ray.
 
@@ -233,8 +233,8 @@ mod tests {
 
     const NOWHERE: Point = Point::new(-10.0, -20.0);
 
-    /// Which of four lanes a ray from `from` at `angle` may meet within `limit`: a wall across its
-    /// way at 1 m, half a metre to either side; one along it, 0.2 m to the left from 1 m to 3 m; a
+    /// Which of four lanes a ray from `from` at `angle` may meet within `limit`: a wall across at 1
+    /// m, half a metre to either side; a wall along the ray, 0.2 m to the left from 1 m to 3 m; a
     /// circle of 0.3 m around (2, 0); and an empty lane.
     fn screened(from: (f64, f64), angle: f64, limit: f32) -> [bool; LANES] {
         let at = Point::new;
@@ -257,7 +257,7 @@ mod tests {
         bundle.screen(&Beam::new(ray, 0.0, NOWHERE), limit)
     }
 
-    /// A millimetre beside, before and behind each thing: what cannot be met costs no exact test.
+    /// A millimetre beside, before and behind each primitive: out of reach needs no exact test.
     #[test]
     fn a_screen_refuses_what_is_out_of_reach() {
         let ahead = |y: f64, limit| screened((0.0, y), 0.0, limit);

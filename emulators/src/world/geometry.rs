@@ -9,11 +9,11 @@ use core::f64::consts::{PI, TAU};
 /// end, so that no ray slips through a corner; a nanometre is far below anything measured.
 const TOUCH_M: f64 = 1e-9;
 
-/// Sine of the angle between ray and wall below which the two count as parallel: over the largest
+/// Sine of the angle between ray and wall below which both count as parallel: over the largest
 /// world (2 km) such a ray drifts by no more than [`TOUCH_M`].
 const PARALLEL: f64 = 5e-13;
 
-/// A place in the world, or the way from one place to another, in metres.
+/// A position in the world, or the vector from one position to another, in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
     /// Forward (east), metres.
@@ -47,7 +47,7 @@ pub struct Pose {
     pub x: f64,
     /// Metres left (north).
     pub y: f64,
-    /// Heading in radians, counter-clockwise from x; what the world hands out is in (-pi, pi].
+    /// Heading in radians, counter-clockwise from x; the world returns values in (-pi, pi].
     pub theta: f64,
 }
 
@@ -236,7 +236,7 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// The wall between two places; `None` if they are closer than a micrometre.
+    /// The wall between two points; `None` if they are closer than a micrometre.
     pub(super) fn new(from: Point, to: Point) -> Option<Self> {
         let length = from.distance(to);
         (length >= 1e-6).then(|| Self {

@@ -1,7 +1,7 @@
 //! Motion of an obstacle: timed way-points with straight lines between them.
 //!
-//! The place is a pure function of time, so a beam cast a millisecond in the past sees the obstacle
-//! where it was then, and no order of calls can matter.
+//! The position is a pure function of time. A beam cast a millisecond in the past sees the obstacle
+//! at its past position, and no order of calls can matter.
 
 use protocols::Instant;
 
@@ -24,7 +24,7 @@ pub enum Repeat {
     Once,
     /// From the beginning again; the last place must be the first, as nothing jumps.
     Loop,
-    /// Back along the same way, then forth again.
+    /// Back along the same path, then forth again.
     PingPong,
 }
 

@@ -49,8 +49,8 @@ impl Scene {
         }
     }
 
-    /// The least grip of the floor at `point`, as a part of free fall; `None` where wheels hold,
-    /// whatever they do.
+    /// The least grip of the floor at `point`, as a part of free fall; `None` where wheels always
+    /// hold.
     pub fn grip_at(&self, point: Point) -> Option<f64> {
         let here = self.slick.iter().filter(|floor| floor.covers(point));
         here.map(|floor| floor.grip).reduce(f64::min)

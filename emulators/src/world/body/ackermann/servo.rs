@@ -13,7 +13,7 @@ const PVC_SHORT_RAD: f64 = 0.07;
 /// The wheels' own law strays no farther from the linkage's: 6 degrees, a guess.
 const WANDER_MAX_RAD: f64 = 0.1;
 
-/// What the wheels stand on: how far the servo of a heavy car gets while the car does not roll.
+/// Effect of the floor on the servo of a heavy car: the angle that it reaches at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Floor {
     /// The servo is as strong at rest as rolling.
@@ -25,13 +25,13 @@ pub enum Floor {
     Carpet,
 }
 
-/// How the true angle of the wheels differs from the one that the servo is told, as it does from
-/// car to car and from hour to hour: `angle = gain * told + trim + wander`.
+/// Difference between the true angle of the wheels and the commanded one. It varies from car to car
+/// and from hour to hour: `angle = gain * told + trim + wander`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SteeringLaw {
     /// Of the linkage.
     pub gain: f64,
-    /// Wheels' angle where straight ahead is told, radians, counter-clockwise.
+    /// Angle of the wheels for the command straight ahead, radians, counter-clockwise.
     pub trim_rad: f64,
     /// A random walk while the car rolls: standard deviation after one metre, radians. It stays
     /// within 0.1 rad.
@@ -52,7 +52,7 @@ impl Default for SteeringLaw {
 /// The servo with its linkage.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Servo {
-    /// Part of the way to its goal, and radians, that it makes in one step at most.
+    /// Part of the remaining angle, and maximum angle in radians, that the servo turns in one step.
     approach: f64,
     most: f64,
     angle_max: f64,
