@@ -66,24 +66,24 @@ pub struct Config {
     pub mount: Mount,
     /// Geometry of the optics.
     pub optics: Optics,
-    /// How much of what varies is modelled.
+    /// Amount of modelled variation.
     pub detail: Detail,
-    /// What is wrong with it from the start.
+    /// Faults from the start.
     pub faults: Vec<Fault>,
 }
 
-/// What varies besides the noise of each reading.
+/// Variation besides the noise of each reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Detail {
     /// Nothing: surfaces are even and alike, and only the edges of the encoder jitter.
     #[default]
     Even,
-    /// As in the "hand in box" capture: belt and gear let the speed wander within a turn, surfaces
-    /// reflect unevenly and are rough, and noise is a little alike from turn to turn.
+    /// As in the "hand in box" capture. Belt and gear let the speed wander within a turn. Surfaces
+    /// reflect unevenly and are rough, and noise correlates a little from turn to turn.
     Captured,
 }
 
-/// What the firmware is doing.
+/// State of the firmware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// Power is off.
@@ -206,7 +206,7 @@ impl Xv11 {
         self.plan();
     }
 
-    /// What the firmware is doing.
+    /// State of the firmware.
     pub fn state(&self) -> State {
         self.firmware.state()
     }

@@ -1,4 +1,4 @@
-//! What can be wrong with a sensor, as data.
+//! Faults of a sensor, as data.
 
 /// Friction that a regulated supply can no longer make up for, rpm/s.
 const SLOW_RPM_S: f64 = 600.0;
@@ -32,7 +32,7 @@ pub enum Fault {
     Garbage,
     /// Every distance is too long by this factor, or too short.
     Wrong {
-        /// Distance told by true distance.
+        /// Reported distance divided by true distance.
         factor: f64,
     },
     /// The processor restarts, in the middle of a packet. Once; clears itself.

@@ -6,9 +6,9 @@ use protocols::xv11::{RawReading, Reading};
 use super::encoder::PHASE_SLOTS;
 use crate::lidar::rotor::nanos;
 
-/// A measurement takes this long: at a (shown) speed of more than 320 rpm every second slot is
-/// skipped. The folklore of "sparse data above 320 rpm", and what the doubled tooth of the "hand
-/// in box" capture shows at 351 rpm.
+/// Duration of a measurement: at a (shown) speed of more than 320 rpm every second slot is skipped.
+/// Users report "sparse data above 320 rpm", and the doubled tooth of the "hand in box" capture
+/// shows it at 351 rpm.
 const MEASUREMENT_S: f64 = 60.0 / 320.0 / 360.0;
 
 /// A run of slots from one known edge on.

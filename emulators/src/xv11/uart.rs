@@ -1,8 +1,8 @@
 //! The sensor's transmitter: a ring of bytes behind a UART without flow control.
 //!
-//! What does not fit the ring is dropped as a whole packet, so a host sees index jumps, never torn
-//! packets. The capture shows about five packets behind the one on the line: with the motor slow,
-//! 4 to 6 packets in sequence come out of a burst before the first jump.
+//! If a packet does not fit the ring, the whole packet is dropped. So a host sees index jumps,
+//! never torn packets. The capture shows about five packets behind the one on the line: with the
+//! motor slow, 4 to 6 packets in sequence come out of a burst before the first jump.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -26,8 +26,8 @@ struct Packet {
     starts: Instant,
 }
 
-/// Transmitter state. It keeps its own time, so what it drops does not depend on when the line
-/// comes for bytes.
+/// Transmitter state. It keeps its own time, so dropped packets do not depend on when the line
+/// takes bytes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Uart {
     waiting: VecDeque<Packet>,
@@ -79,7 +79,7 @@ impl Uart {
         self.waiting.front().map(|packet| packet.starts)
     }
 
-    /// Hands out what goes on the line by `now`. Of a packet that would not be finished at
+    /// Moves the bytes due by `now` to the line. Of a packet that would not be finished at
     /// `power_cut` only the finished bytes go out.
     pub(super) fn release(&mut self, now: Instant, power_cut: Option<Instant>) {
         while let Some(packet) = self.waiting.front().copied() {
@@ -92,7 +92,7 @@ impl Uart {
         }
     }
 
-    /// Forgets what is not on the line yet: the processor restarts at `now`.
+    /// Discards bytes that are not on the line yet: the processor restarts at `now`.
     pub(super) fn reset(&mut self, now: Instant) {
         self.waiting.clear();
         self.free_at = now;

@@ -46,8 +46,8 @@ const END_AT: Instant = Instant::from_millis(30_500);
 /// Recording begins in the middle of the stream.
 const BEGIN_AT: Instant = Instant::from_millis(4_450);
 
-/// Bytes of an emulated sensor that goes through what the captured one went through: 120 turns in a
-/// box with a hand moving about, then the motor is cut, until after the boot text.
+/// Bytes of an emulated sensor in the scenario of the capture: 120 turns in a box with a hand that
+/// moves about, then the motor is cut, until after the boot text.
 pub fn hand_in_box(profile: Profile, seed: u64) -> Vec<u8> {
     let config = Config {
         profile,

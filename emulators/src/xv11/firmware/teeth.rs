@@ -1,5 +1,5 @@
-//! What a tooth of the encoder does: it ends a run of slots and begins the next, or shows that the
-//! head is not where the firmware thought.
+//! Effect of an encoder tooth: it ends a run of slots and begins the next, or shows that the head
+//! is not where the firmware expected it.
 
 use core::time::Duration;
 
@@ -112,7 +112,7 @@ impl Xv11 {
         }
     }
 
-    /// Measures what was begun before the tooth came and skips the rest.
+    /// Measures the slots begun before the tooth came and skips the rest.
     fn finish_run(&mut self, seen: Tooth, slots: f64, world: &World) {
         let Some(pace) = self.firmware.scan.pace else {
             return;
