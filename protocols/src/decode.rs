@@ -13,9 +13,9 @@ pub trait Decode {
     /// The decoded frame: verified, with every bit kept.
     type Frame;
 
-    /// Takes bytes from the front of `input` until something can be said.
+    /// Takes bytes from the front of `input` until there is a result.
     ///
-    /// `None` means that `input` is empty and that nothing more follows from what is pending. An
+    /// `None` means that `input` is empty and that the pending bytes give no further result. An
     /// `Err` reports a rejected candidate, which cost exactly one byte; decoding continues.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<Self::Frame, FrameError>>;
 
@@ -28,7 +28,7 @@ pub trait Decode {
     /// Bytes taken but not yet judged.
     fn pending(&self) -> usize;
 
-    /// Bytes given up since the decoder was made.
+    /// Number of bytes discarded since the decoder was made.
     fn discarded(&self) -> u64;
 
     /// Feeds `bytes`; iterating yields frames and errors. Dropping the iterator early still feeds
@@ -93,9 +93,9 @@ pub enum FrameError {
         /// The byte behind the escape byte.
         found: u8,
     },
-    /// A value that no such device has, where the format has no checksum.
+    /// An implausible value, in a format without a checksum.
     Implausible {
-        /// Place of its first byte in the frame; behind the frame if what follows is no frame.
+        /// Index of its first byte in the frame; behind the frame if no frame follows.
         at: u32,
         /// The value.
         found: u32,
@@ -127,7 +127,7 @@ pub enum Candidate {
     Noise,
     /// So far so good; at least one more byte is needed.
     Incomplete,
-    /// Looked like a frame, and is none.
+    /// A rejected candidate.
     Rejected(FrameError),
     /// The first `n` bytes are a verified frame.
     Complete(usize),
@@ -143,9 +143,9 @@ pub trait Format {
     /// mind about a prefix: more bytes never turn `Noise` or `Rejected` into something else.
     fn judge(&self, bytes: &[u8]) -> Candidate;
 
-    /// Judges the non-empty `bytes` when no more will come. A format whose frames carry too few
-    /// check bits waits in [`judge`](Self::judge) for what follows a frame; here it decides
-    /// without. `Incomplete` counts as cut off.
+    /// Judges the non-empty `bytes` at the end of the input. A format with few check bits waits in
+    /// [`judge`](Self::judge) for the bytes behind a frame; here it decides without them.
+    /// `Incomplete` counts as cut off.
     fn judge_last(&self, bytes: &[u8]) -> Candidate {
         self.judge(bytes)
     }
@@ -184,13 +184,13 @@ impl<F: Format, const N: usize> Decoder<F, N> {
         &self.format
     }
 
-    /// The format, to be changed for the pending bytes and what follows: for protocols whose frames
-    /// announce what comes next.
+    /// The format, for changes that apply to pending and later bytes: some protocols announce the
+    /// next frame in the current one.
     pub(crate) const fn format_mut(&mut self) -> &mut F {
         &mut self.format
     }
 
-    /// Judges what is pending. `Some` if that settled anything, a plain noise byte excepted.
+    /// Judges the pending bytes. `Some` if there is a result; skipped noise alone is none.
     fn settle(&mut self) -> Option<Result<F::Frame, FrameError>> {
         while self.start < self.end {
             let bytes = &self.buf[self.start..self.end];
@@ -229,7 +229,7 @@ impl<F: Format, const N: usize> Decoder<F, N> {
         self.discarded += 1;
     }
 
-    /// Takes as much input as the buffer holds.
+    /// Takes input until the buffer is full.
     fn fill(&mut self, input: &mut &[u8]) {
         if self.start == self.end {
             (self.start, self.end) = (0, 0);
@@ -249,7 +249,7 @@ impl<F: Format, const N: usize> Decode for Decoder<F, N> {
 
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<F::Frame, FrameError>> {
         loop {
-            // What was pending when the line went quiet is settled before new bytes join it.
+            // Bytes pending at an idle line are settled before new bytes join them.
             if let Some(outcome) = self.settle() {
                 return Some(outcome);
             }
@@ -355,7 +355,7 @@ mod tests {
         assert_eq!((decoder.pending(), decoder.discarded()), (0, 4));
     }
 
-    /// The iterator is lazy: what it was not asked for is fed when it is dropped.
+    /// The iterator is lazy: its drop feeds the remaining bytes.
     #[test]
     fn dropping_the_iterator_feeds_the_rest() {
         let mut decoder: Decoder<_, 4> = Decoder::with_format(Undecided);

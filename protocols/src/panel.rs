@@ -81,7 +81,7 @@ impl Window {
 /// Request of a frame to the panel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command<'a> {
-    /// Show what is in memory.
+    /// Show the content of the memory.
     On,
     /// Show nothing.
     Off,
@@ -195,8 +195,8 @@ pub fn checksum(bytes: &[u8]) -> u16 {
     })
 }
 
-/// Puts start, number, length and checksum around a payload that already lies in `frame[4..]`;
-/// returns the length of the whole frame. `None` if it is too long, or longer than `frame`.
+/// Puts start, number, length and checksum around a payload that already lies in `frame[4..]`.
+/// Returns the length of the whole frame; `None` if it is too long, or longer than `frame`.
 pub fn seal(frame: &mut [u8], op: u8, payload_len: usize) -> Option<usize> {
     if payload_len > PAYLOAD_MAX {
         return None;
@@ -212,8 +212,8 @@ pub fn seal(frame: &mut [u8], op: u8, payload_len: usize) -> Option<usize> {
     Some(end + 2)
 }
 
-/// Encodes the `pixels` of `window`, as runs or one by one, whichever is shorter; returns the
-/// frame's length. `None` if they do not fit one frame or are not as many as the window holds.
+/// Encodes the `pixels` of `window` in the shorter form, as runs or one by one; returns the frame's
+/// length. `None` if they do not fit one frame or their number differs from the window's area.
 pub fn encode_pixels(window: Window, pixels: &[u16], frame: &mut [u8]) -> Option<usize> {
     if u32::try_from(pixels.len()) != Ok(window.area()) {
         return None;

@@ -59,8 +59,8 @@ impl core::fmt::Display for RleError {
 
 impl core::error::Error for RleError {}
 
-/// Decodes `code` into the front of `row` and returns the number of pixels written; the rest keeps
-/// what it held. A row of the fielded dialect writes one pixel less than its width.
+/// Decodes `code` into the front of `row` and returns the number of pixels written; the rest of
+/// `row` stays. A row of the fielded dialect writes one pixel less than its width.
 pub fn decode(code: &[u8], row: &mut [u8]) -> Result<usize, RleError> {
     let (pairs, []) = code.as_chunks::<2>() else {
         return Err(RleError::OddLength);
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(row, [9; 4]);
     }
 
-    /// Two of 9, none of 5, three of 127; the last pixel keeps what it held.
+    /// Two of 9, none of 5, three of 127; the last pixel stays.
     #[test]
     fn each_run_follows_the_one_before_it() {
         let mut row = [1; 6];

@@ -1,4 +1,4 @@
-//! Commands: the top bit says what, the other seven how much.
+//! Commands: the top bit selects motor or steering, the other seven hold the value.
 
 use core::fmt;
 

@@ -69,7 +69,7 @@ impl Readings {
     }
 }
 
-/// Frames whose values the sensors can have.
+/// Format of frames with plausible sensor values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameFormat {
     /// Minimum and maximum voltage of the battery, millivolts.

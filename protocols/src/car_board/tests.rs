@@ -142,7 +142,8 @@ const TWOFOLD: Readings = Readings {
     battery_mv: 0x1C01,
 };
 
-/// Its first byte is lost. The next frame, which does not begin where the wrong one ends, tells.
+/// The frame's first byte is lost. The next frame shows the error: it does not begin at the wrong
+/// end.
 #[test]
 fn the_next_frame_tells_where_the_one_before_ended() {
     let (twofold, other) = (TWOFOLD.encode(), VECTOR_READINGS.encode());
@@ -155,7 +156,7 @@ fn the_next_frame_tells_where_the_one_before_ended() {
     assert_eq!(decode(&stream[1..]), frames[1..]);
 }
 
-/// Parked, all frames are equal, and bytes alone cannot tell; a pause can.
+/// In a parked car all frames are equal: bytes alone do not show where frames begin, a pause does.
 #[test]
 fn a_pause_tells_where_frames_begin() {
     let frame = TWOFOLD.encode();
@@ -409,7 +410,7 @@ fn levels_and_steering_values_are_their_numbers() {
     }
 }
 
-/// Behind 13 bytes 00 0F must follow: the place of the first byte that is another is told.
+/// Behind 13 bytes 00 0F must follow: the error names the position of the first other byte.
 #[test]
 fn a_frame_is_refused_where_no_other_follows() {
     let frame = *Readings {

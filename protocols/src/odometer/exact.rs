@@ -1,4 +1,4 @@
-//! The fielded host's way to verify a line.
+//! Verification of a line by the fielded host.
 
 /// Whether the car's own program accepts a line: five figures, the sum of the first four, added up
 /// from the left in 32 bits, exactly equal to the fifth. A line with fewer figures makes that

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// Beyond this the Arduino gives up, because the whole part must fit 32 bits.
+/// Limit of the Arduino's output, because the whole part must fit 32 bits.
 const WHOLE_MAX: f32 = 4_294_967_040.0;
 
 /// Prints `number` as the Arduino core's `Print::print(double, digits)` does where a double has 32

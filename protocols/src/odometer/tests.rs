@@ -1,4 +1,4 @@
-//! Vectors by hand, the Arduino's rounding, and what the fielded host makes of it.
+//! Vectors by hand, the Arduino's rounding, and the fielded host's verification.
 
 extern crate std;
 
@@ -112,7 +112,7 @@ fn a_crc_in_small_letters_is_refused() {
     assert!(refused > 0);
 }
 
-/// What opens each run where no sensor answers, an empty line, too few fields, a bad figure, a sum
+/// The first line of a run without a sensor, an empty line, too few fields, a bad figure, a sum
 /// that is off by 0.04 where 0.025 + 1/1024 is allowed.
 #[test]
 fn lines_that_say_nothing_are_told_apart() {
@@ -163,7 +163,7 @@ fn a_line_is_waited_for_up_to_160_bytes() {
     assert_eq!(decoder.push(b"a").next(), error);
 }
 
-/// The way in metres, the heading in radians, the time in milliseconds.
+/// The distance in metres, the heading in radians, the time in milliseconds.
 #[test]
 fn a_line_as_coded_is_read_by_hand() {
     let read = Dialect::AsCoded.read(b"1.25*0.50*1.50*12345*12347.76*");

@@ -101,8 +101,8 @@ impl Capsule {
         samples
     }
 
-    /// The samples with their angles: `next` is the capsule behind this one, whose start angle
-    /// tells how far the head turned meanwhile. Sample k (from 0, as in the vendor's code) lies at
+    /// The samples with their angles. `next` is the capsule behind this one; its start angle gives
+    /// the rotation of the head in between. Sample k (from 0, as in the vendor's code) lies at
     /// `start + k / 32 of the way - dtheta`.
     pub fn samples(&self, next: &Self) -> [Sample; CAPSULE_SAMPLES] {
         let start = i32::from(self.start_angle_q6());

@@ -61,8 +61,8 @@ impl Decoder {
         }
     }
 
-    /// Says that the owner has read the frame that came out last. Until then a decoder with
-    /// [`Defects::deaf_while_done`] discards what arrives; any other takes no notice.
+    /// Reports that the owner has read the last frame. Until then a decoder with
+    /// [`Defects::deaf_while_done`] discards arriving bytes; any other ignores this call.
     pub fn read_done(&mut self) {
         if self.state == State::Done {
             self.state = State::Hunt;
@@ -100,7 +100,7 @@ impl Decoder {
         self.push_plain(plain)
     }
 
-    /// Decodes one byte whose escape was undone.
+    /// Decodes one byte after unescaping.
     fn push_plain(&mut self, byte: u8) -> Option<Result<Frame, FrameError>> {
         match self.state {
             State::Hunt | State::Done => {}

@@ -71,7 +71,7 @@ impl<W: PbWrite> FieldWriter for PbEncoder<W> {
     }
 }
 
-/// Counts what it is given.
+/// Counts the written bytes.
 struct Counter(usize);
 
 impl PbWrite for Counter {
