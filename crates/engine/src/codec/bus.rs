@@ -34,12 +34,12 @@ pub const fn bus(order: ChecksumOrder) -> &'static Codec {
 }
 
 const ANSWERS: Answers = Answers {
-    // Register and whether it is a write, with the count: what a reply echoes.
+    // Register and direction, with the count: a reply repeats both.
     kind: |frame| &frame[1..3],
     head: 3,
-    // In its name a bad checksum is answered.
+    // Register of the answer to a bad checksum.
     is_refusal: |frame| frame[1] == ERROR_REGISTER,
-    // Few of 256 registers are there, mostly the first ones; a short read does no harm.
+    // Few of 256 registers exist, mostly the first ones; a short read does no harm.
     likely: &[(0, 32), (1, 4)],
 };
 

@@ -4,8 +4,8 @@
 //! /address 0..   ,types 0..   arguments        each part a multiple of four bytes
 //! ```
 //!
-//! In life one packet of a network is one message, or a bundle of them; in a row of bytes a message
-//! says how long it is, a bundle does not, so bundles are told as bad.
+//! On a network one packet is one message, or a bundle of them. In a stream of bytes a message
+//! implies its length and a bundle does not, so bundles are reported as bad.
 
 use core::time::Duration;
 
@@ -137,7 +137,7 @@ impl Format for OscFormat {
     }
 }
 
-/// What the phone of a model car has.
+/// Controls of a model car's phone.
 const ADDRESSES: [&str; 5] = ["/1/speed", "/1/direction", "/1/kill", "/goal", "/a"];
 
 impl Wire for Osc {

@@ -11,7 +11,7 @@ use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};
 
-/// Samples one way, outputs the other.
+/// Samples in one direction, outputs in the other.
 pub static PERIPHERALS: Codec =
     Codec::of::<Peripherals>("Timers, PWM and ADC of a motor board, sampled each millisecond")
         .with_floor(Floor {
@@ -76,7 +76,7 @@ pub struct Peripherals;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EitherWay;
 
-/// A frame of either way.
+/// A frame of either direction.
 #[derive(Clone, Debug)]
 pub struct BoardFrame {
     bytes: Vec<u8>,

@@ -12,8 +12,8 @@ use crate::rig::direction::Direction;
 
 /// A wire format that can be recognised from its bytes: a row of the table.
 ///
-/// Made of a [`Wire`] by [`of`](Self::of), which is enough for `decode`, `shrink` and `fuzz`; the
-/// `with_` functions add what cannot be told from the format itself.
+/// Made of a [`Wire`] by [`of`](Self::of), which is enough for `decode`, `shrink` and `fuzz`. The
+/// `with_` functions add knowledge that is not in the format itself.
 #[derive(Clone, Copy)]
 pub struct Codec {
     name: &'static str,
@@ -47,7 +47,7 @@ pub trait OwnFormat: Send + Sync {
     /// A fresh decoder.
     fn decoder(&self) -> Box<dyn AnyDecoder>;
 
-    /// A fresh decoder of what goes in this direction, where the two have formats of their own.
+    /// A fresh decoder of the bytes in this direction, if the directions have formats of their own.
     fn decoder_towards(&self, _direction: Direction) -> Box<dyn AnyDecoder> {
         self.decoder()
     }
@@ -59,8 +59,8 @@ pub trait OwnFormat: Send + Sync {
     fn build(&self, choices: &mut Choices<'_>, out: &mut Vec<u8>);
 }
 
-/// Silence after which half a frame is given up, unless a row says otherwise: longer than any gap
-/// that a device leaves inside of a frame.
+/// Idle time after which a partial frame is discarded, unless a row sets its own: longer than any
+/// gap that a device leaves inside a frame.
 pub const IDLE: Duration = Duration::from_millis(50);
 
 /// The method by which a program's client distinguishes its answers, and the requests worth
@@ -88,10 +88,10 @@ impl Answers {
     };
 }
 
-/// The same format with the bytes of its checksum the other way round.
+/// The same format with the bytes of its checksum swapped.
 #[derive(Clone, Copy, Debug)]
 pub enum OtherOrder {
-    /// Devices with either order exist: only the program that expects one order can tell which is
+    /// Devices with either order exist. Only the program that expects one order shows which one is
     /// wrong.
     Row(&'static Codec),
     /// Test for swapped checksums, which no device sends: counts of frames whose checksum is valid
@@ -222,7 +222,7 @@ impl Codec {
         &self.target
     }
 
-    /// Silence after which half a frame is given up.
+    /// Idle time after which a partial frame is discarded.
     pub const fn idle(&self) -> Duration {
         self.idle
     }
@@ -298,7 +298,7 @@ impl Codec {
         self.frames_if(bytes, |_| true)
     }
 
-    /// Places of the valid frames in `bytes` whose values can be.
+    /// Byte ranges of the valid frames in `bytes` with plausible values.
     pub fn plausible_frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
         self.frames_if(bytes, |decoder| decoder.is_plausible())
     }
@@ -343,7 +343,7 @@ impl Named for Codec {
     }
 }
 
-/// Names are unique, so they tell rows apart.
+/// Names are unique, so they identify rows.
 impl PartialEq for Codec {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name

@@ -51,9 +51,9 @@ pub trait Wire {
     /// that does not use the tested code.
     fn frame_at(bytes: &[u8]) -> Option<usize>;
 
-    /// The length of the frame that `bytes` begins with if it is one whatever came before it: such
-    /// a frame is never thrown away. Any is, unless a format has frames that only another frame
-    /// tells apart from noise.
+    /// The length of the frame at the start of `bytes`, if it is a frame whatever precedes it. A
+    /// decoder never discards such a frame. By default every frame qualifies. Override this for
+    /// formats in which only another frame distinguishes a frame from noise.
     fn unmistakable_at(bytes: &[u8]) -> Option<usize> {
         Self::frame_at(bytes)
     }
@@ -190,7 +190,7 @@ impl Target {
     /// Entry point for a coverage-guided fuzzer, with any bytes.
     ///
     /// # Panics
-    /// If a law is broken: that is how such a fuzzer is told.
+    /// If a law is broken: a fuzzer detects failures by panics.
     pub fn fuzz(&self, data: &[u8]) {
         let stream = (self.stream)(data);
         if let Err(broken) = (self.check)(&stream) {

@@ -6,7 +6,7 @@ use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Limits, Transforma
 
 use super::{Picture, PictureError, Pixel, narrow, sized};
 
-/// What the decoder may take for chunks beside the pixels, bytes.
+/// Maximum memory of the decoder for chunks besides the pixels, bytes.
 const SIDE_BYTES_MAX: usize = 64 << 20;
 
 pub(super) fn read<P: Pixel>(

@@ -64,9 +64,9 @@ pub(super) struct Outside {
     pub(super) unplugged: (u32, Option<String>),
     /// Input and control modes of its client's terminal, if they are known.
     pub(super) modes: Option<[u32; 2]>,
-    /// What arrived last.
+    /// The last received byte.
     pub(super) last: Option<u8>,
-    /// What is to be sent stays here.
+    /// Whether bytes to send stay here.
     is_held: bool,
     /// Modem lines set by hand at this end.
     pub(super) forced: [Option<bool>; 4],
@@ -99,7 +99,7 @@ impl Outside {
         self.messages.get_or_insert_default();
     }
 
-    /// What its owner writes now. A message that is too long is lost.
+    /// Takes bytes that its owner writes. A message that is too long is lost.
     pub(super) fn put(&mut self, bytes: &[u8]) {
         if let Some([to_rig, _]) = &mut self.messages {
             if bytes.is_empty() || bytes.len() > MESSAGE_MAX {
@@ -115,7 +115,7 @@ impl Outside {
         core::mem::replace(&mut self.is_held, is_held) != is_held
     }
 
-    /// What arrives from the rig; a message for which there is no room is lost as a whole.
+    /// Takes bytes that arrive from the rig; a message without room is lost as a whole.
     fn receive(&mut self, bytes: &[u8]) {
         self.last = bytes.last().copied().or(self.last);
         let mut room = OUTSIDE_MAX - self.from_rig.len();
@@ -130,7 +130,7 @@ impl Outside {
         self.from_rig.extend_from_slice(&bytes[..taken]);
     }
 
-    /// What arrives damaged from the rig, before the bytes that come with it.
+    /// Takes marks of damaged bytes from the rig, before the bytes that come with them.
     fn mark(&mut self, marks: &[Mark]) {
         let arrived = self.from_rig.len();
         let room = OUTSIDE_MAX.saturating_sub(self.marks.len());
@@ -141,8 +141,8 @@ impl Outside {
         self.marks.extend(marks);
     }
 
-    /// Its plug is pulled, or comes back in; the port of its owner is `back_as` from then on. What
-    /// its owner wrote before is lost.
+    /// Pulls the plug or plugs it in again; then the owner's port is `back_as`. Bytes that the
+    /// owner wrote before are lost.
     pub(super) fn plug(&mut self, is_out: bool, back_as: Option<&str>) {
         self.to_rig.clear();
         if let Some([to_rig, _]) = &mut self.messages {
@@ -156,7 +156,7 @@ impl Outside {
         *name = back_as.map(str::to_owned);
     }
 
-    /// Moves what the rig can have now into `buf`; how many bytes that were.
+    /// Moves the bytes that the rig can have now into `buf`; returns how many.
     fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let len = match &mut self.messages {
             _ if self.is_held => 0,
@@ -195,8 +195,7 @@ pub(super) enum Body {
 pub(super) struct Node {
     pub(super) name: String,
     pub(super) body: Body,
-    /// When it is polled next: what the node was last asked, so that it is not asked again each
-    /// time, or [`AT_ONCE`].
+    /// Time of the next poll, or [`AT_ONCE`]. Stored, so that the node is not asked each time.
     pub(super) polled_at: Instant,
     /// Number of broken rules of its device that do not count against a client.
     pub(super) excused_from: u64,
@@ -283,7 +282,7 @@ impl Node {
         }
     }
 
-    /// Whether it has nothing for a line; what it has is lost.
+    /// Whether the node has nothing for a line; anything it has is lost.
     pub(super) fn is_silent(&mut self, port: Port) -> bool {
         self.line_change(port).is_none() && self.transmit(port, &mut [0]) == 0
     }
@@ -310,8 +309,8 @@ impl Node {
         self.polled_at <= now
     }
 
-    /// Asks a device again when it wants to be polled: room in its transmitter may be what it was
-    /// waiting for, or it was told of something that it does later.
+    /// Asks a device again for its next poll: it may have waited for room in its transmitter, or
+    /// received an event that it handles later.
     pub(super) fn replan(&mut self, now: Instant) {
         if let Body::Device(device) = &self.body
             && self.polled_at > AT_ONCE
@@ -397,8 +396,8 @@ mod tests {
         assert!(end.take_messages().is_empty());
     }
 
-    /// Messages keep their lengths; one that is empty or too long is none, one without room is lost
-    /// as a whole.
+    /// Messages keep their lengths. An empty or too long one is no message; one without room is
+    /// lost as a whole.
     #[test]
     fn messages_stay_whole() {
         let mut end = outside();

@@ -1,5 +1,4 @@
-//! One round of a rig: what has arrived is delivered, nodes do their work, lines take what they
-//! send.
+//! One round of a rig: lines deliver arrived bytes, nodes work, lines take the nodes' bytes.
 
 use protocols::{Instant, LineEvent};
 
@@ -8,8 +7,8 @@ use super::node::Body;
 use super::trace::{Side, Tap as _};
 use super::{LinkKind, Rig};
 
-/// What is due on a line. Apart from the lines, because all of it is checked between any two
-/// events.
+/// Due times of a line. Stored apart from the lines, because all of them are checked between any
+/// two events.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Due {
     /// When it has something to deliver, or can take more from a sender that had more.
@@ -140,7 +139,7 @@ impl Rig {
         }
     }
 
-    /// Asks senders that may have something for what they send.
+    /// Takes bytes from senders that may have some.
     fn take(&mut self) {
         let mut number = 0;
         loop {
@@ -291,8 +290,8 @@ mod tests {
         assert_eq!(polls(&|rig| ring(rig.device_mut("clock"))), [0, 10, 20]);
     }
 
-    /// A node that was told something is asked at once, then it rings at 20 ms; nothing comes after
-    /// that.
+    /// A node that received an event is asked at once, then it rings at 20 ms; there are no events
+    /// after that.
     #[test]
     fn where_nobody_waits_for_anything_nothing_comes_next() {
         let mut rig = rig();

@@ -21,7 +21,7 @@ pub enum Piece<'a> {
     Idle,
 }
 
-/// A line of a stream's text that is none.
+/// A line of a stream's text that is not valid.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StreamError {
     /// Line number, from 1.
@@ -176,7 +176,7 @@ impl Stream {
         text
     }
 
-    /// Reads what [`to_text`](Self::to_text) writes; `#` begins a comment. A line that ends in `\`
+    /// Reads the text of [`to_text`](Self::to_text); `#` begins a comment. A line that ends in `\`
     /// continues in the next one.
     pub fn parse(text: &str) -> Result<Self, StreamError> {
         let mut stream = Self::default();
