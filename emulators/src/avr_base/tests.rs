@@ -28,9 +28,9 @@ struct Bench {
     base: AvrBase,
     world: World,
     now: Instant,
-    /// What the base sent, and when each byte was ready.
+    /// Bytes that the base sent, with the time at which each was ready.
     sent: Vec<(Instant, u8)>,
-    /// From the end of what was asked last to the first byte of the answer.
+    /// From the end of the last request to the first byte of the answer.
     latency: Option<Duration>,
 }
 

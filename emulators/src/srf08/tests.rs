@@ -27,7 +27,7 @@ fn echo(chip: &mut Srf08, now: Instant, world: &World) -> u16 {
     u16::from_be_bytes(bytes)
 }
 
-/// What a command gives behind its ranging time.
+/// The result of a command after its ranging time.
 fn range(world: &World, command: u8) -> u16 {
     let mut chip = chip();
     chip.write(Instant::ZERO, COMMAND, &[command], world);
@@ -273,8 +273,8 @@ fn f17_an_odd_address_is_none() {
     assert!(chip.acknowledges(Instant::ZERO, 0xE0) && !chip.acknowledges(Instant::ZERO, 0xE2));
 }
 
-/// All chips listen to a write to address 0 and none answers a read; a read while the chip ranges
-/// finds the bus up, one from another address nothing.
+/// All chips receive a write to address 0 and none answers a read. A read while the chip ranges
+/// finds the bus up; a read from another address gets no answer.
 #[test]
 fn f17_nobody_answers_a_general_call_and_a_busy_bus_reads_ff() {
     let mut world = world(Some(1.0));

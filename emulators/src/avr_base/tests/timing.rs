@@ -28,8 +28,8 @@ fn long_replies_take_10_us_a_byte() {
     }
 }
 
-/// Measured: of 20 second requests sent 0, 50, 100 and 150 us after the end of a first one 0, 12,
-/// 17 and about 20 were answered.
+/// Measured: 20 second requests were sent 0, 50, 100 and 150 us after the end of a first one. The
+/// base answered 0, 12, 17 and about 20.
 #[test]
 fn a_second_request_is_lost_while_the_first_is_worked_on() {
     let answered = |gap_us: u64| {
@@ -361,7 +361,7 @@ fn a_reset_forgets_the_lowest_voltage() {
     assert_eq!(bench.read(35, 1), [95]);
 }
 
-/// Turning on the spot: the signs of both wheels go all the way round.
+/// Turning on the spot: each wheel keeps its sign from the set-point to the encoder.
 #[test]
 fn a_negative_speed_turns_its_wheel_backwards() {
     let mut bench = Bench::new(in_phase(Profile::Document));

@@ -13,7 +13,7 @@ enum Port {
     Connected,
 }
 
-/// What a linvor module with default figures is, by the rules as the guides tell them.
+/// A reference model of a linvor module with default figures, by the rules of the guides.
 struct Reference {
     powered: bool,
     data_mode: bool,

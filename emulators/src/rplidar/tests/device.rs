@@ -163,12 +163,12 @@ fn f10_requests_back_to_back_are_answered_in_their_order() {
     assert_eq!(kinds(&[0xA5, 0x50, 0xA5, 0x52]), (vec![0x04, 0x06], 0));
     let all = [0xA5, 0x25, 0xA5, 0x52, 0xA5, 0x50, 0xA5, 0x59, 0xA5, 0x20];
     assert_eq!(kinds(&all), (vec![0x06, 0x04, 0x15, 0x81], 0));
-    // A stop behind a scan ends that one, and what is asked behind it is answered.
+    // A stop behind a scan ends that one, and the sensor answers the request behind the stop.
     assert_eq!(
         kinds(&[0xA5, 0x20, 0xA5, 0x25, 0xA5, 0x50]),
         (vec![0x81, 0x04], 0)
     );
-    // Of more than wait anywhere the last ones are told and lost.
+    // If more requests come than can wait, the last ones are reported and lost.
     let (answered, told) = kinds(&[0xA5, 0x52].repeat(20));
     assert_eq!((answered.len(), told), (16, 4));
 }
@@ -192,7 +192,7 @@ fn half_a_request_is_forgotten_after_five_seconds() {
     bench.send(&[0xA5]).run_ms(5_100).send(&[0x50]).run_ms(20);
     assert_eq!(bench.bytes.len(), 27);
     assert_eq!(bench.rules(), ["request-cut", "stray-bytes"]);
-    // What is discarded hides nothing: the whole request is gone, not only its first byte.
+    // The whole request is discarded, not only its first byte, so none is found inside.
     bench.send(&[0xA5, 0x82, 0x05, 0xA5, 0x50]).run_ms(5_100);
     assert_eq!(bench.bytes.len(), 27);
     assert_eq!(bench.ask(Command::Info).len(), 27);
