@@ -13,7 +13,7 @@ fn wire((scenario, source): (Scenario, Source)) -> Result<Wired, ScenarioError> 
     robots::wire(&scenario, &source, Dut::External, PcEnd::External)
 }
 
-/// What comes back on an open end within 20 ms.
+/// Bytes that come back on an open end within 20 ms.
 fn asked(rig: &mut Rig, node: usize, bytes: &[u8]) -> Vec<u8> {
     rig.inject(node, bytes);
     rig.run_for(Duration::from_millis(20));

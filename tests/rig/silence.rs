@@ -77,8 +77,8 @@ fn the_stop_button_stops_the_robot_until_the_pc_lets_it_go_on() {
     assert_eq!(super::failures(&run.finish()), Vec::<String>::new());
 }
 
-/// What a checker is worth is shown by what it catches: a base whose firmware never stops
-/// (build of 2014, where the register restored the set-point).
+/// Proof of the checker by a mutant: a base whose firmware never stops (build of 2014, where the
+/// register restored the set-point).
 #[test]
 fn the_checker_catches_the_base_that_never_stops() {
     let device = "[device.base.avr-base]\nprofile = \"rcj2015-2014\"\n";

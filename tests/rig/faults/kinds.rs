@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use super::wire::{SENT, Seen, one, run, run_each};
 
-/// One kind, its keys, and what they come to.
+/// One kind, its keys, and its expected effect.
 struct Row {
     /// Keys of a fault that strikes.
     keys: &'static str,
@@ -19,7 +19,7 @@ struct Row {
 enum Sees {
     /// This arrives, written down by hand.
     Text(&'static str),
-    /// Of what arrives, given what arrives without the fault, this holds.
+    /// This condition holds for the received bytes with and without the fault.
     That(fn(&Seen, &Seen)),
 }
 
@@ -30,7 +30,7 @@ const SHORT: &str = "from = \"10300us\"\nuntil = \"10500us\"";
 /// Bytes 3 to 6 arrive in it; byte 2 as it begins.
 const LONG: &str = "from = \"10300us\"\nuntil = \"10800us\"";
 
-/// What is told to a fault so that it never comes.
+/// Keys that keep a fault from ever striking.
 fn never(kind: FaultKind, keys: &str) -> String {
     if kind.is_strike() {
         let needed: Vec<&str> = keys.lines().filter(|key| key.starts_with("by ")).collect();
@@ -85,7 +85,7 @@ fn row(kind: FaultKind) -> Option<Row> {
     })
 }
 
-/// Damage to byte 3 and what follows it.
+/// Damage to byte 3 and the bytes behind it.
 fn bytes(kind: FaultKind) -> Row {
     use FaultKind as K;
     match kind {
@@ -150,7 +150,7 @@ fn timing(kind: FaultKind) -> Row {
     }
 }
 
-/// What comes at the same time is told in the order of lines: first what the first line sent.
+/// Simultaneous deliveries are reported in the order of lines: the first line's first.
 fn the_sender_hears_itself(seen: &Seen, _: &Seen) {
     assert_eq!(seen.line(0), PLAIN);
     let heard = "1:00 1:20 2:0d 2:2d 3:11 3:31 4:13 4:33 5:81 5:a1 6:05 6:25 7:06 7:26 8:07 8:27 \
@@ -158,7 +158,7 @@ fn the_sender_hears_itself(seen: &Seen, _: &Seen) {
     assert_eq!(seen.line(1), heard);
 }
 
-/// The wires carry what they did; the receivers differ.
+/// The lines carry the same bytes; the receivers differ.
 fn receivers_change_places(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.lines, plain.lines);
     assert_eq!(
@@ -195,7 +195,7 @@ fn times(seen: &Seen) -> Vec<f64> {
     parts.map(|part| time(part).expect("a number")).collect()
 }
 
-/// All bytes come, in order, none early, none later than 20 byte times; and some come together
+/// All bytes arrive, in order, none early, none later than 20 byte times. Some arrive together,
 /// because one before them was late.
 fn late_by_chance(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.got, plain.got);
@@ -268,9 +268,9 @@ fn assert_again(seen: &Seen, piece: usize) {
     assert_eq!(again.case.fault, seen.case.fault);
 }
 
-/// At stake: that a fault does what its name says, no more, and nowhere else. Each kind is seen
-/// where it strikes and as often as it should; one that never comes leaves the wire alone; a second
-/// run agrees, and so does the saved case; three other lines carry what they always do.
+/// At stake: that a fault does what its name says, no more, and nowhere else. Each kind shows at
+/// its target and as often as it should. A fault that never strikes leaves the wire alone. A second
+/// run agrees, and so does the saved case; three other lines carry their usual bytes.
 #[test]
 fn each_kind_of_fault_is_seen_where_it_strikes_and_nowhere_else() {
     FaultKind::ALL.iter().copied().for_each(check);

@@ -15,8 +15,8 @@ fn lost(keys: &str) -> String {
     run(one("cut", keys), &SENT, 1).line(0)
 }
 
-/// Byte 3 leaves at 10.3 ms; what leaves then and one byte time later is lost. The case knows when
-/// that was and waits for nothing.
+/// Byte 3 leaves at 10.3 ms; bytes that leave within 200 us from then are lost. The saved case has
+/// that time and waits for no byte.
 #[test]
 fn a_fault_begins_with_the_byte_that_it_waits_for() {
     let seen = run(one("cut", "at_byte = 3\nlasting = \"200us\""), &SENT, 1);
@@ -64,8 +64,8 @@ fn a_budget_bounds_the_damage_of_all_lines_together() {
     assert_eq!((a.len(), b.len()), (9, 10));
 }
 
-/// The adversity is from 10.3 to 10.5 ms: bytes 3 and 4. What says itself when it comes is asked
-/// for, and comes; chance never does outside.
+/// The adversity is from 10.3 to 10.5 ms: bytes 3 and 4. A fault with a byte or a time of its own
+/// strikes outside as well; a random one never does.
 #[test]
 fn chance_strikes_in_the_adversity_only() {
     let phases = "[phases]\nwarm_up = \"10300us\"\nadversity = \"200us\"\nrecovery = \"1ms\"\n\
@@ -136,8 +136,8 @@ fn begins(when: &str) -> (Run, Instant) {
     (run, window.from)
 }
 
-/// Register 46 is the set-point of the left wheel, and the robot stands for the first seconds. Of
-/// two runs that are the same until then, the one without the fault tells when it first moved: the
+/// Register 46 is the set-point of the left wheel, and the robot stands for the first seconds. Two
+/// runs are equal until then. The one without the fault shows when the wheel first moved: the
 /// condition is checked every 10 ms.
 #[test]
 fn a_fault_begins_when_a_register_says_so() {
@@ -167,7 +167,7 @@ fn a_fault_begins_where_the_robot_is() {
     assert!(far(&run) <= 0.1, "{}", far(&run));
 }
 
-/// Keys that do not go together are an error that names file, line, key and what was expected.
+/// Keys that exclude each other are an error that names file, line, key and the expected value.
 #[test]
 fn keys_that_mean_nothing_together_are_refused() {
     let refused = |keys: &str| {
