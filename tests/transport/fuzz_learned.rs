@@ -9,7 +9,7 @@ use super::support::fresh_path;
 const HILRIG: &str = env!("CARGO_BIN_EXE_hilrig");
 
 /// A master: `01 03`, then frames of a head AA, a length, a count, as many values, and the checksum
-/// of Modbus over all. A frame whose checksum does not hold is reported by an exception.
+/// of Modbus over all. It reports a checksum mismatch by an exception.
 const DRIVER: &str = r#"
 import os, select, tty
 port = os.open(os.environ["HILRIG_DIR"] + "/port", os.O_RDWR | os.O_NOCTTY)
@@ -85,8 +85,9 @@ fn findings(out: &Path) -> Vec<String> {
     causes
 }
 
-/// The count is believed: found through the checksum and the length, which are learned from six
-/// frames, and left is one reply. What the driver raises on purpose is counted, and no finding.
+/// The driver trusts the count. The search finds that through checksum and length, learned from six
+/// frames, and minimises it to one reply. An exception raised on purpose is counted and is no
+/// finding.
 #[test]
 fn a_count_that_lies_is_found_through_a_checksum_that_was_learned() {
     let (out, code, said) = search("lies", "pass", &["--cases", "6"]);

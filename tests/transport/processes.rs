@@ -134,7 +134,8 @@ fn read_packets(client: &mut TTYPort, count: usize) {
     });
 }
 
-/// The rig outlives its robot: killed at work, started again, and the new one finds its way.
+/// The rig outlives its robot: the robot is killed at work and started again, and continues its
+/// mission.
 #[test]
 fn a_robot_that_is_killed_at_work_can_be_started_again() {
     let dir = fresh_path("started_again");
@@ -283,7 +284,7 @@ fn a_rig_that_was_killed_is_followed_by_another_in_the_same_directory() {
     std::fs::remove_dir(&dir).expect("nothing is in it any more");
 }
 
-/// What a command says when it cannot do its work: one line that names the port.
+/// Message of a command that cannot open a port: one line that names the port.
 #[test]
 fn ports_that_cannot_be_had_are_named_and_the_exit_code_is_2() {
     let dir = fresh_path("cannot");
@@ -383,9 +384,9 @@ fn a_rig_that_is_started_again_overwrites_no_capture() {
     }
 }
 
-/// What a killed process leaves: whole blocks, up to less than a second before its end, which our
-/// reader and Wireshark's read. The stream in it is the lidar's: the clock of the run begins at
-/// its boot text.
+/// The capture of a killed process: whole blocks, up to less than a second before its end, readable
+/// by our reader and by Wireshark's. The stream in it is the lidar's: the clock of the run begins
+/// at its boot text.
 #[test]
 fn a_capture_is_readable_after_the_process_was_killed() {
     let dir = fresh_path("killed-capture");
@@ -432,8 +433,8 @@ fn a_capture_is_readable_after_the_process_was_killed() {
     let _ = std::fs::remove_file(&path);
 }
 
-/// H5: what a client reads through an FTDI adapter is cut anywhere: at least half of the reads end
-/// inside a packet, a port opened in mid-stream begins inside one, and the stream is whole.
+/// H5: an FTDI adapter cuts the stream anywhere. At least half of a client's reads end inside a
+/// packet, a port opened in mid-stream begins inside one, and the stream is whole.
 #[test]
 fn a_client_behind_an_adapter_reads_pieces_of_packets() {
     let dir = fresh_path("adapter");

@@ -72,7 +72,7 @@ fn a_client_that_opens_late_gets_no_stale_byte() {
     );
 }
 
-/// The kernel hands what one client left unread to the next one.
+/// The kernel alone would give bytes left unread by one client to the next one.
 #[test]
 fn what_a_client_left_unread_is_gone_for_the_next() {
     let dir = fresh_dir("left_unread");
@@ -221,9 +221,8 @@ fn a_port_that_a_client_took_for_itself_is_busy_for_the_next() {
     assert!(TTYPort::open(&builder).is_ok());
 }
 
-/// A client that sleeps, then throws away what waits and reads on, as pyserial's
-/// `reset_input_buffer` does: the port was full, and no read ever told the rig that it is not any
-/// more.
+/// A client sleeps, then discards waiting bytes and reads on, as pyserial's `reset_input_buffer`
+/// does. The port was full, and no read reports to the rig that it has room again.
 #[test]
 fn a_full_port_that_is_flushed_goes_on() {
     let dir = fresh_dir("flushed");
@@ -249,8 +248,8 @@ fn a_full_port_that_is_flushed_goes_on() {
     }
 }
 
-/// What a USB adapter does when it is pulled: its file hangs up, its name is gone, and what comes
-/// back is another port.
+/// Behaviour of a pulled USB adapter: its file hangs up, its name is gone, and it comes back as
+/// another port.
 #[test]
 fn an_unplugged_port_hangs_up_and_comes_back_as_another() {
     let dir = fresh_dir("unplugged");

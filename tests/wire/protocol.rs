@@ -7,20 +7,20 @@ use protocols::Decode;
 
 use crate::damage::{Damage, damage};
 
-/// A frame that can say what it was on the wire.
+/// A frame that knows its bytes on the wire.
 pub(crate) trait Wire {
     /// Its bytes.
     fn wire(&self) -> Vec<u8>;
 }
 
-/// One decoder and what is known about its protocol from elsewhere.
+/// One decoder with independent knowledge of its protocol.
 pub(crate) trait Protocol {
     /// The decoder on trial.
     type Decoder: Decode<Frame: Wire>;
 
     /// Bytes that the format reacts to: start bytes, magic words, flags.
     const TELLING: &'static [u8];
-    /// Whether a checksum tells frames from damaged ones.
+    /// Whether a checksum distinguishes frames from damaged ones.
     const CHECKED: bool = true;
     /// Cases per law; fewer for long frames.
     const CASES: u32 = 4000;
@@ -36,7 +36,7 @@ pub(crate) trait Protocol {
     fn frame() -> BoxedStrategy<Vec<u8>>;
 }
 
-/// All frames in `bytes` by the simplest method: look everywhere, skip what was found.
+/// All frames in `bytes` by the simplest method: look everywhere, skip each found frame.
 pub(crate) fn scan(bytes: &[u8], frame_at: fn(&[u8]) -> Option<usize>) -> Vec<Vec<u8>> {
     let mut found = Vec::new();
     let mut at = 0;

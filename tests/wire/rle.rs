@@ -57,7 +57,7 @@ fn rows_have_their_codes() {
     assert_eq!(encoded(&wall, Dialect::Fielded), hex("04 00 01 FF 01 00"));
 }
 
-/// What the fielded rule loses: a last pixel that differs keeps the value it had before.
+/// Loss by the fielded rule: a last pixel that differs keeps its old value.
 #[test]
 fn a_differing_last_pixel_is_lost_by_the_fielded_rule_only() {
     let mut pixels = [0; 300];
