@@ -85,7 +85,8 @@ pub struct AvrBase {
     bus: Sender,
     debug: Sender,
     memory: Memory,
-    /// Variables by which the fielded builds switch their motors off; only a write over them does.
+    /// Variables by which the fielded builds switch their motors off; only a write over them has an
+    /// effect.
     switched_off: [u8; 2],
     sides: [Side; 2],
     regulator_at: Instant,
@@ -107,7 +108,7 @@ pub struct AvrBase {
     journal: Journal,
 }
 
-/// How the processor started, and when it will again.
+/// Cause of the processor's start, and time of its next one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Start {
     cause: StartCause,
@@ -135,7 +136,7 @@ struct Pending {
     due: Instant,
 }
 
-/// One wheel as the firmware knows it.
+/// State of one wheel in the firmware.
 #[derive(Clone, Copy, Debug, Default)]
 struct Side {
     counter: Counter,
@@ -162,7 +163,7 @@ enum ButtonState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Motors {
     driven: bool,
-    /// Why set-points last became zero.
+    /// Reason for the last zero set-points.
     reason: &'static str,
 }
 
@@ -191,7 +192,7 @@ enum Job {
     Regulate,
     Analog,
     Answer,
-    /// Whatever the measured processor does.
+    /// Step of the measured processor.
     Step,
 }
 

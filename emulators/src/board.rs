@@ -46,7 +46,7 @@ pub enum HostLine {
     Ri,
 }
 
-/// How a board is wired to its host.
+/// Connection of a board to its host.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BoardConfig {
     /// Event that resets the board, if any.
@@ -159,7 +159,7 @@ impl Board {
         self.boots_until
     }
 
-    /// Says that it was restarted at `at`.
+    /// Reports the restart at `at`.
     pub(crate) fn tell_reset(&self, at: Instant, why: &str, log: &mut EventLog) {
         let up = self.boots_until.unwrap_or(at);
         let detail = format!("{why}: starts anew, hears nothing until {up} s");

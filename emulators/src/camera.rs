@@ -60,7 +60,7 @@ pub struct PlacedMarker {
     pub facing_rad: f64,
 }
 
-/// How a camera sits and sees.
+/// Mounting and optics of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraConfig {
     /// Metres ahead of the reference point of the robot.
@@ -113,7 +113,7 @@ impl Default for CameraConfig {
 const FAULTS: [&str; 6] = ["off", "slow", "garbage", "stuck", "blind", "battery"];
 /// Share of the columns without a depth while its battery collapses: a guess.
 const FAILING: f64 = 0.5;
-/// From the first gaps to nothing at all, seconds, by default: a guess.
+/// Time from the first gaps to a blank picture, seconds, by default: a guess.
 const COLLAPSE_S: f64 = 5.0;
 
 /// Active faults of the camera itself.
@@ -212,7 +212,7 @@ impl Camera {
 }
 
 impl Device for Camera {
-    /// It is not spoken to.
+    /// The camera takes no bytes.
     fn receive(&mut self, _port: Port, _now: Instant, _bytes: &[u8]) {}
 
     fn poll(&mut self, now: Instant, world: &mut World) {
@@ -252,11 +252,11 @@ impl Device for Camera {
         &FAULTS
     }
 
-    /// `off`. `slow`: so many milliseconds between pictures, 200 by default. `garbage`:
-    /// messages of their lengths, but of random bytes. `stuck`: the last picture forever. `blind`:
-    /// that share of the columns has no depth, all by default, and then no marker is
-    /// recognised. `battery`: its own pack, which nothing protects, collapses within so many
-    /// seconds, 5 by default; the end of the fault is another pack.
+    /// `off`. `slow`: this many milliseconds between pictures, 200 by default. `garbage`: messages
+    /// of their lengths, but of random bytes. `stuck`: the last picture forever. `blind`: this
+    /// share of the columns has no depth, all by default, and then no marker is recognised.
+    /// `battery`: its own pack, which has no protection, collapses within this many seconds, 5 by
+    /// default; the end of the fault is a new pack.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" => {

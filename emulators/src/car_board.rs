@@ -51,7 +51,7 @@ pub enum OutOfRange {
     Clamped,
 }
 
-/// How a board is set up.
+/// Configuration of a board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardConfig {
     /// From one frame to the next. 15 Hz, a round of the ultrasonic sensors; a guess.
@@ -371,9 +371,9 @@ impl Device for CarBoard {
         &FAULTS
     }
 
-    /// `off`, `restart`; `stuck`: the last frame forever. `slow`: so many milliseconds between
-    /// frames, 1000 by default. `battery-low`: 6.85 V. `motor`, `servo`: does nothing any more.
-    /// `hall`: no pulses. `line`: a line everywhere. `front`, `right`, `left`: receives no echo.
+    /// `off`, `restart`; `stuck`: the last frame forever. `slow`: this many milliseconds between
+    /// frames, 1000 by default. `battery-low`: 6.85 V. `motor`, `servo`: no effect any more.
+    /// `hall`: no pulses. `line`: a line everywhere. `front`, `right`, `left`: no echo.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" if begins => self.switch_off(now),

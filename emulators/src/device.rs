@@ -9,18 +9,18 @@ use crate::world::World;
 
 /// A piece of hardware with one or more serial ports, advanced by the owner of the clock.
 ///
-/// The four verbs are those of a master on the other side of the wire: bytes come in with
+/// The four main methods are those of a master on the other side of the wire. Bytes come in with
 /// [`receive`](Self::receive), work is done in [`poll`](Self::poll), bytes leave with
-/// [`transmit`](Self::transmit), and [`poll_at`](Self::poll_at) says when to come back.
+/// [`transmit`](Self::transmit), and [`poll_at`](Self::poll_at) returns the time of the next poll.
 ///
-/// Time never runs backwards between calls. A device may be polled early, late or twice without
-/// effect on anything but its own lateness.
+/// Time never runs backwards between calls. A device may be polled early, late or twice. That
+/// changes only its own lateness.
 pub trait Device {
     /// Receives bytes that arrived back to back on `port`, the last of them complete at `now`.
     /// Never empty. The device knows its line coding, so it can compute when each byte ended.
     fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]);
 
-    /// Something besides bytes happened on `port`. Devices without interest ignore it.
+    /// Handles an event other than bytes on `port`. By default it is ignored.
     fn line_event(&mut self, _port: Port, _now: Instant, _event: LineEvent) {}
 
     /// Does all work due by `now`, sensing and moving the world.
@@ -56,8 +56,8 @@ pub trait Device {
         &[]
     }
 
-    /// One of [`known_faults`](Self::known_faults) begins, or ends, at `now`; others are ignored.
-    /// `figure` says how bad it is, where that is a question. The device is polled next.
+    /// Begins or ends one of [`known_faults`](Self::known_faults) at `now`; others are ignored.
+    /// `figure` is its severity, if it has one. The device is polled next.
     fn set_fault(&mut self, _now: Instant, _fault: &str, _figure: Option<f64>, _begins: bool) {}
 
     /// Value of a register, read without side effects; `None`: no such register.
@@ -76,7 +76,7 @@ pub trait Device {
     }
 }
 
-/// How an [`Event`] is meant.
+/// Meaning of an [`Event`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EventKind {
     /// Something happened: motors on, lidar locked, radio connected.
@@ -88,7 +88,7 @@ pub enum EventKind {
 /// One entry of a device's log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// When.
+    /// Time of the event.
     pub at: Instant,
     /// Note or violation.
     pub kind: EventKind,
@@ -101,7 +101,7 @@ pub struct Event {
     pub bytes: Vec<u8>,
 }
 
-/// How often rules were broken, by their names.
+/// Number of violations of each rule, by its name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BrokenRules(Vec<(&'static str, u64)>);
 
@@ -114,7 +114,7 @@ impl BrokenRules {
         }
     }
 
-    /// Each rule that was broken, and how often.
+    /// Each broken rule, with the number of violations.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, u64)> {
         self.0.iter().copied()
     }

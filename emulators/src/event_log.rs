@@ -101,7 +101,7 @@ impl EventLog {
         self.repeats = repeats;
     }
 
-    /// When a count is due.
+    /// Time at which a count of repetitions is due.
     pub fn poll_at(&self) -> Option<Instant> {
         earliest(self.repeats.iter().map(|repeat| Some(repeat.report_at)))
     }

@@ -61,9 +61,9 @@ pub enum Mode {
 /// Whether module and host are in radio range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Radio {
-    /// They do.
+    /// Module and host are in reach of each other.
     InReach,
-    /// They do not; for a while neither notices.
+    /// Module and host are out of reach; for a while neither notices.
     Lost,
 }
 
@@ -99,7 +99,7 @@ pub struct Hc06 {
     mode: Mode,
     host: Host,
     radio: Radio,
-    /// When the two sides give each other up.
+    /// Time at which module and host give up the connection.
     give_up_at: Option<Instant>,
     collector: Collector,
     air: Air,
@@ -228,7 +228,7 @@ impl Hc06 {
         self.log.note(now, "line-coding-changed", detail);
     }
 
-    /// Something was sent to the UART and ended like a command.
+    /// Handles bytes of the UART that ended like a command.
     fn judge_or_execute(&mut self, attempt: &Attempt, now: Instant) {
         let answer = command::execute(attempt, &self.settings, &self.profile);
         let text = attempt.text.escape_ascii();
@@ -263,7 +263,7 @@ impl Hc06 {
         }
     }
 
-    /// The line-terminated family says so when it does not know a command.
+    /// Answers an unknown command, in the line-terminated family.
     fn refuse(&mut self) {
         let mut out = [0; 16];
         let reply = protocols::hc06::LineReply::Unknown;

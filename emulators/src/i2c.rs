@@ -70,7 +70,7 @@ pub trait RegisterChip: Clone {
     /// Fills `data` from the registers from `register` on; missing registers read 0.
     fn read(&mut self, now: Instant, register: u8, data: &mut [u8], world: &World);
 
-    /// Where the next read begins that follows `count` bytes from `register` on.
+    /// First register of the next read after `count` bytes from `register` on.
     fn next_register(&self, register: u8, count: u8) -> u8 {
         register.wrapping_add(count)
     }
@@ -430,7 +430,7 @@ mod tests {
         assert_eq!(device.answers.len(), 16);
     }
 
-    /// No bytes asked for are no answer; a buffer of two takes two of three bytes.
+    /// A request for no bytes gets no answer; a buffer of two takes two of three bytes.
     #[test]
     fn an_answer_is_as_long_as_asked_for() {
         let ranger = || OnBus::new(Srf08::new(Srf08Config::default(), 1, "test"));

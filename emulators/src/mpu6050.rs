@@ -81,7 +81,7 @@ const FIFO_RESET: u8 = 0x04;
 const SELF_CLEARING: u8 = 0x07;
 /// Bytes that the FIFO holds; beyond them the oldest are lost.
 const FIFO_MAX: usize = 1_024;
-/// Registers that only the chip writes, and those that read 0 whatever is written.
+/// Registers that only the chip writes, and those that always read 0.
 const READ_ONLY: [core::ops::RangeInclusive<u8>; 4] = [
     register::INT_STATUS..=0x60,
     0x72..=0x74,
@@ -94,15 +94,15 @@ const GYRO_COUNTS: [f64; 4] = [131.0, 65.5, 32.8, 16.4];
 const ACCEL_COUNTS: [f64; 4] = [16_384.0, 8_192.0, 4_096.0, 2_048.0];
 /// Standard acceleration of free fall, m/s².
 const G_M_S2: f64 = 9.806_65;
-/// How long the accelerometer's filter takes: its widest, 260 Hz, about 4 ms; longer, because a
-/// wheel that slips changes its speed at once in this world.
+/// Duration of the accelerometer's filter. Its widest, 260 Hz, takes about 4 ms; this one is
+/// longer, because a wheel that slips changes its speed at once in this world.
 const ACCEL_FILTER: Duration = Duration::from_millis(10);
 /// A body that turns slower than this counts as not turning, degrees a second.
 const TURNS_DPS: f64 = 2.0;
 /// First and last data register.
 const DATA: core::ops::RangeInclusive<u8> = register::ACCEL..=0x48;
 
-/// How good a chip is.
+/// Accuracy of a chip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mpu6050Config {
     /// Turn rates that it shows at rest, degrees a second, x, y, z.
@@ -238,7 +238,7 @@ impl Mpu6050 {
         let sample: Vec<u8> = parts
             .flat_map(|(_, range)| self.data[range].to_vec())
             .collect();
-        // Older ones than fit are lost whatever they were.
+        // Samples beyond the FIFO's size are lost whatever their values.
         let fits = u64::try_from(FIFO_MAX / sample.len() + 1).unwrap_or(1);
         for _ in 0..passed.min(fits) {
             self.fifo.extend(&sample);

@@ -7,13 +7,13 @@
 //!                        (not there: words each 500.6 ms)            the heading, print
 //! ```
 //!
-//! The sensor's library waits for the bytes that it asked for, without end: a sensor that is lost
-//! while the loop runs silences the board until it is reset.
+//! The sensor's library waits for its bytes without a timeout. If the sensor is lost while the loop
+//! runs, the board is silent until a reset.
 //!
-//! Lines are those of [`protocols::odometer`]. It is reset when its port is opened, as its USB side
-//! does, and everything begins at 0 again. The loop is taken for 10 ms where the heading is
-//! integrated and lasts a little longer; `delay(10 - elapsed)` of a loop that took longer is a wait
-//! of 49 days.
+//! Lines are those of [`protocols::odometer`]. Opening its port resets the board, as its USB side
+//! does, and all figures begin at 0 again. The program takes a loop for 10 ms to integrate the
+//! heading, but a loop lasts a little longer. After a loop of more than 10 ms,
+//! `delay(10 - elapsed)` waits for 49 days.
 //!
 //! Sources: sketch of March 2016 and the one after it; figures of the timing from both on a
 //! simulated chip: first line after 265 ms, 997 lines in 10 s, 94 a second over the first five
@@ -49,7 +49,7 @@ const FIRST_LOOK: Duration = Duration::from_micros(7_600);
 /// From one word about a sensor that is not there to the next.
 const COMPLAINT_PERIOD: Duration = Duration::from_micros(500_600);
 
-/// How the board is set up.
+/// Configuration of the board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OdometerConfig {
     /// Kind of its output.
@@ -161,7 +161,7 @@ pub struct Odometer {
     imu: Mpu6050,
     timing: Rng,
     contacts: Rng,
-    /// How long a loop works, if something slows it down.
+    /// Duration of a loop that a fault slows down.
     work: Option<Duration>,
     /// Chance that a contact is open at a look.
     wear: f64,

@@ -33,19 +33,19 @@ pub use script::{Action, RAW_MAX, STEPS_MAX, Script, ScriptError, Step, When};
 
 use wish::{Insist, Wish};
 
-/// Bytes that wait for the port; a frame that does not fit is not written.
+/// Maximum number of bytes that wait for the port; a frame that does not fit is not written.
 const OUT_MAX: usize = 131_072;
 
-/// How patient the PC is.
+/// Timeouts and retries of the PC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
     /// Idle time after which a partial frame is discarded. The radio's own gaps stay below 40 ms.
     pub idle: Duration,
     /// Time for the robot to confirm waypoints or an order before they are sent again.
     pub confirm: Duration,
-    /// How often waypoints or an order are sent at most, without being confirmed.
+    /// Maximum number of times that unconfirmed waypoints or an order are sent.
     pub tries_max: u32,
-    /// Time between two orders in manual mode: the robot wants one a second at least.
+    /// Time between two orders in manual mode: the robot needs at least one a second.
     pub order_period: Duration,
     /// Time after which the PC reopens a port that the other end closed; `None`: never.
     pub reopen: Option<Duration>,
@@ -143,7 +143,7 @@ impl Pc {
         self.record.map.as_ref()
     }
 
-    /// When every row of the map had been seen.
+    /// Time at which every row of the map had arrived.
     pub fn map_complete_at(&self) -> Option<Instant> {
         self.map()?.complete_at()
     }
@@ -153,7 +153,7 @@ impl Pc {
         self.connection
     }
 
-    /// When the robot confirmed the last waypoints.
+    /// Time at which the robot confirmed the last waypoints.
     pub fn waypoints_confirmed_at(&self) -> Option<Instant> {
         self.waypoints.as_ref()?.confirmed_at()
     }
@@ -163,7 +163,7 @@ impl Pc {
         self.next_step == self.script.steps().len() && self.confirmed_at().is_some()
     }
 
-    /// Does something that is not in the script, as a person at the keyboard would.
+    /// Performs an action that is not in the script, like a person at the keyboard.
     pub fn perform(&mut self, now: Instant, action: Action) -> Result<(), ScriptError> {
         action.check()?;
         self.do_it(now, action);
@@ -177,7 +177,7 @@ impl Pc {
         self.script.insert(index.max(self.next_step), step)
     }
 
-    /// How many steps the script has.
+    /// Number of steps of the script.
     pub fn steps(&self) -> usize {
         self.script.steps().len()
     }
@@ -272,7 +272,7 @@ impl Pc {
         if self.reopen_at.is_some_and(|at| at <= now) {
             self.reopen(now);
         }
-        // A new wish takes the place of the old one before that is said again.
+        // A new wish replaces the old one before the old one is sent again.
         while self.step_at().is_some_and(|at| at <= now) {
             let action = self.script.steps()[self.next_step].action.clone();
             self.next_step += 1;
@@ -296,7 +296,7 @@ impl Pc {
         self.out.extend(bytes);
     }
 
-    /// When the next step is due, as far as is known.
+    /// Time of the next step, if it is known.
     fn step_at(&self) -> Option<Instant> {
         let step = self.script.steps().get(self.next_step)?;
         let at = match step.when {

@@ -28,7 +28,7 @@ pub struct Variable {
     pub drives: Option<Sink>,
 }
 
-/// Where a value comes from. All but [`Stored`](Self::Stored) are read-only.
+/// Source of a value. All but [`Stored`](Self::Stored) are read-only.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum ValueSource {
     /// The value written last.
@@ -53,11 +53,11 @@ pub enum ValueSource {
     /// Encoder counts since the start of the run, added to the initial value, of the chassis's
     /// encoder of this name; none if the chassis has no such encoder, see [`Wanted`].
     EncoderNamed(String),
-    /// Where the robot is in the world, millimetres along x.
+    /// Position of the robot in the world, millimetres along x.
     XMm,
-    /// Where the robot is in the world, millimetres along y.
+    /// Position of the robot in the world, millimetres along y.
     YMm,
-    /// Where the robot looks in the world, milliradians, counter-clockwise from x.
+    /// Heading of the robot in the world, milliradians, counter-clockwise from x.
     HeadingMrad,
     /// Speed over the floor in any direction, millimetres per second.
     SpeedMmS,
@@ -69,9 +69,9 @@ pub enum ValueSource {
     Contacts,
     /// Distance from the middle of the robot to the nearest surface, millimetres, an ideal beam.
     RangeMm {
-        /// Where the beam goes, radians counter-clockwise from ahead.
+        /// Direction of the beam, radians counter-clockwise from ahead.
         angle: f64,
-        /// Shown when nothing is nearer.
+        /// Value if there is no nearer surface.
         max_mm: i64,
     },
 }
@@ -127,7 +127,7 @@ impl ValueSource {
     }
 }
 
-/// Why variables cannot be.
+/// Reason for invalid variables.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VariableError {
     /// Place in the list.
@@ -182,7 +182,7 @@ impl Variables {
         })
     }
 
-    /// Names the first variable that `chassis` has nothing for.
+    /// Reports the first variable that `chassis` has no actuator or encoder for.
     pub(crate) fn check_chassis(&self, chassis: &dyn Chassis) -> Result<(), VariableError> {
         for (index, wanted) in self.wanted() {
             if let Some(message) = wanted.missing(chassis) {
@@ -280,12 +280,12 @@ impl Watchdog {
         Self { time, silent_at }
     }
 
-    /// The master said something.
+    /// Restarts the watchdog after a message of the master.
     pub(crate) fn heard(&mut self, at: Instant) {
         self.silent_at = self.time.map(|time| at + time);
     }
 
-    /// When the master will count as silent.
+    /// Time at which the master will count as silent.
     pub(crate) const fn silent_at(&self) -> Option<Instant> {
         self.silent_at
     }

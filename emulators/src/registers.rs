@@ -23,7 +23,7 @@ use crate::event_log::EventLog;
 use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
 use crate::world::{Chassis, World};
 
-/// How a value lies in the registers: low byte first.
+/// Layout of a value in the registers: low byte first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// One register, 0 to 255.
@@ -94,7 +94,7 @@ pub struct Register {
     pub variable: Variable,
 }
 
-/// How a register slave is set up.
+/// Configuration of a register slave.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegistersConfig {
     /// Coding of its line.
@@ -127,7 +127,7 @@ pub struct Registers {
     board: Board,
     pending: VecDeque<(Instant, Option<Frame>)>,
     output: VecDeque<u8>,
-    /// When the last answer has left.
+    /// End of the last answer.
     free_at: Instant,
     log: EventLog,
 }

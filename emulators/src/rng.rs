@@ -1,9 +1,9 @@
 //! Named random streams from one seed.
 //!
-//! Each consumer of chance asks for a stream of its own: `Rng::stream(seed, "lidar.noise")`.
+//! Each consumer of random numbers has a stream of its own: `Rng::stream(seed, "lidar.noise")`.
 //! Streams share nothing, so a new stream, or one more draw in an old one, never shifts another.
 //! Every method draws a fixed number of words, whatever its arguments: a fault of probability 0
-//! leaves the stream where a fault of probability 1 leaves it.
+//! leaves the stream in the same state as a fault of probability 1.
 
 use core::f64::consts::TAU;
 

@@ -13,14 +13,14 @@
 //!
 //! | module | is |
 //! |---|---|
-//! | `profile` | what differs between firmware versions |
-//! | `motor` | motor, friction, what drives them |
+//! | `profile` | differences between firmware versions |
+//! | `motor` | motor, friction, controls |
 //! | `beam` | one beam from world to distance |
-//! | `request` | what comes from the host, and when |
-//! | `answer` | what is answered |
+//! | `request` | requests of the host, and their times |
+//! | `answer` | answers |
 //! | `scan` | rotation, samples, nodes and capsules |
-//! | `output` | the transmitter and what damages its bytes |
-//! | [`fault`](Fault) | what can be wrong |
+//! | `output` | the transmitter and damage to its bytes |
+//! | [`fault`](Fault) | faults |
 //!
 //! Sources: protocol document LR001 v1.0, data sheet LD108 v1.0, the vendor's public SDK, what
 //! users print of their sensors (named at the profile), reports of users (named at the faults). No
@@ -92,7 +92,7 @@ pub enum State {
     Off,
     /// Waits for a request.
     Idle,
-    /// Was asked for a scan and waits for an even rotation.
+    /// Has a scan request and waits for an even rotation.
     Starting,
     /// Sends nodes or capsules.
     Scanning,

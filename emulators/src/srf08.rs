@@ -61,7 +61,7 @@ const OVERHEAD: Duration = Duration::from_millis(1);
 /// Sequence to write to the command register before a new address.
 const ADDRESS_CHANGE: [u8; 3] = [0xA0, 0xAA, 0xA5];
 
-/// How a chip sits on its robot, and how well it receives.
+/// Mounting of a chip on its robot, and its receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Srf08Config {
     /// Address in eight bits, even, E0 to FE.
@@ -76,7 +76,7 @@ pub struct Srf08Config {
     pub height_m: f64,
     /// Of the cone, to either side, radians.
     pub half_angle_rad: f64,
-    /// Nothing farther gives an echo, metres, whatever the range register says. 6 m in practice.
+    /// Maximum distance of an echo, metres, whatever the range register holds. 6 m in practice.
     pub hears_m: f64,
     /// Standard deviation of a range, metres; a guess.
     pub noise_m: f64,
@@ -187,7 +187,7 @@ impl Srf08 {
                 return self.log.0.repeated(now, kind, "unknown-command", detail);
             }
         };
-        // Drawn whatever is received, so that hearing never shifts the noise.
+        // Drawn in every case, so that an echo never shifts the noise.
         let noise_m = self.config.noise_m * self.noise.gauss();
         let heard = self.hear(now, world).filter(|_| !self.is_deaf);
         if !self.is_stuck {
@@ -260,7 +260,7 @@ impl RegisterChip for Srf08 {
         &FAULTS
     }
 
-    /// `off`: does not acknowledge. `deaf`: no echo. `stuck`: the last echo forever. `wrong`: so
+    /// `off`: does not acknowledge. `deaf`: no echo. `stuck`: the last echo forever. `wrong`: this
     /// many metres too far, 0.5 by default.
     fn set_fault(&mut self, _now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {

@@ -21,12 +21,12 @@ use crate::event_log::EventLog;
 use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
 use crate::world::{Chassis, World};
 
-/// How a text slave is set up.
+/// Configuration of a text slave.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextConfig {
     /// Coding of its line.
     pub line: LineConfig,
-    /// Ends every line, both ways.
+    /// End of every line, in both directions.
     pub terminator: Vec<u8>,
     /// From the end of a request to the beginning of the reply.
     pub latency: Duration,
@@ -44,7 +44,7 @@ pub struct TextConfig {
     pub periodic: Option<Periodic>,
     /// The board that it sits on.
     pub board: BoardConfig,
-    /// Said when the board has restarted, if anything.
+    /// Text sent after a restart of the board, if any.
     pub greeting: Option<String>,
 }
 
@@ -102,7 +102,7 @@ pub struct Text {
     log: EventLog,
 }
 
-/// Which part of a description is wrong.
+/// The part of a description that is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum TextError {
     /// A variable.
@@ -397,7 +397,7 @@ impl Device for Text {
             && at <= now
         {
             self.say(&line, now, world);
-            // A late poll does not make up for lines that were not sent.
+            // A late poll does not send missed lines.
             self.next_period = Some((at + period).max(now));
         }
         self.watchdog.poll(now, &mut self.variables, &mut self.log);

@@ -133,7 +133,7 @@ impl World {
         })
     }
 
-    /// Moves everything on to `now`; an earlier time than before changes nothing.
+    /// Advances everything to `now`; an earlier time changes nothing.
     pub fn advance(&mut self, now: Instant) {
         if now <= self.now {
             return;
@@ -165,7 +165,7 @@ impl World {
     }
 
     /// The figures of a differential drive. For every other chassis a stand-in: the default figures
-    /// with the radius of the circle around the footprint. Here until its callers ask
+    /// with the radius of the circle around the footprint. To be removed once its callers use
     /// [`footprint`](Self::footprint) and [`actuators`](Self::actuators) instead.
     pub fn body(&self) -> &BodyConfig {
         self.chassis.body().unwrap_or(&self.stand_in)
@@ -176,8 +176,8 @@ impl World {
         self.pose_at(self.now)
     }
 
-    /// Where the body was at `at`, which may lie up to 250 ms in the past; farther back the oldest
-    /// pose known, later than now the present one.
+    /// Pose of the body at `at`, up to 250 ms in the past. Farther back it is the oldest known
+    /// pose, in the future the present one.
     pub fn pose_at(&self, at: Instant) -> Pose {
         let at = at.min(self.now).as_nanos();
         let newest = self.next_step.saturating_sub(1);

@@ -62,7 +62,7 @@ pub struct Config {
     pub profile: Profile,
     /// Drive of the head.
     pub supply: MotorSupply,
-    /// Where it sits on the robot.
+    /// Mounting position on the robot.
     pub mount: Mount,
     /// Geometry of the optics.
     pub optics: Optics,
@@ -113,9 +113,9 @@ pub struct Xv11 {
     profile: Profile,
     rotor: Rotor,
     encoder: Encoder,
-    /// When the next tooth passes; follows from rotor and encoder.
+    /// Time of the next tooth; follows from rotor and encoder.
     edge_at: Option<Instant>,
-    /// When the firmware has something to do; asked for far more often than it changes.
+    /// Time of the firmware's next work. Stored, because it is read far more often than it changes.
     work_at: Option<Instant>,
     eye: Eye,
     uart: Uart,
@@ -125,7 +125,7 @@ pub struct Xv11 {
     garbage: Rng,
     /// Whether it was reported that the host's motor drive is not connected.
     duty_told: bool,
-    /// The host asked for no drive at all, which the rig's regulated supply obeys.
+    /// The host ordered no drive at all, and the rig's regulated supply obeys.
     is_switched_off: bool,
     log: EventLog,
 }
@@ -188,7 +188,7 @@ impl Xv11 {
         self.foresee();
     }
 
-    /// A fault is mended at `now`, whatever its figure was.
+    /// Clears a fault at `now`, whatever its figure.
     pub fn clear_fault(&mut self, now: Instant, fault: Fault) {
         let was_off = self.faults.has(Fault::Off);
         self.faults.clear(fault);

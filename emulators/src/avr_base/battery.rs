@@ -39,7 +39,7 @@ pub(super) struct Battery {
     since: Instant,
     /// Minimum voltage seen since the firmware started, mV.
     least_mv: u16,
-    /// All but empty, whatever it would be by now.
+    /// Whether a fault makes the battery almost empty.
     pub(super) is_low: bool,
 }
 

@@ -1,4 +1,4 @@
-//! How a base is set up.
+//! Configuration of a base.
 
 use core::time::Duration;
 
@@ -7,7 +7,7 @@ use super::heat::Heat;
 use super::imu::Imu;
 use super::profile::{Profile, Quirks};
 
-/// How a base is set up.
+/// Configuration of a base.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AvrBaseConfig {
     /// Its firmware.
@@ -44,7 +44,7 @@ impl AvrBaseConfig {
 /// Whether the base speaks of its own accord.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Announce {
-    /// Only answers.
+    /// Answers only.
     #[default]
     Nothing,
     /// A message when the stop button changes the status.
@@ -82,7 +82,7 @@ impl Default for AvrBaseConfig {
     }
 }
 
-/// Why the processor started.
+/// Cause of the processor's start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StartCause {
     /// Power, or the reset button.

@@ -176,7 +176,7 @@ impl Cpu {
     /// No step comes before.
     pub(super) fn next_change(&self) -> Instant {
         let left = match self.slice() {
-            // Whatever comes meanwhile waits for its end.
+            // Bytes and ticks wait for the interrupt's end.
             Slice::Interrupt(left) => return Instant::from_nanos(self.at + left),
             Slice::Tick(left) | Slice::Reply(left) => left,
             // A step without a look.
@@ -187,8 +187,8 @@ impl Cpu {
         Instant::from_nanos(self.at.saturating_add(left).min(self.next_entry()))
     }
 
-    /// The next step up to `limit`, and when it is. While nothing is `attentive` the main loop goes
-    /// round without steps.
+    /// The next step up to `limit`, and its time. Unless `attentive`, passes of the main loop
+    /// are no steps.
     pub(super) fn advance(&mut self, limit: Instant, attentive: bool) -> Option<(Instant, Step)> {
         let limit = limit.as_nanos();
         loop {
@@ -215,7 +215,7 @@ impl Cpu {
         }
     }
 
-    /// When the next interrupt comes, later than now or at once.
+    /// Time of the next interrupt, at least now.
     fn next_entry(&self) -> u64 {
         let byte = self.incoming.front().map(|(ended, _)| ended.as_nanos());
         let line = (!self.ring.is_empty()).then_some(self.line_free);
@@ -314,7 +314,7 @@ impl Cpu {
             self.reply = None;
             return Some(Step::Replied);
         };
-        // Behind the last byte the receiver listens again at once.
+        // Behind the last byte the receiver works again at once.
         reply.left = if reply.bytes.is_empty() { 0 } else { PUT };
         self.ring.push_back(byte);
         None

@@ -19,8 +19,8 @@ const SUM_LIMIT: i16 = 200;
 /// Greatest power.
 const POWER_MAX: i16 = 255;
 
-/// One side of the speed regulator. All numbers are those of 16 bits that the firmware has, which
-/// wrap: only a master that writes over them sees that.
+/// One side of the speed regulator. All numbers have the firmware's 16 bits and wrap. Only a master
+/// that overwrites them notices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Regulator {
     pub(super) sum: i16,
@@ -65,7 +65,7 @@ fn pulse(power: i16) -> i16 {
 pub(super) struct Counter {
     /// Edges of the real wheel at the last look.
     seen: i64,
-    /// When that was.
+    /// Time of the last look.
     at: Instant,
     /// Count of the firmware. Wraps at 32 bits as the firmware's does.
     count: i32,

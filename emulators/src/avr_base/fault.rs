@@ -153,7 +153,7 @@ mod tests {
         assert_eq!(flags("nothing", true), (false, false));
     }
 
-    /// It starts when its supply comes back and when it is restarted, not when that is over.
+    /// The base starts when its supply returns and when a restart begins, not when the fault ends.
     #[test]
     fn a_base_starts_with_its_supply_and_when_it_is_restarted() {
         let mut base = AvrBase::new(super::super::AvrBaseConfig::default(), 7);

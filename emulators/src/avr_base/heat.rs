@@ -20,7 +20,7 @@ const HALF_VIEW_RAD: f64 = 0.305;
 const RAYS: i8 = 4;
 /// Distance of a sensor from the robot's middle, metres.
 const MOUNT_M: f64 = 0.1;
-/// As far as it is looked for warm things, metres.
+/// Maximum distance of a detected plate, metres.
 const RANGE_M: f64 = 3.0;
 /// Noise of a reading, degrees. A guess.
 const NOISE_C: f64 = 0.3;
@@ -67,7 +67,7 @@ impl Thermometers {
 }
 
 impl AvrBase {
-    /// Where kits were dropped, in their order.
+    /// Poses at which kits were dropped, in order.
     pub fn kits(&self) -> &[Pose] {
         &self.thermometers.kits
     }

@@ -36,7 +36,7 @@ pub(super) struct Gyro {
     noise: Rng,
     offset_deg_s: f64,
     scale: f64,
-    /// When it was checked last, and the true heading then.
+    /// Time of the last look, and the true heading then.
     last: Option<(Instant, f64)>,
     sum_deg: f64,
 }

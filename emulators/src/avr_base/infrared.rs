@@ -45,7 +45,7 @@ struct Sensor {
     curve: Curve,
 }
 
-/// Where a sensor sits on the robot, metres and radians in the robot's frame. The report shows a
+/// Position of a sensor on the robot, metres and radians in the robot's frame. The report shows a
 /// round robot of about 150 mm radius with pairs of sensors on four sides; the figures are guesses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mount {
@@ -264,7 +264,7 @@ impl Sensor {
     }
 }
 
-/// Nothing farther away makes a difference.
+/// Maximum distance that makes a difference.
 const RANGE_M: f64 = 1.0;
 /// All curves fall up to this reading; some of the short ones rise again a little later.
 const FALLING_UP_TO: u16 = 430;

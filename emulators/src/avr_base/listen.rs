@@ -109,7 +109,7 @@ impl AvrBase {
         }
     }
 
-    /// When `request` will be answered; the measured processor finds out by itself.
+    /// Time of the answer to `request`; the measured processor determines it by itself.
     fn due(&self, request: &Request) -> Instant {
         match self.quirks.processor {
             Processor::Steady { latency } => request.at + latency,

@@ -24,12 +24,12 @@ use protocols::avr::registers;
 
 /// Addresses that a request can name: 255 + 127 - 1 is the last.
 const SIZE: usize = 382;
-/// Where the request being worked on lies, and in it the data pointer.
+/// Position of the current request, and of its data pointer.
 const REQUEST: usize = registers::COUNT;
 const POINTER: usize = REQUEST + 2;
-/// Where the reply's header lies.
+/// Position of the reply's header.
 const REPLY: usize = 59;
-/// Where the receive buffer lies.
+/// Position of the receive buffer.
 const BUFFER: u16 = 65;
 /// Address of the register map in the processor's memory, build b77a6df.
 pub(super) const MAP_2015: u16 = 0x02AC;
@@ -62,16 +62,16 @@ const FED: [(usize, usize); 14] = [
     (29, DISTANCES + 12),
     (31, DISTANCES + 18),
 ];
-/// Where the battery's reading lies.
+/// Position of the battery's reading.
 const BATTERY: usize = 265;
-/// Where the motors' state lies.
+/// Position of the motors' state.
 const MOTORS: core::ops::Range<usize> = 267..313;
 
 /// Registers and the memory around them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Memory {
     bytes: [u8; SIZE],
-    /// Where the map lies in the processor's memory.
+    /// Address of the map in the processor's memory.
     map: u16,
     /// Bytes written elsewhere, through an overwritten data pointer.
     far: BTreeMap<u16, u8>,
@@ -269,8 +269,8 @@ impl Memory {
         self.bytes[REPLY] = register;
     }
 
-    /// Copies `count` bytes from where the request's pointer points to where its register says.
-    /// Pointer, register and count are loaded once, and addresses count up.
+    /// Copies `count` bytes from the request's data pointer to its register. Pointer, register and
+    /// count are loaded once, and addresses count up.
     pub(super) fn copy_data(&mut self, register: u8, count: u8) {
         let pointer = self.pointer();
         for index in 0..u16::from(count) {
@@ -279,8 +279,8 @@ impl Memory {
         }
     }
 
-    /// Whether the pointer leads to the data of the request: it may have been overwritten with an
-    /// address where nothing can be stored.
+    /// Whether the pointer leads to the data of the request. A write may have replaced it by an
+    /// address without storage.
     pub(super) fn holds(&self, data: &[u8]) -> bool {
         let pointer = self.pointer();
         let mut places = (0_u16..).map(|index| pointer.wrapping_add(index));

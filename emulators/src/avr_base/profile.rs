@@ -1,7 +1,7 @@
-//! Which firmware the base runs: names, and the differences as data.
+//! Firmware of the base: names, and the differences as data.
 //!
-//! No other module asks for a profile by name; they read [`Quirks`]. A build of the fielded
-//! firmware is a set of quirks, the base as the seed report describes it is another.
+//! No other module uses the name of a profile; they read [`Quirks`]. A build of the fielded
+//! firmware is a set of quirks, the base of the seed report is another.
 
 use core::fmt;
 use core::time::Duration;
@@ -78,22 +78,22 @@ impl fmt::Display for Profile {
 pub struct Quirks {
     /// Byte order of the checksum (AV-01).
     pub checksum: ChecksumOrder,
-    /// How frames are found in the byte stream (AV-04, AV-06 to AV-10).
+    /// Method to find frames in the byte stream (AV-04, AV-06 to AV-10).
     pub receiver: ReceiverKind,
     /// Behaviour outside the register map (AV-03, AV-11, AV-20).
     pub bounds: Bounds,
     /// Address of the register map in the processor's memory.
     pub map: u16,
-    /// When the motors stop by themselves (AV-02, H-AV-1).
+    /// Condition under which the motors stop by themselves (AV-02, H-AV-1).
     pub watchdog: Watchdog,
-    /// How a set-point register becomes a set-point (AV-13, H-AV-2).
+    /// Conversion of a set-point register to a set-point (AV-13, H-AV-2).
     pub set_points: SetPoints,
     /// Content of the two registers of the battery voltage, and conversion to percent (AV-05,
     /// AV-18).
     pub battery: BatteryRegisters,
     /// Whether a count can change while it is copied to its registers (AV-12).
     pub encoder: EncoderCopy,
-    /// How the two encoder signals are sampled (AV-15).
+    /// Sampling of the two encoder signals (AV-15).
     pub odometer: Odometer,
     /// Gains of the speed regulator (AV-14).
     pub gains: Gains,
@@ -109,7 +109,7 @@ pub struct Quirks {
     pub restart: Restart,
 }
 
-/// How frames are found in the byte stream.
+/// Method to find frames in the byte stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReceiverKind {
     /// A state machine in the receive interrupt. It is deaf while the main loop works on a request,
@@ -134,7 +134,7 @@ pub enum Bounds {
     Refused,
 }
 
-/// When the motors stop by themselves.
+/// Condition under which the motors stop by themselves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Watchdog {
     /// Armed by writes that begin at a drive register, counted by the 25.1 ms divider.
@@ -161,7 +161,7 @@ pub enum Registers {
     Kept,
 }
 
-/// How a set-point register becomes a set-point.
+/// Conversion of a set-point register to a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SetPoints {
     /// Signed, limited in the regulator; the register keeps the written value.
@@ -191,7 +191,7 @@ pub enum EncoderCopy {
     Snapshot,
 }
 
-/// How the two encoder signals are sampled.
+/// Sampling of the two encoder signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Odometer {
     /// Once per tick of the timer: two edges in a tick count as none, three as one back.
@@ -255,7 +255,7 @@ pub enum Processor {
 pub enum Restart {
     /// Five seconds without main loop, but with interrupts: one request is kept and answered late.
     FiveSecondsStale,
-    /// As any other start: deaf until up.
+    /// Like any other start: deaf until it is up.
     Normal,
 }
 
@@ -273,7 +273,7 @@ const DOCUMENT: Quirks = Quirks {
     bounds: Bounds::Refused,
     map: MAP_2015,
     watchdog: Watchdog::AnyFrame {
-        // "No messages for a short time", says the report; the figure is the field firmware's.
+        // The report: "no messages for a short time". The figure is the field firmware's.
         timeout: Duration::from_secs(1),
     },
     set_points: SetPoints::SignedAndReported,

@@ -96,12 +96,12 @@ impl Receiver {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Divider {
     pub(super) ticks: Ticks,
-    /// The main loop, which looks at the result, runs from here on.
+    /// Start of the main loop, which checks the result.
     pub(super) main_loop_from: Instant,
 }
 
-/// The main loop looks at the expired count this much later; a byte in between saves the frame.
-/// Measured least time to the loss of a frame: 0.113 ms.
+/// Delay until the main loop checks the expired count; a byte in between saves the frame. Shortest
+/// measured time to the loss of a frame: 0.113 ms.
 const MAIN_LOOP_PASS: Duration = Duration::from_micros(100);
 /// Longest usable count of the fielded receiver, whose counter is signed.
 const COUNT_MAX: u8 = 126;
@@ -436,8 +436,8 @@ mod tests {
         assert_eq!(told(5_000, 1_001), [rules::GAP_IN_FRAME]);
     }
 
-    /// The third byte is the count. Of a write the data follow it into the buffer, and the first
-    /// byte of the checksum; of a read nothing.
+    /// The third byte is the count. The data of a write follow it into the buffer, with the first
+    /// byte of the checksum; a read stores nothing.
     #[test]
     fn the_interrupt_stores_what_a_write_brings() {
         let stored = |frame: &[u8]| {

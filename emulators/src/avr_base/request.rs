@@ -13,7 +13,7 @@ pub(super) enum RequestKind {
 /// A complete frame, also one with a wrong checksum: the base answers both.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Request {
-    /// When its last byte ended.
+    /// End of its last byte.
     pub(super) at: Instant,
     /// All bytes, from the start byte to the checksum.
     pub(super) bytes: Vec<u8>,

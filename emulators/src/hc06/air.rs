@@ -98,7 +98,7 @@ impl Air {
         self.now = now;
     }
 
-    /// When something next happens by itself.
+    /// Time of the next event without further input.
     pub(super) fn poll_at(&self) -> Option<Instant> {
         if self.carrier == Radio::Lost {
             return None;

@@ -7,7 +7,7 @@ use protocols::hc06::{Command, Family, LINE_END, LineCommand, LineReply, Reply, 
 
 use super::{Profile, Settings};
 
-/// Longest text looked at; the longest command, `AT+NAME` and 20 characters, has 27 bytes.
+/// Longest text examined; the longest command, `AT+NAME` and 20 characters, has 27 bytes.
 const TEXT_MAX: usize = 64;
 /// Longest reply, a name with its frame in the line-terminated family.
 const REPLY_MAX: usize = 64;
@@ -43,7 +43,7 @@ pub(super) struct Attempt {
     pub(super) end: End,
 }
 
-/// How an attempt ended.
+/// End of an attempt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum End {
     Silence,
@@ -63,7 +63,7 @@ impl Collector {
         }
     }
 
-    /// When silence will have ended the text.
+    /// Time at which silence ends the text.
     pub(super) fn deadline(&self) -> Option<Instant> {
         (self.count > 0 && !self.silence_seen).then(|| self.last + self.silence)
     }

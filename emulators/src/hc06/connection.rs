@@ -40,7 +40,7 @@ impl Hc06 {
         self.look_for_partner(now);
     }
 
-    /// Takes the power away. The host notices nothing until the supervision time is over.
+    /// Cuts the power. The host does not notice until the supervision time is over.
     pub fn power_off(&mut self, now: Instant) {
         self.advance(now);
         if self.mode == Mode::Off {

@@ -18,7 +18,7 @@ use super::Profile;
 use crate::device::{next_multiple, take};
 use crate::rng::Rng;
 
-/// Later than anything: this is asked for each byte, and comparing plain times is quick.
+/// Later than any event: the value is compared for each byte, and comparing plain times is quick.
 pub(super) const NEVER: Instant = Instant::from_nanos(u64::MAX);
 
 /// Bytes that travel as one radio frame.
@@ -52,7 +52,7 @@ pub(super) struct Lane {
     latency_idle: [Duration; 2],
     latency_busy: [Duration; 2],
     idle_after: Duration,
-    /// When the front byte of the queue will have been moved.
+    /// Time at which the front byte of the queue has been moved.
     moves_at: Instant,
     open: Option<Burst>,
     air: VecDeque<Burst>,
@@ -139,7 +139,7 @@ impl Lane {
         self.under_way + self.ready.len() >= self.window
     }
 
-    /// When the next byte will have been moved, or [`NEVER`].
+    /// Time at which the next byte has been moved, or [`NEVER`].
     pub(super) fn moves_at(&self) -> Instant {
         if self.is_moving() {
             self.moves_at
@@ -148,7 +148,7 @@ impl Lane {
         }
     }
 
-    /// When the next frame arrives, or [`NEVER`].
+    /// Arrival of the next frame, or [`NEVER`].
     pub(super) fn due(&self) -> Instant {
         let next = self.air.front().or(self.open.as_ref());
         next.map_or(NEVER, |burst| burst.due)

@@ -5,8 +5,8 @@ use core::time::Duration;
 use protocols::LineConfig;
 use protocols::hc06::{BAUD_DEFAULT, Family, Led, Texts};
 
-/// When a new line coding takes effect. No source says; reports only agree that the reply to a
-/// new rate is easily missed.
+/// Time at which a new line coding takes effect. No source says; reports only agree that the reply
+/// to a new rate is easily missed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LineSwitch {
     /// The reply still goes out in the old coding.
@@ -14,17 +14,17 @@ pub enum LineSwitch {
     AfterReply,
     /// The reply already goes out in the new coding.
     BeforeReply,
-    /// Only the next start uses it.
+    /// From the next start on.
     AtPowerOn,
 }
 
 /// Treatment of undelivered bytes when the connection ends. No source says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Leftovers {
-    /// They are gone.
+    /// The bytes are lost.
     #[default]
     Dropped,
-    /// They go out over the next connection.
+    /// The bytes go out over the next connection.
     Kept,
 }
 
@@ -41,15 +41,15 @@ pub struct Settings {
     pub led: Led,
 }
 
-/// A kind of module. Where no source gives a figure, the field says so; such defaults are guesses.
+/// A kind of module. A field without a source for its figure says so; such defaults are guesses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Profile {
     /// Firmware family.
     pub family: Family,
     /// Wording of the replies.
     pub texts: Texts,
-    /// Written to the UART when a connection ends. Some newer builds are said to print one, no
-    /// source says which; empty by default.
+    /// Text to the UART when a connection ends. By report some newer builds print one, no source
+    /// says which; empty by default.
     pub disconnect_text: &'static [u8],
     /// Settings of the module as shipped.
     pub settings: Settings,
@@ -62,7 +62,7 @@ pub struct Profile {
     /// Longest time from the first to the last byte of a command, families without line ends:
     /// typing by hand fails, pasting works. About 1 s by report.
     pub command_time: Duration,
-    /// When a new line coding takes effect.
+    /// Time at which a new line coding takes effect.
     pub line_switch: LineSwitch,
     /// From the host opening its port to data mode; 1 to 3 s by report.
     pub connect_delay: Duration,
@@ -75,7 +75,8 @@ pub struct Profile {
     /// Bytes a second that the module moves in one direction while the other one rests: 20 to
     /// 22.5 kB/s measured. With both directions loaded each gets half: 10.8 kB/s measured.
     pub rate_bytes_s: u32,
-    /// Most bytes of one radio frame: 127 or 330, no source says which of them linvor uses.
+    /// Maximum number of bytes of a radio frame: 127 or 330, no source says which of them linvor
+    /// uses.
     pub frame_max: usize,
     /// Grid of the radio frames: five slots and the answer of the Bluetooth baseband.
     pub slot: Duration,
@@ -88,8 +89,8 @@ pub struct Profile {
     /// Number of bytes per direction, under way or not yet taken, at which the module stops moving
     /// bytes. No source says; enough not to slow down a link whose other end reads.
     pub window: usize,
-    /// Bytes that the host's operating system holds for the module before it loses some, which
-    /// no host does: it makes the writer wait, see [`Hc06::room`](super::Hc06::room).
+    /// Bytes that the host's operating system holds for the module before it loses some. No real
+    /// host loses any: it makes the writer wait, see [`Hc06::room`](super::Hc06::room).
     pub host_queue_len: usize,
 }
 
@@ -129,7 +130,7 @@ impl Profile {
         }
     }
 
-    /// The same module set to `baud`, as done before it was built in.
+    /// The same module with its rate set to `baud`, as before its installation.
     #[must_use]
     pub fn at_baud(mut self, baud: u32) -> Self {
         self.settings.line = LineConfig::new_8n1(baud);

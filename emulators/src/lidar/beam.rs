@@ -1,4 +1,4 @@
-//! Where a beam goes, and its noise.
+//! Direction of a beam, and its noise.
 
 use core::f64::consts::PI;
 

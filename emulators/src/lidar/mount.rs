@@ -1,6 +1,6 @@
 //! Mounting position of a lidar on its robot, and direction of rotation.
 
-/// Where the sensor sits on the robot.
+/// Mounting position of the sensor on the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {
     /// Metres ahead of the middle of the robot.

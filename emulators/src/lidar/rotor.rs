@@ -47,13 +47,13 @@ pub(crate) struct Motor {
     pub(crate) viscous_per_s: f64,
     /// Wandering of an unregulated motor's supply, relative.
     pub(crate) wander: f64,
-    /// How much of it is kept from one draw to the next.
+    /// Part of the wandering that is kept from one draw to the next.
     pub(crate) wander_kept: f64,
 }
 
 /// Maximum voltage of a regulated supply.
 const REGULATED_VOLTS_MAX: f64 = 5.0;
-/// How fast a regulated supply lets the speed rise: 300 rpm after little more than half a second.
+/// Maximum rise of the speed by a regulated supply: 300 rpm after little more than half a second.
 const REGULATED_RISE_RPM_S: f64 = 600.0;
 const STEP_NANOS: u64 = 1_000_000;
 /// Longest look ahead. A head that needs more than this to the next tooth turns at less than
@@ -156,7 +156,8 @@ impl Rotor {
         None
     }
 
-    /// When `missing` degrees more are done, if the speed goes evenly to `speed_end` within a step.
+    /// Time at which the head has turned by `missing` degrees, if the speed changes evenly to
+    /// `speed_end` within a step.
     fn crossing(&self, missing: f64, speed_end: f64) -> Instant {
         let speed = self.speed_rpm * DEG_PER_S;
         let acceleration = (speed_end - self.speed_rpm) * DEG_PER_S * 1e3;

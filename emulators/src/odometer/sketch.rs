@@ -12,8 +12,7 @@ use crate::world::World;
 const COUNT_M: f32 = 0.003_351;
 /// Degrees a second of a count at 2000 degrees a second, as the sensor's library has it.
 const RATE_UNIT_DPS: f32 = 0.060_975;
-/// The same as the program has it for the rate that it prints: 25 / 2000, which is 4.88 times too
-/// small.
+/// The program's unit of the rate that it prints: 25 / 2000, which is 4.88 times too small.
 const PRINTED_UNIT_DPS: f32 = 25.0 / 2000.0;
 /// Time that the program takes for a loop.
 const STEP_S: f32 = 0.01;
@@ -72,7 +71,7 @@ impl Sketch {
         self.encoder.count()
     }
 
-    /// Sets the sensor up and calibrates it; whether it is there. The program began at `began`.
+    /// Sets the sensor up and calibrates it; `true` if it answers. The program began at `began`.
     pub(super) fn begin(
         &mut self,
         (now, began): (Instant, Instant),

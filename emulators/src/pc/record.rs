@@ -14,7 +14,7 @@ pub const TRAJECTORY_MAX: usize = 500_000;
 /// A pose that the robot stated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StatedPose {
-    /// When the message was complete.
+    /// Time at which the message was complete.
     pub at: Instant,
     /// Position in the robot's map.
     pub position_mm: [i16; 2],
@@ -64,7 +64,7 @@ pub struct Record {
     pub waypoints: Option<(Instant, Vec<Waypoint>)>,
     /// The robot's own diagnosis, if it sends one.
     pub diagnosis: Option<(Instant, Diagnosis)>,
-    /// Where the robot has found victims, millimetres in its map.
+    /// Positions of the victims found by the robot, millimetres in its map.
     pub victims: Vec<[i16; 2]>,
     /// The map, once its size is known.
     pub map: Option<PcMap>,
@@ -86,7 +86,7 @@ pub(super) enum News {
     MapComplete,
     Waypoints,
     State,
-    /// How the robot is has changed but for its figures.
+    /// The robot's condition has changed, apart from its figures.
     Condition,
     /// Known already, or not evaluated.
     Nothing,

@@ -45,7 +45,7 @@ pub enum Action {
 /// An action and its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// When it is due.
+    /// Time or condition of the step.
     pub when: When,
     /// The action.
     pub action: Action,
@@ -120,7 +120,7 @@ impl Action {
     }
 }
 
-/// Why a script cannot be done.
+/// Reason for an invalid script.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ScriptError {

@@ -138,7 +138,7 @@ impl Pc {
         }
     }
 
-    /// When something is to be said.
+    /// Time of the next message.
     pub(super) fn say_at(&self) -> Option<Instant> {
         let Connection::Connected(_) = self.connection else {
             return None;
@@ -148,7 +148,7 @@ impl Pc {
         earliest([waypoints, order])
     }
 
-    /// When everything asked for was confirmed; the beginning if nothing was asked for.
+    /// Time at which all orders were confirmed; the beginning if there were none.
     pub(super) fn confirmed_at(&self) -> Option<Instant> {
         let waypoints = match &self.waypoints {
             Some(wish) => wish.confirmed_at()?,

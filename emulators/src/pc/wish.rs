@@ -1,10 +1,10 @@
-//! Something the PC wants of the robot: said again until the robot shows that it has understood.
+//! A wish of the PC to the robot, repeated until the robot shows that it has received it.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-/// A wish and how far it has come.
+/// A wish and its progress.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Wish<T> {
     pub(super) what: T,
@@ -14,12 +14,12 @@ pub(super) struct Wish<T> {
     outcome: Outcome,
 }
 
-/// How a wish is repeated.
+/// Repetition of a wish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Insist {
     /// A limited number of times, until it is confirmed.
     UntilConfirmed { every: Duration, tries_max: u32 },
-    /// For ever: the robot forgets it otherwise.
+    /// Forever: the robot forgets it otherwise.
     ForEver { every: Duration },
 }
 
@@ -49,7 +49,7 @@ impl<T> Wish<T> {
         }
     }
 
-    /// When something is to be done about it, on a connection that stands.
+    /// Time of the next action, on an open connection.
     pub(super) fn due_at(&self) -> Option<Instant> {
         let every = match (self.insist, self.outcome) {
             (Insist::ForEver { every }, _) => every,
@@ -97,7 +97,7 @@ impl<T> Wish<T> {
         }
     }
 
-    /// When the robot showed that it has understood.
+    /// Time at which the robot showed that it has received the wish.
     pub(super) const fn confirmed_at(&self) -> Option<Instant> {
         match self.outcome {
             Outcome::Confirmed(at) => Some(at),
@@ -105,7 +105,7 @@ impl<T> Wish<T> {
         }
     }
 
-    /// How often it was said on this connection.
+    /// Number of times that it was sent on this connection.
     pub(super) const fn tries(&self) -> u32 {
         self.tries
     }

@@ -27,8 +27,8 @@ const ASIDE_M: f64 = 0.024_014;
 const BACK_DEG: f64 = 8.0;
 /// Angle of a point at 1 m behind the head's zero: the angles of a turn count from there.
 pub(super) const ZERO_DEG: f64 = 6.624;
-/// Of the dot that falls on two surfaces one is measured if it has this part of the light more.
-/// A guess, fitted to the shares of real turns (see FIDELITY).
+/// If the dot falls on two surfaces, one is measured if it has this part of the light more. A
+/// guess, fitted to the shares of real turns (see FIDELITY).
 const EDGE_STEP: f64 = 0.04;
 /// Half of the dot's width as an angle. A guess: about the size of a collimated diode's dot at 2 m.
 const DOT_RAD: f64 = 0.35 * PI / 180.0;
@@ -57,11 +57,11 @@ pub(super) struct Seen {
 #[derive(Clone, Debug)]
 pub(super) struct Optics {
     mount: Mount,
-    /// Nothing is seen.
+    /// The sensor sees nothing.
     pub(super) dark: bool,
     /// Reported distance divided by measured distance.
     pub(super) range_factor: f64,
-    /// Where the turn begins, degrees clockwise from where it should.
+    /// Error of the turn's beginning, degrees clockwise.
     pub(super) turned_deg: f64,
     /// The head seems to turn in the other direction.
     pub(super) mirrored: bool,
@@ -243,9 +243,9 @@ mod tests {
         assert!(measured > 40, "{measured}");
     }
 
-    /// A grey wall of a quarter of the light is seen as far as half of the range; one that is
-    /// slanted counts in full up to 60 degrees. Nearer than 150 mm nothing is. Specks take or add
-    /// up to half of the light, so a fifth of the distance.
+    /// A grey wall with a quarter of the light is visible up to half of the range. A slanted wall
+    /// counts in full up to 60 degrees. Nearer than 150 mm the sensor sees nothing. Specks take or
+    /// add up to half of the light, so a fifth of the distance.
     #[test]
     fn dark_walls_are_seen_less_far() {
         let is_seen = |far_m, slant: f64, reflectivity| {

@@ -3,7 +3,7 @@
 /// Friction that stops a head at a duty of 0.6, rpm/s.
 const SLOW_RPM_S: f64 = 1_000.0;
 
-/// One thing that is wrong. Some have a figure; setting a fault again replaces it.
+/// One fault. Some have a figure; setting a fault again replaces it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// No supply: silence. Clearing it is a power-on, which prints the start text (an unplugged
@@ -22,7 +22,7 @@ pub enum Fault {
     Garbage,
     /// Every distance is wrong. Figure: reported distance divided by true distance.
     Wrong,
-    /// No laser light is seen: all nodes are invalid. The sensor does not notice.
+    /// The sensor sees no laser light: all nodes are invalid. The sensor does not notice.
     Dark,
     /// The laser fails, which the sensor notices: Protection Stop (LD108).
     LaserOff,
@@ -52,8 +52,7 @@ pub enum Fault {
     ConfEmpty,
     /// The sensor reports another mode as the typical one. The usual figure is one beyond the last
     /// mode. That mode is listed like the others but not streamed: its request is ignored
-    /// (robopeak/rplidar_ros
-    /// #68). Figure: number of the mode.
+    /// (rplidar_ros #68 of robopeak). Figure: number of the mode.
     TypicalMode,
     /// Answers hold nothing (pyrplidar #3).
     EmptyAnswer,
@@ -64,7 +63,7 @@ pub enum Fault {
     /// The supply fails when a scan begins, and the processor restarts (rplidar_ros #59). The head
     /// needs 550 mA at its start, 300 later. Figure: limit of the supply, mA.
     WeakSupply,
-    /// After a stop no request is taken for a while (RPLIDAR clients #33). Figure: seconds.
+    /// For a while after a stop the sensor takes no request (RPLIDAR clients #33). Figure: seconds.
     SlowStop,
     /// The adapter runs the motor while DTR is high (rplidar.net #2).
     DtrInverted,

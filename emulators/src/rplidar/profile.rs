@@ -32,8 +32,8 @@ const fn mode(name: &'static str, sample_us: u32, answer_kind: u8) -> ScanMode {
     }
 }
 
-/// Modes of firmware 1.24, as drivers list them: 2.0, 4.0 and 8.0 thousand samples a second. Of
-/// firmware 1.20, which cannot be asked, the first two are there.
+/// Modes of firmware 1.24, as drivers list them: 2.0, 4.0 and 8.0 thousand samples a second.
+/// Firmware 1.20 has the first two and no request that lists them.
 const MODES_124: [ScanMode; 3] = [
     mode("Standard", 500, kind::NODES),
     mode("Express", 250, kind::CAPSULES),
@@ -129,8 +129,8 @@ impl Profile {
         }
     }
 
-    /// From one sample to the next in a scan of this mode. Samples of 1.20 and 1.24 come a little
-    /// sooner than they say: 2,005 a second, where LD108 says 2,000 to 2,010.
+    /// Time from one sample to the next in a scan of this mode. Samples of 1.20 and 1.24 come a
+    /// little sooner than reported: 2,005 a second; LD108 has 2,000 to 2,010.
     pub(super) fn sample_time(self, mode: u8) -> Duration {
         let mode = self.modes().get(usize::from(mode));
         let told = Duration::from_micros(mode.map_or(500, |mode| mode.sample_us).into());
@@ -148,7 +148,7 @@ impl Profile {
         }
     }
 
-    /// The mode that is recommended: of 1.29 it is known (Sensitivity), of 1.24 a guess.
+    /// The recommended mode: known for 1.29 (Sensitivity), a guess for 1.24.
     const fn typical_mode(self) -> u16 {
         match self {
             Self::Fw120 | Self::Fw124 => 1,

@@ -32,12 +32,14 @@ pub(super) struct Handling {
     requests: VecDeque<(Instant, Command)>,
     /// Time of the start text.
     text_at: Option<Instant>,
-    /// Until when requests are discarded: the processor starts, or a fault keeps it busy.
+    /// End of the time in which requests are discarded: the processor starts, or a fault keeps it
+    /// busy.
     deaf_until: Instant,
 }
 
 impl Handling {
-    /// Of a processor that starts at `now`: it takes no request before it has printed its text.
+    /// State of a processor that starts at `now`: it takes no request before it has printed its
+    /// text.
     pub(super) fn starting(now: Instant) -> Self {
         let text_at = now + START_TIME;
         Self {
@@ -83,7 +85,7 @@ impl Rplidar {
         }
     }
 
-    /// The rest of a request did not come in time: all of it is discarded.
+    /// Discards a whole request because its rest did not come in time.
     pub(super) fn give_up_request(&mut self, at: Instant) {
         let pending = self.requests.pending();
         self.requests = RequestDecoder::with_format(Requests);

@@ -160,7 +160,7 @@ impl Rplidar {
         }
     }
 
-    /// A scan is asked for: the descriptor comes at once, nodes when the rotation is even.
+    /// Starts a scan: the descriptor goes out at once, nodes once the rotation is even.
     pub(super) fn start_scan(&mut self, at: Instant, command: Command) {
         self.end_scan();
         self.rotor.advance(at);
@@ -345,8 +345,8 @@ impl Rplidar {
         self.output.stream(node.as_bytes(), &mut self.faults);
     }
 
-    /// Puts a sample into a capsule, and sends it when it is full. One of the kind 0x84 is full
-    /// when the next one's first sample is there, which its last difference needs.
+    /// Puts a sample into a capsule, and sends the capsule once it is full. A capsule of the kind
+    /// 0x84 is full with the next one's first sample, because its last difference needs that.
     fn fill(&mut self, scanning: &mut Scanning, angle_deg: f64, seen: Seen) {
         let head_q6 = whole_q6(angle_deg + ZERO_DEG) % TURN_Q6;
         if scanning.capsule.is_empty() {

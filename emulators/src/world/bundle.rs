@@ -75,9 +75,9 @@ impl Mul for Four {
     }
 }
 
-/// How far rounding can lead the screen astray, in metres, among places no farther apart than
-/// `extent`. Some 45 roundings of numbers up to `extent` add up in the worst case, each half a
-/// unit in the last of 24 bits: 2.7e-6 of it.
+/// Maximum error of the screen by rounding, in metres, among points no farther apart than `extent`.
+/// Some 45 roundings of numbers up to `extent` add up in the worst case, each half a unit in the
+/// last of 24 bits: 2.7e-6 of it.
 pub(super) fn tolerance(extent: f64) -> f64 {
     1e-5 + 4e-6 * extent
 }
@@ -95,12 +95,12 @@ pub(super) struct Bundle {
     faces: Four,
     /// Half a wall's length, or a circle's radius; with tolerance.
     half: Four,
-    /// How far the surface may lie off its middle along the ray: 0, or a circle's radius; with
-    /// tolerance. Empty lanes refuse everything by minus infinity.
+    /// Distance of the surface from its middle along the ray: 0, or a circle's radius; with
+    /// tolerance. Minus infinity makes an empty lane refuse everything.
     depth: Four,
     tolerance: f32,
     index: [u32; LANES],
-    /// Where the cell continues; 0 if it does not.
+    /// Index of the cell's next bundle; 0 if there is none.
     pub(super) next: u32,
 }
 
@@ -121,7 +121,7 @@ impl Bundle {
         }
     }
 
-    /// Puts a primitive into the first empty lane; says whether there was one.
+    /// Puts a primitive into the first empty lane; `false` if all are full.
     pub(super) fn add(
         &mut self,
         index: u32,

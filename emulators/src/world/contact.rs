@@ -20,7 +20,7 @@ pub(super) use push::Push;
 const REACH_M: f64 = 1.0;
 /// Margin around the body that is searched first, metres.
 const CLOSE_M: f64 = 0.02;
-/// The body has left a surface when it is this far off.
+/// Distance at which the body has left a surface.
 const LEFT_M: f64 = 1e-3;
 /// Contacts kept until they are taken; more are counted only.
 const CONTACTS_MAX: usize = 1024;
@@ -125,7 +125,7 @@ impl Bumper {
         if self.free > 0.0 {
             return wanted;
         }
-        // A body that leans on something is near to it; no need to ask.
+        // A body that leans on a surface is near to it, so the test is not needed.
         if self.touching.is_empty() {
             self.free = self.clearance(scene, began, wanted.start) - margin - used;
             if self.free > 0.0 {

@@ -147,7 +147,7 @@ impl Ray {
         }
     }
 
-    /// The same ray seen by something that stands at `at`.
+    /// The same ray relative to an origin at `at`.
     pub(super) fn seen_from(self, at: Point) -> Self {
         Self {
             from: Point::new(self.from.x - at.x, self.from.y - at.y),
@@ -187,7 +187,7 @@ impl Primitive {
         }
     }
 
-    /// The point of the surface that is nearest to `point`, and how far it is.
+    /// The point of the surface that is nearest to `point`, and its distance.
     pub(super) fn nearest(&self, point: Point) -> (Point, f64) {
         let at = match self {
             Self::Segment(segment) => segment.nearest(point),
@@ -205,8 +205,9 @@ impl Primitive {
         }
     }
 
-    /// Whether the surface passes within `half` of `center` along both axes: whether it enters
-    /// that square. May say yes for a circle that only comes near a corner, never a wrong no.
+    /// Whether the surface passes within `half` of `center` along both axes: whether it enters that
+    /// square. May be `true` for a circle that only comes near a corner, but `false` is always
+    /// right.
     pub(super) fn enters(&self, center: Point, half: f64) -> bool {
         match self {
             Self::Segment(s) => {

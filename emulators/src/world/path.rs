@@ -22,7 +22,8 @@ pub enum Repeat {
     /// The obstacle stays there.
     #[default]
     Once,
-    /// From the beginning again; the last place must be the first, as nothing jumps.
+    /// From the beginning again; the last position must be the first, so that the obstacle does not
+    /// jump.
     Loop,
     /// Back along the same path, then forth again.
     PingPong,
@@ -38,8 +39,8 @@ pub struct Path {
 }
 
 impl Path {
-    /// Where the obstacle is at `now`. Meant for paths that a scene has accepted; an empty path is
-    /// at the origin.
+    /// Position of the obstacle at `now`. Meant for paths that a scene has accepted; an empty path
+    /// is at the origin.
     pub fn position(&self, now: Instant) -> Point {
         let (Some(first), Some(last)) = (self.waypoints.first(), self.waypoints.last()) else {
             return Point::default();

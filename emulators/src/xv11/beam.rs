@@ -1,4 +1,4 @@
-//! One beam: from a place and a direction in the world to the four bytes of a reading.
+//! One beam: from a position and a direction in the world to the four bytes of a reading.
 //!
 //! (A) and (B) are the captures named in `optics`.
 
@@ -27,7 +27,7 @@ mod code {
     pub(super) const NO_DOT: u8 = 0x35;
 }
 
-/// Nearer than this the camera does not see the dot at all. A guess.
+/// Distance below which the camera does not see the dot at all. A guess.
 const BLIND_MM: f64 = 60.0;
 /// Angular jitter of a beam. A guess; it lets the dot fall on either side of an edge, and is small
 /// enough to leave the noise of slanting walls to the range law.
@@ -47,9 +47,9 @@ const BEND_AROUND: f64 = 0.02;
 const DOUBLE_IN_MIDDLE: f64 = 8.0 / 71.0;
 const DOUBLE_AHEAD: f64 = 0.75;
 const _: () = assert!(DOUBLE_IN_MIDDLE < DOUBLE_AHEAD, "a draw may rule out both");
-/// How far ahead a near object may shadow the dot, degrees, and how near it must be, as a part of
-/// the distance. With 38 mm between laser and camera and an object at 0.3 m that is 7 degrees at
-/// most.
+/// Angle ahead within which a near object may shadow the dot, degrees, and its maximum distance, as
+/// a part of the dot's. With 38 mm between laser and camera and an object at 0.3 m that is 7
+/// degrees at most.
 const SHADOW_DEGREES: usize = 7;
 const SHADOWING: f64 = 0.93;
 const DEG_PER_RAD: f64 = 180.0 / PI;
@@ -67,8 +67,8 @@ const FLAW_TOO_WIDE: f64 = 7e-4;
 const FLAW_TOO_DIM: f64 = 3e-4;
 const FLAW_BOTH: f64 = 3e-5;
 
-/// How alike the noise of a degree is from turn to turn: the von Neumann ratios of (A) are 0.89 of
-/// distances and 0.77 of strengths, where 1 is not at all.
+/// Correlation of a degree's noise from turn to turn: the von Neumann ratios of (A) are 0.89 of
+/// distances and 0.77 of strengths; 1 means none.
 const RANGE_KEPT: f64 = 0.11;
 const STRENGTH_KEPT: f64 = 0.23;
 /// Factors on the noise laws of even surfaces. A beam that wanders over rough and uneven surfaces
@@ -134,7 +134,7 @@ impl Eye {
         self
     }
 
-    /// Makes the noise of a reading a little like that of the same degree a turn before.
+    /// Adds a part of the last turn's noise to the noise of the same degree.
     fn remembering(&mut self, slot: usize, noise: Noise) -> Noise {
         if self.detail == Detail::Even {
             return noise;
@@ -165,8 +165,8 @@ impl Eye {
         Place::at(Point::new(x, y))
     }
 
-    /// Measures once: reading `slot` of the turn, head at `angle_deg`, at `at`. Draws the same
-    /// numbers whatever is seen.
+    /// Measures once: reading `slot` of the turn, head at `angle_deg`, at `at`. The number of draws
+    /// does not depend on the result.
     pub(super) fn measure(
         &mut self,
         world: &World,
@@ -281,7 +281,7 @@ impl Eye {
             .filter(|&(_, side_mm)| is_jump(mm, side_mm))
             .peekable();
         if jumps.peek().is_none() {
-            // No corner spoils the dot more often: the draw alone says that this one does not.
+            // No corner spoils the dot more often, so the draw alone excludes it.
             if noise.chance >= DOUBLE_AHEAD {
                 return None;
             }
@@ -337,7 +337,7 @@ impl Eye {
     }
 }
 
-/// Whether two neighbouring beams meet different things.
+/// Whether two neighbouring beams meet different objects.
 fn is_jump(mm: f64, side_mm: f64) -> bool {
     (side_mm - mm).abs() > 30.0 + 0.03 * mm
 }
@@ -351,7 +351,7 @@ struct Noise {
     strength: f64,
 }
 
-/// Whether the neighbours say that an edge or a corner may be in the dot.
+/// Whether the neighbours suggest an edge or a corner in the dot.
 fn is_rough(behind: f64, mm: f64, ahead: f64) -> bool {
     let bend = (behind - mm) + (ahead - mm);
     bend.is_nan() || bend.abs() > BEND_AROUND * mm
@@ -645,7 +645,7 @@ mod tests {
         assert_eq!(corner_share(1000.0, [980.0, 1020.0], [955.6, 1044.4]), 0.0);
     }
 
-    /// T4: 30 mm and 3 %: at 1 m a side 60 mm away is the same thing, one 61 mm away is not.
+    /// T4: 30 mm and 3 %. At 1 m a side 60 mm away is the same object, one 61 mm away is another.
     #[test]
     fn a_jump_is_more_than_30_mm_and_3_per_cent() {
         assert!(!is_jump(1000.0, 1060.0) && !is_jump(1000.0, 940.0));

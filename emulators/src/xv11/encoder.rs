@@ -161,7 +161,7 @@ impl Encoder {
         self.tooth
     }
 
-    /// Where the head is when it passes. Tooth 0 is counted at 2 degrees.
+    /// Angle of the head when the tooth passes. Tooth 0 is counted at 2 degrees.
     pub(super) fn edge_deg(&self) -> f64 {
         first_slot_deg(self.tooth) - PHASE_SLOTS
             + self.offsets[usize::from(self.tooth)]
@@ -169,7 +169,7 @@ impl Encoder {
             - self.wander.ahead_deg()
     }
 
-    /// The tooth has passed; the next one is looked for. True if a new turn began with it.
+    /// Advances to the next tooth; `true` if a new turn began.
     pub(super) fn pass(&mut self) -> bool {
         self.tooth = (self.tooth + 1) % TEETH;
         self.wander.pass();
@@ -210,7 +210,7 @@ fn offsets() -> [f64; TEETH as usize] {
     })
 }
 
-/// How a tooth came, measured in slots of the tooth before.
+/// Arrival of a tooth, measured in slots of the tooth before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Arrival {
     /// Its slots are done; this many of them may have to be skipped.

@@ -70,7 +70,7 @@ pub struct Statistics {
     pub rpm_min: f64,
     /// Repeatability by distance.
     pub noise: Vec<Bin>,
-    /// How long the last coast-down took from 290 to 185 rpm, and from there to 75 rpm; seconds by
+    /// Duration of the last coast-down from 290 to 185 rpm, and from there to 75 rpm; seconds by
     /// tooth times.
     pub coast_s: Option<[f64; 2]>,
     /// Packets that show the last speed before the processor restarts.

@@ -69,7 +69,7 @@ struct FreeRun {
     tick: u64,
 }
 
-/// How measuring continues after a pause.
+/// Continuation of measuring after a pause.
 #[derive(Clone, Copy, Debug)]
 struct Resume {
     at: Instant,
@@ -82,9 +82,9 @@ struct Resume {
 pub(super) struct Firmware {
     phase: Phase,
     scan: Scan,
-    /// When the last tooth was seen.
+    /// Time of the last tooth.
     last_edge: Option<Instant>,
-    /// How long a tooth takes, as believed.
+    /// Duration of a tooth, as the firmware assumes.
     tooth_s: f64,
     word: u16,
     good_teeth: u8,
@@ -154,7 +154,7 @@ impl Firmware {
         }
     }
 
-    /// When the processor has something to do by itself.
+    /// Time of the processor's next work.
     pub(super) fn next_at(&self, uart: &Uart) -> Option<Instant> {
         let own = match &self.phase {
             Phase::Off | Phase::Console => None,
@@ -179,7 +179,7 @@ impl Firmware {
         earliest([own, self.restart_at])
     }
 
-    /// Until when a tooth is waited for.
+    /// End of the wait for a tooth.
     fn wait_until(&self) -> Option<Instant> {
         let edge = self.last_edge?;
         Some(edge + nanos(WAIT_TEETH * self.tooth_s))
@@ -330,7 +330,7 @@ mod tests {
         assert_eq!([given_up(Some(SPIN_TIME)), given_up(None)], [waits; 2]);
     }
 
-    /// A text, then dots, one each time; after the last of them nothing more.
+    /// A text, then dots, one each time; nothing after the last of them.
     #[test]
     fn a_head_that_is_waited_for_makes_dots() {
         let mut lidar = Xv11::new("lidar", 1, Config::default());

@@ -1,4 +1,4 @@
-//! How the sensor's optics are built, and the laws its readings follow.
+//! Geometry of the sensor's optics, and the laws of its readings.
 //!
 //! Figures marked (A) are from the 2.4 "hand in box" capture, (B) from the 2.1 "no shield" ones.
 

@@ -26,7 +26,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// A place like all others.
+    /// A point without peculiarities.
     pub(super) const PLAIN: Self = Self {
         reflects: 1.0,
         deeper_mm: 0.0,

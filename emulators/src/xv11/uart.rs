@@ -22,7 +22,7 @@ const UNTAKEN_MAX: usize = 1024;
 struct Packet {
     bytes: [u8; xv11::FRAME_LEN],
     len: usize,
-    /// When its first bit goes out.
+    /// Start of its first bit.
     starts: Instant,
 }
 
@@ -31,14 +31,14 @@ struct Packet {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Uart {
     waiting: VecDeque<Packet>,
-    /// When the last byte accepted is out.
+    /// End of the last accepted byte.
     free_at: Instant,
     out: VecDeque<u8>,
     dropped: u64,
 }
 
 impl Uart {
-    /// When a packet of `len` bytes will fit.
+    /// Time at which a packet of `len` bytes will fit.
     pub(super) fn room_at(&self, len: usize) -> Instant {
         let ahead = LINE.bytes_time(RING - len as u64);
         Instant::ZERO + (self.free_at - Instant::ZERO).saturating_sub(ahead)
@@ -68,13 +68,13 @@ impl Uart {
         self.hand_out(text.as_bytes());
     }
 
-    /// When the first `count` bytes of the last packet accepted are out.
+    /// End of the first `count` bytes of the last accepted packet.
     pub(super) fn part_out_at(&self, count: u64) -> Instant {
         let last = self.waiting.back().map(|packet| packet.starts);
         last.unwrap_or(self.free_at) + LINE.bytes_time(count)
     }
 
-    /// When [`release`](Self::release) has something to do.
+    /// Time at which [`release`](Self::release) has work.
     pub(super) fn release_at(&self) -> Option<Instant> {
         self.waiting.front().map(|packet| packet.starts)
     }
@@ -98,7 +98,7 @@ impl Uart {
         self.free_at = now;
     }
 
-    /// The supply is gone: nothing leaves any more.
+    /// Cuts the supply: no byte leaves any more.
     pub(super) fn power_off(&mut self, now: Instant) {
         self.reset(now);
         self.out.clear();

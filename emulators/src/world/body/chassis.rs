@@ -39,7 +39,7 @@ pub trait Chassis: fmt::Debug + Send + Sync {
     fn actual(&self, actuator: usize) -> f64;
 
     /// Begins step `number`. Both figures must be finite; a speed of more than 5 m/s or a turn rate
-    /// of more than 20 rad/s may carry the body through thin things.
+    /// of more than 20 rad/s may carry the body through thin obstacles.
     fn begin_step(&mut self, number: u64) -> Velocity;
 
     /// Its encoders. Their names are unique.
@@ -210,17 +210,17 @@ pub struct Encoder {
     pub counts_per_m: f64,
 }
 
-/// One of a list of actuators or encoders: by name, or by its place in the list.
+/// One of a list of actuators or encoders, by name or by index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Select<'a> {
-    /// Its place, from 0.
+    /// Its index, from 0.
     Index(usize),
     /// Its name.
     Name(&'a str),
 }
 
 impl Select<'_> {
-    /// Place in a list of things with these names, if it is there.
+    /// Index in a list of these names, if it is in the list.
     pub fn find<'n>(self, mut names: impl ExactSizeIterator<Item = &'n str>) -> Option<usize> {
         match self {
             Self::Index(index) => (index < names.len()).then_some(index),

@@ -167,7 +167,7 @@ pub(super) fn check_ranges(fields: &[(&'static str, f64, f64, f64)]) -> Result<(
 /// A figure of a body that physics cannot work with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyError {
-    /// Which.
+    /// Name of the field.
     pub field: &'static str,
     /// As given.
     pub found: f64,
@@ -240,7 +240,7 @@ impl Differential {
         })
     }
 
-    /// The same wheels under a body of another shape; its `radius_m` says nothing then.
+    /// The same wheels under a body of another shape; its `radius_m` has no effect then.
     #[must_use]
     pub fn with_footprint(self, footprint: Footprint) -> Self {
         Self { footprint, ..self }

@@ -6,7 +6,7 @@ use crate::world::geometry::{Point, Pose};
 
 /// Minimum and maximum radius of a disc, metres.
 const RADIUS_M: [f64; 2] = [0.02, 2.0];
-/// Corners of an outline at most: a collision costs a look at each.
+/// Maximum number of corners of an outline: a collision test examines each.
 const CORNERS_MAX: usize = 64;
 /// Shortest side of an outline, metres.
 const SIDE_MIN_M: f64 = 1e-3;
@@ -194,7 +194,7 @@ pub enum FootprintError {
     },
     /// A corner is not finite or too far from the reference point.
     Reach {
-        /// Which.
+        /// Number of the corner.
         corner: usize,
     },
     /// A side is too short.

@@ -4,7 +4,7 @@ use super::chassis::Command;
 use super::{NOISE_STEPS, STEP_S};
 use crate::rng::Rng;
 
-/// A wheel that nothing drives and that is slower than this is held by friction.
+/// Speed below which friction holds a wheel without drive.
 const STICTION_M_S: f64 = 1e-3;
 
 /// Slower than this counts as standing for a driver that brakes before it reverses; a guess.

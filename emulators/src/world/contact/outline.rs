@@ -25,13 +25,13 @@ use gap::{Gap, distance, gap};
 
 /// Gap at which body and surface touch: far above rounding, far below anything measured.
 const TOUCH_M: f64 = 1e-6;
-/// Nothing is skipped that comes closer than this.
+/// Distance within which no test is skipped.
 pub(super) const MARGIN_M: f64 = 2.0 * TOUCH_M;
 /// Closer by this much in one step is rounding, unless half of [`TOUCH_M`] is used up.
 const CREEP_M: f64 = 1e-12;
 /// Maximum motion of any corner between two looks, metres.
 const PIECE_M: f64 = 2e-3;
-/// Looks at one motion at most: a corner at 40 m/s.
+/// Maximum number of looks at one motion: enough for a corner at 40 m/s.
 const PIECES_MAX: u32 = 20;
 /// Halvings of the last piece: 2 nm are left of it.
 const HALVINGS: u32 = 20;
@@ -43,9 +43,9 @@ const PART_MIN: f64 = 1e-6;
 struct Solid {
     index: usize,
     primitive: Primitive,
-    /// Where its origin is at the beginning and at the end of the step.
+    /// Origin of the surface at the beginning and at the end of the step.
     places: [Point; 2],
-    /// Seen from the body's place at the beginning: where it was then, and where it is in the end.
+    /// Relative to the body's first position: the gap at the beginning, and at the end.
     began: Gap,
     stay: Gap,
     /// Of the body's middle from it in the end, if the body stays.
@@ -72,7 +72,7 @@ pub(super) fn clearance(footprint: &Footprint, scene: &Scene, at: Instant, pose:
 }
 
 impl Bumper {
-    /// The slow way: each surface near by is measured along the motion.
+    /// The slow test: each near surface is measured along the motion.
     pub(super) fn collide_outline(
         &mut self,
         scene: &Scene,
@@ -350,7 +350,7 @@ impl Solid {
         }
     }
 
-    /// How much closer body and surface come in a step where they are closest.
+    /// Distance by which body and surface approach each other in a step at their closest points.
     fn approach(&self, there: Gap, wanted: Motion, pose: Pose) -> Approach {
         let (sin, cos) = libm::sincos(pose.theta);
         let (ax, ay) = (there.body.x - pose.x, there.body.y - pose.y);

@@ -10,7 +10,7 @@ use crate::world::geometry::Point;
 
 /// Temperature of everything else, degrees Celsius: a hall.
 pub const AMBIENT_C: f64 = 22.0;
-/// A plate lies on its wall: so far in front of it or behind its surface it is seen, metres.
+/// Maximum distance of a plate from the surface of its wall, metres.
 const ON_WALL_M: f64 = 0.005;
 
 /// A plate on a wall, seen from above as a line.

@@ -43,7 +43,7 @@ impl Teeth {
         (from < via && via < to).then_some([via - from, to - via])
     }
 
-    /// When the speed last fell below `limit` rpm, seconds since the first tooth.
+    /// Time at which the speed last fell below `limit` rpm, seconds since the first tooth.
     fn falls_below(&self, limit: f64) -> Option<f64> {
         let mut end_s = 0.0;
         let mut before: Option<(f64, f64)> = None;

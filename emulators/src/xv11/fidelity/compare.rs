@@ -3,7 +3,7 @@
 use super::{CAPTURED, Row, Statistics};
 use crate::xv11::Profile;
 
-/// How far a figure may be from the one it is held against.
+/// Allowed difference of a figure from its reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Limit {
     /// Within this share of the real figure, up or down; 0 demands the same figure.
@@ -25,7 +25,7 @@ pub struct Comparison {
     pub real: Option<f64>,
     /// In the other one.
     pub ours: Option<f64>,
-    /// How far they may be apart.
+    /// Allowed difference.
     pub limit: Limit,
 }
 
@@ -56,8 +56,8 @@ pub struct Column {
     pub is_hand_in_box: bool,
 }
 
-/// Figures that are the sensor's own, whatever it saw: the only ones that are judged against a
-/// stream from another room.
+/// Figures of the sensor itself, whatever it saw: the only ones that are judged against a stream
+/// from another room.
 const OWN: [&str; 6] = [
     "speed changes at index 1 mod 6",
     "0x21 at angle 2 mod 24",
@@ -99,7 +99,7 @@ impl Column {
     }
 }
 
-/// How the same capture ends: stall, cut packet, boot text.
+/// End of the same capture: stall, cut packet, boot text.
 const CAPTURED_END: [(&str, f64); 3] = [
     ("packets with the last speed", 311.0),
     ("bytes of the packet cut by the restart", 7.0),
@@ -138,7 +138,7 @@ const LIMITS: [(&str, Limit); 24] = [
 
 const SAME_TEXT: &str = "boot text, characters alike";
 
-/// How far a figure may be from that of a stream; `is_hand_in_box` as of [`Column`].
+/// Allowed difference of a figure from that of a stream; `is_hand_in_box` as of [`Column`].
 fn limit(name: &str, is_hand_in_box: bool) -> Limit {
     let is_own = OWN.contains(&name) || name.starts_with("noise from");
     if !is_hand_in_box && !is_own {

@@ -7,10 +7,10 @@ use crate::rng::Rng;
 
 /// A car slower than this stands, for its servo.
 const REST_M_S: f64 = 0.02;
-/// At rest on PVC the wheels stop this far short of where they shall go: 4 degrees, a guess; the
-/// report only says that the servo is weak there.
+/// At rest on PVC the wheels stop this far short of their goal: 4 degrees, a guess; the report only
+/// says that the servo is weak there.
 const PVC_SHORT_RAD: f64 = 0.07;
-/// The wheels' own law strays no farther from the linkage's: 6 degrees, a guess.
+/// Maximum deviation of the wheels from the linkage: 6 degrees, a guess.
 const WANDER_MAX_RAD: f64 = 0.1;
 
 /// Effect of the floor on the servo of a heavy car: the angle that it reaches at rest.
@@ -105,7 +105,7 @@ impl Servo {
         self.tangent = libm::tan(self.angle);
     }
 
-    /// Where it can get now.
+    /// Angle that the servo can reach now.
     fn goal(&self, speed: f64) -> f64 {
         let goal = self.wanted * self.law.gain + self.law.trim_rad + self.wander;
         let goal = goal.clamp(-self.angle_max, self.angle_max);

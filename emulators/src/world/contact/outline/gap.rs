@@ -133,7 +133,7 @@ fn on_outline(corners: &[Point], point: Point) -> Point {
     best.1
 }
 
-/// Whether two ways cross at a point within both.
+/// Whether two lines cross at a point within both.
 fn cross([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
     let side = |a: Point, b: Point, c: Point| (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
     side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
