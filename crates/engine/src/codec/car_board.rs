@@ -1,7 +1,7 @@
 //! `car-board` and `car-command`: the two directions of the line to a model car's board.
 //!
-//! Two rows, because no byte distinguishes the directions for a decoder: the start of a frame, `00
-//! 0F`, is also two steering values.
+//! Two rows, because no byte distinguishes the directions for a decoder: the start of a frame,
+//! `00 0F`, is also two steering values.
 
 use core::time::Duration;
 

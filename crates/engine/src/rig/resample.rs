@@ -9,8 +9,8 @@ use super::line::passage::{Mark, MarkDamage};
 
 /// Rebuilds the wave form of the sent bytes and samples it at the receiver's rate.
 ///
-/// The unit of time makes every edge and every sampling point a whole number: a sender's bit has `2
-/// * receiver.baud` units and a receiver's bit `2 * sender.baud`.
+/// The unit of time makes every edge and every sampling point a whole number: a sender's bit has
+/// `2 * receiver.baud` units and a receiver's bit `2 * sender.baud`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resampler {
     /// Levels still to be checked, one per sender's bit.
