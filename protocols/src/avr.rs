@@ -36,10 +36,10 @@ const WRITE: u8 = 0x80;
 /// Byte order of the checksum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ChecksumOrder {
-    /// As the seed report describes it.
+    /// Order of the seed report.
     #[default]
     LowFirst,
-    /// As the fielded firmware does it.
+    /// Order of the fielded firmware.
     HighFirst,
 }
 

@@ -2,12 +2,12 @@
 
 use core::fmt;
 
-/// Turns bytes into frames, whatever pieces the bytes come in.
+/// Turns bytes into frames, however the bytes are cut into pieces.
 ///
 /// - Total: any bytes, no panic. Every byte pushed ends in a frame, is discarded and counted, or is
 ///   pending.
-/// - Indifferent to chunking: the frames depend on the bytes and on when [`idle`](Self::idle) was
-///   called, never on how the bytes were cut.
+/// - Indifferent to chunking: the frames depend on the bytes and on the calls of
+///   [`idle`](Self::idle), never on how the bytes were cut.
 /// - A rejected candidate costs one byte, so a frame that begins inside it is still found.
 pub trait Decode {
     /// The decoded frame: verified, with every bit kept.
@@ -19,10 +19,10 @@ pub trait Decode {
     /// `Err` reports a rejected candidate, which cost exactly one byte; decoding continues.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<Self::Frame, FrameError>>;
 
-    /// Says that the line went quiet: an unfinished candidate will not be finished.
+    /// Reports a quiet line: an unfinished candidate will not be finished.
     ///
-    /// Complete frames inside the given-up bytes come out of the next [`step`](Self::step) or
-    /// [`push`](Self::push), which may be given no bytes at all. Calling it twice is harmless.
+    /// Complete frames inside the discarded bytes come out of the next [`step`](Self::step) or
+    /// [`push`](Self::push), even without further bytes. A second call is harmless.
     fn idle(&mut self);
 
     /// Bytes taken but not yet judged.
@@ -125,7 +125,7 @@ impl core::error::Error for FrameError {}
 pub enum Candidate {
     /// The first byte cannot begin a frame.
     Noise,
-    /// So far so good; at least one more byte is needed.
+    /// Valid so far; at least one more byte is needed.
     Incomplete,
     /// A rejected candidate.
     Rejected(FrameError),
@@ -133,14 +133,14 @@ pub enum Candidate {
     Complete(usize),
 }
 
-/// A frame format: all that [`Decoder`] has to know of a protocol.
+/// A frame format: everything that [`Decoder`] needs of a protocol.
 pub trait Format {
     /// The value decoded from a verified frame.
     type Frame;
 
-    /// Judges the non-empty `bytes` from their first one. Must say `Noise`, `Rejected` or
-    /// `Complete` at the latest when `bytes` fills the decoder's buffer, and must not change its
-    /// mind about a prefix: more bytes never turn `Noise` or `Rejected` into something else.
+    /// Judges the non-empty `bytes` from their first one. Must return `Noise`, `Rejected` or
+    /// `Complete` at the latest when `bytes` fills the decoder's buffer. More bytes must never turn
+    /// `Noise` or `Rejected` into another result.
     fn judge(&self, bytes: &[u8]) -> Candidate;
 
     /// Judges the non-empty `bytes` at the end of the input. A format with few check bits waits in
@@ -341,7 +341,7 @@ mod tests {
         }
     }
 
-    /// A full buffer must not stop the stream, whatever the format says.
+    /// A full buffer must not stop the stream, whatever the format returns.
     #[test]
     fn a_format_that_never_decides_costs_one_byte_per_full_buffer() {
         let mut decoder: Decoder<_, 4> = Decoder::with_format(Undecided);

@@ -1,7 +1,7 @@
 //! AT command set of the HC-06 Bluetooth module.
 //!
-//! The module takes commands only without a connection over the air. The three firmware
-//! families differ in how a command ends and how replies are worded:
+//! The module takes commands only without a connection over the air. The three firmware families
+//! differ in the end of a command and the wording of replies:
 //!
 //! | family | a command ends | words | replies |
 //! |---|---|---|---|
@@ -9,8 +9,8 @@
 //! | `hc01-2.0` | after about 1 s of silence | [`Command`] | [`Reply`], e.g. `hc01.comV2.0` |
 //! | `3.0-20170609` | at CR LF | [`LineCommand`] | [`LineReply`]: lines, then `OK` |
 //!
-//! Sources: module guides and forum measurements collected for the HC-06; `linvor` is what the
-//! rescue robot carried in 2014/15.
+//! Sources: module guides and forum measurements collected for the HC-06. The rescue robot of
+//! 2014/15 carried `linvor`.
 
 mod lines;
 mod reply;

@@ -1,9 +1,9 @@
 //! Wire formats of small serial robots.
 //!
-//! Nothing here allocates, reads a clock or does I/O. A protocol is one file: its frame layout as a
-//! diagram, a checked [`Frame`](xv11::Frame) that keeps every bit, the meaning of a frame as a
-//! second type, an encoder into the caller's buffer, and a decoder that is one [`Format`] for the
-//! shared [`Decoder`].
+//! No function here allocates, reads a clock or does I/O. A protocol is one file. It has the frame
+//! layout as a diagram, a checked [`Frame`](xv11::Frame) that keeps every bit, and the meaning of a
+//! frame as a second type. It has an encoder into the caller's buffer, and a decoder that is one
+//! [`Format`] for the shared [`Decoder`].
 //!
 //! | module | wire |
 //! |---|---|

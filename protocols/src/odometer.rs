@@ -40,9 +40,9 @@ const RATE_SCALE: [f32; 2] = [25.0, 2000.0];
 /// Meaning of the numbers, and their protection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dialect {
-    /// As the report describes it.
+    /// Format of the report.
     Seed,
-    /// As the sketch of March 2016 printed it.
+    /// Format of the sketch of March 2016.
     #[default]
     AsCoded,
     /// Whole numbers and a CRC-16 (CCITT, first value FFFF) over all before it.

@@ -14,9 +14,9 @@
 //! ```
 //!
 //! The seed report names no display controller. The numbers of commands, window and pixel are those
-//! of the common ones (SSD1963, ILI9341); pen coordinates are 12-bit readings as an ADS7843 gives
-//! them. Start byte, length, checksum and the runs are ours: each frame says where it belongs, so
-//! a damaged one costs its own pixels and nothing else.
+//! of the common ones (SSD1963, ILI9341); pen coordinates are 12-bit readings like those of an
+//! ADS7843. Start byte, length, checksum and the runs are the rig's own. Each frame contains its
+//! window, so a damaged one costs only its own pixels.
 
 use core::ops::RangeInclusive;
 
@@ -103,9 +103,9 @@ pub struct Pen {
 /// Whether the pen touches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// It does.
+    /// The pen touches the panel.
     Down,
-    /// It was lifted here.
+    /// The pen was lifted here.
     Up,
 }
 
@@ -275,7 +275,7 @@ pub struct Framing<const N: usize = FRAME_MAX>;
 
 /// The panel's decoder.
 pub type Decoder = crate::Decoder<Framing, FRAME_MAX>;
-/// The master's decoder: nothing but pen reports comes from a panel.
+/// The master's decoder: a panel sends only pen reports.
 pub type PenDecoder = crate::Decoder<Framing<PEN_LEN>, PEN_LEN>;
 
 impl<const N: usize> Format for Framing<N> {

@@ -5,9 +5,8 @@
 //! ```
 //!
 //! The checksum is the plain sum of the payload bytes: neither id nor length is covered. Seed
-//! report 2015 allows 65536 bytes of payload and lists of 100 waypoints, which take 902; that is
-//! our limit. Both fielded ends accept at most 511.
-//! Free debug text may share the line.
+//! report 2015 allows 65536 bytes of payload and lists of 100 waypoints, which take 902 bytes. That
+//! is the limit here. Both fielded ends accept at most 511. Free debug text may share the line.
 
 pub mod diagnosis;
 mod error;

@@ -71,7 +71,7 @@ pub enum MessageError {
         /// The first byte.
         found: Option<u8>,
     },
-    /// It has another length than it says.
+    /// The message's length differs from the announced one.
     Length {
         /// The expected length.
         expected: usize,

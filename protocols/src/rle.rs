@@ -1,8 +1,8 @@
 //! Run-length code of the map rows: pairs of count and value.
 //!
 //! The sound encoder counts every pixel. The fielded one never counts the last pixel of a row: its
-//! counts sum to one less than the row, and a last pixel that differs is lost. Both are
-//! distinguished by nothing in the row, so a decoder must know the row's width.
+//! counts sum to one less than the row, and a last pixel that differs is lost. The code itself does
+//! not show its encoder, so a decoder must know the row's width.
 //!
 //! Source: seed report 2015, chapter on the PC link; the loss was seen by running the fielded code.
 

@@ -48,8 +48,8 @@ impl Frame {
         &self.payload[..self.len]
     }
 
-    /// Whether the checksum holds. Only a decoder with [`Defects::deliver_corrupt`] gives frames
-    /// of which it does not.
+    /// Whether the checksum holds. Only a decoder with [`Defects::deliver_corrupt`] returns frames
+    /// with a wrong checksum.
     pub fn is_sound(&self) -> bool {
         checksum(self.payload()) == self.checksum
     }

@@ -15,8 +15,7 @@ use std::path::Path;
 mod png;
 mod pnm;
 
-/// Rows of pixels, the top one first. Red, green and blue unless said otherwise; `u8` is gray, 0
-/// black.
+/// Rows of pixels, the top one first. Red, green and blue by default; `u8` is gray, 0 black.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture<P = [u8; 3]> {
     width: usize,
@@ -74,7 +73,7 @@ pub enum PictureError {
         /// Rows.
         height: usize,
     },
-    /// It is damaged or of another form; a sentence that says how.
+    /// It is damaged or of another format; a sentence with the reason.
     #[error("{0}")]
     Form(String),
 }
@@ -133,7 +132,7 @@ impl<P: Copy> Picture<P> {
         (x < self.width && y < self.height).then(|| self.pixels[y * self.width + x])
     }
 
-    /// Paints the pixel at column `x` and row `y`; outside there is nothing to paint.
+    /// Paints the pixel at column `x` and row `y`; pixels outside are ignored.
     pub fn put(&mut self, x: usize, y: usize, pixel: P) {
         if x < self.width && y < self.height {
             self.pixels[y * self.width + x] = pixel;
@@ -191,7 +190,7 @@ impl Picture<u8> {
     }
 }
 
-/// The size that a file says it has, if it is allowed.
+/// The number of pixels that a file announces, if it is allowed.
 fn sized(width: usize, height: usize, pixels_max: usize) -> Result<usize, PictureError> {
     let pixels = width.checked_mul(height);
     pixels

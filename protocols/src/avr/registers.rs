@@ -83,8 +83,8 @@ pub const MOTOR_STANDBY: u8 = 48;
 /// LED: 0 the slave decides, 1 the colour comes from the master.
 pub const LED_MODE: u8 = 49;
 
-/// Reading of the left thermometer, tenths of a degree Celsius, two bytes; ours, on a converter
-/// channel that the fielded base has free.
+/// Reading of the left thermometer, tenths of a degree Celsius, two bytes. Not in the report; on a
+/// converter channel that the fielded base has free.
 pub const HEAT_LEFT: u8 = 13;
 /// The same on the right.
 pub const HEAT_RIGHT: u8 = 17;

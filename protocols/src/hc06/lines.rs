@@ -37,7 +37,7 @@ pub enum LineCommand<'a> {
     AskRole,
     /// `AT+ADDR`: asks for the address.
     AskAddress,
-    /// `AT+ORGL`: forget all settings.
+    /// `AT+ORGL`: restores the default settings.
     Restore,
     /// `AT+RESET`: start again.
     Reset,
@@ -130,9 +130,9 @@ pub enum LineReply<'a> {
     Uart(LineConfig),
     /// `+ROLE:0`, then `OK`.
     Role(Role),
-    /// `+ADDR:98d3:31:f0a1b2`, then `OK`; laid out as the HC-05 does it, which is a guess here.
+    /// `+ADDR:98d3:31:f0a1b2`, then `OK`; a guess, in the layout of the HC-05.
     Address([u8; 6]),
-    /// `ERROR:(0)`, as the HC-05 says it: a guess, no report has the exact text.
+    /// `ERROR:(0)`, as in the HC-05: a guess, no report has the exact text.
     Unknown,
 }
 

@@ -20,7 +20,7 @@ pub struct Reading {
     pub time_s: f64,
 }
 
-/// The figures of a line of the later sketch, which has no sum: nothing is verified but the form.
+/// The figures of a line of the later sketch. It has no sum, so only its form is verified.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Raw {
     /// Distance since the start.
@@ -168,12 +168,12 @@ pub enum LineError {
     Text,
     /// Another number of fields, or something behind the last.
     Fields {
-        /// As counted.
+        /// Number of fields found.
         found: usize,
     },
     /// A field is no number.
     Number {
-        /// Its place.
+        /// Index of the field.
         field: usize,
     },
     /// The sum is farther off than rounding explains.

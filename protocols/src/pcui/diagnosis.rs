@@ -14,7 +14,7 @@ pub const DIAGNOSIS_LEN: usize = 12;
 /// Bytes of a victim.
 const VICTIM_LEN: usize = 4;
 
-/// Conditions that the operator should know, one bit each.
+/// Conditions that concern the operator, one bit each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Condition {
     /// The battery is all but empty: the robot goes home slowly.
@@ -23,7 +23,7 @@ pub enum Condition {
     BaseSilent,
     /// The lidar sends nothing.
     LidarSilent,
-    /// The robot does not know where it is.
+    /// The robot does not know its pose.
     Lost,
     /// The robot or its goal is not on its map.
     OffMap,
@@ -45,7 +45,7 @@ impl Condition {
         Self::LidarWeak,
     ];
 
-    /// As people say it.
+    /// Text for the operator.
     pub const fn text(self) -> &'static str {
         match self {
             Self::BatteryLow => "battery low",
@@ -110,7 +110,7 @@ pub enum Search {
 impl Search {
     const ALL: [Self; 4] = [Self::None, Self::Seeks, Self::GoesHome, Self::IsHome];
 
-    /// As people say it.
+    /// Text for the operator.
     pub const fn text(self) -> &'static str {
         match self {
             Self::None => "none",

@@ -78,8 +78,8 @@ pub enum Mode {
     Waypoint,
     /// Driven by the PC.
     Manual,
-    /// Looks at all that it can reach, then goes home. Ours: the report promises it, and its
-    /// protocol has no number for it.
+    /// Explores all reachable space, then goes home. The report promises this mode and gives it no
+    /// number; the number is the rig's own.
     Explore,
 }
 

@@ -122,7 +122,7 @@ fn length(bytes: usize) -> u32 {
     u32::try_from(bytes).expect("lengths of the format are below 256")
 }
 
-/// A descriptor and the payload behind it. Nothing but the length protects the payload.
+/// A descriptor and the payload behind it. Only the length protects the payload.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Answer {
     bytes: [u8; ANSWER_MAX],

@@ -12,7 +12,7 @@ use crate::{Candidate, Decode, Format, FrameError};
 /// before it. A quarter of all positions in a stream look like a node; five in a row are one in a
 /// thousand.
 const NODES_AHEAD: usize = 4;
-/// The same behind a sound node. The next one is checked because a lost byte shows only there.
+/// The same behind a valid node. The next node is checked because only it reveals a lost byte.
 const NODES_AHEAD_ALIGNED: usize = 1;
 
 /// Data of the sensor other than answers.
@@ -42,7 +42,7 @@ pub enum Frame {
     Capsule(Capsule),
     /// 96 samples of a scan of the kind 0x84.
     Ultra(UltraCapsule),
-    /// Request of the host; only from a decoder of [both ways](Decoder::of_both_ways).
+    /// Request of the host; only from a decoder of [both directions](Decoder::of_both_ways).
     Request(Request),
 }
 
@@ -140,7 +140,7 @@ struct Answers {
     mode: Mode,
     /// Whether the pending bytes begin right behind a valid frame.
     is_aligned: bool,
-    /// Whether requests are looked for.
+    /// Whether the decoder searches for requests.
     has_requests: bool,
 }
 
@@ -182,7 +182,7 @@ impl Answers {
                     return Candidate::Rejected(node::check_bits(rest));
                 }
             }
-            // No turn is shorter than the nodes looked at.
+            // No turn is shorter than the examined nodes.
             if starts > 1 {
                 let (expected, found) = (1, starts);
                 return Candidate::Rejected(FrameError::Checksum { expected, found });

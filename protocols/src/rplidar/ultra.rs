@@ -35,7 +35,7 @@ const SCALE: [(u32, u32, u32); 5] = [
 ];
 /// Largest coded distance: 12 bits.
 const MAJOR_MAX: u32 = 0xFFF;
-/// Differences that say "no measurement"; ours is the first of them.
+/// Differences that mean "no measurement"; this encoder uses the first of them.
 const NOTHING: [i32; 2] = [-512, 511];
 
 /// A capsule of the kind 0x84 whose sync nibbles and checksum hold. Keeps every bit.
@@ -81,7 +81,7 @@ impl UltraCapsule {
         capsule
     }
 
-    /// Whether it is the first one of a scan: nothing before it belongs to it.
+    /// Whether the capsule is the first of a scan: earlier capsules do not belong to the scan.
     pub const fn is_first(&self) -> bool {
         self.0[3] & 0x80 != 0
     }
@@ -164,8 +164,8 @@ struct Bases {
 }
 
 impl Bases {
-    /// Of a cabin with this major, and the next one's. Without a measurement in the first the
-    /// second serves for both.
+    /// Bases of a cabin with this major, and the next one's. Without a measurement in the first,
+    /// the second serves for both.
     fn of(major: u32, next: u32) -> Self {
         let (own, second) = (decoded(major), decoded(next));
         let first = if own.0 == 0 && second.0 != 0 {
@@ -185,7 +185,7 @@ fn encoded(distance_mm: u16) -> u32 {
     (code + ((mm - from) >> bits)).min(MAJOR_MAX)
 }
 
-/// The distance of a coded value, and how many bits it is coarse by.
+/// The distance of a coded value, and the number of bits lost by its scale.
 fn decoded(major: u32) -> (u32, u32) {
     let step = SCALE.iter().find(|(_, code, _)| major >= *code);
     let &(from, code, bits) = step.expect("the last step begins at 0");

@@ -1,4 +1,4 @@
-//! Finds frames in the byte stream, with the defects of the fielded ends if wished.
+//! Finds frames in the byte stream, optionally with the defects of the fielded ends.
 
 use super::{ESCAPE, FLIP, Frame, PAYLOAD_MAX, START, checksum};
 use crate::{Decode, FrameError};
@@ -14,8 +14,8 @@ pub struct Defects {
     pub deaf_while_done: bool,
 }
 
-/// Finds frames in the byte stream. A start byte always begins a frame, so a damaged one costs
-/// itself and nothing more.
+/// Finds frames in the byte stream. A start byte always begins a frame, so a damaged frame costs
+/// only itself.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     defects: Defects,
@@ -162,8 +162,8 @@ impl Decoder {
         self.pending = 1;
     }
 
-    /// Discards the candidate; how many bytes it had. There is no start byte inside it, so nothing
-    /// in it can be a frame, unless start bytes are ignored anyway.
+    /// Discards the candidate; returns its length. It contains no start byte, so no frame begins in
+    /// it, unless start bytes are ignored anyway.
     fn give_up(&mut self) -> u32 {
         let found = core::mem::take(&mut self.pending);
         self.discarded += found as u64;
@@ -181,7 +181,7 @@ impl Default for Decoder {
 impl Decode for Decoder {
     type Frame = Frame;
 
-    /// As everywhere, but that a rejected candidate is discarded as a whole: see `give_up`.
+    /// Like every step, except that a rejected candidate is discarded as a whole: see `give_up`.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<Frame, FrameError>> {
         if let Some(error) = self.cut.take() {
             return Some(Err(error));

@@ -101,13 +101,13 @@ pub struct Odometry {
 pub struct LidarPoint {
     /// Degrees, counter-clockwise from ahead.
     pub angle_deg: i32,
-    /// Millimetres; 10,000 where nothing was measured.
+    /// Millimetres; 10,000 without a measurement.
     pub distance_mm: i32,
-    /// As the lidar gives it.
+    /// Quality from the lidar.
     pub quality: i32,
 }
 
-/// A scan, thinned out as it was asked for.
+/// A scan, thinned out as requested.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lidar {
     /// Milliseconds since the robot's start.
@@ -143,9 +143,9 @@ pub struct Telemetry {
     pub state: Option<State>,
     /// Estimated pose.
     pub odometry: Option<Odometry>,
-    /// The scan, if one was asked for.
+    /// The scan, if one was requested.
     pub lidar: Option<Lidar>,
-    /// The lines, if they were asked for.
+    /// The lines, if requested.
     pub lines: Option<Vec<Line, LINES_MAX>>,
     /// The IR sensors.
     pub infrared: Option<Infrared>,

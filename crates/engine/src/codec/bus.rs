@@ -63,7 +63,7 @@ const FIELDS: [LuaField; 6] = [
 
 /// An order of the register bus's checksum.
 pub trait Order {
-    /// Which.
+    /// Order of the checksum's bytes.
     const ORDER: ChecksumOrder;
     /// Name of the row.
     const NAME: &'static str;
@@ -309,7 +309,7 @@ mod tests {
         words(&frame.expect("sound"))
     }
 
-    /// A slave of one's own: 286461187 is 0x11131B03, sums by hand. No name of the base appears.
+    /// A custom slave: 286461187 is 0x11131B03, sums by hand. No name of the base appears.
     #[test]
     fn another_slave_has_its_own_names() {
         let register = |address, bytes, is_signed, name: &str| NamedRegister {

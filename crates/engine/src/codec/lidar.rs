@@ -8,7 +8,7 @@ use protocols::{Decode, FrameError};
 /// Distances and strengths of the readings of one kind.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ranges {
-    /// How many.
+    /// Number of readings.
     pub count: u64,
     /// Minimum and maximum distance.
     pub distance_mm: Option<[u16; 2]>,

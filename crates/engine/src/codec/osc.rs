@@ -182,7 +182,7 @@ impl Wire for Osc {
         }
     }
 
-    /// Nothing says how long a message is, or that it is sound, but its form.
+    /// Only the form gives a message's length and validity.
     fn repair(frame: &mut [u8]) {
         if let Some(first) = frame.first_mut() {
             *first = b'/';
@@ -223,7 +223,7 @@ impl Wire for Osc {
         (len <= bytes.len()).then_some(len)
     }
 
-    /// Its types and how long its address is.
+    /// The message's types and the length of its address.
     fn kind(OscMessage(bytes): &OscMessage) -> u64 {
         let Ok(Some(([address, types, _], _))) = message(bytes) else {
             return 0;

@@ -68,11 +68,11 @@ const FIELDS: [LuaField; 7] = [
 /// First byte of outputs.
 const OUTPUTS: u8 = 0x81;
 
-/// Both ways of the wire.
+/// Both directions of the wire.
 #[derive(Clone, Copy, Debug)]
 pub struct Peripherals;
 
-/// The format of both ways.
+/// The format of both directions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EitherWay;
 

@@ -71,10 +71,10 @@ pub struct Answers {
     pub kind: fn(&[u8]) -> &[u8],
     /// Number of bytes before a frame's payload.
     pub head: usize,
-    /// Whether a frame says that another one was bad.
+    /// Whether a frame reports that another one was bad.
     pub is_refusal: fn(&[u8]) -> bool,
-    /// Minimum value, and how many from there on, of the first [`Choices`] of frames that are
-    /// likely to be answered: half of those that are asked are made so.
+    /// Minimum value, and number of values from there on, of the first [`Choices`] of frames that
+    /// are likely to be answered. Half of the requests are built from them.
     pub likely: &'static [(u8, u8)],
 }
 
@@ -100,7 +100,7 @@ pub enum OtherOrder {
 }
 
 impl Codec {
-    /// The row of `W`; `about` is said of it in the help of commands.
+    /// The row of `W`; the help of commands prints `about`.
     pub const fn of<W: Wire + 'static>(about: &'static str) -> Self {
         Self {
             format: Format::Typed {
@@ -113,7 +113,7 @@ impl Codec {
         }
     }
 
-    /// The row of a format that is a value; nothing is fuzzed under its name.
+    /// The row of a format that is a value; it has no fuzz target.
     pub const fn own(
         name: &'static str,
         about: &'static str,
@@ -145,7 +145,7 @@ impl Codec {
         }
     }
 
-    /// Whether it is a value and no type.
+    /// Whether the format is a value and no type.
     pub const fn is_own(&self) -> bool {
         matches!(self.format, Format::Own(_))
     }
@@ -227,7 +227,7 @@ impl Codec {
         self.idle
     }
 
-    /// Share of bytes in frames below which it is not guessed, per cent.
+    /// Minimum share of bytes in frames for a guess of this format, per cent.
     pub const fn least_share(&self) -> u8 {
         self.floor.share
     }
@@ -242,7 +242,7 @@ impl Codec {
         &self.answers
     }
 
-    /// The other order of its checksum, if that is distinguished.
+    /// The other order of its checksum, if the tool distinguishes it.
     pub const fn other_order(&self) -> Option<OtherOrder> {
         self.other_order
     }
@@ -374,7 +374,7 @@ pub trait AnyDecoder {
     fn pending(&self) -> usize;
 }
 
-/// The decoder of a row that nothing was said of yet.
+/// The decoder of a row without a format.
 struct NoFrames;
 
 impl AnyDecoder for NoFrames {

@@ -215,7 +215,7 @@ impl Wire for Rplidar {
     }
 }
 
-/// The same command may be written with bytes that mean nothing: those need not come again.
+/// A command may carry bytes without meaning: those need not come again.
 fn command_means_itself(request: Request) -> Result<(), Broken> {
     let command = request.command();
     let again = command.and_then(|command| command.request().command());

@@ -42,7 +42,7 @@ impl Stretch {
     }
 }
 
-/// The decoder of one direction of a link that keeps count of where it is.
+/// The decoder of one direction of a link; keeps count of its position.
 pub struct Stream {
     decoder: Box<dyn AnyDecoder>,
     place: Progress,

@@ -1,4 +1,4 @@
-//! `telemetry`: escaped frames of the robot yellow's link, both ways.
+//! `telemetry`: escaped frames of the robot yellow's link, in both directions.
 
 mod words;
 

@@ -13,7 +13,7 @@ pub enum Disturbance {
     Device {
         /// Name of the device.
         name: String,
-        /// Name of the fault, as the device knows it.
+        /// Name of the fault in the device.
         fault: String,
         /// Factor or amount.
         figure: Option<f64>,
@@ -63,7 +63,7 @@ impl Disturbance {
 }
 
 impl Rig {
-    /// The devices, each with the faults that it knows.
+    /// The devices, each with its known faults.
     pub fn devices(&self) -> impl Iterator<Item = (&str, &'static [&'static str])> {
         self.nodes.iter().filter_map(|node| match &node.body {
             Body::Device(device) => Some((node.name.as_str(), device.known_faults())),

@@ -71,8 +71,8 @@ pub struct Line {
     /// Whether a recording replaces the sender: the sender's bytes are lost, those of
     /// [`play`](Self::play) arrive.
     pub is_played: bool,
-    /// Whether the sender had nothing to send when it was last asked: it is asked again when
-    /// something has happened to it.
+    /// Whether the sender had nothing to send at the last request. The line asks it again after an
+    /// event for the sender.
     pub(crate) is_silent: bool,
     traffic: Traffic,
     free_at: Instant,
@@ -191,7 +191,7 @@ impl Line {
         self.release_late(at)
     }
 
-    /// The same where something goes wrong.
+    /// The same with a fault on the line.
     fn release_late(&self, at: Instant) -> (Instant, Option<usize>) {
         let (mut release, mut room) = (at, None);
         for _ in 0..GATES_MAX {
@@ -281,7 +281,7 @@ impl Line {
         ends
     }
 
-    /// The same where nothing can go wrong, as almost always.
+    /// The same without any fault, which is the usual case.
     fn take_clean(&mut self, start: Instant, sender: LineConfig, sent: &[u8]) -> Instant {
         let mut bytes = self.spare.pop().unwrap_or_default();
         bytes.clear();

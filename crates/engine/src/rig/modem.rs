@@ -15,8 +15,8 @@ impl Rig {
         }
     }
 
-    /// Modem lines set by hand at an outside end, in the order of drivers: CTS, DSR,
-    /// RI, DCD. Nothing here looks at them.
+    /// Modem lines set by hand at an outside end, in the order of drivers: CTS, DSR, RI, DCD. The
+    /// rig itself does not use them.
     pub fn forced_lines(&self, node: usize) -> [Option<bool>; 4] {
         match &self.nodes[node].body {
             Body::Outside(outside) => outside.forced,

@@ -60,7 +60,7 @@ pub(super) struct Outside {
     pub(super) change: Option<LineEvent>,
     /// Damaged characters that arrived, by their places in `from_rig`.
     pub(super) marks: Vec<Mark>,
-    /// How many faults keep the plug out, and the name by which the port is to come back.
+    /// Number of faults that keep the plug out, and the port's name when it comes back.
     pub(super) unplugged: (u32, Option<String>),
     /// Input and control modes of its client's terminal, if they are known.
     pub(super) modes: Option<[u32; 2]>,
@@ -94,7 +94,7 @@ impl Outside {
         }
     }
 
-    /// From now on whole messages are put in and taken out.
+    /// Switches to whole messages, in both directions.
     pub(super) fn carry_messages(&mut self) {
         self.messages.get_or_insert_default();
     }
@@ -110,7 +110,7 @@ impl Outside {
         self.to_rig.extend_from_slice(bytes);
     }
 
-    /// Sends nothing, or continues sending; whether that is new.
+    /// Stops or continues sending; `true` if that is new.
     pub(super) const fn hold(&mut self, is_held: bool) -> bool {
         core::mem::replace(&mut self.is_held, is_held) != is_held
     }
@@ -213,7 +213,7 @@ impl Node {
         }
     }
 
-    /// How often its master broke each rule, if it is a device that counts.
+    /// Number of violations of each rule by its master, if the device counts them.
     pub(super) fn broken_rules(&self) -> Option<&BrokenRules> {
         match &self.body {
             Body::Device(device) => device.broken_rules(),
@@ -235,7 +235,7 @@ impl Node {
         device.downcast_mut()
     }
 
-    /// Something happened to the node: it is polled next, and asked for bytes to send.
+    /// Marks the node after an event: it is polled next, and asked for bytes to send.
     pub(super) fn stir(&mut self) {
         self.polled_at = AT_ONCE;
     }
@@ -273,7 +273,7 @@ impl Node {
         }
     }
 
-    /// Whether a line need ask at all.
+    /// Whether a line needs to ask at all.
     pub(super) fn may_send(&self, port: Port) -> bool {
         match &self.body {
             Body::Device(device) => device.may_send(port),
@@ -347,7 +347,7 @@ impl Node {
     }
 }
 
-/// A node that asks for a moment that has passed is polled a nanosecond later, so that time moves.
+/// A node that asks for a past moment is polled a nanosecond later, so that time moves.
 fn later_than(now: Instant, at: Option<Instant>) -> Instant {
     at.map_or(NEVER, |at| at.max(now + Duration::from_nanos(1)))
 }

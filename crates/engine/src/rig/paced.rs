@@ -9,7 +9,7 @@ pub trait Paced {
     /// The rig.
     fn rig(&mut self) -> &mut Rig;
 
-    /// Runs until `deadline`, doing whatever belongs to that time.
+    /// Runs until `deadline`, with all work due by then.
     fn run_until(&mut self, deadline: Instant);
 }
 

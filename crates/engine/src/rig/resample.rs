@@ -1,5 +1,5 @@
-//! A receiver that reads a line at another rate or coding than the sender wrote it: each bit is
-//! sampled where the receiver believes its middle to be.
+//! A receiver whose rate or coding differs from the sender's: it samples each bit where it expects
+//! the middle of the bit.
 
 use core::time::Duration;
 
@@ -17,7 +17,7 @@ pub(crate) struct Resampler {
     bits: Vec<bool>,
     /// Units of `bits[0]` that the receiver has already passed.
     phase: u64,
-    /// When the last bit given ends, and how long the line must stay idle to end a character.
+    /// End of the last bit, and the idle time that ends a character.
     end: Option<(Instant, Duration)>,
     rates: Option<(LineConfig, LineConfig)>,
     /// Values read from the characters without a stop bit.
@@ -67,7 +67,7 @@ impl Resampler {
         core::mem::take(&mut self.marks)
     }
 
-    /// When [`idle`](Self::idle) is to be called unless more is sent before.
+    /// Time at which [`idle`](Self::idle) is to be called unless more bytes come before.
     pub(crate) fn idle_at(&self) -> Option<Instant> {
         self.end.map(|(end, quiet)| end + quiet)
     }

@@ -11,18 +11,18 @@ use super::{LinkKind, Rig};
 /// two events.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Due {
-    /// When it has something to deliver, or can take more from a sender that had more.
+    /// Time of its next delivery, or of more bytes from a sender that had more.
     at: Instant,
     /// The sender.
     from: End,
-    /// Whether the sender is asked in this round, even if nothing has happened to it.
+    /// Whether the sender is asked in this round, even without an event for it.
     asks: bool,
 }
 
 const ROUNDS_MAX: usize = 1000;
 
 impl Rig {
-    /// When something will next happen by itself.
+    /// Time of the next event without further input.
     pub fn next_event(&self) -> Option<Instant> {
         let lines = self.links.iter().flat_map(|link| &link.lines);
         let lines = lines.map(|line| line.next_at(self.now));
@@ -30,13 +30,13 @@ impl Rig {
         (next < NEVER).then_some(next)
     }
 
-    /// When a node next wants to be polled.
+    /// Time of the next poll of a node.
     fn next_poll(&self) -> Instant {
         let polls = self.nodes.iter().map(|node| node.polled_at);
         polls.fold(NEVER, Instant::min).max(self.now)
     }
 
-    /// Looks at all lines and devices again, whatever was done to them meanwhile.
+    /// Plans all lines and devices again, after any change from outside.
     pub(super) fn foresee(&mut self) {
         for node in &mut self.nodes {
             node.replan(self.now);
@@ -50,8 +50,8 @@ impl Rig {
         }));
     }
 
-    /// Does all that is due now, until nothing changes any more; when something will next happen by
-    /// itself.
+    /// Does all work due now, until nothing changes any more; returns the time of the next event
+    /// without further input.
     pub(super) fn settle(&mut self) -> Option<Instant> {
         self.world.advance(self.now);
         // A further round needs a byte that takes no time, or a node that another one stirred; the
@@ -229,7 +229,7 @@ mod tests {
     use super::*;
     use crate::rig::bare;
 
-    /// Wants to be polled at one moment, and remembers when it was.
+    /// Wants to be polled at one moment, and stores the time of the poll.
     #[derive(Clone, Default)]
     struct Clockwork {
         rings_at: Option<Instant>,

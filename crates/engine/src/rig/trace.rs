@@ -37,9 +37,9 @@ impl core::fmt::Debug for Trace {
 /// On which side of the faults bytes were seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// As the sender put them on the wire.
+    /// Bytes as the sender put them on the wire.
     Sent,
-    /// As the receiver got them.
+    /// Bytes as the receiver got them.
     Received,
 }
 

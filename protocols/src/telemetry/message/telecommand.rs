@@ -14,8 +14,8 @@ pub struct Velocities {
     pub angular_rad_s: f32,
 }
 
-/// A request for the lines that the lidar sees, and how they are to be found; 0 asks for the
-/// robot's own figure.
+/// A request for the lines that the lidar sees, with the figures for their extraction; 0 asks for
+/// the robot's own figure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinesRequest {
     /// Gap between neighbouring points that ends a region, mm.
@@ -35,7 +35,7 @@ pub struct Reactive {
     pub distance_max_m: Option<f32>,
     /// Nominal speed, m/s.
     pub speed_m_s: Option<f32>,
-    /// How strongly it turns away, rad/s a metre.
+    /// Turn rate away from the obstacle, rad/s a metre.
     pub turn_gain: Option<f32>,
 }
 

@@ -5,7 +5,7 @@ use protocols::Decode;
 
 use super::{Broken, Piece, Stream, Wire, kind_of};
 
-/// A decoder at work, with everything that it said.
+/// A decoder with all its output.
 struct Listener<W: Wire> {
     decoder: W::Decoder,
     pushed: usize,
@@ -142,7 +142,7 @@ fn judge_stretch<W: Wire>(
     }
 }
 
-/// Nothing between `from` and `to`, which was thrown away, began a frame.
+/// Checks that no frame begins among the discarded bytes between `from` and `to`.
 fn nothing_lost<W: Wire>(stretch: &[u8], from: usize, to: usize) -> Result<(), Broken> {
     match (from..to).find(|&at| W::unmistakable_at(&stretch[at..]).is_some()) {
         None => Ok(()),

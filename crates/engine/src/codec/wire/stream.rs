@@ -101,10 +101,10 @@ impl Stream {
     }
 
     /// The session that `data` describes: valid frames, cut ones, noise and damage, up to 64 of
-    /// them. The first byte says whether checksums are repaired after damage.
+    /// them. The first byte determines whether checksums are repaired after damage.
     ///
-    /// Any bytes mean something, and any bytes can be meant: `0B` and a length bring the bytes
-    /// behind them in as they are.
+    /// Any bytes describe a session, and any session can be described: `0B` and a length copy the
+    /// bytes behind them unchanged.
     pub fn session<W: Wire>(data: &[u8]) -> Self {
         let mut choices = Choices::new(data);
         let repairs = choices.byte() & 1 == 1;

@@ -21,7 +21,7 @@ impl Window {
         until: Instant::from_nanos(u64::MAX),
     };
 
-    /// Whether nothing lies inside.
+    /// Whether the window contains no time.
     pub fn is_empty(self) -> bool {
         self.until <= self.from
     }
@@ -77,7 +77,7 @@ impl From<Window> for Activity {
 }
 
 impl Activity {
-    /// The time around `now` in which the fault is at work, if it is.
+    /// The time around `now` in which the fault is active, if it is active now.
     pub fn spell_at(&self, now: Instant) -> Option<Window> {
         if self.trigger.is_some() || !self.window.contains(now) {
             return None;

@@ -31,7 +31,7 @@ struct Order {
     striking: Vec<usize>,
     /// Those that strike and begin later, the next one last.
     later: Vec<usize>,
-    /// Those that do something else.
+    /// Entries with other effects.
     others: Vec<usize>,
     /// Those that wait for an event.
     waiting: Vec<usize>,
@@ -126,7 +126,7 @@ impl LineFaults {
             .push(strike.damage);
     }
 
-    /// Adds a time in which nothing gets through.
+    /// Adds a time in which no byte gets through.
     pub fn add_cut(&mut self, id: FaultId, window: Window) {
         self.add(id, window.into(), Effect::Cut);
     }
@@ -173,7 +173,7 @@ impl LineFaults {
         place.map(|place| damages.remove(place)).is_some()
     }
 
-    /// Whether nothing goes wrong, and nothing that went wrong continues.
+    /// Whether no fault is active or planned, and no effect continues.
     pub fn is_clean(&self) -> bool {
         self.entries.is_empty() && self.planned.is_empty() && self.wire.is_clean()
     }
