@@ -1,4 +1,4 @@
-//! The model car does its missions, whatever the dice.
+//! Missions of the model car over several seeds.
 
 use std::path::Path;
 
@@ -126,8 +126,8 @@ fn on_ice(seed: u64, grip: Option<f64>) -> (Scenario, Source) {
     Scenario::parse(Path::new("<ice>"), text).expect("sound")
 }
 
-/// Wheels that spin on ice are found by the accelerometer, once; on a floor that holds, nothing is.
-/// Ice of 0.002 g makes 4 cm/s in two seconds, the wheels 35.
+/// The accelerometer detects wheels that spin on ice, once; on a floor that holds it detects
+/// nothing. Ice of 0.002 g gives 4 cm/s in two seconds, the wheels 35.
 #[test]
 fn d1_a_car_on_ice_feels_that_its_wheels_spin() {
     for seed in 0..20 {

@@ -36,8 +36,8 @@ fn the_verdicts_so_far_are_those_of_the_end() {
     assert_eq!(verdict_of("wall-overlap", &outcome).0, Status::Pass);
 }
 
-/// A lidar that sees nothing, before a robot that takes nothing for free space (XV-11): it drives
-/// into the wall at its travelling speed. The sound program stands still.
+/// A lidar that sees nothing, before a robot that takes missing distances for free space (XV-11).
+/// The robot drives into the wall at its travelling speed; the sound program stands still.
 #[test]
 fn a_robot_that_drives_blind_is_caught_at_the_wall() {
     let dark =

@@ -1,4 +1,4 @@
-//! A run continues from a checkpoint as the uninterrupted one does, and a branch as a run of its
+//! A run continues from a checkpoint like the uninterrupted one, and a branch like a run of its
 //! own.
 
 use core::time::Duration;
@@ -189,8 +189,8 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     }
 }
 
-/// Whatever else a scenario says, it is another run from the beginning; its words are no part of
-/// it.
+/// Any other change of a scenario makes another run from the beginning. Its names and texts do not
+/// count.
 #[test]
 fn a_run_of_something_else_does_not_branch() {
     let (scenario, source) = faulted();
@@ -256,8 +256,8 @@ fn what_is_to_come_can_begin_earlier() {
     );
 }
 
-/// Of two faults that are still to come the first is left out: the second then stands in its place,
-/// and would throw the dice that are named by that, unless its own have a name.
+/// The first of two future faults is left out. The second then has its number, and would use the
+/// random stream of that number, unless its own stream has a name.
 #[test]
 fn dice_that_are_named_by_a_place_keep_it() {
     let cut = "[[fault]]\nkind = 'cut'\nlink = 'base'\ndirection = 'to-master'\nfrom = '5s'\n";
@@ -377,7 +377,7 @@ proptest! {
         }
     }
 
-    /// Whole missions of several robots, cut anywhere.
+    /// Whole missions of several robots, cut at any time.
     #[test]
     fn resuming_equals_the_uninterrupted_run(
         name in prop::sample::select(vec!["two-rooms", "own-slave", "yellow-reactive", "faulted"]),

@@ -34,7 +34,7 @@ fn another_seed_gives_other_bytes() {
     assert_ne!(first.trace_hash, run_to_end((scenario, source)).trace_hash);
 }
 
-/// Both cores spin while the run continues: nothing may depend on how fast it goes.
+/// Both cores spin while the run continues: no result may depend on the speed of the run.
 #[test]
 fn load_on_the_processor_changes_nothing() {
     let quiet = identity(&run_to_end(shipped("two-rooms")));
@@ -78,7 +78,7 @@ fn a_saved_case_gives_the_same_bytes_again() {
     assert_eq!(first.case, again.case);
 }
 
-/// How the run is cut into steps is the runner's business, not the world's.
+/// The division of a run into steps concerns the runner, not the world.
 #[test]
 fn looking_more_often_changes_nothing() {
     let mut coarse = start(shipped("empty-room"));

@@ -41,7 +41,7 @@ fn a_sensor_that_turns_the_other_way_mirrors_the_map() {
     assert!(mirrored.abs_diff(120 + 90) <= 1, "{mirrored}");
 }
 
-/// Row of the map in which the robot, in row 120, believes the wall ahead of it.
+/// Row of the map in which the robot, in row 120, has drawn the wall ahead.
 fn wall_ahead(keys: &str) -> usize {
     let mut run = start(in_a_room("9s", keys));
     run.rig.run_for(Duration::from_secs(8));

@@ -73,7 +73,7 @@ fn assert_looks_like(name: &str, seen: &Picture) {
     }
 }
 
-/// Each page, the list of messages, waypoints set by touch: by pictures that were checked.
+/// Each page, the list of messages, waypoints set by touch: compared with checked pictures.
 #[test]
 fn the_screens_look_as_on_the_pictures() {
     let mut run = start(in_a_room("99s", BLIND));
@@ -232,8 +232,8 @@ fn a_reset_takes_two_taps() {
     assert_eq!(least, 0);
 }
 
-/// Bytes both ways are damaged for ten seconds; half a minute later the picture is the one of an
-/// undisturbed robot. Damage is the line's fault, not the program's.
+/// Bytes in both directions are damaged for ten seconds. Half a minute later the picture equals
+/// that of an undisturbed robot. Damage is the line's fault, not the program's.
 #[test]
 fn a_picture_that_a_bad_line_damaged_mends() {
     let noise = |direction| {
@@ -259,8 +259,8 @@ fn a_picture_that_a_bad_line_damaged_mends() {
     assert_eq!(damaged.rig.violations(), 0);
 }
 
-/// The display only draws in the time that is left: the run with it is the run without it, but for
-/// its own line.
+/// The display uses only spare time: a run with it equals the run without it, except for its own
+/// line.
 #[test]
 fn a_display_changes_nothing_else() {
     let run = |with: bool| {

@@ -32,8 +32,8 @@ fn a_flat_is_searched_to_its_last_corner_and_left_for_home() {
     assert_eq!(judged("rescue-explore", "", |_| {}), [""; 0]);
 }
 
-/// Two panes and a threshold of 4 cm, which the lidar does not see; unread, the infrared sensors
-/// are of no use.
+/// Two panes and a threshold of 4 cm, which the lidar does not see. The infrared sensors help only
+/// if the program reads them.
 #[test]
 fn glass_and_thresholds_are_seen_by_infrared() {
     assert_eq!(judged("rescue-glass", "", |_| {}), [""; 0]);

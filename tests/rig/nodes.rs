@@ -82,7 +82,7 @@ fn faults_of_a_program_are_faults_of_the_scenario() {
     );
 }
 
-/// Only the first exchange takes place: a program that asks for nothing is not called.
+/// Only the first exchange takes place: a program without requests is not called.
 #[test]
 fn an_idle_program_costs_nothing() {
     let (scenario, source) = scenario(&python("scale"), "");
@@ -151,7 +151,7 @@ fn a_program_that_fails_ends_the_run() {
     assert!(noted, "the log says so as well");
 }
 
-/// A fault that only the program knows must not hide that the program is not there.
+/// A fault that only the program knows must not hide a missing program.
 #[test]
 fn a_program_that_cannot_be_greeted_fails_as_a_check_also_with_faults() {
     let fault = "[[fault]]\nkind = \"device\"\ndevice = \"scale\"\nfault = \"draught\"\n\

@@ -82,7 +82,8 @@ fn health(frames: &[Frame]) -> Option<Status> {
     }
 }
 
-/// Asks for a scan and takes `len` bytes, the first of which wait for the rotation; the nodes.
+/// Requests a scan and takes `len` bytes; the first of them wait for the rotation. Returns the
+/// nodes.
 fn scan(client: &mut Client, len: usize) -> Vec<Node> {
     client.port.set_timeout(Duration::from_secs(3));
     client.say(Command::Scan);
@@ -148,8 +149,8 @@ fn the_same_seed_gives_the_same_scan() {
     assert_ne!(recorded("").0, recorded("profile = \"fw1.24\"").0);
 }
 
-/// A fault of the scenario that sets in during a scan: from 3 s on nothing is seen any more, and
-/// one of the settings: the turn begins elsewhere.
+/// A fault of the scenario during a scan: from 3 s on the sensor sees nothing. And a fault of the
+/// settings: the turn begins elsewhere.
 #[test]
 fn a_fault_of_the_device_shows_in_the_stream() {
     let fault =

@@ -116,7 +116,7 @@ fn any_lens() -> impl Strategy<Value = Vec<usize>> {
     vec(len, 1..40)
 }
 
-/// One byte at a time is the stream as the line has it.
+/// One byte at a time: the stream as on the line.
 const UNCUT: [usize; 1] = [1];
 
 #[test]

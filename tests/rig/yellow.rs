@@ -36,8 +36,8 @@ fn ye6_nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
     assert!(out + 1 >= seeds.len(), "{out} of {}", seeds.len());
 }
 
-/// YR-01, the published law: it touches walls at the corners that ours passes, faster than a touch
-/// that does no harm.
+/// YR-01, the published law: it touches walls at corners that the shipped law passes, and faster
+/// than is harmless.
 #[test]
 fn ye6_the_published_law_runs_into_corners() {
     let fielded = |scenario: &mut Scenario| {
@@ -107,8 +107,8 @@ start = { x_m = 0.5, y_m = 0.5, heading_deg = 0 }
 path_m = [[0, 0], [1.5, 0], [1.5, 1.4], [0, 1.4], [0, 0]]
 "#;
 
-/// D2: a target with an orientation, within 5 cm and 0.06 rad, 3.4 degrees; and a pose by hand,
-/// which the robot believes.
+/// D2: a target with an orientation, within 5 cm and 0.06 rad, 3.4 degrees; and a pose set by hand,
+/// which the robot accepts.
 #[test]
 fn d2_a_target_has_an_orientation_and_a_pose_can_be_given_by_hand() {
     let (scenario, source) = Scenario::parse(Path::new("<test>"), ROOM.to_owned()).expect("sound");

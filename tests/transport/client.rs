@@ -10,7 +10,7 @@ use serialport::TTYPort;
 /// The variable that makes this test binary a client with that bug.
 pub(crate) const BUG: &str = "HILRIG_TEST_CLIENT";
 
-/// Silence that ends a half-received frame. On a busy machine less of it is in the middle of one.
+/// Silence that ends a partial frame. On a busy machine a shorter silence may occur inside a frame.
 const IDLE: Duration = Duration::from_millis(15);
 /// Registers that it has.
 const REGISTERS: u8 = 32;

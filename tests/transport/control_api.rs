@@ -43,7 +43,7 @@ impl Client {
     }
 }
 
-/// The contract, used from Python with nothing but its standard library.
+/// The contract, used from Python with its standard library alone.
 const PYTHON: &str = r#"
 import json, socket, sys
 sock = socket.socket(socket.AF_UNIX); sock.connect(sys.argv[1]); sock.settimeout(20)
@@ -133,7 +133,7 @@ fn silent_clients_keep_nobody_out() {
     assert!(status.success(), "{said}");
 }
 
-/// Nothing that comes in is fatal, and a client that does not read is not served without end.
+/// No input is fatal, and the rig does not serve a client without end that does not read.
 #[test]
 fn malformed_huge_and_unread_lines_are_bounded() {
     let dir = fresh_path("floods");

@@ -115,7 +115,7 @@ fn a_note_is_not_written_through_a_link() {
     assert_untouched(&victim, &error, link);
 }
 
-/// The same of the name under which a note is made before it gets its own.
+/// The same for the temporary name of a note.
 #[test]
 fn a_note_in_the_making_follows_no_link() {
     let (path, victim) = trapped_dir("note_new_link", ".hilrig-scenario.toml.part");

@@ -271,7 +271,7 @@ fn an_interrupted_search_ends_its_program() {
     drop(command);
     let mut shown = String::new();
     let mut buf = [0; 256];
-    // From the first case on it is known which frames are answered.
+    // After the first case the search knows which frames are answered.
     wait_until(|| {
         let len = screen.read(&mut buf).unwrap_or(0);
         shown += &String::from_utf8_lossy(&buf[..len]);

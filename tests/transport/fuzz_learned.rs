@@ -1,5 +1,5 @@
-//! `hilrig fuzz --exec --corpus`: a driver of a protocol that the rig does not know, with a planted
-//! bug, in virtual time.
+//! `hilrig fuzz --exec --corpus`: a driver with a planted bug, of a protocol that the rig does not
+//! know, in virtual time.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -107,8 +107,8 @@ fn a_count_that_lies_is_found_through_a_checksum_that_was_learned() {
     assert_eq!(told.matches("[[raw.turn]]").count(), 1, "{told}");
 }
 
-/// The same driver with the check that it lacked: the errors that it raises are no findings, unless
-/// they are asked for; then they are one, whatever the bytes were.
+/// The same driver with the missing check. Errors that it raises are no findings by default. If the
+/// user asks for them, all of them are one finding, whatever the bytes.
 #[test]
 fn a_driver_that_reports_bad_frames_is_not_found_fault_with() {
     let check = "if count != head[1] - 1: raise BadFrame(\"count\")";

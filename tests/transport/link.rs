@@ -20,7 +20,7 @@ struct Row {
     sent: Vec<u8>,
     /// At the second port, then back at the first one.
     arrives: [Vec<u8>; 2],
-    /// Of those at the second port, characters that the line does not count as bytes.
+    /// Number of characters at the second port that the line does not count as bytes.
     damaged: u64,
 }
 

@@ -135,13 +135,13 @@ fn a_pc_program_at_460800_reads_every_frame() {
     fielded_client("pc_460800", |path| at_baud(path, 460_800)).assert_whole();
 }
 
-/// Any other rate is as right: nothing behind the port has one.
+/// Any other rate works as well: no hardware behind the port has a rate.
 #[test]
 fn a_pc_program_at_115200_reads_every_frame() {
     fielded_client("pc_115200", |path| at_baud(path, 115_200)).assert_whole();
 }
 
-/// `cat` and the like set nothing.
+/// `cat` and similar programs set no rate.
 #[test]
 fn a_pc_program_that_sets_no_rate_reads_every_frame() {
     fielded_client("pc_untouched", open_untouched).assert_whole();

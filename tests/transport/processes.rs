@@ -21,8 +21,8 @@ use crate::support::*;
 const SHORT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/transport/short.toml");
 const LIDAR: LineConfig = LineConfig::new_8n1(xv11::BAUD);
 
-/// How long a test waits for a line of output. A mission takes some seconds of real time, more on
-/// a machine that is busy with other tests.
+/// Maximum wait for a line of output. A mission takes some seconds of real time, more on a machine
+/// that is busy with other tests.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A process whose output is followed line by line. Killed when dropped.
@@ -97,7 +97,7 @@ impl Running {
         kill_process(pid.expect("a pid"), signal).expect("still there");
     }
 
-    /// Waits for the end; status and all that was said.
+    /// Waits for the end; returns status and output.
     pub(crate) fn end(mut self) -> (ExitStatus, String) {
         let mut status = None;
         wait_until(|| {
@@ -191,8 +191,8 @@ fn a_foreign_client_reads_whole_packets_from_the_lidars_port() {
     assert!(up.end().0.success());
 }
 
-/// H6: the rig is stopped for a second and a half, as a debugger or a busy machine does it. Its
-/// time stands, so a client that reads loses no packet and is blamed for nothing.
+/// H6: the rig is stopped for a second and a half, as by a debugger or a busy machine. Its clock
+/// stops, so a client that reads loses no packet and is blamed for nothing.
 #[test]
 fn a_rig_that_was_stopped_loses_nothing_and_blames_nobody() {
     let dir = fresh_path("stopped");
@@ -265,7 +265,7 @@ fn a_device_that_is_pulled_while_the_rig_runs_ends_it_with_an_error() {
     assert!(!ports.exists(), "the ports are removed all the same");
 }
 
-/// Killed, a rig removes nothing; the next one in the same directory must not stumble over it.
+/// A killed rig removes nothing. The next one in the same directory must work all the same.
 #[test]
 fn a_rig_that_was_killed_is_followed_by_another_in_the_same_directory() {
     let dir = fresh_path("killed");

@@ -29,7 +29,7 @@ fn every_byte_value_passes_both_ways_unchanged() {
     assert_eq!(port.counters(), Counters::default());
 }
 
-/// A client that sets nothing at all (a shell's `cat`) is right without it.
+/// A client that sets nothing at all (a shell's `cat`) works without settings.
 #[test]
 fn a_fresh_port_is_raw_and_at_the_rate_of_its_line() {
     let dir = fresh_dir("a_fresh_port");
@@ -52,7 +52,7 @@ fn a_fresh_port_is_raw_and_at_the_rate_of_its_line() {
     assert_eq!(port.read(&mut [0; 16]).expect("stays"), 0, "an echo");
 }
 
-/// The kernel would keep 16 kB for a later client; a lidar does not.
+/// The kernel would keep 16 kB for a later client; a real lidar does not.
 #[test]
 fn a_client_that_opens_late_gets_no_stale_byte() {
     let dir = fresh_dir("opens_late");
@@ -123,7 +123,7 @@ fn a_second_visitor_neither_opens_nor_closes() {
     assert_eq!(next_events(&mut port, 1), [Closed]);
 }
 
-/// `echo command > DIR/pc`: the client is gone before we look for the first time.
+/// `echo command > DIR/pc`: the client is gone before the rig looks for the first time.
 #[test]
 fn a_client_that_sends_and_leaves_is_heard_before_it_is_gone() {
     let dir = fresh_dir("sends_and_leaves");

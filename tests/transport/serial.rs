@@ -1,4 +1,4 @@
-//! Serial ports of the machine, with a pseudo-terminal of ours in the place of the hardware.
+//! Serial ports of the machine, with a pseudo-terminal in place of the hardware.
 
 use std::io::Write;
 

@@ -384,7 +384,8 @@ fn no_foreign_stream_is_taken_for_a_known_format() {
     }
 }
 
-/// The floor does that: without it most of the streams have frames of some format.
+/// Proof of the recognition's minimum share: without it most of the streams have frames of some
+/// format.
 #[test]
 fn foreign_streams_have_frames_of_known_formats_by_chance() {
     let has_frames = |bytes: &[u8]| codec::all().iter().any(|row| row.framed(bytes) > 0);

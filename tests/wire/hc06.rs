@@ -68,8 +68,8 @@ fn lines_are_understood_and_said_as_reported() {
     }
 }
 
-/// A name of 21 characters, a PIN of letters, nine data bits: the module would not understand
-/// them, so they are not said.
+/// A name of 21 characters, a PIN of letters, nine data bits: the module would not understand them,
+/// so the encoder refuses them.
 #[test]
 fn what_cannot_be_understood_is_not_said() {
     let mut out = [0; 64];

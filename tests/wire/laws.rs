@@ -198,7 +198,7 @@ fn compare(sent: &[Vec<u8>], got: &[Vec<u8>]) -> (usize, Vec<Vec<u8>>) {
     (sent.len() - common[0][0], unsent)
 }
 
-/// One damaged frame that equals a later one is one frame lost, not all between them.
+/// A damaged frame that equals a later one counts as one lost frame, not as all between them.
 #[test]
 fn frames_are_compared_by_what_they_have_in_common() {
     let [a, b, c] = [1, 2, 3].map(|byte| vec![byte]);
@@ -210,7 +210,7 @@ fn frames_are_compared_by_what_they_have_in_common() {
     assert_eq!(compare(&sent, core::slice::from_ref(&b)), (4, vec![]));
 }
 
-/// Saying twice that the line is quiet is saying it once; saying it between frames says nothing.
+/// A second report of a quiet line has no effect, and neither has one between frames.
 pub(crate) fn idle_twice_is_idle_once<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     before: &[u8],
@@ -235,7 +235,7 @@ pub(crate) fn idle_twice_is_idle_once<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// After a pause, whatever came before it, the first frame is understood at once.
+/// After a pause, whatever came before it, the first frame is decoded at once.
 pub(crate) fn a_pause_ends_every_wait<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     before: &[u8],
@@ -274,8 +274,8 @@ pub(crate) fn sent_frames_arrive_with_the_next_or_a_pause<D: Decode<Frame: Wire>
     Ok(())
 }
 
-/// After a pause, whatever came before it, said once or twice, a frame with a pause behind it is
-/// understood.
+/// After a pause, reported once or twice, whatever came before it, a frame with a pause behind it
+/// is decoded.
 pub(crate) fn a_pause_ends_every_patient_wait<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     before: &[u8],
@@ -295,7 +295,7 @@ pub(crate) fn a_pause_ends_every_patient_wait<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// Those of every decoder, whenever it gives its frames out.
+/// Laws of every decoder, at whatever time it returns its frames.
 macro_rules! laws_of_any {
     () => {
         proptest! {

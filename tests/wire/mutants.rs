@@ -1,4 +1,4 @@
-//! Decoders with one fault each, and the law that catches it. A law that lets its mutant live
+//! Decoders with one fault each, and the law that catches it. A law that does not catch its mutant
 //! proves nothing about ours.
 
 use proptest::prelude::*;
@@ -21,13 +21,13 @@ pub(crate) enum Fault {
     ForgetsBetweenPieces,
     /// Does not count the noise it skips.
     CountsNoNoise,
-    /// Once it rejected something, takes nothing until the line is quiet.
+    /// After a rejected candidate, takes nothing until the line is quiet.
     SulksUntilQuiet,
     /// Has no idle rule.
     NeverGivesUp,
     /// Takes a second "idle" for a reason to skip a byte.
     SkipsAfterTwoIdles,
-    /// Looks at no checksum.
+    /// Ignores checksums.
     Believes,
     /// Loses the rest of a piece when the iterator is dropped: it takes the whole piece at once and
     /// keeps only the results that were asked for.

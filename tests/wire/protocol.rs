@@ -61,8 +61,8 @@ pub(crate) fn cut_frame<P: Protocol>() -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
-/// A stream of valid frames, cut frames and noise in which some bytes went wrong. (Random bytes
-/// alone hardly ever come near a frame, so they find next to nothing.)
+/// A stream of valid frames, cut frames and noise, with some damaged bytes. (Random bytes alone
+/// hardly ever resemble a frame, so they find next to nothing.)
 pub(crate) fn stream<P: Protocol>() -> impl Strategy<Value = Vec<u8>> {
     let noise = prop_oneof![any::<u8>(), proptest::sample::select(P::TELLING)];
     let piece = prop_oneof![
@@ -84,7 +84,7 @@ pub(crate) fn one_damage<P: Protocol>() -> impl Strategy<Value = Damage> {
     damage(P::TELLING)
 }
 
-/// Where to cut a stream into pieces: many, few or none at all.
+/// Positions at which a stream is cut into pieces: many, few or none at all.
 pub(crate) fn cuts() -> impl Strategy<Value = Vec<Index>> {
     prop_oneof![vec(any::<Index>(), 0..4), vec(any::<Index>(), 0..60)]
 }

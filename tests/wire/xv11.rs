@@ -225,9 +225,9 @@ impl Census {
 
 const BOX: &str = "xv11/xevel_hand_in_box_fw24.bin";
 
-/// The largest piece of real traffic there is. Counts: the capture's own verification script,
-/// written without our code. One packet was cut by the sensor's restart, after 7 bytes; six bytes
-/// lead in, 211 of boot text end it: 224 in all lie outside packets.
+/// The largest recording of real traffic. Counts: the capture's own verification script, written
+/// without our code. One packet was cut by the sensor's restart, after 7 bytes; six bytes lead in,
+/// 211 of boot text end it: in all 224 bytes lie outside packets.
 #[test]
 fn hand_in_box_holds_11451_packets_and_a_cut_one() {
     let Some(bytes) = capture(BOX) else { return };
@@ -256,8 +256,8 @@ fn hand_in_box_holds_11451_packets_and_a_cut_one() {
     assert_eq!(census.invalid, codes.into());
 }
 
-/// Every packet of the capture taken apart and put together again is the same bytes: nothing in
-/// real traffic is beyond the meaning types.
+/// Every packet of the capture decodes and encodes to the same bytes: the types of the meaning
+/// cover all real traffic.
 #[test]
 fn real_packets_survive_decoding_and_encoding() {
     let Some(bytes) = capture(BOX) else { return };

@@ -168,7 +168,8 @@ fn hex(row: &str) -> Vec<u8> {
         .collect()
 }
 
-/// Bit 1 says that the motors are off: in standby, or by the button. The fielded base says nothing.
+/// Bit 1 means that the motors are off: in standby, or by the button. The fielded base never sets
+/// it.
 #[test]
 fn the_status_tells_of_motors_that_are_off() {
     let status = |profile, standby: u8, is_pressed: bool| {

@@ -99,7 +99,7 @@ fn a_scan_has_ranges() {
 }
 
 /// Report, page 15: a box of 30 cm is not in the scan, one of 40 cm is. Nearer than 0.45 m and
-/// farther than 10 m is nothing.
+/// farther than 10 m the camera measures nothing.
 #[test]
 fn only_what_is_high_and_in_range_is_seen() {
     let first = |fixtures: Vec<Fixture>| {

@@ -317,7 +317,7 @@ proptest! {
     }
 }
 
-/// Nothing was commanded at first; byte 57 is value 7, byte 8C level 2.
+/// No command at first; byte 57 is value 7, byte 8C level 2.
 #[test]
 fn what_was_commanded_last_is_told() {
     let mut run = run(BoardConfig::default());

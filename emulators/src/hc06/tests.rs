@@ -548,7 +548,7 @@ fn a_host_that_closes_out_of_reach_is_noticed_when_it_returns() {
     assert_eq!(bench.radio.mode(), Mode::Data);
 }
 
-/// The host believes in a module that lost its power until the supervision time is over.
+/// The host keeps the connection of a module without power until the supervision time is over.
 #[test]
 fn a_power_cycle_is_a_dead_connection_for_the_host() {
     let mut bench = Bench::connected(at(BAUD));
@@ -650,7 +650,7 @@ fn a_long_flood_delivers_what_the_radio_can_carry() {
     assert_eq!(share, 226);
 }
 
-/// The host may write as fast as it likes: all of it reaches the robot, at the radio's rate.
+/// The host may write at any rate: all bytes reach the robot, at the radio's rate.
 #[test]
 fn the_host_is_held_up_and_loses_nothing() {
     let mut bench = Bench::connected(at(921_600));
@@ -728,7 +728,7 @@ fn bursts_are_radio_frames() {
     assert!(bursts.iter().all(|&len| len <= 127), "{bursts:?}");
 }
 
-/// How the robot's bytes are cut into pieces is the rig's affair: within a frame's slot nothing
+/// The cutting of the robot's bytes into pieces concerns the rig: within a frame's slot no result
 /// may depend on it.
 #[test]
 fn pieces_of_any_size_lose_the_same_bytes() {
@@ -838,8 +838,8 @@ fn a_line_without_its_end_is_judged_and_waits() {
     assert_eq!(bench.violations(), ["line-end-missing"]);
 }
 
-/// Of all commands only a name can swallow the line end that a terminal program adds: the module
-/// obeys, and is found on the air under a name with a line end in it.
+/// Only the name among all commands can include the line end that a terminal program adds. The
+/// module obeys, and shows a name with a line end on the air.
 #[test]
 fn a_line_end_becomes_part_of_the_name() {
     let mut bench = Bench::new(Profile::default());
@@ -882,7 +882,7 @@ fn an_overflow_is_told_with_its_size() {
     assert_eq!(bench.radio.up().lost, 1);
 }
 
-/// T3: without a carrier the air has nothing to do by itself, and with one again at once.
+/// T3: without a carrier the air needs no poll, and with one again it needs one at once.
 #[test]
 fn a_lost_carrier_needs_no_poll() {
     let mut bench = Bench::connected(at(BAUD));
@@ -934,7 +934,7 @@ fn what_nobody_took_was_not_delivered() {
     assert_eq!((lane.traffic().dropped, lane.traffic().accepted), (11, 3));
 }
 
-/// By its name: no mode, no line; and with power it is as it was when it was plugged in.
+/// The fault by its name: no mode, no line. With power again the state is that of a fresh start.
 #[test]
 fn off_begins_and_ends_by_its_name() {
     let mut bench = Bench::connected(at(BAUD));

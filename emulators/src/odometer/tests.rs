@@ -86,8 +86,8 @@ fn lines_come_as_often_as_from_the_simulated_chip() {
     assert!((994..=1_000).contains(&later), "{later}");
 }
 
-/// 943 of 997 lines driving straight, 0 of 372 in a curve, where the rate is in the line but not
-/// in its sum. Ours believes all.
+/// 943 of 997 lines pass when driving straight, 0 of 372 in a curve, where the rate is in the line
+/// but not in its sum. The rig's own reader accepts all.
 #[test]
 fn ap3_the_exact_sum_believes_95_percent_straight_and_nothing_in_a_curve() {
     let config = OdometerConfig {
@@ -231,8 +231,8 @@ fn f14_a_board_without_sensor_says_so_until_it_has_one() {
     assert!(lines.len() > 50);
 }
 
-/// The sensor's library waits for its bytes without end: a sensor that is lost while the program
-/// runs silences the board, and its return does not help. A reset does.
+/// The sensor's library waits for its bytes without a timeout. A sensor lost while the program runs
+/// silences the board, and its return does not help. A reset does.
 #[test]
 fn f14_a_sensor_that_is_lost_silences_the_board() {
     for program in [Program::default(), Program::Raw] {

@@ -128,7 +128,7 @@ impl Desk {
         self.written.iter().map(|&(_, byte)| byte).collect()
     }
 
-    /// When each frame that was written began.
+    /// Start of each written frame.
     fn frame_times(&self) -> Vec<u64> {
         let begins = |window: &&[(Instant, u8)]| window[0].1 == b'P' && window[1].1 == b'C';
         let begins = self.written.windows(2).filter(begins);
@@ -410,7 +410,7 @@ fn the_trajectory_holds_each_pose_once() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
-    /// Whatever comes, whenever: no panic, and every byte is in a frame, counted or pending.
+    /// Any bytes at any time: no panic, and every byte is in a frame, counted or pending.
     #[test]
     fn no_bytes_can_break_the_pc(
         pieces in prop::collection::vec(
@@ -861,7 +861,7 @@ fn an_echo_confirms_what_was_said_once() {
     );
 }
 
-/// A other end that goes while the port is closed takes nothing away: the port stays closed.
+/// If the other end goes while the port is closed, the port stays closed.
 #[test]
 fn a_closed_port_is_not_opened_by_a_far_end_that_goes() {
     let mut desk = Desk::new(Script::default());

@@ -190,9 +190,9 @@ fn only_an_address_changes_the_address() {
     assert!(chip.log().0.take().is_empty());
 }
 
-/// A wall 1 m to the left: a chip that looks there from 0.3 m to the left is 0.7 m away, one that
-/// looks to the right receives nothing. A wall 0.2 m ahead of the robot is 1 cm ahead of a chip
-/// that sits 0.19 m ahead: it reads the least, 3 cm.
+/// A wall 1 m to the left is 0.7 m away from a chip that looks left and sits 0.3 m to the left. A
+/// chip that looks to the right receives nothing. A wall 0.2 m ahead of the robot is 1 cm ahead of
+/// a chip that sits 0.19 m ahead: it reads the least, 3 cm.
 #[test]
 fn a_chip_hears_from_where_it_sits() {
     let wall = Shape::Wall {

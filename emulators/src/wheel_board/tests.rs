@@ -451,7 +451,7 @@ fn a_restart_is_one() {
     assert_eq!(bench.rules(), [(EventKind::Note, "restart")]);
 }
 
-/// As it was set up.
+/// The board returns its configuration unchanged.
 #[test]
 fn a_board_tells_its_configuration() {
     let config = Config {

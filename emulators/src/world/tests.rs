@@ -687,8 +687,8 @@ fn run(seed: u64, acts: &[(u64, Act)], cuts: &[u64]) -> World {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// It must not matter which device polls the world, and how often: devices are polled by chance
-    /// of their deadlines. The printed state holds every bit of every number.
+    /// The result must not depend on which device polls the world, or how often: the devices'
+    /// deadlines decide that by chance. The printed state holds every bit of every number.
     #[test]
     fn the_world_does_not_depend_on_when_it_is_advanced(
         seed: u64,
@@ -703,7 +703,7 @@ proptest! {
         prop_assert_eq!(format!("{whole:?}"), format!("{cut:?}"));
     }
 
-    /// Whatever is done to it, the body stays in the room, up to rounding; and no figure is lost.
+    /// Under any actions the body stays in the room, up to rounding; and no figure is lost.
     #[test]
     fn nothing_moves_the_robot_through_a_wall(
         seed: u64,

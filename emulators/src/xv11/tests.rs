@@ -198,7 +198,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_gives_others() {
     assert_ne!(run(3), run(4));
 }
 
-/// A rig may poll whenever it likes: nothing but the time of the bytes depends on it.
+/// A rig may poll at any time: only the time of the bytes depends on it.
 #[test]
 fn polling_more_often_changes_no_byte() {
     let mut often = Bench::new(5, captured(), room(0.4));
@@ -710,8 +710,8 @@ fn a_near_object_shadows_the_wall_before_it_and_not_behind_it() {
     assert!(blind(100..104) <= 2, "{}", blind(100..104));
 }
 
-/// Whatever is broken, mended, fed or sent at whatever time, the sensor continues: no panic, no
-/// work left over after a poll, and never more bytes than its line can carry.
+/// Any faults, repairs and inputs at any time: the sensor continues without a panic. No work is
+/// left over after a poll, and it never sends more bytes than its line can carry.
 #[test]
 fn no_sequence_of_faults_and_inputs_upsets_the_sensor() {
     for seed in 0..150 {
@@ -832,9 +832,9 @@ fn l7_a_beam_that_meets_a_corner_is_a_double_dot_in_8_of_71_turns() {
     assert_eq!(doubles(false), 0);
 }
 
-/// T4: at 300 rpm a tooth takes 13.333 ms. The one after a doubled tooth shows the mistake; the one
-/// behind it is not even with the half time that was believed, and fifteen even ones are a turn:
-/// 17 teeth, 226.67 ms.
+/// T4: at 300 rpm a tooth takes 13.333 ms. The one after a doubled tooth shows the mistake. The
+/// next one is not even with the assumed half time, and fifteen even ones are a turn: 17 teeth,
+/// 226.67 ms.
 #[test]
 fn a_lock_takes_fifteen_even_teeth() {
     let mut bench = plain();
@@ -896,7 +896,7 @@ fn a_head_that_stops_is_given_up_after_20_ms() {
     );
 }
 
-/// By its name and over the trait, as a scenario asks for it: without light there is no distance,
+/// The fault by its name and over the trait, as in a scenario: without light there is no distance,
 /// and when the fault ends there is; an unknown name does nothing.
 #[test]
 fn a_fault_is_set_and_ended_by_its_name() {
@@ -972,7 +972,7 @@ fn a_restart_while_it_spins_up_is_at_once() {
     assert_eq!(bench.rules(), ["restarted"]);
 }
 
-/// Something is mended that was not broken, or not all that was: nothing switches on by itself.
+/// Clearing a fault that is not set, or only some of the set ones, switches nothing on.
 #[test]
 fn only_what_was_off_is_switched_on() {
     let mut bench = plain();

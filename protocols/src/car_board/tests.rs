@@ -115,8 +115,8 @@ fn a_zero_before_the_sync_costs_the_fielded_decoder_the_frame() {
     assert_eq!(fielded(&bytes).len(), 1);
 }
 
-/// A front range of 40 cm before 15 cm to the right puts a sync at offset 3. Begun in the middle of
-/// a frame, the fielded decoder stays there; ours sees that the values cannot be.
+/// A front range of 40 cm before 15 cm to the right puts a sync at offset 3. From the middle of a
+/// frame the fielded decoder stays there; ours detects the implausible values.
 #[test]
 fn a_sync_inside_a_frame_holds_the_fielded_decoder_for_ever() {
     let readings = Readings {
@@ -291,7 +291,7 @@ fn damaged(frames: &[Frame], at: usize, damage: Damage) -> Vec<u8> {
 }
 
 proptest! {
-    /// Whatever happens to one byte: from the second frame behind the one it hit, all frames are
+    /// For any damage to one byte: from the second frame behind the damaged one, all frames are
     /// right, and no more frames come out than went in.
     #[test]
     fn ap1_one_damaged_byte_costs_at_most_two_frames(
@@ -383,7 +383,8 @@ impl Dice {
     }
 }
 
-/// AP1: as often as it asks for, from the second frame behind the one that was hit all are right.
+/// AP1: in the required number of streams, all frames from the second behind the damaged one are
+/// right.
 #[test]
 fn ap1_a_hundred_thousand_damaged_streams_are_read_on() {
     let mut dice = Dice(0x9E37_79B9_7F4A_7C15);

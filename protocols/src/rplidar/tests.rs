@@ -225,8 +225,8 @@ fn the_first_nodes_of_a_real_sensor_are_read_as_sent() {
     );
 }
 
-/// Where the next node should begin stands one without its check bit (!S S C is 100, not 101), and
-/// no answer: a byte was lost, and the node in front may have lost it.
+/// The next node should begin with a check bit (!S S C is 100, not 101), and no answer begins
+/// there. So a byte was lost, and the node in front may have lost it.
 #[test]
 fn a_node_is_refused_where_none_follows() {
     let no_check_bit = [0x02, 0x00, 0, 0, 0];
@@ -340,7 +340,7 @@ fn a_capsule_is_laid_out_by_hand() {
     assert!(shown.starts_with("rplidar::Capsule([A9, 5E, 80, 82, A3"));
 }
 
-/// Its bit is the highest of the angle's, which it does not change.
+/// The bit of the first capsule is the highest of the angle's word and does not change the angle.
 #[test]
 fn the_first_capsule_is_told_at_any_angle() {
     let samples = [CapsuleSample::default(); CAPSULE_SAMPLES];

@@ -197,8 +197,8 @@ fn nodes(seen: &Seen, from: usize, until: usize) -> Vec<Node> {
     nodes.collect()
 }
 
-/// 2000 nodes a second. After the reset and another start everything is as it was: a fault that is
-/// over leaves nothing behind.
+/// 2000 nodes a second. After the reset and another start the state is as before: a finished fault
+/// has no lasting effect.
 #[test]
 fn each_fault_of_an_rplidar_is_seen_in_its_stream() {
     let plain = observe("");

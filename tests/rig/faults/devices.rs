@@ -225,7 +225,7 @@ fn the_lidar_says_hello_once_more(seen: &Seen, plain: &Seen) {
     assert!(!greets(&seen.bytes(LIDAR, 5_000, 10_000)));
 }
 
-/// The head turns on for a while; then the sensor measures nothing any more.
+/// The head runs down; then the sensor measures nothing any more.
 fn the_head_stands_still(seen: &Seen, plain: &Seen) {
     let ranges = |seen: &Seen| ranges(&seen.packets(5_000, 6_000).0).len();
     assert!(ranges(plain) > 1_000);

@@ -1,4 +1,4 @@
-//! Each kind of fault of a line, seen on the wire: where, how often, and nowhere else.
+//! Each kind of fault of a line, observed on the wire: where, how often, and nowhere else.
 
 use std::path::Path;
 
@@ -188,7 +188,7 @@ fn half_the_rate(_: &Seen, _: &Seen) {
     assert_eq!(seen.line(2), "1:02 2:02 3:02 4:02");
 }
 
-/// When each byte of the first line came, in byte times.
+/// Arrival of each byte of the first line, in byte times.
 fn times(seen: &Seen) -> Vec<f64> {
     let parts = seen.lines[0].iter();
     let time = |part: &String| part.split(':').next().expect("a time").parse();
@@ -210,7 +210,8 @@ fn late_by_chance(seen: &Seen, plain: &Seen) {
     assert!(times.windows(2).any(|pair| pair[0] == pair[1]), "{times:?}");
 }
 
-/// The case says when the line was clogged. A byte that came then is there at its end.
+/// The case has the times at which the line was clogged. A byte from such a time arrives at its
+/// end.
 fn held_back_in_the_spells_of_the_case(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.got, plain.got);
     let spells: Vec<[f64; 2]> = seen.case.fault.iter().map(spell).collect();
@@ -260,7 +261,7 @@ fn check(kind: FaultKind) {
     assert_again(&seen, row.piece);
 }
 
-/// The saved case does the same, and is its own case.
+/// The saved case repeats the run, and saves itself unchanged.
 fn assert_again(seen: &Seen, piece: usize) {
     let parsed = Scenario::parse(Path::new("case.toml"), seen.case.to_toml());
     let again = run(parsed.expect("sound").0, &SENT, piece);
@@ -300,8 +301,8 @@ fn random_flips_are_where_the_case_says_they_were() {
     assert!((150..=250).contains(&named.len()), "{}", named.len());
 }
 
-/// Each kind of damage by chance, all bytes struck half the time: two runs agree, and the case that
-/// names the bytes does the same again.
+/// Each kind of random damage, on half of all bytes. Two runs agree, and the case that names the
+/// bytes repeats the damage.
 #[test]
 fn damage_by_chance_comes_again_as_it_came() {
     for kind in FaultKind::ALL.iter().filter(|kind| kind.is_strike()) {

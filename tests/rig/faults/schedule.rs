@@ -1,4 +1,4 @@
-//! When faults come and go: triggers, spells, counts, budget, phases.
+//! Times of faults: triggers, spells, counts, budget, phases.
 
 use std::path::Path;
 
@@ -53,8 +53,9 @@ fn on_both(budget: &str) -> [Vec<u8>; 2] {
     [a, b]
 }
 
-/// Two lines that would lose all lose three bytes together: the first of both, and the second of
-/// the line that comes first. All of it is one moment, in which there may be one strike.
+/// Two lines that would lose all bytes lose three together: the first of both, and the second of
+/// the first line. With `at_once = 1` all of
+/// that is one moment, which allows one strike.
 #[test]
 fn a_budget_bounds_the_damage_of_all_lines_together() {
     let [a, b] = on_both("total = 3");
@@ -90,8 +91,8 @@ const PHASES: &str = "[phases]\nwarm_up = \"8s\"\nadversity = \"3s\"\nrecovery =
                       judgement = \"2s\"\n";
 const CUT: &str = "[[fault]]\nkind = \"cut\"\nlink = \"base\"\ndirection = \"to-master\"\n";
 
-/// The bus is cut in the adversity, which is when a fault comes that does not say when. The robot
-/// is at work again when it must be.
+/// The bus is cut in the adversity, the default time of a fault. The robot is at work again in the
+/// judgement.
 #[test]
 fn a_robot_that_recovers_is_at_work_in_the_judgement() {
     let outcome = run_to_end(in_a_room("20s", &format!("{DRIVES}{PHASES}{CUT}")));
@@ -112,7 +113,7 @@ fn a_robot_that_recovers_is_at_work_in_the_judgement() {
     assert_eq!(again.fault, outcome.case.fault);
 }
 
-/// The mutant: a bus that stays cut, because the fault says so.
+/// The mutant: a bus that stays cut, because the fault has no end.
 #[test]
 fn a_robot_that_does_not_recover_is_named_by_its_silent_line() {
     let late = "from = \"8s\"\nuntil = \"20s\"\n";

@@ -18,7 +18,7 @@ use crate::in_a_room;
 
 /// A byte takes 100 us.
 pub(super) const LINE: LineConfig = LineConfig::new_8n1(100_000);
-/// Each line is given this at 10 ms, the second one with 20 hex added to each byte, and so on.
+/// Bytes that each line gets at 10 ms, the second line with 20 hex added to each byte, and so on.
 pub(super) const SENT: [u8; 10] = [0x00, 0x0D, 0x11, 0x13, 0x81, 5, 6, 7, 8, 9];
 
 /// Content of the four lines: `a` to its master and to its device, then `b`.

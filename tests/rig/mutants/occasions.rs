@@ -52,7 +52,7 @@ const fn waypoint(place: u8, id: u8, previous: [u8; 2]) -> [u8; 9] {
 
 const NOBODY: [u8; 2] = [0xFF, 0xFF];
 
-/// It says 50 and holds one.
+/// A list that announces 50 waypoints and holds one.
 pub(super) fn list_that_lies() -> String {
     let list = [&[50, 0][..], &waypoint(9, 0, NOBODY)].concat();
     by_hand() + &pc_says(b"LWP", &list)

@@ -163,8 +163,8 @@ fn f2_a_write_that_covers_59_is_acknowledged_with_that_byte() {
     assert_eq!(fielded().write(47, &data), hex("AB B3 00 01 5E"));
 }
 
-/// A pointer that was overwritten stays so: the chip sets it once, as it starts. Data of later
-/// writes goes where it leads, and where nothing can be stored the checksum fails.
+/// An overwritten pointer stays overwritten: the chip sets it once, at its start. Data of later
+/// writes goes to its target. Where no memory can be stored the checksum fails.
 #[test]
 fn f2_a_pointer_that_is_overwritten_stays() {
     let mut bench = fielded();
@@ -580,7 +580,7 @@ fn point_12_latencies_are_distributed_as_observed() {
     assert_eq!(judge_latency(&writes, [37, 45, 115, 54]), Ok(()));
 }
 
-/// A base whose processor always answers after 33 us has the right median and nothing else.
+/// A base whose processor always answers after 33 us has the right median, and all else wrong.
 #[test]
 fn the_judges_refuse_a_base_with_other_figures() {
     let mut quirks = Profile::Rcj2015.quirks();

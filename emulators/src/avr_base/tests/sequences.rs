@@ -297,8 +297,8 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-    /// Whatever was sent: no panic, all answers are whole frames, a silent second later the motors
-    /// stand, and the next good request is answered.
+    /// Invariants after any bytes: no panic, all answers are whole frames, a silent second later
+    /// the motors stand, and the next good request is answered.
     #[test]
     fn the_documented_base_endures_anything(
         attacks in vec(attack(), 1..12),
@@ -344,7 +344,7 @@ proptest! {
         prop_assert!(answered || has_vanished(&mut bench));
     }
 
-    /// Its defects let in: still no panic.
+    /// With its defects: still no panic.
     #[test]
     fn no_sequence_panics_the_fielded_builds(
         attacks in vec(attack(), 1..12),

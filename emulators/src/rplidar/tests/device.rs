@@ -96,8 +96,8 @@ fn conf_is_answered_from_firmware_1_24_on() {
     assert_eq!(ask(Profile::Fw120, 0x70, None), []);
 }
 
-/// Nothing as the run begins, when the sensor has long been on; after a reset and on power-up the
-/// 64 bytes that users show, 671.5 ms later.
+/// At the start of the run no text comes, because the sensor has long been on. After a reset and on
+/// power-up the 64 bytes that users show come, 671.5 ms later.
 #[test]
 fn f12_a_reset_and_power_up_print_the_start_text() {
     let texts = [
@@ -232,7 +232,7 @@ fn dtr_stops_and_starts_the_motor_of_the_adapter() {
     assert!((438.0..445.0).contains(&speed(&mut bench, 0)));
 }
 
-/// The accessory board takes PWM 660 of 1023: 675 * 0.645 - 75 = 360 rpm. It says that it is there.
+/// The accessory board takes PWM 660 of 1023: 675 * 0.645 - 75 = 360 rpm. It reports its presence.
 #[test]
 fn f0_drives_the_motor_of_an_accessory_board_only() {
     let speed = |motor| {
@@ -384,7 +384,7 @@ fn half_a_request_waits_for_five_seconds() {
     assert!(!whole.0);
     assert_eq!(answered(4_900), whole);
     assert!(answered(5_100).0);
-    // After a request that came whole nothing is waited for.
+    // After a complete request the sensor waits for nothing.
     let mut bench = plain();
     bench.ask(Command::Info);
     bench.run_ms(6_000);

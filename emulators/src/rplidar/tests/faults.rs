@@ -1,4 +1,4 @@
-//! Every fault shows with it and does not show without it.
+//! Every fault has an effect, and there is none without the fault.
 
 use protocols::rplidar::Status;
 

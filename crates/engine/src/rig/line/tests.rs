@@ -77,8 +77,8 @@ fn bytes_take_their_time() {
     assert_eq!(line.traffic(), traffic);
 }
 
-/// The line is free before the bytes arrive: a sender that had more is asked then, one that had
-/// nothing is not.
+/// The line is free before the bytes arrive. Then it asks a sender that had more, and does not ask
+/// one that had nothing.
 #[test]
 fn a_line_waits_for_its_sender_as_well_as_for_its_bytes() {
     let mut line = line();
@@ -417,7 +417,7 @@ fn a_sender_at_a_wrong_rate_takes_its_own_time() {
     assert_eq!(bytes, [0x9C]);
 }
 
-/// The receiver takes nothing: the sender is not asked any more, and an echo is lost.
+/// The receiver takes nothing: the line does not ask the sender any more, and an echo is lost.
 #[test]
 fn a_line_holds_so_many_pieces_and_no_more() {
     let mut line = line();

@@ -105,8 +105,8 @@ fn recorded_strikes_repeat_what_the_rate_did() {
     assert_eq!(through(&mut recorded, &bytes), first);
 }
 
-/// Dice are thrown for every byte, two a byte, also for those before the window and for faults that
-/// others overtake: which bytes are lost is said by the streams alone.
+/// Random numbers are drawn for every byte, two a byte, also for those before the window and for
+/// faults that others overtake. So the streams alone determine the lost bytes.
 #[test]
 fn dice_are_thrown_for_bytes_outside_the_window_too() {
     let windows = [(0, 900), (500, 700), (650, 2_000), (100, 400), (950, 960)];
@@ -148,7 +148,7 @@ fn a_rate_of_zero_touches_nothing() {
     assert_eq!(through(&mut faults, &[7; 1000]), [7; 1000]);
 }
 
-/// A fault that wears off strikes as often as it says and no more.
+/// A fault with a count strikes as often as the count and no more.
 #[test]
 fn a_count_wears_off() {
     let mut faults = LineFaults::default();
@@ -254,7 +254,7 @@ fn jitter(by: Duration) -> LineFaults {
     faults
 }
 
-/// Drawn by the fault's own stream: each time from nothing to `by`, both included.
+/// Drawn by the fault's own stream: each time from zero to `by`, both included.
 #[test]
 fn jitter_is_what_its_dice_say() {
     let mut faults = jitter(Duration::from_nanos(2));
