@@ -164,7 +164,7 @@ fn f2_a_write_that_covers_59_is_acknowledged_with_that_byte() {
 }
 
 /// An overwritten pointer stays overwritten: the chip sets it once, at its start. Data of later
-/// writes goes to its target. Where no memory can be stored the checksum fails.
+/// writes goes to its target. If the target cannot be written, the checksum fails.
 #[test]
 fn f2_a_pointer_that_is_overwritten_stays() {
     let mut bench = fielded();

@@ -28,8 +28,8 @@ fn long_replies_take_10_us_a_byte() {
     }
 }
 
-/// Measured: 20 second requests were sent 0, 50, 100 and 150 us after the end of a first one. The
-/// base answered 0, 12, 17 and about 20.
+/// Measured: 20 second requests each were sent 0, 50, 100 and 150 us after the end of a first one.
+/// The base answered 0, 12, 17 and about 20 of them.
 #[test]
 fn a_second_request_is_lost_while_the_first_is_worked_on() {
     let answered = |gap_us: u64| {
