@@ -8,8 +8,8 @@
 //! ```
 //!
 //! The base acts only on frames whose checksum holds, and stops the motors by itself when the
-//! master falls silent. Which firmware it runs is a [`Profile`]; the fielded ones come with all
-//! their defects, and with their time: see the module on ticks.
+//! master falls silent. A [`Profile`] selects the firmware. The fielded firmwares come with all
+//! their defects and with their timing: see the module on ticks.
 //!
 //! Sources: seed report of 2015, chapter on the slave; field firmware b77a6df and 5f54f4d, run in
 //! a simulated ATmega2560 with a byte every 10 us.
@@ -85,7 +85,8 @@ pub struct AvrBase {
     bus: Sender,
     debug: Sender,
     memory: Memory,
-    /// Variables by which the fielded builds switch their motors off; only a write over them does.
+    /// Variables by which the fielded builds switch their motors off; only a write over them has an
+    /// effect.
     switched_off: [u8; 2],
     sides: [Side; 2],
     regulator_at: Instant,
@@ -95,7 +96,7 @@ pub struct AvrBase {
     encoders: Encoders,
     battery: Battery,
     button: ButtonState,
-    /// Until then it tells of the button, unasked.
+    /// Until then the base announces the stop button without a request.
     announces_until: Instant,
     watchdog_at: Option<Instant>,
     motors: Motors,
@@ -107,7 +108,7 @@ pub struct AvrBase {
     journal: Journal,
 }
 
-/// How the processor started, and when it will again.
+/// Cause of the processor's start, and time of its next one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Start {
     cause: StartCause,
@@ -135,7 +136,7 @@ struct Pending {
     due: Instant,
 }
 
-/// One wheel as the firmware knows it.
+/// State of one wheel in the firmware.
 #[derive(Clone, Copy, Debug, Default)]
 struct Side {
     counter: Counter,
@@ -158,11 +159,11 @@ enum ButtonState {
     Toggled,
 }
 
-/// What the motors do, for the journal.
+/// State of the motors, for the journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Motors {
     driven: bool,
-    /// Why set-points last became zero.
+    /// Reason for the last zero set-points.
     reason: &'static str,
 }
 
@@ -191,7 +192,7 @@ enum Job {
     Regulate,
     Analog,
     Answer,
-    /// Whatever the measured processor does.
+    /// Step of the measured processor.
     Step,
 }
 
@@ -251,7 +252,7 @@ impl AvrBase {
         self.config.profile
     }
 
-    /// What the registers show to the next read, as far as the last poll knows.
+    /// Value of a register for the next read, as of the last poll.
     pub fn register(&self, address: u8) -> u8 {
         self.memory.get(address)
     }
@@ -270,7 +271,7 @@ impl AvrBase {
         self.memory.get(registers::MOTOR_STANDBY) == 0
     }
 
-    /// What the light shows.
+    /// State of the status light.
     pub fn led(&self) -> Led {
         let silent_at = self.ticks.after(self.last_frame, DIVIDER, SILENT_COUNTS);
         let trouble = if self.start.cause == StartCause::Watchdog {
@@ -342,7 +343,7 @@ impl AvrBase {
         self.quirks.processor == Processor::Measured
     }
 
-    /// When an unfinished frame is given up, unless the processor finds out by itself.
+    /// Time at which an unfinished frame is discarded, unless the processor finds out by itself.
     fn frame_deadline(&self) -> Option<Instant> {
         if self.is_measured() && self.quirks.receiver == ReceiverKind::Interrupt {
             return None;

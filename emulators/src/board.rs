@@ -1,4 +1,4 @@
-//! The board that a slave as data sits on: what starts it again, and which modem lines it sets.
+//! Board of a slave that is described by data: its reset conditions and its modem lines.
 //!
 //! ```text
 //! host: DTR off -> on --| |--> RESET   capacitor: the edge resets, a level does not
@@ -6,11 +6,11 @@
 //!            is up: all values as at the start
 //! ```
 //!
-//! An Arduino is reset so whenever its port is opened. What it then takes to hear anything is its
-//! boot loader: optiboot 8 (`optiboot.c`, the Uno's) flashes three times, 6 sixteenths of a
-//! second, and waits a second of the watchdog for an upload; the ATmega328P starts up for 65 ms
-//! before it and once more after it (its data sheet, the Uno's fuses): 1.5 s by arithmetic, 1.6 s
-//! as the watchdog's oscillator is some percent slow.
+//! An Arduino resets whenever its port is opened. Its boot loader then delays the first reception:
+//! optiboot 8 (`optiboot.c`, the Uno's) flashes three times, 6 sixteenths of a second, and waits a
+//! second of the watchdog for an upload. The ATmega328P starts up for 65 ms before that and once
+//! more after it (its data sheet, the Uno's fuses). That is 1.5 s by arithmetic; 1.6 s because the
+//! watchdog's oscillator is some percent slow.
 
 use core::time::Duration;
 
@@ -46,10 +46,10 @@ pub enum HostLine {
     Ri,
 }
 
-/// How a board is wired to its host.
+/// Connection of a board to its host.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BoardConfig {
-    /// What starts it again, if anything.
+    /// Event that resets the board, if any.
     pub resets_on: Option<ResetOn>,
     /// From its reset until it receives again; [`BOOT`] if not given.
     pub boot: Option<Duration>,
@@ -58,13 +58,13 @@ pub struct BoardConfig {
     pub raises: Vec<(HostLine, String)>,
 }
 
-/// What an Arduino Uno takes from its reset to its program, see above.
+/// Time of an Arduino Uno from its reset to its program, see above.
 pub const BOOT: Duration = Duration::from_millis(1_600);
 /// The pin at which the host's DTR or RTS arrives: each byte is its level.
 pub const RESET_PIN: Port = Port(1);
 /// A level has no rate; it takes 10 us to get through.
 pub const PIN_LINE: LineConfig = LineConfig::new_8n1(1_000_000);
-/// Between two looks at the values that lines follow: as often as a sketch's loop may come by.
+/// Interval between two looks at the values that lines follow: a sketch's loop may run as often.
 const LOOK_EVERY: Duration = Duration::from_millis(1);
 
 impl HostLine {
@@ -154,12 +154,12 @@ impl Board {
         self.followers.iter_mut().for_each(|one| one.set(false));
     }
 
-    /// When the board will hear again, if it does not.
+    /// Time at which the board receives again, while it boots.
     pub(crate) const fn boots_until(&self) -> Option<Instant> {
         self.boots_until
     }
 
-    /// Says that it was restarted at `at`.
+    /// Reports the restart at `at`.
     pub(crate) fn tell_reset(&self, at: Instant, why: &str, log: &mut EventLog) {
         let up = self.boots_until.unwrap_or(at);
         let detail = format!("{why}: starts anew, hears nothing until {up} s");
@@ -176,7 +176,7 @@ impl Board {
         up.is_some()
     }
 
-    /// What it does by itself; whether it has come up just now.
+    /// Runs the board's own work; `true` if the board has just finished booting.
     pub(crate) fn poll(&mut self, now: Instant, values: &Variables, world: &World) -> bool {
         let is_up = self.boots_until.take_if(|at| *at <= now).is_some();
         if self.next_look.is_some_and(|at| at <= now) {

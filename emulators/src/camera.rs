@@ -1,5 +1,5 @@
-//! A depth camera whose pictures a program beside it turns into two streams of messages: rows of
-//! depths (or scans made of them), and markers that were recognised.
+//! A depth camera with its evaluation program. The program turns pictures into two streams of
+//! messages: rows of depths (or scans made of them), and recognised markers.
 //!
 //! ```text
 //! world at the camera's height -> a row of depths -> noise, gaps -> `SCAN`     one a picture
@@ -7,14 +7,15 @@
 //! ```
 //!
 //! Messages are those of [`protocols::perception`]. Only the row at the camera's own height is
-//! measured: what is no higher is not seen. Markers are the camera's settings, so that the world
-//! need not know them; what hides them is what is higher than the lower one of camera and marker.
+//! measured: the camera does not see lower objects. Markers belong to the camera's settings, so
+//! that the world need not know them. An object hides a marker if it is higher than the lower of
+//! camera and marker.
 //!
 //! Sources: Kinect of 2010: 640 columns, focal length 525 pixels, 0.45 to 10 m by the defaults of
 //! the conversion to scans, 30 pictures a second; noise of 1.43 mm at 1 m that grows with the
-//! square of the depth (Khoshelham and Elberink, 2012). What share of the columns has no depth, and
-//! how well markers are placed, are guesses. Pictures, the sight's own distortion and the swing of
-//! a camera on a long arm are not modelled.
+//! square of the depth (Khoshelham and Elberink, 2012). The share of columns without depth and the
+//! error of marker positions are guesses. Pictures, lens distortion and the swing of a camera on a
+//! long arm are not modelled.
 
 #[cfg(test)]
 mod tests;
@@ -38,7 +39,7 @@ pub const RATE: u32 = 20_000_000;
 /// From one picture to the next when the camera is slow, by default.
 const SLOW_MS: f64 = 200.0;
 
-/// What the camera tells of a picture.
+/// Message that the camera sends for a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Output {
     /// The depths of one row.
@@ -59,7 +60,7 @@ pub struct PlacedMarker {
     pub facing_rad: f64,
 }
 
-/// How a camera sits and sees.
+/// Mounting and optics of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraConfig {
     /// Metres ahead of the reference point of the robot.
@@ -68,7 +69,7 @@ pub struct CameraConfig {
     pub y_m: f64,
     /// Bearing, radians counter-clockwise from ahead.
     pub yaw_rad: f64,
-    /// Above the floor, metres: it does not see what is no higher.
+    /// Height above the floor, metres. The camera does not see lower objects.
     pub height_m: f64,
     /// Horizontal field of view, radians.
     pub field_rad: f64,
@@ -82,7 +83,7 @@ pub struct CameraConfig {
     pub noise_m: f64,
     /// Share of the columns without a depth, 0 to 1.
     pub gaps: f64,
-    /// What it tells.
+    /// Messages that the camera sends.
     pub output: Output,
     /// All markers that there are.
     pub markers: Vec<PlacedMarker>,
@@ -112,10 +113,10 @@ impl Default for CameraConfig {
 const FAULTS: [&str; 6] = ["off", "slow", "garbage", "stuck", "blind", "battery"];
 /// Share of the columns without a depth while its battery collapses: a guess.
 const FAILING: f64 = 0.5;
-/// From the first gaps to nothing at all, seconds, by default: a guess.
+/// Time from the first gaps to a blank picture, seconds, by default: a guess.
 const COLLAPSE_S: f64 = 5.0;
 
-/// What is wrong with the camera itself.
+/// Active faults of the camera itself.
 #[derive(Clone, Copy, Debug, Default)]
 struct Faults {
     is_off: bool,
@@ -136,7 +137,8 @@ pub struct Camera {
     gap_dice: Rng,
     marker_noise: Rng,
     garbage: Rng,
-    /// What of the scene is higher than the camera, and than each marker if that is lower.
+    /// Objects of the scene higher than the camera, and higher than each marker if the marker is
+    /// lower.
     views: Option<Views>,
     /// The last row as it was drawn, kept for its memory.
     columns: Vec<f64>,
@@ -210,7 +212,7 @@ impl Camera {
 }
 
 impl Device for Camera {
-    /// It is not spoken to.
+    /// The camera takes no bytes.
     fn receive(&mut self, _port: Port, _now: Instant, _bytes: &[u8]) {}
 
     fn poll(&mut self, now: Instant, world: &mut World) {
@@ -250,11 +252,11 @@ impl Device for Camera {
         &FAULTS
     }
 
-    /// `off`. `slow`: so many milliseconds between pictures, 200 by default. `garbage`:
-    /// messages of their lengths, but of random bytes. `stuck`: the last picture forever. `blind`:
-    /// that share of the columns has no depth, all by default, and then no marker is
-    /// recognised. `battery`: its own pack, which nothing protects, collapses within so many
-    /// seconds, 5 by default; the end of the fault is another pack.
+    /// `off`. `slow`: this many milliseconds between pictures, 200 by default. `garbage`: messages
+    /// of their lengths, but of random bytes. `stuck`: the last picture forever. `blind`: this
+    /// share of the columns has no depth, all by default, and then no marker is recognised.
+    /// `battery`: its own pack, which has no protection, collapses within this many seconds, 5 by
+    /// default; the end of the fault is a new pack.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" => {
@@ -301,7 +303,7 @@ fn message(encode: impl FnOnce(&mut [u8]) -> usize) -> Vec<u8> {
     bytes
 }
 
-/// The message of `values` in the form that is told.
+/// The message of `values` in the selected form.
 fn encoded(output: Output, focal_px: f64, step_urad: (i32, i32), values: &[u16]) -> Vec<u8> {
     match output {
         Output::Depths => {

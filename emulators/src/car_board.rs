@@ -6,13 +6,13 @@
 //!         -> value -> angle   -> actuator `steering`    line, hall, battery -> frame
 //! ```
 //!
-//! Frames and commands are those of [`protocols::car_board`]. The board as fielded continues
-//! driving when its host falls silent; with a dead-man time, as the board after it has, it stops
-//! then, and the next motor command starts it again.
+//! Frames and commands are those of [`protocols::car_board`]. The fielded board continues driving
+//! when its host falls silent. With a dead-man time, as in the later board, it stops then, and the
+//! next motor command starts it again.
 //!
-//! Sources: the car's program for the wire; ucboard's documentation for the dead-man switch and
-//! that the magnets sit at the left rear wheel (the report says right in one place and left in
-//! another); what is a guess says so where it stands.
+//! Sources: the car's program for the wire format; ucboard's documentation for the dead-man switch
+//! and the position of the magnets at the left rear wheel (the report says right in one place and
+//! left in another). Guesses are marked where they stand.
 
 mod battery;
 mod sensors;
@@ -38,10 +38,10 @@ use sensors::Sensors;
 const QUEUE_MAX: usize = 256;
 /// The electronics need this, mV (user guide ug-000002-16).
 const LEAST_MV: u16 = 6_800;
-/// What the battery shows when it is all but empty, mV.
+/// Battery voltage of an almost empty battery, mV.
 const LOW_MV: u16 = 6_850;
 
-/// What becomes of a command beyond its range. Nothing says what the board does.
+/// Treatment of a command beyond its range. No source says what the board does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OutOfRange {
     /// Nothing.
@@ -51,17 +51,17 @@ pub enum OutOfRange {
     Clamped,
 }
 
-/// How a board is set up.
+/// Configuration of a board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardConfig {
     /// From one frame to the next. 15 Hz, a round of the ultrasonic sensors; a guess.
     pub frame_period: Duration,
     /// Silence of the host after which the motor stops; `None` as fielded: never.
     pub dead_man: Option<Duration>,
-    /// What becomes of a command beyond its range.
+    /// Treatment of a command beyond its range.
     pub out_of_range: OutOfRange,
-    /// Encoder of the chassis that the magnets turn with; where it has none of that name, the one
-    /// of the shaft, `drive`.
+    /// Encoder of the chassis that turns with the magnets. If the chassis has none of this name,
+    /// the encoder of the shaft, `drive`.
     pub encoder: String,
     /// Metres ahead of the rear axle and to the left of it. Under the bumper.
     pub line_sensor_m: [f64; 2],
@@ -86,17 +86,17 @@ impl Default for BoardConfig {
 }
 
 impl BoardConfig {
-    /// The encoder that the magnets turn with; `None` if the chassis has nothing that turns with
-    /// the wheels.
+    /// The encoder that turns with the magnets; `None` if no encoder of the chassis turns with the
+    /// wheels.
     pub fn encoder_of(&self, encoders: &[Encoder]) -> Option<usize> {
         let find = |name: &str| encoders.iter().position(|encoder| encoder.name == name);
         find(&self.encoder).or_else(|| find("drive"))
     }
 }
 
-/// The car under such a board: as [`AckermannConfig::default`], steering to 25 degrees, a speed
-/// controller that brakes before it reverses, and encoders at the rear wheels, of 120 counts a turn
-/// so that 8 pulses and 60 edges are whole numbers of them.
+/// The car under such a board: as [`AckermannConfig::default`], with 25 degrees of steering and a
+/// speed controller that brakes before it reverses. The encoders sit at the rear wheels: 120 counts
+/// a turn, so that 8 pulses and 60 edges are whole numbers of counts.
 pub fn chassis() -> AckermannConfig {
     AckermannConfig {
         steering_max_rad: 25_f64.to_radians(),
@@ -129,7 +129,7 @@ pub struct CarBoard {
     config: BoardConfig,
     level: Level,
     steering: Option<Steering>,
-    /// Since when actuators are to be told something else.
+    /// Time since which the actuators need a new command.
     changed_at: Option<Instant>,
     /// The host counts as silent from then on.
     silent_at: Option<Instant>,
@@ -143,7 +143,7 @@ pub struct CarBoard {
     log: EventLog,
 }
 
-/// What is wrong with the board itself.
+/// Active faults of the board itself.
 #[derive(Clone, Copy, Debug, Default)]
 struct Faults {
     is_off: bool,
@@ -218,7 +218,7 @@ impl CarBoard {
         }
     }
 
-    /// Tells the actuators what they shall do now.
+    /// Sends the current commands to the actuators.
     fn drive(&mut self, now: Instant, world: &mut World) {
         let motor = if self.faults.is_off || self.faults.is_motor_dead {
             Actuation::Coast
@@ -302,7 +302,7 @@ impl CarBoard {
     }
 }
 
-/// The command nearest to what was asked for.
+/// The valid command nearest to the requested one.
 fn clamped(error: CommandError) -> Command {
     let nearest =
         |found: i16, [least, greatest]: [i8; 2]| found.clamp(least.into(), greatest.into());
@@ -371,9 +371,9 @@ impl Device for CarBoard {
         &FAULTS
     }
 
-    /// `off`, `restart`; `stuck`: the last frame forever. `slow`: so many milliseconds between
-    /// frames, 1000 by default. `battery-low`: 6.85 V. `motor`, `servo`: does nothing any more.
-    /// `hall`: no pulses. `line`: a line everywhere. `front`, `right`, `left`: receives no echo.
+    /// `off`, `restart`; `stuck`: the last frame forever. `slow`: this many milliseconds between
+    /// frames, 1000 by default. `battery-low`: 6.85 V. `motor`, `servo`: no effect any more.
+    /// `hall`: no pulses. `line`: a line everywhere. `front`, `right`, `left`: no echo.
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {
             "off" if begins => self.switch_off(now),

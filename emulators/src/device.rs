@@ -9,74 +9,74 @@ use crate::world::World;
 
 /// A piece of hardware with one or more serial ports, advanced by the owner of the clock.
 ///
-/// The four verbs are those of a master on the other side of the wire: bytes come in with
+/// The four main methods are those of a master on the other side of the wire. Bytes come in with
 /// [`receive`](Self::receive), work is done in [`poll`](Self::poll), bytes leave with
-/// [`transmit`](Self::transmit), and [`poll_at`](Self::poll_at) says when to come back.
+/// [`transmit`](Self::transmit), and [`poll_at`](Self::poll_at) returns the time of the next poll.
 ///
-/// Time never runs backwards between calls. A device may be polled early, late or twice without
-/// effect on anything but its own lateness.
+/// Time never runs backwards between calls. A device may be polled early, late or twice. That
+/// changes only its own lateness.
 pub trait Device {
-    /// Bytes that arrived back to back on `port`, the last of them complete at `now`. The device
-    /// knows its line coding, so it can tell when each byte ended. Never empty.
+    /// Receives bytes that arrived back to back on `port`, the last of them complete at `now`.
+    /// Never empty. The device knows its line coding, so it can compute when each byte ended.
     fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]);
 
-    /// Something besides bytes happened on `port`. Devices without interest ignore it.
+    /// Handles an event other than bytes on `port`. By default it is ignored.
     fn line_event(&mut self, _port: Port, _now: Instant, _event: LineEvent) {}
 
     /// Does all work due by `now`, sensing and moving the world.
     fn poll(&mut self, now: Instant, world: &mut World);
 
     /// Moves up to `buf.len()` bytes that are ready to be sent into `buf`; returns how many. The
-    /// line calls this when it has room, so what it does not take stays in the device's queue.
+    /// line calls this when it has room. Further bytes stay in the device's queue.
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize;
 
-    /// Whether the device may have something to send on `port`, or a [`line_change`] to tell: where
-    /// it has nothing, a line need not ask. `true` is always right.
+    /// Whether the device may have bytes to send on `port`, or a [`line_change`] to report. With
+    /// `false` a line need not ask. `true` is always right.
     ///
     /// [`line_change`]: Self::line_change
     fn may_send(&self, _port: Port) -> bool {
         true
     }
 
-    /// A change of the device's end of the line that the other end would see, such as a port being
-    /// opened; taken once.
+    /// Takes a change of the device's end of the line that the other end would see, such as an
+    /// opened port.
     fn line_change(&mut self, _port: Port) -> Option<LineEvent> {
         None
     }
 
-    /// When the device next wants to be polled by itself; `None`: only after input.
+    /// Time at which the device wants to be polled next; `None`: only after input.
     fn poll_at(&self) -> Option<Instant>;
 
     /// Line coding of `port` as the device is set up now.
     fn line_config(&self, port: Port) -> LineConfig;
 
-    /// Names of what can go wrong with the device itself. `off`, `restart`, `stuck`, `garbage`,
-    /// `wrong` and `slow` mean the same for all devices that have them.
+    /// Names of the device's own faults. `off`, `restart`, `stuck`, `garbage`, `wrong` and `slow`
+    /// mean the same for all devices that have them.
     fn known_faults(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// One of [`known_faults`](Self::known_faults) begins, or ends, at `now`; others are ignored.
-    /// `figure` says how bad it is, where that is a question. The device is polled next.
+    /// Begins or ends one of [`known_faults`](Self::known_faults) at `now`; others are ignored.
+    /// `figure` is its severity, if it has one. The device is polled next.
     fn set_fault(&mut self, _now: Instant, _fault: &str, _figure: Option<f64>, _begins: bool) {}
 
-    /// The value of a register, without disturbing anything; `None`: no such register.
+    /// Value of a register, read without side effects; `None`: no such register.
     fn peek(&self, _address: u8) -> Option<u8> {
         None
     }
 
-    /// What happened since the last call, oldest first: what the device did by itself, and what
-    /// its master did wrong.
+    /// Takes the events since the last call, oldest first: events of the device itself, and its
+    /// master's mistakes.
     fn take_events(&mut self) -> Vec<Event>;
 
-    /// How often its master broke each rule so far, where several breaks may share one entry of
+    /// Number of violations of each rule so far, if several may share one entry of
     /// [`take_events`](Self::take_events); `None`: each entry is one.
     fn broken_rules(&self) -> Option<&BrokenRules> {
         None
     }
 }
 
-/// How an [`Event`] is meant.
+/// Meaning of an [`Event`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EventKind {
     /// Something happened: motors on, lidar locked, radio connected.
@@ -88,12 +88,12 @@ pub enum EventKind {
 /// One entry of a device's log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// When.
+    /// Time of the event.
     pub at: Instant,
     /// Note or violation.
     pub kind: EventKind,
-    /// Short stable name in kebab case, e.g. `motors-stopped` or `unknown-register`: what scripts
-    /// and tests match.
+    /// Short stable name in kebab case, e.g. `motors-stopped` or `unknown-register`. Scripts and
+    /// tests match it.
     pub rule: &'static str,
     /// A sentence with the figures.
     pub detail: String,
@@ -101,7 +101,7 @@ pub struct Event {
     pub bytes: Vec<u8>,
 }
 
-/// How often rules were broken, by their names.
+/// Number of violations of each rule, by its name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BrokenRules(Vec<(&'static str, u64)>);
 
@@ -114,7 +114,7 @@ impl BrokenRules {
         }
     }
 
-    /// Each rule that was broken, and how often.
+    /// Each broken rule, with the number of violations.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, u64)> {
         self.0.iter().copied()
     }
@@ -139,15 +139,14 @@ pub fn earliest(deadlines: impl IntoIterator<Item = Option<Instant>>) -> Option<
     (first < never).then_some(first)
 }
 
-/// When a device by itself is to be polled next on the way from `now` to `end`, at `end` at the
-/// latest. One that asks for a moment that has passed is polled a nanosecond later, so that time
-/// moves.
+/// Time of the next poll of a device between `now` and `end`, at `end` at the latest. A device that
+/// asks for a time in the past is polled a nanosecond later, so that time moves.
 pub fn next_poll(device: &(impl Device + ?Sized), now: Instant, end: Instant) -> Instant {
     let soonest = now + Duration::from_nanos(1);
     device.poll_at().map_or(end, |at| at.max(soonest).min(end))
 }
 
-/// Moves what fits from the front of `queue` to `buf`; how many bytes that were.
+/// Moves bytes from the front of `queue` to `buf` until `buf` is full; returns how many.
 pub fn take(queue: &mut VecDeque<u8>, buf: &mut [u8]) -> usize {
     let len = buf.len().min(queue.len());
     for (slot, byte) in buf.iter_mut().zip(queue.drain(..len)) {
@@ -215,14 +214,14 @@ mod tests {
         }
     }
 
-    /// What a device does not speak of it does not have.
+    /// Optional features are absent by default.
     #[test]
     fn a_device_has_no_registers_faults_or_changes_of_its_own_accord() {
         let mut mute = Mute;
         assert_eq!(mute.peek(0), None);
         assert_eq!(mute.known_faults(), [""; 0]);
         assert_eq!(mute.line_change(Port(0)), None);
-        // A device that cannot tell is asked each time.
+        // By default a device is asked each time.
         assert!(mute.may_send(Port(0)));
     }
 }

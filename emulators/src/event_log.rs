@@ -14,7 +14,7 @@ const PAUSE_MIN: Duration = Duration::from_secs(1);
 /// Longest pause between two entries about the same rule.
 const PAUSE_MAX: Duration = Duration::from_secs(64);
 
-/// Entries not taken yet, and rules whose repetitions are being counted.
+/// Entries not yet taken, and rules whose repetitions are counted.
 #[derive(Clone, Debug, Default)]
 pub struct EventLog {
     events: Vec<Event>,
@@ -101,7 +101,7 @@ impl EventLog {
         self.repeats = repeats;
     }
 
-    /// When a count is due.
+    /// Time at which a count of repetitions is due.
     pub fn poll_at(&self) -> Option<Instant> {
         earliest(self.repeats.iter().map(|repeat| Some(repeat.report_at)))
     }
@@ -163,7 +163,7 @@ mod tests {
         let events = log.take();
         assert_eq!(events.len(), 2);
         assert_eq!(events[1].detail, "9 more times until 0.090000 s");
-        // Ten breaks, however few entries tell of them.
+        // Ten violations, although fewer entries report them.
         assert_eq!(log.broken().iter().collect::<Vec<_>>(), [("too-fast", 10)]);
         assert_eq!(log.poll_at(), None);
     }
@@ -206,11 +206,11 @@ mod tests {
         assert_eq!(log.poll_at(), Some(Instant::from_millis(1_500)));
         log.poll(Instant::from_millis(1_500));
         assert_eq!(log.take().len(), 1);
-        // Two seconds after it was told last.
+        // Two seconds after the last report.
         assert_eq!(log.poll_at(), Some(Instant::from_millis(3_200)));
     }
 
-    /// A rule that is broken all the time is told after 1, 2, 4, 8, 16, 32, 64 and 64 seconds.
+    /// A rule that is broken all the time is reported after 1, 2, 4, 8, 16, 32, 64 and 64 seconds.
     #[test]
     fn pauses_between_counts_double_up_to_a_minute() {
         let mut log = EventLog::default();

@@ -7,10 +7,10 @@
 //!        <-- 20.5 kB/s, holds the writer up     <-- host
 //! ```
 //!
-//! While no host has the port open the module reads commands, at the rate it is set to; once a
-//! host is connected everything is data, with no way back but the end of the connection. Towards
-//! the host the radio is slower than a UART at 460800 baud, so a robot that floods loses bytes
-//! inside its frames; towards the robot nothing is lost. Figures and guesses are in [`Profile`].
+//! While no host has the port open the module reads commands at its configured rate. Once a host is
+//! connected all bytes are data; only the end of the connection returns to commands. Towards the
+//! host the radio is slower than a UART at 460800 baud, so a robot that floods loses bytes inside
+//! its frames. Towards the robot no byte is lost. Figures and guesses are in [`Profile`].
 //!
 //! Rules the module judges its master by: `unknown-command`, `line-end-after-command`,
 //! `line-end-missing`, `lower-case-command`, `command-too-slow`, `no-pause-between-commands`,
@@ -61,13 +61,13 @@ pub enum Mode {
 /// Whether module and host are in radio range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Radio {
-    /// They do.
+    /// Module and host are in reach of each other.
     InReach,
-    /// They do not; for a while neither notices.
+    /// Module and host are out of reach; for a while neither notices.
     Lost,
 }
 
-/// What the status LED shows.
+/// State of the status LED.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lamp {
     /// No power, or switched off by command.
@@ -99,7 +99,7 @@ pub struct Hc06 {
     mode: Mode,
     host: Host,
     radio: Radio,
-    /// When the two sides give each other up.
+    /// Time at which module and host give up the connection.
     give_up_at: Option<Instant>,
     collector: Collector,
     air: Air,
@@ -139,12 +139,12 @@ impl Hc06 {
         self.mode
     }
 
-    /// What the module remembers.
+    /// Settings that the module stores.
     pub const fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// What the status LED shows. Its rate and the STATE pin differ from board to board.
+    /// State of the status LED. Its rate and the STATE pin differ from board to board.
     pub fn lamp(&self) -> Lamp {
         match self.mode {
             _ if self.settings.led == Led::Off => Lamp::Dark,
@@ -154,12 +154,12 @@ impl Hc06 {
         }
     }
 
-    /// What went from the UART towards the host.
+    /// Traffic from the UART towards the host.
     pub fn up(&self) -> Traffic {
         self.air.up.traffic()
     }
 
-    /// What went from the host towards the UART.
+    /// Traffic from the host towards the UART.
     pub fn down(&self) -> Traffic {
         self.air.down.traffic()
     }
@@ -178,7 +178,7 @@ impl Hc06 {
         self.radio
     }
 
-    /// Does what is due by `now`, in order of time.
+    /// Handles all timers due by `now`, in order of time.
     fn advance(&mut self, now: Instant) {
         while let Some(at) = self.timer().filter(|&at| at <= now) {
             self.air.advance(at);
@@ -198,7 +198,7 @@ impl Hc06 {
         earliest([connect_at, self.give_up_at, switch_at, silent_at])
     }
 
-    /// Does what is due exactly at `now`.
+    /// Handles the timers due exactly at `now`.
     fn fire(&mut self, now: Instant) {
         if self.collector.deadline() == Some(now) {
             let attempt = self.collector.silence();
@@ -228,7 +228,7 @@ impl Hc06 {
         self.log.note(now, "line-coding-changed", detail);
     }
 
-    /// Something was sent to the UART and ended like a command.
+    /// Handles bytes of the UART that ended like a command.
     fn judge_or_execute(&mut self, attempt: &Attempt, now: Instant) {
         let answer = command::execute(attempt, &self.settings, &self.profile);
         let text = attempt.text.escape_ascii();
@@ -263,7 +263,7 @@ impl Hc06 {
         }
     }
 
-    /// The line-terminated family says so when it does not know a command.
+    /// Answers an unknown command, in the line-terminated family.
     fn refuse(&mut self) {
         let mut out = [0; 16];
         let reply = protocols::hc06::LineReply::Unknown;
@@ -271,7 +271,7 @@ impl Hc06 {
         self.air.down.put_ready(&out[..len]);
     }
 
-    /// `count` bytes of the UART were taken for a command, and are none.
+    /// Counts bytes of the UART that command mode consumed although they are no command.
     fn count_vanished(&mut self, count: u64, now: Instant) {
         if self.vanished.is_none() {
             let detail = "no connection: bytes of the UART are taken as commands".to_owned();

@@ -1,23 +1,23 @@
-//! Chips with registers on an I2C bus, by themselves as devices.
+//! Chips with registers on an I2C bus, each as a device of its own.
 //!
 //! ```text
 //! write   | address u7, 0 | register | data ... |       no data: the register to read from
 //! read    | address u7, 1 | count |                  -> | count bytes |
 //! ```
 //!
-//! A message of the link is a transaction. In the second a real master clocks as many bytes as it
-//! wants; here it says how many. A chip that does not acknowledge does not answer.
+//! A message of the link is a transaction. In a read a real master clocks as many bytes as it
+//! wants; here the message states the number. A chip that does not acknowledge does not answer.
 //!
-//! A master outside, whose messages a terminal may run together or tear apart, puts each into a
-//! frame, and each of them has an answer:
+//! For a master outside the rig, a terminal may merge or split messages. Such a master puts each
+//! message into a frame, and each frame gets an answer:
 //!
 //! ```text
 //! frame   | 01 | length | message |
 //! answer  | 01 | status | length | bytes |       status 0: acknowledged, 1: not
 //! ```
 //!
-//! A microcontroller clocks byte by byte and knows only at the end how many it wanted. It asks when
-//! a transaction begins, and tells when it has ended; a register pointer moves by what it took.
+//! A microcontroller clocks byte by byte, and only at the end is the number of bytes known. It asks
+//! when a transaction begins and reports its end. A register pointer moves by the bytes taken.
 //!
 //! ```text
 //! begin   | 02 | 2 | address u7, direction | most |
@@ -49,17 +49,17 @@ const AT_ONCE: LineConfig = LineConfig::new_8n1(10_000_000);
 const FRAME: u8 = 0x01;
 /// A microcontroller's transaction begins.
 const BEGIN: u8 = 0x02;
-/// It ends: what was written.
+/// The transaction ends: the written bytes.
 const END_WRITE: u8 = 0x03;
-/// It ends: how many bytes were read.
+/// The transaction ends: the number of bytes read.
 const END_READ: u8 = 0x04;
-/// All chips listen to a write to this address, and none answers a read.
+/// All chips receive a write to this address, and none answers a read.
 const GENERAL_CALL: u8 = 0x00;
 
 /// A chip whose master reads and writes registers. The register counts up within a transaction.
 ///
-/// Time never runs backwards between calls. The world is that of the call's `now`. Answers must not
-/// depend on how long a chip was left alone but by the model of it.
+/// Time never runs backwards between calls. The world is that of the call's `now`. Answers must
+/// depend on the chip's model alone, not on how often the chip is called.
 pub trait RegisterChip: Clone {
     /// Whether it acknowledges the first byte of a transaction, `address` without the lowest bit.
     fn acknowledges(&self, now: Instant, address: u8) -> bool;
@@ -67,10 +67,10 @@ pub trait RegisterChip: Clone {
     /// Takes `data` for the registers from `register` on; never empty.
     fn write(&mut self, now: Instant, register: u8, data: &[u8], world: &World);
 
-    /// Fills `data` from the registers from `register` on; what is not there reads 0.
+    /// Fills `data` from the registers from `register` on; missing registers read 0.
     fn read(&mut self, now: Instant, register: u8, data: &mut [u8], world: &World);
 
-    /// Where the next read begins that follows `count` bytes from `register` on.
+    /// First register of the next read after `count` bytes from `register` on.
     fn next_register(&self, register: u8, count: u8) -> u8 {
         register.wrapping_add(count)
     }
@@ -87,7 +87,7 @@ pub trait RegisterChip: Clone {
     /// As [`Device::set_fault`].
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool);
 
-    /// Where it writes what its master did wrong.
+    /// Log for the master's mistakes.
     fn log(&mut self) -> &mut Log;
 }
 
@@ -164,7 +164,7 @@ impl<C: RegisterChip> OnBus<C> {
         &self.chip
     }
 
-    /// Does a transaction; what was read, `None` without an acknowledge.
+    /// Executes a transaction; returns the bytes read, `None` without an acknowledge.
     fn obey(&mut self, now: Instant, message: &[u8], world: &World) -> Option<Vec<u8>> {
         let (&address, rest) = message.split_first()?;
         let count = rest.first().copied().unwrap_or(0);
@@ -192,7 +192,8 @@ impl<C: RegisterChip> OnBus<C> {
         Some(read)
     }
 
-    /// What a microcontroller would read that begins a transaction now; the register stays.
+    /// Bytes that a microcontroller would read in a transaction that begins now; the register
+    /// stays.
     fn begin(&mut self, now: Instant, message: &[u8], world: &World) -> Option<Vec<u8>> {
         let (&address, rest) = message.split_first()?;
         let register = self.register;
@@ -206,7 +207,7 @@ impl<C: RegisterChip> OnBus<C> {
         chosen
     }
 
-    /// Does what a message asks for and answers it.
+    /// Executes a message and answers it.
     fn serve(&mut self, now: Instant, message: &[u8], framing: Framing, world: &World) {
         match framing {
             Framing::Plain | Framing::Framed => {
@@ -249,7 +250,7 @@ impl<C: RegisterChip> OnBus<C> {
     fn unframe(&mut self, at: Instant) {
         while let [first, rest @ ..] = &self.begun[..] {
             let Some(framing) = Framing::of(*first) else {
-                // Torn by damage: nothing tells where the next one begins.
+                // Damage has torn the message, so the start of the next one is unknown.
                 return self.begun.clear();
             };
             let Some((&len, rest)) = rest.split_first() else {
@@ -429,7 +430,7 @@ mod tests {
         assert_eq!(device.answers.len(), 16);
     }
 
-    /// No bytes asked for are no answer; a buffer of two takes two of three bytes.
+    /// A request for no bytes gets no answer; a buffer of two takes two of three bytes.
     #[test]
     fn an_answer_is_as_long_as_asked_for() {
         let ranger = || OnBus::new(Srf08::new(Srf08Config::default(), 1, "test"));
@@ -476,7 +477,7 @@ mod tests {
         assert_eq!(device.answers, expected);
     }
 
-    /// Faults go to the chip, and what its master does wrong comes out of the bus.
+    /// The bus passes faults to the chip, and the chip's events come out of the bus.
     #[test]
     fn a_bus_passes_on_faults_and_events() {
         let mut device = OnBus::new(Srf08::new(Srf08Config::default(), 1, "test"));

@@ -1,4 +1,4 @@
-//! Virtual serial hardware and the world it lives in.
+//! Virtual serial hardware and the world around it.
 //!
 //! Devices speak their real protocols byte for byte, defects included; the world closes the loop
 //! from motor command to encoder tick and lidar reading. Nothing here does I/O, reads a clock or
@@ -12,12 +12,12 @@
 //! | [`device`] | the contract of every device |
 //! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
 //! | [`i2c`] | chips with registers on an I2C bus |
-//! | [`lidar`] | what turning lidars have in common |
+//! | [`lidar`] | common parts of turning lidars |
 //! | [`mpu6050`] | gyroscope and accelerometer |
-//! | [`odometer`] | microcontroller that prints way and heading |
+//! | [`odometer`] | microcontroller that prints distance and heading |
 //! | [`pc`] | scripted PC at the other end of the radio: sends waypoints, collects the map |
 //! | [`registers`], [`text`] | slaves described by data: a register table, a text protocol |
-//! | [`quantity`] | what the values of such slaves are |
+//! | [`quantity`] | values of such slaves |
 //! | [`rplidar`] | RPLIDAR A1 lidar |
 //! | [`srf08`] | ultrasonic ranger |
 //! | [`touch_panel`] | display of 480 x 272 pixels that is drawn on and touched by wire |

@@ -1,4 +1,4 @@
-//! What turning lidars have in common: the head and its motor, where they sit, where a beam goes.
+//! Common parts of turning lidars: the head and its motor, mounting, and direction of a beam.
 
 pub(crate) mod beam;
 mod mount;

@@ -10,15 +10,15 @@
 //! 6B  power: 40 sleeps, as after power-up; 80 resets      75  who am I: 68
 //! ```
 //!
-//! Every register that a master may write keeps what it was written, but for bits that clear
-//! themselves. x looks ahead, y to the left, z up. A sample is taken at the beginning of each read:
-//! the chip's own thousand a second are never older than what a master can tell apart. The
-//! gyroscope has white noise and a bias that walks; the walk begins again when the body turns the
-//! other way, which makes an integrated heading climb slowly and start over (report, page 14).
+//! Every writable register keeps the written value, except for bits that clear themselves. x points
+//! ahead, y to the left, z up. A sample is taken at the beginning of each read: the chip samples a
+//! thousand times a second, too often for a master to see the difference. The gyroscope has white
+//! noise and a bias that walks. The walk restarts when the body turns the other way, so an
+//! integrated heading climbs slowly and starts over (report, page 14).
 //!
 //! A sample is ready each (1 + divider) / 8 kHz, or / 1 kHz with a filter of 1 to 6; reading the
-//! status clears it. Samples that went into the FIFO between two requests are all as the first look
-//! at them finds the body.
+//! status clears it. All samples that enter the FIFO between two requests have the values of the
+//! body at the later request.
 //!
 //! Sources: register map RM-MPU-6000A, data sheet PS-MPU-6000A. Bias and its walk are guesses that
 //! give the report's picture.
@@ -34,7 +34,7 @@ use crate::world::World;
 
 /// Address in eight bits, with pin AD0 low.
 pub const ADDRESS: u8 = 0xD0;
-/// What register 75 reads.
+/// Value of register 75.
 pub const IDENTITY: u8 = 0x68;
 
 /// Registers that a master needs.
@@ -43,11 +43,11 @@ pub mod register {
     pub const DIVIDER: u8 = 0x19;
     /// Low-pass filter in bits 2 to 0.
     pub const FILTER: u8 = 0x1A;
-    /// What goes into the FIFO: 80 temperature, 40 20 10 turn rates, 08 accelerations.
+    /// Sources of the FIFO: 80 temperature, 40 20 10 turn rates, 08 accelerations.
     pub const FIFO_ENABLE: u8 = 0x23;
-    /// What interrupts: 10 overflow, 01 a sample is ready.
+    /// Sources of interrupts: 10 overflow, 01 a sample is ready.
     pub const INT_ENABLE: u8 = 0x38;
-    /// What has happened; reading it clears it.
+    /// Events so far; reading it clears it.
     pub const INT_STATUS: u8 = 0x3A;
     /// FIFO on in bit 6, its reset in bit 2.
     pub const USER_CONTROL: u8 = 0x6A;
@@ -81,7 +81,7 @@ const FIFO_RESET: u8 = 0x04;
 const SELF_CLEARING: u8 = 0x07;
 /// Bytes that the FIFO holds; beyond them the oldest are lost.
 const FIFO_MAX: usize = 1_024;
-/// Registers that only the chip writes, and those that read 0 whatever is written.
+/// Registers that only the chip writes, and those that always read 0.
 const READ_ONLY: [core::ops::RangeInclusive<u8>; 4] = [
     register::INT_STATUS..=0x60,
     0x72..=0x74,
@@ -94,15 +94,15 @@ const GYRO_COUNTS: [f64; 4] = [131.0, 65.5, 32.8, 16.4];
 const ACCEL_COUNTS: [f64; 4] = [16_384.0, 8_192.0, 4_096.0, 2_048.0];
 /// Standard acceleration of free fall, m/s².
 const G_M_S2: f64 = 9.806_65;
-/// How long the accelerometer's filter takes: its widest, 260 Hz, about 4 ms; longer, because a
-/// wheel that slips changes its speed at once in this world.
+/// Duration of the accelerometer's filter. Its widest, 260 Hz, takes about 4 ms; this one is
+/// longer, because a wheel that slips changes its speed at once in this world.
 const ACCEL_FILTER: Duration = Duration::from_millis(10);
-/// A body that turns slower than this turns neither way, degrees a second.
+/// A body that turns slower than this counts as not turning, degrees a second.
 const TURNS_DPS: f64 = 2.0;
 /// First and last data register.
 const DATA: core::ops::RangeInclusive<u8> = register::ACCEL..=0x48;
 
-/// How good a chip is.
+/// Accuracy of a chip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mpu6050Config {
     /// Turn rates that it shows at rest, degrees a second, x, y, z.
@@ -146,7 +146,7 @@ pub struct Mpu6050 {
     fifo: VecDeque<u8>,
     /// The last byte that came out of it: an empty one continues with that.
     fifo_last: u8,
-    /// Up to then samples are in the FIFO, and the status tells of them.
+    /// Time up to which samples are in the FIFO and in the status.
     sampled_at: Instant,
     /// Part of the biases that has walked, degrees a second.
     walked: [f64; 3],
@@ -206,7 +206,7 @@ impl Mpu6050 {
         Duration::from_secs(1) * divider / rate_hz
     }
 
-    /// What has happened since the last look: samples became ready, and went into the FIFO.
+    /// Adds the samples since the last look: to the status and to the FIFO.
     fn catch_up(&mut self, now: Instant, world: &World) {
         let period = self.sample_period();
         if self.is_asleep() || self.is_stuck {
@@ -238,7 +238,7 @@ impl Mpu6050 {
         let sample: Vec<u8> = parts
             .flat_map(|(_, range)| self.data[range].to_vec())
             .collect();
-        // Older ones than fit are lost whatever they were.
+        // Samples beyond the FIFO's size are lost whatever their values.
         let fits = u64::try_from(FIFO_MAX / sample.len() + 1).unwrap_or(1);
         for _ in 0..passed.min(fits) {
             self.fifo.extend(&sample);
@@ -272,7 +272,7 @@ impl Mpu6050 {
         }
     }
 
-    /// Lets the biases walk, from nothing if the body turns the other way than before.
+    /// Lets the biases walk; from zero if the body changed its direction of rotation.
     fn walk(&mut self, now: Instant, rate_dps: f64) {
         let root = (now - self.walked_at).as_secs_f64().sqrt();
         self.walked_at = now;
@@ -397,7 +397,7 @@ impl RegisterChip for Mpu6050 {
     }
 }
 
-/// Rounded, and held within what a word shows.
+/// Rounded, and limited to the range of a word.
 #[expect(clippy::cast_possible_truncation, reason = "saturates, which is meant")]
 fn whole(value: f64) -> i16 {
     value.round() as i16

@@ -7,13 +7,13 @@
 //!                        (not there: words each 500.6 ms)            the heading, print
 //! ```
 //!
-//! The sensor's library waits for the bytes that it asked for, without end: a sensor that is lost
-//! while the loop runs silences the board until it is reset.
+//! The sensor's library waits for its bytes without a timeout. If the sensor is lost while the loop
+//! runs, the board is silent until a reset.
 //!
-//! Lines are those of [`protocols::odometer`]. It is reset when its port is opened, as its USB side
-//! does, and everything begins at 0 again. The loop is taken for 10 ms where the heading is
-//! integrated and lasts a little longer; `delay(10 - elapsed)` of a loop that took longer is a wait
-//! of 49 days.
+//! Lines are those of [`protocols::odometer`]. Opening its port resets the board, as its USB side
+//! does, and all figures begin at 0 again. The program takes a loop for 10 ms to integrate the
+//! heading, but a loop lasts a little longer. After a loop of more than 10 ms,
+//! `delay(10 - elapsed)` waits for 49 days.
 //!
 //! Sources: sketch of March 2016 and the one after it; figures of the timing from both on a
 //! simulated chip: first line after 265 ms, 997 lines in 10 s, 94 a second over the first five
@@ -49,20 +49,20 @@ const FIRST_LOOK: Duration = Duration::from_micros(7_600);
 /// From one word about a sensor that is not there to the next.
 const COMPLAINT_PERIOD: Duration = Duration::from_micros(500_600);
 
-/// How the board is set up.
+/// Configuration of the board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OdometerConfig {
-    /// What it prints.
+    /// Kind of its output.
     pub program: Program,
-    /// What it does with a loop that takes too long.
+    /// Reaction to a loop that takes too long.
     pub overrun: Overrun,
-    /// Encoder of the chassis whose axis the contacts turn with.
+    /// Encoder of the chassis whose axis turns with the contacts.
     pub encoder: String,
     /// Edges of the contacts a metre of rim.
     pub edges_per_m: f64,
     /// From one loop to the next, in the mean.
     pub loop_period: Duration,
-    /// At most so much more or less, evenly distributed.
+    /// Maximum deviation, more or less, evenly distributed.
     pub jitter: Duration,
     /// From the start of the program to its first line.
     pub calibration: Duration,
@@ -114,7 +114,7 @@ impl OdometerConfig {
     }
 }
 
-/// What the board is doing.
+/// State of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     /// Without supply.
@@ -161,13 +161,13 @@ pub struct Odometer {
     imu: Mpu6050,
     timing: Rng,
     contacts: Rng,
-    /// How long a loop works, if something slows it down.
+    /// Duration of a loop that a fault slows down.
     work: Option<Duration>,
     /// Chance that a contact is open at a look.
     wear: f64,
     /// The wires of the contacts are exchanged.
     is_swapped: bool,
-    /// What iron nearby adds to the magnetic field, uT.
+    /// Magnetic field of nearby iron, uT.
     iron_ut: f32,
     lines: VecDeque<u8>,
     log: EventLog,
@@ -197,7 +197,7 @@ impl Odometer {
         }
     }
 
-    /// What the program has counted since it was reset; a test's view of the device.
+    /// Count of the program since its reset; a test's view of the device.
     pub fn counted(&self) -> i64 {
         self.sketch.counted()
     }

@@ -1,9 +1,9 @@
 //! A PC at the other end of the radio, with a person who follows a script.
 //!
-//! It opens the port, sends waypoints and orders, and collects what the robot tells: map, pose,
-//! state, waypoints. A list of waypoints that does not come back within two seconds is sent again;
-//! in manual mode the order is repeated all the time, as the robot stops without it. Nothing that
-//! the robot sends can break the PC: what makes no sense is counted, and a violation of the robot.
+//! It opens the port, sends waypoints and orders, and collects the robot's messages: map, pose,
+//! state, waypoints. If the robot does not return a list of waypoints within two seconds, the PC
+//! sends the list again. In manual mode it repeats the order, because the robot stops without one.
+//! No message of the robot can break the PC: nonsense is counted, and is a violation of the robot.
 //!
 //! Rules: `bad-message`, `bad-row`, `waypoints-not-confirmed`, `order-not-confirmed`.
 
@@ -33,24 +33,23 @@ pub use script::{Action, RAW_MAX, STEPS_MAX, Script, ScriptError, Step, When};
 
 use wish::{Insist, Wish};
 
-/// Bytes that wait for the port; a frame that does not fit is not written.
+/// Maximum number of bytes that wait for the port; a frame that does not fit is not written.
 const OUT_MAX: usize = 131_072;
 
-/// How patient the PC is.
+/// Timeouts and retries of the PC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
-    /// Silence after which a half-received frame is given up. The radio's own gaps stay below
-    /// 40 ms.
+    /// Idle time after which a partial frame is discarded. The radio's own gaps stay below 40 ms.
     pub idle: Duration,
     /// Time for the robot to confirm waypoints or an order before they are sent again.
     pub confirm: Duration,
-    /// How often waypoints or an order are sent at most, without being confirmed.
+    /// Maximum number of times that unconfirmed waypoints or an order are sent.
     pub tries_max: u32,
-    /// Time between two orders in manual mode: the robot wants one a second at least.
+    /// Time between two orders in manual mode: the robot needs at least one a second.
     pub order_period: Duration,
-    /// Time after which a port that the other end closed is opened again; `None`: never.
+    /// Time after which the PC reopens a port that the other end closed; `None`: never.
     pub reopen: Option<Duration>,
-    /// Time for the other end to answer before it is called once more; `None`: forever.
+    /// Time for the other end to answer before the PC calls again; `None`: forever.
     pub answer: Option<Duration>,
 }
 
@@ -83,7 +82,7 @@ pub enum Connection {
     Closed,
     /// The port is open; nothing was received yet.
     Opening,
-    /// Connected since then: told by the radio, or by the first frame.
+    /// Connected since then, by the radio's report or by the first frame.
     Connected(Instant),
 }
 
@@ -144,7 +143,7 @@ impl Pc {
         self.record.map.as_ref()
     }
 
-    /// When every row of the map had been seen.
+    /// Time at which every row of the map had arrived.
     pub fn map_complete_at(&self) -> Option<Instant> {
         self.map()?.complete_at()
     }
@@ -154,17 +153,17 @@ impl Pc {
         self.connection
     }
 
-    /// When the robot confirmed the last waypoints.
+    /// Time at which the robot confirmed the last waypoints.
     pub fn waypoints_confirmed_at(&self) -> Option<Instant> {
         self.waypoints.as_ref()?.confirmed_at()
     }
 
-    /// Whether every step was done and the robot confirmed what it was asked for.
+    /// Whether every step was done and the robot confirmed all its orders.
     pub fn is_done(&self) -> bool {
         self.next_step == self.script.steps().len() && self.confirmed_at().is_some()
     }
 
-    /// Does something that is not in the script, as a person at the keyboard would.
+    /// Performs an action that is not in the script, like a person at the keyboard.
     pub fn perform(&mut self, now: Instant, action: Action) -> Result<(), ScriptError> {
         action.check()?;
         self.do_it(now, action);
@@ -178,7 +177,7 @@ impl Pc {
         self.script.insert(index.max(self.next_step), step)
     }
 
-    /// How many steps the script has.
+    /// Number of steps of the script.
     pub fn steps(&self) -> usize {
         self.script.steps().len()
     }
@@ -228,7 +227,7 @@ impl Pc {
         self.changes.push_back(LineEvent::Opened);
     }
 
-    /// What was opened did not answer, or what the other end closed is to be opened again.
+    /// Opens the port again: the other end did not answer, or closed the port.
     fn reopen(&mut self, now: Instant) {
         if self.connection == Connection::Opening {
             self.log.note(now, "no-answer", String::new());
@@ -264,7 +263,7 @@ impl Pc {
         }
     }
 
-    /// Does all that is due by `now`. A PC lives in no world, so it can also be on a real port.
+    /// Handles everything due by `now`. A PC needs no world, so it can also be on a real port.
     pub fn tick(&mut self, now: Instant) {
         if self.quiet_at.is_some_and(|at| at <= now) {
             self.quiet_at = None;
@@ -273,7 +272,7 @@ impl Pc {
         if self.reopen_at.is_some_and(|at| at <= now) {
             self.reopen(now);
         }
-        // A new wish takes the place of the old one before that is said again.
+        // A new wish replaces the old one before the old one is sent again.
         while self.step_at().is_some_and(|at| at <= now) {
             let action = self.script.steps()[self.next_step].action.clone();
             self.next_step += 1;
@@ -297,7 +296,7 @@ impl Pc {
         self.out.extend(bytes);
     }
 
-    /// When the next step is due, as far as is known.
+    /// Time of the next step, if it is known.
     fn step_at(&self) -> Option<Instant> {
         let step = self.script.steps().get(self.next_step)?;
         let at = match step.when {

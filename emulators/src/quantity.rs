@@ -1,4 +1,4 @@
-//! Values of devices that are described by data: where they come from, what they may be.
+//! Values of devices that are described by data: their sources and limits.
 
 mod sink;
 
@@ -24,14 +24,14 @@ pub struct Variable {
     pub safe: Option<i64>,
     /// Source of the value.
     pub source: ValueSource,
-    /// What it sets in the world when it changes.
+    /// Effect on the world when the value changes.
     pub drives: Option<Sink>,
 }
 
-/// Where a value comes from. All but [`Stored`](Self::Stored) are read-only.
+/// Source of a value. All but [`Stored`](Self::Stored) are read-only.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum ValueSource {
-    /// What was written last.
+    /// The value written last.
     #[default]
     Stored,
     /// Counts up from the initial value, one each period.
@@ -50,16 +50,16 @@ pub enum ValueSource {
     },
     /// Encoder counts of a wheel since the start of the run, from the initial value on.
     Encoder(Wheel),
-    /// Encoder counts since the start of the run, from the initial value on, of the chassis's
-    /// encoder of this name; none if it has none, see [`Wanted`].
+    /// Encoder counts since the start of the run, added to the initial value, of the chassis's
+    /// encoder of this name; none if the chassis has no such encoder, see [`Wanted`].
     EncoderNamed(String),
-    /// Where the robot is in the world, millimetres along x.
+    /// Position of the robot in the world, millimetres along x.
     XMm,
-    /// Where the robot is in the world, millimetres along y.
+    /// Position of the robot in the world, millimetres along y.
     YMm,
-    /// Where the robot looks in the world, milliradians, counter-clockwise from x.
+    /// Heading of the robot in the world, milliradians, counter-clockwise from x.
     HeadingMrad,
-    /// Speed over the floor, millimetres per second, whichever way it goes.
+    /// Speed over the floor in any direction, millimetres per second.
     SpeedMmS,
     /// Turn rate, milliradians per second, counter-clockwise.
     TurnRateMradS,
@@ -67,18 +67,18 @@ pub enum ValueSource {
     Touching,
     /// Collisions since the start of the run.
     Contacts,
-    /// Distance from the middle of the robot to what is there, millimetres, an ideal beam.
+    /// Distance from the middle of the robot to the nearest surface, millimetres, an ideal beam.
     RangeMm {
-        /// Where the beam goes, radians counter-clockwise from ahead.
+        /// Direction of the beam, radians counter-clockwise from ahead.
         angle: f64,
-        /// Shown when nothing is nearer.
+        /// Value if there is no nearer surface.
         max_mm: i64,
     },
 }
 
 impl ValueSource {
-    /// What it comes to in `world`, `elapsed` after it began; `initial` and `stored` are what the
-    /// variable was at the start and what it was told last.
+    /// The value in `world`, `elapsed` after its start. `initial` is the value at the start,
+    /// `stored` the value written last.
     pub fn read(&self, [initial, stored]: [i64; 2], elapsed: Duration, world: &World) -> i64 {
         let elapsed = elapsed.as_nanos();
         match self {
@@ -127,23 +127,23 @@ impl ValueSource {
     }
 }
 
-/// Why variables cannot be.
+/// Reason for invalid variables.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VariableError {
     /// Place in the list.
     pub index: usize,
-    /// What is wrong with it and what was expected.
+    /// The error, and the expected value.
     pub message: String,
 }
 
-/// The variables of a device, and what they are now.
+/// The variables of a device with their current values.
 #[derive(Clone, Debug)]
 pub(crate) struct Variables {
     known: Vec<Variable>,
     values: Vec<i64>,
-    /// What the actuators were told last; nothing is 0.
+    /// The commands sent last to the actuators; 0 if none was sent.
     told: Vec<i64>,
-    /// Since when an actuator is to be told something else.
+    /// Time since which an actuator needs a new command.
     changed_at: Option<Instant>,
     /// Since when counters and ramps run.
     began: Instant,
@@ -182,7 +182,7 @@ impl Variables {
         })
     }
 
-    /// Names the first variable that `chassis` has nothing for.
+    /// Reports the first variable that `chassis` has no actuator or encoder for.
     pub(crate) fn check_chassis(&self, chassis: &dyn Chassis) -> Result<(), VariableError> {
         for (index, wanted) in self.wanted() {
             if let Some(message) = wanted.missing(chassis) {
@@ -192,7 +192,7 @@ impl Variables {
         Ok(())
     }
 
-    /// Tells actuators what has changed.
+    /// Sends changed values to the actuators.
     pub(crate) fn drive(&mut self, now: Instant, world: &mut World, log: &mut EventLog) {
         if self.changed_at.take().is_none() {
             return;
@@ -231,7 +231,7 @@ impl Variables {
         &self.known[index]
     }
 
-    /// What a master reads at `now`.
+    /// Value that a master reads at `now`.
     pub(crate) fn read(&self, index: usize, now: Instant, world: &World) -> i64 {
         let variable = &self.known[index];
         let stored = self.values[index];
@@ -274,18 +274,18 @@ pub(crate) struct Watchdog {
 }
 
 impl Watchdog {
-    /// `time` after it was last heard a master counts as silent; `None`: never.
+    /// A watchdog whose master counts as silent `time` after its last message; `None`: never.
     pub(crate) const fn new(time: Option<Duration>) -> Self {
         let silent_at = None;
         Self { time, silent_at }
     }
 
-    /// The master said something.
+    /// Restarts the watchdog after a message of the master.
     pub(crate) fn heard(&mut self, at: Instant) {
         self.silent_at = self.time.map(|time| at + time);
     }
 
-    /// When the master will count as silent.
+    /// Time at which the master will count as silent.
     pub(crate) const fn silent_at(&self) -> Option<Instant> {
         self.silent_at
     }
@@ -300,7 +300,7 @@ impl Watchdog {
 }
 
 impl Variable {
-    /// What is wrong with it behind those `before` it.
+    /// The error of this variable; `before` are the variables in front of it.
     fn fault(&self, before: &[Self]) -> Option<String> {
         let Self { name, initial, .. } = self;
         let [least, greatest] = self.limits;

@@ -5,9 +5,9 @@
 //! | AB | register u8 | W(7) count(6..0) | count data bytes, only if W | checksum u16 |
 //! ```
 //!
-//! It does what a careful small slave does: answers reads, acknowledges writes, answers a bad
-//! checksum with the error frame, gives up a half-received frame after a pause, and takes on safe
-//! values when its master falls silent. What a master does wrong it reports and survives: a value
+//! The slave behaves as a careful small slave: it answers reads, acknowledges writes and answers a
+//! bad checksum with the error frame. It discards a partial frame after a pause, and sets safe
+//! values when its master falls silent. It reports a master's mistakes and survives them: a value
 //! out of range becomes the nearest allowed one, unknown registers read 0.
 
 use std::collections::VecDeque;
@@ -23,7 +23,7 @@ use crate::event_log::EventLog;
 use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
 use crate::world::{Chassis, World};
 
-/// How a value lies in the registers: low byte first.
+/// Layout of a value in the registers: low byte first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// One register, 0 to 255.
@@ -94,7 +94,7 @@ pub struct Register {
     pub variable: Variable,
 }
 
-/// How a register slave is set up.
+/// Configuration of a register slave.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegistersConfig {
     /// Coding of its line.
@@ -113,7 +113,7 @@ pub struct RegistersConfig {
     pub board: BoardConfig,
 }
 
-/// Requests that wait at most; further ones are lost and told.
+/// Maximum number of waiting requests; further ones are lost and reported.
 const QUEUE_MAX: usize = 4;
 
 /// The slave.
@@ -127,7 +127,7 @@ pub struct Registers {
     board: Board,
     pending: VecDeque<(Instant, Option<Frame>)>,
     output: VecDeque<u8>,
-    /// When the last answer has left.
+    /// End of the last answer.
     free_at: Instant,
     log: EventLog,
 }
@@ -171,7 +171,7 @@ impl Registers {
         self.variables.wanted().map(|(_, wanted)| wanted)
     }
 
-    /// What a master would read at `now`, in the order of the table.
+    /// Values that a master would read at `now`, in the order of the table.
     pub fn values(&self, now: Instant, world: &World) -> Vec<i64> {
         let registers = 0..self.config.registers.len();
         let read = |index| self.variables.read(index, now, world);
@@ -202,7 +202,7 @@ impl Registers {
         self.board.tell_reset(at, why, &mut self.log);
     }
 
-    /// A frame, good or bad, whose last byte ended at `at`.
+    /// Handles a frame, good or bad, whose last byte ended at `at`.
     fn hear(&mut self, at: Instant, heard: Result<Frame, FrameError>) {
         let request = match heard {
             Ok(frame) => Some(frame),
@@ -439,7 +439,7 @@ impl Device for Registers {
 }
 
 impl Registers {
-    /// Gives up what the line's pause has cut off.
+    /// Discards the partial frame that a pause of the line has cut off.
     fn expire(&mut self, now: Instant) {
         let Some(at) = self.quiet_at.filter(|&at| at <= now) else {
             return;

@@ -1,9 +1,9 @@
 //! Named random streams from one seed.
 //!
-//! Each consumer of chance asks for a stream of its own: `Rng::stream(seed, "lidar.noise")`.
+//! Each consumer of random numbers has a stream of its own: `Rng::stream(seed, "lidar.noise")`.
 //! Streams share nothing, so a new stream, or one more draw in an old one, never shifts another.
 //! Every method draws a fixed number of words, whatever its arguments: a fault of probability 0
-//! leaves the stream where a fault of probability 1 leaves it.
+//! leaves the stream in the same state as a fault of probability 1.
 
 use core::f64::consts::TAU;
 
@@ -100,9 +100,9 @@ mod tests {
         [rng.next_u64(), rng.next_u64(), rng.next_u64()]
     }
 
-    /// A saved case means the same forever only if these never change. The figures were computed
-    /// by a second implementation of FNV-1a, splitmix64 and xoshiro256++, itself checked against
-    /// the published vector of the latter (state 1, 2, 3, 4: 41943041, 58720359, ..).
+    /// Saved cases keep their meaning only if these figures never change. A second implementation
+    /// of FNV-1a, splitmix64 and xoshiro256++ computed them; that one was checked against the
+    /// published vector of xoshiro256++ (state 1, 2, 3, 4: 41943041, 58720359, ..).
     #[test]
     fn streams_are_the_same_for_ever() {
         assert_eq!(
@@ -146,7 +146,7 @@ mod tests {
         assert_eq!(scramble(0), 0xe220_a839_7b1d_cdaf);
     }
 
-    /// A fault switched off must not shift what the stream does later.
+    /// A fault switched off must not shift later draws of the stream.
     #[test]
     fn a_chance_of_zero_draws_as_often_as_a_chance_of_one() {
         let mut never = Rng::stream(7, "fault");
@@ -178,7 +178,7 @@ mod tests {
         assert!((variance - 1.0).abs() < 0.035, "{variance}");
     }
 
-    /// The same for the sum of four even ones, of which none is beyond 3.47; one word each.
+    /// The same for the sum of four even ones, none of them beyond 3.47; one word each.
     #[test]
     fn the_quick_bell_has_mean_zero_and_variance_one() {
         let mut rng = Rng::stream(3, "bell");

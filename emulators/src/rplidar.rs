@@ -1,4 +1,4 @@
-//! RPLIDAR A1: a turning head that is silent until it is asked, and then streams nodes or capsules.
+//! RPLIDAR A1: a turning head that is silent until a request, and then streams nodes or capsules.
 //!
 //! ```text
 //! OFF -> IDLE -- scan request: descriptor --> STARTING -- even rotation --> SCANNING
@@ -13,14 +13,14 @@
 //!
 //! | module | is |
 //! |---|---|
-//! | `profile` | what differs between firmware versions |
-//! | `motor` | motor, friction, what drives them |
+//! | `profile` | differences between firmware versions |
+//! | `motor` | motor, friction, controls |
 //! | `beam` | one beam from world to distance |
-//! | `request` | what comes from the host, and when |
-//! | `answer` | what is answered |
+//! | `request` | requests of the host, and their times |
+//! | `answer` | answers |
 //! | `scan` | rotation, samples, nodes and capsules |
-//! | `output` | the transmitter and what damages its bytes |
-//! | [`fault`](Fault) | what can be wrong |
+//! | `output` | the transmitter and damage to its bytes |
+//! | [`fault`](Fault) | faults |
 //!
 //! Sources: protocol document LR001 v1.0, data sheet LD108 v1.0, the vendor's public SDK, what
 //! users print of their sensors (named at the profile), reports of users (named at the faults). No
@@ -92,7 +92,7 @@ pub enum State {
     Off,
     /// Waits for a request.
     Idle,
-    /// Was asked for a scan and waits for an even rotation.
+    /// Has a scan request and waits for an even rotation.
     Starting,
     /// Sends nodes or capsules.
     Scanning,
@@ -125,7 +125,7 @@ pub struct Rplidar {
     faults: Faults,
     /// Whether a start fails, and how.
     starts: Rng,
-    /// Wandering of the motor, and of what disturbs it.
+    /// Wandering of the motor and of its disturbances.
     drive: Rng,
     log: EventLog,
 }
@@ -234,7 +234,8 @@ impl Rplidar {
         self.phase = Phase::Off;
     }
 
-    /// Forgets everything but what is on the line, and prints the start text when it is up again.
+    /// Forgets everything except the bytes on the line, and prints the start text once it is up
+    /// again.
     fn restart(&mut self, now: Instant, rule: &'static str, detail: &str) {
         if self.phase == Phase::Off {
             return;
@@ -255,7 +256,7 @@ impl Rplidar {
         ])
     }
 
-    /// Does what is due at `at`, one thing at a time.
+    /// Handles one action that is due at `at`.
     fn step(&mut self, at: Instant, world: &World) {
         if self.give_up_at.is_some_and(|due| due <= at) {
             self.give_up_request(at);
@@ -277,13 +278,13 @@ impl Device for Rplidar {
         }
     }
 
-    /// A closed port does not end a scan: nothing tells the sensor.
+    /// A closed port does not end a scan: the sensor gets no notice.
     fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
         if port != Self::UART || self.phase == Phase::Off {
             return;
         }
         if event == LineEvent::Break {
-            // Its UART drops what has no stop bit.
+            // Its UART drops a byte without a stop bit.
             let detail = "a break: the sensor drops it".to_owned();
             self.log.note(now, "break", detail);
         }

@@ -8,13 +8,13 @@
 //! 4 .. 35   second to 17th echo; in ANN mode a byte for each 2048 us, not 0 where an echo was
 //! ```
 //!
-//! The answer is there after the ranging time, that is after the way to the end of the range and
-//! back; meanwhile the chip does not acknowledge, and a master reads FF. 0 means no echo. What lies
-//! in the cone is found by rays; the nearest counts. Only the first echo is modelled, gain is not.
-//! A write to the general call address, 0, goes to every chip; a read from it to none.
+//! The answer is ready after the ranging time: sound travels to the end of the range and back.
+//! Meanwhile the chip does not acknowledge, and a master reads FF. 0 means no echo. Rays find the
+//! objects in the cone; the nearest counts. Only the first echo is modelled, gain is not. A write
+//! to the general call address, 0, goes to every chip; a read from it to none.
 //!
-//! Sources: Devantech's SRF08 manual; speed of sound 343.2 m/s and cone of 21.8 degrees to either
-//! side as the car's own software has them.
+//! Sources: Devantech's SRF08 manual. The speed of sound, 343.2 m/s, and the cone of 21.8 degrees
+//! to either side are those of the car's own software.
 
 use core::time::Duration;
 
@@ -41,11 +41,11 @@ pub const MICROSECONDS: u8 = 0x52;
 /// The same three units in ANN mode.
 pub const ANN: core::ops::RangeInclusive<u8> = 0x53..=0x55;
 
-/// What all chips on a bus listen to.
+/// Address that all chips on a bus receive.
 const GENERAL_CALL: u8 = 0;
 /// Of sound.
 const SPEED_M_S: f64 = 343.2;
-/// Nothing nearer is told from the burst itself.
+/// Nearer echoes are lost in the burst itself.
 const LEAST_M: f64 = 0.03;
 /// One unit of the range register.
 const RANGE_UNIT_M: f64 = 0.043;
@@ -54,14 +54,14 @@ const SLICE_US: f64 = 2_048.0;
 /// Bytes of the ANN mode, and where they begin.
 const SLICES: usize = 32;
 const SLICES_FROM: u8 = 4;
-/// What a slice with an echo reads. The manual says "not zero".
+/// Value of a slice with an echo. The manual says "not zero".
 const SLICE_ECHO: u8 = 1;
 /// Computing after the last echo; a guess that makes 65 ms of the default range.
 const OVERHEAD: Duration = Duration::from_millis(1);
-/// What must be written to the command register before a new address.
+/// Sequence to write to the command register before a new address.
 const ADDRESS_CHANGE: [u8; 3] = [0xA0, 0xAA, 0xA5];
 
-/// How a chip sits on its robot, and how well it receives.
+/// Mounting of a chip on its robot, and its receiver.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Srf08Config {
     /// Address in eight bits, even, E0 to FE.
@@ -72,15 +72,15 @@ pub struct Srf08Config {
     pub y_m: f64,
     /// Bearing, radians counter-clockwise from ahead.
     pub yaw_rad: f64,
-    /// Above the floor, metres: it does not hear what is no higher.
+    /// Height above the floor, metres. The chip gets no echo from lower objects.
     pub height_m: f64,
     /// Of the cone, to either side, radians.
     pub half_angle_rad: f64,
-    /// Nothing farther gives an echo, metres, whatever the range register says. 6 m in practice.
+    /// Maximum distance of an echo, metres, whatever the range register holds. 6 m in practice.
     pub hears_m: f64,
     /// Standard deviation of a range, metres; a guess.
     pub noise_m: f64,
-    /// What register 1 reads: 2 in the dark to 248.
+    /// Value of register 1: 2 in the dark to 248.
     pub light: u8,
 }
 
@@ -109,7 +109,7 @@ pub struct Srf08 {
     config: Srf08Config,
     address: u8,
     noise: Rng,
-    /// What it receives of the scene.
+    /// Objects of the scene in reach of the chip's height.
     view: Option<Scene>,
     range: u8,
     /// First echo, as the registers show it.
@@ -163,7 +163,7 @@ impl Srf08 {
     }
 
     fn command(&mut self, now: Instant, command: u8, world: &World) {
-        // Addresses are even: an odd one is none, and the sequence has to be sent again.
+        // Addresses are even. An odd one is ignored, and the sequence must be sent again.
         if self.unlocked == ADDRESS_CHANGE.len() && command >= 0xE0 && command.is_multiple_of(2) {
             self.address = command;
             self.unlocked = 0;
@@ -187,7 +187,7 @@ impl Srf08 {
                 return self.log.0.repeated(now, kind, "unknown-command", detail);
             }
         };
-        // Drawn whatever is received, so that hearing never shifts the noise.
+        // Drawn in every case, so that an echo never shifts the noise.
         let noise_m = self.config.noise_m * self.noise.gauss();
         let heard = self.hear(now, world).filter(|_| !self.is_deaf);
         if !self.is_stuck {
@@ -260,7 +260,7 @@ impl RegisterChip for Srf08 {
         &FAULTS
     }
 
-    /// `off`: does not acknowledge. `deaf`: no echo. `stuck`: the last echo forever. `wrong`: so
+    /// `off`: does not acknowledge. `deaf`: no echo. `stuck`: the last echo forever. `wrong`: this
     /// many metres too far, 0.5 by default.
     fn set_fault(&mut self, _now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         match fault {

@@ -21,12 +21,12 @@ use crate::event_log::EventLog;
 use crate::quantity::{Variable, VariableError, Variables, Wanted, Watchdog};
 use crate::world::{Chassis, World};
 
-/// How a text slave is set up.
+/// Configuration of a text slave.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextConfig {
     /// Coding of its line.
     pub line: LineConfig,
-    /// Ends every line, both ways.
+    /// End of every line, in both directions.
     pub terminator: Vec<u8>,
     /// From the end of a request to the beginning of the reply.
     pub latency: Duration,
@@ -34,7 +34,7 @@ pub struct TextConfig {
     pub watchdog: Option<Duration>,
     /// Its values.
     pub variables: Vec<Variable>,
-    /// What it understands; the first that fits is taken.
+    /// Its commands; the first match is taken.
     pub commands: Vec<Command>,
     /// Reply to everything else, if any.
     pub unknown: Option<String>,
@@ -44,16 +44,16 @@ pub struct TextConfig {
     pub periodic: Option<Periodic>,
     /// The board that it sits on.
     pub board: BoardConfig,
-    /// Said when the board has restarted, if anything.
+    /// Text sent after a restart of the board, if any.
     pub greeting: Option<String>,
 }
 
 /// A request and its reply.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Command {
-    /// What the master says.
+    /// Pattern of the master's line.
     pub request: String,
-    /// What the slave answers, if anything.
+    /// Pattern of the slave's answer, if any.
     pub reply: Option<String>,
 }
 
@@ -74,7 +74,7 @@ enum Piece {
     Field(usize),
 }
 
-/// Bytes of a line at most; a longer one is none.
+/// Maximum length of a line in bytes; a longer one is ignored.
 const LINE_MAX: usize = 256;
 /// Replies that wait at most.
 const QUEUE_MAX: usize = 16;
@@ -102,7 +102,7 @@ pub struct Text {
     log: EventLog,
 }
 
-/// Which part of a description is wrong.
+/// The part of a description that is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum TextError {
     /// A variable.
@@ -355,7 +355,7 @@ impl Device for Text {
                 self.line.truncate(len);
                 self.end_of_line(now);
             } else if self.line.len() > LINE_MAX {
-                // What comes is checked only for the end.
+                // The rest of a line that is too long is checked only for its end.
                 let keep = self.config.terminator.len().min(LINE_MAX);
                 self.line.drain(..self.line.len() - keep);
                 if !core::mem::replace(&mut self.is_too_long, true) {
@@ -397,7 +397,7 @@ impl Device for Text {
             && at <= now
         {
             self.say(&line, now, world);
-            // A late poll does not make up for lines that were not sent.
+            // A late poll does not send missed lines.
             self.next_period = Some((at + period).max(now));
         }
         self.watchdog.poll(now, &mut self.variables, &mut self.log);

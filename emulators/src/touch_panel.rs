@@ -1,10 +1,10 @@
 //! Touch display of 480 x 272 pixels with a controller of its own, which owns the frame buffer: the
 //! robot's program has no memory for one.
 //!
-//! Frames are those of [`protocols::panel`]. A frame that is damaged is dropped, as a controller
-//! with a checksum does; one that is whole and makes no sense is the program's fault and makes a
-//! violation. The pen is an ADS7843-class converter: it reports where it touches every 20 ms, and
-//! once where it was lifted.
+//! Frames are those of [`protocols::panel`]. A damaged frame is dropped, as by a controller with a
+//! checksum. A valid frame without a meaning is the program's mistake and makes a violation. The
+//! pen is an ADS7843-class converter: it reports its position every 20 ms while it touches, and
+//! once when it is lifted.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -21,11 +21,11 @@ pub const WIDTH: usize = 480;
 /// Rows.
 pub const HEIGHT: usize = 272;
 
-/// Quiet time after which a half-received frame is given up.
+/// Idle time after which a partial frame is discarded.
 const IDLE_GAP: Duration = Duration::from_millis(5);
-/// How often a touching pen is reported.
+/// Time between two reports of a touching pen.
 const REPORT_PERIOD: Duration = Duration::from_millis(20);
-/// How long a tap touches, and how far apart taps in a row are.
+/// Duration of a tap, and pause between taps in a row.
 const TAP: Duration = Duration::from_millis(100);
 /// Maximum number of taps that wait.
 pub const TAPS_MAX: usize = 1000;
@@ -52,7 +52,7 @@ pub struct TouchPanel {
     /// In order of time.
     taps: VecDeque<Tap>,
     pen: Option<Touch>,
-    /// Before this the finger does not touch again.
+    /// End of the pause before the next touch.
     rests_until: Instant,
     reports: VecDeque<u8>,
     log: EventLog,
@@ -103,7 +103,7 @@ impl TouchPanel {
         self.is_on
     }
 
-    /// What the display holds: RGB565, 480 pixels a row, top row first.
+    /// Content of the display: RGB565, 480 pixels a row, top row first.
     pub fn pixels(&self) -> &[u16] {
         &self.pixels
     }
@@ -208,7 +208,7 @@ impl TouchPanel {
     }
 }
 
-/// What the converter reads at the middle of a pixel: the whole panel is 0 to 4095.
+/// Reading of the converter at the middle of a pixel: the whole panel is 0 to 4095.
 fn reading_of(place: [u16; 2]) -> [u16; 2] {
     let reading = |at: u16, all: usize| {
         let all = u32::try_from(all).expect("a few hundred");

@@ -102,8 +102,8 @@ impl WheelBoard {
         self.outputs
     }
 
-    /// Speeds of the left and right rim that the outputs ask for by the motors' nominal figures,
-    /// m/s forward; 0 while the bridges are off.
+    /// Speeds of the left and right rim that correspond to the outputs by the motors' nominal
+    /// figures, m/s forward; 0 while the bridges are off.
     pub fn set_points(&self) -> [f64; 2] {
         self.config.set_points(self.outputs)
     }
@@ -131,7 +131,7 @@ impl WheelBoard {
     /// Whether `chassis` has motors and encoders `left` and `right`.
     ///
     /// # Errors
-    /// The first thing that is missing.
+    /// The first missing motor or encoder.
     pub fn check_chassis(chassis: &dyn Chassis) -> Result<(), String> {
         for name in ["left", "right"] {
             let mut motors = chassis.actuators().iter();

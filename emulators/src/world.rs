@@ -1,7 +1,7 @@
-//! Ground truth: what is solid, where the robot's body is, what its wheels do.
+//! Ground truth: solid objects, the pose of the robot's body, the rotation of its wheels.
 //!
-//! Physics runs in steps of 1 ms counted from the start of the run. What holds for a step is fixed
-//! at its beginning, and between beginnings every figure follows from it exactly; so no result
+//! Physics runs in steps of 1 ms counted from the start of the run. The conditions of a step are
+//! fixed at its beginning, and every figure within the step follows from them exactly. So no result
 //! depends on when or how often [`World::advance`] is called. A new drive takes effect at the next
 //! beginning, at most 1 ms later.
 //!
@@ -11,7 +11,7 @@
 //! | [`scene`] | walls, furniture, obstacles; the ray cast |
 //! | [`path`] | how obstacles move |
 //! | [`occupancy`] | floor plans from occupancy images |
-//! | [`body`] | drive trains: motors, wheels, steering, slip; what of a body collides |
+//! | [`body`] | drive trains: motors, wheels, steering, slip; colliding parts of a body |
 
 pub mod body;
 mod bundle;
@@ -47,8 +47,8 @@ pub use scene::{
     Obstacle, PRIMITIVES_MAX, Part, Row, Scene, SceneError, Shape, SlickFloor, SlickFloorError,
 };
 
-/// Steps whose motion is remembered: a lidar's packet holds beams of the last few milliseconds,
-/// one whole revolution lasts 200 ms.
+/// Number of steps whose motion is stored: a lidar's packet holds beams of the last few
+/// milliseconds, one whole revolution lasts 200 ms.
 const TRAIL_STEPS: usize = 256;
 
 /// The scene, one robot body in it, and the time up to which both are known.
@@ -66,7 +66,7 @@ pub struct World {
     /// Motion of the body by its wheels alone in the previous step.
     rolled: Velocity,
     now: Instant,
-    /// The step that begins next. The one before it is under way, or ends right `now`.
+    /// The step that begins next. The one before it is in progress, or ends right `now`.
     next_step: u64,
     /// Motion of step `n` at index `n % TRAIL_STEPS`.
     trail: Vec<Motion>,
@@ -133,7 +133,7 @@ impl World {
         })
     }
 
-    /// Moves everything on to `now`; an earlier time than before changes nothing.
+    /// Advances everything to `now`; an earlier time changes nothing.
     pub fn advance(&mut self, now: Instant) {
         if now <= self.now {
             return;
@@ -165,7 +165,7 @@ impl World {
     }
 
     /// The figures of a differential drive. For every other chassis a stand-in: the default figures
-    /// with the radius of the circle around the footprint. Here until its callers ask
+    /// with the radius of the circle around the footprint. To be removed once its callers use
     /// [`footprint`](Self::footprint) and [`actuators`](Self::actuators) instead.
     pub fn body(&self) -> &BodyConfig {
         self.chassis.body().unwrap_or(&self.stand_in)
@@ -176,8 +176,8 @@ impl World {
         self.pose_at(self.now)
     }
 
-    /// Where the body was at `at`, which may lie up to 250 ms in the past; farther back the oldest
-    /// pose known, later than now the present one.
+    /// Pose of the body at `at`, up to 250 ms in the past. Farther back it is the oldest known
+    /// pose, in the future the present one.
     pub fn pose_at(&self, at: Instant) -> Pose {
         let at = at.min(self.now).as_nanos();
         let newest = self.next_step.saturating_sub(1);
@@ -191,8 +191,8 @@ impl World {
         }
     }
 
-    /// What a ray from `from` meets first now, up to `max_range` metres away. `angle` is in the
-    /// world's frame. The robot's own body is not in the way.
+    /// Nearest surface on a ray from `from` now, up to `max_range` metres away. `angle` is in the
+    /// world's frame. The ray ignores the robot's own body.
     pub fn cast_ray(&self, from: Point, angle: f64, max_range: f64) -> Option<Hit> {
         self.scene.cast_ray(self.now, from, angle, max_range)
     }
@@ -207,12 +207,12 @@ impl World {
         self.chassis.actuators()
     }
 
-    /// Sets an actuator, by name or by its place in [`actuators`](Self::actuators), from the next
-    /// step on. What is beyond its range counts as the end of the range.
+    /// Sets an actuator from the next step on, by name or by its index in
+    /// [`actuators`](Self::actuators). A value beyond its range becomes the end of the range.
     ///
     /// # Errors
-    /// If there is no such actuator, it cannot do that, or the figure is not finite; nothing
-    /// changes then.
+    /// If the actuator does not exist, does not accept the command, or the figure is not finite.
+    /// Nothing changes then.
     pub fn actuate<'a>(
         &mut self,
         actuator: impl Into<Select<'a>>,
@@ -236,21 +236,21 @@ impl World {
         self.chassis.encoders()
     }
 
-    /// Counts of an encoder, by name or by its place in [`encoders`](Self::encoders), since the
-    /// start of the run; `None` if there is no such.
+    /// Counts of an encoder since the start of the run, by name or by its index in
+    /// [`encoders`](Self::encoders); `None` if it does not exist.
     pub fn encoder<'a>(&self, encoder: impl Into<Select<'a>>) -> Option<i64> {
         let index = encoder.into().find(names(self.chassis.encoders()))?;
         Some(self.chassis.count(index, self.elapsed_s()))
     }
 
-    /// Speed now of the axis that an encoder sits on, metres of rim per second; `None` if there is
-    /// no such encoder.
+    /// Current speed of an encoder's axis, metres of rim per second; `None` if the encoder does not
+    /// exist.
     pub fn axis_speed<'a>(&self, encoder: impl Into<Select<'a>>) -> Option<f64> {
         let index = encoder.into().find(names(self.chassis.encoders()))?;
         Some(self.chassis.axis_speed(index))
     }
 
-    /// Sets what the motor driver does to one wheel from now on: to the motor named `left` or
+    /// Sets the motor driver's command for one wheel from now on, to the motor named `left` or
     /// `right`. A chassis without such a motor ignores it.
     pub fn set_drive(&mut self, wheel: Wheel, drive: Drive) {
         if let Some(motor) = self.motors[wheel as usize] {
@@ -258,8 +258,8 @@ impl World {
         }
     }
 
-    /// What the motor driver does to one wheel. Of a motor whose speed is regulated: the drive that
-    /// is the same part of full drive. Without such a motor: brake.
+    /// The motor driver's command for one wheel. For a motor with a speed regulator: the same part
+    /// of full drive. Without such a motor: brake.
     pub fn drive(&self, wheel: Wheel) -> Drive {
         let Some(motor) = self.motors[wheel as usize] else {
             return Drive::Brake;
@@ -304,10 +304,10 @@ impl World {
         self.bumper.clearance(&self.scene, self.now, self.pose())
     }
 
-    /// A person pushes the robot: the body moves by (`dx`, `dy`) metres in world axes and turns by
-    /// `dtheta` radians, evenly `over` this time and beside what its wheels do, which do not count
-    /// it. No faster than 5 m/s and 20 rad/s: a shorter time is stretched. What is left of a push
-    /// under way is added. Walls hold the robot all the same.
+    /// A push of a person: the body moves by (`dx`, `dy`) metres in world axes and turns by
+    /// `dtheta` radians, evenly `over` this time. The push adds to the wheels' motion, and the
+    /// wheels do not count it. The limits are 5 m/s and 20 rad/s: a shorter time is stretched. The
+    /// rest of an earlier push is added. Walls hold the robot all the same.
     ///
     /// # Panics
     /// If a figure is not finite.
@@ -382,7 +382,7 @@ impl World {
         self.next_step = step + 1;
     }
 
-    /// What the wheels' wish comes to at `place`.
+    /// Velocity at `place` from the wheels' `wanted` velocity and the floor's grip.
     fn on_floor(&self, place: Point, wanted: Velocity) -> Velocity {
         match self.scene.grip_at(place) {
             Some(grip) => glide(self.rolled, wanted, grip, self.footprint().reach_m()),

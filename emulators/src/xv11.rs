@@ -62,28 +62,28 @@ pub struct Config {
     pub profile: Profile,
     /// Drive of the head.
     pub supply: MotorSupply,
-    /// Where it sits on the robot.
+    /// Mounting position on the robot.
     pub mount: Mount,
     /// Geometry of the optics.
     pub optics: Optics,
-    /// How much of what varies is modelled.
+    /// Amount of modelled variation.
     pub detail: Detail,
-    /// What is wrong with it from the start.
+    /// Faults from the start.
     pub faults: Vec<Fault>,
 }
 
-/// What varies besides the noise of each reading.
+/// Variation besides the noise of each reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Detail {
     /// Nothing: surfaces are even and alike, and only the edges of the encoder jitter.
     #[default]
     Even,
-    /// As in the "hand in box" capture: belt and gear let the speed wander within a turn, surfaces
-    /// reflect unevenly and are rough, and noise is a little alike from turn to turn.
+    /// As in the "hand in box" capture. Belt and gear let the speed wander within a turn. Surfaces
+    /// reflect unevenly and are rough, and noise correlates a little from turn to turn.
     Captured,
 }
 
-/// What the firmware is doing.
+/// State of the firmware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// Power is off.
@@ -113,9 +113,9 @@ pub struct Xv11 {
     profile: Profile,
     rotor: Rotor,
     encoder: Encoder,
-    /// When the next tooth passes; follows from rotor and encoder.
+    /// Time of the next tooth; follows from rotor and encoder.
     edge_at: Option<Instant>,
-    /// When the firmware has something to do; asked for far more often than it changes.
+    /// Time of the firmware's next work. Stored, because it is read far more often than it changes.
     work_at: Option<Instant>,
     eye: Eye,
     uart: Uart,
@@ -125,7 +125,7 @@ pub struct Xv11 {
     garbage: Rng,
     /// Whether it was reported that the host's motor drive is not connected.
     duty_told: bool,
-    /// The host asked for no drive at all, which the rig's regulated supply obeys.
+    /// The host ordered no drive at all, and the rig's regulated supply obeys.
     is_switched_off: bool,
     log: EventLog,
 }
@@ -188,7 +188,7 @@ impl Xv11 {
         self.foresee();
     }
 
-    /// A fault is mended at `now`, whatever its figure was.
+    /// Clears a fault at `now`, whatever its figure.
     pub fn clear_fault(&mut self, now: Instant, fault: Fault) {
         let was_off = self.faults.has(Fault::Off);
         self.faults.clear(fault);
@@ -206,7 +206,7 @@ impl Xv11 {
         self.plan();
     }
 
-    /// What the firmware is doing.
+    /// State of the firmware.
     pub fn state(&self) -> State {
         self.firmware.state()
     }

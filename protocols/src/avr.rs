@@ -4,10 +4,10 @@
 //! | AB | register u8 | W(7) count(6..0) | count data bytes, only if W | checksum u16 |
 //! ```
 //!
-//! A request with W writes, without W reads `count` registers. The slave answers a read with a
-//! frame that has W set, a write with the empty frame of the same register, and a frame that it
-//! could not accept with the one of [`ERROR_REGISTER`]. An acknowledgement is therefore the same
-//! bytes as a request to read nothing, and no field tells a frame's direction or order.
+//! A request with W writes, a request without W reads `count` registers. The slave answers a read
+//! with a frame that has W set, and a write with the empty frame of the same register. It answers a
+//! frame that it cannot accept with the one of [`ERROR_REGISTER`]. So an acknowledgement has the
+//! same bytes as a request to read nothing, and no field gives a frame's direction or order.
 //!
 //! Sources: seed report 2015, chapter on the slave protocol; field firmware b77a6df, whose bytes
 //! are the golden vectors of this file's tests.
@@ -27,8 +27,8 @@ pub const FRAME_MAX: usize = DATA_MAX + OVERHEAD;
 /// Line rate of the bus.
 pub const BAUD: u32 = 1_000_000;
 
-/// What the slave answers to a frame with a bad checksum: the acknowledgement of register 255, in
-/// the byte order of the fielded firmware (`AB FF 00 01 AA`).
+/// Register of the slave's answer to a frame with a bad checksum: the acknowledgement of register
+/// 255, in the byte order of the fielded firmware (`AB FF 00 01 AA`).
 pub const ERROR_REGISTER: u8 = 0xFF;
 
 const WRITE: u8 = 0x80;
@@ -36,10 +36,10 @@ const WRITE: u8 = 0x80;
 /// Byte order of the checksum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ChecksumOrder {
-    /// As the seed report describes it.
+    /// Order of the seed report.
     #[default]
     LowFirst,
-    /// As the fielded firmware does it.
+    /// Order of the fielded firmware.
     HighFirst,
 }
 
@@ -128,8 +128,8 @@ pub struct Bus {
     pub order: ChecksumOrder,
 }
 
-/// Finds frames in the byte stream. Its owner must report an idle line: a damaged count would
-/// otherwise swallow up to 127 bytes of what follows.
+/// Finds frames in the byte stream. Its owner must report an idle line: otherwise a damaged count
+/// swallows up to 127 following bytes.
 pub type Decoder = crate::Decoder<Bus, FRAME_MAX>;
 
 impl Decoder {
@@ -223,7 +223,7 @@ mod tests {
         assert_eq!(decoder.discarded(), 1);
     }
 
-    /// A flipped count announces 127 bytes; the idle line ends the wait and frees what it hid.
+    /// A flipped count announces 127 bytes. The idle line ends the wait and frees the hidden frame.
     #[test]
     fn an_idle_line_frees_the_frame_that_a_damaged_count_hid() {
         let mut decoder = Decoder::new(HighFirst);

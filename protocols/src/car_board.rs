@@ -7,13 +7,13 @@
 //! ```
 //!
 //! Words are little-endian, ultrasonic ranges centimetres. There is no checksum, and `00 0F` may
-//! stand inside a frame: a front range below 256 cm before 15 cm to the right. So the [`Decoder`]
-//! asks for values that the sensors can have and for the sync of the next frame, or for a pause,
-//! behind each frame. [`FieldedDecoder`] is what the car's own program did.
+//! occur inside a frame: a front range below 256 cm before 15 cm to the right. So the [`Decoder`]
+//! requires plausible sensor values, and behind each frame the sync of the next one or a pause.
+//! [`FieldedDecoder`] is the method of the car's own program.
 //!
-//! Source: the car's program (Fujitsu MB96300 board on a Tamiya TT-01, TU Darmstadt 2016). Nothing
-//! says what unit the hall word has (taken for pulses since the start) and the battery's (taken for
-//! millivolts), nor how often frames come (taken for 15 Hz, a round of the ultrasonic sensors).
+//! Source: the car's program (Fujitsu MB96300 board on a Tamiya TT-01, TU Darmstadt 2016).
+//! Assumptions without a source: the hall word counts pulses since the start, the battery word is
+//! in millivolts, and frames come at 15 Hz, a round of the ultrasonic sensors.
 
 mod command;
 mod fielded;
@@ -31,6 +31,6 @@ pub use frame::{
 
 /// Rate of the line, 8N1.
 pub const BAUD: u32 = 115_200;
-/// A line that was quiet for this long is between two frames: a frame takes 1.1 ms, the pause
-/// behind it 65 ms. Tell the [`Decoder`] by `idle`, and no frame waits for the one behind it.
+/// Silence that means a pause between two frames: a frame takes 1.1 ms, the pause behind it 65 ms.
+/// Report it to the [`Decoder`] by `idle`; then no frame waits for the next one.
 pub const IDLE_GAP: Duration = Duration::from_millis(5);

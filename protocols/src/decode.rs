@@ -2,33 +2,33 @@
 
 use core::fmt;
 
-/// Turns bytes into frames, whatever pieces the bytes come in.
+/// Turns bytes into frames, however the bytes are cut into pieces.
 ///
 /// - Total: any bytes, no panic. Every byte pushed ends in a frame, is discarded and counted, or is
 ///   pending.
-/// - Indifferent to chunking: the frames depend on the bytes and on when [`idle`](Self::idle) was
-///   called, never on how the bytes were cut.
+/// - Indifferent to chunking: the frames depend on the bytes and on the calls of
+///   [`idle`](Self::idle), never on how the bytes were cut.
 /// - A rejected candidate costs one byte, so a frame that begins inside it is still found.
 pub trait Decode {
     /// The decoded frame: verified, with every bit kept.
     type Frame;
 
-    /// Takes bytes from the front of `input` until something can be said.
+    /// Takes bytes from the front of `input` until there is a result.
     ///
-    /// `None` means that `input` is empty and that nothing more follows from what is pending. An
+    /// `None` means that `input` is empty and that the pending bytes give no further result. An
     /// `Err` reports a rejected candidate, which cost exactly one byte; decoding continues.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<Self::Frame, FrameError>>;
 
-    /// Says that the line went quiet: an unfinished candidate will not be finished.
+    /// Reports a quiet line: an unfinished candidate will not be finished.
     ///
-    /// Complete frames inside the given-up bytes come out of the next [`step`](Self::step) or
-    /// [`push`](Self::push), which may be given no bytes at all. Calling it twice is harmless.
+    /// Complete frames inside the discarded bytes come out of the next [`step`](Self::step) or
+    /// [`push`](Self::push), even without further bytes. A second call is harmless.
     fn idle(&mut self);
 
     /// Bytes taken but not yet judged.
     fn pending(&self) -> usize;
 
-    /// Bytes given up since the decoder was made.
+    /// Number of bytes discarded since the decoder was made.
     fn discarded(&self) -> u64;
 
     /// Feeds `bytes`; iterating yields frames and errors. Dropping the iterator early still feeds
@@ -93,9 +93,9 @@ pub enum FrameError {
         /// The byte behind the escape byte.
         found: u8,
     },
-    /// A value that no such device has, where the format has no checksum.
+    /// An implausible value, in a format without a checksum.
     Implausible {
-        /// Place of its first byte in the frame; behind the frame if what follows is no frame.
+        /// Index of its first byte in the frame; behind the frame if no frame follows.
         at: u32,
         /// The value.
         found: u32,
@@ -125,27 +125,27 @@ impl core::error::Error for FrameError {}
 pub enum Candidate {
     /// The first byte cannot begin a frame.
     Noise,
-    /// So far so good; at least one more byte is needed.
+    /// Valid so far; at least one more byte is needed.
     Incomplete,
-    /// Looked like a frame, and is none.
+    /// A rejected candidate.
     Rejected(FrameError),
     /// The first `n` bytes are a verified frame.
     Complete(usize),
 }
 
-/// A frame format: all that [`Decoder`] has to know of a protocol.
+/// A frame format: everything that [`Decoder`] needs of a protocol.
 pub trait Format {
     /// The value decoded from a verified frame.
     type Frame;
 
-    /// Judges the non-empty `bytes` from their first one. Must say `Noise`, `Rejected` or
-    /// `Complete` at the latest when `bytes` fills the decoder's buffer, and must not change its
-    /// mind about a prefix: more bytes never turn `Noise` or `Rejected` into something else.
+    /// Judges the non-empty `bytes` from their first one. Must return `Noise`, `Rejected` or
+    /// `Complete` at the latest when `bytes` fills the decoder's buffer. More bytes must never turn
+    /// `Noise` or `Rejected` into another result.
     fn judge(&self, bytes: &[u8]) -> Candidate;
 
-    /// Judges the non-empty `bytes` when no more will come. A format whose frames carry too few
-    /// check bits waits in [`judge`](Self::judge) for what follows a frame; here it decides
-    /// without. `Incomplete` counts as cut off.
+    /// Judges the non-empty `bytes` at the end of the input. A format with few check bits waits in
+    /// [`judge`](Self::judge) for the bytes behind a frame; here it decides without them.
+    /// `Incomplete` counts as cut off.
     fn judge_last(&self, bytes: &[u8]) -> Candidate {
         self.judge(bytes)
     }
@@ -184,13 +184,13 @@ impl<F: Format, const N: usize> Decoder<F, N> {
         &self.format
     }
 
-    /// The format, to be changed for the pending bytes and what follows: for protocols whose frames
-    /// announce what comes next.
+    /// The format, for changes that apply to pending and later bytes: some protocols announce the
+    /// next frame in the current one.
     pub(crate) const fn format_mut(&mut self) -> &mut F {
         &mut self.format
     }
 
-    /// Judges what is pending. `Some` if that settled anything, a plain noise byte excepted.
+    /// Judges the pending bytes. `Some` if there is a result; skipped noise alone is none.
     fn settle(&mut self) -> Option<Result<F::Frame, FrameError>> {
         while self.start < self.end {
             let bytes = &self.buf[self.start..self.end];
@@ -229,7 +229,7 @@ impl<F: Format, const N: usize> Decoder<F, N> {
         self.discarded += 1;
     }
 
-    /// Takes as much input as the buffer holds.
+    /// Takes input until the buffer is full.
     fn fill(&mut self, input: &mut &[u8]) {
         if self.start == self.end {
             (self.start, self.end) = (0, 0);
@@ -249,7 +249,7 @@ impl<F: Format, const N: usize> Decode for Decoder<F, N> {
 
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<F::Frame, FrameError>> {
         loop {
-            // What was pending when the line went quiet is settled before new bytes join it.
+            // Bytes pending at an idle line are settled before new bytes join them.
             if let Some(outcome) = self.settle() {
                 return Some(outcome);
             }
@@ -341,7 +341,7 @@ mod tests {
         }
     }
 
-    /// A full buffer must not stop the stream, whatever the format says.
+    /// A full buffer must not stop the stream, whatever the format returns.
     #[test]
     fn a_format_that_never_decides_costs_one_byte_per_full_buffer() {
         let mut decoder: Decoder<_, 4> = Decoder::with_format(Undecided);
@@ -355,7 +355,7 @@ mod tests {
         assert_eq!((decoder.pending(), decoder.discarded()), (0, 4));
     }
 
-    /// The iterator is lazy: what it was not asked for is fed when it is dropped.
+    /// The iterator is lazy: its drop feeds the remaining bytes.
     #[test]
     fn dropping_the_iterator_feeds_the_rest() {
         let mut decoder: Decoder<_, 4> = Decoder::with_format(Undecided);

@@ -1,7 +1,7 @@
 //! AT command set of the HC-06 Bluetooth module.
 //!
-//! The module takes commands only without a connection over the air. The three firmware
-//! families differ in how a command ends and how replies are worded:
+//! The module takes commands only without a connection over the air. The three firmware families
+//! differ in the end of a command and the wording of replies:
 //!
 //! | family | a command ends | words | replies |
 //! |---|---|---|---|
@@ -9,8 +9,8 @@
 //! | `hc01-2.0` | after about 1 s of silence | [`Command`] | [`Reply`], e.g. `hc01.comV2.0` |
 //! | `3.0-20170609` | at CR LF | [`LineCommand`] | [`LineReply`]: lines, then `OK` |
 //!
-//! Sources: module guides and forum measurements collected for the HC-06; `linvor` is what the
-//! rescue robot carried in 2014/15.
+//! Sources: module guides and forum measurements collected for the HC-06. The rescue robot of
+//! 2014/15 carried `linvor`.
 
 mod lines;
 mod reply;
@@ -116,8 +116,8 @@ impl<'a> Command<'a> {
         }
     }
 
-    /// Writes the command into the front of `out`; its length, or `None` if `out` is too small or
-    /// the command holds what cannot be said, such as a name that is too long.
+    /// Writes the command into the front of `out` and returns its length. `None` if `out` is too
+    /// small or an argument is not allowed, such as a name that is too long.
     pub fn encode(self, out: &mut [u8]) -> Option<usize> {
         let len = match self {
             Self::Attention => put(out, &[b"AT"]),
@@ -174,7 +174,7 @@ fn put(out: &mut [u8], parts: &[&[u8]]) -> Option<usize> {
 mod tests {
     use super::*;
 
-    /// `A` is 460800: what the rescue robot's radio was set to.
+    /// `A` is 460800, the setting of the rescue robot's radio.
     #[test]
     fn baud_digits_go_on_with_letters() {
         assert_eq!(Command::parse(b"AT+BAUDA"), Some(Command::Baud(460_800)));
@@ -229,7 +229,7 @@ mod tests {
         }
     }
 
-    /// Names of 20 characters, PINs of four digits; what cannot be said is not written.
+    /// Names of 20 characters, PINs of four digits; arguments beyond are not written.
     #[test]
     fn arguments_have_their_limits() {
         assert_eq!(

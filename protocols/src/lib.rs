@@ -1,9 +1,9 @@
 //! Wire formats of small serial robots.
 //!
-//! Nothing here allocates, reads a clock or does I/O. A protocol is one file: its frame layout as a
-//! diagram, a checked [`Frame`](xv11::Frame) that keeps every bit, the meaning of a frame as a
-//! second type, an encoder into the caller's buffer, and a decoder that is one [`Format`] for the
-//! shared [`Decoder`].
+//! No function here allocates, reads a clock or does I/O. A protocol is one file. It has the frame
+//! layout as a diagram, a checked [`Frame`](xv11::Frame) that keeps every bit, and the meaning of a
+//! frame as a second type. It has an encoder into the caller's buffer, and a decoder that is one
+//! [`Format`] for the shared [`Decoder`].
 //!
 //! | module | wire |
 //! |---|---|
@@ -11,16 +11,16 @@
 //! | [`avr`] | register bus of the AVR base, and its register map |
 //! | [`pcui`] | robot to PC link: framing, map rows, waypoints, state |
 //! | [`car_board`] | board of a model car: a byte a command, frames without a checksum |
-//! | [`odometer`] | text lines of a microcontroller that measures way and heading |
+//! | [`odometer`] | text lines of a microcontroller that measures distance and heading |
 //! | [`panel`] | touch panel: drawing commands, pen reports |
 //! | [`perception`] | rows of depths, scans and markers as messages of a network |
-//! | [`peripherals`] | what a microcontroller has without a serial port: counters, PWM, ADC |
+//! | [`peripherals`] | a microcontroller's hardware without a serial port: counters, PWM, ADC |
 //! | [`rle`] | run-length code of the map rows |
 //! | [`rplidar`] | RPLIDAR A1 lidar: requests, answers, standard and express scans |
 //! | [`hc06`] | AT command set of the HC-06 radio |
 //! | [`telemetry`] | robot yellow and its PC: framing with its defects, protobuf messages |
 //! | [`line`](mod@line) | line coding and byte time |
-//! | [`tty`] | what a terminal driver does to input |
+//! | [`tty`] | changes of input by a terminal driver |
 //!
 //! To add a protocol: one file here that implements [`Format`], one file of tests in `tests/wire`.
 #![no_std]

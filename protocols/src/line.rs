@@ -20,7 +20,7 @@ pub enum Parity {
     Odd,
 }
 
-/// Line coding: what both ends of a UART must agree on.
+/// Line coding: settings that both ends of a UART must share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineConfig {
     /// Bits per second, never zero.
@@ -53,7 +53,7 @@ impl LineConfig {
         1 + self.data_bits as u32 + parity + self.stop_bits as u32
     }
 
-    /// Whether a receiver so configured reads what this sender writes without resampling: equal
+    /// Whether a receiver with this coding reads the sender's bytes without resampling: equal
     /// coding, and a rate that drifts less than a tenth of a bit over ten bits.
     pub const fn agrees_with(self, receiver: Self) -> bool {
         let coding = self.data_bits == receiver.data_bits
@@ -67,13 +67,13 @@ impl LineConfig {
         self.bytes_time(1)
     }
 
-    /// Time on the wire of `count` characters back to back. Rounded once, so that a long burst
-    /// does not gain what [`byte_time`](Self::byte_time) loses on each byte.
+    /// Time on the wire of `count` characters back to back. Rounded once: rounding of each
+    /// [`byte_time`](Self::byte_time) would add up in a long burst.
     pub const fn bytes_time(self, count: u64) -> Duration {
         Duration::from_nanos(self.bits_per_byte() as u64 * count * 1_000_000_000 / self.baud as u64)
     }
 
-    /// When a byte ended behind which `behind` more came back to back, the last of them ending at
+    /// End of a byte behind which `behind` more came back to back, the last of them ending at
     /// `end`; never before [`Instant::ZERO`].
     pub fn byte_end(self, end: Instant, behind: u64) -> Instant {
         Instant::ZERO + (end - Instant::ZERO).saturating_sub(self.bytes_time(behind))

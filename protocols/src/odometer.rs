@@ -8,13 +8,13 @@
 //! ```
 //!
 //! Lines end in CR LF, fields in `*`. Figures of `Seed`, `AsCoded` and `Raw` are printed with two
-//! decimals in the Arduino's way, see [`print_float`]: the last digit of a sum need not be the sum
-//! of last digits, and from 131 s on a 32-bit float of milliseconds does not even have hundredths.
-//! So a host that compares sums exactly throws most lines of a curve away; [`Dialect::read`] allows
-//! for what rounding can do.
+//! decimals like the Arduino's, see [`print_float`]. The last digit of a sum need not be the sum of
+//! last digits, and from 131 s on a 32-bit float of milliseconds has not even hundredths. So a host
+//! that compares sums exactly discards most lines of a curve. [`Dialect::read`] allows for the
+//! rounding.
 //!
 //! Sources: report (`Seed`), sketch of March 2016 (`AsCoded`), later sketch (`Raw`; its units are
-//! not documented). `Fixed` is ours.
+//! not documented). `Fixed` is the rig's own.
 
 mod exact;
 mod float;
@@ -33,16 +33,16 @@ use core::fmt::Write as _;
 /// Rate of the line, 8N1; a USB port of the board, so nothing depends on it.
 pub const BAUD: u32 = 115_200;
 
-/// Where the sketch scales the raw rate: 25 degrees a second for 2000 counts. The sensor's range of
-/// 2000 degrees a second has 0.061 degrees a count, 4.88 times as much.
+/// Factor by which the sketch scales the raw rate: 25 degrees a second for 2000 counts. The
+/// sensor's range of 2000 degrees a second has 0.061 degrees a count, 4.88 times as much.
 const RATE_SCALE: [f32; 2] = [25.0, 2000.0];
 
 /// Meaning of the numbers, and their protection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Dialect {
-    /// As the report describes it.
+    /// Format of the report.
     Seed,
-    /// As the sketch of March 2016 printed it.
+    /// Format of the sketch of March 2016.
     #[default]
     AsCoded,
     /// Whole numbers and a CRC-16 (CCITT, first value FFFF) over all before it.
@@ -52,7 +52,7 @@ pub enum Dialect {
 /// State of the microcontroller when it prints a line. 32-bit floats, because it has no others.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
-    /// Way since the start, metres; backwards counts down.
+    /// Distance since the start, metres; backwards counts down.
     pub distance_m: f32,
     /// Turn rate that it prints, rad/s, counter-clockwise.
     pub rate_rad_s: f32,

@@ -14,9 +14,9 @@
 //! ```
 //!
 //! The seed report names no display controller. The numbers of commands, window and pixel are those
-//! of the common ones (SSD1963, ILI9341); pen coordinates are 12-bit readings as an ADS7843 gives
-//! them. Start byte, length, checksum and the runs are ours: each frame says where it belongs, so
-//! a damaged one costs its own pixels and nothing else.
+//! of the common ones (SSD1963, ILI9341); pen coordinates are 12-bit readings like those of an
+//! ADS7843. Start byte, length, checksum and the runs are the rig's own. Each frame contains its
+//! window, so a damaged one costs only its own pixels.
 
 use core::ops::RangeInclusive;
 
@@ -81,7 +81,7 @@ impl Window {
 /// Request of a frame to the panel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command<'a> {
-    /// Show what is in memory.
+    /// Show the content of the memory.
     On,
     /// Show nothing.
     Off,
@@ -103,9 +103,9 @@ pub struct Pen {
 /// Whether the pen touches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// It does.
+    /// The pen touches the panel.
     Down,
-    /// It was lifted here.
+    /// The pen was lifted here.
     Up,
 }
 
@@ -195,8 +195,8 @@ pub fn checksum(bytes: &[u8]) -> u16 {
     })
 }
 
-/// Puts start, number, length and checksum around a payload that already lies in `frame[4..]`;
-/// returns the length of the whole frame. `None` if it is too long, or longer than `frame`.
+/// Puts start, number, length and checksum around a payload that already lies in `frame[4..]`.
+/// Returns the length of the whole frame; `None` if it is too long, or longer than `frame`.
 pub fn seal(frame: &mut [u8], op: u8, payload_len: usize) -> Option<usize> {
     if payload_len > PAYLOAD_MAX {
         return None;
@@ -212,8 +212,8 @@ pub fn seal(frame: &mut [u8], op: u8, payload_len: usize) -> Option<usize> {
     Some(end + 2)
 }
 
-/// Encodes the `pixels` of `window`, as runs or one by one, whichever is shorter; returns the
-/// frame's length. `None` if they do not fit one frame or are not as many as the window holds.
+/// Encodes the `pixels` of `window` in the shorter form, as runs or one by one; returns the frame's
+/// length. `None` if they do not fit one frame or their number differs from the window's area.
 pub fn encode_pixels(window: Window, pixels: &[u16], frame: &mut [u8]) -> Option<usize> {
     if u32::try_from(pixels.len()) != Ok(window.area()) {
         return None;
@@ -275,7 +275,7 @@ pub struct Framing<const N: usize = FRAME_MAX>;
 
 /// The panel's decoder.
 pub type Decoder = crate::Decoder<Framing, FRAME_MAX>;
-/// The master's decoder: nothing but pen reports comes from a panel.
+/// The master's decoder: a panel sends only pen reports.
 pub type PenDecoder = crate::Decoder<Framing<PEN_LEN>, PEN_LEN>;
 
 impl<const N: usize> Format for Framing<N> {

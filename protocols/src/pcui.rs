@@ -5,9 +5,8 @@
 //! ```
 //!
 //! The checksum is the plain sum of the payload bytes: neither id nor length is covered. Seed
-//! report 2015 allows 65536 bytes of payload and lists of 100 waypoints, which take 902; that is
-//! our limit. Both fielded ends accept at most 511.
-//! Free debug text may share the line.
+//! report 2015 allows 65536 bytes of payload and lists of 100 waypoints, which take 902 bytes. That
+//! is the limit here. Both fielded ends accept at most 511. Free debug text may share the line.
 
 pub mod diagnosis;
 mod error;
@@ -22,10 +21,10 @@ use crate::{Candidate, Format, FrameError};
 pub const MAGIC: [u8; 8] = *b"PCUI_MSG";
 /// Bytes before the payload.
 pub const HEADER_LEN: usize = 17;
-/// Most payload bytes: a list of 100 waypoints, or, with the feature `large`, a row of 2829 cells
-/// and what stands before it.
+/// Maximum number of payload bytes: a list of 100 waypoints, or, with the feature `large`, a row of
+/// 2829 cells and its header.
 pub const PAYLOAD_MAX: usize = if cfg!(feature = "large") { 2832 } else { 902 };
-/// Most payload bytes that the fielded ends accept.
+/// Maximum number of payload bytes that the fielded ends accept.
 pub const FIELDED_PAYLOAD_MAX: usize = 511;
 /// The longest frame.
 pub const FRAME_MAX: usize = HEADER_LEN + PAYLOAD_MAX;
@@ -40,7 +39,7 @@ mod field {
     pub(super) const ID: Range<usize> = 14..17;
 }
 
-/// A frame whose start, length and checksum were verified; the id is not covered by anything.
+/// A frame whose start, length and checksum were verified. The checksum does not cover the id.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Frame {
     bytes: [u8; FRAME_MAX],

@@ -1,4 +1,4 @@
-//! What a robot's eyes tell, as messages of a network: a row of depths, a scan made of it, markers.
+//! Vision messages on a robot's network: a row of depths, a scan made of it, markers.
 //!
 //! ```text
 //! depth row  44 | count u16 | focal length u16 | depth u16 ..       tenths of pixels, mm
@@ -6,18 +6,18 @@
 //! marker     4D | id u16 | x i32 | y i32 | z i32 | normal x, z i16  mm, ten-thousandths
 //! ```
 //!
-//! Little-endian, one message a datagram: the network has sync and checksum of its own.
-//! The first depth is the leftmost column's; a depth or range of 0 was not measured. A marker's
-//! place is the camera's: x to the right, y down, z ahead; so is its normal, whose y is left out.
-//! In the car of seed 003 these are messages of ROS between programs on its PC; this form is the
-//! rig's own.
+//! Little-endian, one message a datagram: the network has sync and checksum of its own. The first
+//! depth is that of the leftmost column; a depth or range of 0 was not measured. A marker's
+//! position is in camera axes: x to the right, y down, z ahead. So is its normal, without its y. In
+//! the car of seed 003 these are messages of ROS between programs on its PC; this form is the rig's
+//! own.
 
 use core::fmt;
 
 const DEPTH: u8 = b'D';
 const SCAN: u8 = b'S';
 const MARKER: u8 = b'M';
-/// Values of a row or scan at most: what one packet of an Ethernet carries.
+/// Maximum number of values of a row or scan: one Ethernet packet holds them.
 pub const VALUES_MAX: usize = 700;
 /// The longest message.
 pub const MESSAGE_MAX: usize = 11 + 2 * VALUES_MAX;
@@ -71,7 +71,7 @@ pub enum MessageError {
         /// The first byte.
         found: Option<u8>,
     },
-    /// It has another length than it says.
+    /// The message's length differs from the announced one.
     Length {
         /// The expected length.
         expected: usize,
@@ -103,7 +103,7 @@ impl<'a> Message<'a> {
     /// Reads a message.
     ///
     /// # Errors
-    /// If it is none, or has another length than it says.
+    /// If the bytes are no message, or their length differs from the announced one.
     pub fn decode(bytes: &'a [u8]) -> Result<Self, MessageError> {
         let found = bytes.len();
         let of_length = |expected| match found == expected {
@@ -148,8 +148,8 @@ impl DepthRow<'_> {
         values(self.values)
     }
 
-    /// Writes the row to the front of `out`; returns its length. What is beyond [`VALUES_MAX`] or
-    /// the room is left out.
+    /// Writes the row to the front of `out` and returns its length. Values beyond [`VALUES_MAX`] or
+    /// the size of `out` are left out.
     pub fn encode(focal_tenths: u16, depths_mm: &[u16], out: &mut [u8]) -> usize {
         let [low, high] = focal_tenths.to_le_bytes();
         write(DEPTH, &[low, high], depths_mm, out)
@@ -162,8 +162,8 @@ impl Scan<'_> {
         values(self.values)
     }
 
-    /// Writes a scan to the front of `out`; returns its length. What is beyond [`VALUES_MAX`] or
-    /// the room is left out.
+    /// Writes a scan to the front of `out` and returns its length. Values beyond [`VALUES_MAX`] or
+    /// the size of `out` are left out.
     pub fn encode(first_urad: i32, step_urad: i32, ranges_mm: &[u16], out: &mut [u8]) -> usize {
         let mut head = [0; 8];
         head[..4].copy_from_slice(&first_urad.to_le_bytes());
@@ -209,7 +209,7 @@ fn values(bytes: &[u8]) -> impl ExactSizeIterator<Item = u16> {
     words.map(|word| u16::from_le_bytes([word[0], word[1]]))
 }
 
-/// The word at `at`; 0 beyond the end, which the length tells afterwards.
+/// The word at `at`; 0 beyond the end. The caller checks the length afterwards.
 fn word(bytes: &[u8], at: usize) -> u16 {
     let word = bytes.get(at..at + 2).and_then(|word| word.try_into().ok());
     word.map_or(0, u16::from_le_bytes)

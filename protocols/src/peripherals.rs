@@ -1,16 +1,16 @@
-//! What passes between a microcontroller's core and the hardware around it when that hardware is
-//! not behind a serial port: counters of wheel encoders, PWM, one multiplexed ADC, pins.
+//! Messages between a microcontroller's core and hardware that has no serial port: counters of
+//! wheel encoders, PWM, one multiplexed ADC, pins.
 //!
-//! On a real board these are registers of the chip, so this wire is the rig's own: sampled by the
-//! hardware each millisecond, as the program's fastest loop does.
+//! On a real board these are registers of the chip, so this wire is the rig's own. The hardware
+//! samples them each millisecond, as the program's fastest loop does.
 //!
 //! ```text
 //! sample   80 | left counter 3 | right counter 3 | ADC 2 | supply 2 | channel, button 1
 //! outputs  81 | left duty 2 | right duty 2 | channel, enable 1
 //! ```
 //!
-//! Values are cut into groups of seven bits, the lowest first; only a first byte has its top bit
-//! set, so a decoder is in step again with the next frame.
+//! Values are cut into groups of seven bits, the lowest first. Only a first byte has its top bit
+//! set, so a decoder is in sync again at the next frame.
 
 use crate::{Candidate, Decoder, Format, FrameError};
 
@@ -80,7 +80,7 @@ impl Sample {
 }
 
 impl Outputs {
-    /// The frame; values that are too large are cut to what is possible.
+    /// The frame; values that are too large are cut to their maximum.
     pub fn encode(&self) -> [u8; OUTPUTS_LEN] {
         let duty = self.duty.map(|duty| groups(duty.min(DUTY_MAX).into()));
         let last = self.channel & 0x07 | u8::from(self.enable) << 3;
@@ -231,7 +231,7 @@ mod tests {
         assert_eq!(decoder.push(&bytes).next(), Some(Ok(sample)));
     }
 
-    /// The next frame's first byte tells that this one ended after five bytes.
+    /// The next frame's first byte shows that this frame ended after five bytes.
     #[test]
     fn a_frame_that_is_cut_is_reported_at_once() {
         let mut decoder = SampleDecoder::default();

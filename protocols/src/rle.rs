@@ -1,8 +1,8 @@
 //! Run-length code of the map rows: pairs of count and value.
 //!
 //! The sound encoder counts every pixel. The fielded one never counts the last pixel of a row: its
-//! counts sum to one less than the row, and a last pixel that differs is lost. Both are
-//! distinguished by nothing in the row, so a decoder must know the row's width.
+//! counts sum to one less than the row, and a last pixel that differs is lost. The code itself does
+//! not show its encoder, so a decoder must know the row's width.
 //!
 //! Source: seed report 2015, chapter on the PC link; the loss was seen by running the fielded code.
 
@@ -59,8 +59,8 @@ impl core::fmt::Display for RleError {
 
 impl core::error::Error for RleError {}
 
-/// Decodes `code` into the front of `row` and returns the number of pixels written; the rest keeps
-/// what it held. A row of the fielded dialect writes one pixel less than its width.
+/// Decodes `code` into the front of `row` and returns the number of pixels written; the rest of
+/// `row` stays. A row of the fielded dialect writes one pixel less than its width.
 pub fn decode(code: &[u8], row: &mut [u8]) -> Result<usize, RleError> {
     let (pairs, []) = code.as_chunks::<2>() else {
         return Err(RleError::OddLength);
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(row, [9; 4]);
     }
 
-    /// Two of 9, none of 5, three of 127; the last pixel keeps what it held.
+    /// Two of 9, none of 5, three of 127; the last pixel stays.
     #[test]
     fn each_run_follows_the_one_before_it() {
         let mut row = [1; 6];

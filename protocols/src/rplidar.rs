@@ -10,10 +10,10 @@
 //! kind 0x84   | as a capsule, with 32 cabins of 4 bytes of three samples each |
 //! ```
 //!
-//! All words are little-endian. Mode 1 is a stream: the payload repeats without end, nodes of five
-//! bytes (standard scan), capsules of 84 (express scan) or of 132 (kind 0x84, three samples in four
-//! bytes). What an answer is depends on the
-//! descriptor before it, so the [`Decoder`] keeps what was announced last.
+//! All words are little-endian. Mode 1 is a stream: the payload repeats without end. Its payloads
+//! are nodes of five bytes (standard scan), capsules of 84 (express scan) or of 132 (kind 0x84,
+//! three samples in four bytes). The descriptor determines the answers behind it, so the
+//! [`Decoder`] stores the last descriptor.
 //!
 //! Sources: protocol document LR001 v1.0 (2017-05-15), data sheet LD108 v1.0, the vendor's SDK
 //! where it differs from them.

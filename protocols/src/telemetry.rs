@@ -1,13 +1,13 @@
-//! Telemetry link of the robot yellow: framing between PC and robot, both ways. The payload is a
-//! message of protocol buffers, which is not this module's concern.
+//! Telemetry link of the robot yellow: framing between PC and robot, in both directions. The
+//! payload is a protocol buffers message, which this module does not read.
 //!
 //! ```text
 //! | 7E | length u16 | payload | checksum u8 |      big-endian
 //! ```
 //!
 //! Length and checksum are those of the payload before escaping; the checksum is FF less the sum of
-//! the payload. Behind the start byte 7E and 7D are sent as 7D, byte ^ 20 (as the XBee radios do),
-//! so that 7E is always a beginning.
+//! the payload. Behind the start byte, 7E and 7D are sent as 7D, byte ^ 20 (as the XBee radios do),
+//! so that 7E is always a start.
 //!
 //! The link runs at 38400 8N1 through a WiFi radio. Source: published code of the robot,
 //! `SerialServer` and `SerialEncoder`, whose three defects are [`Defects`].
@@ -48,8 +48,8 @@ impl Frame {
         &self.payload[..self.len]
     }
 
-    /// Whether the checksum holds. Only a decoder with [`Defects::deliver_corrupt`] gives frames
-    /// of which it does not.
+    /// Whether the checksum holds. Only a decoder with [`Defects::deliver_corrupt`] returns frames
+    /// with a wrong checksum.
     pub fn is_sound(&self) -> bool {
         checksum(self.payload()) == self.checksum
     }
@@ -117,8 +117,8 @@ pub fn checksum(payload: &[u8]) -> u8 {
 /// always enough.
 ///
 /// # Errors
-/// If the payload is longer than 3200 bytes, or the frame longer than `out`; what `out` holds then
-/// is no frame.
+/// If the payload is longer than 3200 bytes, or the frame longer than `out`. Then `out` holds no
+/// valid frame.
 pub fn encode(payload: &[u8], out: &mut [u8]) -> Result<usize, EncodeError> {
     write(payload, checksum(payload), out)
 }

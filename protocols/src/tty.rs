@@ -7,7 +7,7 @@
 /// Input mode of the driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum InputMode {
-    /// As it came: what `cfmakeraw` sets up.
+    /// Bytes as received: the mode of `cfmakeraw`.
     #[default]
     Raw,
     /// `ICRNL`: 0D is read as 0A.

@@ -108,9 +108,9 @@ impl Frame {
     }
 }
 
-/// The sensor's checksum over the first twenty bytes: ten little-endian words, shifted in one bit
-/// apart, folded to 15 bits. The fold *drops* a carry out of bit 14, which about 3 % of real
-/// packets produce (350 of 11,451 in the capture), so an end-around carry is wrong.
+/// The sensor's checksum over the first twenty bytes: ten little-endian words, each shifted by one
+/// more bit, folded to 15 bits. The fold *drops* a carry out of bit 14. About 3 % of real packets
+/// produce it (350 of 11,451 in the capture), so an end-around carry is wrong.
 pub fn checksum(bytes: &[u8; FRAME_LEN]) -> u16 {
     let words = bytes[..20]
         .chunks_exact(2)
@@ -125,7 +125,7 @@ pub fn checksum(bytes: &[u8; FRAME_LEN]) -> u16 {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Packets;
 
-/// Finds packets in the byte stream. Boot text and cut packets cost what they are long, never a
+/// Finds packets in the byte stream. Boot text and cut packets cost only their own length, never a
 /// whole packet that follows.
 pub type Decoder = crate::Decoder<Packets, 64>;
 

@@ -1,4 +1,4 @@
-//! The model car does its missions, whatever the dice.
+//! Missions of the model car over several seeds.
 
 use std::path::Path;
 
@@ -79,8 +79,8 @@ fn drawn_gates(seed: u64) -> (Scenario, Source) {
     Scenario::parse(Path::new("<gates>"), text).expect("sound")
 }
 
-/// AP14: each is passed once, within 10 cm of its middle, and nothing is touched; the car is told
-/// neither where they are nor in which order.
+/// AP14: the car passes each gate once, within 10 cm of its middle, without a contact. It knows
+/// neither the gates' positions nor their order.
 #[test]
 fn ap14_gates_are_passed_wherever_they_stand() {
     for seed in few(2, 201..206) {
@@ -89,9 +89,9 @@ fn ap14_gates_are_passed_wherever_they_stand() {
     }
 }
 
-/// Page 14: the wheels do not stand as the table says, differently at each car, and that changes
-/// while it drives. Two degrees to the left, a tenth less than told, a degree more or less each
-/// metre: it gets to its goals all the same.
+/// Page 14: the wheels differ from the table, differently at each car, and the difference changes
+/// during a drive. Two degrees to the left, a tenth less than commanded, a degree more or less each
+/// metre: the car reaches its goals all the same.
 #[test]
 fn d1_a_car_that_steers_off_its_table_gets_to_its_goals() {
     let law = "[chassis.ackermann]\nsteering_trim_deg = 2\nsteering_gain = 0.9\n\
@@ -110,8 +110,8 @@ fn d1_a_car_that_steers_off_its_table_gets_to_its_goals() {
     }
 }
 
-/// A car that starts on ice, with the lines that carry accelerations; `grip` is the floor's, none
-/// if it holds.
+/// A car that starts on ice, with the lines that carry accelerations; `grip` is the floor's, `None`
+/// for a floor that holds.
 fn on_ice(seed: u64, grip: Option<f64>) -> (Scenario, Source) {
     let ice = grip
         .map(|grip| format!("[[world.slick]]\nmin_m = [0, 0]\nmax_m = [2, 2]\ngrip = {grip}\n"));
@@ -126,8 +126,8 @@ fn on_ice(seed: u64, grip: Option<f64>) -> (Scenario, Source) {
     Scenario::parse(Path::new("<ice>"), text).expect("sound")
 }
 
-/// Wheels that spin on ice are found by the accelerometer, once; on a floor that holds, nothing is.
-/// Ice of 0.002 g makes 4 cm/s in two seconds, the wheels 35.
+/// The accelerometer detects wheels that spin on ice, once; on a floor that holds it detects
+/// nothing. Ice of 0.002 g gives 4 cm/s in two seconds, the wheels 35.
 #[test]
 fn d1_a_car_on_ice_feels_that_its_wheels_spin() {
     for seed in 0..20 {
@@ -139,7 +139,7 @@ fn d1_a_car_on_ice_feels_that_its_wheels_spin() {
     }
 }
 
-/// A phone that orders nothing but a stop: the missions pass by what the car does.
+/// A phone that orders only a stop: the missions pass by the car's own driving.
 #[test]
 fn a_car_that_nobody_orders_visits_nothing() {
     let (mut scenario, source) = shipped("apollo13-wall");

@@ -28,7 +28,7 @@ fn calls_take_the_time_of_their_bytes() {
     assert!((14 * 1_041_666..20_000_000).contains(&took), "{took}");
 }
 
-/// The sonar speaks by itself each second: within half of one there is nothing.
+/// The sonar sends by itself each second: within half a second nothing comes.
 #[test]
 fn a_read_waits_for_its_timeout_and_no_longer() {
     let bench = own_slave();
@@ -42,7 +42,7 @@ fn a_read_waits_for_its_timeout_and_no_longer() {
     assert_eq!(sonar.available().expect("a run"), 8);
 }
 
-/// A program that serves its port forever has to end somewhere: at the end of the scenario.
+/// A program that serves its port forever must end at some time: at the end of the scenario.
 #[test]
 fn a_port_is_hung_up_at_the_end_of_the_scenario() {
     let bench = own_slave();

@@ -1,4 +1,4 @@
-//! The capture of a run: true to what passed the lines, and readable by others.
+//! The capture of a run: true to the bytes on the lines, and readable by other programs.
 
 use core::cell::RefCell;
 use core::time::Duration;
@@ -20,7 +20,7 @@ use super::in_a_room;
 /// All that passed one line: bytes on each side, with the time of each chunk.
 type Chunks = Vec<(usize, Direction, u64, Vec<u8>)>;
 
-/// Keeps what the trace is made of.
+/// Keeps the input of the trace.
 #[derive(Default)]
 struct Witness {
     sent: Rc<RefCell<Chunks>>,
@@ -84,8 +84,8 @@ fn record(mut run: Run, path: &Path, limits: Limits) -> Run {
     run
 }
 
-/// Stands against a second book kept by the trace's own calls: both sides of every chunk, to the
-/// nanosecond. What is still on its way at the end is not in the file.
+/// Compares the capture with a second record by the trace's own calls: both sides of every chunk,
+/// to the nanosecond. Chunks in flight at the end are not in the file.
 #[test]
 fn a_capture_holds_both_sides_of_every_chunk() {
     let path = folder("capture-true").join("capture.pcapng");
@@ -195,8 +195,8 @@ fn a_long_recording_puts_files_aside_and_keeps_the_newest() {
     assert!(numbers.is_sorted_by(|a, b| a + 1 == *b));
 }
 
-/// V5: an hour of the rescue robot takes two files. Whichever is named, the recording is read
-/// whole; what another recording left beside it is not taken for a part of it.
+/// V5: an hour of the rescue robot takes two files. Whichever of them is named, the recording is
+/// read whole. A file left beside it by another recording is not taken for a part of it.
 #[test]
 fn a_recording_of_several_files_is_read_as_one() {
     let dir = folder("capture-parts");
@@ -226,7 +226,7 @@ fn a_recording_of_several_files_is_read_as_one() {
     let (_, files) = Capture::read_recording(&one).expect("readable");
     assert_eq!(files, 1);
 
-    // One that is gone ends it: what was written before cannot be told to belong to it.
+    // A missing file ends the recording: later files may belong to another one.
     fs::remove_file(dir.join("several.2.pcapng")).expect("there");
     let read = |name: &str| Capture::read_recording(&dir.join(name)).expect("readable");
     assert_eq!(read("several.pcapng").1, count - 2);
@@ -255,7 +255,7 @@ fn what_stops_a_recording_is_told_while_the_run_goes_on() {
     let recording = Recording::create(&dir.join("capture.pcapng"), &run.rig, about, limits);
     run.rig
         .add_tap(Box::new(recording.expect("can be written")));
-    // What was gathered is written each half second, at most four pieces ahead of the disk.
+    // Gathered pieces are written each half second, at most four pieces ahead of the disk.
     let mut trouble = None;
     for second in 1..=10 {
         run.go_on_until(Instant::from_secs(second));

@@ -1,4 +1,4 @@
-//! What campaigns found, in its smallest form: each was a failure once.
+//! Findings of campaigns, minimised: each of them failed once.
 
 use std::path::Path;
 

@@ -1,5 +1,5 @@
-//! Whole-run checkers, each with a mutant that it catches. What stops the motors is in `silence`,
-//! what demands a recovery in `faults::schedule`.
+//! Whole-run checkers, each with a mutant that it catches. The checker of stopped motors is in
+//! `silence`, that of the recovery in `faults::schedule`.
 
 use hilrig::robots::{Axis, instruments::Unknown};
 use hilrig::run::Outcome;
@@ -36,8 +36,8 @@ fn the_verdicts_so_far_are_those_of_the_end() {
     assert_eq!(verdict_of("wall-overlap", &outcome).0, Status::Pass);
 }
 
-/// A lidar that sees nothing, before a robot that takes nothing for free space (XV-11): it drives
-/// into the wall at its travelling speed. The sound program stands still.
+/// A lidar that sees nothing, before a robot that takes missing distances for free space (XV-11).
+/// The robot drives into the wall at its travelling speed; the sound program stands still.
 #[test]
 fn a_robot_that_drives_blind_is_caught_at_the_wall() {
     let dark =
@@ -103,8 +103,8 @@ fn a_set_point_beyond_what_the_wheels_can_do_is_caught() {
     assert_eq!(after([0, -36]), ["set-points-in-range"]);
 }
 
-/// A base whose firmware takes the set-points for unsigned (build of 2014): -20 becomes 236, and
-/// the regulator follows as far as it can, 35. No frame said so.
+/// A base whose firmware reads the set-points as unsigned (build of 2014): -20 becomes 236, and the
+/// regulator follows up to its limit, 35. No frame contained that set-point.
 #[test]
 fn a_set_point_that_no_frame_told_is_caught() {
     let after = |profile: &str| {
@@ -135,7 +135,7 @@ fn a_robot_that_does_not_come_to_rest_is_caught() {
     assert_eq!(failed, ["settled: at rest for 0.00 s, at least 3s"]);
 }
 
-/// A robot that is never told where to go.
+/// A robot that never gets a goal.
 #[test]
 fn a_mission_that_does_not_succeed_is_caught() {
     let cut = "[[fault]]\nkind = \"cut\"\nlink = \"radio\"\ndirection = \"to-master\"\n";

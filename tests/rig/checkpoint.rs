@@ -1,4 +1,4 @@
-//! A run continues from a checkpoint as the uninterrupted one does, and a branch as a run of its
+//! A run continues from a checkpoint like the uninterrupted one, and a branch like a run of its
 //! own.
 
 use core::time::Duration;
@@ -101,7 +101,7 @@ fn faulted() -> (Scenario, Source) {
     in_a_room("6s", FAULTS)
 }
 
-/// What must be equal for two runs to count as the same.
+/// Values that must be equal for two runs to count as the same.
 fn identity(outcome: &Outcome) -> (String, Vec<String>, Vec<FaultSpec>, Vec<String>) {
     let checks = outcome.checks.iter().map(ToString::to_string);
     let events = outcome.events.iter().map(ToString::to_string);
@@ -119,8 +119,8 @@ fn cases(usual: u32) -> ProptestConfig {
     ProptestConfig::with_cases(more.unwrap_or(usual))
 }
 
-/// The run continues as well, so both the checkpoint and what it was taken from are seen to be
-/// whole, with what watches whether the robot recovers.
+/// The run continues as well: the test compares the checkpoint and its original, with the check of
+/// the robot's recovery.
 #[test]
 fn taking_a_checkpoint_changes_nothing() {
     let faulted = || {
@@ -142,7 +142,7 @@ fn taking_a_checkpoint_changes_nothing() {
     assert_eq!(identity(&start(faulted()).finish()), whole);
 }
 
-/// The branch was asked for at 2.555 s: what had begun by then cannot be left out or begin later.
+/// The branch is at 2.555 s: faults that began earlier cannot be left out or begin later.
 #[test]
 fn what_has_come_to_bear_cannot_be_taken_back() {
     let (scenario, source) = faulted();
@@ -182,15 +182,15 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     let mut ended = scenario.clone();
     ended.duration = Span::from_millis(2_500);
     assert!(point.resume_as(&ended).is_none());
-    // Only what is still to come may be shorter, or longer.
+    // Only a future fault may become shorter or longer.
     for millis in [2_556, 5_000, 9_000] {
         ended.duration = Span::from_millis(millis);
         assert!(point.resume_as(&ended).is_some(), "{millis}");
     }
 }
 
-/// Whatever else a scenario says, it is another run from the beginning; its words are no part of
-/// it.
+/// Any other change of a scenario makes another run from the beginning. Its names and texts do not
+/// count.
 #[test]
 fn a_run_of_something_else_does_not_branch() {
     let (scenario, source) = faulted();
@@ -234,7 +234,7 @@ fn a_run_of_something_else_does_not_branch() {
     assert!(branches(|it| it.description.push('x')));
 }
 
-/// Asked for at 2.555 s: what was to begin later can begin earlier, but not just then.
+/// The branch is at 2.555 s: later faults can begin earlier, but not at that very time.
 #[test]
 fn what_is_to_come_can_begin_earlier() {
     let (scenario, source) = faulted();
@@ -256,8 +256,8 @@ fn what_is_to_come_can_begin_earlier() {
     );
 }
 
-/// Of two faults that are still to come the first is left out: the second then stands in its place,
-/// and would throw the dice that are named by that, unless its own have a name.
+/// The first of two future faults is left out. The second then has its number, and would use the
+/// random stream of that number, unless its own stream has a name.
 #[test]
 fn dice_that_are_named_by_a_place_keep_it() {
     let cut = "[[fault]]\nkind = 'cut'\nlink = 'base'\ndirection = 'to-master'\nfrom = '5s'\n";
@@ -283,7 +283,7 @@ fn dice_that_are_named_by_a_place_keep_it() {
     assert_eq!(known.map(is_known), [true, false, true, false, true, false]);
 }
 
-/// 200 mm and a rest of 2 s are what a mission is over with if nothing is asked for.
+/// By default a mission ends within 200 mm and with a rest of 2 s.
 #[test]
 fn what_is_judged_in_the_end_can_be_another() {
     let (scenario, source) = faulted();
@@ -318,8 +318,8 @@ fn what_is_judged_in_the_end_can_be_another() {
     }
 }
 
-/// To a run without faults that has come to 2.555 s each of the twelve is added alone: not what
-/// waits for a byte of all, throws dice for each byte, or should have begun by then.
+/// Each of the twelve faults is added alone to a run without faults at 2.555 s. Refused are those
+/// that wait for one byte of all, draw for each byte, or should have begun before.
 #[test]
 fn what_is_still_to_come_can_be_added() {
     let (scenario, source) = faulted();
@@ -377,7 +377,7 @@ proptest! {
         }
     }
 
-    /// Whole missions of several robots, cut anywhere.
+    /// Whole missions of several robots, cut at any time.
     #[test]
     fn resuming_equals_the_uninterrupted_run(
         name in prop::sample::select(vec!["two-rooms", "own-slave", "yellow-reactive", "faulted"]),
@@ -400,9 +400,8 @@ proptest! {
         prop_assert_eq!(identity(&point.resume().finish()), identity(&start(made()).finish()));
     }
 
-    /// Of the twelve faults some are left out, one may begin later or end earlier, and the run may
-    /// be shorter:
-    /// where a branch is possible it comes to what a run from the beginning comes to.
+    /// Some of the twelve faults are left out, one may begin later or end earlier, and the run may
+    /// be shorter. Where a branch is possible, its result equals that of a run from the beginning.
     #[test]
     fn a_branch_equals_a_run_of_its_own(
         kept in 0_u16..1 << 12,
@@ -421,7 +420,7 @@ proptest! {
             let middle = Some(Span((from.0 + until.0) / 2));
             *(if is_late { &mut fault.from } else { &mut fault.until }) = middle;
         }
-        // What has begun, or waits for a byte, has to stay.
+        // A fault that has begun, or waits for a byte, must stay.
         let at = Span(Duration::from_micros(at_us));
         let mut index = 0;
         smaller.fault.retain(|fault| {

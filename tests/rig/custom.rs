@@ -15,7 +15,7 @@ fn read(text: &str) -> Result<(Scenario, Source), ScenarioError> {
     Scenario::parse(Path::new("<test>"), text.to_owned())
 }
 
-/// What `text` is refused with.
+/// The error that refuses `text`.
 fn refusal(text: &str) -> String {
     let wired = read(text).and_then(|(scenario, source)| {
         robots::wire(&scenario, &source, Dut::External, PcEnd::External)
@@ -33,8 +33,8 @@ fn run_of((scenario, source): (Scenario, Source)) -> (Run, Vec<robots::OpenEnd>)
     (Run::with_rig(scenario, rig, instruments), open_ends)
 }
 
-/// 20 cm/s on both wheels for two seconds, said each 100 ms: the robot is 0.4 m further on, less
-/// the half per cent of slip and what the motors take to get there. Then silence: the wheels stop.
+/// 20 cm/s on both wheels for two seconds, repeated each 100 ms. The robot moves by 0.4 m, less the
+/// half per cent of slip and the motors' start. Then silence: the wheels stop.
 #[test]
 fn registers_drive_the_wheels_of_a_robot_of_data() {
     let (mut run, ends) = run_of(shipped("custom-robot"));

@@ -9,7 +9,7 @@ use protocols::Instant;
 
 use super::{run_to_end, shipped, start};
 
-/// What must be equal for two runs to count as the same.
+/// Values that must be equal for two runs to count as the same.
 fn identity(outcome: &Outcome) -> (String, String, String) {
     let map = outcome
         .map
@@ -34,7 +34,7 @@ fn another_seed_gives_other_bytes() {
     assert_ne!(first.trace_hash, run_to_end((scenario, source)).trace_hash);
 }
 
-/// Both cores spin while the run continues: nothing may depend on how fast it goes.
+/// Both cores spin while the run continues: no result may depend on the speed of the run.
 #[test]
 fn load_on_the_processor_changes_nothing() {
     let quiet = identity(&run_to_end(shipped("two-rooms")));
@@ -54,8 +54,8 @@ fn load_on_the_processor_changes_nothing() {
     assert_eq!(quiet, loaded);
 }
 
-/// A saved case means the same again, also when random faults were at work: it holds what they
-/// did, not the dice.
+/// A saved case repeats its run even after random faults: it holds the strikes of the faults, not
+/// the random numbers.
 #[test]
 fn a_saved_case_gives_the_same_bytes_again() {
     let faults = "[[fault]]\nlink = \"base\"\ndirection = \"to-master\"\nkind = \"flip\"\n\
@@ -78,7 +78,7 @@ fn a_saved_case_gives_the_same_bytes_again() {
     assert_eq!(first.case, again.case);
 }
 
-/// How the run is cut into steps is the runner's business, not the world's.
+/// The division of a run into steps concerns the runner, not the world.
 #[test]
 fn looking_more_often_changes_nothing() {
     let mut coarse = start(shipped("empty-room"));
@@ -90,9 +90,9 @@ fn looking_more_often_changes_nothing() {
     assert_eq!(coarse.rig.trace_hash(), fine.rig.trace_hash());
 }
 
-/// Fingerprints of all bytes and of the map, as they were when a device or the robot was last
-/// changed on purpose (2026-11-22: corners before an XV-11, ways that the robot keeps): what is
-/// rebuilt must not change what happens.
+/// Fingerprints of all bytes and of the map, from the last deliberate change of a device or the
+/// robot (2026-11-22: corners before an XV-11, paths that the robot keeps). A refactoring must not
+/// change them.
 const KNOWN: [(&str, &str, &str); 8] = [
     ("empty-room", "f871ede4593d8d0f", "40465fbae0ecf1f5"),
     ("island", "6788eae31727ac18", "34ef713db8579e9e"),
@@ -117,7 +117,7 @@ fn scenarios_give_the_bytes_maps_and_cases_that_they_always_gave() {
     assert_eq!(found, KNOWN);
 }
 
-/// A rig in the middle of a mission continues by itself in a copy, and both come to the same.
+/// A copy of a rig in the middle of a mission continues by itself, and both give the same result.
 #[test]
 fn a_fork_goes_on_as_the_rig_itself_does() {
     let mut run = start(shipped("two-rooms"));

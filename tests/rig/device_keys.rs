@@ -1,4 +1,4 @@
-//! What a scenario can say of a device reaches the device.
+//! Keys of a scenario's devices reach the devices.
 
 use core::time::Duration;
 
@@ -31,8 +31,9 @@ fn a_fault_from_the_start_is_seen_by_the_program() {
     );
 }
 
-/// A sensor that turns the other way mirrors the map. The robot looks at a wall 1.5 m ahead, with
-/// another 0.9 m behind it; angle 0 looks to the right either way, so ahead and behind are swapped.
+/// A sensor that turns in the other direction mirrors the map. The robot looks at a wall 1.5 m
+/// ahead, with another 0.9 m behind it. Angle 0 looks to the right either way, so ahead and behind
+/// are swapped.
 #[test]
 fn a_sensor_that_turns_the_other_way_mirrors_the_map() {
     assert!(wall_ahead("").abs_diff(270) <= 1);
@@ -40,7 +41,7 @@ fn a_sensor_that_turns_the_other_way_mirrors_the_map() {
     assert!(mirrored.abs_diff(120 + 90) <= 1, "{mirrored}");
 }
 
-/// Row of the map in which the robot, in row 120, believes the wall ahead of it.
+/// Row of the map in which the robot, in row 120, has drawn the wall ahead.
 fn wall_ahead(keys: &str) -> usize {
     let mut run = start(in_a_room("9s", keys));
     run.rig.run_for(Duration::from_secs(8));
@@ -90,7 +91,7 @@ fn figures_that_cannot_be_are_refused() {
     );
 }
 
-/// A client is told the rate of the radio that there is, not of the one that the robot had.
+/// A client gets the rate of the configured radio, not that of the robot's usual one.
 #[test]
 fn a_radio_of_another_rate_is_offered_at_it() {
     for (radio, baud) in [("", 460_800), ("[device.radio.hc06]\nbaud = 9600\n", 9_600)] {
@@ -105,8 +106,8 @@ fn a_radio_of_another_rate_is_offered_at_it() {
     }
 }
 
-/// A module as shipped, at 9600: the program sets it up before the PC comes, by four commands of
-/// more than a second each, and no rule of the module is broken.
+/// A module as shipped, at 9600. The program configures it before the PC connects, by four commands
+/// of more than a second each, and breaks no rule of the module.
 #[test]
 fn a_radio_as_shipped_is_set_up_by_the_program() {
     let keys = "[program]\nradio_baud = 9600\n[device.radio.hc06]\nbaud = 9600\n\

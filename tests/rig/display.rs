@@ -1,7 +1,7 @@
-//! The robot's own display: what it shows, what touching it does, and that it disturbs nothing.
+//! The robot's own display: its pictures, its reaction to touches, and no disturbance of the robot.
 //!
 //! The pictures are compared pixel for pixel with those of the folder `pictures`, which a person
-//! has looked at; with `UPDATE_PICTURES=1` in the environment they are written again.
+//! has checked; with `UPDATE_PICTURES=1` in the environment they are written again.
 
 use core::time::Duration;
 use std::path::Path;
@@ -32,7 +32,7 @@ const RESET: [u16; 2] = [280, 130];
 
 const PANEL: &str = "[device.display.touch-panel]\n";
 
-/// A blind robot: what it shows does not depend on how well it maps.
+/// A blind robot: its display does not depend on how well it maps.
 const BLIND: &str = "[device.display.touch-panel]\n[[fault]]\nlink = \"lidar\"\n\
     direction = \"to-master\"\nkind = \"cut\"\nfrom = \"0s\"\nuntil = \"999s\"\n";
 
@@ -50,7 +50,7 @@ fn pass(run: &mut Run, seconds: u64) {
     run.go_on_until(until);
 }
 
-/// Taps, and gives the robot two seconds to show what came of it.
+/// Taps, and gives the robot two seconds to show the result.
 fn tap(run: &mut Run, place: [u16; 2]) {
     run.tap(place).expect("it has a display");
     pass(run, 2);
@@ -73,7 +73,7 @@ fn assert_looks_like(name: &str, seen: &Picture) {
     }
 }
 
-/// Each page, the list of messages, waypoints set by touch: by pictures that were checked.
+/// Each page, the list of messages, waypoints set by touch: compared with checked pictures.
 #[test]
 fn the_screens_look_as_on_the_pictures() {
     let mut run = start(in_a_room("99s", BLIND));
@@ -150,8 +150,8 @@ fn buttons_do_what_they_say() {
     assert_eq!(run.rig.violations(), 0);
 }
 
-/// Switched off, the program says nothing to the PC and hears nothing of it; the half frame of
-/// before must not meet the other half of another.
+/// Switched off, the program sends nothing to the PC and receives nothing from it. A partial frame
+/// from before must not join the rest of another frame.
 #[test]
 fn the_pc_link_is_silent_while_it_is_switched_off() {
     let mut run = start(in_a_room("99s", PANEL));
@@ -191,8 +191,8 @@ fn lidar_is_switched_off(supply: &str) {
     assert!(run.rig.world.is_moving());
 }
 
-/// The seed's robot feeds the motor from its board: at 3.3 V the duty of its start gives 166 rpm,
-/// at which nothing is measured, and at 2.6 V only the highest gives more than 200.
+/// The seed's robot feeds the motor from its board. At 3.3 V the start duty gives 166 rpm, too slow
+/// for a measurement; at 2.6 V only the highest duty gives more than 200.
 #[test]
 fn a_robot_that_drives_its_lidar_brings_it_to_its_speed() {
     for volts in ["2.6", "3.3", "6.0", "9.0"] {
@@ -232,8 +232,8 @@ fn a_reset_takes_two_taps() {
     assert_eq!(least, 0);
 }
 
-/// Bytes both ways are damaged for ten seconds; half a minute later the picture is the one of an
-/// undisturbed robot. Damage is the line's fault, not the program's.
+/// Bytes in both directions are damaged for ten seconds. Half a minute later the picture equals
+/// that of an undisturbed robot. Damage is the line's fault, not the program's.
 #[test]
 fn a_picture_that_a_bad_line_damaged_mends() {
     let noise = |direction| {
@@ -259,8 +259,8 @@ fn a_picture_that_a_bad_line_damaged_mends() {
     assert_eq!(damaged.rig.violations(), 0);
 }
 
-/// The display only draws in the time that is left: the run with it is the run without it, but for
-/// its own line.
+/// The display uses only spare time: a run with it equals the run without it, except for its own
+/// line.
 #[test]
 fn a_display_changes_nothing_else() {
     let run = |with: bool| {

@@ -1,5 +1,5 @@
-//! The rescue robot's search: all that it can reach is checked, then it goes home. Here are a few
-//! mazes of many, and what must not pass.
+//! The rescue robot's search: it explores all reachable space, then goes home. These are a few
+//! mazes of many, and the mutants that must fail.
 
 use hilrig::run::Run;
 use hilrig::scenario::{Action, Scenario};
@@ -32,8 +32,8 @@ fn a_flat_is_searched_to_its_last_corner_and_left_for_home() {
     assert_eq!(judged("rescue-explore", "", |_| {}), [""; 0]);
 }
 
-/// Two panes and a threshold of 4 cm, which the lidar does not see; unread, the infrared sensors
-/// are of no use.
+/// Two panes and a threshold of 4 cm, which the lidar does not see. The infrared sensors help only
+/// if the program reads them.
 #[test]
 fn glass_and_thresholds_are_seen_by_infrared() {
     assert_eq!(judged("rescue-glass", "", |_| {}), [""; 0]);
@@ -56,8 +56,8 @@ fn mazes_of_all_sizes_are_searched() {
     }
 }
 
-/// A person walks through the door to and fro: at most one of them finds the other in its way at a
-/// time, and an unreached place gets another chance.
+/// A person walks through the door to and fro. The person may block the robot for a time, and an
+/// unreached target gets another chance.
 #[test]
 fn something_that_moves_keeps_the_robot_from_nothing() {
     let walker = "[[world.moving]]\npath_m = [[2.2, 2.6], [2.2, 1.3]]\nspeed_m_s = 0.1\n\
@@ -76,8 +76,8 @@ fn faults_on_the_links_cost_time_only() {
     assert_eq!(judged("rescue-maze", faults, maze(5, [3, 3])), [""; 0]);
 }
 
-/// The mutants: a robot that follows walls forever, as before, is not home, and one that is
-/// stopped on its way has not seen everything.
+/// The mutants: a robot that follows walls forever is not home, and a robot stopped early has not
+/// seen everything.
 #[test]
 fn a_robot_that_does_not_search_is_told_from_one_that_does() {
     let told = |mode: &str, at: &str| {

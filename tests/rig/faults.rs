@@ -1,4 +1,4 @@
-//! What goes wrong, and how it is seen on the wire.
+//! Faults, and their effects on the wire.
 
 mod any;
 mod boards;

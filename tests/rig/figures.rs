@@ -55,7 +55,7 @@ struct Beams {
     readings: Vec<(Instant, usize, f64)>,
 }
 
-/// Readings of degree 0 on the way past a wall that recedes at 45 degrees.
+/// Readings of degree 0 while the robot passes a wall that recedes at 45 degrees.
 fn ranges_of_beam_0(rig: &mut Rig, node: usize, turns: u32) -> Vec<f64> {
     let mut beams = Beams::default();
     for _ in 0..turns * 100 {
@@ -78,9 +78,9 @@ fn ranges_of_beam_0(rig: &mut Rig, node: usize, turns: u32) -> Vec<f64> {
 }
 
 /// S2: at 0.3 m/s the robot moves 60 mm during one revolution, and the raw scan shows it. Beam 0
-/// looks to the right at a wall that runs at 45 degrees to the way: each millimetre forwards makes
-/// it one millimetre more, so the seam between the end and the beginning of a turn is 60 mm high.
-/// The speed is set by the world, without the program.
+/// looks to the right at a wall at 45 degrees to the path. Each millimetre forwards makes it one
+/// millimetre longer, so the seam between the end and the beginning of a turn is 60 mm high. The
+/// world sets the speed, without the program.
 #[test]
 fn s2_the_raw_scan_is_smeared_by_60_mm_at_0_3_m_s() {
     use emulators::world::{BodyConfig, Drive, Point, Pose, Scene, Shape, Wheel, World};
@@ -128,9 +128,9 @@ fn s2_the_raw_scan_is_smeared_by_60_mm_at_0_3_m_s() {
     }
 }
 
-/// S3: pushed by 400 mm within a second at rest, the robot knows where it is again after six
-/// searches (1.2 s) of about a thousand tries, with the document's algorithm and constants. "Again"
-/// is within 50 mm, an eighth of the push; the search is random, so five seeds have a median.
+/// S3: a push of 400 mm within a second at rest. The robot knows its pose again after six searches
+/// (1.2 s) of about a thousand tries, with the document's algorithm and constants. "Again" is
+/// within 50 mm, an eighth of the push; the search is random, so five seeds have a median.
 #[test]
 fn s3_a_push_of_400_mm_is_made_good_in_six_searches() {
     let mut errors: Vec<f64> = (1..=5)
@@ -141,8 +141,8 @@ fn s3_a_push_of_400_mm_is_made_good_in_six_searches() {
     assert!(errors[4] < 100.0, "{errors:?}");
 }
 
-/// The same push with the mapper that the robot has by default: within two searches, and nearer,
-/// with every seed: 0.3 to 6.5 mm were measured.
+/// The same push with the robot's default mapper. The robot knows its pose within two searches, and
+/// more exactly, with every seed: 0.3 to 6.5 mm were measured.
 #[test]
 fn s3_the_default_mapper_is_there_after_two_searches() {
     let errors: Vec<f64> = few(5, 0..20)
@@ -287,10 +287,10 @@ fn bare_line(line: LineConfig) -> (Rig, usize, usize) {
     (rig, from, to)
 }
 
-/// S8: with bits flipped, bytes lost, doubled and inserted on the register bus, both ways, the base
-/// never acts on a wrong set-point: those that it takes are ones that the program sent, and lost
-/// writes are repeated. The checksum is a plain sum, so a damaged frame passes now and then by
-/// luck (two flips: 5.9 %, measured); at this rate of single flips none does.
+/// S8: with bits flipped, bytes lost, doubled and inserted on the register bus, in both directions,
+/// the base never acts on a wrong set-point. It takes only set-points that the program sent, and
+/// lost writes are repeated. The checksum is a plain sum, so a damaged frame sometimes passes by
+/// chance (two flips: 5.9 %, measured); at this rate of single flips none does.
 #[test]
 fn s8_no_set_point_is_ever_wrong_on_a_bad_line() {
     let more = "[mission]\nwaypoints_m = [[1.5, 2.2], [0.9, 1.5], [1.5, 1.0]]\n";

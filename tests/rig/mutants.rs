@@ -1,6 +1,6 @@
 //! The fielded program's defects in the whole rig: devices, lines and world, one defect at a time.
-//! Each row's sign is false without the defect. What no run of the rig can show is listed with the
-//! reason; its exhibit in the museum catches it.
+//! Each row's sign is false without the defect. A list names the defects that no run of the rig can
+//! show, with the reason; their exhibits in the museum catch them.
 
 mod occasions;
 mod signs;
@@ -16,11 +16,11 @@ use super::{in_a_room, start};
 /// A defect in the rig.
 struct Row {
     id: &'static str,
-    /// What is added to an empty room.
+    /// Text added to the scenario of an empty room.
     occasion: fn() -> String,
-    /// When the sign is looked for.
+    /// Time at which the sign is checked.
     after_ms: u64,
-    /// What tells the defect.
+    /// The sign of the defect.
     sign: fn(&Run) -> bool,
 }
 
@@ -90,7 +90,7 @@ const ROWS: [Row; 44] = {
     ]
 };
 
-/// Switches that no run of the rig tells, and why. The museum's exhibits do.
+/// Switches without a sign in any run of the rig, and why. The museum's exhibits have one.
 #[rustfmt::skip]
 const EXHIBITS_ONLY: [(&str, &str); 17] = [
     ("MA-03", "a reply is given up long before its 127th byte"),
@@ -112,8 +112,8 @@ const EXHIBITS_ONLY: [(&str, &str); 17] = [
     ("NV-05", "no frame holds more than 56 waypoints"),
 ];
 
-/// Whether the row's sign is there, with its defect or without. Those of the mapper are compared
-/// with the same way to map.
+/// Whether the row's sign shows, with its defect or without. Those of the mapper are compared with
+/// the same mapping method.
 fn shows(row: &Row, defect: Option<&str>) -> bool {
     let program = match defect {
         Some(id) => format!("[program]\ndefects = [\"{id}\"]\n"),

@@ -29,7 +29,7 @@ fn python(name: &str) -> String {
     format!("PYTHONPATH={root}/python/src exec python3 {root}/nodes/examples/{name}.py")
 }
 
-/// The next line that comes at `port`; the bytes so far if none comes in time.
+/// The next line from `port`; the bytes so far if none comes in time.
 fn line(port: &mut VirtualPort) -> String {
     let mut line = Vec::new();
     let mut byte = [0];
@@ -39,7 +39,7 @@ fn line(port: &mut VirtualPort) -> String {
     String::from_utf8_lossy(&line).into_owned()
 }
 
-/// Weighs, zeroes, weighs; what the scale said, and what became of the run.
+/// Weighs, zeroes, weighs; returns the scale's text and the outcome of the run.
 fn weighed(more: &str) -> (String, Outcome) {
     let (scenario, source) = scenario(&python("scale"), more);
     let bench = Bench::new(scenario, &source).expect("wired");
@@ -54,8 +54,8 @@ fn weighed(more: &str) -> (String, Outcome) {
     (said, bench.judge())
 }
 
-/// The load is 100.25 g and grows by 0.01 g each half second: by 0.03 g until it is zeroed, a
-/// second after the request at 0.66 s, and by 0.04 g until it is weighed again at 2.27 s.
+/// The load is 100.25 g and grows by 0.01 g each half second. It grows by 0.03 g until the zeroing,
+/// a second after the request at 0.66 s, and by 0.04 g until the second weighing at 2.27 s.
 #[test]
 fn a_device_in_python_gives_the_same_bytes_on_each_run() {
     let (said, first) = weighed("");
@@ -82,7 +82,7 @@ fn faults_of_a_program_are_faults_of_the_scenario() {
     );
 }
 
-/// Only the first exchange takes place: a program that asks for nothing is not called.
+/// Only the first exchange takes place: a program without requests is not called.
 #[test]
 fn an_idle_program_costs_nothing() {
     let (scenario, source) = scenario(&python("scale"), "");
@@ -92,7 +92,7 @@ fn an_idle_program_costs_nothing() {
     assert_eq!(node.exchanges(), 1);
 }
 
-/// The copy has a process of its own, which begins with what the first one saved.
+/// The copy has a process of its own, which begins with the state that the first one saved.
 #[test]
 fn a_program_that_can_save_takes_part_in_checkpoints() {
     let fault = "[[fault]]\nkind = \"device\"\ndevice = \"scale\"\nfault = \"draught\"\n\
@@ -151,7 +151,7 @@ fn a_program_that_fails_ends_the_run() {
     assert!(noted, "the log says so as well");
 }
 
-/// A fault that only the program knows must not hide that the program is not there.
+/// A fault that only the program knows must not hide a missing program.
 #[test]
 fn a_program_that_cannot_be_greeted_fails_as_a_check_also_with_faults() {
     let fault = "[[fault]]\nkind = \"device\"\ndevice = \"scale\"\nfault = \"draught\"\n\
@@ -165,7 +165,7 @@ fn a_program_that_cannot_be_greeted_fails_as_a_check_also_with_faults() {
     assert_eq!(failed.map(|check| &*check.name), Some("node-programs"));
 }
 
-/// The frames are those of the description `mt-sics`; a line that is none is the driver's mistake.
+/// The frames are those of the description `mt-sics`; an invalid line is the driver's mistake.
 #[test]
 fn a_program_gets_messages_in_the_place_of_bytes() {
     let (mut scenario, source) = scenario(&python("typed_scale"), "");

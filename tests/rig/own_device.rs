@@ -13,7 +13,7 @@ fn wire((scenario, source): (Scenario, Source)) -> Result<Wired, ScenarioError> 
     robots::wire(&scenario, &source, Dut::External, PcEnd::External)
 }
 
-/// What comes back on an open end within 20 ms.
+/// Bytes that come back on an open end within 20 ms.
 fn asked(rig: &mut Rig, node: usize, bytes: &[u8]) -> Vec<u8> {
     rig.inject(node, bytes);
     rig.run_for(Duration::from_millis(20));
@@ -222,8 +222,8 @@ fn register_beacon() {
     let _ = hilrig::scenario::device::register(beacon::BeaconKind);
 }
 
-/// At stake: that a kind need not be one of ours. Its settings are read, written back as they were,
-/// and its device is wired on the kind of link that it asks for.
+/// At stake: that a device kind may come from another crate. Its settings are read and written back
+/// unchanged, and its device is wired on the kind of link that it needs.
 #[test]
 fn a_kind_of_another_crate_is_one_like_ours() {
     register_beacon();

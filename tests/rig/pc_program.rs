@@ -57,9 +57,9 @@ fn on_the_robot(run: &Run) -> Vec<[i16; 2]> {
 }
 
 /// One byte in 10,000 lost and one in 10,000 flipped between robot and radio: some 3 % of the map's
-/// rows, so that hardly one in 30,000 is lost three times. Three passes of 300 rows later every row
-/// has come, and each is what the robot holds. A pass takes 5.9 s at most: 320 B a row would be
-/// sent at 12 kB/s, of which poses take 5 %.
+/// rows are damaged, and hardly one in 30,000 is lost three times. Three passes of 300 rows later
+/// every row has arrived and equals the robot's. A pass takes 5.9 s at most: 320 B a row at 12
+/// kB/s, of which poses take 5 %.
 #[test]
 fn over_a_lossy_radio_the_map_is_whole_and_right_within_three_passes() {
     let fault = |kind| {
@@ -86,7 +86,7 @@ fn over_a_lossy_radio_the_map_is_whole_and_right_within_three_passes() {
     wait_for(&mut run, 60 * SECOND, |run| {
         rows_sent(run) >= before + 3 * 300
     });
-    // The last row's way through the radio.
+    // Time of the last row through the radio.
     run.go_on_until(run.rig.now() + Duration::from_millis(200));
     let wrong = wrong_cells(&run);
     assert!(wrong.is_empty(), "{wrong:?}");
@@ -103,7 +103,7 @@ fn rows_sent(run: &Run) -> u64 {
     sent
 }
 
-/// Cells that are not the robot's: x, y, what the PC has, what the robot has.
+/// Cells that differ from the robot's: x, y, the PC's value, the robot's value.
 fn wrong_cells(run: &Run) -> Vec<[usize; 4]> {
     let (seen, held) = (pc(run).map().expect("known"), run.rig.program());
     let held = held.and_then(|program| program.map()).expect("has a map");
@@ -120,8 +120,8 @@ fn wrong_cells(run: &Run) -> Vec<[usize; 4]> {
     both.filter(|[.., seen, held]| seen != held).collect()
 }
 
-/// The radio is gone for 25 s, longer than the 20 s after which both ends give up; two seconds
-/// after it is back the program hears the robot, without an action of the operator.
+/// The radio is gone for 25 s, longer than the 20 s after which both ends give up. Two seconds
+/// after it is back the program receives the robot again, without an action of the operator.
 #[test]
 fn after_a_lost_radio_the_program_is_back_within_two_seconds() {
     for away in [21_000, 25_300, 27_777, 60_000] {
@@ -144,7 +144,7 @@ fn radio(run: &mut Run) -> &mut Hc06 {
     run.rig.device_mut("radio").expect("emulated")
 }
 
-/// PU-10: on its way to the third waypoint the robot got a list of one, and drove to (-1, -1).
+/// PU-10: while it drove to the third waypoint the robot got a list of one, and drove to (-1, -1).
 #[test]
 fn pu_10_a_shorter_list_changes_the_target() {
     let mut run = connected("");
@@ -175,8 +175,9 @@ fn pu_11_a_robot_without_waypoints_stops() {
 }
 
 /// PU-12 and PU-14: 21 waypoints overflowed the robot's queue of 200 bytes, and each byte waited
-/// for a row of the map. The longest list, 523 bytes, is confirmed within a second, though the
-/// map is on its way all the time: 26 ms through the radio, the echo behind one row, its way back.
+/// for a row of the map. The longest list, 523 bytes, is confirmed within a second, although the
+/// robot sends the map all the time: 26 ms through the radio, the echo behind one row, its way
+/// back.
 #[test]
 fn pu_12_and_14_the_longest_list_is_confirmed_within_a_second() {
     let mut run = connected("");
@@ -197,8 +198,8 @@ fn pu_12_and_14_the_longest_list_is_confirmed_within_a_second() {
     assert!(took <= SECOND, "{took:?}");
 }
 
-/// PU-15, PU-20 and PU-21: driving by hand works, the order is said at least once a second, and a
-/// robot whose PC disconnects is not driven on.
+/// PU-15, PU-20 and PU-21: driving by hand works, the order is repeated at least once a second, and
+/// a robot whose PC disconnects stops.
 #[test]
 fn a_hand_drives_the_robot_until_it_is_gone() {
     let mut run = connected("");

@@ -1,5 +1,5 @@
-//! report.html as text: what it says, that it is the run's alone, and that nothing of others is
-//! markup. What a browser makes of it: `tests/page/report.rs`.
+//! report.html as text: its content, no data of other runs, and no markup from outside texts. Its
+//! display in a browser: `tests/page/report.rs`.
 
 use hilrig::show::report;
 
@@ -29,12 +29,12 @@ fn a_report_says_what_was_demanded_and_what_came_of_it() {
     assert!(html.contains("<span id=\"verdict\" class=\"fail\">FAIL</span>"));
     assert!(html.contains("<tr class=\"fail\"><td>FAIL</td><td>wall-overlap</td>"));
     assert!(html.contains("<tr class=\"pass\"><td>ok</td><td>bytes-conserved</td>"));
-    // What came of the rate is one row, with the bytes that it hit.
+    // The result of the rate is one row, with the damaged bytes.
     let row = "<td>flip</td><td>base</td><td>to the device</td><td><details><summary>";
     assert_eq!(html.matches(row).count(), 1);
 }
 
-/// The description ends no element and begins none; the policy lets nothing load.
+/// The description cannot end or begin an element; the policy forbids all loads.
 #[test]
 fn nothing_of_the_scenario_is_markup() {
     let html = wounded();
@@ -45,7 +45,7 @@ fn nothing_of_the_scenario_is_markup() {
     assert!(!html.contains("://"), "an address");
 }
 
-/// The cause stands before everything else, what passed is folded behind it.
+/// The cause stands before everything else; passed checks are folded behind it.
 #[test]
 fn a_failing_report_begins_with_its_cause() {
     let html = wounded();

@@ -2,8 +2,8 @@
 
 use super::{failures, run_to_end, shipped};
 
-/// R4: at the block's corner the robot turned to and fro between two ways of the same length, for
-/// 5,020 s with seed 14. These are the five of the seeds 0 to 199 that did.
+/// R4: at the block's corner the robot turned to and fro between two paths of the same length, for
+/// 5,020 s with seed 14. These are the five seeds of 0 to 199 with this failure.
 #[test]
 fn a_robot_at_a_corner_finds_its_way_round() {
     for seed in [14, 25, 46, 128, 191] {

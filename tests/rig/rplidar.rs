@@ -45,7 +45,7 @@ impl Client {
         self.port.flush().expect("sent");
     }
 
-    /// What came until the line was quiet or `len` bytes were there.
+    /// Frames received until the line is quiet or `len` bytes are there.
     fn take(&mut self, len: usize) -> Vec<Frame> {
         let mut bytes = vec![0; len];
         let mut taken = 0;
@@ -82,7 +82,8 @@ fn health(frames: &[Frame]) -> Option<Status> {
     }
 }
 
-/// Asks for a scan and takes `len` bytes, the first of which wait for the rotation; the nodes.
+/// Requests a scan and takes `len` bytes; the first of them wait for the rotation. Returns the
+/// nodes.
 fn scan(client: &mut Client, len: usize) -> Vec<Node> {
     client.port.set_timeout(Duration::from_secs(3));
     client.say(Command::Scan);
@@ -102,9 +103,9 @@ fn wall_mm(angle_deg: f32) -> f32 {
     format!("{nearest}").parse().expect("a number")
 }
 
-/// What a vendor's client does first, and a turn whose ranges are those of the room: 5.5 turns a
-/// second of a sample each 508 us are 358 nodes a turn, sigma is 0.25 % of the range. Some nodes
-/// have no distance.
+/// The first requests of a vendor's client, and a turn whose ranges are those of the room. 5.5
+/// turns a second with a sample each 508 us are 358 nodes a turn; sigma is 0.25 % of the range.
+/// Some nodes have no distance.
 #[test]
 fn a_client_gets_a_turn_that_agrees_with_the_room() {
     let bench = room("profile = \"fw1.29\"");
@@ -148,8 +149,8 @@ fn the_same_seed_gives_the_same_scan() {
     assert_ne!(recorded("").0, recorded("profile = \"fw1.24\"").0);
 }
 
-/// A fault of the scenario that sets in during a scan: from 3 s on nothing is seen any more, and
-/// one of the settings: the turn begins elsewhere.
+/// A fault of the scenario during a scan: from 3 s on the sensor sees nothing. And a fault of the
+/// settings: the turn begins elsewhere.
 #[test]
 fn a_fault_of_the_device_shows_in_the_stream() {
     let fault =
@@ -167,7 +168,7 @@ fn a_fault_of_the_device_shows_in_the_stream() {
     assert!(client.bytes.starts_with(&[0xAA, 0x55]));
 }
 
-/// One motor per way to drive it: with the pin nothing turns before its first byte.
+/// One motor for each kind of control: with the pin it stands until the first byte.
 #[test]
 fn the_motor_turns_by_what_is_wired() {
     let bench = room("motor = \"pwm\"");
@@ -188,7 +189,7 @@ fn the_motor_turns_by_what_is_wired() {
     assert_eq!(unknown.to_string(), known);
 }
 
-/// Errors name the key, what was found and what is expected.
+/// Errors name the key, the found value and the expected one.
 #[test]
 fn settings_that_cannot_be_are_refused() {
     let refused = |keys: &str| {

@@ -47,9 +47,9 @@ fn motors_stop_when_the_master_falls_silent() {
     assert!(!run.rig.world.is_moving());
 }
 
-/// A person presses the button on the robot, at 6 s and for two seconds: it stops and stays where
-/// it is, though the base drives again from 12 s on, when the button was pressed once more. The
-/// PC's order at 14 s makes it continue. (Seed report, page 9.)
+/// A person presses the button on the robot, at 6 s and for two seconds. The robot stops and stays.
+/// The base drives again from 12 s on, after another press, but the robot still waits. The PC's
+/// order at 14 s makes it continue. (Seed report, page 9.)
 #[test]
 fn the_stop_button_stops_the_robot_until_the_pc_lets_it_go_on() {
     let button = |from: &str, lasting: &str| {
@@ -77,8 +77,8 @@ fn the_stop_button_stops_the_robot_until_the_pc_lets_it_go_on() {
     assert_eq!(super::failures(&run.finish()), Vec::<String>::new());
 }
 
-/// What a checker is worth is shown by what it catches: a base whose firmware never stops
-/// (build of 2014, where the register restored the set-point).
+/// Proof of the checker by a mutant: a base whose firmware never stops (build of 2014, where the
+/// register restored the set-point).
 #[test]
 fn the_checker_catches_the_base_that_never_stops() {
     let device = "[device.base.avr-base]\nprofile = \"rcj2015-2014\"\n";
@@ -102,8 +102,8 @@ fn the_checker_catches_the_base_that_never_stops() {
 proptest! {
     #![proptest_config(crate::thorough::cases(48))]
 
-    /// Noise may cost commands, never the line: two clean seconds later the robot drives again,
-    /// and at no time does a base drive on without a master.
+    /// Noise may cost commands, never the line: two clean seconds later the robot drives again, and
+    /// a base never drives on without a master.
     #[test]
     fn bit_flips_never_stop_a_driving_robot_for_good(seed: u32, one_in in 20_u32..400) {
         let mut run = start(in_a_room("16s", DRIVES));

@@ -1,5 +1,5 @@
-//! Turns are the same however a lidar's stream is cut: an adapter hands over what its timer
-//! gathered, a client reads what its buffer holds, and neither knows of packets.
+//! Turns do not depend on how a lidar's stream is cut. An adapter delivers the bytes that its timer
+//! gathered, a client reads the bytes in its buffer, and neither knows packets.
 
 use core::time::Duration;
 use std::io::{Read as _, Write as _};
@@ -39,7 +39,7 @@ impl Recorded {
         Self { bench, bytes }
     }
 
-    /// Eight turns of packets and what comes before them.
+    /// Eight turns of packets and the bytes before them.
     fn xv11() -> Self {
         let device = "[device.lidar.xv11]\nsupply = { regulated-rpm = 300 }";
         Self::new(device, &[], 8 * 90 * xv11::FRAME_LEN)
@@ -51,7 +51,7 @@ impl Recorded {
         Self::new(device, command.request().as_bytes(), 12_000)
     }
 
-    /// What the page reads of reads of `lens` bytes in turn.
+    /// The page's turns from reads of `lens` bytes in turn.
     fn shown(&self, lens: &[usize]) -> Vec<Vec<Beam>> {
         let run = self.bench.run();
         let scanner = run.instruments().scanner(&run.rig);
@@ -116,7 +116,7 @@ fn any_lens() -> impl Strategy<Value = Vec<usize>> {
     vec(len, 1..40)
 }
 
-/// One byte at a time is the stream as the line has it.
+/// One byte at a time: the stream as on the line.
 const UNCUT: [usize; 1] = [1];
 
 #[test]
@@ -152,7 +152,7 @@ fn an_rplidars_turns_do_not_depend_on_where_its_stream_is_cut() {
     });
 }
 
-/// Capsules tell their angles only with the next one, so that a cut has more to break.
+/// Capsules need the next one for their angles, so a cut can do more harm.
 #[test]
 fn turns_of_capsules_do_not_depend_on_where_the_stream_is_cut() {
     let recorded = Recorded::rplidar(rplidar::Command::ExpressScan { mode: 0 });

@@ -1,5 +1,5 @@
-//! The robot yellow in whole runs: its four shipped scenarios over a few seeds, and what a fielded
-//! law or a dead PC does to them.
+//! The robot yellow in whole runs: its four shipped scenarios over a few seeds, and the effect of a
+//! fielded law or a dead PC on them.
 
 use std::path::Path;
 
@@ -23,7 +23,7 @@ fn passes(name: &str, seeds: impl IntoIterator<Item = u64>) {
     }
 }
 
-/// Acceptance YE6: of 20 seeds 19 leave the labyrinth, none touches a wall.
+/// Acceptance YE6: 19 of 20 seeds leave the labyrinth, none touches a wall.
 #[test]
 fn ye6_nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
     let (seeds, mut out) = (few(5, 0..20), 0);
@@ -36,8 +36,8 @@ fn ye6_nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
     assert!(out + 1 >= seeds.len(), "{out} of {}", seeds.len());
 }
 
-/// YR-01, the published law: it touches walls at the corners that ours passes, faster than a touch
-/// that does no harm.
+/// YR-01, the published law: it touches walls at corners that the shipped law passes, and faster
+/// than is harmless.
 #[test]
 fn ye6_the_published_law_runs_into_corners() {
     let fielded = |scenario: &mut Scenario| {
@@ -49,7 +49,7 @@ fn ye6_the_published_law_runs_into_corners() {
     assert!(failed.iter().any(is_contact), "{failed:?}");
 }
 
-/// What is waited for in a case is waited for again: maps, ways and places alike come to the same.
+/// A case repeats the mission's waits: maps, paths and targets are all equal.
 #[test]
 fn the_case_of_a_mission_that_waits_is_that_mission() {
     for name in few(1, ["yellow-map", "yellow-alike"]) {
@@ -79,8 +79,8 @@ fn ye11_a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
 }
 
 /// Acceptance YE12: within 5 cm of four targets, one after the other, without a contact. Seed 4 saw
-/// a wall in mid-air, 6 ran into one after a long stretch by odometry alone, 103 stood 33 mm beside
-/// a target and was not waited for when it was told again.
+/// a wall in mid-air. Seed 6 ran into one after a long stretch by odometry alone. Seed 103 stood 33
+/// mm beside a target, and the mission did not wait for it after the repeated order.
 #[test]
 fn ye12_targets_are_reached_within_5_cm_while_a_third_of_the_commands_is_lost() {
     passes("yellow-lost-commands", [4, 6, 103]);
@@ -107,8 +107,8 @@ start = { x_m = 0.5, y_m = 0.5, heading_deg = 0 }
 path_m = [[0, 0], [1.5, 0], [1.5, 1.4], [0, 1.4], [0, 0]]
 "#;
 
-/// D2: a target with an orientation, within 5 cm and 0.06 rad, 3.4 degrees; and a pose by hand,
-/// which the robot believes.
+/// D2: a target with an orientation, within 5 cm and 0.06 rad, 3.4 degrees; and a pose set by hand,
+/// which the robot accepts.
 #[test]
 fn d2_a_target_has_an_orientation_and_a_pose_can_be_given_by_hand() {
     let (scenario, source) = Scenario::parse(Path::new("<test>"), ROOM.to_owned()).expect("sound");

@@ -10,13 +10,13 @@ use serialport::TTYPort;
 /// The variable that makes this test binary a client with that bug.
 pub(crate) const BUG: &str = "HILRIG_TEST_CLIENT";
 
-/// Silence that ends a half-received frame. On a busy machine less of it is in the middle of one.
+/// Silence that ends a partial frame. On a busy machine a shorter silence may occur inside a frame.
 const IDLE: Duration = Duration::from_millis(15);
 /// Registers that it has.
 const REGISTERS: u8 = 32;
 
-/// Not a test of anything: what `hilrig fuzz --exec` starts in the tests beside it. Without the
-/// variable there is nothing to do.
+/// Not a test: `hilrig fuzz --exec` starts it as a client in other tests. Without the variable it
+/// does nothing.
 #[test]
 fn the_client_of_other_tests_ends_only_when_its_port_does() {
     let (Ok(bug), Ok(dir)) = (std::env::var(BUG), std::env::var("HILRIG_DIR")) else {
@@ -39,9 +39,8 @@ fn the_client_of_other_tests_ends_only_when_its_port_does() {
     }
 }
 
-/// What it has heard, and which bug it has: `crash`, `hang`, `accept`, `meddle`, `patient` or
-/// another word for
-/// none.
+/// A client with its received bytes and its bug: `crash`, `hang`, `accept`, `meddle`, `patient` or
+/// another word for none.
 pub(crate) struct Client {
     bug: String,
     pending: Vec<u8>,
@@ -55,7 +54,7 @@ impl Client {
         }
     }
 
-    /// What it answers to `bytes`; none of them: the line was idle.
+    /// The answer to `bytes`; no bytes mean an idle line.
     pub(crate) fn hears(&mut self, bytes: &[u8]) -> Vec<u8> {
         if bytes.is_empty() {
             if self.bug != "patient" {
@@ -70,8 +69,8 @@ impl Client {
         core::iter::from_fn(|| self.step()).flatten().collect()
     }
 
-    /// Drops what begins no frame, takes the first frame out and answers it; nothing if more bytes
-    /// are needed.
+    /// Drops bytes that begin no frame, takes the first frame out and answers it; `None` if more
+    /// bytes are needed.
     fn step(&mut self) -> Option<Vec<u8>> {
         let start = self.pending.iter().position(|&byte| byte == 0xAB);
         self.pending.drain(..start.unwrap_or(self.pending.len()));

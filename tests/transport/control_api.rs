@@ -42,7 +42,7 @@ impl Client {
     }
 }
 
-/// The contract, used from Python with nothing but its standard library.
+/// The contract, used from Python with its standard library alone.
 const PYTHON: &str = r#"
 import json, socket, sys
 sock = socket.socket(socket.AF_UNIX); sock.connect(sys.argv[1]); sock.settimeout(120)
@@ -105,8 +105,8 @@ fn a_python_client_does_all_that_the_contract_says() {
     assert_eq!((case.mission.step.len(), case.fault.len()), (1, 1));
 }
 
-/// Silent clients, one that sends half a line, one that never reads: the seventeenth is served, and
-/// when all places are taken the one that was silent for longest is told and goes.
+/// Silent clients, one that sends half a line, one that never reads: the seventeenth is served.
+/// When all places are taken, the client that was silent for longest gets a message and is closed.
 #[test]
 fn silent_clients_keep_nobody_out() {
     let dir = fresh_path("silent");
@@ -132,7 +132,7 @@ fn silent_clients_keep_nobody_out() {
     assert!(status.success(), "{said}");
 }
 
-/// Nothing that comes in is fatal, and a client that does not read is not served without end.
+/// No input is fatal, and the rig does not serve a client without end that does not read.
 #[test]
 fn malformed_huge_and_unread_lines_are_bounded() {
     let dir = fresh_path("floods");
@@ -265,8 +265,8 @@ fn what_does_not_come_is_told_at_its_time_and_what_there_is_not_at_once() {
     assert_eq!(run.rig.now(), Instant::from_millis(123));
 }
 
-/// Steps that wait are done in order when what they wait for comes true, and the saved case, in
-/// which they wait as well, gives the same bytes.
+/// Steps with a condition are done in order when their conditions come true. The saved case waits
+/// for the same conditions and gives the same bytes.
 #[test]
 fn steps_of_a_mission_wait_for_conditions() {
     let mut run = run_of(

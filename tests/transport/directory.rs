@@ -60,8 +60,8 @@ fn nothing_that_is_not_ours_is_overwritten() {
     assert!(fs::symlink_metadata(path.join("base")).is_ok());
 }
 
-/// A rig that was killed removes nothing. Its numbers are soon in use again, so that a link looks
-/// alive proves nothing; the record that it left tells whose it was.
+/// A killed rig removes nothing. Its process numbers are soon in use again, so a link that looks
+/// alive proves nothing; the record left by the rig names its owner.
 #[test]
 fn links_of_a_killed_rig_are_replaced() {
     let path = fresh_path("killed_rig");
@@ -115,7 +115,7 @@ fn a_note_is_not_written_through_a_link() {
     assert_untouched(&victim, &error, link);
 }
 
-/// The same of the name under which a note is made before it gets its own.
+/// The same for the temporary name of a note.
 #[test]
 fn a_note_in_the_making_follows_no_link() {
     let (path, victim) = trapped_dir("note_new_link", ".hilrig-scenario.toml.part");
@@ -144,7 +144,7 @@ fn the_record_is_not_written_into_a_file_that_has_another_name_too() {
     assert_untouched(&victim, &error, ".hilrig-ports");
 }
 
-/// What a killed rig left is replaced.
+/// The note of a killed rig is replaced.
 #[test]
 fn a_note_that_was_left_behind_is_replaced() {
     let path = fresh_path("old_note");

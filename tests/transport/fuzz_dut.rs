@@ -41,7 +41,7 @@ fn run(command: &mut Command, bug: &str) -> (Option<i32>, String) {
 
 const ON_LINK: [&str; 2] = ["--link", "gripper"];
 
-/// Searches, and returns the folder, what was found, and what was said.
+/// Searches, and returns the folder, the names of the findings, and the output.
 fn search(bug: &str, more: &[&str]) -> (PathBuf, Vec<String>, String) {
     let out = fresh_path(&format!("fuzz-{bug}"));
     let found = search_in(&out, &client(), bug, &[&ON_LINK, more].concat());
@@ -72,8 +72,8 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).expect("the command wrote it")
 }
 
-/// The client ends by SIGABRT at a frame of more than 64 bytes of data. What is left of the case
-/// still does it, by the one line that the finding names.
+/// The client ends by SIGABRT at a frame of more than 64 bytes of data. The minimised case still
+/// makes it crash, by the one command line in the finding.
 #[test]
 fn a_crash_is_found_and_its_command_repeats_it() {
     let (out, names, said) = search("crash", &["--cases", "1", "--shrink", "12"]);
@@ -159,8 +159,8 @@ fn nothing_is_found_in_a_sound_program() {
     assert!(said.contains(expected), "{said}");
 }
 
-/// The gripper says what is wrong: a write to a register that is read-only. No fault is needed for
-/// that, and none is left.
+/// The gripper reports the violation: a write to a read-only register. The finding needs no fault,
+/// and none is left in it.
 #[test]
 fn a_broken_rule_of_a_device_is_found() {
     let out = fresh_path("fuzz-meddle");
@@ -216,7 +216,7 @@ fn a_program_that_spins_is_found_in_virtual_time() {
     assert_eq!(names, ["01-spins"], "{said}");
 }
 
-/// A C program with counters is seen to have some, and what it was told is kept for being new.
+/// The search detects the counters of a C program, and keeps inputs that reach new code.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn a_program_that_counts_what_it_reaches_leads_the_search() {
@@ -249,7 +249,7 @@ fn a_program_that_counts_what_it_reaches_leads_the_search() {
     assert!(read(&out.join("dut.json")).contains("\"pool\""), "{said}");
 }
 
-/// Interrupted in the middle, it leaves no port and no program behind, and says what it did.
+/// An interrupted search leaves no port and no program behind, and prints its result so far.
 #[test]
 fn an_interrupted_search_ends_its_program() {
     let out = fresh_path("fuzz-interrupted");
@@ -277,7 +277,7 @@ fn an_interrupted_search_ends_its_program() {
     drop(command);
     let mut shown = String::new();
     let mut buf = [0; 256];
-    // From the first case on there is something to say.
+    // After the first case the search knows which frames are answered.
     wait_until(|| {
         let len = screen.read(&mut buf).unwrap_or(0);
         shown += &String::from_utf8_lossy(&buf[..len]);
@@ -338,7 +338,7 @@ fn a_program_behind_a_port_is_asked_as_well() {
     assert!(said.contains("-accepts-corrupt-frame: "), "{said}");
 }
 
-/// Set-up errors: what is wrong, what was expected, exit code 2.
+/// Set-up errors: the error, the expected value, exit code 2.
 #[test]
 fn programs_that_cannot_be_fuzzed_are_named_with_the_reason() {
     let out = fresh_path("fuzz-cannot");
@@ -364,7 +364,7 @@ fn programs_that_cannot_be_fuzzed_are_named_with_the_reason() {
              port, saying: no port; expected it to open one of {ports} in OUT/ports\n"
         )
     );
-    // What a shell says of a program that it does not find differs from shell to shell.
+    // Shells differ in their message for a missing program.
     let missing = exec("no-such-robot", &[]);
     assert!(
         missing.contains("ended with exit code 127 before it opened a port"),

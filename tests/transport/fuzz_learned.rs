@@ -1,5 +1,5 @@
-//! `hilrig fuzz --exec --corpus`: a driver of a protocol that the rig does not know, with a planted
-//! bug, in virtual time.
+//! `hilrig fuzz --exec --corpus`: a driver with a planted bug, of a protocol that the rig does not
+//! know, in virtual time.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,7 +9,7 @@ use super::support::fresh_path;
 const HILRIG: &str = env!("CARGO_BIN_EXE_hilrig");
 
 /// A master: `01 03`, then frames of a head AA, a length, a count, as many values, and the checksum
-/// of Modbus over all. A frame whose checksum does not hold is reported by an exception.
+/// of Modbus over all. It reports a checksum mismatch by an exception.
 const DRIVER: &str = r#"
 import os, select, tty
 port = os.open(os.environ["HILRIG_DIR"] + "/port", os.O_RDWR | os.O_NOCTTY)
@@ -85,8 +85,9 @@ fn findings(out: &Path) -> Vec<String> {
     causes
 }
 
-/// The count is believed: found through the checksum and the length, which are learned from six
-/// frames, and left is one reply. What the driver raises on purpose is counted, and no finding.
+/// The driver trusts the count. The search finds that through checksum and length, learned from six
+/// frames, and minimises it to one reply. An exception raised on purpose is counted and is no
+/// finding.
 #[test]
 fn a_count_that_lies_is_found_through_a_checksum_that_was_learned() {
     let (out, code, said) = search("lies", "pass", &["--cases", "6"]);
@@ -106,8 +107,8 @@ fn a_count_that_lies_is_found_through_a_checksum_that_was_learned() {
     assert_eq!(told.matches("[[raw.turn]]").count(), 1, "{told}");
 }
 
-/// The same driver with the check that it lacked: the errors that it raises are no findings, unless
-/// they are asked for; then they are one, whatever the bytes were.
+/// The same driver with the missing check. Errors that it raises are no findings by default. If the
+/// user asks for them, all of them are one finding, whatever the bytes.
 #[test]
 fn a_driver_that_reports_bad_frames_is_not_found_fault_with() {
     let check = "if count != head[1] - 1: raise BadFrame(\"count\")";

@@ -1,5 +1,5 @@
-//! `hilrig link` between pairs of pseudo-terminals: what comes out differs by the fault, and by
-//! nothing else.
+//! `hilrig link` between pairs of pseudo-terminals: the output differs by the fault, and by nothing
+//! else.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -20,7 +20,7 @@ struct Row {
     sent: Vec<u8>,
     /// At the second port, then back at the first one.
     arrives: [Vec<u8>; 2],
-    /// Of those at the second port, characters that the line does not count as bytes.
+    /// Number of characters at the second port that the line does not count as bytes.
     damaged: u64,
 }
 
@@ -119,7 +119,7 @@ fn rows() -> Vec<Row> {
     ]
 }
 
-/// A client of a port, and what it has read.
+/// A client of a port, with the bytes that it has read.
 struct Client {
     port: TTYPort,
     read: Vec<u8>,
@@ -147,12 +147,12 @@ fn all_have(clients: &mut BTreeMap<usize, [Client; 2]>, rows: &[Row]) -> bool {
         let row = &rows[*n];
         [second.has(&row.arrives[0]), first.has(&row.arrives[1])] == [true; 2]
     });
-    // Each is asked: asking reads what has come.
+    // Each client is asked, because `has` also reads.
     have.filter(|one| !one).count() == 0
 }
 
-/// One pair of ports for each kind of line fault, all in one command: what is read is what was
-/// written, changed as the fault says. The summary counts it, and tshark reads the capture.
+/// One pair of ports for each kind of line fault, all in one command. Each client reads the written
+/// bytes, changed by its fault. The summary counts the damage, and tshark reads the capture.
 #[test]
 fn what_comes_out_of_a_link_differs_by_its_fault_alone() {
     let rows = rows();
@@ -178,7 +178,7 @@ fn what_comes_out_of_a_link_differs_by_its_fault_alone() {
     let mut link = Running::start(&["link"].into_iter().chain(words).collect::<Vec<_>>());
     link.wait_for("until Ctrl-C");
 
-    // What was unplugged is there again once bytes have crossed the others.
+    // An unplugged port is back once bytes have crossed the others.
     let mut clients = BTreeMap::new();
     for is_late in [false, true] {
         let those = rows.iter().enumerate();

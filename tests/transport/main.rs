@@ -1,7 +1,7 @@
 //! The real edge: bytes through the operating system's terminals.
 //!
-//! Content and order only, never latency: every wait here ends early when what it waits for
-//! happens, and no assertion depends on how long that took.
+//! The tests check content and order only, never latency. Every wait ends as soon as the awaited
+//! event happens, and no assertion depends on how long that took.
 
 mod client;
 mod control;

@@ -22,17 +22,17 @@ use crate::support::*;
 
 /// Rows of the robot's map: 6 m in cells of 20 mm.
 const ROWS: usize = 300;
-/// Both waypoints are on a straight way of 1.4 m.
+/// Both waypoints are on a straight path of 1.4 m.
 const MISSION_MAX: Instant = Instant::from_secs(40);
 
-/// What a client at the port receives and says.
+/// Frames that a client at the port receives and sends.
 #[derive(Default)]
 struct Heard {
     frames: u32,
     bad_frames: u32,
     /// Rows of the map, by their y.
     rows: BTreeSet<u16>,
-    /// Lists of waypoints that the robot told after the click.
+    /// Lists of waypoints that the robot sent after the click.
     echoes: u32,
     /// Waypoints that the client shows in the end.
     waypoints: usize,
@@ -41,7 +41,7 @@ struct Heard {
     log: String,
 }
 
-/// What a client that keeps still would hear is nothing: the read fails instead.
+/// A client that keeps still must receive nothing: the read fails instead.
 fn read(port: &mut impl Read, buf: &mut [u8]) -> usize {
     match port.read(buf) {
         Ok(len) => len,
@@ -51,7 +51,7 @@ fn read(port: &mut impl Read, buf: &mut [u8]) -> usize {
 }
 
 /// A mission whose PC is the fielded program at a port that `open` opens, until both waypoints are
-/// visited and the map is whole. It clicks twice once it knows the map; a sound robot tells it both
+/// visited and the map is whole. It clicks twice once it has the map; a sound robot returns both
 /// waypoints with their numbers.
 fn fielded_client<P: Read + Write>(name: &str, open: impl FnOnce(&Path) -> P) -> Heard {
     let text = include_str!("short.toml").to_owned();
@@ -143,13 +143,13 @@ fn a_pc_program_at_460800_reads_every_frame() {
     fielded_client("pc_460800", |path| at_baud(path, 460_800)).assert_whole();
 }
 
-/// Any other rate is as right: nothing behind the port has one.
+/// Any other rate works as well: no hardware behind the port has a rate.
 #[test]
 fn a_pc_program_at_115200_reads_every_frame() {
     fielded_client("pc_115200", |path| at_baud(path, 115_200)).assert_whole();
 }
 
-/// `cat` and the like set nothing.
+/// `cat` and similar programs set no rate.
 #[test]
 fn a_pc_program_that_sets_no_rate_reads_every_frame() {
     fielded_client("pc_untouched", open_untouched).assert_whole();

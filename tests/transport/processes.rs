@@ -103,7 +103,7 @@ impl Running {
         kill_process(pid.expect("a pid"), signal).expect("still there");
     }
 
-    /// Waits for the end; status and all that was said.
+    /// Waits for the end; returns status and output.
     pub(crate) fn end(mut self) -> (ExitStatus, String) {
         let mut status = None;
         wait_until(|| {
@@ -140,7 +140,8 @@ fn read_packets(client: &mut TTYPort, count: usize) {
     });
 }
 
-/// The rig outlives its robot: killed at work, started again, and the new one finds its way.
+/// The rig outlives its robot: the robot is killed at work and started again, and continues its
+/// mission.
 #[test]
 fn a_robot_that_is_killed_at_work_can_be_started_again() {
     let dir = fresh_path("started_again");
@@ -199,8 +200,8 @@ fn a_foreign_client_reads_whole_packets_from_the_lidars_port() {
     assert!(up.end().0.success());
 }
 
-/// H6: the rig is stopped for a second and a half, as a debugger or a busy machine does it. Its
-/// time stands, so a client that reads loses no packet and is blamed for nothing.
+/// H6: the rig is stopped for a second and a half, as by a debugger or a busy machine. Its clock
+/// stops, so a client that reads loses no packet and is blamed for nothing.
 #[test]
 fn a_rig_that_was_stopped_loses_nothing_and_blames_nobody() {
     let dir = fresh_path("stopped");
@@ -273,7 +274,7 @@ fn a_device_that_is_pulled_while_the_rig_runs_ends_it_with_an_error() {
     assert!(!ports.exists(), "the ports are removed all the same");
 }
 
-/// Killed, a rig removes nothing; the next one in the same directory must not stumble over it.
+/// A killed rig removes nothing. The next one in the same directory must work all the same.
 #[test]
 fn a_rig_that_was_killed_is_followed_by_another_in_the_same_directory() {
     let dir = fresh_path("killed");
@@ -292,7 +293,7 @@ fn a_rig_that_was_killed_is_followed_by_another_in_the_same_directory() {
     std::fs::remove_dir(&dir).expect("nothing is in it any more");
 }
 
-/// What a command says when it cannot do its work: one line that names the port.
+/// Message of a command that cannot open a port: one line that names the port.
 #[test]
 fn ports_that_cannot_be_had_are_named_and_the_exit_code_is_2() {
     let dir = fresh_path("cannot");
@@ -392,9 +393,9 @@ fn a_rig_that_is_started_again_overwrites_no_capture() {
     }
 }
 
-/// What a killed process leaves: whole blocks, up to less than a second before its end, which our
-/// reader and Wireshark's read. The stream in it is the lidar's: the clock of the run begins at
-/// its boot text.
+/// The capture of a killed process: whole blocks, up to less than a second before its end, readable
+/// by our reader and by Wireshark's. The stream in it is the lidar's: the clock of the run begins
+/// at its boot text.
 #[test]
 fn a_capture_is_readable_after_the_process_was_killed() {
     let dir = fresh_path("killed-capture");
@@ -441,8 +442,8 @@ fn a_capture_is_readable_after_the_process_was_killed() {
     let _ = std::fs::remove_file(&path);
 }
 
-/// H5: what a client reads through an FTDI adapter is cut anywhere: at least half of the reads end
-/// inside a packet, a port opened in mid-stream begins inside one, and the stream is whole.
+/// H5: an FTDI adapter cuts the stream anywhere. At least half of a client's reads end inside a
+/// packet, a port opened in mid-stream begins inside one, and the stream is whole.
 #[test]
 fn a_client_behind_an_adapter_reads_pieces_of_packets() {
     let dir = fresh_path("adapter");

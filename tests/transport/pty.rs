@@ -29,7 +29,7 @@ fn every_byte_value_passes_both_ways_unchanged() {
     assert_eq!(port.counters(), Counters::default());
 }
 
-/// A client that sets nothing at all (a shell's `cat`) is right without it.
+/// A client that sets nothing at all (a shell's `cat`) works without settings.
 #[test]
 fn a_fresh_port_is_raw_and_at_the_rate_of_its_line() {
     let dir = fresh_dir("a_fresh_port");
@@ -52,7 +52,7 @@ fn a_fresh_port_is_raw_and_at_the_rate_of_its_line() {
     assert_eq!(port.read(&mut [0; 16]).expect("stays"), 0, "an echo");
 }
 
-/// The kernel would keep 16 kB for a later client; a lidar does not.
+/// The kernel would keep 16 kB for a later client; a real lidar does not.
 #[test]
 fn a_client_that_opens_late_gets_no_stale_byte() {
     let dir = fresh_dir("opens_late");
@@ -72,7 +72,7 @@ fn a_client_that_opens_late_gets_no_stale_byte() {
     );
 }
 
-/// The kernel hands what one client left unread to the next one.
+/// The kernel alone would give bytes left unread by one client to the next one.
 #[test]
 fn what_a_client_left_unread_is_gone_for_the_next() {
     let dir = fresh_dir("left_unread");
@@ -125,7 +125,7 @@ fn a_second_visitor_neither_opens_nor_closes() {
     assert_eq!(next_events(&mut port, 1), [Closed]);
 }
 
-/// `echo command > DIR/pc`: the client is gone before we look for the first time.
+/// `echo command > DIR/pc`: the client is gone before the rig looks for the first time.
 #[test]
 fn a_client_that_sends_and_leaves_is_heard_before_it_is_gone() {
     let dir = fresh_dir("sends_and_leaves");
@@ -224,9 +224,8 @@ fn a_port_that_a_client_took_for_itself_is_busy_for_the_next() {
     assert!(TTYPort::open(&builder).is_ok());
 }
 
-/// A client that sleeps, then throws away what waits and reads on, as pyserial's
-/// `reset_input_buffer` does: the port was full, and no read ever told the rig that it is not any
-/// more.
+/// A client sleeps, then discards waiting bytes and reads on, as pyserial's `reset_input_buffer`
+/// does. The port was full, and no read reports to the rig that it has room again.
 #[test]
 fn a_full_port_that_is_flushed_goes_on() {
     let dir = fresh_dir("flushed");
@@ -256,8 +255,8 @@ fn a_full_port_that_is_flushed_goes_on() {
     }
 }
 
-/// What a USB adapter does when it is pulled: its file hangs up, its name is gone, and what comes
-/// back is another port.
+/// Behaviour of a pulled USB adapter: its file hangs up, its name is gone, and it comes back as
+/// another port.
 #[test]
 fn an_unplugged_port_hangs_up_and_comes_back_as_another() {
     let dir = fresh_dir("unplugged");

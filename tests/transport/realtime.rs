@@ -1,4 +1,4 @@
-//! A rig in real time on real terminals: what a client reads, whatever the machine does meanwhile.
+//! A rig in real time on real terminals: a client's bytes, whatever the machine does meanwhile.
 
 use core::time::Duration;
 use std::io::Write;
@@ -18,8 +18,8 @@ use serialport::TTYPort;
 
 use crate::support::*;
 
-/// Bytes that the counter sends: less than a client may leave unread, so that none is lost even
-/// if the client does not come to read for a while.
+/// Bytes that the counter sends: less than a client may leave unread, so that none is lost even if
+/// the client does not read for a while.
 const SENT: usize = 3000;
 
 /// Sends 0, 1, 2, .. from the first byte that it receives on, and echoes nothing.
@@ -200,7 +200,7 @@ fn a_client_at_the_wrong_rate_is_told_and_reads_garbage() {
     assert!(station.log().contains(expected), "{}", station.log());
 }
 
-/// A client that comes while the device is sending gets the rest, and nothing from before.
+/// A client that comes while the device is sending gets the rest, and no earlier byte.
 #[test]
 fn a_client_that_comes_late_reads_only_what_is_sent_from_then_on() {
     let dir = fresh_dir("comes_late");

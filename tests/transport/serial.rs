@@ -1,4 +1,4 @@
-//! Serial ports of the machine, with a pseudo-terminal of ours in the place of the hardware.
+//! Serial ports of the machine, with a pseudo-terminal in place of the hardware.
 
 use std::io::Write;
 
@@ -33,7 +33,7 @@ fn a_serial_port_runs_at_the_rate_that_was_asked_for() {
     );
 }
 
-/// What had arrived before is about a run that is over.
+/// Bytes that arrived before belong to an earlier run.
 #[test]
 fn opening_a_serial_port_forgets_what_had_arrived() {
     let dir = fresh_dir("serial_forgets");
@@ -78,7 +78,7 @@ fn a_port_that_is_pulled_is_an_error_that_names_it() {
     ));
 }
 
-/// A cable whose other end is asleep: neither the rig nor its end may hang on it.
+/// A cable whose other end is asleep: neither the rig nor its end may hang.
 #[test]
 fn a_far_end_that_does_not_read_stops_nobody() {
     let dir = fresh_dir("serial_asleep");

@@ -1,4 +1,4 @@
-//! What all tests of this binary need: a directory of their own, a client, patience.
+//! Helpers for all tests of this binary: a directory per test, a client, waits.
 
 use core::time::Duration;
 use std::path::PathBuf;
@@ -11,10 +11,9 @@ use serialport::{ErrorKind, TTYPort};
 /// The lidar's line, as any line would do.
 pub(crate) const LINE: LineConfig = LineConfig::new_8n1(115_200);
 
-/// How long a test waits for what must happen, on a machine with other work as well. Only a failing
-/// test waits that long.
+/// Maximum wait for an expected event, also on a busy machine. Only a failing test waits that long.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
-/// How long a test waits for what must not happen.
+/// Time without an event that a test expects not to happen.
 const QUIET: Duration = Duration::from_millis(30);
 
 /// A path that no other test and no other test run uses; nothing is there yet.

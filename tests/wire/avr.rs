@@ -9,10 +9,10 @@ use protocols::avr::{self, ChecksumOrder, Frame, registers};
 use crate::hex;
 use crate::protocol::{Protocol, Wire};
 
-/// What a frame says, whatever its checksum order.
+/// Meaning of a frame, whatever its checksum order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Says {
-    /// A read request of so many registers, or an acknowledgement if of none.
+    /// A read request of so many registers; an acknowledgement if the number is 0.
     Read(u8, u8),
     /// A write request, or the reply to a read.
     Write(u8, &'static [u8]),
@@ -45,7 +45,7 @@ const GOLDEN: [(&str, Says); 20] = [
     ("AB 2E 80 01 59", Says::Write(46, &[])),
     // Battery.
     ("AB 21 03 00 CF", Says::Read(33, 3)),
-    // One register, and one past the end of the map, which answers with what lies behind it.
+    // One register, and one past the end of the map; the answer holds the memory behind the map.
     ("AB 24 01 00 D0", Says::Read(36, 1)),
     ("AB 35 01 00 E1", Says::Read(53, 1)),
     ("AB 35 81 35 01 96", Says::Write(53, &[0x35])),
@@ -57,7 +57,7 @@ const GOLDEN: [(&str, Says); 20] = [
     ("AB FF 82 FF FF 04 2A", Says::Write(255, &[0xFF, 0xFF])),
 ];
 
-/// At stake: the meaning of each field. Each golden frame decodes to what was said.
+/// At stake: the meaning of each field. Each golden frame decodes to its known meaning.
 #[test]
 fn golden_frames_decode_to_what_was_said() {
     for (bytes, says) in GOLDEN {

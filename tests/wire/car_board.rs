@@ -1,4 +1,4 @@
-//! The line to a model car's board: what frames and commands are, read slowly.
+//! The line to a model car's board: frames and commands by a slow reference method.
 
 use hilrig::codec::{CarCommand, Pair, wire};
 use proptest::prelude::*;
@@ -31,7 +31,7 @@ impl Protocol for Board {
         Decoder::default()
     }
 
-    /// 13 bytes that sensors can have, with nothing behind them or what begins the next.
+    /// 13 plausible bytes, with nothing or the start of the next frame behind them.
     fn frame_at(bytes: &[u8]) -> Option<usize> {
         let &[
             0,

@@ -1,8 +1,7 @@
-//! Streams of formats that the table does not know: none may be taken for one that it does.
+//! Streams of unknown formats: none may be recognised as a format of the table.
 //!
-//! Public protocols are laid out after their public descriptions, with checksums that hold, since
-//! it is their structure that looks like another one's; the others are patterns that short
-//! unchecked frames fit.
+//! Public protocols are laid out after their public descriptions, with valid checksums, because
+//! their structure resembles that of others. The rest are patterns that short unchecked frames fit.
 
 use hilrig::capture::decode::transcript::Transcript;
 use hilrig::capture::{Interface, Kind, Record};
@@ -341,7 +340,7 @@ fn streams() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// What a transcript takes the bytes for, fed in pieces with pauses or without.
+/// The format that a transcript recognises in the bytes, fed in pieces with pauses or without.
 fn taken_for(bytes: &[u8], piece: usize, pause_ms: u64) -> Option<&'static str> {
     let mut transcript = Transcript::new(None);
     let link = Interface::new("x", 115_200);
@@ -385,7 +384,8 @@ fn no_foreign_stream_is_taken_for_a_known_format() {
     }
 }
 
-/// The floor does that: without it most of the streams have frames of some format.
+/// Proof of the recognition's minimum share: without it most of the streams have frames of some
+/// format.
 #[test]
 fn foreign_streams_have_frames_of_known_formats_by_chance() {
     let has_frames = |bytes: &[u8]| codec::all().iter().any(|row| row.framed(bytes) > 0);

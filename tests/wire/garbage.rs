@@ -1,4 +1,4 @@
-//! No capture and no dump, whatever is in it, upsets what reads, decodes or judges it.
+//! No capture and no dump, whatever its content, breaks its readers, decoders or judges.
 
 use core::time::Duration;
 
@@ -108,7 +108,7 @@ fn judge_dump(bytes: &[u8], opposite: &[u8]) {
     Capture::of(bytes);
 }
 
-/// What is told of `bytes` that come in pieces of `size`, times left out.
+/// The report on `bytes` that come in pieces of `size`, times left out.
 fn told(bytes: &[u8], size: usize, protocol: Option<&'static Codec>) -> Vec<(u64, Said)> {
     let mut transcript = Transcript::new(protocol);
     let link = Interface::new("raw", 0);
@@ -127,8 +127,8 @@ fn told(bytes: &[u8], size: usize, protocol: Option<&'static Codec>) -> Vec<(u64
     entries.map(|entry| (entry.place, entry.said)).collect()
 }
 
-/// A line that began with 10,000 bytes of noise, e.g. at a wrong rate, and then found its feet: a
-/// frame is told for what it is once the noise is through, at most 4096 bytes late.
+/// A line that begins with 10,000 bytes of noise, e.g. at a wrong rate, and then has frames. A
+/// frame is recognised after the noise, at most 4096 bytes late.
 #[test]
 fn a_line_that_begins_with_noise_is_recognised_later() {
     let mut bytes = vec![0x55; 10_000];

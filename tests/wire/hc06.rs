@@ -68,8 +68,8 @@ fn lines_are_understood_and_said_as_reported() {
     }
 }
 
-/// A name of 21 characters, a PIN of letters, nine data bits: the module would not understand
-/// them, so they are not said.
+/// A name of 21 characters, a PIN of letters, nine data bits: the module would not understand them,
+/// so the encoder refuses them.
 #[test]
 fn what_cannot_be_understood_is_not_said() {
     let mut out = [0; 64];
@@ -89,7 +89,7 @@ fn what_cannot_be_understood_is_not_said() {
     assert_eq!(LineCommand::Uart(nine).encode(&mut out), None);
 }
 
-/// The module answers nothing to what it does not know; so nothing near a command may pass.
+/// The module does not answer unknown commands, so no near miss of a command may pass.
 #[test]
 fn what_is_not_exactly_a_command_is_none() {
     let wrong = [
@@ -131,8 +131,8 @@ fn each_baud_rate_has_its_character() {
 proptest! {
     #![proptest_config(crate::thorough::cases(20_000))]
 
-    /// Telemetry reaches the command parser whenever the PC hangs up. What it takes for a command
-    /// must be one: said again, it is the same bytes.
+    /// Telemetry reaches the command parser whenever the PC hangs up. A parsed command must be one:
+    /// encoded again, it gives the same bytes.
     #[test]
     fn whatever_is_understood_can_be_said_again(
         start in proptest::sample::select(TABLE.map(|(text, _)| text).to_vec()),
@@ -148,7 +148,7 @@ proptest! {
         }
     }
 
-    /// The same for lines; a question mark and a colon may be said in another way.
+    /// The same for lines; a question mark and a colon may be encoded differently.
     #[test]
     fn whatever_line_is_understood_can_be_said_again(
         start in proptest::sample::select(LINES.map(|(text, _)| text).to_vec()),

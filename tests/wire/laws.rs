@@ -1,5 +1,5 @@
-//! The laws of every decoder, each a function that takes the decoder on trial, so that the same
-//! words judge ours (at the end of this file) and the mutants (in `mutants.rs`).
+//! The laws of every decoder, each a function of the decoder under test. The same laws judge ours
+//! (at the end of this file) and the mutants (in `mutants.rs`).
 
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -12,7 +12,7 @@ use crate::protocol::{Protocol, Wire, cut_frame, cuts, frames, one_damage, piece
 type Verdict = Result<(), TestCaseError>;
 type Oracle = fn(&[u8]) -> Option<usize>;
 
-/// What a decoder says: frames as bytes, and errors.
+/// Output of a decoder: frames as bytes, and errors.
 type Outcome = Vec<Result<Vec<u8>, FrameError>>;
 
 fn feed<D: Decode<Frame: Wire>>(decoder: &mut D, bytes: &[u8]) -> Outcome {
@@ -22,7 +22,7 @@ fn feed<D: Decode<Frame: Wire>>(decoder: &mut D, bytes: &[u8]) -> Outcome {
         .collect()
 }
 
-/// Everything that comes of `bytes` when the line is quiet afterwards.
+/// All results from `bytes` with an idle line behind them.
 fn decode<D: Decode<Frame: Wire>>(decoder: &mut D, bytes: &[u8]) -> Vec<Vec<u8>> {
     let mut outcome = feed(decoder, bytes);
     decoder.idle();
@@ -52,7 +52,7 @@ pub(crate) fn chunking_changes_nothing<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// After each piece, every byte is in a frame, discarded or pending; after a pause and one look,
+/// After each piece, every byte is in a frame, discarded or pending. After a pause and one look,
 /// none is pending.
 pub(crate) fn every_byte_is_accounted_for<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
@@ -106,7 +106,7 @@ pub(crate) fn decodes_as_the_naive_scanner<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// What was sent arrives, in order, at once and without loss.
+/// Sent frames arrive, in order, at once and without loss.
 pub(crate) fn sent_frames_arrive<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     sent: &[Vec<u8>],
@@ -118,10 +118,10 @@ pub(crate) fn sent_frames_arrive<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// One damaged byte costs at most two frames, and no frame comes out that does not hold.
+/// One damaged byte costs at most two frames, and no invalid frame comes out.
 ///
-/// A weak sum lets a wrong candidate pass now and then. Such a frame truly holds, so no decoder
-/// could know better, and what it covers is not counted against ours.
+/// A weak sum sometimes lets a wrong candidate pass. Such a frame is valid, so no decoder could
+/// reject it. The frames that it covers are not counted as losses.
 pub(crate) fn one_damaged_byte_costs_at_most_two_frames<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     sent: &[Vec<u8>],
@@ -144,7 +144,7 @@ pub(crate) fn one_damaged_byte_costs_at_most_two_frames<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// A frame that was cut off costs nothing of what follows.
+/// A cut frame costs no frame behind it.
 pub(crate) fn a_cut_frame_costs_nothing_behind_it<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     cut: &[u8],
@@ -158,8 +158,8 @@ pub(crate) fn a_cut_frame_costs_nothing_behind_it<D: Decode<Frame: Wire>>(
     for frame in &unsent {
         prop_assert_eq!(frame_at(frame), Some(frame.len()), "{:02X?}", frame);
     }
-    // Nothing tells the cut turn of firmware 2.1 from a whole one: it takes its missing bytes
-    // from the next turn, whose header is then gone.
+    // A cut turn of firmware 2.1 looks like a whole one: it takes its missing bytes from the next
+    // turn, whose header is then gone.
     let allowed = usize::from(!checked && cut.len() >= 4);
     prop_assert!(
         lost <= allowed || (checked && !unsent.is_empty()),
@@ -198,7 +198,7 @@ fn compare(sent: &[Vec<u8>], got: &[Vec<u8>]) -> (usize, Vec<Vec<u8>>) {
     (sent.len() - common[0][0], unsent)
 }
 
-/// One damaged frame that equals a later one is one frame lost, not all between them.
+/// A damaged frame that equals a later one counts as one lost frame, not as all between them.
 #[test]
 fn frames_are_compared_by_what_they_have_in_common() {
     let [a, b, c] = [1, 2, 3].map(|byte| vec![byte]);
@@ -210,7 +210,7 @@ fn frames_are_compared_by_what_they_have_in_common() {
     assert_eq!(compare(&sent, core::slice::from_ref(&b)), (4, vec![]));
 }
 
-/// Saying twice that the line is quiet is saying it once; saying it between frames says nothing.
+/// A second report of a quiet line has no effect, and neither has one between frames.
 pub(crate) fn idle_twice_is_idle_once<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     before: &[u8],
@@ -235,7 +235,7 @@ pub(crate) fn idle_twice_is_idle_once<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// After a pause, whatever came before it, the first frame is understood at once.
+/// After a pause, whatever came before it, the first frame is decoded at once.
 pub(crate) fn a_pause_ends_every_wait<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     before: &[u8],
@@ -258,7 +258,7 @@ pub(crate) fn any_bytes_are_survived<D: Decode<Frame: Wire>>(
     a_pause_ends_every_wait(new, bytes, frame)
 }
 
-/// What was sent arrives: all but the last when the next begins, the last with a pause.
+/// Sent frames arrive: all except the last with the start of the next, the last with a pause.
 pub(crate) fn sent_frames_arrive_with_the_next_or_a_pause<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     sent: &[Vec<u8>],
@@ -274,8 +274,8 @@ pub(crate) fn sent_frames_arrive_with_the_next_or_a_pause<D: Decode<Frame: Wire>
     Ok(())
 }
 
-/// After a pause, whatever came before it, said once or twice, a frame with a pause behind it is
-/// understood.
+/// After a pause, reported once or twice, whatever came before it, a frame with a pause behind it
+/// is decoded.
 pub(crate) fn a_pause_ends_every_patient_wait<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     before: &[u8],
@@ -295,7 +295,7 @@ pub(crate) fn a_pause_ends_every_patient_wait<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// Those of every decoder, whenever it gives its frames out.
+/// Laws of every decoder, at whatever time it returns its frames.
 macro_rules! laws_of_any {
     () => {
         proptest! {
@@ -382,7 +382,8 @@ macro_rules! laws {
     };
 }
 
-/// Of a protocol whose decoder holds a frame back until the next one begins or the line is quiet.
+/// Laws of a protocol whose decoder holds a frame back until the next one begins or the line is
+/// quiet.
 macro_rules! laws_of_patient {
     ($name:ident, $protocol:ty) => {
         mod $name {

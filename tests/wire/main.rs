@@ -2,7 +2,7 @@
 //! and the laws that every decoder keeps, each law proved by a mutant that breaks it.
 //!
 //! Emulators and firmware use the same codecs, so a symmetrical mistake would cancel out in every
-//! other test of this repository. Nothing here takes an expected value from our own encoders.
+//! other test of this repository. No test here takes an expected value from our own encoders.
 
 mod avr;
 mod car_board;

@@ -1,4 +1,4 @@
-//! Decoders with one fault each, and the law that catches it. A law that lets its mutant live
+//! Decoders with one fault each, and the law that catches it. A law that does not catch its mutant
 //! proves nothing about ours.
 
 use proptest::prelude::*;
@@ -10,27 +10,27 @@ use crate::avr::HighFirst;
 use crate::laws;
 use crate::protocol::{Protocol, cut_frame, cuts, frames, one_damage, stream};
 
-/// What a mutant does wrong.
+/// The defect of a mutant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fault {
     /// Nothing: the control that keeps every law.
     None,
     /// Throws away the whole rejected candidate, with the frame that may begin inside it.
     DropsCandidate,
-    /// Forgets what is pending at the end of each piece.
+    /// Forgets pending bytes at the end of each piece.
     ForgetsBetweenPieces,
     /// Does not count the noise it skips.
     CountsNoNoise,
-    /// Once it rejected something, takes nothing until the line is quiet.
+    /// After a rejected candidate, takes nothing until the line is quiet.
     SulksUntilQuiet,
     /// Has no idle rule.
     NeverGivesUp,
     /// Takes a second "idle" for a reason to skip a byte.
     SkipsAfterTwoIdles,
-    /// Looks at no checksum.
+    /// Ignores checksums.
     Believes,
-    /// Loses the rest of a piece when the iterator is dropped: it takes the whole piece at once
-    /// and keeps only what it was asked for.
+    /// Loses the rest of a piece when the iterator is dropped: it takes the whole piece at once and
+    /// keeps only the results that were asked for.
     TakesAllAtOnce,
     /// Indexes past its buffer on the largest count, as the fielded slave does.
     OverrunsOn127,

@@ -1,4 +1,4 @@
-//! Lines of an odometer: what holds in its dialect, read slowly.
+//! Lines of an odometer: validity by dialect, by a slow reference method.
 
 use hilrig::codec::{Line, Odometer, wire};
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! Touch panel: what a frame is, read slowly; frames both ways by hand.
+//! Touch panel: frames by a slow reference method; frames in both directions by hand.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -41,7 +41,7 @@ impl<const N: usize> Wire for Frame<N> {
     }
 }
 
-/// What goes to the panel.
+/// Frames to the panel.
 pub(crate) struct Commands;
 
 impl Protocol for Commands {
@@ -78,7 +78,7 @@ impl Protocol for Commands {
     }
 }
 
-/// What comes from it.
+/// Frames from the panel.
 pub(crate) struct Reports;
 
 impl Protocol for Reports {

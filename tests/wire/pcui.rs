@@ -1,5 +1,5 @@
-//! Robot to PC link: golden frames of the fielded program both ways, and what its receiver took
-//! that ours refuses.
+//! Robot to PC link: golden frames of the fielded program in both directions, and frames that its
+//! receiver accepted and ours refuses.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -29,7 +29,7 @@ fn decoded(bytes: &[u8]) -> Frame {
     frame.clone()
 }
 
-/// What an encoder wrote; the buffer is prefilled so that an unwritten byte shows.
+/// Output of an encoder; the buffer is prefilled so that an unwritten byte shows.
 fn encoded(encode: impl FnOnce(&mut [u8]) -> Option<usize>) -> Vec<u8> {
     let mut buffer = vec![0xA5; FRAME_MAX];
     let len = encode(&mut buffer).expect("fits the longest frame");
@@ -195,8 +195,8 @@ fn frames_are_found_between_debug_text() {
     assert_eq!(decoder.discarded(), 2 * text.len() as u64);
 }
 
-/// 902 are a list of 100 waypoints; the length of a frame is not protected by anything, so 903 is
-/// refused from the header alone, before a byte of payload is waited for.
+/// 902 are a list of 100 waypoints. No checksum protects the length of a frame. So 903 is refused
+/// from the header alone, without waiting for a byte of payload.
 #[test]
 fn a_payload_of_903_bytes_is_refused_from_its_header() {
     let mut decoder = pcui::Decoder::default();
@@ -350,7 +350,7 @@ mod identity {
             prop_assert_eq!(found.iter().collect::<Vec<_>>(), list);
         }
 
-        /// Whichever form a row takes, its pixels arrive, and none is longer than the plain one.
+        /// In either form a row keeps its pixels, and no form is longer than the plain one.
         #[test]
         fn of_map_rows(layer: u8, y: u16, pixels in super::super::rle::row(1..=300)) {
             let bytes = encoded(|frame| {

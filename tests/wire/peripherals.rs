@@ -1,4 +1,4 @@
-//! Registers of a motor board, samples and outputs on one line: what a frame is, read slowly.
+//! Registers of a motor board, samples and outputs on one line: frames by a slow reference method.
 
 use hilrig::codec::{BoardFrame, Peripherals, wire};
 use proptest::prelude::*;
@@ -6,7 +6,7 @@ use protocols::peripherals::{Outputs, Sample};
 
 use crate::protocol::{Protocol, Wire};
 
-/// What finds both, bytes kept as they came.
+/// Finds both kinds of frames and keeps their bytes.
 type Decoder = <Peripherals as wire::Wire>::Decoder;
 
 impl Wire for BoardFrame {

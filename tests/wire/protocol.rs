@@ -7,20 +7,20 @@ use protocols::Decode;
 
 use crate::damage::{Damage, damage};
 
-/// A frame that can say what it was on the wire.
+/// A frame that knows its bytes on the wire.
 pub(crate) trait Wire {
     /// Its bytes.
     fn wire(&self) -> Vec<u8>;
 }
 
-/// One decoder and what is known about its protocol from elsewhere.
+/// One decoder with independent knowledge of its protocol.
 pub(crate) trait Protocol {
     /// The decoder on trial.
     type Decoder: Decode<Frame: Wire>;
 
     /// Bytes that the format reacts to: start bytes, magic words, flags.
     const TELLING: &'static [u8];
-    /// Whether a checksum tells frames from damaged ones.
+    /// Whether a checksum distinguishes frames from damaged ones.
     const CHECKED: bool = true;
     /// Cases per law; fewer for long frames.
     const CASES: u32 = 4000;
@@ -36,7 +36,7 @@ pub(crate) trait Protocol {
     fn frame() -> BoxedStrategy<Vec<u8>>;
 }
 
-/// All frames in `bytes` by the simplest method: look everywhere, skip what was found.
+/// All frames in `bytes` by the simplest method: look everywhere, skip each found frame.
 pub(crate) fn scan(bytes: &[u8], frame_at: fn(&[u8]) -> Option<usize>) -> Vec<Vec<u8>> {
     let mut found = Vec::new();
     let mut at = 0;
@@ -61,8 +61,8 @@ pub(crate) fn cut_frame<P: Protocol>() -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
-/// A stream of valid frames, cut frames and noise in which some bytes went wrong. (Random bytes
-/// alone hardly ever come near a frame, so they find next to nothing.)
+/// A stream of valid frames, cut frames and noise, with some damaged bytes. (Random bytes alone
+/// hardly ever resemble a frame, so they find next to nothing.)
 pub(crate) fn stream<P: Protocol>() -> impl Strategy<Value = Vec<u8>> {
     let noise = prop_oneof![any::<u8>(), proptest::sample::select(P::TELLING)];
     let piece = prop_oneof![
@@ -84,7 +84,7 @@ pub(crate) fn one_damage<P: Protocol>() -> impl Strategy<Value = Damage> {
     damage(P::TELLING)
 }
 
-/// Where to cut a stream into pieces: many, few or none at all.
+/// Positions at which a stream is cut into pieces: many, few or none at all.
 pub(crate) fn cuts() -> impl Strategy<Value = Vec<Index>> {
     prop_oneof![vec(any::<Index>(), 0..4), vec(any::<Index>(), 0..60)]
 }

@@ -6,7 +6,7 @@ use protocols::rle::{self, Dialect, RleError};
 
 use crate::hex;
 
-/// Rows as maps have them: few values, long runs, some of them longer than a count can say.
+/// Rows as in maps: few values, long runs, some of them longer than a count can hold.
 pub(crate) fn row(
     width: impl Into<proptest::collection::SizeRange>,
 ) -> impl Strategy<Value = Vec<u8>> {
@@ -31,9 +31,9 @@ fn encoded(pixels: &[u8], dialect: Dialect) -> Vec<u8> {
     code
 }
 
-/// The fielded rule as the field program e94332f follows it: at every pixel that differs from the
-/// one before, at the last pixel, and when the count is full, the run so far goes out; only then
-/// is the pixel counted. So the last pixel never is.
+/// The fielded rule, as in the field program e94332f. The run so far goes out at every pixel that
+/// differs from the one before, at the last pixel, and when the count is full; only then is the
+/// pixel counted. So the last pixel is never counted.
 fn fielded_slowly(pixels: &[u8]) -> Vec<u8> {
     let mut code = Vec::new();
     let (mut value, mut count) = (pixels[0], 0_u8);
@@ -57,7 +57,7 @@ fn rows_have_their_codes() {
     assert_eq!(encoded(&wall, Dialect::Fielded), hex("04 00 01 FF 01 00"));
 }
 
-/// What the fielded rule loses: a last pixel that differs keeps the value it had before.
+/// Loss by the fielded rule: a last pixel that differs keeps its old value.
 #[test]
 fn a_differing_last_pixel_is_lost_by_the_fielded_rule_only() {
     let mut pixels = [0; 300];
@@ -120,7 +120,7 @@ proptest! {
         prop_assert!(row[written..].iter().all(|&pixel| pixel == 0xA5));
     }
 
-    /// Too small a target is said, and never written past.
+    /// If the target is too small, the encoder reports it and never writes past the end.
     #[test]
     fn a_code_that_does_not_fit_is_refused(pixels in row(1..=40), space in 0_usize..80) {
         let needed = encoded(&pixels, Dialect::Lossless).len();

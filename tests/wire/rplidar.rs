@@ -1,5 +1,5 @@
-//! RPLIDAR: requests, read slowly. What the sensor sends has its laws in `corpus.rs`, as a node is
-//! one only behind its descriptor.
+//! RPLIDAR requests, by a slow reference method. The laws of the sensor's own bytes are in
+//! `corpus.rs`, because a node is valid only behind its descriptor.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -13,7 +13,7 @@ impl Wire for Request {
     }
 }
 
-/// What goes to the sensor.
+/// Frames to the sensor.
 pub(crate) struct Requests;
 
 impl Protocol for Requests {

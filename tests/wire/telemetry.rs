@@ -1,4 +1,4 @@
-//! Telemetry of the robot yellow: what a frame is, read slowly.
+//! Telemetry of the robot yellow: frames by a slow reference method.
 
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -181,7 +181,7 @@ fn golden_packets_decode_to_what_the_sensor_measured() {
     }
 }
 
-/// The other way: the meaning alone must give back every byte, checksum included.
+/// The opposite direction: the meaning alone must give back every byte, checksum included.
 #[test]
 fn golden_packets_are_what_their_meaning_encodes_to() {
     for golden in &GOLDEN {
@@ -225,9 +225,9 @@ impl Census {
 
 const BOX: &str = "xv11/xevel_hand_in_box_fw24.bin";
 
-/// The largest piece of real traffic there is. Counts: the capture's own verification script,
-/// written without our code. One packet was cut by the sensor's restart, after 7 bytes; six bytes
-/// lead in, 211 of boot text end it: 224 in all lie outside packets.
+/// The largest recording of real traffic. Counts: the capture's own verification script, written
+/// without our code. One packet was cut by the sensor's restart, after 7 bytes; six bytes lead in,
+/// 211 of boot text end it: in all 224 bytes lie outside packets.
 #[test]
 fn hand_in_box_holds_11451_packets_and_a_cut_one() {
     let Some(bytes) = capture(BOX) else { return };
@@ -256,8 +256,8 @@ fn hand_in_box_holds_11451_packets_and_a_cut_one() {
     assert_eq!(census.invalid, codes.into());
 }
 
-/// Every packet of the capture taken apart and put together again is the same bytes: nothing in
-/// real traffic is beyond the meaning types.
+/// Every packet of the capture decodes and encodes to the same bytes: the types of the meaning
+/// cover all real traffic.
 #[test]
 fn real_packets_survive_decoding_and_encoding() {
     let Some(bytes) = capture(BOX) else { return };
@@ -387,8 +387,8 @@ fn the_largest_sum_does_not_overflow() {
     assert_eq!(xv11::checksum(&[0xFF; FRAME_LEN]), 0x03FE);
 }
 
-/// Proves that the capture test can tell the right formula from the tempting one: of 11,451 real
-/// packets, an end-around carry refuses 350, which is 3.06 %.
+/// Proves that the capture test distinguishes the right formula from the tempting one: an
+/// end-around carry refuses 350 of 11,451 real packets, which is 3.06 %.
 #[test]
 fn an_end_around_carry_would_refuse_3_percent_of_real_packets() {
     let carries = hex(GOLDEN[16].bytes);
@@ -428,7 +428,7 @@ impl Protocol for Packets {
     }
 
     fn frame() -> BoxedStrategy<Vec<u8>> {
-        // Start bytes inside are what makes resynchronising hard, so they are frequent.
+        // Start bytes inside make resynchronising hard, so they are frequent.
         let byte = || prop_oneof![any::<u8>(), proptest::sample::select(Self::TELLING)];
         (
             0_u8..90,

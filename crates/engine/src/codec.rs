@@ -1,8 +1,8 @@
 //! Table of the wire formats, one row each, and the functions that use it to print bytes in words.
 //!
-//! A [`Codec`] is all that the tool knows of a format. `decode`, `--diagnose`, `shrink`, `fuzz`,
-//! the page, the museum and the dissector for Wireshark ask the table, so a format of one's own is
-//! known to all of them once it is registered:
+//! A [`Codec`] holds all the tool's knowledge of a format. `decode`, `--diagnose`, `shrink`,
+//! `fuzz`, the page, the museum and the dissector for Wireshark ask the table. So all of them know
+//! a custom format once it is registered:
 //!
 //! ```no_run
 //! use hilrig_engine::codec::{self, Codec, wire::Wire};
@@ -21,8 +21,8 @@
 //! codec::register(Codec::of::<Gripper>("Gripper of our own")).expect("a new name");
 //! ```
 //!
-//! The table is the process's: what is built in comes first, then what was registered, in that
-//! order. Where two formats fit some bytes equally well, the earlier one is taken.
+//! Each process has one table: built-in formats first, then registered ones in their order. If two
+//! formats fit some bytes equally well, the earlier one is used.
 
 mod bus;
 mod car_board;
@@ -102,10 +102,10 @@ pub fn names() -> Vec<&'static str> {
     CODECS.names()
 }
 
-/// Adds a row to the table, for as long as the process lives.
+/// Adds a row to the table, for the life of the process.
 ///
 /// # Errors
-/// If there is a row of its name, or something to fuzz of the name that it is fuzzed under.
+/// If the table already has a row of this name, or a fuzz target of this target name.
 pub fn register(codec: Codec) -> Result<&'static Codec, NameTaken> {
     if let Some(taken) = target(codec.target().name) {
         return Err(NameTaken::new(taken.name));

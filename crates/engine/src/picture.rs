@@ -4,8 +4,8 @@
 //! Grid, TouchPanel --> Picture --> PNG, PGM        PNG, PGM, PPM --> Picture --> walls
 //! ```
 //!
-//! Two forms are enough, so there is no library of all of them: PNG through the crate `png`, and
-//! the portable maps of `picture/pnm.rs`, which ROS keeps its maps in.
+//! Two formats are enough, so the tool needs no general image library: PNG through the crate `png`,
+//! and the portable maps of `picture/pnm.rs`, the format of ROS maps.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -15,8 +15,7 @@ use std::path::Path;
 mod png;
 mod pnm;
 
-/// Rows of pixels, the top one first. Red, green and blue unless said otherwise; `u8` is gray, 0
-/// black.
+/// Rows of pixels, the top one first. Red, green and blue by default; `u8` is gray, 0 black.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture<P = [u8; 3]> {
     width: usize,
@@ -24,7 +23,7 @@ pub struct Picture<P = [u8; 3]> {
     pixels: Vec<P>,
 }
 
-/// What a pixel can be made from.
+/// A pixel type that can be made from gray or colour.
 pub trait Pixel: Copy {
     /// From a gray, 0 black.
     fn from_gray(gray: u8) -> Self;
@@ -60,7 +59,7 @@ fn narrow(wide: u16) -> u8 {
     u8::try_from((u32::from(wide) + 128) / 257).expect("65535 becomes 255")
 }
 
-/// A file that holds no picture, or none that is wanted.
+/// A file without a picture, or with an unsuitable one.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
     /// It cannot be opened.
@@ -74,7 +73,7 @@ pub enum PictureError {
         /// Rows.
         height: usize,
     },
-    /// It is damaged or of another form; a sentence that says how.
+    /// It is damaged or of another format; a sentence with the reason.
     #[error("{0}")]
     Form(String),
 }
@@ -133,7 +132,7 @@ impl<P: Copy> Picture<P> {
         (x < self.width && y < self.height).then(|| self.pixels[y * self.width + x])
     }
 
-    /// Paints the pixel at column `x` and row `y`; outside there is nothing to paint.
+    /// Paints the pixel at column `x` and row `y`; pixels outside are ignored.
     pub fn put(&mut self, x: usize, y: usize, pixel: P) {
         if x < self.width && y < self.height {
             self.pixels[y * self.width + x] = pixel;
@@ -148,12 +147,12 @@ impl<P: Copy> Picture<P> {
 }
 
 impl<P: Pixel> Picture<P> {
-    /// Reads a PNG, PGM or PPM file of at most `pixels_max` pixels; its first bytes say which it
-    /// is. How much a pixel lets through is not looked at.
+    /// Reads a PNG, PGM or PPM file of at most `pixels_max` pixels. Its first bytes determine the
+    /// format. Transparency is ignored.
     ///
     /// # Errors
-    /// If there is no such file, or no picture of that size in it. It is found before memory is
-    /// taken for what a damaged file says it holds.
+    /// If the file does not exist or holds no picture of that size. The size is checked before any
+    /// memory is allocated, because a damaged file may announce any size.
     pub fn read(path: &Path, pixels_max: usize) -> Result<Self, PictureError> {
         let mut file = BufReader::new(File::open(path).map_err(PictureError::Open)?);
         match file.fill_buf().map_err(PictureError::Open)? {
@@ -191,7 +190,7 @@ impl Picture<u8> {
     }
 }
 
-/// The size that a file says it has, if it is allowed.
+/// The number of pixels that a file announces, if it is allowed.
 fn sized(width: usize, height: usize, pixels_max: usize) -> Result<usize, PictureError> {
     let pixels = width.checked_mul(height);
     pixels

@@ -1,4 +1,4 @@
-//! What the main loop does: registers filled, requests answered, motors regulated and stopped.
+//! Work of the main loop: fill registers, answer requests, regulate and stop motors.
 
 use core::time::Duration;
 
@@ -15,8 +15,8 @@ use super::profile::{
 use super::request::{Request, RequestKind};
 use super::{AvrBase, SET_POINT_REGISTERS};
 
-/// What the text of the debug build costs: 72 of its 103 bytes have to leave at 90 us each before
-/// the rest fits the ring, and printf takes its time. Measured: replies 7.2 to 8.4 ms late.
+/// Delay by the text of the debug build: 72 of its 103 bytes leave at 90 us each before the rest
+/// fits the ring, and `printf` takes time as well. Measured: replies 7.2 to 8.4 ms late.
 pub(super) const DEBUG_TEXT_TIME: Duration = Duration::from_micros(7_150);
 /// Length of that text. Its wording is not known.
 const DEBUG_TEXT_LEN: usize = 103;
@@ -69,7 +69,7 @@ impl AvrBase {
         }
     }
 
-    /// Does what `request` asks at `at`; the reply.
+    /// Executes `request` at `at` and returns the reply.
     pub(super) fn answer(&mut self, at: Instant, request: &Request) -> Frame {
         self.last_frame = request.at;
         self.print_debug_text(at);
@@ -94,8 +94,8 @@ impl AvrBase {
         reply
     }
 
-    /// Does `access` with `count` bytes from `register` on, with the motors' state where it lies
-    /// in the memory; what it leaves there is their state from now on.
+    /// Runs `access` on `count` bytes from `register` on. If the range reaches the motors' state,
+    /// the memory holds that state before, and the motors take it over after.
     fn with_motors(&mut self, register: u8, count: u8, access: impl FnOnce(&mut Memory)) {
         if !Memory::reaches_motors(register, count) {
             return access(&mut self.memory);
@@ -118,7 +118,8 @@ impl AvrBase {
         }
     }
 
-    /// The fielded way: no address is checked, and the request itself lies behind the registers.
+    /// Access of the fielded builds: no address check, and the request itself lies behind the
+    /// registers.
     fn access_memory(&mut self, request: &Request) -> Frame {
         let order = self.quirks.checksum;
         let [.., first, second] = request.bytes[..] else {
@@ -134,7 +135,7 @@ impl AvrBase {
                     self.memory.store(index, byte);
                 }
                 if !self.memory.holds(request.data()) {
-                    // The checksum is made of what the pointer leads to.
+                    // The checksum covers the bytes at the data pointer.
                     return self.refuse();
                 }
                 self.memory.begin_reply(register);
@@ -176,7 +177,8 @@ impl AvrBase {
         Some(memory)
     }
 
-    /// The documented way: what is not in the map, or not the master's to write, is refused whole.
+    /// Access as documented: refuses the whole request if it leaves the map or writes a read-only
+    /// register.
     fn access_registers(&mut self, request: &Request) -> Frame {
         let order = self.quirks.checksum;
         let (first, count) = (request.register(), request.count());
@@ -198,7 +200,7 @@ impl AvrBase {
         Frame::read(first, 0, order)
     }
 
-    /// Tells what a well-behaved master would not have asked.
+    /// Reports requests that a well-behaved master does not send.
     fn judge(&mut self, request: &Request) {
         let (first, count) = (request.register(), request.count());
         let last = u16::from(first) + u16::from(count.max(1)) - 1;

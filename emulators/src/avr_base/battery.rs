@@ -1,4 +1,4 @@
-//! The battery and what its two registers say of it.
+//! The battery and its two registers.
 //!
 //! ```text
 //! voltage -> reading (15 mV each, 300 mV offset) -> mV = reading * 15 - 300
@@ -32,14 +32,14 @@ impl Default for BatteryConfig {
     }
 }
 
-/// The battery, and what the firmware remembers of it.
+/// The battery with the firmware's stored values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Battery {
     config: BatteryConfig,
     since: Instant,
     /// Minimum voltage seen since the firmware started, mV.
     least_mv: u16,
-    /// All but empty, whatever it would be by now.
+    /// Whether a fault makes the battery almost empty.
     pub(super) is_low: bool,
 }
 
@@ -84,7 +84,7 @@ impl Battery {
         }
     }
 
-    /// What the fielded main loop makes of the reading, whenever the divider has counted.
+    /// Converts the reading as the fielded main loop does, whenever the divider has counted.
     pub(super) fn convert(&mut self, memory: &mut Memory) {
         let raw = memory.battery_reading();
         if raw <= 0 {
@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(memory.get(35), 100);
     }
 
-    /// 10995 mV is what the reading makes of 11000: 43 percent. The new battery has 95.
+    /// 11000 mV become a reading of 10995 mV: 43 percent. The new battery has 95.
     #[test]
     fn fielded_percent_never_rise() {
         let mut memory = Memory::new(MAP_2015);

@@ -1,4 +1,4 @@
-//! How a base is set up.
+//! Configuration of a base.
 
 use core::time::Duration;
 
@@ -7,14 +7,14 @@ use super::heat::Heat;
 use super::imu::Imu;
 use super::profile::{Profile, Quirks};
 
-/// How a base is set up.
+/// Configuration of a base.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AvrBaseConfig {
     /// Its firmware.
     pub profile: Profile,
     /// Quirks in place of the profile's, to mix firmwares.
     pub quirks: Option<Quirks>,
-    /// How long before the run all its tasks ran together, up to 200.8 ms; `None`: drawn.
+    /// Time before the run at which all tasks ran together, up to 200.8 ms; `None`: drawn.
     pub phase: Option<Duration>,
     /// Its battery.
     pub battery: BatteryConfig,
@@ -24,17 +24,18 @@ pub struct AvrBaseConfig {
     /// The text that the fielded builds print for each request when a button is held at the start,
     /// see [`AvrBase::DEBUG`](super::AvrBase::DEBUG); it makes every reply some 7 ms late.
     pub debug_text: DebugText,
-    /// Chance that a read of an encoder meets a count that carried into a higher byte while the
-    /// registers were filled, given that it carried since the last look. See [`NATURAL_TEAR`].
+    /// Chance that a read of an encoder returns a torn count: the count carried into a higher byte
+    /// while the registers were filled. Applies if it carried since the last look. See
+    /// [`NATURAL_TEAR`].
     pub encoder_tear: f64,
-    /// Thermometers and rescue kits; only firmware that refuses what is not in its map has them.
+    /// Thermometers and rescue kits. Only firmware that refuses registers beyond its map has them.
     pub heat: Heat,
-    /// A gyroscope; only firmware that refuses what is not in its map has one.
+    /// A gyroscope. Only firmware that refuses registers beyond its map has one.
     pub imu: Imu,
 }
 
 impl AvrBaseConfig {
-    /// What is particular about the firmware.
+    /// Peculiarities of the firmware.
     pub fn quirks(&self) -> Quirks {
         self.quirks.unwrap_or_else(|| self.profile.quirks())
     }
@@ -43,10 +44,10 @@ impl AvrBaseConfig {
 /// Whether the base speaks of its own accord.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Announce {
-    /// Only answers.
+    /// Answers only.
     #[default]
     Nothing,
-    /// Tells when the stop button changes the status.
+    /// A message when the stop button changes the status.
     StopButton,
 }
 
@@ -60,9 +61,9 @@ pub enum DebugText {
     On,
 }
 
-/// Chance of a torn encoder as it follows from the firmware: a copy of 1 us in a main loop of
-/// 38 us, of which the one before the reply counts, while the last look was up to 25 ms ago. An
-/// estimate; none has been seen.
+/// Chance of a torn encoder count, derived from the firmware: a copy of 1 us in a main loop of 38
+/// us. Only the copy before the reply counts, and the last look was up to 25 ms ago. An estimate;
+/// no torn count has been observed.
 pub const NATURAL_TEAR: f64 = 4e-5;
 
 impl Default for AvrBaseConfig {
@@ -81,7 +82,7 @@ impl Default for AvrBaseConfig {
     }
 }
 
-/// Why the processor started.
+/// Cause of the processor's start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StartCause {
     /// Power, or the reset button.

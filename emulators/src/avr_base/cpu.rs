@@ -1,4 +1,4 @@
-//! Where the processor's time goes: a main loop that interrupts hold up.
+//! Time of the processor: a main loop that interrupts delay.
 //!
 //! ```text
 //! receive and transmit interrupt    not interrupted themselves; receive comes first
@@ -6,12 +6,13 @@
 //!     main loop                     load state, test it -> answer, or give a fragment up -> rest
 //! ```
 //!
-//! When an answer comes, which byte is lost and which fragment is given up follow from where each
-//! of the three stands. Figures: field firmware b77a6df run in a simulated ATmega2560 at 16 MHz
-//! with a byte every 10 us. Those marked as derived follow from measured latencies.
+//! Three positions decide when an answer comes, which byte is lost and which fragment is discarded:
+//! those of main loop, tick interrupt and byte interrupts. Figures: field firmware b77a6df run in a
+//! simulated ATmega2560 at 16 MHz with a byte every 10 us. Those marked as derived follow from
+//! measured latencies.
 //!
-//! This module knows only durations. What the steps do is up to its owner, who takes one
-//! [`Step`] after the other from [`Cpu::advance`].
+//! This module knows only durations. Its owner takes one [`Step`] after the other from
+//! [`Cpu::advance`] and executes it.
 
 use std::collections::VecDeque;
 
@@ -42,7 +43,7 @@ const RING: usize = 31;
 /// loop has seen it 42 us later.
 const TICK_TO_COUNT: u64 = 66_000;
 
-/// What the processor does next.
+/// The next event of the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Step {
     /// The receive interrupt has taken `byte`, which ended at `ended`.
@@ -54,7 +55,7 @@ pub(super) enum Step {
     },
     /// A byte goes to the line.
     Sent(u8),
-    /// The tick interrupt begins; it does nothing until [`Cpu::begin_tick`] says what it takes.
+    /// The tick interrupt begins; it does nothing until [`Cpu::begin_tick`] sets its duration.
     Tick,
     /// The divider counts.
     Count,
@@ -135,7 +136,7 @@ impl Cpu {
         }
     }
 
-    /// The processor has come to here.
+    /// Time up to which the processor has run.
     pub(super) const fn now(&self) -> Instant {
         Instant::from_nanos(self.at)
     }
@@ -145,7 +146,8 @@ impl Cpu {
         self.incoming.push_back((ended, byte));
     }
 
-    /// What the tick interrupt takes that has just begun, and whether the divider counts in it.
+    /// Sets the duration of the tick interrupt that has just begun, and whether the divider counts
+    /// in it.
     pub(super) fn begin_tick(&mut self, work: Duration, counts: bool) {
         self.tick_left += nanos(work);
         if counts {
@@ -166,7 +168,7 @@ impl Cpu {
         self.reply.is_some() || !self.ring.is_empty()
     }
 
-    /// Whether bytes or replies are on their way through the processor.
+    /// Whether the processor handles bytes or replies.
     pub(super) fn is_busy(&self) -> bool {
         self.is_replying() || !self.incoming.is_empty() || self.interrupt.is_some()
     }
@@ -174,7 +176,7 @@ impl Cpu {
     /// No step comes before.
     pub(super) fn next_change(&self) -> Instant {
         let left = match self.slice() {
-            // Whatever comes meanwhile waits for its end.
+            // Bytes and ticks wait for the interrupt's end.
             Slice::Interrupt(left) => return Instant::from_nanos(self.at + left),
             Slice::Tick(left) | Slice::Reply(left) => left,
             // A step without a look.
@@ -185,8 +187,8 @@ impl Cpu {
         Instant::from_nanos(self.at.saturating_add(left).min(self.next_entry()))
     }
 
-    /// The next step up to `limit`, and when it is. While nothing is `attentive` the main loop goes
-    /// round without steps.
+    /// The next step up to `limit`, and its time. Unless `attentive`, passes of the main loop
+    /// are no steps.
     pub(super) fn advance(&mut self, limit: Instant, attentive: bool) -> Option<(Instant, Step)> {
         let limit = limit.as_nanos();
         loop {
@@ -213,7 +215,7 @@ impl Cpu {
         }
     }
 
-    /// When the next interrupt comes, later than now or at once.
+    /// Time of the next interrupt, at least now.
     fn next_entry(&self) -> u64 {
         let byte = self.incoming.front().map(|(ended, _)| ended.as_nanos());
         let line = (!self.ring.is_empty()).then_some(self.line_free);
@@ -223,7 +225,7 @@ impl Cpu {
             .max(self.at)
     }
 
-    /// Starts what may interrupt now; whether that is a tick.
+    /// Starts a due interrupt; `true` if it is a tick.
     fn enter(&mut self) -> bool {
         if self.interrupt.is_some() {
             return false;
@@ -272,7 +274,7 @@ impl Cpu {
         self.ring.len() >= RING && !reply.bytes.is_empty()
     }
 
-    /// Ends what has no work left.
+    /// Ends a slice that has no work left.
     fn finish(&mut self, slice: &Slice, attentive: bool) -> Option<Step> {
         match slice {
             Slice::Interrupt(0) => match self.interrupt.take()? {
@@ -312,7 +314,7 @@ impl Cpu {
             self.reply = None;
             return Some(Step::Replied);
         };
-        // Behind the last byte the receiver listens again at once.
+        // Behind the last byte the receiver works again at once.
         reply.left = if reply.bytes.is_empty() { 0 } else { PUT };
         self.ring.push_back(byte);
         None

@@ -19,17 +19,17 @@ const SUM_LIMIT: i16 = 200;
 /// Greatest power.
 const POWER_MAX: i16 = 255;
 
-/// One side of the speed regulator. All numbers are those of 16 bits that the firmware has, which
-/// wrap: only a master that writes over them sees that.
+/// One side of the speed regulator. All numbers have the firmware's 16 bits and wrap. Only a master
+/// that overwrites them notices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Regulator {
     pub(super) sum: i16,
-    /// What the last step came to.
+    /// Power after the last step.
     pub(super) power: i16,
 }
 
 impl Regulator {
-    /// What the motor driver does next, given set-point and measured speed in ticks per period.
+    /// Next drive of the motor, from set-point and measured speed in ticks per period.
     pub(super) fn step(&mut self, gains: Gains, set_point: i16, is: i16) -> Drive {
         let to = set_point.clamp(-SET_POINT_MAX, SET_POINT_MAX);
         if to == 0 {
@@ -60,14 +60,14 @@ fn pulse(power: i16) -> i16 {
     }
 }
 
-/// Counts the encoder of one wheel as the firmware does, from what the wheel really turned.
+/// Encoder count of one wheel as the firmware counts it, from the true rotation of the wheel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Counter {
     /// Edges of the real wheel at the last look.
     seen: i64,
-    /// When that was.
+    /// Time of the last look.
     at: Instant,
-    /// What the firmware counted. Wraps as the 32 bits of the firmware do.
+    /// Count of the firmware. Wraps at 32 bits as the firmware's does.
     count: i32,
     /// The count at the look before the last.
     before: i32,
@@ -108,7 +108,7 @@ impl Counter {
         (self.seen, self.at) = (edges, now);
     }
 
-    /// What the firmware counted.
+    /// Count of the firmware.
     pub(super) const fn count(&self) -> i32 {
         self.count
     }
@@ -118,7 +118,7 @@ impl Counter {
         self.edges
     }
 
-    /// The master has written over what the firmware counts in.
+    /// Replaces the count: the master has overwritten it.
     pub(super) const fn overwrite(&mut self, count: i32, edges: i32) {
         (self.count, self.before, self.edges) = (count, count, edges);
     }
@@ -128,8 +128,8 @@ impl Counter {
         (self.seen, self.at) = (edges, now);
     }
 
-    /// What the registers hold when the count changes while they are filled: the low byte of
-    /// before, the others of now. `None` if the change did not carry into a higher byte.
+    /// Content of the registers if the count changes while they are filled: the old low byte and
+    /// the new other bytes. `None` if the change did not carry into a higher byte.
     pub(super) fn torn(&self) -> Option<i32> {
         let low = self.before & 0xFF;
         let torn = (self.count & !0xFF) | low;
@@ -137,8 +137,8 @@ impl Counter {
     }
 }
 
-/// Edges counted of `turned` that came evenly over `samples` looks at the two signals: none of
-/// two between two looks, one back of three, and so on round the four states.
+/// Edges counted if `turned` edges came evenly over `samples` looks at the two signals. Two edges
+/// between two looks count as none, three as one back, and so on round the four states.
 fn polled(turned: i64, samples: u64) -> i64 {
     if turned.unsigned_abs() <= samples {
         return turned;
@@ -259,8 +259,8 @@ mod tests {
         assert_eq!(at_counts(0, -1).torn(), Some(-256));
     }
 
-    /// What the low byte of before and the others of now make; nothing, if only the low byte
-    /// changed.
+    /// The torn count has the old low byte and the new other bytes. There is none if only the low
+    /// byte changed.
     #[test]
     fn a_torn_count_has_the_low_byte_of_before() {
         let torn = |before: i32, count: i32| {
@@ -278,7 +278,7 @@ mod tests {
         assert_eq!(torn(0, -1), Some(-256));
     }
 
-    /// 3 edges in 3 looks are 3. Of 2 in a look none is seen, of 3 one back, of 5 one.
+    /// 3 edges in 3 looks count as 3. 2 edges in one look count as none, 3 as one back, 5 as one.
     #[test]
     fn edges_between_two_looks_are_told_by_the_state_alone() {
         let seen = [3, 6, 9, 12, 15].map(|turned| polled(turned, 3));

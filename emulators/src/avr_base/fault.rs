@@ -1,12 +1,12 @@
-//! What can go wrong with the base besides what its firmware does wrong.
+//! Faults of the base, besides the defects of its firmware.
 
 use protocols::Instant;
 
 use super::{Announce, AvrBase, StartCause};
 use crate::world::Wheel;
 
-/// Names of the faults; the last is that of a base that tells of its stop button, which a person
-/// holds.
+/// Names of the faults. The last one needs a base that announces its stop button: a person holds
+/// the button.
 const NAMES: [&str; 6] = [
     "off",
     "restart",
@@ -20,14 +20,14 @@ const NAMES: [&str; 6] = [
 /// exchanged, so that it counts backwards.
 const WRONG: f64 = -1.0;
 
-/// What the firmware sees of the encoders.
+/// Encoders as the firmware sees them.
 #[derive(Clone, Debug)]
 pub(super) struct Encoders {
     /// No count comes.
     stuck: bool,
     /// Counts seen for each true one; 1 is sound.
     factor: f64,
-    /// True counts at the last look, and what was seen of them.
+    /// True counts at the last look, and the counts that the firmware saw.
     last: [Option<(i64, f64)>; 2],
 }
 
@@ -42,11 +42,11 @@ impl Default for Encoders {
 }
 
 impl Encoders {
-    /// What is seen of `wheel`, whose true count is `edges`.
+    /// Count of `wheel` that the firmware sees for the true count `edges`.
     pub(super) fn count(&mut self, wheel: Wheel, edges: i64) -> i64 {
         let last = &mut self.last[wheel as usize];
         let (before, seen) = last.unwrap_or((edges, edges as f64));
-        // As long as nothing is wrong this is exact: counts are whole and far below 2^53.
+        // Without a fault the result is exact: counts are whole and far below 2^53.
         let factor = if self.stuck { 0.0 } else { self.factor };
         let seen = seen + (edges - before) as f64 * factor;
         *last = Some((edges, seen));
@@ -60,7 +60,7 @@ impl Encoders {
 }
 
 impl AvrBase {
-    /// What can go wrong with this one.
+    /// Faults that this base can have.
     pub(super) fn faults(&self) -> &'static [&'static str] {
         match self.config.announce {
             Announce::Nothing => &NAMES[..NAMES.len() - 1],
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(count(&mut encoders, 170), 100);
     }
 
-    /// Only a base that tells of its stop button has one that can be held.
+    /// Only a base that announces its stop button has one that a person can hold.
     #[test]
     fn a_base_without_a_stop_button_knows_no_fault_of_it() {
         let faults = |announce| {
@@ -129,7 +129,8 @@ mod tests {
         assert_eq!(with_button[5..], ["stop-button"]);
     }
 
-    /// By half as much again, or backwards without a figure; sound again when the fault ends.
+    /// The count grows by half as much again, or backwards without a figure; it is right after the
+    /// fault.
     #[test]
     fn wrong_encoders_are_sound_again_when_the_fault_ends() {
         let mut base = AvrBase::new(super::super::AvrBaseConfig::default(), 7);
@@ -152,7 +153,7 @@ mod tests {
         assert_eq!(flags("nothing", true), (false, false));
     }
 
-    /// It starts when its supply comes back and when it is restarted, not when that is over.
+    /// The base starts when its supply returns and when a restart begins, not when the fault ends.
     #[test]
     fn a_base_starts_with_its_supply_and_when_it_is_restarted() {
         let mut base = AvrBase::new(super::super::AvrBaseConfig::default(), 7);

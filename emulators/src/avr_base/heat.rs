@@ -1,10 +1,10 @@
-//! Two infrared thermometers, left and right, and what drops the rescue kits.
+//! Two infrared thermometers, left and right, and the dispenser of rescue kits.
 //!
-//! The report looks forward to the sensors without naming type or registers. Ours are as a
-//! thermometer of 35 degrees field of view (MLX90614 and its like) on the two converter channels
-//! that the fielded base has free, 13 and 17, in tenths of a degree Celsius; the kits have register
-//! 53, behind the fielded map: how many have left the magazine, and written how many shall have.
-//! The magazine stays where it is when the board restarts.
+//! The report plans the sensors without type or registers. The emulated ones are thermometers of 35
+//! degrees field of view (MLX90614 and similar). They use the two free converter channels of the
+//! fielded base, 13 and 17, in tenths of a degree Celsius. The kits use register 53, behind the
+//! fielded map. A read returns the number of kits dropped; a write sets the number to reach. The
+//! magazine keeps its state when the board restarts.
 
 use core::f64::consts::FRAC_PI_2;
 
@@ -20,7 +20,7 @@ const HALF_VIEW_RAD: f64 = 0.305;
 const RAYS: i8 = 4;
 /// Distance of a sensor from the robot's middle, metres.
 const MOUNT_M: f64 = 0.1;
-/// As far as it is looked for warm things, metres.
+/// Maximum distance of a detected plate, metres.
 const RANGE_M: f64 = 3.0;
 /// Noise of a reading, degrees. A guess.
 const NOISE_C: f64 = 0.3;
@@ -35,7 +35,7 @@ pub enum Heat {
     Fitted,
 }
 
-/// What they have felt and dropped.
+/// The thermometers' noise and the kits dropped so far.
 #[derive(Clone, Debug)]
 pub(super) struct Thermometers {
     noise: Rng,
@@ -67,7 +67,7 @@ impl Thermometers {
 }
 
 impl AvrBase {
-    /// Where kits were dropped, in their order.
+    /// Poses at which kits were dropped, in order.
     pub fn kits(&self) -> &[Pose] {
         &self.thermometers.kits
     }
@@ -138,7 +138,7 @@ mod tests {
         })
     }
 
-    /// Nine rays over 35 degrees: a plate that fills them is 37, what is not there 22.
+    /// Nine rays over 35 degrees: a plate that fills them is 37 degrees, the background is 22.
     #[test]
     fn a_thermometer_feels_what_is_on_its_side() {
         let is = |found: [f64; 2], expected: [f64; 2]| {
@@ -185,8 +185,8 @@ mod tests {
         );
     }
 
-    /// Three kits where the robot stands, and no fourth one when it is told again, told less, or
-    /// restarted; both thermometers are read low byte first.
+    /// Three kits drop at the robot's pose. No fourth drops after a repeated order, a lower order
+    /// or a restart. Both thermometers are read low byte first.
     #[test]
     fn kits_drop_where_the_robot_is() {
         let world = world(0.5, 3.0);

@@ -1,9 +1,9 @@
-//! A gyroscope on the base's own bus, whose turn the base adds up.
+//! A gyroscope on the base's own bus; the base integrates its turn rate.
 //!
-//! The report looks forward to inertial sensors without a type. Ours is a rate gyroscope of the
-//! MPU-6050's kind whose samples the base integrates: registers 54 to 57 hold the sum in hundredths
-//! of a degree, counter-clockwise. The base knows nothing of the offset; a master that reads the
-//! sum at rest sees it drift.
+//! The report plans inertial sensors without a type. The emulated one is a rate gyroscope like the
+//! MPU-6050: the base integrates its samples. Registers 54 to 57 hold the sum in hundredths of a
+//! degree, counter-clockwise. The base does not correct the offset: at rest a master sees the sum
+//! drift.
 
 use protocols::Instant;
 use protocols::avr::registers::YAW;
@@ -12,8 +12,8 @@ use super::AvrBase;
 use crate::rng::Rng;
 use crate::world::{World, wrap_angle};
 
-/// Offset of the rate, degrees a second: data sheet of the MPU-6050, 20 at most; what is left when
-/// it was calibrated once, a guess.
+/// Offset of the rate, degrees a second. Data sheet of the MPU-6050: 20 at most. This is a guess of
+/// the remainder after one calibration.
 const OFFSET_DEG_S: f64 = 0.5;
 /// Error of the scale: data sheet, 3 %; calibrated once, a guess.
 const SCALE: f64 = 0.005;
@@ -36,7 +36,7 @@ pub(super) struct Gyro {
     noise: Rng,
     offset_deg_s: f64,
     scale: f64,
-    /// When it was checked last, and the true heading then.
+    /// Time of the last look, and the true heading then.
     last: Option<(Instant, f64)>,
     sum_deg: f64,
 }
@@ -105,7 +105,7 @@ mod tests {
         assert!((drift - 100.0 * gyro.offset_deg_s).abs() < 0.3, "{drift}");
     }
 
-    /// A radian is 57.296 degrees, half as much again 85.944; ten seconds of 2 degrees are 20 more.
+    /// A radian is 57.296 degrees; with the scale fault 85.944. Ten seconds at 2 degrees add 20.
     #[test]
     fn a_scale_multiplies_the_turn_and_an_offset_the_time() {
         let mut gyro = Gyro::new(1);
@@ -117,8 +117,8 @@ mod tests {
         assert_eq!(gyro.sum(Instant::from_secs(20), 3.0), 0.0);
     }
 
-    /// A base without a gyroscope leaves its registers alone; one that has it tells a radian as 57
-    /// degrees.
+    /// A base without a gyroscope leaves its registers alone; a base with one reports a radian as
+    /// 57 degrees.
     #[test]
     fn only_a_base_with_a_gyroscope_tells_its_turn() {
         use crate::avr_base::AvrBaseConfig;

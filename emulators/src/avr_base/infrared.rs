@@ -1,10 +1,10 @@
-//! The ten infrared distance sensors: where they sit, what they see, what their curves make of it.
+//! The ten infrared distance sensors: mounting, measurement and conversion curves.
 //!
-//! The world gives a distance, the sensor turns it into a reading of the converter, the firmware
-//! turns that into millimetres with a curve per sensor. The curves are the fielded firmware's; the
-//! sensor is their inverse on the falling branch, so that a wall at 150 mm reads as 150 mm, and
-//! below the near end of the branch a straight line up to the reading at contact, so that a very
-//! near object reads as the fielded robot reads it: negative, or farther again.
+//! The world gives a distance and the sensor turns it into a reading of the converter. The firmware
+//! turns the reading into millimetres with one curve per sensor. The curves are the fielded
+//! firmware's. On the falling branch the sensor is their inverse, so a wall at 150 mm reads as 150
+//! mm. Nearer, the reading is a straight line up to the reading at contact. A very near object
+//! therefore reads as on the fielded robot: negative, or farther again.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -13,8 +13,8 @@ use super::profile::NearObjects;
 use crate::rng::Rng;
 use crate::world::World;
 
-/// Sensors that are powered together, one block per run of the analog task, as places in
-/// [`SENSORS`]. Each sensor is so refreshed every 150.6 ms.
+/// Sensors that are powered together, one block per run of the analog task, as indices into
+/// [`SENSORS`]. Each sensor is refreshed every 150.6 ms.
 const BLOCKS: [&[Sensor]; 3] = [
     &[
         SHORT[0], // front left
@@ -45,7 +45,7 @@ struct Sensor {
     curve: Curve,
 }
 
-/// Where a sensor sits on the robot, metres and radians in the robot's frame. The report shows a
+/// Position of a sensor on the robot, metres and radians in the robot's frame. The report shows a
 /// round robot of about 150 mm radius with pairs of sensors on four sides; the figures are guesses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Mount {
@@ -54,7 +54,7 @@ struct Mount {
     angle: f64,
 }
 
-/// What the firmware makes of a reading.
+/// Conversion of a reading to millimetres by the firmware.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Curve {
     /// c4 r^4 - c3 r^3 + c2 r^2 - c1 r + c0, the first four cut to whole numbers one by one;
@@ -208,7 +208,7 @@ const LONG: [Sensor; 2] = [
     },
 ];
 
-/// The sensors, the block of them whose turn it is, and their noise.
+/// The sensors, the block that is measured next, and their noise.
 #[derive(Clone, Debug)]
 pub(super) struct Sensors {
     block: usize,
@@ -228,7 +228,7 @@ impl Sensors {
         self.block = 0;
     }
 
-    /// Place of the block whose turn it is.
+    /// Index of the block that is measured next.
     pub(super) const fn block(&self) -> usize {
         self.block
     }
@@ -249,7 +249,7 @@ impl Sensors {
 }
 
 impl Sensor {
-    /// The converter's reading and what its registers show now, with `noise` in deviations.
+    /// The converter's reading and the value of its registers; `noise` is in standard deviations.
     fn measure(&self, world: &World, near: NearObjects, noise: f64) -> (u16, i16) {
         let pose = world.pose();
         let from = pose.offset(self.mount.ahead, self.mount.left);
@@ -264,13 +264,13 @@ impl Sensor {
     }
 }
 
-/// Nothing farther away makes a difference.
+/// Maximum distance that makes a difference.
 const RANGE_M: f64 = 1.0;
 /// All curves fall up to this reading; some of the short ones rise again a little later.
 const FALLING_UP_TO: u16 = 430;
 
-/// The report's sensors reach 1 m and are noisy; a deviation of 3 mm and one part in a hundred is
-/// a guess. Where nothing is, they tell that metre.
+/// Distance of a sensor as the report has it: range 1 m, and noise. Without an object the distance
+/// is 1 m. The deviation of 3 mm and one part in a hundred is a guess.
 fn documented_mm(distance_m: Option<f64>, noise: f64) -> i16 {
     let Some(distance_m) = distance_m else {
         return 1_000;
@@ -298,7 +298,7 @@ impl Curve {
         }
     }
 
-    /// What the firmware makes of a reading, mm.
+    /// Distance that the firmware computes from a reading, mm.
     fn distance_mm(&self, raw: u16) -> i16 {
         let r = f64::from(raw);
         let value = match *self {
@@ -454,7 +454,7 @@ mod tests {
         );
     }
 
-    /// 3 mm and a hundredth of the way: 8 mm of 500.
+    /// 3 mm and a hundredth of the distance: 8 mm of 500.
     #[test]
     fn a_documented_sensor_deviates_by_three_millimetres_and_a_hundredth() {
         let told = |distance_m, noise| documented_mm(Some(distance_m), noise);
@@ -467,8 +467,8 @@ mod tests {
         assert_eq!(documented_mm(None, 5.0), 1_000);
     }
 
-    /// Between the end of the falling branch and contact the reading rises in a straight line: at
-    /// contact it is 600 of a short one and 620 of a long one, half way half of that more.
+    /// Between the falling branch and contact the reading is a straight line. At contact it is 600
+    /// for a short sensor and 620 for a long one.
     #[test]
     fn a_reading_rises_on_to_contact() {
         for (sensors, near_mm, contact) in [(&SHORT[..], 20.0, 600), (&LONG[..], 100.0, 620)] {
@@ -481,7 +481,8 @@ mod tests {
         }
     }
 
-    /// Just above its threshold a curve tells its farthest; what is farther away reads nothing.
+    /// A reading just above the threshold is the curve's farthest distance; objects beyond read
+    /// nothing.
     #[test]
     fn what_is_farther_than_a_curve_tells_reads_nothing() {
         for sensor in SHORT.iter().chain(&LONG) {

@@ -1,4 +1,4 @@
-//! What the base tells about itself and about its master, without flooding the log.
+//! Log of the base about itself and its master, with a limit on repeated entries.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use protocols::Instant;
 use crate::device::BrokenRules;
 use crate::{Event, EventKind};
 
-/// The rules that a master can break, and what an innocent master does.
+/// Rules that a master can break, and what to do instead.
 pub mod rules {
     /// Bytes that belong to no frame: none between frames.
     pub const STRAY_BYTES: &str = "stray-bytes";
@@ -19,7 +19,7 @@ pub mod rules {
     pub const FRAME_CUT_OFF: &str = "frame-cut-off";
     /// A pause inside a frame that may cost the frame: bytes follow each other within 1 ms.
     pub const GAP_IN_FRAME: &str = "gap-in-frame";
-    /// Bytes while the base works on a request and does not listen.
+    /// Bytes that are lost while the base works on a request.
     pub const BYTES_WHILE_BUSY: &str = "bytes-while-busy";
     /// A frame that begins before the reply to the one before has ended.
     pub const REQUEST_BEFORE_REPLY: &str = "request-before-reply";
@@ -27,11 +27,11 @@ pub mod rules {
     pub const QUEUE_FULL: &str = "queue-full";
     /// Registers beyond the map.
     pub const UNKNOWN_REGISTER: &str = "unknown-register";
-    /// A write to what the base itself feeds.
+    /// A write to a register that the base itself feeds.
     pub const WRITE_READ_ONLY: &str = "write-read-only";
     /// A request that cuts through a value of several registers.
     pub const VALUE_CUT: &str = "value-cut";
-    /// A wheel speed beyond what the regulator obeys.
+    /// A wheel speed beyond the regulator's range.
     pub const SET_POINT_OUT_OF_RANGE: &str = "set-point-out-of-range";
     /// A write of 127 bytes to a firmware that counts only to 126.
     pub const COUNT_TOO_LARGE: &str = "count-too-large";
@@ -75,7 +75,7 @@ impl Journal {
         });
     }
 
-    /// Something that the master did wrong. `detail` is only asked when it will be read.
+    /// Records a violation by the master. `detail` is called only if the entry is kept.
     pub(super) fn violation(
         &mut self,
         at: Instant,
@@ -121,8 +121,8 @@ impl Journal {
         }
     }
 
-    /// Oldest first. Work is done in the order of its time within one call, but a request may be
-    /// judged after a later one has come in, so the list is sorted here.
+    /// All events, oldest first. One call works in time order, but a request may be judged after a
+    /// later one has arrived, so the list is sorted here.
     pub(super) fn take(&mut self) -> Vec<Event> {
         if self.lost > 0 {
             let at = self.events.iter().map(|event| event.at).max();

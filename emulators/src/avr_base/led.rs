@@ -1,4 +1,4 @@
-//! What the light on top of the robot shows.
+//! State of the light on top of the robot.
 
 use protocols::avr::registers;
 
@@ -14,7 +14,7 @@ pub enum Led {
     },
     /// Something is not well.
     Blink {
-        /// Which: see [`FAULT_HUE`], [`STOPPED_HUE`], [`SILENT_HUE`].
+        /// Hue of the light: see [`FAULT_HUE`], [`STOPPED_HUE`], [`SILENT_HUE`].
         hue: u8,
     },
     /// The master has set it.
@@ -35,7 +35,7 @@ pub const STOPPED_HUE: u8 = 30;
 /// Green: no frame for three seconds.
 pub const SILENT_HUE: u8 = 85;
 
-/// Why the light would blink, most serious first.
+/// Reason for blinking, most serious first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Trouble {
     Restarted,

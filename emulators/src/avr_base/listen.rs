@@ -1,5 +1,5 @@
-//! From bytes to requests that wait for the main loop: what the base receives, and what it misses
-//! while it is busy.
+//! From bytes to requests that wait for the main loop: bytes that the base receives, and bytes that
+//! it misses while busy.
 
 use core::time::Duration;
 
@@ -18,8 +18,8 @@ const MCU_WATCHDOG: Duration = Duration::from_secs(1);
 const RING: u32 = 31;
 
 impl AvrBase {
-    /// Whether the receive interrupt drops a byte that ends at `at`: until the last request is
-    /// answered but for what fits the ring.
+    /// Whether the receive interrupt drops a byte that ends at `at`. The interrupt drops bytes
+    /// until the rest of the last reply fits the ring.
     fn is_deaf(&self, at: Instant) -> bool {
         if self.quirks.receiver != ReceiverKind::Interrupt {
             return false;
@@ -109,7 +109,7 @@ impl AvrBase {
         }
     }
 
-    /// When `request` will be answered; the measured processor finds out by itself.
+    /// Time of the answer to `request`; the measured processor determines it by itself.
     fn due(&self, request: &Request) -> Instant {
         match self.quirks.processor {
             Processor::Steady { latency } => request.at + latency,
@@ -117,8 +117,8 @@ impl AvrBase {
         }
     }
 
-    /// The program runs on through memory that is none of its own. The timers drive the motors as
-    /// before until the watchdog bites.
+    /// Crash: the program runs on through foreign memory. The timers drive the motors as before
+    /// until the processor's watchdog restarts the base.
     pub(super) fn crash(&mut self, at: Instant) {
         let until = at + MCU_WATCHDOG;
         self.start.crashed_until = Some(until);

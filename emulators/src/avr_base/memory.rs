@@ -13,11 +13,10 @@
 //!  267..=312  motors, see [`Motors`]
 //! ```
 //!
-//! Nothing checks an address in those builds, so a request reads and writes all of it from 0 on.
-//! Sources: field firmware b77a6df run in a simulated ATmega2560, and its public source (structs
-//! in the order in which they lie, 16-bit whole numbers low byte first). Build 5f54f4d has the
-//! same layout one byte higher. What lies behind 312 is not used: it reads as what was written to
-//! it last, 0 at first.
+//! Those builds check no address, so a request reads and writes all of it from 0 on. Sources: field
+//! firmware b77a6df run in a simulated ATmega2560, and its public source (structs in their order,
+//! 16-bit integers low byte first). Build 5f54f4d has the same layout one byte higher. Memory
+//! behind 312 is unused: it reads as the last byte written to it, 0 at first.
 
 use std::collections::BTreeMap;
 
@@ -25,12 +24,12 @@ use protocols::avr::registers;
 
 /// Addresses that a request can name: 255 + 127 - 1 is the last.
 const SIZE: usize = 382;
-/// Where the request being worked on lies, and in it the data pointer.
+/// Position of the current request, and of its data pointer.
 const REQUEST: usize = registers::COUNT;
 const POINTER: usize = REQUEST + 2;
-/// Where the reply's header lies.
+/// Position of the reply's header.
 const REPLY: usize = 59;
-/// Where the receive buffer lies.
+/// Position of the receive buffer.
 const BUFFER: u16 = 65;
 /// Address of the register map in the processor's memory, build b77a6df.
 pub(super) const MAP_2015: u16 = 0x02AC;
@@ -63,18 +62,18 @@ const FED: [(usize, usize); 14] = [
     (29, DISTANCES + 12),
     (31, DISTANCES + 18),
 ];
-/// Where the battery's reading lies.
+/// Position of the battery's reading.
 const BATTERY: usize = 265;
-/// Where the motors' state lies.
+/// Position of the motors' state.
 const MOTORS: core::ops::Range<usize> = 267..313;
 
-/// Registers and what is around them.
+/// Registers and the memory around them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Memory {
     bytes: [u8; SIZE],
-    /// Where the map lies in the processor's memory.
+    /// Address of the map in the processor's memory.
     map: u16,
-    /// What was written elsewhere, through a pointer that was overwritten itself.
+    /// Bytes written elsewhere, through an overwritten data pointer.
     far: BTreeMap<u16, u8>,
     /// Which bytes of the task table were overwritten.
     tasks: [bool; TASK_BYTES as usize],
@@ -112,7 +111,7 @@ pub(super) enum Tasks {
     Sound,
     /// The next tick meets a task of which a part is overwritten.
     Damaged,
-    /// None of its periods comes to an end within a run.
+    /// The task table is overwritten; no period ends within a run.
     Gone,
 }
 
@@ -196,7 +195,7 @@ impl Memory {
         self.percent = percent.unwrap_or(self.percent);
     }
 
-    /// The main loop refills what the base feeds.
+    /// Refills the registers that the base feeds, as the main loop does.
     pub(super) fn refill(&mut self) {
         for (register, variable) in FED {
             self.bytes.copy_within(variable..variable + 2, register);
@@ -257,8 +256,8 @@ impl Memory {
         first < MOTORS.end && first + count > MOTORS.start
     }
 
-    /// Puts the request that is worked on where the fielded builds have it. Its pointer stays what
-    /// it is: it is set once, as the processor starts.
+    /// Puts the current request where the fielded builds have it. The data pointer stays unchanged:
+    /// the firmware sets it once, when the processor starts.
     pub(super) fn hold_request(&mut self, register: u8, control: u8, checksum: [u8; 2]) {
         let [sum_high, sum_low] = checksum;
         self.bytes[REQUEST..POINTER].copy_from_slice(&[register, control]);
@@ -270,8 +269,8 @@ impl Memory {
         self.bytes[REPLY] = register;
     }
 
-    /// Copies `count` bytes from where the request's pointer points to where its register says.
-    /// Pointer, register and count are loaded once, and addresses count up.
+    /// Copies `count` bytes from the request's data pointer to its register. Pointer, register and
+    /// count are loaded once, and addresses count up.
     pub(super) fn copy_data(&mut self, register: u8, count: u8) {
         let pointer = self.pointer();
         for index in 0..u16::from(count) {
@@ -280,8 +279,8 @@ impl Memory {
         }
     }
 
-    /// Whether the pointer leads to the data of the request: it may have been overwritten with an
-    /// address where nothing can be stored.
+    /// Whether the pointer leads to the data of the request. A write may have replaced it by an
+    /// address without storage.
     pub(super) fn holds(&self, data: &[u8]) -> bool {
         let pointer = self.pointer();
         let mut places = (0_u16..).map(|index| pointer.wrapping_add(index));
@@ -391,8 +390,7 @@ mod tests {
         assert_eq!(memory.tasks(), Tasks::Gone);
     }
 
-    /// Whatever the pointer is, nothing is out of reach of `copy_data`, and what cannot be stored
-    /// is not held.
+    /// `copy_data` follows any pointer, and memory that cannot be stored is not held.
     #[test]
     fn a_pointer_to_anywhere_is_followed() {
         for pointer in (0..=u16::MAX).step_by(97) {

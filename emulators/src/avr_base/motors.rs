@@ -1,4 +1,4 @@
-//! What the base does to its motors: the speed regulator's run, and the time-out that stops them.
+//! Motor control of the base: the speed regulator's run, and the timeout that stops the motors.
 
 use core::time::Duration;
 

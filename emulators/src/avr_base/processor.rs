@@ -1,4 +1,4 @@
-//! What the steps of the measured processor do to the base.
+//! Effects of the measured processor's steps on the base.
 
 use core::time::Duration;
 
@@ -16,11 +16,11 @@ use crate::world::World;
 /// From the load of the receiver's state to the first byte in the ring. Derived: the shortest
 /// latency of a read is 18 us, of which the receive and the transmit interrupt take 9.4.
 const READ_WORK: Duration = Duration::from_nanos(8_600);
-/// What a write takes more, and each byte of its data. Derived: short writes are answered 4 us
-/// later.
+/// Additional work of a write, and of each byte of its data. Derived: short writes are answered 4
+/// us later.
 const WRITE_WORK: [Duration; 2] = [Duration::from_nanos(1_500), Duration::from_nanos(1_000)];
 
-/// The processor, and what its main loop and interrupts tell each other.
+/// The processor, and the variables that its main loop and interrupts share.
 #[derive(Clone, Debug)]
 pub(super) struct Chip {
     pub(super) cpu: Cpu,
@@ -28,7 +28,7 @@ pub(super) struct Chip {
     pub(super) busy: bool,
     /// The main loop has loaded the state of a fragment and not tested it yet.
     saw_fragment: bool,
-    /// Counts of the divider until a fragment is given up; each byte sets it to 1.
+    /// Counts of the divider until a fragment is discarded; each byte sets it to 1.
     frame_counts: u8,
     /// Counts of the divider until the motors time out.
     pub(super) watchdog_counts: Option<u16>,
@@ -58,8 +58,8 @@ impl AvrBase {
         self.quirks.receiver != ReceiverKind::Interrupt
     }
 
-    /// When the processor wants to be polled: at its steps while anything is on its way, else when
-    /// a task may be due.
+    /// Time of the processor's next poll: its next step while bytes or replies are under way, else
+    /// the next possible task.
     pub(super) fn chip_at(&self) -> Instant {
         let expired = self.chip.watchdog_counts == Some(0);
         if expired || self.chip.cpu.is_busy() || !self.pending.is_empty() {
@@ -100,8 +100,8 @@ impl AvrBase {
         self.chip.busy |= !self.listens_to_a_buffer() && !self.pending.is_empty();
     }
 
-    /// The tick interrupt: what it takes, and its tasks that need the world. A rig that comes late
-    /// has them run once.
+    /// Runs the tick interrupt: its duration, and its tasks that need the world. If the rig polls
+    /// late, they run once.
     fn tick(&mut self, at: Instant, world: &mut World) {
         match self.memory.tasks() {
             Tasks::Sound => {}
@@ -131,8 +131,8 @@ impl AvrBase {
         }
     }
 
-    /// The state loaded before is taken for the state of now: a frame that was completed in
-    /// between, in a tick interrupt with a count of the divider, is given up as a fragment.
+    /// Tests the loaded state, which may be outdated. If a tick interrupt with a count of the
+    /// divider completed a frame in between, the main loop discards that frame as a fragment.
     fn test(&mut self, at: Instant, world: &mut World) {
         if core::mem::take(&mut self.chip.saw_fragment) && self.chip.frame_counts == 0 {
             if let Some(Pending { request, .. }) = self.pending.pop_front() {

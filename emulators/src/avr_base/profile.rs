@@ -1,7 +1,7 @@
-//! Which firmware the base runs: names, and the differences as data.
+//! Firmware of the base: names, and the differences as data.
 //!
-//! No other module asks for a profile by name; they read [`Quirks`]. A build of the fielded
-//! firmware is a set of quirks, the base as the seed report describes it is another.
+//! No other module uses the name of a profile; they read [`Quirks`]. A build of the fielded
+//! firmware is a set of quirks, the base of the seed report is another.
 
 use core::fmt;
 use core::time::Duration;
@@ -31,7 +31,7 @@ impl Profile {
         Self::ALL.into_iter().find(|profile| profile.name() == name)
     }
 
-    /// What scenarios call it.
+    /// Name in scenarios.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Document => "document",
@@ -40,8 +40,8 @@ impl Profile {
         }
     }
 
-    /// Longest time from the end of a write of the speeds until silence has made them zero; `None`
-    /// if it never does.
+    /// Longest time from the end of a write of the speeds until the watchdog has made them zero;
+    /// `None` if it never does.
     pub const fn silence_max(self) -> Option<Duration> {
         match self.quirks().watchdog {
             Watchdog::AnyFrame { timeout } => Some(timeout),
@@ -56,7 +56,7 @@ impl Profile {
         }
     }
 
-    /// What is particular about it.
+    /// Peculiarities of the firmware.
     pub const fn quirks(self) -> Quirks {
         match self {
             Self::Document => DOCUMENT,
@@ -78,25 +78,26 @@ impl fmt::Display for Profile {
 pub struct Quirks {
     /// Byte order of the checksum (AV-01).
     pub checksum: ChecksumOrder,
-    /// How frames are found in the byte stream (AV-04, AV-06 to AV-10).
+    /// Method to find frames in the byte stream (AV-04, AV-06 to AV-10).
     pub receiver: ReceiverKind,
-    /// What happens outside the register map (AV-03, AV-11, AV-20).
+    /// Behaviour outside the register map (AV-03, AV-11, AV-20).
     pub bounds: Bounds,
     /// Address of the register map in the processor's memory.
     pub map: u16,
-    /// When the motors stop by themselves (AV-02, H-AV-1).
+    /// Condition under which the motors stop by themselves (AV-02, H-AV-1).
     pub watchdog: Watchdog,
-    /// How a set-point register becomes a set-point (AV-13, H-AV-2).
+    /// Conversion of a set-point register to a set-point (AV-13, H-AV-2).
     pub set_points: SetPoints,
-    /// What the two registers of the battery voltage hold, and how percent follow (AV-05, AV-18).
+    /// Content of the two registers of the battery voltage, and conversion to percent (AV-05,
+    /// AV-18).
     pub battery: BatteryRegisters,
     /// Whether a count can change while it is copied to its registers (AV-12).
     pub encoder: EncoderCopy,
-    /// How the two encoder signals are sampled (AV-15).
+    /// Sampling of the two encoder signals (AV-15).
     pub odometer: Odometer,
     /// Gains of the speed regulator (AV-14).
     pub gains: Gains,
-    /// What an object nearer than the infrared curves allow for reads as (AV-19).
+    /// Reading of an object nearer than the infrared curves allow for (AV-19).
     pub near_objects: NearObjects,
     /// Effect of the stop button.
     pub button: Button,
@@ -104,16 +105,16 @@ pub struct Quirks {
     pub status: Status,
     /// Speed of the processor (AV-07, AV-17).
     pub processor: Processor,
-    /// What a restart by the processor's own watchdog costs (AV-16).
+    /// Cost of a restart by the processor's own watchdog (AV-16).
     pub restart: Restart,
 }
 
-/// How frames are found in the byte stream.
+/// Method to find frames in the byte stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReceiverKind {
-    /// A state machine in the receive interrupt: deaf while a request is worked on, no second
-    /// look at bytes it misread, a signed counter of eight bits, and the gap that ends an
-    /// unfinished frame is the next count of a free-running divider.
+    /// A state machine in the receive interrupt. It is deaf while the main loop works on a request,
+    /// and never examines misread bytes again. Its counter is signed, 8 bits. The next count of a
+    /// free-running divider ends an unfinished frame.
     Interrupt,
     /// A buffer that is searched again after a rejected candidate, and a queue of requests.
     Buffered {
@@ -124,7 +125,7 @@ pub enum ReceiverKind {
     },
 }
 
-/// What happens outside the register map.
+/// Behaviour outside the register map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bounds {
     /// Any address is read and written: behind the registers lies the firmware's memory.
@@ -133,15 +134,15 @@ pub enum Bounds {
     Refused,
 }
 
-/// When the motors stop by themselves.
+/// Condition under which the motors stop by themselves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Watchdog {
     /// Armed by writes that begin at a drive register, counted by the 25.1 ms divider.
     Divider {
         /// Counts of the divider.
         counts: u16,
-        /// Whether expiry also clears the registers the set-points are copied from. If not, the
-        /// next pass of the main loop restores what expiry cleared.
+        /// Whether expiry also clears the registers from which the set-points are copied. If not,
+        /// the next pass of the main loop restores the set-points.
         clears: Registers,
     },
     /// Restarted by every valid frame; stops the motors at once.
@@ -151,7 +152,7 @@ pub enum Watchdog {
     },
 }
 
-/// What the expired watchdog does to registers 46 and 47.
+/// Effect of the expired watchdog on registers 46 and 47.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Registers {
     /// Sets them to zero.
@@ -160,10 +161,10 @@ pub enum Registers {
     Kept,
 }
 
-/// How a set-point register becomes a set-point.
+/// Conversion of a set-point register to a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SetPoints {
-    /// Signed, limited in the regulator; the register keeps what was written.
+    /// Signed, limited in the regulator; the register keeps the written value.
     Signed,
     /// Signed, and the register shows the limited value.
     SignedAndReported,
@@ -171,7 +172,7 @@ pub enum SetPoints {
     Unsigned,
 }
 
-/// What the battery registers hold.
+/// Content of the battery registers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BatteryRegisters {
     /// The high byte lies where the low byte belongs, the high byte's place is never written.
@@ -190,10 +191,10 @@ pub enum EncoderCopy {
     Snapshot,
 }
 
-/// How the two encoder signals are sampled.
+/// Sampling of the two encoder signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Odometer {
-    /// Once per tick of the timer: of two edges in a tick none counts, three count as one back.
+    /// Once per tick of the timer: two edges in a tick count as none, three as one back.
     PolledPerTick,
     /// Every edge.
     EveryEdge,
@@ -209,12 +210,12 @@ pub struct Gains {
     pub i_plus: i16,
 }
 
-/// What an object nearer than the infrared curves allow for reads as.
+/// Reading of an object nearer than the infrared curves allow for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NearObjects {
-    /// What the curve says: negative, or farther again.
+    /// The curve's value: negative, or farther again.
     FollowCurve,
-    /// Nearer and nearer down to zero, as far as a metre and with noise.
+    /// The true distance down to zero, up to a metre and with noise.
     Clamped,
 }
 
@@ -249,12 +250,12 @@ pub enum Processor {
     },
 }
 
-/// What a restart by the processor's own watchdog costs.
+/// Cost of a restart by the processor's own watchdog.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Restart {
     /// Five seconds without main loop, but with interrupts: one request is kept and answered late.
     FiveSecondsStale,
-    /// As any other start: deaf until up.
+    /// Like any other start: deaf until it is up.
     Normal,
 }
 
@@ -264,15 +265,15 @@ pub const SET_POINT_MAX: i16 = 35;
 const DOCUMENT: Quirks = Quirks {
     checksum: ChecksumOrder::LowFirst,
     receiver: ReceiverKind::Buffered {
-        // The report gives no figure. Long against a byte (10 us), short against a master's
-        // time-out (4 to 8 ms in the field), so that a repeated request is always heard.
+        // The report gives no figure. Long against a byte (10 us), short against a master's timeout
+        // (4 to 8 ms in the field), so that the base always receives a repeated request.
         idle_gap: Duration::from_millis(2),
         queue: 4,
     },
     bounds: Bounds::Refused,
     map: MAP_2015,
     watchdog: Watchdog::AnyFrame {
-        // "No messages for a short time", says the report; the figure is the field firmware's.
+        // The report: "no messages for a short time". The figure is the field firmware's.
         timeout: Duration::from_secs(1),
     },
     set_points: SetPoints::SignedAndReported,

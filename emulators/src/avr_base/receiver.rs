@@ -8,7 +8,7 @@
 //!                               +-> DATA x N -^      any state but WAIT: given up when quiet
 //! ```
 //!
-//! The other keeps what it misread and searches it again, so that a stray start byte costs nothing.
+//! The other keeps misread bytes and searches them again, so that a stray start byte costs nothing.
 
 use core::time::Duration;
 
@@ -21,7 +21,7 @@ use super::profile::{Quirks, ReceiverKind};
 use super::request::Request;
 use super::ticks::{DIVIDER, Ticks};
 
-/// What bytes led to.
+/// Result of received bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Heard {
     /// A request is complete.
@@ -59,8 +59,8 @@ impl Receiver {
         }
     }
 
-    /// A byte that ended at `at`; what it led to is added to `heard`. With a memory the fielded
-    /// receiver stores the data of writes there, as they come.
+    /// Receives a byte that ended at `at` and adds its result to `heard`. The fielded receiver
+    /// stores the data of a write in `memory` at once, if given.
     pub(super) fn byte(
         &mut self,
         at: Instant,
@@ -75,7 +75,7 @@ impl Receiver {
         }
     }
 
-    /// When an unfinished frame is given up if nothing more comes.
+    /// Time at which an unfinished frame is discarded if no byte follows.
     pub(super) fn deadline(&self, divider: Divider) -> Option<Instant> {
         match self {
             Self::Interrupt(receiver) => receiver.deadline(divider),
@@ -83,7 +83,7 @@ impl Receiver {
         }
     }
 
-    /// The deadline has come; frames that the unfinished one hid are added to `heard`.
+    /// Discards the unfinished frame at its deadline; adds the frames that it hid to `heard`.
     pub(super) fn expire(&mut self, at: Instant, journal: &mut Journal, heard: &mut Vec<Heard>) {
         match self {
             Self::Interrupt(receiver) => receiver.give_up(at, journal),
@@ -96,18 +96,17 @@ impl Receiver {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Divider {
     pub(super) ticks: Ticks,
-    /// The main loop, which looks at the result, runs from here on.
+    /// Start of the main loop, which checks the result.
     pub(super) main_loop_from: Instant,
 }
 
-/// The main loop looks at the expired count this much later; a byte in between saves the frame.
-/// Measured least time to the loss of a frame: 0.113 ms.
+/// Delay until the main loop checks the expired count; a byte in between saves the frame. Shortest
+/// measured time to the loss of a frame: 0.113 ms.
 const MAIN_LOOP_PASS: Duration = Duration::from_micros(100);
 /// Longest usable count of the fielded receiver, whose counter is signed.
 const COUNT_MAX: u8 = 126;
-/// Bytes of a frame of count 127 after which the counter has run once through the memory below
-/// the buffer. One such frame alone does no visible harm; with 300 bytes more the processor
-/// crashed.
+/// Length of a frame of count 127 after which the counter has run once through the memory below the
+/// buffer. Such a frame alone does no visible harm; with 300 bytes more the processor crashed.
 const CRASH_AFTER: usize = 3 + 256;
 
 /// The fielded state machine.
@@ -121,7 +120,7 @@ pub(super) struct Interrupt {
     runaway: Option<Runaway>,
 }
 
-/// A frame whose end the receiver has missed.
+/// State of a frame whose end the receiver has missed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Runaway {
     Data(i8),
@@ -194,8 +193,9 @@ impl Interrupt {
         }
     }
 
-    /// The index wraps from 127 to -128. Below the buffer lies the request with its count: if that
-    /// is overwritten the frame comes to an end after all, with a checksum that does not hold.
+    /// Stores a byte of a frame without end. The index wraps from 127 to -128. Below the buffer
+    /// lies the request with its count. If that is overwritten the frame ends after all, with a
+    /// wrong checksum.
     fn run_away(
         &mut self,
         at: Instant,
@@ -299,8 +299,8 @@ impl Buffered {
         self.search(at, &[byte], journal, heard);
     }
 
-    /// What follows from one byte more, or from an idle line. A rejected candidate is heard as a
-    /// request that is not valid; the base forgives it if a good frame follows closely.
+    /// Searches for frames after one more byte or on an idle line. A rejected candidate becomes an
+    /// invalid request; the base forgives it if a good frame follows closely.
     fn search(&mut self, at: Instant, bytes: &[u8], journal: &mut Journal, heard: &mut Vec<Heard>) {
         for outcome in self.decoder.push(bytes) {
             let (bytes, valid) = match outcome {
@@ -327,7 +327,7 @@ impl Buffered {
         self.decoder.idle();
         let before = heard.len();
         self.search(at, &[], journal, heard);
-        // An idle line is no reason to answer what could not be read.
+        // An idle line is no reason to answer unreadable bytes.
         let mut index = 0;
         heard.retain(|heard| {
             index += 1;
@@ -375,8 +375,8 @@ mod tests {
         Instant::from_nanos(micros * 1_000)
     }
 
-    /// What bytes lead to that come 10 us after each other, and after a pause behind them: whether
-    /// each is sound.
+    /// Requests from bytes that come 10 us after each other, and from the pause behind them:
+    /// whether each is valid.
     fn heard(bytes: &[u8]) -> (Vec<bool>, Vec<bool>) {
         let (mut receiver, mut journal) = (buffered(), Journal::default());
         let (mut now, mut heard) = (100, Vec::new());
@@ -394,9 +394,9 @@ mod tests {
         (sound[..before].to_vec(), sound[before..].to_vec())
     }
 
-    /// AB + 24 + 0A = D9. A write of four bytes of which the last is missing: the pause lets the
-    /// frame within it be found, if that is sound; one that is not gets no answer. What was
-    /// refused before the pause stays refused.
+    /// AB + 24 + 0A = D9. The last byte of a write of four bytes is missing. After the pause the
+    /// receiver finds the frame within that write if it is valid; an invalid one gets no answer. A
+    /// frame refused before the pause stays refused.
     #[test]
     fn a_pause_sets_free_what_an_unfinished_frame_hid() {
         let (sound, wrong) = (
@@ -417,8 +417,8 @@ mod tests {
         assert_eq!(heard(&both), (vec![false], vec![]));
     }
 
-    /// A byte 1 ms after the one before is in time, one a microsecond later is told; the first of a
-    /// frame may come when it likes.
+    /// A byte 1 ms after the one before is in time; one a microsecond later is reported. The first
+    /// byte of a frame may come at any time.
     #[test]
     fn silence_inside_a_frame_is_told_from_a_millisecond_on() {
         let told = |first: u64, second: u64| {
@@ -436,8 +436,8 @@ mod tests {
         assert_eq!(told(5_000, 1_001), [rules::GAP_IN_FRAME]);
     }
 
-    /// The third byte is the count. Of a write the data follow it into the buffer, and the first
-    /// byte of the checksum; of a read nothing.
+    /// The third byte is the count. The data of a write follow it into the buffer, with the first
+    /// byte of the checksum; a read stores nothing.
     #[test]
     fn the_interrupt_stores_what_a_write_brings() {
         let stored = |frame: &[u8]| {

@@ -1,9 +1,9 @@
-//! What a master asks of the base: what the receiver finds, the ticks price and the main loop
-//! answers.
+//! A master's request: the receiver finds it, the ticks set its duration and the main loop answers
+//! it.
 
 use protocols::Instant;
 
-/// What a request wants, as the top bit of its count says.
+/// Kind of a request, from the top bit of its count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RequestKind {
     Read,
@@ -13,7 +13,7 @@ pub(super) enum RequestKind {
 /// A complete frame, also one with a wrong checksum: the base answers both.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Request {
-    /// When its last byte ended.
+    /// End of its last byte.
     pub(super) at: Instant,
     /// All bytes, from the start byte to the checksum.
     pub(super) bytes: Vec<u8>,

@@ -6,10 +6,10 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-/// Bytes that wait at most, in case the line takes none; a queue of the longest replies fits.
+/// Maximum number of queued bytes if the line takes none; a queue of the longest replies fits.
 const CAPACITY: usize = 2_048;
 
-/// Bytes on their way out.
+/// Transmit queue.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
     byte_time: Duration,
@@ -27,7 +27,7 @@ impl Sender {
         }
     }
 
-    /// Sends `bytes` from `at` on, behind what is on its way.
+    /// Sends `bytes` from `at` on, behind the bytes that are queued.
     pub(super) fn send(&mut self, at: Instant, bytes: &[u8]) {
         let start = at.max(self.free_at);
         let room = CAPACITY - self.queue.len().min(CAPACITY);
@@ -37,12 +37,12 @@ impl Sender {
         }
     }
 
-    /// Nothing more comes of what is on its way.
+    /// Discards all queued bytes.
     pub(super) fn clear(&mut self) {
         self.queue.clear();
     }
 
-    /// Moves what is ready at `now` into `buf`.
+    /// Moves the bytes that are ready at `now` into `buf`.
     pub(super) fn take(&mut self, now: Instant, buf: &mut [u8]) -> usize {
         let ready = self.queue.iter().take_while(|&&(at, _)| at <= now).count();
         let len = ready.min(buf.len());
@@ -52,7 +52,7 @@ impl Sender {
         len
     }
 
-    /// When the next byte after `now` is ready. What is ready already waits for the line.
+    /// Time at which the next byte after `now` is ready. Bytes ready before it wait for the line.
     pub(super) fn ready_after(&self, now: Instant) -> Option<Instant> {
         let ready = self.queue.partition_point(|&(at, _)| at <= now);
         self.queue.get(ready).map(|&(at, _)| at)

@@ -28,9 +28,9 @@ struct Bench {
     base: AvrBase,
     world: World,
     now: Instant,
-    /// What the base sent, and when each byte was ready.
+    /// Bytes that the base sent, with the time at which each was ready.
     sent: Vec<(Instant, u8)>,
-    /// From the end of what was asked last to the first byte of the answer.
+    /// From the end of the last request to the first byte of the answer.
     latency: Option<Duration>,
 }
 
@@ -168,7 +168,8 @@ fn hex(row: &str) -> Vec<u8> {
         .collect()
 }
 
-/// Bit 1 says that the motors are off: in standby, or by the button. The fielded base says nothing.
+/// Bit 1 means that the motors are off: in standby, or by the button. The fielded base never sets
+/// it.
 #[test]
 fn the_status_tells_of_motors_that_are_off() {
     let status = |profile, standby: u8, is_pressed: bool| {

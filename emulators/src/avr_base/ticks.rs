@@ -22,7 +22,7 @@ pub(super) const DIVIDER: Duration = Duration::from_nanos(25 * TICK_NANOS);
 pub(super) const REGULATOR: Duration = Duration::from_nanos(40 * TICK_NANOS);
 /// Period of the analog task.
 pub(super) const ANALOG: Duration = Duration::from_nanos(50 * TICK_NANOS);
-/// After this time divider and tasks meet as before: 200 ticks.
+/// Period after which divider and tasks coincide again: 200 ticks.
 pub(super) const CYCLE: Duration = Duration::from_nanos(200 * TICK_NANOS);
 
 /// The tick interrupt with the tasks of every tick.
@@ -40,8 +40,8 @@ const ANALOG_WORK: [Duration; 3] = [
     Duration::from_micros(538),
 ];
 
-/// Where the tasks stand: they run at the multiples of their periods in a time that is `ahead` of
-/// the rig's.
+/// Phase of the tasks: they run at the multiples of their periods in a time that is `ahead` of the
+/// rig's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Ticks {
     ahead: u64,
@@ -105,7 +105,7 @@ pub(super) struct Due {
 }
 
 impl Due {
-    /// What the tick interrupt takes, with the analog task at `block`.
+    /// Duration of the tick interrupt, with the analog task at `block`.
     pub(super) fn work(self, block: usize, driven: bool) -> Duration {
         let mut work = if self.analog {
             ANALOG_WORK[block % ANALOG_WORK.len()]
@@ -121,7 +121,7 @@ impl Due {
         work
     }
 
-    /// What a tick takes whose tasks were overwritten.
+    /// Duration of a tick whose tasks were overwritten.
     pub(super) const fn bare_work() -> Duration {
         BARE_TICK
     }

@@ -99,7 +99,7 @@ fn a_scan_has_ranges() {
 }
 
 /// Report, page 15: a box of 30 cm is not in the scan, one of 40 cm is. Nearer than 0.45 m and
-/// farther than 10 m is nothing.
+/// farther than 10 m the camera measures nothing.
 #[test]
 fn only_what_is_high_and_in_range_is_seen() {
     let first = |fixtures: Vec<Fixture>| {
@@ -179,8 +179,8 @@ fn a_marker_is_told_in_the_cameras_axes() {
     assert!(told(marker, vec![wall(1.0, 0.2, 0.2, 0.1)]).is_some());
 }
 
-/// The robot looks along y: what lies 1.5 m along y and 0.3 m against x is ahead to the left, and
-/// what lies ahead along x is not in view.
+/// The robot looks along y. A marker 1.5 m along y and 0.3 m against x is ahead to the left; a
+/// marker ahead along x is not in view.
 #[test]
 fn a_marker_is_told_as_the_robot_stands() {
     let told = |at_m| {
@@ -266,8 +266,8 @@ fn a_battery_that_collapses_takes_depths_first_and_then_all() {
     );
 }
 
-/// From (1, 2) a marker at (2.5, 2.3) is hidden by what stands on the line to it, and by nothing
-/// that stands on the line from the origin.
+/// From (1, 2) an object on the line to a marker at (2.5, 2.3) hides it. An object on the line from
+/// the origin does not.
 #[test]
 fn a_marker_is_hidden_by_what_stands_before_it_as_the_robot_stands() {
     let told = |fixtures: Vec<Fixture>| {

@@ -1,4 +1,4 @@
-//! What the camera makes of the world.
+//! View of the camera on the world.
 
 use core::f64::consts::PI;
 
@@ -10,13 +10,14 @@ use crate::world::{Pose, Row, World, wrap_angle};
 
 /// Up and down from the axis a marker is still in the picture: half of 480 rows over 525 pixels.
 const HALF_HEIGHT: f64 = 240.0 / 525.0;
-/// Recognised at these depths, metres: nearer it leaves the picture, farther it is too small.
+/// Depths at which a marker is recognised, metres: nearer it leaves the picture, farther it is too
+/// small.
 const MARKER_RANGE_M: [f64; 2] = [0.4, 4.0];
-/// Seen from farther aside than 70 degrees it is not recognised.
+/// Maximum angle at which a marker is recognised: 70 degrees from its normal.
 const MARKER_ASIDE_RAD: f64 = 70.0 / 180.0 * PI;
-/// The marker lies on what holds it: that hides it only if it is nearer by this, metres.
+/// A marker's own support hides the marker only if it is nearer by this, metres.
 const MARKER_DEPTH_M: f64 = 0.05;
-/// Error of a marker's place: standard deviation, part of its depth.
+/// Error of a marker's position: standard deviation, part of its depth.
 const MARKER_NOISE: f64 = 0.005;
 
 impl Views {
@@ -36,7 +37,7 @@ impl Camera {
         f64::from(self.config.columns) / 2.0 / libm::tan(self.config.field_rad / 2.0)
     }
 
-    /// Where it is and looks.
+    /// Pose of the camera.
     fn pose(&self, world: &World) -> Pose {
         let body = world.pose();
         let place = body.offset(self.config.x_m, self.config.y_m);
@@ -93,7 +94,7 @@ impl Camera {
         }
     }
 
-    /// A true depth as it is measured, millimetres; 0 if it is not.
+    /// Measured value of a true depth, millimetres; 0 without a measurement.
     fn value(&mut self, depth_m: Option<f64>) -> u16 {
         let gaps = self.config.gaps.max(self.faults.blind);
         let (is_gap, error) = (self.gap_dice.chance(gaps), self.depth_noise.bell());
@@ -211,7 +212,7 @@ mod tests {
         assert_eq!(seen([2.0, 0.5, 0.25], PI), Some([-0.5, 0.3 - 0.25, 2.0]));
     }
 
-    /// Seen from ahead, a marker faces back; 70 degrees either way it is still read.
+    /// Seen from ahead, a marker faces back. The camera still reads it 70 degrees to either side.
     #[test]
     fn a_marker_is_read_up_to_70_degrees_aside() {
         let is_read = |degrees: f64| seen([1.0, 0.0, 0.3], degrees.to_radians()).is_some();

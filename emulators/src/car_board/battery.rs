@@ -14,8 +14,8 @@ pub struct BatteryConfig {
 }
 
 impl Default for BatteryConfig {
-    /// A pack of 3200 mAh that is empty (6.8 V, below which the electronics give up) after an hour:
-    /// the report says neither how long it lasts nor what it sags; guesses.
+    /// A pack of 3200 mAh that is empty after an hour (6.8 V, below which the electronics fail).
+    /// Guesses: the report gives neither running time nor voltage drop under load.
     fn default() -> Self {
         Self {
             start_mv: 8_000.0,

@@ -1,4 +1,4 @@
-//! What the board reads for a frame.
+//! Sensor readings of a frame.
 
 use core::f64::consts::TAU;
 
@@ -31,7 +31,7 @@ pub(super) struct Sensors {
     travel: Option<i64>,
     pulses: i64,
     pub(super) is_hall_dead: bool,
-    /// What the line sensor shows whatever is below it.
+    /// Fixed reading of the line sensor, whatever lies below it.
     pub(super) line_stuck: Option<u8>,
 }
 
@@ -77,7 +77,7 @@ impl Sensors {
         }
     }
 
-    /// Adds the pulses since the last look; the magnets do not tell forth from back.
+    /// Adds the pulses since the last look; the magnets give no direction.
     fn count(&mut self, config: &BoardConfig, world: &World) {
         let encoders = world.encoders();
         let Some(index) = config.encoder_of(encoders) else {

@@ -2,8 +2,8 @@
 
 use protocols::car_board::Level;
 
-/// Speeds of the levels from 0 on, and from 0 down, m/s. 2 and -3 are measured (report); 3 and -4
-/// are what later software of the car drove; the others are guesses. -1 and -2 do not move it.
+/// Speeds of the levels from 0 on, and from 0 down, m/s. 2 and -3 are measured (report); later
+/// software of the car drove 3 and -4; the others are guesses. -1 and -2 do not move the car.
 const FORWARD_M_S: [f64; 4] = [0.0, 0.11, 0.22, 0.35];
 const BACKWARD_M_S: [f64; 5] = [0.0, 0.0, 0.0, -0.22, -0.35];
 /// At level 10, and backwards at -10: a guess. Between the last known level and it speed is linear.

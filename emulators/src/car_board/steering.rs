@@ -29,7 +29,7 @@ pub fn nearest(angle_deg: f64) -> Option<Steering> {
     }
     // So that the ends are nearest to an infinite angle as well.
     let angle_deg = angle_deg.clamp(MEASURED_DEG[10], MEASURED_DEG[0]);
-    // The angles fall, so it is one of those between two measured ones, or one of these two.
+    // The angles fall, so the nearest value lies between two measured ones, or is one of them.
     let [least, _] = Steering::RANGE.map(i16::from);
     let mut spans = (least..).step_by(SPACING).zip(&MEASURED_DEG[1..]);
     let (first, _) = spans.find(|(_, end_deg)| **end_deg <= angle_deg)?;

@@ -1,4 +1,4 @@
-//! The board under a car: what it drives, what its frames say, and when it stops.
+//! The board under a car: its actuators, its frames, and its stops.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -37,7 +37,7 @@ fn wall(from: (f64, f64), to: (f64, f64)) -> Shape {
 }
 
 impl Run {
-    /// What the frames until `end` say.
+    /// Readings of the frames until `end`.
     fn until(&mut self, end: Instant) -> Vec<Readings> {
         let mut decoder = Decoder::default();
         let mut found = Vec::new();
@@ -107,7 +107,7 @@ fn a_board_may_send_while_a_frame_waits() {
 }
 
 /// 10 s are 150 frames less the first period. 39.789 pulses a metre: 2 m straight are 79 or 80. In
-/// a left turn of 1/m the left wheel rolls 1 - 0.0775 of the middle's way.
+/// a left turn of 1/m the left wheel rolls 1 - 0.0775 of the middle's distance.
 #[test]
 fn the_hall_sensor_gives_39_8_pulses_a_metre_of_the_left_wheel() {
     let mut run = run(BoardConfig::default());
@@ -223,8 +223,8 @@ fn silent(dead_man: Option<Duration>) -> Run {
     run
 }
 
-/// The host says its last word at 2.9 s. As fielded the car drives on; with a dead-man time of 1 s
-/// it stands at 4.4 s, and drives on when it is told so.
+/// The host sends its last command at 2.9 s. As fielded the car continues; with a dead-man time of
+/// 1 s it stands at 4.4 s, and a new command starts it again.
 #[test]
 fn ap15_a_silent_host_stops_the_car_within_a_second_and_a_half_if_wanted() {
     let mut fielded = silent(None);
@@ -317,7 +317,7 @@ proptest! {
     }
 }
 
-/// Nothing was commanded at first; byte 57 is value 7, byte 8C level 2.
+/// No command at first; byte 57 is value 7, byte 8C level 2.
 #[test]
 fn what_was_commanded_last_is_told() {
     let mut run = run(BoardConfig::default());
@@ -335,7 +335,7 @@ fn what_was_commanded_last_is_told() {
     );
 }
 
-/// Walls 1 m around the car: each sensor receives its own, and the one that is deaf receives none.
+/// Walls 1 m around the car: each sensor receives its own echo; the deaf one receives none.
 #[test]
 fn a_deaf_sensor_hears_no_echo_and_the_others_do() {
     let around = [

@@ -98,14 +98,14 @@ impl Air {
         self.now = now;
     }
 
-    /// When something next happens by itself.
+    /// Time of the next event without further input.
     pub(super) fn poll_at(&self) -> Option<Instant> {
         if self.carrier == Radio::Lost {
             return None;
         }
         let [up, down] = [&self.up, &self.down].map(|lane| {
-            // A frame on its way is due before any that is yet to be made. A lane that is stopped
-            // looks again a slot later, because no event says when its other end has taken bytes.
+            // A frame on the air is due before any later one. A stopped lane looks again a slot
+            // later, because no event reports when its other end has taken bytes.
             match lane.due() {
                 NEVER if lane.is_waiting() => self.now + self.slot,
                 NEVER => lane.moves_at(),

@@ -1,4 +1,4 @@
-//! Command mode: where a command ends, what it does, and what is wrong with it.
+//! Command mode: end of a command, its effect, and its errors.
 
 use core::time::Duration;
 
@@ -7,7 +7,7 @@ use protocols::hc06::{Command, Family, LINE_END, LineCommand, LineReply, Reply, 
 
 use super::{Profile, Settings};
 
-/// Longest text looked at; the longest command, `AT+NAME` and 20 characters, has 27 bytes.
+/// Longest text examined; the longest command, `AT+NAME` and 20 characters, has 27 bytes.
 const TEXT_MAX: usize = 64;
 /// Longest reply, a name with its frame in the line-terminated family.
 const REPLY_MAX: usize = 64;
@@ -30,7 +30,7 @@ pub(super) struct Collector {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LineEndMatters;
 
-/// What came between two ends.
+/// Bytes between two ends of a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Attempt {
     /// The bytes, cut after [`TEXT_MAX`].
@@ -43,7 +43,7 @@ pub(super) struct Attempt {
     pub(super) end: End,
 }
 
-/// How an attempt ended.
+/// End of an attempt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum End {
     Silence,
@@ -63,13 +63,13 @@ impl Collector {
         }
     }
 
-    /// When silence will have ended the text.
+    /// Time at which silence ends the text.
     pub(super) fn deadline(&self) -> Option<Instant> {
         (self.count > 0 && !self.silence_seen).then(|| self.last + self.silence)
     }
 
-    /// The silence is over its limit: what it ended, or in the line-terminated family what it
-    /// interrupted, which stays.
+    /// Handles a silence over its limit: returns the bytes that it ended. In the line-terminated
+    /// family the bytes stay, because the silence only interrupted them.
     pub(super) fn silence(&mut self) -> Attempt {
         if self.family != Family::V30 {
             return self.finish(End::Silence);
@@ -101,8 +101,8 @@ impl Collector {
         Some(attempt)
     }
 
-    /// Takes bytes that came back to back, the last of them at `last`, where none can end a
-    /// command; `Err` and nothing taken if a line end might.
+    /// Takes bytes that came back to back, the last of them at `last`, if none can end a command.
+    /// `Err` if a line end may be among them; then it takes none.
     pub(super) fn push_all(
         &mut self,
         bytes: &[u8],
@@ -132,7 +132,7 @@ impl Collector {
         self.count == TEXT_MAX as u64 + 1
     }
 
-    /// Ends what has been collected.
+    /// Ends the collected attempt.
     fn finish(&mut self, end: End) -> Attempt {
         let attempt = Attempt {
             text: core::mem::take(&mut self.text),
@@ -144,14 +144,14 @@ impl Collector {
         attempt
     }
 
-    /// Forgets what has been collected.
+    /// Discards the collected bytes.
     pub(super) fn clear(&mut self) {
         self.text.clear();
         self.count = 0;
     }
 }
 
-/// What a command makes the module do.
+/// Effect of a command on the module.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Answer {
     /// Written to the UART.
@@ -273,8 +273,8 @@ fn execute_line<'a>(
     }
 }
 
-/// The rule that a refused attempt broke, and how to do better; `None` if it was no try at a
-/// command at all, but data.
+/// The rule that a refused attempt broke, and the correction; `None` if the bytes were data and no
+/// attempt at a command.
 pub(super) fn complaint(
     attempt: &Attempt,
     profile: &Profile,
@@ -323,7 +323,7 @@ mod tests {
         complaint(&attempt(text), &Profile::of(family)).map(|(rule, _)| rule)
     }
 
-    /// The names of the rules are what scripts match; each has its own guilty text.
+    /// Scripts match the names of the rules; each rule has its own guilty text.
     #[test]
     fn each_way_to_get_a_command_wrong_has_its_rule() {
         let linvor = Family::Linvor18;
@@ -370,8 +370,8 @@ mod tests {
         assert_eq!(answer.reply, b"+NAME:nnnnnnnnnnnnnnnnnnnn\r\nOK\r\n");
     }
 
-    /// 64 bytes may be a command, the 65th says that they are none, and it says so once. Bytes in
-    /// one piece count like bytes one by one.
+    /// 64 bytes may be a command, the 65th makes them too long. The report comes once. Bytes in one
+    /// piece count like single bytes.
     #[test]
     fn a_text_is_too_long_with_its_65th_byte() {
         let mut collector = Collector::new(&Profile::of(Family::Linvor18));

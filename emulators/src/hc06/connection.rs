@@ -40,7 +40,7 @@ impl Hc06 {
         self.look_for_partner(now);
     }
 
-    /// Takes the power away. The host notices nothing until the supervision time is over.
+    /// Cuts the power. The host does not notice until the supervision time is over.
     pub fn power_off(&mut self, now: Instant) {
         self.advance(now);
         if self.mode == Mode::Off {
@@ -82,7 +82,7 @@ impl Hc06 {
         self.give_up_at = earliest([self.give_up_at, Some(at)]);
     }
 
-    /// Starts, stops and postpones what needs module, radio and host together.
+    /// Starts, stops and postpones actions that need module, radio and host together.
     fn look_for_partner(&mut self, now: Instant) {
         let reachable = self.mode == Mode::Command && self.radio == Radio::InReach;
         self.host = match self.host {
@@ -149,7 +149,7 @@ impl Hc06 {
         self.air.up.drop_ready();
         match (self.mode, self.radio) {
             (Mode::Data, Radio::InReach) => self.leave_data_mode(now, "the host closed its port"),
-            // The module cannot hear of it and waits for the supervision time.
+            // The module gets no notice of the close and waits for the supervision time.
             (Mode::Data, Radio::Lost) => self.look_for_partner(now),
             (Mode::Off | Mode::Command, _) => {
                 self.give_up_at = None;

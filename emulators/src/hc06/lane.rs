@@ -1,4 +1,4 @@
-//! One direction of the way through the module and over the air.
+//! One direction through the module and over the air.
 //!
 //! ```text
 //! push -> queue --a byte per step--> open burst -> on the air --at its slot--> ready -> take
@@ -18,7 +18,7 @@ use super::Profile;
 use crate::device::{next_multiple, take};
 use crate::rng::Rng;
 
-/// Later than anything: this is asked for each byte, and comparing plain times is quick.
+/// Later than any event: the value is compared for each byte, and comparing plain times is quick.
 pub(super) const NEVER: Instant = Instant::from_nanos(u64::MAX);
 
 /// Bytes that travel as one radio frame.
@@ -28,7 +28,7 @@ struct Burst {
     due: Instant,
 }
 
-/// What passed one direction since the module was made.
+/// Traffic of one direction since the module was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Bytes that went into the queue.
@@ -52,7 +52,7 @@ pub(super) struct Lane {
     latency_idle: [Duration; 2],
     latency_busy: [Duration; 2],
     idle_after: Duration,
-    /// When the front byte of the queue will have been moved.
+    /// Time at which the front byte of the queue has been moved.
     moves_at: Instant,
     open: Option<Burst>,
     air: VecDeque<Burst>,
@@ -108,13 +108,13 @@ impl Lane {
         taken
     }
 
-    /// Appends bytes to what comes out at the other end, without going over the air.
+    /// Appends bytes to the output at the other end, without going over the air.
     pub(super) fn put_ready(&mut self, bytes: &[u8]) {
         self.ready.extend(bytes);
         self.traffic.delivered += bytes.len() as u64;
     }
 
-    /// Takes what came out.
+    /// Takes bytes that arrived.
     pub(super) fn take(&mut self, buf: &mut [u8]) -> usize {
         take(&mut self.ready, buf)
     }
@@ -134,12 +134,12 @@ impl Lane {
         !self.queue.is_empty() && self.is_stopped()
     }
 
-    /// Whether too much is under way for further bytes to be moved.
+    /// Whether too many bytes are under way for further bytes to be moved.
     fn is_stopped(&self) -> bool {
         self.under_way + self.ready.len() >= self.window
     }
 
-    /// When the next byte will have been moved, or [`NEVER`].
+    /// Time at which the next byte has been moved, or [`NEVER`].
     pub(super) fn moves_at(&self) -> Instant {
         if self.is_moving() {
             self.moves_at
@@ -148,7 +148,7 @@ impl Lane {
         }
     }
 
-    /// When the next frame arrives, or [`NEVER`].
+    /// Arrival of the next frame, or [`NEVER`].
     pub(super) fn due(&self) -> Instant {
         let next = self.air.front().or(self.open.as_ref());
         next.map_or(NEVER, |burst| burst.due)
@@ -171,7 +171,7 @@ impl Lane {
             self.air.extend(self.open.take());
         }
         let mut burst = self.open.take().unwrap_or_else(|| self.new_burst(at));
-        // The frame leaves one slot before it arrives; what is moved later needs another one.
+        // The frame leaves one slot before it arrives; later bytes need another frame.
         let leaves_at = Instant::ZERO + (burst.due - (Instant::ZERO + self.slot));
         let until = until.min(leaves_at);
         let steps = (until - at).as_nanos() / step.as_nanos().max(1);
@@ -227,7 +227,7 @@ impl Lane {
         }
     }
 
-    /// Throws away what has not arrived.
+    /// Discards bytes that have not arrived.
     pub(super) fn drop_under_way(&mut self) {
         self.traffic.dropped += (self.queue.len() + self.under_way) as u64;
         self.queue.clear();
@@ -236,7 +236,7 @@ impl Lane {
         self.under_way = 0;
     }
 
-    /// Throws away what arrived and was not taken.
+    /// Discards bytes that arrived and were not taken.
     pub(super) fn drop_ready(&mut self) {
         self.traffic.dropped += self.ready.len() as u64;
         self.traffic.delivered -= self.ready.len() as u64;

@@ -1,12 +1,12 @@
-//! What a module is: its firmware, the figures of its radio, and what it remembers.
+//! Kind of a module: its firmware, the figures of its radio, and its stored settings.
 
 use core::time::Duration;
 
 use protocols::LineConfig;
 use protocols::hc06::{BAUD_DEFAULT, Family, Led, Texts};
 
-/// When a new line coding takes effect. No source says; reports only agree that the reply to a
-/// new rate is easily missed.
+/// Time at which a new line coding takes effect. No source says; reports only agree that the reply
+/// to a new rate is easily missed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LineSwitch {
     /// The reply still goes out in the old coding.
@@ -14,21 +14,21 @@ pub enum LineSwitch {
     AfterReply,
     /// The reply already goes out in the new coding.
     BeforeReply,
-    /// Only the next start uses it.
+    /// From the next start on.
     AtPowerOn,
 }
 
-/// What happens to bytes that had not gone through when the connection ended. No source says.
+/// Treatment of undelivered bytes when the connection ends. No source says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Leftovers {
-    /// They are gone.
+    /// The bytes are lost.
     #[default]
     Dropped,
-    /// They go out over the next connection.
+    /// The bytes go out over the next connection.
     Kept,
 }
 
-/// What the module remembers without power.
+/// Settings that the module keeps without power.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Name shown to a host that scans for modules, at most 20 bytes.
@@ -41,41 +41,42 @@ pub struct Settings {
     pub led: Led,
 }
 
-/// A kind of module. Where no source gives a figure, the field says so; such defaults are guesses.
+/// A kind of module. A field without a source for its figure says so; such defaults are guesses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Profile {
     /// Firmware family.
     pub family: Family,
     /// Wording of the replies.
     pub texts: Texts,
-    /// Written to the UART when a connection ends. Some newer builds are said to print one, no
-    /// source says which; empty by default.
+    /// Text to the UART when a connection ends. By report some newer builds print one, no source
+    /// says which; empty by default.
     pub disconnect_text: &'static [u8],
     /// Settings of the module as shipped.
     pub settings: Settings,
     /// Address on the air.
     pub address: [u8; 6],
-    /// Silence that ends a command, families without line ends. Public tools that set real modules
-    /// up look for the reply 0.55, 0.6 or 1 s after their command, and one says that the module
+    /// Silence that ends a command, families without line ends. Public tools that configure real
+    /// modules look for the reply 0.55, 0.6 or 1 s after their command. One states that the module
     /// takes 0.6 s: about half a second. "One command a second" is a rule for the sender.
     pub silence: Duration,
     /// Longest time from the first to the last byte of a command, families without line ends:
     /// typing by hand fails, pasting works. About 1 s by report.
     pub command_time: Duration,
-    /// When a new line coding takes effect.
+    /// Time at which a new line coding takes effect.
     pub line_switch: LineSwitch,
     /// From the host opening its port to data mode; 1 to 3 s by report.
     pub connect_delay: Duration,
     /// Radio silence after which both sides give the connection up. Bluetooth default.
     pub supervision: Duration,
-    /// What becomes of bytes under way when the connection ends.
+    /// Treatment of bytes under way when the connection ends.
     pub leftovers: Leftovers,
     /// Bytes between UART and radio, towards the host. One remark has "after about 700 bytes".
     pub fifo_len: usize,
     /// Bytes a second that the module moves in one direction while the other one rests: 20 to
     /// 22.5 kB/s measured. With both directions loaded each gets half: 10.8 kB/s measured.
     pub rate_bytes_s: u32,
-    /// Most bytes of one radio frame: 127 or 330, no source says which of them linvor uses.
+    /// Maximum number of bytes of a radio frame: 127 or 330, no source says which of them linvor
+    /// uses.
     pub frame_max: usize,
     /// Grid of the radio frames: five slots and the answer of the Bluetooth baseband.
     pub slot: Duration,
@@ -85,11 +86,11 @@ pub struct Profile {
     pub latency_busy: [Duration; 2],
     /// Pause after which the radio link counts as idle. No source says.
     pub idle_after: Duration,
-    /// Bytes under way and delivered but not taken, per direction, at which the module stops
-    /// moving bytes. No source says; enough not to slow down a link whose other end reads.
+    /// Number of bytes per direction, under way or not yet taken, at which the module stops moving
+    /// bytes. No source says; enough not to slow down a link whose other end reads.
     pub window: usize,
-    /// Bytes that the host's operating system holds for the module before it loses some, which
-    /// no host does: it makes the writer wait, see [`Hc06::room`](super::Hc06::room).
+    /// Bytes that the host's operating system holds for the module before it loses some. No real
+    /// host loses any: it makes the writer wait, see [`Hc06::room`](super::Hc06::room).
     pub host_queue_len: usize,
 }
 
@@ -129,7 +130,7 @@ impl Profile {
         }
     }
 
-    /// The same module set to `baud`, as done before it was built in.
+    /// The same module with its rate set to `baud`, as before its installation.
     #[must_use]
     pub fn at_baud(mut self, baud: u32) -> Self {
         self.settings.line = LineConfig::new_8n1(baud);

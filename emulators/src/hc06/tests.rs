@@ -20,11 +20,11 @@ pub(crate) struct Bench {
     pub(crate) now: Instant,
     /// Bytes that one call of `receive` gets at most.
     pub(crate) piece: usize,
-    /// What the robot received, with the end of each byte.
+    /// Bytes received by the robot, with the end of each byte.
     pub(crate) robot: Vec<(Instant, u8)>,
-    /// What the host received.
+    /// Bytes received by the host.
     pub(crate) host: Vec<(Instant, u8)>,
-    /// What the host saw of the connection.
+    /// Connection events seen by the host.
     pub(crate) changes: Vec<(Instant, LineEvent)>,
     pub(crate) events: Vec<Event>,
     robot_busy_until: Instant,
@@ -153,7 +153,7 @@ fn at(baud: u32) -> Profile {
     Profile::default().at_baud(baud)
 }
 
-/// Bytes that tell their own number.
+/// Bytes with the value of their own number.
 fn numbered(len: u32) -> Vec<u8> {
     (0..len).map(|n| (n % 251) as u8).collect()
 }
@@ -218,7 +218,7 @@ fn a_3_0_session_is_made_of_lines() {
     assert_eq!(bench.violations(), ["unknown-command"]);
 }
 
-/// `AT+ORGL` forgets what was set.
+/// `AT+ORGL` restores the default settings.
 #[test]
 fn a_restored_3_0_module_is_as_shipped() {
     let mut bench = Bench::new(Profile::of(Family::V30).at_baud(115_200));
@@ -254,9 +254,9 @@ fn the_reply_comes_half_a_second_after_the_command() {
     assert_eq!(first_byte_ends, Instant::from_nanos(503_124_999));
 }
 
-/// What public tools that set real modules up wait after their last byte, milliseconds: 550 and 600
-/// (scripts), 1000 (three sketches with a delay of one second), 1200 (an automatic tester): each
-/// finds its whole reply, and the next command is read as one of its own.
+/// Pauses of public tools that configure real modules, after their last byte, in milliseconds: 550
+/// and 600 (scripts), 1000 (three sketches with a delay of one second), 1200 (an automatic tester).
+/// Each tool gets its whole reply, and the next command is read as one of its own.
 #[test]
 fn f6_the_waits_of_six_public_tools_are_long_enough() {
     let session: [(&[u8], &str); 5] = [
@@ -291,8 +291,8 @@ fn f6_the_silence_can_be_set() {
     assert_eq!(bench.robot[0].0, Instant::from_nanos(1_003_124_999));
 }
 
-/// F7, the module's own side: what its UART is set to is told as soon as it is used, so a rig that
-/// judges a client by it blames the right one.
+/// F7, the module's own side: the configured line coding is reported as soon as it is used. So a
+/// rig that judges a client by it blames the right one.
 #[test]
 fn f7_the_line_that_the_module_tells_is_the_one_it_uses() {
     let mut bench = Bench::new(Profile::default());
@@ -316,7 +316,7 @@ fn a_command_typed_by_hand_is_refused() {
     assert_eq!(bench.violations(), ["command-too-slow"]);
 }
 
-/// Each wrong command is judged, and none is answered.
+/// Each wrong command is judged, and the module answers none.
 #[test]
 fn guilty_commands_are_judged_and_vanish() {
     let mut bench = Bench::new(Profile::default());
@@ -463,7 +463,7 @@ fn half_a_command_does_not_outlast_a_connection() {
     assert_eq!(bench.radio.line_config(Hc06::UART).baud, BAUD);
 }
 
-/// Commands are data while connected; the master is told.
+/// Commands are data while connected; the master gets a report.
 #[test]
 fn a_command_while_connected_goes_to_the_host() {
     let mut bench = Bench::connected(at(BAUD));
@@ -474,7 +474,7 @@ fn a_command_while_connected_goes_to_the_host() {
     assert_eq!(bench.radio.line_config(Hc06::UART).baud, BAUD);
 }
 
-/// A flow that happens to contain a command is none: no silence around it.
+/// A command inside a flow of data is not one: it has no silence around it.
 #[test]
 fn a_command_inside_a_flow_is_innocent() {
     let mut bench = Bench::connected(at(BAUD));
@@ -518,7 +518,7 @@ fn a_lost_radio_is_noticed_after_the_supervision_time() {
     assert_eq!(bench.radio.up().dropped, 700);
 }
 
-/// A gap shorter than the supervision time costs only what did not fit the FIFO.
+/// A gap shorter than the supervision time loses only the bytes that did not fit the FIFO.
 #[test]
 fn a_radio_that_comes_back_delivers_what_was_held() {
     let mut bench = Bench::connected(at(BAUD));
@@ -533,7 +533,7 @@ fn a_radio_that_comes_back_delivers_what_was_held() {
     assert_eq!(bench.radio.mode(), Mode::Data);
 }
 
-/// The module cannot hear that the host closes while the radio is gone.
+/// The module gets no notice if the host closes while the radio is out of reach.
 #[test]
 fn a_host_that_closes_out_of_reach_is_noticed_when_it_returns() {
     let mut bench = Bench::connected(at(BAUD));
@@ -548,7 +548,7 @@ fn a_host_that_closes_out_of_reach_is_noticed_when_it_returns() {
     assert_eq!(bench.radio.mode(), Mode::Data);
 }
 
-/// The host believes in a module that lost its power until the supervision time is over.
+/// The host keeps the connection of a module without power until the supervision time is over.
 #[test]
 fn a_power_cycle_is_a_dead_connection_for_the_host() {
     let mut bench = Bench::connected(at(BAUD));
@@ -620,7 +620,7 @@ fn a_flood_at_230400_overflows_after_some_six_kilobytes() {
     assert!(bench.radio.up().lost > 0);
 }
 
-/// 11.52 kB/s in: the radio keeps up forever, and nothing changes on the way.
+/// 11.52 kB/s in: the radio keeps up forever, and the bytes arrive unchanged.
 #[test]
 fn a_flood_at_115200_loses_nothing() {
     let mut bench = Bench::connected(at(115_200));
@@ -650,7 +650,7 @@ fn a_long_flood_delivers_what_the_radio_can_carry() {
     assert_eq!(share, 226);
 }
 
-/// The host may write as fast as it likes: all of it reaches the robot, at the radio's rate.
+/// The host may write at any rate: all bytes reach the robot, at the radio's rate.
 #[test]
 fn the_host_is_held_up_and_loses_nothing() {
     let mut bench = Bench::connected(at(921_600));
@@ -728,7 +728,7 @@ fn bursts_are_radio_frames() {
     assert!(bursts.iter().all(|&len| len <= 127), "{bursts:?}");
 }
 
-/// How the robot's bytes are cut into pieces is the rig's affair: within a frame's slot nothing
+/// The cutting of the robot's bytes into pieces concerns the rig: within a frame's slot no result
 /// may depend on it.
 #[test]
 fn pieces_of_any_size_lose_the_same_bytes() {
@@ -784,7 +784,7 @@ fn every_byte_is_accounted_for() {
     assert_eq!(delivered, bench.host.len() as u64);
 }
 
-/// The link tells of characters without a stop bit: the master's rate is wrong.
+/// The link reports characters without a stop bit: the master's rate is wrong.
 #[test]
 fn framing_errors_are_judged_once_a_second() {
     let mut bench = Bench::connected(at(BAUD));
@@ -838,8 +838,8 @@ fn a_line_without_its_end_is_judged_and_waits() {
     assert_eq!(bench.violations(), ["line-end-missing"]);
 }
 
-/// Of all commands only a name can swallow the line end that a terminal program adds: the module
-/// obeys, and is found on the air under a name with a line end in it.
+/// Only the name among all commands can include the line end that a terminal program adds. The
+/// module obeys, and shows a name with a line end on the air.
 #[test]
 fn a_line_end_becomes_part_of_the_name() {
     let mut bench = Bench::new(Profile::default());
@@ -848,8 +848,8 @@ fn a_line_end_becomes_part_of_the_name() {
     assert_eq!(bench.violations(), ["line-end-after-command"]);
 }
 
-/// T3: the fault by its name is the lost radio: nothing goes over, what fits the FIFO of 700 bytes
-/// arrives once it ends, and no connection was lost within the 20 s.
+/// T3: the fault of this name is the lost radio. No byte passes; the bytes that fit the FIFO of 700
+/// arrive once it ends, and the connection survives the 20 s.
 #[test]
 fn out_of_reach_begins_and_ends_by_its_name() {
     let mut bench = Bench::connected(at(BAUD));
@@ -868,7 +868,7 @@ fn out_of_reach_begins_and_ends_by_its_name() {
     assert_eq!(bench.radio.mode(), Mode::Data);
 }
 
-/// T3: of 1,000 bytes 700 wait, the others are lost, told once and then counted.
+/// T3: of 1,000 bytes 700 wait. The others are lost, reported once and then counted.
 #[test]
 fn an_overflow_is_told_with_its_size() {
     let mut bench = Bench::connected(at(BAUD));
@@ -882,7 +882,7 @@ fn an_overflow_is_told_with_its_size() {
     assert_eq!(bench.radio.up().lost, 1);
 }
 
-/// T3: without a carrier the air has nothing to do by itself, and with one again at once.
+/// T3: without a carrier the air needs no poll, and with one again it needs one at once.
 #[test]
 fn a_lost_carrier_needs_no_poll() {
     let mut bench = Bench::connected(at(BAUD));
@@ -899,7 +899,7 @@ fn a_lost_carrier_needs_no_poll() {
     assert!(next - bench.now < SECOND / 10, "{next}");
 }
 
-/// The same rate once more changes nothing, and is not told; another one is.
+/// The same rate once more changes nothing and is not reported; another rate is.
 #[test]
 fn only_other_settings_are_told() {
     let mut bench = Bench::new(at(9600));
@@ -918,7 +918,7 @@ fn only_other_settings_are_told() {
     assert_eq!(told(&mut bench), [""; 0]);
 }
 
-/// What came out and was not taken counts as thrown away, and no longer as delivered.
+/// Bytes that came out and were not taken count as dropped, and no longer as delivered.
 #[test]
 fn what_nobody_took_was_not_delivered() {
     let mut lane = lane::Lane::new(&at(BAUD), 100, Rng::stream(1, "lane"));
@@ -934,7 +934,7 @@ fn what_nobody_took_was_not_delivered() {
     assert_eq!((lane.traffic().dropped, lane.traffic().accepted), (11, 3));
 }
 
-/// By its name: no mode, no line; and with power it is as it was when it was plugged in.
+/// The fault by its name: no mode, no line. With power again the state is that of a fresh start.
 #[test]
 fn off_begins_and_ends_by_its_name() {
     let mut bench = Bench::connected(at(BAUD));
@@ -952,8 +952,8 @@ fn off_begins_and_ends_by_its_name() {
     assert_eq!(text_of(&bench.robot), "OK");
 }
 
-/// At most so many bytes are under way and delivered but not taken: of a window of 10 that is full
-/// four are taken, and four more go over.
+/// The window limits the bytes under way plus those delivered and not taken. Four bytes are taken
+/// from a full window of 10; then four more go over.
 #[test]
 fn what_nobody_takes_holds_the_air_up() {
     let mut profile = at(BAUD);
@@ -974,9 +974,8 @@ fn what_nobody_takes_holds_the_air_up() {
     assert_eq!(lane.room(), 100 - 26);
 }
 
-/// A radio of 1 MB/s behind a UART of 9600 baud: a byte takes 1.04 ms, so a hundred that are
-/// reported at once went into the air one after the other, and the last ones are still on their
-/// way.
+/// A radio of 1 MB/s behind a UART of 9600 baud. A byte takes 1.04 ms, so a hundred bytes reported
+/// at once went into the air one after the other, and the last ones are still under way.
 #[test]
 fn a_fast_radio_waits_for_each_byte_of_the_uart() {
     let mut profile = at(9_600);
@@ -997,7 +996,7 @@ fn a_fast_radio_waits_for_each_byte_of_the_uart() {
     assert_eq!(came(1), came(100));
 }
 
-/// Each end may send as long as something waits for it.
+/// Each end may send while bytes wait for it.
 #[test]
 fn an_end_may_send_what_waits_for_it() {
     let mut bench = Bench::connected(at(BAUD));
@@ -1020,8 +1019,8 @@ fn an_end_may_send_what_waits_for_it() {
     assert!(!bench.radio.may_send(Hc06::UART));
 }
 
-/// What is already under way takes room of the window as well: of 10 bytes six are moved at once,
-/// and four later, whichever end waits.
+/// Bytes under way count in the window as well: of 10 bytes six are moved at once, and four later,
+/// whichever end waits.
 #[test]
 fn what_is_under_way_fills_the_window() {
     let mut profile = at(BAUD);
@@ -1037,8 +1036,8 @@ fn what_is_under_way_fills_the_window() {
     assert_eq!(lane.traffic().delivered, 10);
 }
 
-/// Window 10: of nothing, of what finds room on the air, of what has filled the window and of what
-/// fills it with nothing behind it only the second is moved and only the third waits.
+/// Window 10, in four states: no bytes; bytes with room on the air; bytes that have filled the
+/// window; bytes that fill it with nothing behind. Only the second moves, and only the third waits.
 #[test]
 fn a_lane_moves_what_has_room_and_waits_with_what_has_none() {
     let mut profile = at(BAUD);

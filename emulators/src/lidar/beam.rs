@@ -1,4 +1,4 @@
-//! Where a beam goes, and its noise.
+//! Direction of a beam, and its noise.
 
 use core::f64::consts::PI;
 
@@ -18,8 +18,8 @@ pub(crate) struct Beam {
 }
 
 impl Beam {
-    /// The beam of a sensor at `mount` that looks `degrees` counter-clockwise from ahead of the
-    /// robot, and leaves `offset_m` to the left of the sensor's axis.
+    /// The beam of a sensor at `mount`, `degrees` counter-clockwise from the robot's forward axis.
+    /// The beam leaves `offset_m` to the left of the sensor's axis.
     pub(crate) fn aim(
         world: &World,
         at: Instant,

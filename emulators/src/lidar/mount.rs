@@ -1,6 +1,6 @@
-//! Where a lidar sits on its robot, and which way it turns.
+//! Mounting position of a lidar on its robot, and direction of rotation.
 
-/// Where the sensor sits on the robot.
+/// Mounting position of the sensor on the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {
     /// Metres ahead of the middle of the robot.
@@ -26,7 +26,7 @@ impl Default for Mount {
     }
 }
 
-/// Which way the head turns, seen from above.
+/// Direction of rotation of the head, seen from above.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Direction {
     /// As in all reports but one.

@@ -1,4 +1,4 @@
-//! The turning head: a small DC motor, a belt, friction, and what drives it.
+//! The turning head: a small DC motor, a belt, friction, and the motor's supply.
 //!
 //! ```text
 //! d speed / dt = push * volts - back_emf * speed    motor, while it pushes: it cannot brake
@@ -7,7 +7,7 @@
 
 use protocols::Instant;
 
-/// What feeds the motor.
+/// Supply of the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MotorSupply {
     /// The rig's own supply, which watches the speed and holds it: for clients without a PWM pin.
@@ -16,7 +16,7 @@ pub enum MotorSupply {
         /// Turns per minute.
         rpm: f64,
     },
-    /// A bench supply: the speed is what motor and friction make of it, and wanders a little.
+    /// A bench supply: motor and friction determine the speed, which wanders a little.
     Fixed {
         /// At the motor.
         volts: f64,
@@ -45,15 +45,15 @@ pub(crate) struct Motor {
     pub(crate) dry_rpm_s: f64,
     /// Viscous friction, per second.
     pub(crate) viscous_per_s: f64,
-    /// Wandering of what an unregulated motor is fed with, relative.
+    /// Wandering of an unregulated motor's supply, relative.
     pub(crate) wander: f64,
-    /// How much of it is kept from one draw to the next.
+    /// Part of the wandering that is kept from one draw to the next.
     pub(crate) wander_kept: f64,
 }
 
-/// What a regulated supply can give at most.
+/// Maximum voltage of a regulated supply.
 const REGULATED_VOLTS_MAX: f64 = 5.0;
-/// How fast a regulated supply lets the speed rise: 300 rpm after little more than half a second.
+/// Maximum rise of the speed by a regulated supply: 300 rpm after little more than half a second.
 const REGULATED_RISE_RPM_S: f64 = 600.0;
 const STEP_NANOS: u64 = 1_000_000;
 /// Longest look ahead. A head that needs more than this to the next tooth turns at less than
@@ -63,7 +63,7 @@ const LOOK_AHEAD_STEPS: u32 = 3_000;
 pub(crate) const DEG_PER_S: f64 = 6.0;
 
 /// State of the head at one instant. Between instants it follows from the supply alone, so it is
-/// only written down when a tooth passes or the drive changes.
+/// stored only when a tooth passes or the drive changes.
 #[derive(Clone, Debug)]
 pub(crate) struct Rotor {
     motor: Motor,
@@ -112,8 +112,8 @@ impl Rotor {
         self.angle_deg -= 360.0;
     }
 
-    /// Goes on to `at`. What follows does not depend on how often this is called in between only
-    /// if it is called for reasons of the device, not of its caller.
+    /// Advances the head to `at`. The result depends on how often this is called, so call it only
+    /// for reasons of the device, never for reasons of its caller.
     pub(crate) fn advance(&mut self, at: Instant) {
         if self.stuck {
             self.speed_rpm = 0.0;
@@ -133,7 +133,7 @@ impl Rotor {
         }
     }
 
-    /// When the head will be at `angle_deg` if nothing changes; `None` if it stops before.
+    /// Time at which the head reaches `angle_deg` if nothing changes; `None` if it stops before.
     pub(crate) fn reaches(&self, angle_deg: f64) -> Option<Instant> {
         let mut ahead = self.clone();
         if ahead.stuck {
@@ -156,7 +156,8 @@ impl Rotor {
         None
     }
 
-    /// When `missing` degrees more are done, if the speed goes evenly to `speed_end` within a step.
+    /// Time at which the head has turned by `missing` degrees, if the speed changes evenly to
+    /// `speed_end` within a step.
     fn crossing(&self, missing: f64, speed_end: f64) -> Instant {
         let speed = self.speed_rpm * DEG_PER_S;
         let acceleration = (speed_end - self.speed_rpm) * DEG_PER_S * 1e3;
@@ -223,7 +224,7 @@ impl Rotor {
     }
 }
 
-/// Whole nanoseconds, rounded down; zero for what is no span.
+/// Whole nanoseconds, rounded down; zero if `seconds` is negative or NaN.
 pub(crate) fn nanos(seconds: f64) -> core::time::Duration {
     #[expect(
         clippy::cast_possible_truncation,
@@ -251,7 +252,7 @@ mod tests {
         rotor.supply = MotorSupply::Fixed { volts: 0.0 };
     }
 
-    /// 600 rpm/s at first, towards the end what 5 V can give; then 1800 degrees per second.
+    /// 600 rpm/s at first, then limited by 5 V; in the end 1800 degrees per second.
     #[test]
     fn a_regulated_head_turns_five_times_a_second_within_a_second() {
         let mut rotor = Rotor::new(MOTOR, MotorSupply::Regulated { rpm: 300.0 }, 0.0);
@@ -350,7 +351,7 @@ mod tests {
         }
     }
 
-    /// A regulator holds its speed for good; what swings about a voltage does not.
+    /// A regulator holds its speed permanently; a voltage that swings does not.
     #[test]
     fn a_regulated_head_at_its_speed_is_steady() {
         let regulated = MotorSupply::Regulated { rpm: 300.0 };

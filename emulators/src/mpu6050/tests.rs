@@ -77,7 +77,7 @@ fn a_curve_shows_in_all_ranges() {
     assert_eq!(word(&mut chip, register::GYRO, &world), 0);
 }
 
-/// A bias of 0.5 degrees a second is 8 counts at 2000; one of 3000 is as much as a word shows.
+/// A bias of 0.5 degrees a second is 8 counts at 2000; one of 3000 saturates the word.
 #[test]
 fn a_word_saturates() {
     let world = world();
@@ -175,7 +175,7 @@ fn noise_is_as_large_as_it_is_set() {
     }
 }
 
-/// At 2 degrees a second and below it turns neither way.
+/// At 2 degrees a second and below the body counts as not turning.
 #[test]
 fn standing_still_between_two_turns_the_same_way_leaves_the_walk() {
     let config = Mpu6050Config {
@@ -240,8 +240,8 @@ fn the_bias_walks_by_the_root_of_the_time() {
     }
 }
 
-/// Register map: every register that is not the chip's own keeps what it was written; the bits that
-/// reset something clear themselves, and registers of the chip stay what they are.
+/// Register map: every register that is not the chip's own keeps the written value. The bits that
+/// reset something clear themselves, and registers of the chip do not change.
 #[test]
 fn f17_registers_keep_what_is_written() {
     let world = world();
@@ -302,7 +302,7 @@ fn f17_a_sample_is_ready_at_the_sample_rate() {
 
 /// Accelerations and the turn rate about z, 8 bytes a sample, 100 samples a second: 25 of them in
 /// 250 ms. They come out in the order of the registers, and the register behind the FIFO is not
-/// read. Of more than 1024 bytes the oldest are lost, which the status tells.
+/// read. Of more than 1024 bytes the oldest are lost, and the status shows it.
 #[test]
 fn f17_the_fifo_holds_samples_until_they_are_read() {
     let world = world();

@@ -1,4 +1,4 @@
-//! A contact encoder of two switches, read by a program that looks now and then.
+//! A contact encoder of two switches, read by a program that polls it.
 //!
 //! ```text
 //! edges     0   1   2   3   0         four to a cycle of the contacts
@@ -6,14 +6,14 @@
 //! pin B     0   1   1   0   0
 //! ```
 //!
-//! A program that looks after each edge counts all. One that looks after two edges sees both pins
-//! changed and cannot know the way: the usual library takes it for two edges forward from 0 and 2
-//! and for two backward from 1 and 3, so in the mean for none. After three edges it sees one
-//! backward. That, and no wear, makes such an encoder useless beyond an edge a look.
+//! A program that looks after each edge counts all edges. After two edges both pins have changed,
+//! and the direction is unknown. The usual library counts them as two edges forward from 0 and 2
+//! and as two backward from 1 and 3, so on average as none. After three edges it counts one
+//! backward. So the encoder is useless at more than one edge a look, even without wear.
 //!
 //! Source: state table of PJRC's Encoder library, on pins without interrupts.
 
-/// What one look adds, by the pins before and now, both as `B A`.
+/// Count that one look adds, by the pins before and now, both as `B A`.
 const COUNTED: [[i8; 4]; 4] = [[0, -1, 1, 2], [1, 0, -2, -1], [-1, -2, 0, 1], [2, 1, -1, 0]];
 
 /// The contacts as a program sees them.
@@ -24,8 +24,8 @@ pub struct PolledEncoder {
 }
 
 impl PolledEncoder {
-    /// A look while the contacts are `edges` from where they were at first; if `is_open`, contact A
-    /// has none and reads high.
+    /// Takes a look at the contacts, `edges` from their position at first. If `is_open`, contact A
+    /// is open and reads high.
     pub fn look(&mut self, edges: i64, is_open: bool) {
         let sound = match edges.rem_euclid(4) {
             0 => 0b00,

@@ -12,22 +12,21 @@ use crate::world::World;
 const COUNT_M: f32 = 0.003_351;
 /// Degrees a second of a count at 2000 degrees a second, as the sensor's library has it.
 const RATE_UNIT_DPS: f32 = 0.060_975;
-/// The same as the program has it for the rate that it prints: 25 / 2000, which is 4.88 times too
-/// small.
+/// The program's unit of the rate that it prints: 25 / 2000, which is 4.88 times too small.
 const PRINTED_UNIT_DPS: f32 = 25.0 / 2000.0;
 /// Time that the program takes for a loop.
 const STEP_S: f32 = 0.01;
-/// Samples at rest whose mean is taken for the offset.
+/// Number of samples at rest whose mean is the offset.
 const CALIBRATION_SAMPLES: i16 = 50;
-/// What the motor's current adds to the field along the car's own x, uT at full speed: a guess.
-/// With it a compass is of no use while driving (report, page 10).
+/// Field that the motor's current adds along the car's own x, uT at full speed: a guess. It makes a
+/// compass useless while driving (report, page 10).
 const CURRENT_UT: f32 = 15.0;
 /// Speed at which [`CURRENT_UT`] is added, m/s.
 const FULL_SPEED_M_S: f32 = 1.2;
 /// Horizontal part of the earth's field along x of the world, and the part into the floor, uT.
 const FIELD_UT: [f32; 2] = [20.0, -44.0];
 
-/// What the program prints.
+/// Output of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Program {
     /// Distance, rate, heading, time and a sum. The documented and the sound dialect print the true
@@ -45,7 +44,7 @@ impl Default for Program {
     }
 }
 
-/// What the program does with a loop that takes more than its 10 ms.
+/// Reaction of the program to a loop that takes more than its 10 ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overrun {
     /// `delay` of a negative time, which is 49 days: as coded.
@@ -62,7 +61,7 @@ pub(super) struct Sketch {
     encoder: PolledEncoder,
     /// Edges at the reset.
     edges_zero: i64,
-    /// What each axis of the gyroscope shows at rest.
+    /// Reading of each axis of the gyroscope at rest.
     offsets: [f32; 3],
     yaw_rad: f32,
 }
@@ -72,7 +71,7 @@ impl Sketch {
         self.encoder.count()
     }
 
-    /// Sets the sensor up and calibrates it; whether it is there. The program began at `began`.
+    /// Sets the sensor up and calibrates it; `true` if it answers. The program began at `began`.
     pub(super) fn begin(
         &mut self,
         (now, began): (Instant, Instant),
@@ -100,8 +99,9 @@ impl Sketch {
         true
     }
 
-    /// One loop; the line that it prints, `None` if the sensor does not answer. The contacts are at
-    /// `edges`, contact A open or not; the sensor has a magnetometer if iron is told of.
+    /// Runs one loop; returns the line that it prints, `None` if the sensor does not answer. The
+    /// contacts are at `edges`, contact A open or not. The sensor has a magnetometer if `iron_ut`
+    /// is given.
     pub(super) fn turn(
         &mut self,
         now: Instant,
@@ -167,7 +167,7 @@ fn read(now: Instant, imu: &mut Mpu6050, world: &World) -> Option<[i16; 7]> {
     }))
 }
 
-/// The magnetic field in the car's axes, uT. `iron_ut`: what iron nearby adds along y of the world.
+/// The magnetic field in the car's axes, uT. `iron_ut`: field of nearby iron along y of the world.
 fn field(iron_ut: f32, world: &World) -> [f32; 3] {
     let (sin, cos) = libm::sincos(world.pose().theta);
     #[expect(
@@ -195,7 +195,7 @@ fn raw_line(distance_m: f32, rates: [f32; 3], words: &[i16; 7], field: [f32; 3])
     let figures = [[distance_m; 1].as_slice(), &rates, &accelerations, &field].concat();
     let mut line = "#".to_owned();
     for figure in figures {
-        // Writing to a string does not fail. What rounds to nothing has no sign.
+        // Writing to a string does not fail. A figure that rounds to zero has no sign.
         let shown = if figure.abs() < 0.005 { 0.0 } else { figure };
         let _ = print_float(&mut line, shown, 2);
         line.push('*');

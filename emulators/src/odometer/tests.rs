@@ -1,4 +1,4 @@
-//! The board on a car: timing, dialects, what the fielded host believes, what an encoder loses.
+//! The board on a car: timing, dialects, the fielded host's checks, losses of the encoder.
 
 use protocols::Decode as _;
 use protocols::odometer::{Decoder, Dialect, Raw, passes_exact_sum};
@@ -86,8 +86,8 @@ fn lines_come_as_often_as_from_the_simulated_chip() {
     assert!((994..=1_000).contains(&later), "{later}");
 }
 
-/// 943 of 997 lines driving straight, 0 of 372 in a curve, where the rate is in the line but not
-/// in its sum. Ours believes all.
+/// 943 of 997 lines pass when driving straight, 0 of 372 in a curve, where the rate is in the line
+/// but not in its sum. The rig's own reader accepts all.
 #[test]
 fn ap3_the_exact_sum_believes_95_percent_straight_and_nothing_in_a_curve() {
     let config = OdometerConfig {
@@ -120,8 +120,8 @@ fn ap3_the_exact_sum_believes_95_percent_straight_and_nothing_in_a_curve() {
     }
 }
 
-/// Observed: 1.00 at 0.22, 0.98 at 0.33, 0.47 at 0.45. At 0.67 m/s a look sees two edges, which
-/// count 2 forward or 2 backward as long as the phase holds: anything near 0; 0.18 was seen.
+/// Observed: 1.00 at 0.22, 0.98 at 0.33, 0.47 at 0.45. At 0.67 m/s a look sees two edges. They
+/// count 2 forward or 2 backward while the phase holds: anything near 0; 0.18 was observed.
 #[test]
 fn ap4_the_board_counts_all_edges_up_to_22_cm_a_second() {
     for (speed, expected, within) in [
@@ -158,8 +158,8 @@ fn a_coarser_wheel_counts_fewer_edges() {
     assert!((655..=657).contains(&counted), "{counted}");
 }
 
-/// 20 s at 0.22 m/s are 4.4 m; a circle of 0.36053 rad/s is 7.2106 rad, of which the program, whose
-/// loops last 10.03 ms and not 10, sees 0.997.
+/// 20 s at 0.22 m/s are 4.4 m. A circle of 0.36053 rad/s is 7.2106 rad; the program sees 0.997 of
+/// it, because its loops last 10.03 ms and not 10.
 #[test]
 fn each_program_prints_what_the_car_does() {
     let ask = |program| {
@@ -231,8 +231,8 @@ fn f14_a_board_without_sensor_says_so_until_it_has_one() {
     assert!(lines.len() > 50);
 }
 
-/// The sensor's library waits for its bytes without end: a sensor that is lost while the program
-/// runs silences the board, and its return does not help. A reset does.
+/// The sensor's library waits for its bytes without a timeout. A sensor lost while the program runs
+/// silences the board, and its return does not help. A reset does.
 #[test]
 fn f14_a_sensor_that_is_lost_silences_the_board() {
     for program in [Program::default(), Program::Raw] {
@@ -326,7 +326,7 @@ fn a_board_that_has_its_supply_again_starts_anew() {
     assert!((1_093..=1_103).contains(&first.as_millis()), "{first:?}");
 }
 
-/// Only a reset ends what hangs.
+/// Only a reset restarts a stuck board.
 #[test]
 fn a_stuck_board_says_nothing_until_it_is_restarted() {
     let mut run = run(OdometerConfig::default());

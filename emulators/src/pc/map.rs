@@ -1,4 +1,4 @@
-//! The robot's map as the PC has seen it so far.
+//! The robot's map as received by the PC so far.
 
 use protocols::Instant;
 use protocols::pcui::message::MapProperties;
@@ -21,13 +21,13 @@ pub struct PcMap {
     pub resolution_mm: u8,
     /// Cells, row by row from y = 0.
     pub pixels: Vec<u8>,
-    /// When each row last came in.
+    /// Time at which each row last arrived.
     pub row_seen: Vec<Option<Instant>>,
     rows_missing: usize,
     complete_at: Option<Instant>,
 }
 
-/// Why a row was not taken.
+/// Reason for a refused row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RowError {
@@ -161,7 +161,7 @@ impl PcMap {
         self.rows_missing
     }
 
-    /// When the last missing row came in.
+    /// Time at which the last missing row arrived.
     pub const fn complete_at(&self) -> Option<Instant> {
         self.complete_at
     }
@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(PcMap::new(&properties(1, [u16::MAX; 2])), None);
     }
 
-    /// The fielded PC program died of rows like these.
+    /// Rows like these crashed the fielded PC program.
     #[test]
     fn absurd_rows_change_nothing() {
         let mut map = small();

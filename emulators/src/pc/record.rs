@@ -14,7 +14,7 @@ pub const TRAJECTORY_MAX: usize = 500_000;
 /// A pose that the robot stated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StatedPose {
-    /// When the message was complete.
+    /// Time at which the message was complete.
     pub at: Instant,
     /// Position in the robot's map.
     pub position_mm: [i16; 2],
@@ -22,7 +22,7 @@ pub struct StatedPose {
     pub psi_deg: i16,
 }
 
-/// What came in, by kind.
+/// Number of received messages, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Bytes in all.
@@ -62,20 +62,20 @@ pub struct Record {
     pub mode_since: Option<Instant>,
     /// The last list of waypoints.
     pub waypoints: Option<(Instant, Vec<Waypoint>)>,
-    /// How the robot is, if it tells.
+    /// The robot's own diagnosis, if it sends one.
     pub diagnosis: Option<(Instant, Diagnosis)>,
-    /// Where the robot has found victims, millimetres in its map.
+    /// Positions of the victims found by the robot, millimetres in its map.
     pub victims: Vec<[i16; 2]>,
     /// The map, once its size is known.
     pub map: Option<PcMap>,
     /// The poses that the robot stated, each change once.
     pub trajectory: Vec<StatedPose>,
-    /// What came in.
+    /// Counters of received messages.
     pub counts: Counts,
     decoder: Decoder,
 }
 
-/// What a message was about.
+/// Subject of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum News {
     MapProperties,
@@ -86,9 +86,9 @@ pub(super) enum News {
     MapComplete,
     Waypoints,
     State,
-    /// How the robot is has changed but for its figures.
+    /// The robot's condition has changed, apart from its figures.
     Condition,
-    /// What was told before, or is not looked at.
+    /// Known already, or not evaluated.
     Nothing,
     /// A victim more or less.
     Victims,
@@ -104,7 +104,7 @@ impl Record {
         self.decoder.discarded()
     }
 
-    /// Takes bytes and tells what was in them.
+    /// Takes bytes and reports the messages in them to `tell`.
     pub(super) fn take(&mut self, now: Instant, bytes: &[u8], mut tell: impl FnMut(News)) {
         self.counts.bytes += bytes.len() as u64;
         let mut input = bytes;
@@ -243,7 +243,7 @@ mod tests {
 
     use super::*;
 
-    /// What a frame of `id` with this payload told.
+    /// News in a frame of `id` with this payload.
     fn told(record: &mut Record, id: [u8; 3], payload: &[u8]) -> News {
         let mut frame = [0; FRAME_MAX];
         frame[HEADER_LEN..HEADER_LEN + payload.len()].copy_from_slice(payload);
@@ -260,7 +260,7 @@ mod tests {
     /// The same without any cell.
     const NO_MAP: [u8; 13] = [10, 9, 0, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0];
 
-    /// Each kind of message is counted as what it is and tells what is new about it.
+    /// Each kind of message is counted as its kind and reports its news.
     #[test]
     fn each_message_is_counted_and_tells_what_is_new() {
         let mut record = Record::default();
@@ -276,7 +276,7 @@ mod tests {
             found: 2,
         };
         assert_eq!(says(b"MAR", &[0, 2, 0, 2, 9]), News::BadRow(beyond));
-        // The second of two rows; what comes after it is nothing new.
+        // The second of two rows; messages after it are no news.
         assert_eq!(says(b"MAR", &[0, 1, 0, 2, 9]), News::MapComplete);
         assert_eq!(says(b"MAP", &[0, 1, 0, 1, 2, 3]), News::Row);
         assert_eq!(says(b"LWP", &[0, 0]), News::Waypoints);

@@ -1,4 +1,4 @@
-//! What the person at the PC does, and when.
+//! Script of the person at the PC.
 
 use core::fmt;
 use core::time::Duration;
@@ -10,7 +10,7 @@ pub const RAW_MAX: usize = 65_536;
 /// Maximum number of steps of a script.
 pub const STEPS_MAX: usize = 10_000;
 
-/// When a step is due. Steps are done in order: none before the one in front of it.
+/// Condition of a step. Steps are done in order: none before the one in front of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum When {
     /// This long after the run began.
@@ -45,7 +45,7 @@ pub enum Action {
 /// An action and its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// When it is due.
+    /// Time or condition of the step.
     pub when: When,
     /// The action.
     pub action: Action,
@@ -120,7 +120,7 @@ impl Action {
     }
 }
 
-/// Why a script cannot be done.
+/// Reason for an invalid script.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ScriptError {
@@ -186,8 +186,8 @@ mod tests {
         );
     }
 
-    /// A step goes in front of the one that is named, or behind the last; what fits no frame and
-    /// what is one too many is refused.
+    /// A step goes in front of the named one, or behind the last. A step that fits no frame, or one
+    /// too many, is refused.
     #[test]
     fn a_step_is_put_in_its_place() {
         let at = |seconds: u64| Step {

@@ -1,4 +1,4 @@
-//! What the PC says to the robot, and how it takes what it receives.
+//! Messages of the PC to the robot, and handling of received ones.
 
 use protocols::Instant;
 use protocols::pcui::FRAME_MAX;
@@ -11,7 +11,7 @@ use super::{Connection, Pc};
 use crate::device::{EventKind, earliest};
 
 impl Pc {
-    /// Sends what is to be sent now.
+    /// Sends everything due now.
     pub(super) fn say(&mut self, now: Instant) {
         if matches!(self.connection, Connection::Connected(_)) {
             self.say_waypoints(now);
@@ -106,7 +106,7 @@ impl Pc {
         }
     }
 
-    /// What the robot told of itself, for the log.
+    /// Writes the robot's report about itself to the log.
     fn note_condition(&mut self, now: Instant) {
         let Some((_, told)) = self.record.diagnosis else {
             return;
@@ -138,7 +138,7 @@ impl Pc {
         }
     }
 
-    /// When something is to be said.
+    /// Time of the next message.
     pub(super) fn say_at(&self) -> Option<Instant> {
         let Connection::Connected(_) = self.connection else {
             return None;
@@ -148,7 +148,7 @@ impl Pc {
         earliest([waypoints, order])
     }
 
-    /// When everything asked for was confirmed; the beginning if nothing was asked for.
+    /// Time at which all orders were confirmed; the beginning if there were none.
     pub(super) fn confirmed_at(&self) -> Option<Instant> {
         let waypoints = match &self.waypoints {
             Some(wish) => wish.confirmed_at()?,
@@ -162,10 +162,11 @@ impl Pc {
     }
 }
 
-/// Writes `list` as the robot wants it, numbered and chained in order; the length of the frame.
+/// Writes `list` in the robot's format, numbered and chained in order; returns the length of the
+/// frame.
 ///
-/// A place that the robot has told keeps the number that it has there; new ones get numbers that
-/// the robot does not know.
+/// A waypoint that the robot has reported keeps the robot's number; new ones get numbers that the
+/// robot does not know.
 fn encode_list(list: &[[i16; 2]], known: &[Waypoint], frame: &mut [u8; FRAME_MAX]) -> usize {
     let mut known: Vec<&Waypoint> = known.iter().collect();
     let mut fresh = known

@@ -70,7 +70,7 @@ fn echo(list: &[[i16; 2]]) -> Vec<u8> {
     sealed(b"LWP", &payload)
 }
 
-/// A PC on a cable: what it writes is read at once.
+/// A PC on a cable: its bytes are read at once.
 struct Desk {
     pc: Pc,
     now: Instant,
@@ -128,7 +128,7 @@ impl Desk {
         self.written.iter().map(|&(_, byte)| byte).collect()
     }
 
-    /// When each frame that was written began.
+    /// Start of each written frame.
     fn frame_times(&self) -> Vec<u64> {
         let begins = |window: &&[(Instant, u8)]| window[0].1 == b'P' && window[1].1 == b'C';
         let begins = self.written.windows(2).filter(begins);
@@ -162,7 +162,7 @@ fn waypoints_are_numbered_and_chained() {
     assert_eq!(desk.text(), golden);
 }
 
-/// The list is sent at 1, 3, 5, 7 and 9 s and given up at 11 s.
+/// The PC sends the list at 1, 3, 5, 7 and 9 s and gives up at 11 s.
 #[test]
 fn waypoints_that_do_not_come_back_are_sent_five_times() {
     let mut desk = Desk::new(Script::mission(vec![[100, 200]]).expect("one waypoint"));
@@ -314,7 +314,7 @@ fn a_far_end_that_does_not_answer_is_called_again() {
     assert_eq!(desk.frame_times(), [16_000]);
 }
 
-/// A port that the other end closed is opened again, and what was not confirmed is said again.
+/// The PC reopens a port that the other end closed, and sends unconfirmed waypoints again.
 #[test]
 fn a_lost_connection_is_opened_again() {
     let mut desk = Desk::new(Script::mission(vec![[1, 2]]).expect("one waypoint"));
@@ -339,7 +339,7 @@ fn text_between_frames_is_counted() {
     assert_eq!(desk.pc.connection(), Connection::Connected(Instant::ZERO));
 }
 
-/// Half a frame is given up after 50 ms of silence, not before.
+/// A partial frame is discarded after 50 ms of silence, not before.
 #[test]
 fn silence_ends_half_a_frame() {
     let mut desk = Desk::new(opened_at_once(Vec::new()));
@@ -410,7 +410,7 @@ fn the_trajectory_holds_each_pose_once() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2 * ProptestConfig::default().cases))]
 
-    /// Whatever comes, whenever: no panic, and every byte is in a frame, counted or pending.
+    /// Any bytes at any time: no panic, and every byte is in a frame, counted or pending.
     #[test]
     fn no_bytes_can_break_the_pc(
         pieces in prop::collection::vec(
@@ -440,7 +440,7 @@ proptest! {
 
 // ---- behind the radio ----
 
-/// PC, radio and a robot that sends what the test says.
+/// PC, radio and a robot that sends the test's bytes.
 struct Station {
     pc: Pc,
     radio: Hc06,
@@ -693,8 +693,8 @@ fn a_refused_row_says_what_the_map_has() {
     assert_eq!(layer.to_string(), "layer 2, but the map has only layer 0");
 }
 
-/// What is written to a closed port is gone, and so is what does not fit any more; up to 131,072
-/// bytes wait.
+/// Bytes written to a closed port are lost, and so are bytes beyond its limit; up to 131,072 bytes
+/// wait.
 #[test]
 fn a_port_takes_what_it_holds_while_it_is_open() {
     let mut pc = Pc::new(opened_at_once(Vec::new()));
@@ -709,7 +709,8 @@ fn a_port_takes_what_it_holds_while_it_is_open() {
     assert_eq!(pc.out.len(), OUT_MAX);
 }
 
-/// Opening its port is news, and so is what it then writes; there is no more behind both.
+/// The PC has something to send when it opens its port and when it writes; after both it has
+/// nothing.
 #[test]
 fn a_pc_has_something_to_send_once_it_opens_its_port() {
     let mut pc = Pc::new(opened_at_once(Vec::new()));
@@ -723,7 +724,7 @@ fn a_pc_has_something_to_send_once_it_opens_its_port() {
     assert!(pc.may_send(Pc::AIR));
 }
 
-/// The list that is to be sent, and after its echo none.
+/// The list that is to be sent, and none after its echo.
 #[test]
 fn waypoints_that_were_not_confirmed_are_told() {
     let list = [[100, 200], [3, 4]];
@@ -739,7 +740,7 @@ fn waypoints_that_were_not_confirmed_are_told() {
     );
 }
 
-/// What was written goes out before the port is closed; only its own port has changes.
+/// All written bytes go out before the port closes; only the PC's own port has changes.
 #[test]
 fn a_port_is_closed_when_all_was_written() {
     let script = opened_at_once(vec![
@@ -769,7 +770,7 @@ fn a_port_is_closed_when_all_was_written() {
     assert!(!pc.may_send(Pc::AIR));
 }
 
-/// How the robot is, is told when it changes; the list of victims when it grows.
+/// The robot's condition is noted when it changes; the list of victims when it grows.
 #[test]
 fn what_the_robot_says_of_itself_is_noted() {
     use protocols::pcui::diagnosis::{
@@ -860,7 +861,7 @@ fn an_echo_confirms_what_was_said_once() {
     );
 }
 
-/// A other end that goes while the port is closed takes nothing away: the port stays closed.
+/// If the other end goes while the port is closed, the port stays closed.
 #[test]
 fn a_closed_port_is_not_opened_by_a_far_end_that_goes() {
     let mut desk = Desk::new(Script::default());

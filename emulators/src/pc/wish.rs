@@ -1,10 +1,10 @@
-//! Something the PC wants of the robot: said again until the robot shows that it has understood.
+//! A wish of the PC to the robot, repeated until the robot shows that it has received it.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-/// A wish and how far it has come.
+/// A wish and its progress.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Wish<T> {
     pub(super) what: T,
@@ -14,12 +14,12 @@ pub(super) struct Wish<T> {
     outcome: Outcome,
 }
 
-/// How a wish is repeated.
+/// Repetition of a wish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Insist {
     /// A limited number of times, until it is confirmed.
     UntilConfirmed { every: Duration, tries_max: u32 },
-    /// For ever: the robot forgets it otherwise.
+    /// Forever: the robot forgets it otherwise.
     ForEver { every: Duration },
 }
 
@@ -30,7 +30,7 @@ enum Outcome {
     GivenUp,
 }
 
-/// What is to be done about a wish.
+/// Next action for a wish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Due {
     Nothing,
@@ -49,7 +49,7 @@ impl<T> Wish<T> {
         }
     }
 
-    /// When something is to be done about it, on a connection that stands.
+    /// Time of the next action, on an open connection.
     pub(super) fn due_at(&self) -> Option<Instant> {
         let every = match (self.insist, self.outcome) {
             (Insist::ForEver { every }, _) => every,
@@ -61,7 +61,7 @@ impl<T> Wish<T> {
         Some(self.said_at.map_or(Instant::ZERO, |at| at + every))
     }
 
-    /// What is to be done about it now; it is taken as done.
+    /// The action due now; it counts as done.
     pub(super) fn take_due(&mut self, now: Instant) -> Due {
         if self.due_at().is_none_or(|at| at > now) {
             return Due::Nothing;
@@ -88,7 +88,7 @@ impl<T> Wish<T> {
         news
     }
 
-    /// The connection is gone: what was not confirmed is said again on the next one.
+    /// Restarts after a lost connection: unconfirmed wishes are sent again on the next one.
     pub(super) fn start_again(&mut self) {
         self.said_at = None;
         self.tries = 0;
@@ -97,7 +97,7 @@ impl<T> Wish<T> {
         }
     }
 
-    /// When the robot showed that it has understood.
+    /// Time at which the robot showed that it has received the wish.
     pub(super) const fn confirmed_at(&self) -> Option<Instant> {
         match self.outcome {
             Outcome::Confirmed(at) => Some(at),
@@ -105,7 +105,7 @@ impl<T> Wish<T> {
         }
     }
 
-    /// How often it was said on this connection.
+    /// Number of times that it was sent on this connection.
     pub(super) const fn tries(&self) -> u32 {
         self.tries
     }

@@ -1,10 +1,11 @@
-//! What a value does to the world, and what it needs of the chassis for that.
+//! Effect of a value on the world, and its requirements on the chassis.
 
 use crate::world::{Chassis, Command};
 
-/// What a variable does to the world: its value times `scale` goes to an actuator whenever the
-/// value changes, because a master wrote it or was silent for too long. As the run begins a value
-/// of 0 changes nothing, so that brakes stay on; any other is passed on at the device's first poll.
+/// Effect of a variable on the world: its value times `scale` goes to an actuator whenever the
+/// value changes, by a master's write or by the timeout of a silent master. At the start of the run
+/// a value of 0 changes nothing, so that brakes stay on. The device's first poll passes on any
+/// other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sink {
     /// Name of the actuator.
@@ -15,7 +16,7 @@ pub struct Sink {
     pub kind: SinkKind,
 }
 
-/// What a [`Sink`] tells its actuator.
+/// Command that a [`Sink`] sends to its actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SinkKind {
     /// [`Command::Power`]: -255 to 255.
@@ -59,7 +60,7 @@ pub enum Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// Why `chassis` does not have it, in a sentence; `None` if it has.
+    /// Reason why `chassis` lacks it, in a sentence; `None` if it has it.
     pub fn missing(&self, chassis: &dyn Chassis) -> Option<String> {
         match self {
             Self::Actuator(sink) => {

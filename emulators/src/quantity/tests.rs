@@ -1,4 +1,4 @@
-//! Values of devices described by data, against what can be worked out by hand.
+//! Values of devices described by data, against results worked out by hand.
 
 use super::*;
 use crate::world::{
@@ -73,7 +73,7 @@ fn each_source_shows_what_can_be_worked_out_by_hand() {
     let read = |index| variables.read(index, Instant::from_millis(125), &world());
     // 125 ms are 6 counts of 20 ms, and a quarter of the second ramp.
     assert_eq!([0, 1, 2, 3, 4, 5].map(read), [6, 5, 1000, 500, 0, 0]);
-    // The wall at 2 m is beyond what the last shows.
+    // The wall at 2 m is beyond the range of the last.
     assert_eq!([6, 7, 8].map(read), [2000, 2500, 1500]);
 }
 
@@ -180,7 +180,7 @@ fn an_initial_value_other_than_0_is_passed_on() {
     assert_eq!(variables.changed_at(), None);
 }
 
-/// 100 counts of 2.6 are 260, and 255 is the most; the other way round as well.
+/// 100 counts of 2.6 are 260, and 255 is the maximum; the same in the negative direction.
 #[test]
 fn a_power_beyond_its_range_is_the_greatest() {
     let sink = sink("left", 2.6, SinkKind::Power);
@@ -227,7 +227,8 @@ fn ranges_and_headings_are_those_of_the_world() {
     assert_eq!(read(-half), [2_000, 2_165, -393]);
 }
 
-/// Ramps from -4 to 96 in 40 ms, counted from the last restart; a counter begins where it was told.
+/// Ramps from -4 to 96 in 40 ms, counted from the last restart; a counter begins at its
+/// initial value.
 #[test]
 fn ramps_and_counters_begin_anew_at_a_restart() {
     let ms = Duration::from_millis;

@@ -47,7 +47,7 @@ fn slave() -> Registers {
     slave_with(table()).expect("sound")
 }
 
-/// What the slave answers to bytes that end at `millis`, within 10 ms.
+/// The slave's answer to bytes that end at `millis`, within 10 ms.
 fn asked(slave: &mut Registers, millis: u64, bytes: &[u8]) -> Vec<u8> {
     let mut world = world();
     let at = Instant::from_millis(millis);
@@ -226,8 +226,7 @@ fn random_bytes_do_not_harm_the_slave() {
     assert!(slave.pending.len() <= QUEUE_MAX && slave.output.len() < 1_000);
 }
 
-/// Register 1 held 7; after a break it is 0 again, and a request while the board starts is not
-/// heard.
+/// Register 1 held 7; after a break it is 0 again, and a request during the board's start is lost.
 #[test]
 fn a_break_starts_the_board_anew() {
     let mut slave = Registers::new(RegistersConfig {

@@ -39,7 +39,7 @@ impl Rplidar {
         self.send_answer(answer.as_bytes());
     }
 
-    /// The value of a piece of configuration, as it is told.
+    /// The value of a configuration key as the sensor sends it.
     fn conf(&self, key: u32, mode: Option<u16>) -> Vec<u8> {
         let emptied = self.faults.figure(Fault::ConfEmpty);
         if emptied.is_some_and(|only| only == 0.0 || only == f64::from(key)) {
@@ -62,7 +62,7 @@ impl Rplidar {
         self.send_answer(descriptor.as_bytes());
     }
 
-    /// Sends bytes that begin with a descriptor, and before them what an unclean stop left over.
+    /// Sends bytes that begin with a descriptor. Faults may change the descriptor.
     fn send_answer(&mut self, bytes: &[u8]) {
         let mut bytes = bytes.to_vec();
         if self.faults.has(Fault::Foreign) {

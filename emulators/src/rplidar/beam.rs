@@ -1,4 +1,4 @@
-//! One beam: from a place and a direction in the world to a distance.
+//! One beam: from a position and a direction in the world to a distance.
 //!
 //! The sensor triangulates: its beam leaves [`ASIDE_M`] to the right of the axis of rotation and
 //! looks [`BACK_DEG`] behind the head's zero, so the angle at which a point lies depends on its
@@ -27,10 +27,10 @@ const ASIDE_M: f64 = 0.024_014;
 const BACK_DEG: f64 = 8.0;
 /// Angle of a point at 1 m behind the head's zero: the angles of a turn count from there.
 pub(super) const ZERO_DEG: f64 = 6.624;
-/// Of the dot that falls on two surfaces one is measured if it has this part of the light more.
-/// A guess, fitted to the shares of real turns (see FIDELITY).
+/// If the dot falls on two surfaces, one is measured if it has this part of the light more. A
+/// guess, fitted to the shares of real turns (see FIDELITY).
 const EDGE_STEP: f64 = 0.04;
-/// Half of the dot's width as an angle. A guess: about what a collimated diode has at 2 m.
+/// Half of the dot's width as an angle. A guess: about the size of a collimated diode's dot at 2 m.
 const DOT_RAD: f64 = 0.35 * PI / 180.0;
 /// Share of the samples of a plain surface that are lost by chance. A guess.
 const LOST: f64 = 0.015;
@@ -38,8 +38,8 @@ const LOST: f64 = 0.015;
 /// and one of how many. Guesses.
 const SPOT_M: f64 = 0.04;
 const SPOT_ONE_IN: u64 = 16;
-/// Light that a sample needs, relative to a white wall at the greatest distance, and how much it
-/// varies from sample to sample (standard deviation, parts of it): specks. Guesses.
+/// Light that a sample needs, relative to a white wall at the greatest distance, and its variation
+/// from sample to sample (standard deviation, parts of it): specks. Guesses.
 const SPECK: f64 = 0.15;
 
 /// Result of one sample.
@@ -57,13 +57,13 @@ pub(super) struct Seen {
 #[derive(Clone, Debug)]
 pub(super) struct Optics {
     mount: Mount,
-    /// Nothing is seen.
+    /// The sensor sees nothing.
     pub(super) dark: bool,
     /// Reported distance divided by measured distance.
     pub(super) range_factor: f64,
-    /// Where the turn begins, degrees clockwise from where it should.
+    /// Error of the turn's beginning, degrees clockwise.
     pub(super) turned_deg: f64,
-    /// The head seems to turn the other way.
+    /// The head seems to turn in the other direction.
     pub(super) mirrored: bool,
     beam: Rng,
     range: Rng,
@@ -85,8 +85,8 @@ impl Optics {
         }
     }
 
-    /// What the head sees at `angle_deg`, clockwise, [`ZERO_DEG`] behind its zero. Draws the same
-    /// numbers whatever is seen.
+    /// Measurement of the head at `angle_deg`, clockwise, [`ZERO_DEG`] behind its zero. The number
+    /// of draws does not depend on the result.
     pub(super) fn measure(
         &mut self,
         world: &World,
@@ -173,8 +173,7 @@ mod tests {
         yaw_deg: 0.0,
     };
 
-    /// A robot at the origin before a wall that crosses its way at `far_m`, turned by `slant`
-    /// radians from square.
+    /// A robot at the origin before a wall ahead at `far_m`, turned by `slant` radians from square.
     fn world(far_m: f64, slant: f64, reflectivity: f64) -> World {
         let (sin, cos) = libm::sincos(slant);
         let end = |along: f64| Point::new(far_m - along * sin, along * cos);
@@ -200,7 +199,7 @@ mod tests {
         Optics::new(AHEAD, streams)
     }
 
-    /// What most of 40 looks see, millimetres: chance and a spot may cost some.
+    /// Distance in most of 40 looks, millimetres: chance and a spot may cost some.
     fn look(optics: &mut Optics, world: &World, degrees: f64) -> f64 {
         // A beam that looks along the robot's x is 8 degrees behind the head's zero.
         let at = |k: i32| degrees + BACK_DEG - ZERO_DEG + f64::from(k) * 0.1;
@@ -218,8 +217,8 @@ mod tests {
     }
 
     /// Jitter is 0.05 degrees, noise a quarter of a percent, each times the next number of its own
-    /// stream; the beam leaves 24 mm aside, so a square wall at 1 m is the hypotenuse away. Told
-    /// in quarters of a millimetre, the nearest one, here 1.1 times too long.
+    /// stream. The beam leaves 24 mm aside, so the distance to a square wall at 1 m is the
+    /// hypotenuse. The result is in quarters of a millimetre, rounded, here 1.1 times too long.
     #[test]
     fn a_distance_has_the_noise_of_its_streams() {
         let world = world(1.0, 0.0, 1.0);
@@ -244,9 +243,9 @@ mod tests {
         assert!(measured > 40, "{measured}");
     }
 
-    /// A grey wall of a quarter of the light is seen as far as half of the range; one that is
-    /// slanted counts in full up to 60 degrees. Nearer than 150 mm nothing is. Specks take or add
-    /// up to half of the light, so a fifth of the distance.
+    /// A grey wall with a quarter of the light is visible up to half of the range. A slanted wall
+    /// counts in full up to 60 degrees. Nearer than 150 mm the sensor sees nothing. Specks take or
+    /// add up to half of the light, so a fifth of the distance.
     #[test]
     fn dark_walls_are_seen_less_far() {
         let is_seen = |far_m, slant: f64, reflectivity| {
@@ -261,8 +260,9 @@ mod tests {
         assert!(is_seen(0.153, 0.0, 1.0) && !is_seen(0.145, 0.0, 1.0));
     }
 
-    /// The wall is 1 m ahead; 30 degrees to either side it is 1.155 m away, and behind it is not.
-    /// A sensor whose turn begins 30 degrees later, or that is mounted so, sees it by that.
+    /// The wall is 1 m ahead. 30 degrees to either side it is 1.155 m away; behind the robot is
+    /// none. A sensor whose turn begins 30 degrees later, or that is mounted so, shifts its angles
+    /// by 30 degrees.
     #[test]
     fn angles_run_clockwise_unless_the_head_is_mirrored() {
         let world = world(1.0, 20_f64.to_radians(), 1.0);
@@ -290,8 +290,8 @@ mod tests {
         assert_eq!(at(&mut dark, 0.0), 0.0);
     }
 
-    /// Two surfaces in one dot give no measurement: a post of 4 cm 1 m before a wall of 3 m has
-    /// lost samples at both of its sides, and the wall beside it none but by chance.
+    /// Two surfaces in one dot give no measurement. A post of 4 cm, 1 m before a wall of 3 m, has
+    /// lost samples at both sides; the wall beside it loses samples only by chance.
     #[test]
     fn f13_edges_and_spots_give_no_measurement() {
         let post = [(1.0, -0.02), (1.04, -0.02), (1.04, 0.02), (1.0, 0.02)];

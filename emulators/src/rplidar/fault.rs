@@ -1,9 +1,9 @@
-//! What can be wrong with a sensor, as data. The reports are those of the clients' issue trackers.
+//! Faults of a sensor, as data. The reports are those of the clients' issue trackers.
 
 /// Friction that stops a head at a duty of 0.6, rpm/s.
 const SLOW_RPM_S: f64 = 1_000.0;
 
-/// One thing that is wrong. Some have a figure; setting a fault again replaces it.
+/// One fault. Some have a figure; setting a fault again replaces it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// No supply: silence. Clearing it is a power-on, which prints the start text (an unplugged
@@ -20,9 +20,9 @@ pub enum Fault {
     Uneven,
     /// One byte of each packet is damaged.
     Garbage,
-    /// Every distance is wrong. Figure: distance told by true distance.
+    /// Every distance is wrong. Figure: reported distance divided by true distance.
     Wrong,
-    /// No laser light is seen: all nodes are invalid. The sensor does not notice.
+    /// The sensor sees no laser light: all nodes are invalid. The sensor does not notice.
     Dark,
     /// The laser fails, which the sensor notices: Protection Stop (LD108).
     LaserOff,
@@ -50,9 +50,9 @@ pub enum Fault {
     /// Answers about the configuration hold no value (rplidar_sdk #150). Figure: the number of the
     /// key, 0 all keys.
     ConfEmpty,
-    /// Another mode is told to be the typical one. By the usual figure it is one beyond the last,
-    /// which is told like the others and not streamed: its request is ignored (robopeak/rplidar_ros
-    /// #68). Figure: number of the mode.
+    /// The sensor reports another mode as the typical one. The usual figure is one beyond the last
+    /// mode. That mode is listed like the others but not streamed: its request is ignored
+    /// (rplidar_ros #68 of robopeak). Figure: number of the mode.
     TypicalMode,
     /// Answers hold nothing (pyrplidar #3).
     EmptyAnswer,
@@ -60,10 +60,10 @@ pub enum Fault {
     LateAnswers,
     /// The UART is set up for 256000 baud (RPLIDAR clients #31, rplidar_ros #5).
     WrongRate,
-    /// The supply gives way when a scan begins, and the processor restarts (rplidar_ros #59). It
-    /// needs 550 mA while the head starts, 300 later. Figure: what the supply gives, mA.
+    /// The supply fails when a scan begins, and the processor restarts (rplidar_ros #59). The head
+    /// needs 550 mA at its start, 300 later. Figure: limit of the supply, mA.
     WeakSupply,
-    /// After a stop no request is taken for a while (RPLIDAR clients #33). Figure: seconds.
+    /// For a while after a stop the sensor takes no request (RPLIDAR clients #33). Figure: seconds.
     SlowStop,
     /// The adapter runs the motor while DTR is high (rplidar.net #2).
     DtrInverted,
@@ -149,7 +149,8 @@ impl Fault {
         Self::ALL.into_iter().find(|fault| fault.name() == name)
     }
 
-    /// The usual figure; `None`: it has none. The shares of starts are those of the reports.
+    /// The usual figure; `None` if the fault has none. The shares of starts are those of the
+    /// reports.
     pub const fn usual_figure(self) -> Option<f64> {
         Some(match self {
             Self::Dust => 400.0,

@@ -1,4 +1,4 @@
-//! The motor with its belt, and what drives it.
+//! The motor with its belt and its controls.
 //!
 //! Figures: 5.5 turns a second at the duty of 0.6 that the robot yellow uses (LD108's typical
 //! speed), 10 at full duty (its greatest): 675 rpm times the duty less 75. The time constant of
@@ -85,8 +85,8 @@ impl Rplidar {
         }
     }
 
-    /// The adapter's part, if it is what drives the motor: called when the level or the adapter's
-    /// polarity may have changed.
+    /// Applies DTR to the motor, if the adapter controls it. Call it after a possible change of the
+    /// level or of the adapter's polarity.
     pub(super) fn drive_by_dtr(&mut self, now: Instant) {
         if self.motor == MotorControl::Dtr {
             let runs = self.dtr_high == self.faults.has(Fault::DtrInverted);

@@ -78,7 +78,7 @@ impl Output {
         }
     }
 
-    /// What is left of a burst arrives.
+    /// Ends a burst; its remaining bytes arrive.
     pub(super) const fn end_burst(&mut self) {
         self.burst = 0;
     }
@@ -97,7 +97,7 @@ impl Output {
         take(&mut self.queue, buf)
     }
 
-    /// Forgets what is not taken yet.
+    /// Discards bytes that are not yet taken.
     pub(super) fn clear(&mut self) {
         self.queue.clear();
     }

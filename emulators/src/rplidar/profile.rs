@@ -1,4 +1,4 @@
-//! Firmware versions: what they know and how they answer.
+//! Firmware versions: their requests and their answers.
 
 use core::time::Duration;
 
@@ -7,7 +7,7 @@ use protocols::rplidar::{ConfKey, Info, SampleRate, kind};
 /// A firmware version, named as scenarios name it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Profile {
-    /// 1.20: knows no configuration requests. About what the robot yellow carried.
+    /// 1.20: without configuration requests. About the version in the robot yellow.
     #[default]
     Fw120,
     /// 1.24, hardware 5: knows configuration requests.
@@ -32,14 +32,14 @@ const fn mode(name: &'static str, sample_us: u32, answer_kind: u8) -> ScanMode {
     }
 }
 
-/// Modes of firmware 1.24, as drivers list them: 2.0, 4.0 and 8.0 thousand samples a second. Of
-/// firmware 1.20, which cannot be asked, the first two are there.
+/// Modes of firmware 1.24, as drivers list them: 2.0, 4.0 and 8.0 thousand samples a second.
+/// Firmware 1.20 has the first two and no request that lists them.
 const MODES_124: [ScanMode; 3] = [
     mode("Standard", 500, kind::NODES),
     mode("Express", 250, kind::CAPSULES),
     mode("Boost", 125, kind::ULTRA),
 ];
-/// Modes of firmware 1.29, as an A1M8 with hardware 7 tells them (published by a user who asked
+/// Modes of firmware 1.29, as an A1M8 with hardware 7 reports them (published by a user who queried
 /// each key of each mode).
 const MODES_129: [ScanMode; 5] = [
     mode("Standard", 508, kind::NODES),
@@ -48,7 +48,7 @@ const MODES_129: [ScanMode; 5] = [
     mode("Sensitivity", 127, kind::ULTRA),
     mode("Stability", 201, kind::ULTRA),
 ];
-/// Speed and duty that conf 01 tells: LD108's typical 5.5 turns a second, the SDK's usual duty.
+/// Speed and duty in conf 01: LD108's typical 5.5 turns a second, the SDK's usual duty.
 const DESIRED_ROTATION: [u16; 2] = [330, 660];
 
 impl Profile {
@@ -104,9 +104,9 @@ impl Profile {
         }
     }
 
-    /// Quality of a valid node that has `light` times the light that is just enough; an invalid
-    /// one has 0. Old firmware tells 10 to 31, as turns that users published have it; that it
-    /// follows the light in this way is a guess.
+    /// Quality of a valid node that has `light` times the minimum light; an invalid one has 0. Old
+    /// firmware reports 10 to 31, as in turns that users published. Its relation to the light is a
+    /// guess.
     pub fn quality(self, light: f64) -> u8 {
         #[expect(
             clippy::cast_possible_truncation,
@@ -129,8 +129,8 @@ impl Profile {
         }
     }
 
-    /// From one sample to the next in a scan of this mode. Samples of 1.20 and 1.24 come a little
-    /// sooner than they say: 2,005 a second, where LD108 says 2,000 to 2,010.
+    /// Time from one sample to the next in a scan of this mode. Samples of 1.20 and 1.24 come a
+    /// little sooner than reported: 2,005 a second; LD108 has 2,000 to 2,010.
     pub(super) fn sample_time(self, mode: u8) -> Duration {
         let mode = self.modes().get(usize::from(mode));
         let told = Duration::from_micros(mode.map_or(500, |mode| mode.sample_us).into());
@@ -148,7 +148,7 @@ impl Profile {
         }
     }
 
-    /// The mode that is recommended: of 1.29 it is known (Sensitivity), of 1.24 a guess.
+    /// The recommended mode: known for 1.29 (Sensitivity), a guess for 1.24.
     const fn typical_mode(self) -> u16 {
         match self {
             Self::Fw120 | Self::Fw124 => 1,
@@ -170,8 +170,8 @@ impl Profile {
         Some((number, mode.answer_kind))
     }
 
-    /// The value of a piece of configuration; empty for unknown keys and modes. `last` is a mode
-    /// beyond the last one that is told all the same, with the values of that one.
+    /// The value of a configuration key; empty for unknown keys and modes. `last` is a mode beyond
+    /// the last one; the sensor reports it with the values of the last one.
     pub(super) fn conf(self, key: u32, mode: Option<u16>, last: Option<u16>) -> Vec<u8> {
         let modes = self.modes();
         let known = modes.get(usize::from(mode.unwrap_or(0)));

@@ -17,26 +17,29 @@ const ANSWER_TIME: Duration = Duration::from_millis(1);
 /// 0.672 s, and answers 4 ms after the text (measured by a user, see the profile). LR001 says at
 /// least 2 ms.
 const START_TIME: Duration = Duration::from_micros(671_500);
-/// Requests that wait: its UART's buffer is not known, a driver has at most two on their way.
+/// Maximum number of waiting requests. The size of the UART's buffer is not known; a driver sends
+/// at most two ahead.
 const WAITING_MAX: usize = 16;
 
-/// Requests that are to be handled, in the order in which they came.
+/// Received requests, in the order of their arrival.
 ///
-/// LR001 tells the host to wait after a stop (1 ms), and not to ask while an answer is due. That
-/// is advice: a sensor that is asked back to back answers, which the vendor's own library for
-/// microcontrollers relies on (stop and scan in one write).
+/// LR001 tells the host to wait after a stop (1 ms), and not to ask while an answer is due. That is
+/// advice: a real sensor answers back-to-back requests. The vendor's own library for
+/// microcontrollers relies on it (stop and scan in one write).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Handling {
     /// The action, and its time.
     requests: VecDeque<(Instant, Command)>,
     /// Time of the start text.
     text_at: Option<Instant>,
-    /// Until when requests are discarded: the processor starts, or a fault keeps it busy.
+    /// End of the time in which requests are discarded: the processor starts, or a fault keeps it
+    /// busy.
     deaf_until: Instant,
 }
 
 impl Handling {
-    /// Of a processor that starts at `now`: it takes no request before it has printed its text.
+    /// State of a processor that starts at `now`: it takes no request before it has printed its
+    /// text.
     pub(super) fn starting(now: Instant) -> Self {
         let text_at = now + START_TIME;
         Self {
@@ -82,7 +85,7 @@ impl Rplidar {
         }
     }
 
-    /// The rest of a request did not come in time: all of it is discarded.
+    /// Discards a whole request because its rest did not come in time.
     pub(super) fn give_up_request(&mut self, at: Instant) {
         let pending = self.requests.pending();
         self.requests = RequestDecoder::with_format(Requests);
@@ -97,8 +100,8 @@ impl Rplidar {
         self.log.repeated(at, kind, "request-damaged", detail);
     }
 
-    /// Takes a request that was complete at `at`; it is handled at `now` at the earliest, as what
-    /// came before that is sent already.
+    /// Takes a request that was complete at `at`. The sensor handles it at `now` at the earliest,
+    /// because the answers to earlier requests are sent already.
     fn accept(&mut self, at: Instant, now: Instant, request: &Request) {
         let bytes = request.as_bytes();
         let Some(command) = request.command() else {
@@ -122,7 +125,7 @@ impl Rplidar {
             _ => at + ANSWER_TIME + self.seconds(Fault::LateAnswers),
         };
         if command == Command::Reset {
-            // It restarts at once, and what waited is forgotten.
+            // The sensor restarts at once and forgets waiting requests.
             self.handling.requests.clear();
         }
         let before = self.handling.requests.back().map(|(at, _)| *at);
@@ -139,7 +142,7 @@ impl Rplidar {
         Duration::try_from_secs_f64(seconds).unwrap_or_default()
     }
 
-    /// Does what is due of a request at `at`.
+    /// Handles the request that is due at `at`.
     pub(super) fn handle(&mut self, at: Instant) {
         if self.handling.text_at.take_if(|due| *due <= at).is_some() {
             let text = self.profile.start_text();

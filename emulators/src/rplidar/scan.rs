@@ -1,10 +1,10 @@
 //! Rotation, samples, nodes and capsules.
 //!
-//! The beam looks back by an angle that depends on the distance (see `beam`), and the sensor takes
-//! it off the angle of the head, but only where there is a distance. So invalid nodes lie ahead of
+//! The beam looks back by an angle that depends on the distance (see `beam`). The sensor subtracts
+//! that angle from the head's angle, but only if it has a distance. So invalid nodes lie ahead of
 //! their neighbours: 5.3 degrees at 0.5 m, 6.6 at 1 m, 7.8 at 6 m (angles of a real sensor: 213,
-//! 220, 217, 222; of others 5.8 and 6.2 degrees). Capsules of the kind 0x84 tell the angle of the
-//! head alone, and the host takes the rest off.
+//! 220, 217, 222; of others 5.8 and 6.2 degrees). Capsules of the kind 0x84 contain the head's
+//! angle alone, and the host subtracts the rest.
 
 use core::time::Duration;
 
@@ -160,7 +160,7 @@ impl Rplidar {
         }
     }
 
-    /// A scan is asked for: the descriptor comes at once, nodes when the rotation is even.
+    /// Starts a scan: the descriptor goes out at once, nodes once the rotation is even.
     pub(super) fn start_scan(&mut self, at: Instant, command: Command) {
         self.end_scan();
         self.rotor.advance(at);
@@ -237,7 +237,7 @@ impl Rplidar {
         }
     }
 
-    /// Does what a scan has to do at `at`.
+    /// Runs the actions of a scan that are due at `at`.
     pub(super) fn scan(&mut self, at: Instant, world: &World) {
         self.rotor.advance(at);
         match core::mem::replace(&mut self.phase, Phase::Idle) {
@@ -345,8 +345,8 @@ impl Rplidar {
         self.output.stream(node.as_bytes(), &mut self.faults);
     }
 
-    /// Puts a sample into a capsule, and sends it when it is full. One of the kind 0x84 is full
-    /// when the next one's first sample is there, which its last difference needs.
+    /// Puts a sample into a capsule, and sends the capsule once it is full. A capsule of the kind
+    /// 0x84 is full with the next one's first sample, because its last difference needs that.
     fn fill(&mut self, scanning: &mut Scanning, angle_deg: f64, seen: Seen) {
         let head_q6 = whole_q6(angle_deg + ZERO_DEG) % TURN_Q6;
         if scanning.capsule.is_empty() {
@@ -381,8 +381,8 @@ fn whole_mm(seen: Seen) -> u16 {
     seen.distance_q2.saturating_add(2) / 4
 }
 
-/// A sample as a capsule has it: what is taken off the angle of the head comes with it, in eighths
-/// of a degree, and nothing is where nothing was measured.
+/// A sample in the form of a capsule, with the angle to subtract from the head's, in eighths of a
+/// degree. A sample without a measurement is empty.
 fn capsule_sample(seen: Seen) -> CapsuleSample {
     #[expect(
         clippy::cast_possible_truncation,
@@ -411,8 +411,9 @@ fn whole_q6(degrees: f64) -> u16 {
 mod tests {
     use super::*;
 
-    /// A scan that began at 400 rpm pauses when that differs by more than 100, either way; one of
-    /// a slow head below 54 rpm, nine tenths of the slowest that counts. A forced one never does.
+    /// A scan that began at 400 rpm pauses when the speed differs by more than 100 in either
+    /// direction. A scan of a slow head pauses below 54 rpm, nine tenths of the slowest valid
+    /// speed. A forced scan never pauses.
     #[test]
     fn a_scan_pauses_where_the_head_turns_otherwise() {
         let is_even = |stream, began_rpm, speed_rpm| {
@@ -433,7 +434,8 @@ mod tests {
         );
     }
 
-    /// 498.753 us a sample, an express one takes half of that; firmware 1.29 takes what it says.
+    /// 498.753 us a sample, half of that in an express scan; firmware 1.29 uses its reported
+    /// figures.
     #[test]
     fn a_sample_is_due_at_its_number() {
         use crate::rplidar::Profile::{self, Fw120, Fw129};
@@ -459,7 +461,7 @@ mod tests {
         );
     }
 
-    /// 550 mA are drawn as the head starts: a supply of as much holds, one of less does not.
+    /// The head draws 550 mA at its start: a supply with that limit holds, one with less does not.
     #[test]
     fn a_supply_of_what_is_drawn_holds() {
         let gives_way = |limit_ma: f64| {

@@ -96,7 +96,7 @@ impl Bench {
         self
     }
 
-    /// Sends a request and waits for 20 ms; what came meanwhile.
+    /// Sends a request, runs for 20 ms and returns the received bytes.
     fn ask(&mut self, command: Command) -> Vec<u8> {
         self.bytes.clear();
         self.send(command.request().as_bytes()).run_ms(20);

@@ -27,7 +27,7 @@ fn echo(chip: &mut Srf08, now: Instant, world: &World) -> u16 {
     u16::from_be_bytes(bytes)
 }
 
-/// What a command gives behind its ranging time.
+/// The result of a command after its ranging time.
 fn range(world: &World, command: u8) -> u16 {
     let mut chip = chip();
     chip.write(Instant::ZERO, COMMAND, &[command], world);
@@ -190,9 +190,9 @@ fn only_an_address_changes_the_address() {
     assert!(chip.log().0.take().is_empty());
 }
 
-/// A wall 1 m to the left: a chip that looks there from 0.3 m to the left is 0.7 m away, one that
-/// looks to the right receives nothing. A wall 0.2 m ahead of the robot is 1 cm ahead of a chip
-/// that sits 0.19 m ahead: it reads the least, 3 cm.
+/// A wall 1 m to the left is 0.7 m away from a chip that looks left and sits 0.3 m to the left. A
+/// chip that looks to the right receives nothing. A wall 0.2 m ahead of the robot is 1 cm ahead of
+/// a chip that sits 0.19 m ahead: it reads the least, 3 cm.
 #[test]
 fn a_chip_hears_from_where_it_sits() {
     let wall = Shape::Wall {
@@ -273,8 +273,8 @@ fn f17_an_odd_address_is_none() {
     assert!(chip.acknowledges(Instant::ZERO, 0xE0) && !chip.acknowledges(Instant::ZERO, 0xE2));
 }
 
-/// All chips listen to a write to address 0 and none answers a read; a read while the chip ranges
-/// finds the bus up, one from another address nothing.
+/// All chips receive a write to address 0 and none answers a read. A read while the chip ranges
+/// finds the bus up; a read from another address gets no answer.
 #[test]
 fn f17_nobody_answers_a_general_call_and_a_busy_bus_reads_ff() {
     let mut world = world(Some(1.0));

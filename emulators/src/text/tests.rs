@@ -150,8 +150,8 @@ fn descriptions_that_contradict_themselves_are_refused() {
     assert!(fault("", "").is_some());
 }
 
-/// 10 mm/s a count: 42 are 0.42 m/s. The car receives it in the poll after the line; after 500 ms
-/// of silence it is told to stand.
+/// 10 mm/s a count: 42 are 0.42 m/s. The car receives it in the poll after the line. After 500 ms
+/// of silence it is ordered to stand.
 #[test]
 fn a_variable_that_is_set_drives_its_actuator() {
     let mut config = config();
@@ -168,7 +168,7 @@ fn a_variable_that_is_set_drives_its_actuator() {
     assert_eq!(world.chassis().command(0), Order::Speed(0.0));
 }
 
-/// A builder who did not ask [`Text::check_chassis`] finds it in the log.
+/// A builder that did not call [`Text::check_chassis`] finds the error in the log.
 #[test]
 fn an_actuator_that_is_not_there_is_noted_and_harms_nothing() {
     let mut config = config();
@@ -178,7 +178,7 @@ fn an_actuator_that_is_not_there_is_noted_and_harms_nothing() {
     assert_eq!(rules(&mut slave), ["not-driven"]);
 }
 
-/// What a slave on a board says within the millisecond from `millis` on.
+/// Text sent by a slave on a board within the millisecond from `millis` on.
 fn said(slave: &mut Text, millis: u64) -> String {
     let mut world = world();
     slave.poll(Instant::from_millis(millis), &mut world);
@@ -237,7 +237,7 @@ fn a_break_is_a_nul_or_a_reset() {
     assert_eq!(rules(&mut slave), ["board-reset"]);
 }
 
-/// On while the value is not 0, told once each time; off while the board starts.
+/// On while the value is not 0, reported once each time; off while the board starts.
 #[test]
 fn a_modem_line_follows_a_value() {
     let mut slave = on_board(ResetOn::Break);
@@ -266,7 +266,7 @@ fn a_modem_line_follows_a_value() {
     assert_eq!(unknown.err(), Some(TextError::Key("raises", message)));
 }
 
-/// Other events than a break, and breaks elsewhere, are none of its business.
+/// The board ignores other events than a break, and breaks on other lines.
 #[test]
 fn only_a_break_on_its_own_line_is_heard() {
     let mut slave = on_board(ResetOn::Break);

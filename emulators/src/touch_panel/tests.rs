@@ -53,7 +53,7 @@ fn pixels_land_in_their_window() {
     assert_eq!(rules(&mut panel), [(EventKind::Note, "display-on")]);
 }
 
-/// What is whole and makes no sense is the program's fault, changes no pixel, and is named.
+/// A valid frame without a meaning is the program's mistake. It changes no pixel and is named.
 #[test]
 fn the_display_judges_what_it_is_asked_for() {
     let mut panel = TouchPanel::new(Vec::new());
@@ -164,7 +164,7 @@ fn garbage_or_nothing(garbage: &[u8]) -> Vec<u8> {
     }
 }
 
-/// It may send as long as a report of its pen waits.
+/// The panel may send while a report of its pen waits.
 #[test]
 fn a_panel_may_send_while_a_report_waits() {
     let tap = Tap {
@@ -182,7 +182,7 @@ fn a_panel_may_send_while_a_report_waits() {
     assert!(!panel.may_send(TouchPanel::UART));
 }
 
-/// Each candidate that was none is counted.
+/// Each rejected candidate is counted.
 #[test]
 fn damaged_frames_are_counted() {
     let mut panel = TouchPanel::new(Vec::new());

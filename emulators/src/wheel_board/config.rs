@@ -1,4 +1,4 @@
-//! Figures of a board and of what is connected to it.
+//! Figures of a board and of the parts connected to it.
 
 use core::f64::consts::{FRAC_PI_3, TAU};
 use core::time::Duration;
@@ -9,15 +9,15 @@ use protocols::peripherals::{DUTY_MAX, Outputs};
 /// Everything about a board that differs from robot to robot.
 ///
 /// The defaults are those of a robot of two 12 V gear motors on a Nucleo board (bfhMobileRobotics
-/// 2019: wheels, motors, sensors); what its documents leave open is marked as a guess.
+/// 2019: wheels, motors, sensors). Figures missing in its documents are marked as guesses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// The motors.
     pub motor: MotorConfig,
     /// Of the wheels, metres.
     pub wheel_radius_m: f64,
-    /// Whether the left and right motor sit the other way round: a duty of more than a half then
-    /// turns the wheel back, and its counter counts down as the wheel rolls forward.
+    /// Whether the left and right motor are mounted mirrored. A duty of more than a half then turns
+    /// the wheel back, and its counter counts down as the wheel rolls forward.
     pub mirrored: [bool; 2],
     /// Of the full battery, volts.
     pub supply_v: f64,
@@ -26,7 +26,7 @@ pub struct Config {
     pub drain_v_per_h: [f64; 2],
     /// Range sensors at the ADC's channels from 0 on.
     pub range_sensors: Vec<RangeSensor>,
-    /// Standard deviation of what a range sensor gives, volts. A guess.
+    /// Standard deviation of a range sensor's output, volts. A guess.
     pub range_noise_v: f64,
     /// Times at which the button is pressed.
     pub presses: Vec<Press>,
@@ -121,8 +121,8 @@ impl Config {
         })
     }
 
-    /// Voltages at the left and right motor that drive its wheel forward, on a battery of
-    /// `supply_v`; `None` while the bridges are off.
+    /// Voltages that drive the left and right wheel forward, on a battery of `supply_v`; `None`
+    /// while the bridges are off.
     pub(super) fn volts(&self, outputs: Outputs, supply_v: f64) -> [Option<f64>; 2] {
         [0, 1].map(|side| {
             let duty = f64::from(outputs.duty[side]) / f64::from(DUTY_MAX);

@@ -38,7 +38,7 @@ impl Drives {
         self.effort
     }
 
-    /// Sets the chassis's motors; `part` of their speed is what a fault leaves.
+    /// Sets the chassis's motors; `part` is the part of their speed that a fault leaves.
     pub(super) fn apply(&mut self, world: &mut World, outputs: Outputs, supply_v: f64, part: f64) {
         let volts = self.config.volts(outputs, supply_v);
         for (wheel, volts) in Wheel::ALL.into_iter().zip(volts) {
@@ -46,7 +46,7 @@ impl Drives {
                 Some(volts) => Command::Speed(part * self.steady_m_s(wheel, volts)),
                 None => Command::Coast,
             };
-            // A chassis without such a motor was refused, or stays at rest.
+            // A chassis without such a motor was refused at the start, or stays at rest.
             let _ = world.actuate(wheel.name(), command);
         }
         let full = volts.map(|volts| volts.unwrap_or_default().abs() / self.config.supply_v);
@@ -116,14 +116,14 @@ impl Counters {
     }
 }
 
-/// A battery whose voltage falls with what is taken from it.
+/// A battery whose voltage falls with the drawn charge.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Battery {
     volts: f64,
     drain_v_per_h: [f64; 2],
     /// Up to which its loss is counted.
     at: Instant,
-    /// Voltage that the bridges were told last.
+    /// Last voltage reported to the bridges.
     told: f64,
 }
 
@@ -146,8 +146,8 @@ impl Battery {
         self.volts
     }
 
-    /// Takes what `effort`, a part of full drive, takes until `now`; whether the bridges are to
-    /// hear of it.
+    /// Takes the charge for `effort`, a part of full drive, until `now`. `true` if the bridges need
+    /// the new voltage.
     pub(super) fn drain(&mut self, now: Instant, effort: f64) -> bool {
         let hours = (now - self.at).as_secs_f64() / 3_600.0;
         self.at = now;
@@ -190,8 +190,8 @@ mod tests {
         assert_eq!(battery.volts(), 6.0);
     }
 
-    /// Both bridges at three quarters are half of full drive each way; one off is half of that,
-    /// both off none.
+    /// Both bridges at three quarters are half of full drive each. One bridge off halves that; both
+    /// off give none.
     #[test]
     fn the_effort_is_the_mean_of_both_bridges() {
         let config = Config::default();

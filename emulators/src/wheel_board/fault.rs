@@ -7,7 +7,7 @@
 /// | `off` | no supply: no samples, bridges off; afterwards as after `restart` | |
 /// | `restart` | the chip starts again: counters 0, bridges off until outputs come; once | |
 /// | `stuck` | an encoder counts nothing | 0 left, 1 right; both without |
-/// | `wrong` | counts are so many times what they should be | factor, 1.1 |
+/// | `wrong` | counts are multiplied by a factor | factor, 1.1 |
 /// | `slow` | the motors are weaker | part of their speed, 0.5 |
 /// | `garbage` | the ADC gives any value | |
 /// | `blind` | a range sensor sees nothing | its number; all without |

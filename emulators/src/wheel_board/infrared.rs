@@ -76,7 +76,7 @@ impl Infrared {
         for (index, sensor) in self.sensors.iter_mut().enumerate() {
             if sensor.done_at <= now {
                 sensor.measure(world, self.noise_v, faults.is_blind(index));
-                // A rig that was stopped for long does not make up for what was missed.
+                // A rig that was stopped for long does not repeat missed measurements.
                 sensor.done_at = (sensor.done_at + sensor.period()).max(now);
             }
         }

@@ -100,8 +100,8 @@ fn a_sample_comes_each_millisecond() {
     assert_eq!(bench.board.poll_at(), Some(Instant::from_millis(251)));
 }
 
-/// With a lag of 60 ms the speed has come to 1 - 1/e after 60 ms, and the way lags 60 ms behind:
-/// 4800 * (1.0 - 0.06) = 4512 counts in the first second, 4800 in the next.
+/// With a lag of 60 ms the speed has reached 1 - 1/e after 60 ms, and the distance lags 60 ms
+/// behind: 4800 * (1.0 - 0.06) = 4512 counts in the first second, 4800 in the next.
 #[test]
 fn a_step_of_the_duty_is_followed_with_the_lag() {
     let mut bench = bench(motors_alike(), &[]);
@@ -117,8 +117,8 @@ fn a_step_of_the_duty_is_followed_with_the_lag() {
     assert!((second - first - 4_800).abs() <= 2, "{}", second - first);
 }
 
-/// The right motor sits the other way round: more than a half turns it back, and its counter
-/// counts down as the robot goes ahead.
+/// The right motor is mounted mirrored: more than a half turns it back, and its counter counts down
+/// as the robot goes ahead.
 #[test]
 fn the_right_wheel_is_mirrored() {
     let mut bench = bench(motors_alike(), &[]);
@@ -200,8 +200,8 @@ fn without_the_bridges_the_wheels_run_out() {
     );
 }
 
-/// Data sheet: 0.4 V at 0.8 m, 1.9 V more at 0.1 m. Linear in 1/d: 0.2171 V m, so 1.2143 V at
-/// 0.2 m. At 7 cm 3.2306 V, half of it at half the way.
+/// Data sheet: 0.4 V at 0.8 m, 1.9 V more at 0.1 m. Linear in 1/d: 0.2171 V m, so 1.2143 V at 0.2
+/// m. At 7 cm 3.2306 V, half of it at half the distance.
 #[test]
 fn the_range_sensor_has_the_curve_of_the_data_sheet() {
     let places = [0.8, 0.4, 0.2, 0.1, 0.07, 0.035, 0.0];
@@ -335,7 +335,7 @@ fn an_encoder_that_is_stuck_counts_nothing() {
     );
 }
 
-/// 4512 + 1.1 * 4800 = 9792; at half speed the way is 4512 + 4800 / 2 + 2400 * 0.06 = 7056.
+/// 4512 + 1.1 * 4800 = 9792; at half speed the distance is 4512 + 4800 / 2 + 2400 * 0.06 = 7056.
 #[test]
 fn counts_can_be_wrong_and_motors_slow() {
     let [left, _] = with_fault("wrong", None).counters();
@@ -412,7 +412,7 @@ fn a_chassis_without_two_motors_does_not_fit() {
     );
 }
 
-/// What the counters hold is what the next sample tells.
+/// The next sample reports the counters' content.
 #[test]
 fn counters_are_shown_as_they_are_told() {
     let mut bench = bench(motors_alike(), &[]);
@@ -451,7 +451,7 @@ fn a_restart_is_one() {
     assert_eq!(bench.rules(), [(EventKind::Note, "restart")]);
 }
 
-/// As it was set up.
+/// The board returns its configuration unchanged.
 #[test]
 fn a_board_tells_its_configuration() {
     let config = Config {

@@ -1,4 +1,4 @@
-//! The robot's body as physics sees it: a drive train and what of it collides.
+//! The robot's body in physics: a drive train and the colliding parts.
 //!
 //! ```text
 //! command -> chassis: dead zone, full speed, lag -> wheel speed -> encoder counts
@@ -59,8 +59,8 @@ impl Motion {
         }
     }
 
-    /// The pose `after` seconds: exact for constant speed and turn rate. The chord of an arc of
-    /// angle 2h is shorter than the arc by sin(h) / h, whose series ends below rounding here.
+    /// The pose after `after` seconds: exact for constant speed and turn rate. The chord of an arc
+    /// of angle 2h is shorter than the arc by sin(h) / h. The series ends below rounding here.
     pub(super) fn pose(&self, after: f64) -> Pose {
         if self.speed == 0.0 && self.turn == 0.0 && self.drift == Point::default() {
             return self.start;
@@ -76,7 +76,7 @@ impl Motion {
         }
     }
 
-    /// The same turn, and `part` of the way.
+    /// The same turn, and `part` of the distance.
     pub(super) fn slowed(self, part: f64) -> Self {
         let drift = Point::new(self.drift.x * part, self.drift.y * part);
         Self {

@@ -1,9 +1,9 @@
 //! Four walls or circles screened at once, before any is tested exactly.
 //!
 //! A cell of the [grid](super::grid) holds its primitives in bundles of four. The screen works in
-//! `f32`, because four of those fill one register, and errs on one side only: what it lets pass is
-//! tested exactly afterwards, and what it refuses is out of reach of all rounding. So it costs
-//! or saves time and never changes a result.
+//! `f32`, because four of those fill one register. It errs on one side only: primitives that pass
+//! are tested exactly afterwards, and refused ones are out of reach of all rounding. So it costs or
+//! saves time and never changes a result.
 //!
 //! A circle is screened as a wall of the same width that always faces the ray.
 
@@ -75,9 +75,9 @@ impl Mul for Four {
     }
 }
 
-/// How far rounding can lead the screen astray, in metres, among places no farther apart than
-/// `extent`. Some 45 roundings of numbers up to `extent` add up in the worst case, each half a
-/// unit in the last of 24 bits: 2.7e-6 of it.
+/// Maximum error of the screen by rounding, in metres, among points no farther apart than `extent`.
+/// Some 45 roundings of numbers up to `extent` add up in the worst case, each half a unit in the
+/// last of 24 bits: 2.7e-6 of it.
 pub(super) fn tolerance(extent: f64) -> f64 {
     1e-5 + 4e-6 * extent
 }
@@ -95,12 +95,12 @@ pub(super) struct Bundle {
     faces: Four,
     /// Half a wall's length, or a circle's radius; with tolerance.
     half: Four,
-    /// How far the surface may lie off its middle along the ray: 0, or a circle's radius; with
-    /// tolerance. Empty lanes refuse everything by minus infinity.
+    /// Distance of the surface from its middle along the ray: 0, or a circle's radius; with
+    /// tolerance. Minus infinity makes an empty lane refuse everything.
     depth: Four,
     tolerance: f32,
     index: [u32; LANES],
-    /// Where the cell continues; 0 if it does not.
+    /// Index of the cell's next bundle; 0 if there is none.
     pub(super) next: u32,
 }
 
@@ -121,7 +121,7 @@ impl Bundle {
         }
     }
 
-    /// Puts a primitive into the first empty lane; says whether there was one.
+    /// Puts a primitive into the first empty lane; `false` if all are full.
     pub(super) fn add(
         &mut self,
         index: u32,
@@ -233,8 +233,8 @@ mod tests {
 
     const NOWHERE: Point = Point::new(-10.0, -20.0);
 
-    /// Which of four lanes a ray from `from` at `angle` may meet within `limit`: a wall across its
-    /// way at 1 m, half a metre to either side; one along it, 0.2 m to the left from 1 m to 3 m; a
+    /// Which of four lanes a ray from `from` at `angle` may meet within `limit`: a wall across at 1
+    /// m, half a metre to either side; a wall along the ray, 0.2 m to the left from 1 m to 3 m; a
     /// circle of 0.3 m around (2, 0); and an empty lane.
     fn screened(from: (f64, f64), angle: f64, limit: f32) -> [bool; LANES] {
         let at = Point::new;
@@ -257,7 +257,7 @@ mod tests {
         bundle.screen(&Beam::new(ray, 0.0, NOWHERE), limit)
     }
 
-    /// A millimetre beside, before and behind each thing: what cannot be met costs no exact test.
+    /// A millimetre beside, before and behind each primitive: out of reach needs no exact test.
     #[test]
     fn a_screen_refuses_what_is_out_of_reach() {
         let ahead = |y: f64, limit| screened((0.0, y), 0.0, limit);

@@ -1,9 +1,9 @@
 //! Forces on the body besides its wheels: contacts with walls and obstacles, and pushes.
 //!
-//! A motion that would bring the body into a surface is cut short where they meet: by [`disc`] for
-//! a round body, by [`outline`] for one with corners; any way out stays free. An obstacle that
-//! walks into the body shoves it along, but through no wall. Tests are skipped for as long as the
-//! free distance measured last cannot have been used up.
+//! A motion that would bring the body into a surface is cut short at the contact: by [`disc`] for a
+//! round body, by [`outline`] for one with corners. Motion away stays free. An obstacle that moves
+//! into the body pushes it along, but through no wall. Tests are skipped until the body may have
+//! used up the last measured free distance.
 
 mod disc;
 mod outline;
@@ -20,7 +20,7 @@ pub(super) use push::Push;
 const REACH_M: f64 = 1.0;
 /// Margin around the body that is searched first, metres.
 const CLOSE_M: f64 = 0.02;
-/// The body has left a surface when it is this far off.
+/// Distance at which the body has left a surface.
 const LEFT_M: f64 = 1e-3;
 /// Contacts kept until they are taken; more are counted only.
 const CONTACTS_MAX: usize = 1024;
@@ -46,7 +46,7 @@ struct Approach {
     own: f64,
 }
 
-/// Keeps the body out of walls and remembers what it met.
+/// Keeps the body out of walls and records its contacts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Bumper {
     footprint: Footprint,
@@ -105,7 +105,7 @@ impl Bumper {
         !self.touching.is_empty()
     }
 
-    /// What is left of the motion `wanted` for the step that begins at `began`.
+    /// Free part of the motion `wanted` in the step that begins at `began`.
     pub(super) fn constrain(&mut self, scene: &Scene, began: Instant, wanted: Motion) -> Motion {
         let radius = match self.footprint.outline() {
             Outline::Circle { radius_m } => Some(radius_m),
@@ -125,7 +125,7 @@ impl Bumper {
         if self.free > 0.0 {
             return wanted;
         }
-        // A body that leans on something is near to it; no need to ask.
+        // A body that leans on a surface is near to it, so the test is not needed.
         if self.touching.is_empty() {
             self.free = self.clearance(scene, began, wanted.start) - margin - used;
             if self.free > 0.0 {
@@ -174,8 +174,9 @@ mod tests {
     use super::super::scene::Shape;
     use super::*;
 
-    /// Nothing is computed while the free distance that was measured lasts: 0.9 m are left beside a
-    /// body of 0.1 m at the side of a wall 1 m away, and 1 m at most where nothing is.
+    /// The bumper computes nothing while the last free distance lasts. Beside a body of 0.1 m at
+    /// the side of a wall 1 m away 0.9 m are free. Without a surface the free distance is 1 m at
+    /// most.
     #[test]
     fn free_distance_is_used_up_before_anybody_looks_again() {
         let wall = Shape::Wall {
@@ -235,7 +236,7 @@ mod tests {
             (1, Instant::from_millis(5))
         );
         assert!((contacts[0].speed_m_s - 2.0).abs() < 1e-12 && contacts[0].place.x == 0.1);
-        // On both still; then on one, beside another that is only near; then on none.
+        // Contact with both, then with one beside another that is only near, then with none.
         bumper.record(
             Instant::from_millis(6),
             vec![(near(1, 0.1), own(1e-3)), (near(3, 0.2), own(0.0))],
@@ -258,7 +259,8 @@ mod tests {
         assert_eq!((bumper.count(), bumper.is_touching()), (2, true));
     }
 
-    /// Beside one who runs into it at 1 m/s the robot drives at a wall with 0.5 m/s: both are told.
+    /// An obstacle runs into the robot at 1 m/s while the robot drives at a wall with 0.5 m/s: the
+    /// record has both.
     #[test]
     fn the_robots_own_way_is_that_towards_any_surface_it_met() {
         let scene = Scene::new::<Shape>([], vec![]).expect("empty");

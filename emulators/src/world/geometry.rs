@@ -9,11 +9,11 @@ use core::f64::consts::{PI, TAU};
 /// end, so that no ray slips through a corner; a nanometre is far below anything measured.
 const TOUCH_M: f64 = 1e-9;
 
-/// Sine of the angle between ray and wall below which the two count as parallel: over the largest
+/// Sine of the angle between ray and wall below which both count as parallel: over the largest
 /// world (2 km) such a ray drifts by no more than [`TOUCH_M`].
 const PARALLEL: f64 = 5e-13;
 
-/// A place in the world, or the way from one place to another, in metres.
+/// A position in the world, or the vector from one position to another, in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
     /// Forward (east), metres.
@@ -47,7 +47,7 @@ pub struct Pose {
     pub x: f64,
     /// Metres left (north).
     pub y: f64,
-    /// Heading in radians, counter-clockwise from x; what the world hands out is in (-pi, pi].
+    /// Heading in radians, counter-clockwise from x; the world returns values in (-pi, pi].
     pub theta: f64,
 }
 
@@ -147,7 +147,7 @@ impl Ray {
         }
     }
 
-    /// The same ray seen by something that stands at `at`.
+    /// The same ray relative to an origin at `at`.
     pub(super) fn seen_from(self, at: Point) -> Self {
         Self {
             from: Point::new(self.from.x - at.x, self.from.y - at.y),
@@ -187,7 +187,7 @@ impl Primitive {
         }
     }
 
-    /// The point of the surface that is nearest to `point`, and how far it is.
+    /// The point of the surface that is nearest to `point`, and its distance.
     pub(super) fn nearest(&self, point: Point) -> (Point, f64) {
         let at = match self {
             Self::Segment(segment) => segment.nearest(point),
@@ -205,8 +205,9 @@ impl Primitive {
         }
     }
 
-    /// Whether the surface passes within `half` of `center` along both axes: whether it enters
-    /// that square. May say yes for a circle that only comes near a corner, never a wrong no.
+    /// Whether the surface passes within `half` of `center` along both axes: whether it enters that
+    /// square. May be `true` for a circle that only comes near a corner, but `false` is always
+    /// right.
     pub(super) fn enters(&self, center: Point, half: f64) -> bool {
         match self {
             Self::Segment(s) => {
@@ -236,7 +237,7 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// The wall between two places; `None` if they are closer than a micrometre.
+    /// The wall between two points; `None` if they are closer than a micrometre.
     pub(super) fn new(from: Point, to: Point) -> Option<Self> {
         let length = from.distance(to);
         (length >= 1e-6).then(|| Self {

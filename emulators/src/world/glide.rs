@@ -5,12 +5,12 @@ use super::body::{STEP_S, Velocity};
 /// Standard acceleration of free fall, m/s².
 const G_M_S2: f64 = 9.806_65;
 
-/// What the body does in the step after one in which it did `before`: the wheels want `wanted`, the
-/// floor has `grip`, and the body reaches `reach_m` about its reference point.
+/// Velocity of the body in a step, after the velocity `before`: the wheels want `wanted`, the floor
+/// has `grip`, and the body reaches `reach_m` about its reference point.
 ///
-/// Speed changes by what the floor holds. A turn that the wheels make by rolling is made by as much
-/// as the body rolls; its rate changes no faster than the same hold turns a body that has all of
-/// its mass at its rim. Nothing slides sideways.
+/// The grip limits the change of speed. If the body rolls only a part of the wheels' distance, it
+/// turns by the same part. The grip also limits the change of the turn rate, as for a body with all
+/// of its mass at its rim. Nothing slides sideways.
 pub(super) fn glide(before: Velocity, wanted: Velocity, grip: f64, reach_m: f64) -> Velocity {
     let most = grip * G_M_S2 * STEP_S;
     let gained = wanted.speed_m_s - before.speed_m_s;
@@ -86,7 +86,7 @@ mod tests {
         assert!(!world.is_moving());
     }
 
-    /// Where the floor holds again, the car does what its wheels do.
+    /// Where the floor holds again, the car follows its wheels.
     #[test]
     fn wheels_hold_beyond_the_slick_place() {
         let mut world = car(0.05);
@@ -98,8 +98,9 @@ mod tests {
         assert_eq!(world.speed(), 0.5);
     }
 
-    /// Wheels steered by 0.3 rad turn a car by what it rolls, not by what they do: after a second's
-    /// 98.16 mm on a circle of 0.834 m by 0.1177 rad. Wheels that hold would turn it by 0.6.
+    /// Wheels steered by 0.3 rad turn a car by the distance that the car rolls, not by the wheels'
+    /// own: after a second's 98.16 mm on a circle of 0.834 m by 0.1177 rad. Wheels that hold would
+    /// turn it by 0.6.
     #[test]
     fn a_car_that_hardly_rolls_hardly_turns() {
         let mut world = car(9.0);

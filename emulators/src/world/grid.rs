@@ -1,9 +1,9 @@
-//! Finds the few walls that a ray can meet.
+//! Search for the few walls that a ray can meet.
 //!
-//! The floor is cut into square cells, each with the primitives that enter it. A ray goes from cell
-//! to cell and stops in the one where it meets something. Cells are a micrometre wider than they
-//! look when they are filled, so rounding on the way can never step over a wall. Around the grid
-//! lies a ring of cells that end the walk.
+//! The floor is divided into square cells, each with the primitives that enter it. A ray goes from
+//! cell to cell and stops in the first cell with a hit. When filled, cells are a micrometre wider
+//! than they look, so rounding can never make the walk skip a wall. A ring of cells around the grid
+//! ends the walk.
 //!
 //! The result is the same as that of a test of every primitive, to the last bit.
 
@@ -215,9 +215,9 @@ impl Best {
     }
 }
 
-/// A ray on its way through the grid.
+/// The walk of a ray through the grid.
 struct Walk {
-    /// Where it is; a signed number, as the way goes up and down.
+    /// Current cell; a signed number, because the walk goes up and down.
     cell: i32,
     /// Distance along the ray at which it entered the grid; 0 if it began inside.
     entered: f64,
@@ -443,7 +443,7 @@ mod tests {
         );
     }
 
-    /// However far is looked around, it ends at the edge of the grid, and what is there is seen.
+    /// A search of any radius ends at the edge of the grid and finds all primitives in it.
     #[test]
     fn a_look_around_ends_with_the_grid() {
         let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (0.0, 2.0)];

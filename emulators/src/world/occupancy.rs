@@ -1,4 +1,4 @@
-//! A floor plan from an occupancy image, such as the map a ROS robot saved.
+//! A floor plan from an occupancy image, such as the map saved by a ROS robot.
 
 use super::geometry::Point;
 use super::scene::Shape;
@@ -148,7 +148,8 @@ mod tests {
         assert_eq!(empty.walls().len(), 4);
     }
 
-    /// The left column alone: what follows the right one in the image is the next row's beginning.
+    /// Only the left column is occupied: the pixel behind the right one in the image begins the
+    /// next row.
     #[test]
     fn a_column_at_the_side_has_its_own_walls_only() {
         let mut walls = image(&["#.", "#."]).walls();

@@ -1,7 +1,7 @@
 //! Motion of an obstacle: timed way-points with straight lines between them.
 //!
-//! The place is a pure function of time, so a beam cast a millisecond in the past sees the obstacle
-//! where it was then, and no order of calls can matter.
+//! The position is a pure function of time. A beam cast a millisecond in the past sees the obstacle
+//! at its past position, and no order of calls can matter.
 
 use protocols::Instant;
 
@@ -22,9 +22,10 @@ pub enum Repeat {
     /// The obstacle stays there.
     #[default]
     Once,
-    /// From the beginning again; the last place must be the first, as nothing jumps.
+    /// From the beginning again; the last position must be the first, so that the obstacle does not
+    /// jump.
     Loop,
-    /// Back along the same way, then forth again.
+    /// Back along the same path, then forth again.
     PingPong,
 }
 
@@ -38,8 +39,8 @@ pub struct Path {
 }
 
 impl Path {
-    /// Where the obstacle is at `now`. Meant for paths that a scene has accepted; an empty path is
-    /// at the origin.
+    /// Position of the obstacle at `now`. Meant for paths that a scene has accepted; an empty path
+    /// is at the origin.
     pub fn position(&self, now: Instant) -> Point {
         let (Some(first), Some(last)) = (self.waypoints.first(), self.waypoints.last()) else {
             return Point::default();

@@ -52,7 +52,7 @@ pub enum Shape {
     },
 }
 
-/// A shape and what its surface does to light.
+/// A shape and the optical properties of its surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fixture {
     /// Outline.
@@ -60,8 +60,8 @@ pub struct Fixture {
     /// Light returned compared with the white wall a lidar is specified for (1.0); a black
     /// sofa has about 0.1.
     pub reflectivity: f64,
-    /// How far it rises from the floor, metres: what is as high or higher sees over it, see
-    /// [`Scene::slice`]. The robot's body meets it all the same.
+    /// Height above the floor, metres. A sensor at this height or higher looks over it, see
+    /// [`Scene::slice`]. The robot's body collides with it all the same.
     pub height_m: f64,
     /// A pane of glass: the beam of a lidar goes through it, see [`Scene::for_lidar`]. Infrared
     /// sensors, cameras and the body meet it.
@@ -134,7 +134,7 @@ struct MovingBody {
 }
 
 impl Scene {
-    /// A scene without outer limit; its bounds are those of what is in it.
+    /// A scene without outer limit; its bounds are those of its content.
     pub fn new<F: Into<Fixture>>(
         fixtures: impl IntoIterator<Item = F>,
         obstacles: Vec<Obstacle>,
@@ -415,7 +415,7 @@ fn wall(from: Point, to: Point) -> Result<Primitive, Cause> {
     if !from.is_finite() || !to.is_finite() {
         return Err(Cause::NotFinite);
     }
-    // The square of such a length is beyond the numbers, and what is derived from it as well.
+    // The square of such a length is beyond the numbers, as are all values derived from it.
     if !from.distance(to).is_finite() {
         return Err(Cause::OutOfBounds {
             found: Bounds::around(from, 0.0).union(Bounds::around(to, 0.0)),

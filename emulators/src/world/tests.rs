@@ -111,7 +111,7 @@ fn wheels_turn_only_above_the_dead_zone() {
     assert_eq!(ticks(&world), [0, 0]);
 }
 
-/// After one time constant a lag has made 1 - 1/e of its way.
+/// After one time constant a lag has covered 1 - 1/e of the difference.
 #[test]
 fn a_wheel_has_63_percent_of_its_speed_after_60_ms() {
     let mut world = open_floor();
@@ -212,9 +212,9 @@ fn slip_shortens_the_way_but_not_the_count() {
     assert!(close(slipping.pose().x, 0.9 * gripping.pose().x, 1e-9));
 }
 
-/// 2 mm per root metre on each wheel: the body's way, their mean, deviates by 2 mm / sqrt 2 after
-/// a metre; the heading by 2 mm * sqrt 2 / 260 mm = 10.9 mrad, and 4 mrad of its own: 11.6 mrad.
-/// With 400 runs the deviation itself is known to 3.5 %; 15 % are allowed.
+/// 2 mm per root metre on each wheel. The body's distance, their mean, deviates by 2 mm / sqrt 2
+/// after a metre; the heading by 2 mm * sqrt 2 / 260 mm = 10.9 mrad, and 4 mrad of its own: 11.6
+/// mrad. With 400 runs the deviation itself is known to 3.5 %; 15 % are allowed.
 #[test]
 fn noise_after_a_metre_is_as_large_as_stated() {
     let mut config = BodyConfig::default().ideal();
@@ -287,7 +287,7 @@ fn a_sudden_push_is_stretched() {
     assert!(close(world.pose().x, 0.5, 1e-12));
 }
 
-/// 20 rad/s at most, either way: 3 rad take 150 ms; beside a metre, at 5 m/s, 200 ms.
+/// 20 rad/s at most, in either direction: 3 rad take 150 ms; beside a metre, at 5 m/s, 200 ms.
 #[test]
 fn a_sudden_twist_is_stretched() {
     for (way, twist, half_ms) in [
@@ -397,8 +397,8 @@ fn a_corner_stops_the_robot_with_one_contact() {
     assert_eq!(world.contact_count(), 1);
 }
 
-/// A leg of 10 mm radius beside the way: the middles never come closer than 170 mm, but for some
-/// nanometres by which a way straight on differs from a circle within one step.
+/// A leg of 10 mm radius beside the path: the middles never come closer than 170 mm, except for
+/// some nanometres by which a straight motion differs from a circle within one step.
 #[test]
 fn a_thin_leg_is_not_driven_over() {
     let leg = Shape::Circle {
@@ -436,8 +436,8 @@ fn walker(from: Point, to: Point, secs: u64) -> Obstacle {
     }
 }
 
-/// A person walks at 0.5 m/s into the resting robot, 0.36 m centre to centre on contact, and shoves
-/// it along until he stops at x = 0.
+/// A person walks at 0.5 m/s into the resting robot, 0.36 m centre to centre on contact. The person
+/// pushes the robot along and stops at x = 0.
 #[test]
 fn somebody_who_walks_into_the_robot_shoves_it_along() {
     let person = walker(Point::new(-2.0, 0.0), Point::new(0.0, 0.0), 4);
@@ -458,7 +458,8 @@ fn somebody_who_walks_into_the_robot_shoves_it_along() {
     );
 }
 
-/// At 0.5 m/s towards a robot that comes at 0.35 m/s, or goes away at that: what each of them does.
+/// An obstacle at 0.5 m/s meets a robot that approaches or leaves at 0.35 m/s: each one's own
+/// speed.
 #[test]
 fn a_contact_tells_the_robots_own_way_from_that_of_who_comes() {
     let contact = |power: i16| {
@@ -644,7 +645,7 @@ fn act() -> impl Strategy<Value = Act> {
     ]
 }
 
-/// A small room with a leg and a person who walks to and fro: much to bump into.
+/// A small room with a leg and a person who walks to and fro: many contacts.
 fn crowded_room(seed: u64) -> World {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let corners = corners.map(|(x, y)| Point::new(x, y)).to_vec();
@@ -686,8 +687,8 @@ fn run(seed: u64, acts: &[(u64, Act)], cuts: &[u64]) -> World {
 proptest! {
     #![proptest_config(ProptestConfig::default())]
 
-    /// It must not matter which device polls the world, and how often: devices are polled by chance
-    /// of their deadlines. The printed state holds every bit of every number.
+    /// The result must not depend on which device polls the world, or how often: the devices'
+    /// deadlines decide that by chance. The printed state holds every bit of every number.
     #[test]
     fn the_world_does_not_depend_on_when_it_is_advanced(
         seed: u64,
@@ -702,7 +703,7 @@ proptest! {
         prop_assert_eq!(format!("{whole:?}"), format!("{cut:?}"));
     }
 
-    /// Whatever is done to it, the body stays in the room, up to rounding; and no figure is lost.
+    /// Under any actions the body stays in the room, up to rounding; and no figure is lost.
     #[test]
     fn nothing_moves_the_robot_through_a_wall(
         seed: u64,
@@ -771,7 +772,7 @@ fn headings_stay_within_half_a_turn() {
     assert!(widest <= PI && widest > PI - TAU / 100.0, "{widest}");
 }
 
-/// What is left of a push continues in the next one, the twist as well: half of 1 rad and 1 rad.
+/// The rest of a push continues in the next one, the twist as well: half of 1 rad and 1 rad.
 #[test]
 fn a_second_push_turns_by_what_is_left_of_the_first() {
     let mut world = open_floor();

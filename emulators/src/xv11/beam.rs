@@ -1,4 +1,4 @@
-//! One beam: from a place and a direction in the world to the four bytes of a reading.
+//! One beam: from a position and a direction in the world to the four bytes of a reading.
 //!
 //! (A) and (B) are the captures named in `optics`.
 
@@ -27,30 +27,29 @@ mod code {
     pub(super) const NO_DOT: u8 = 0x35;
 }
 
-/// Nearer than this the camera does not see the dot at all. A guess.
+/// Distance below which the camera does not see the dot at all. A guess.
 const BLIND_MM: f64 = 60.0;
 /// Angular jitter of a beam. A guess; it lets the dot fall on either side of an edge, and is small
 /// enough to leave the noise of slanting walls to the range law.
 const JITTER_RAD: f64 = 0.01 * PI / 180.0;
 /// Half the width of the dot: the first reading on the hand of (A) is mostly a dim one.
 const DOT_RAD: f64 = 0.45 * PI / 180.0;
-/// How much a surface must bend within the dot to have a corner in its middle, in its outer part,
-/// and between neighbouring beams to be checked; parts of the distance. A right angle bends by
-/// 1.6 % if it lies in the middle of the dot, by 1 % if it is 0.15 degrees off, and by 0.35 % if it
-/// is 0.35 degrees off.
+/// Bend of a surface that calls for a corner check: in the middle of the dot, in its outer part,
+/// and between neighbouring beams; parts of the distance. A right angle bends by 1.6 % in the
+/// middle of the dot, by 1 % if it is 0.15 degrees off, and by 0.35 % if it is 0.35 degrees off.
 const BEND_IN_MIDDLE: f64 = 0.0105;
 const BEND_IN_DOT: f64 = 0.0035;
 const BEND_AROUND: f64 = 0.02;
 /// Share of the turns in which a corner gives two dots in one picture: 8 of 71 if a beam meets it.
-/// Straight lines through the walls of (A) put its corners at 56.2, 141.7, 229.5 and 309.1 degrees:
-/// the one that lies 0.2 degrees ahead of a beam gave a double dot in 89 of 117 turns, those 0.1
-/// ahead, 0.3 behind and half way between two beams in one of 351. A guess from so few.
+/// Straight lines through the walls of (A) put its corners at 56.2, 141.7, 229.5 and 309.1 degrees.
+/// The corner 0.2 degrees ahead of a beam gave a double dot in 89 of 117 turns. Those 0.1 ahead,
+/// 0.3 behind and half way between two beams gave one in 351. A guess from so few.
 const DOUBLE_IN_MIDDLE: f64 = 8.0 / 71.0;
 const DOUBLE_AHEAD: f64 = 0.75;
 const _: () = assert!(DOUBLE_IN_MIDDLE < DOUBLE_AHEAD, "a draw may rule out both");
-/// How far ahead a near object may shadow the dot, degrees, and how near it must be, as a part of
-/// the distance. With 38 mm between laser and camera and an object at 0.3 m that is 7 degrees at
-/// most.
+/// Angle ahead within which a near object may shadow the dot, degrees, and its maximum distance, as
+/// a part of the dot's. With 38 mm between laser and camera and an object at 0.3 m that is 7
+/// degrees at most.
 const SHADOW_DEGREES: usize = 7;
 const SHADOWING: f64 = 0.93;
 const DEG_PER_RAD: f64 = 180.0 / PI;
@@ -68,19 +67,20 @@ const FLAW_TOO_WIDE: f64 = 7e-4;
 const FLAW_TOO_DIM: f64 = 3e-4;
 const FLAW_BOTH: f64 = 3e-5;
 
-/// How alike the noise of a degree is from turn to turn: the von Neumann ratios of (A) are 0.89 of
-/// distances and 0.77 of strengths, where 1 is not at all.
+/// Correlation of a degree's noise from turn to turn: the von Neumann ratios of (A) are 0.89 of
+/// distances and 0.77 of strengths; 1 means none.
 const RANGE_KEPT: f64 = 0.11;
 const STRENGTH_KEPT: f64 = 0.23;
-/// On rough and uneven surfaces a beam that wanders adds noise of its own to distances, so the law
-/// of even ones is too much, and that of strengths too little: fitted to the repeats of (A).
+/// Factors on the noise laws of even surfaces. A beam that wanders over rough and uneven surfaces
+/// adds noise to distances, so the first law is too much and that of strengths too little. Fitted
+/// to the repeats of (A).
 const RANGE_PART: f64 = 0.75;
 const STRENGTH_PART: f64 = 1.1;
 
 /// Height of the beam above the floor, metres: it lies on the robot. A guess.
 const HEIGHT_M: f64 = 0.10;
 
-/// The optics with their noise and what they saw in the last turn.
+/// The optics with their noise and their readings of the last turn.
 #[derive(Clone, Debug)]
 pub(super) struct Eye {
     pub(super) mount: Mount,
@@ -97,10 +97,10 @@ pub(super) struct Eye {
     range: Rng,
     strength: Rng,
     beam: Rng,
-    /// True distance per degree as last seen, millimetres; infinite without a dot. Tells where a
-    /// closer look is worth its ray casts. The first degrees are there again behind the last.
+    /// Last true distance per degree, millimetres; infinite without a dot. Decides where a closer
+    /// look is worth its ray casts. The first degrees are repeated behind the last.
     seen_mm: Box<[f64; 360 + SHADOW_DEGREES]>,
-    /// The scene, and what of it the beam meets.
+    /// The scene, and the part of it that the beam meets.
     views: Option<[Scene; 2]>,
 }
 
@@ -122,8 +122,8 @@ impl Eye {
         }
     }
 
-    /// The same of a unit with this firmware, with as much detail as wanted. The noise of 2.1 is
-    /// another one; units without detail have that of 2.4 all.
+    /// Applies firmware and detail. With detail the noise of 2.1 differs; without detail all units
+    /// have the noise of 2.4.
     #[must_use]
     pub(super) fn of(mut self, profile: Profile, detail: Detail) -> Self {
         self.detail = detail;
@@ -134,7 +134,7 @@ impl Eye {
         self
     }
 
-    /// Makes the noise of a reading a little like that of the same degree a turn before.
+    /// Adds a part of the last turn's noise to the noise of the same degree.
     fn remembering(&mut self, slot: usize, noise: Noise) -> Noise {
         if self.detail == Detail::Even {
             return noise;
@@ -165,8 +165,8 @@ impl Eye {
         Place::at(Point::new(x, y))
     }
 
-    /// Measures once: reading `slot` of the turn, head at `angle_deg`, at `at`. Draws the same
-    /// numbers whatever is seen.
+    /// Measures once: reading `slot` of the turn, head at `angle_deg`, at `at`. The number of draws
+    /// does not depend on the result.
     pub(super) fn measure(
         &mut self,
         world: &World,
@@ -228,7 +228,7 @@ impl Eye {
         smooth(mm + place.deeper_mm, hit, &noise, law)
     }
 
-    /// Looks again at what a lidar sees of `scene`, if that is another one.
+    /// Renews the lidar's view of `scene` if the scene has changed.
     fn keep_view(&mut self, scene: &Scene) {
         let is_kept = |[whole, _]: &[Scene; 2]| whole.is_clone_of(scene);
         if !self.views.as_ref().is_some_and(is_kept) {
@@ -281,7 +281,7 @@ impl Eye {
             .filter(|&(_, side_mm)| is_jump(mm, side_mm))
             .peekable();
         if jumps.peek().is_none() {
-            // No corner spoils the dot more often: the draw alone says that this one does not.
+            // No corner spoils the dot more often, so the draw alone excludes it.
             if noise.chance >= DOUBLE_AHEAD {
                 return None;
             }
@@ -299,7 +299,7 @@ impl Eye {
     /// Whether something near follows within the next degrees, as far as known, that may hide the
     /// dot from the camera.
     fn may_be_shadowed(&self, slot: usize, mm: f64) -> bool {
-        // An object at `seen_mm` hides what lies this many degrees from its edge.
+        // An object at `seen_mm` hides surfaces up to this many degrees from its edge.
         let reach_deg =
             |seen_mm: f64| self.optics.baseline_mm * (mm - seen_mm) / (mm * seen_mm) * DEG_PER_RAD;
         let ahead = &self.seen_mm[slot + 1..=slot + SHADOW_DEGREES];
@@ -337,7 +337,7 @@ impl Eye {
     }
 }
 
-/// Whether two neighbouring beams meet different things.
+/// Whether two neighbouring beams meet different objects.
 fn is_jump(mm: f64, side_mm: f64) -> bool {
     (side_mm - mm).abs() > 30.0 + 0.03 * mm
 }
@@ -351,14 +351,14 @@ struct Noise {
     strength: f64,
 }
 
-/// Whether the neighbours say that an edge or a corner may be in the dot.
+/// Whether the neighbours suggest an edge or a corner in the dot.
 fn is_rough(behind: f64, mm: f64, ahead: f64) -> bool {
     let bend = (behind - mm) + (ahead - mm);
     bend.is_nan() || bend.abs() > BEND_AROUND * mm
 }
 
-/// Share of the turns in which a corner spoils the dot, by what lies at the dot's two sides and a
-/// degree away, behind and ahead.
+/// Share of the turns in which a corner spoils the dot. The distances are those at the dot's two
+/// sides, and a degree behind and ahead.
 fn corner_share(mm: f64, sides_mm: [f64; 2], neighbours_mm: [f64; 2]) -> f64 {
     const PER_DOT: f64 = DOT_RAD * DEG_PER_RAD;
     let bend = sides_mm.map(|side| side - mm).iter().sum::<f64>().abs() / mm;
@@ -391,7 +391,7 @@ fn edge(mm: f64, other_mm: f64, hit: Hit, noise: &Noise, law: fn(f64) -> f64) ->
                 reflectivity: hit.reflectivity * covered.max(0.03),
                 ..hit
             };
-            // A dot that hardly touches the near side may be seen anywhere up to half way.
+            // A dot that hardly touches the near side may appear anywhere up to half way.
             let mixed = if covered < 0.1 && far.is_finite() {
                 near + (far - near) * (0.5 - 5.0 * covered)
             } else {
@@ -507,8 +507,8 @@ mod tests {
         Reading::from(smooth(mm, WALL, &quiet(chance), range_sigma_mm))
     }
 
-    /// T4: an edge from 1 m to 3 m: 25 % double, 5 % too wide, 3 % too dim, 12 % nothing, else the
-    /// near side, of which a tenth lies between: half way, a quarter, an eightieth.
+    /// T4: an edge from 1 m to 3 m: 25 % double, 5 % too wide, 3 % too dim, 12 % nothing. Else the
+    /// near side; a tenth of these readings lies between: half way, a quarter, an eightieth.
     #[test]
     fn the_dot_on_an_edge_is_what_the_draw_says() {
         let of = |chance| Reading::from(edge(1000.0, 3000.0, WALL, &quiet(chance), range_sigma_mm));
@@ -645,7 +645,7 @@ mod tests {
         assert_eq!(corner_share(1000.0, [980.0, 1020.0], [955.6, 1044.4]), 0.0);
     }
 
-    /// T4: 30 mm and 3 %: at 1 m a side 60 mm away is the same thing, one 61 mm away is not.
+    /// T4: 30 mm and 3 %. At 1 m a side 60 mm away is the same object, one 61 mm away is another.
     #[test]
     fn a_jump_is_more_than_30_mm_and_3_per_cent() {
         assert!(!is_jump(1000.0, 1060.0) && !is_jump(1000.0, 940.0));
@@ -653,7 +653,7 @@ mod tests {
         assert!(is_jump(1000.0, f64::INFINITY));
     }
 
-    /// T4: neighbours that bend by 2 % of 1 m in sum, either way; or of which nothing is known.
+    /// T4: neighbours that bend by 2 % of 1 m in sum, in either direction, or are unknown.
     #[test]
     fn a_closer_look_is_worth_it_from_two_per_cent_on() {
         assert!(!is_rough(990.0, 1000.0, 990.0) && !is_rough(1010.0, 1000.0, 1010.0));
@@ -664,7 +664,7 @@ mod tests {
         assert!(is_rough(f64::INFINITY, f64::INFINITY, 1000.0));
     }
 
-    /// What the beam at 90 degrees, straight ahead, reads in a thousand turns before `walls`.
+    /// Readings of the beam at 90 degrees, straight ahead, in a thousand turns before `walls`.
     fn ahead_of(walls: Vec<crate::world::Shape>) -> Vec<Reading> {
         use crate::world::{BodyConfig, Obstacle, Pose};
         let scene = Scene::new(walls, Vec::<Obstacle>::new()).expect("sound");
@@ -696,8 +696,9 @@ mod tests {
         readings.iter().filter(is).count()
     }
 
-    /// T4: of a dot on an edge, here 0.2 degrees (3.5 mm at 1 m) from the end of a board before a
-    /// wall, a quarter is double, whichever side the board ends on; 1 degree from it none is.
+    /// T4: a quarter of the dots on an edge is double, whichever side the board ends on. Here the
+    /// edge is 0.2 degrees away (3.5 mm at 1 m), the end of a board before a wall; at 1 degree no
+    /// dot is double.
     #[test]
     fn a_dot_on_the_edge_of_a_board_is_double_in_a_quarter_of_the_turns() {
         let far = wall([3.0, -3.0], [3.0, 3.0]);
@@ -732,9 +733,9 @@ mod tests {
         Eye::new(Mount::default(), optics, 1, "lidar")
     }
 
-    /// 38 mm between laser and camera: an object at 300 mm hides 38 * 700 / 300,000 rad, 5.08
-    /// degrees, of a wall at 1 m, so it is looked for six degrees ahead and no farther. At 93 % of
-    /// the distance it is no object, a little nearer it hides the next degree only.
+    /// Laser and camera are 38 mm apart: an object at 300 mm hides 38 * 700 / 300,000 rad, 5.08
+    /// degrees, of a wall at 1 m, so the search covers six degrees ahead and no more. At 93 % of
+    /// the distance it is no separate object; a little nearer it hides only the next degree.
     #[test]
     fn a_shadow_is_looked_for_as_far_as_it_can_fall() {
         let may = |seen_mm: f64, ahead: usize| {
@@ -755,7 +756,7 @@ mod tests {
     }
 
     /// A dot 1 m ahead, seen from 38 mm to the left of the beam, or to its right if the head turns
-    /// the other way: a post of 5 mm half way between is 19 mm beside the beam.
+    /// in the other direction. A post of 5 mm half way between is 19 mm beside the beam.
     #[test]
     fn what_stands_between_dot_and_camera_hides_the_dot() {
         let is_hidden = |direction, post: [f64; 2]| {
@@ -781,7 +782,7 @@ mod tests {
         assert!(is_hidden(left, [0.25, 0.0285]) && !is_hidden(left, [1.05, 0.0]));
     }
 
-    /// A sensor that tells 1.1 times what it measures: all else is as without.
+    /// A sensor that reports 1.1 times its measurement: all other values stay.
     #[test]
     fn only_distances_are_told_wrong() {
         use crate::world::{BodyConfig, Pose};

@@ -1,4 +1,4 @@
-//! The encoder ring: 15 teeth, and what the firmware makes of the time between them.
+//! The encoder ring: 15 teeth, and their evaluation by the firmware.
 //!
 //! All figures are from the 1,800 teeth of the steady part of the "hand in box" capture and from
 //! the coast-down behind it. A tooth passes at angle 2 (mod 24). The firmware divides the time
@@ -29,8 +29,9 @@ pub(super) const SECOND_EDGE_DEG: f64 = 5.0;
 /// Jitter of an edge. Makes the ratio of neighbouring teeth wander by 0.065 %, as captured.
 const JITTER_DEG: f64 = 0.0064;
 
-/// The same where the speed wanders as well: what is left of it. Fitted with [`REST`] to how much,
-/// and how alike from tooth to tooth, a tooth's speed differs from that of a turn before.
+/// Jitter of an edge if the speed wanders as well: the remainder. Fitted together with [`REST`] to
+/// the difference of a tooth's speed from that of a turn before, and to its correlation between
+/// teeth.
 const JITTER_CAPTURED_DEG: f64 = 0.0037;
 /// How the speed wanders within a turn: cycles a turn of the head, and amplitude as a part of the
 /// speed. Lines in the spectrum of 1,785 tooth speeds of the capture, once the mean of each tooth
@@ -42,14 +43,14 @@ const LINES: [(f64, f64); 4] = [
     (4.915_5, 0.078 / 297.0),
     (6.723, 0.093 / 297.0),
 ];
-/// What is left behind those lines: a deviation of 0.11 rpm, alike from tooth to tooth by 0.61.
+/// Variation besides those lines: a deviation of 0.11 rpm; neighbouring teeth correlate by 0.61.
 const REST: f64 = 0.106 / 297.0;
 const REST_KEPT: f64 = 0.61;
 /// Share of the shift by it that is kept at each tooth, so that it does not add up over minutes.
 const SHIFT_KEPT: f64 = 0.99;
 
-/// Mean speed shown for each tooth over 120 turns of the capture at 297.0 rpm: what looks like a
-/// pattern of speeds is a ring that is not divided evenly.
+/// Mean speed shown for each tooth over 120 turns of the capture at 297.0 rpm. The pattern of
+/// speeds means that the ring is not divided evenly.
 const SPEEDS_RPM: [f64; TEETH as usize] = [
     297.492, 296.674, 297.126, 296.470, 296.474, 296.266, 296.388, 297.348, 297.903, 297.163,
     296.923, 297.141, 297.204, 297.101, 297.157,
@@ -68,11 +69,10 @@ pub(super) struct Encoder {
     wander: Wander,
 }
 
-/// What belt and gear make of an even speed: a head that is ahead of where it would be meets its
-/// teeth early.
+/// Effect of belt and gear on an even speed: a head ahead of its even angle meets its teeth early.
 #[derive(Clone, Debug)]
 pub(super) struct Wander {
-    /// Of the rest, and of the lines' phases; `None`: nothing wanders.
+    /// Stream of the rest and of the lines' phases; `None`: the speed does not wander.
     rng: Option<Rng>,
     phases: [f64; LINES.len()],
     /// Teeth passed.
@@ -119,7 +119,7 @@ impl Wander {
         if self.rng.is_none() {
             return 0.0;
         }
-        // A speed of 1 + a sin(f turns) is a way of -a cos / f more.
+        // A speed of 1 + a sin(f turns) adds a distance of -a cos / f.
         let turns = f64::from(self.teeth) / f64::from(TEETH);
         let lines = LINES
             .iter()
@@ -161,7 +161,7 @@ impl Encoder {
         self.tooth
     }
 
-    /// Where the head is when it passes. Tooth 0 is counted at 2 degrees.
+    /// Angle of the head when the tooth passes. Tooth 0 is counted at 2 degrees.
     pub(super) fn edge_deg(&self) -> f64 {
         first_slot_deg(self.tooth) - PHASE_SLOTS
             + self.offsets[usize::from(self.tooth)]
@@ -169,7 +169,7 @@ impl Encoder {
             - self.wander.ahead_deg()
     }
 
-    /// The tooth has passed; the next one is looked for. True if a new turn began with it.
+    /// Advances to the next tooth; `true` if a new turn began.
     pub(super) fn pass(&mut self) -> bool {
         self.tooth = (self.tooth + 1) % TEETH;
         self.wander.pass();
@@ -210,7 +210,7 @@ fn offsets() -> [f64; TEETH as usize] {
     })
 }
 
-/// How a tooth came, measured in slots of the tooth before.
+/// Arrival of a tooth, measured in slots of the tooth before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Arrival {
     /// Its slots are done; this many of them may have to be skipped.

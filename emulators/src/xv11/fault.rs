@@ -1,9 +1,9 @@
-//! What can be wrong with a sensor, as data.
+//! Faults of a sensor, as data.
 
 /// Friction that a regulated supply can no longer make up for, rpm/s.
 const SLOW_RPM_S: f64 = 600.0;
 
-/// One thing that is wrong. Setting a fault again replaces its figure.
+/// One fault. Setting a fault again replaces its figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     /// No supply: the line is silent, the head runs out. Clearing it is a power-on.
@@ -23,16 +23,16 @@ pub enum Fault {
     /// One tooth is taken for two: the next speed word is doubled, angles are wrong for a turn of
     /// the tooth, then synchronisation is lost. Once; clears itself.
     FalseDoubling,
-    /// No laser light: every reading says that there is no dot.
+    /// No laser light: every reading has the code for no dot.
     Dark,
     /// Every strength looks like the beginning of a packet (FA, then an index), and every distance
     /// ends in FA: the hardest traffic for a parser that hunts for start bytes.
     DenseStarts,
-    /// One byte of each packet is damaged after the checksum was made.
+    /// One byte of each packet is damaged after the checksum is computed.
     Garbage,
     /// Every distance is too long by this factor, or too short.
     Wrong {
-        /// Distance told by true distance.
+        /// Reported distance divided by true distance.
         factor: f64,
     },
     /// The processor restarts, in the middle of a packet. Once; clears itself.

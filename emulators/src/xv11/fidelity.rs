@@ -1,9 +1,9 @@
-//! What a stream of the sensor says about the sensor: the same figures from a real capture and from
-//! the emulator, so that the two can be laid side by side.
+//! Statistics of a sensor's stream: the same figures from a real capture and from the emulator, for
+//! comparison side by side.
 //!
 //! [`Statistics::of`] reads any stream of either format; [`rows`](Statistics::rows) are its figures
-//! with stable names. [`hand_in_box`] is the emulator's own version of the one capture that shows
-//! steady turning, a hand, the coast-down and the restart, and [`CAPTURED`] what that shows.
+//! with stable names. One capture shows steady turning, a hand, the coast-down and the restart.
+//! [`hand_in_box`] is the emulator's version of it, and [`CAPTURED`] has its figures.
 
 mod coast;
 mod compare;
@@ -38,7 +38,7 @@ pub struct Statistics {
     /// Bytes in neither.
     pub outside: u64,
     /// Packets with a distance, and those among them whose checksum is right only because a carry
-    /// is dropped. Packets without a distance are left out: those of a stall are all alike.
+    /// is dropped. Packets without a distance are left out: those of a stall are all equal.
     pub carry_dropped: [u64; 2],
     /// Distances without strength warning.
     pub plain: u64,
@@ -52,7 +52,8 @@ pub struct Statistics {
     pub word_changes: [u64; 6],
     /// Readings with code 0x21, by angle modulo 24, while every index followed the last.
     pub skipped_at: [u64; 24],
-    /// Readings whose code carries a strength, and those among them that carry the one before.
+    /// Readings whose code carries a strength, and those among them with the strength of the one
+    /// before.
     pub carried: [u64; 2],
     /// Median of strength times distance squared, in units of 1e8, over plain readings.
     pub strength_d2: f64,
@@ -69,7 +70,7 @@ pub struct Statistics {
     pub rpm_min: f64,
     /// Repeatability by distance.
     pub noise: Vec<Bin>,
-    /// How long the last coast-down took from 290 to 185 rpm, and from there to 75 rpm; seconds by
+    /// Duration of the last coast-down from 290 to 185 rpm, and from there to 75 rpm; seconds by
     /// tooth times.
     pub coast_s: Option<[f64; 2]>,
     /// Packets that show the last speed before the processor restarts.

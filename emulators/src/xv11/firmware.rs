@@ -1,13 +1,13 @@
-//! What the sensor's processor does: boot, wait, lock on the encoder, measure, lose it again.
+//! Work of the sensor's processor: boot, wait, lock on the encoder, measure, lose the lock.
 //!
 //! The behaviour at low speed follows the coast-down at the end of the "hand in box" capture
-//! (firmware 2.4); the other generations are taken to do the same.
+//! (firmware 2.4). The other generations are assumed to behave alike.
 //!
 //! | module | is |
 //! |---|---|
-//! | `teeth` | what a tooth does to what is being measured |
+//! | `teeth` | effect of a tooth on the measurement |
 //! | `output` | readings and packets, measured or not |
-//! | `host` | what comes from the host |
+//! | `host` | input from the host |
 
 mod host;
 mod output;
@@ -58,8 +58,8 @@ enum Phase {
     Console,
 }
 
-/// Packets made without measuring: the loop goes round as fast as it can, and only some of what it
-/// makes finds room in the transmitter.
+/// Packets made without measuring: the loop runs as fast as it can, and the transmitter has room
+/// for only some of them.
 #[derive(Clone, Copy, Debug)]
 struct FreeRun {
     code: u8,
@@ -69,7 +69,7 @@ struct FreeRun {
     tick: u64,
 }
 
-/// How measuring continues after a pause.
+/// Continuation of measuring after a pause.
 #[derive(Clone, Copy, Debug)]
 struct Resume {
     at: Instant,
@@ -82,9 +82,9 @@ struct Resume {
 pub(super) struct Firmware {
     phase: Phase,
     scan: Scan,
-    /// When the last tooth was seen.
+    /// Time of the last tooth.
     last_edge: Option<Instant>,
-    /// How long a tooth takes, as believed.
+    /// Duration of a tooth, as the firmware assumes.
     tooth_s: f64,
     word: u16,
     good_teeth: u8,
@@ -154,7 +154,7 @@ impl Firmware {
         }
     }
 
-    /// When the processor has something to do by itself.
+    /// Time of the processor's next work.
     pub(super) fn next_at(&self, uart: &Uart) -> Option<Instant> {
         let own = match &self.phase {
             Phase::Off | Phase::Console => None,
@@ -179,7 +179,7 @@ impl Firmware {
         earliest([own, self.restart_at])
     }
 
-    /// Until when a tooth is waited for.
+    /// End of the wait for a tooth.
     fn wait_until(&self) -> Option<Instant> {
         let edge = self.last_edge?;
         Some(edge + nanos(WAIT_TEETH * self.tooth_s))
@@ -187,7 +187,7 @@ impl Firmware {
 }
 
 impl Xv11 {
-    /// Does what is due at `at`.
+    /// Handles the work due at `at`.
     pub(super) fn step(&mut self, at: Instant, world: &World) {
         let cut = self
             .firmware
@@ -245,7 +245,7 @@ impl Xv11 {
             .note(at, "restarted", "the processor restarts".to_owned());
     }
 
-    /// Restarts: in the middle of the next packet, or at once if there is none.
+    /// Orders a restart: in the middle of the next packet, or at once if no packet is in progress.
     pub(super) fn order_restart(&mut self, now: Instant) {
         match self.firmware.phase {
             Phase::Off => {}
@@ -288,7 +288,7 @@ impl Xv11 {
             *dots += 1;
             return;
         }
-        // Nothing is said about a head that stands still: only one that turns is given up.
+        // The firmware says nothing about a head that stands still; it gives up only a turning one.
         let turned = self
             .firmware
             .last_edge
@@ -307,7 +307,7 @@ mod tests {
 
     const NOW: Instant = Instant::from_secs(100);
 
-    /// What a sensor does that waited for its head in vain, and saw a tooth so long ago.
+    /// State after a sensor has waited for its head in vain, with the last tooth this long ago.
     fn given_up(tooth: Option<Duration>) -> (State, Option<Instant>) {
         let mut lidar = Xv11::new("lidar", 1, Config::default());
         lidar.firmware.phase = Phase::Spin {
@@ -320,7 +320,7 @@ mod tests {
         (lidar.firmware.state(), lidar.firmware.next_at(&lidar.uart))
     }
 
-    /// Only a head that turns is given up; one that stands is waited for.
+    /// The firmware gives up only a turning head; it waits for one that stands.
     #[test]
     fn a_head_that_turns_unevenly_is_given_up() {
         let nanosecond = Duration::from_nanos(1);
@@ -330,7 +330,7 @@ mod tests {
         assert_eq!([given_up(Some(SPIN_TIME)), given_up(None)], [waits; 2]);
     }
 
-    /// A text, then dots, one each time; after the last of them nothing more.
+    /// A text, then dots, one each time; nothing after the last of them.
     #[test]
     fn a_head_that_is_waited_for_makes_dots() {
         let mut lidar = Xv11::new("lidar", 1, Config::default());

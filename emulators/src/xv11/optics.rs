@@ -1,4 +1,4 @@
-//! How the sensor's optics are built, and the laws its readings follow.
+//! Geometry of the sensor's optics, and the laws of its readings.
 //!
 //! Figures marked (A) are from the 2.4 "hand in box" capture, (B) from the 2.1 "no shield" ones.
 
@@ -11,7 +11,7 @@ pub struct Optics {
     pub index0_deg: f64,
     /// Distance between laser beam and axis, millimetres; reports say 0 to 25.
     pub beam_offset_mm: f64,
-    /// Which way the head turns.
+    /// Direction of rotation of the head.
     pub direction: Direction,
     /// Distance between laser and camera, millimetres. Before a near object that comes into view
     /// (A) and (B) show one to three readings without a dot: the camera, ahead of the beam in
@@ -51,9 +51,8 @@ const WARNING: [(f64, f64); 9] = [
 ];
 
 /// Standard deviation of a range, millimetres, before rounding: 0.42 mm at 575 mm, growing with the
-/// power 9/4. Fit over (A), 0.08 mm at 275 mm to 0.39 mm at 575 mm once the rounding to whole
-/// millimetres is taken out, and over (B), 14.0 mm at 2721 mm and 19.6 mm at 3113 mm; extrapolated
-/// beyond.
+/// power 9/4. Fit over (A), 0.08 mm at 275 mm to 0.39 mm at 575 mm without the rounding to whole
+/// millimetres, and over (B), 14.0 mm at 2721 mm and 19.6 mm at 3113 mm; extrapolated beyond.
 pub fn range_sigma_mm(distance_mm: f64) -> f64 {
     let scaled = distance_mm * (1.0 / 575.0);
     0.42 * scaled * scaled * scaled.sqrt().sqrt()

@@ -1,4 +1,4 @@
-//! Firmware generations: what they print and how they send a turn.
+//! Firmware generations: their texts and their packets.
 
 use core::time::Duration;
 
@@ -7,8 +7,8 @@ use core::time::Duration;
 pub enum Profile {
     /// Pre-production units of 3.3 V: whole turns of 1446 bytes without a checksum.
     Fw21,
-    /// V2.4.13386: the generation of the "hand in box" capture, and the one all of whose states
-    /// are known from real bytes.
+    /// V2.4.13386: the generation of the "hand in box" capture. It is the only one whose states are
+    /// all known from real bytes.
     #[default]
     Fw24,
     /// V2.6.15295: the unit of the seed project. Packets as 2.4; its behaviour at low speed was
@@ -34,9 +34,9 @@ impl Profile {
         }
     }
 
-    /// What is printed at power-on and after a restart, prompt included. The text of 2.4 ends the
-    /// "hand in box" capture; line ends are LF CR. Of 2.1 only the three versions are known: its
-    /// serial and calibration lines are made up in the form of the other two.
+    /// Text at power-on and after a restart, prompt included. The text of 2.4 ends the "hand in
+    /// box" capture; line ends are LF CR. Of 2.1 only the three versions are known: its serial and
+    /// calibration lines are made up in the form of the other two.
     pub const fn banner(self) -> &'static str {
         match self {
             Self::Fw21 => concat!(
@@ -60,8 +60,7 @@ impl Profile {
         }
     }
 
-    /// What is printed while the device waits for its head to turn. The dots after it follow one
-    /// by one.
+    /// Text while the device waits for its head to turn. Dots follow one by one.
     pub const fn spin_text(self) -> &'static str {
         match self {
             Self::Fw21 | Self::Fw24 => "Spin...press ESC 3 times to abort",
@@ -69,8 +68,8 @@ impl Profile {
         }
     }
 
-    /// Whether the first slot of every turn is skipped: so it is in 21 of 21 turns of the 2.1
-    /// capture, and in none of 2.4.
+    /// Whether the first slot of every turn is skipped: in 21 of 21 turns of the 2.1 capture, and
+    /// in none of 2.4.
     pub(super) const fn skips_mark(self) -> bool {
         matches!(self, Self::Fw21)
     }

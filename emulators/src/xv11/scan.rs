@@ -6,9 +6,9 @@ use protocols::xv11::{RawReading, Reading};
 use super::encoder::PHASE_SLOTS;
 use crate::lidar::rotor::nanos;
 
-/// A measurement takes this long: at a (shown) speed of more than 320 rpm every second slot is
-/// skipped. The folklore of "sparse data above 320 rpm", and what the doubled tooth of the "hand
-/// in box" capture shows at 351 rpm.
+/// Duration of a measurement: at a (shown) speed of more than 320 rpm every second slot is skipped.
+/// Users report "sparse data above 320 rpm", and the doubled tooth of the "hand in box" capture
+/// shows it at 351 rpm.
 const MEASUREMENT_S: f64 = 60.0 / 320.0 / 360.0;
 
 /// A run of slots from one known edge on.
@@ -20,21 +20,21 @@ pub(super) struct Pace {
     pub(super) first: u16,
     /// Slots in the run.
     pub(super) count: u16,
-    /// Time of a slot, as the firmware believes.
+    /// Time of a slot, as the firmware assumes.
     pub(super) slot_s: f64,
-    /// Where the head is at the edge, degrees.
+    /// Angle of the head at the edge, degrees.
     pub(super) angle_deg: f64,
-    /// How fast it truly turns from there on.
+    /// True speed of the head from there on.
     pub(super) deg_per_s: f64,
 }
 
 impl Pace {
-    /// When slot `index` of the run is due.
+    /// Time of slot `index` of the run.
     pub(super) fn due(&self, index: u16) -> Instant {
         self.edge + nanos((f64::from(index) + PHASE_SLOTS) * self.slot_s)
     }
 
-    /// Where the head is at `at`, degrees.
+    /// Angle of the head at `at`, degrees.
     pub(super) fn angle_at(&self, at: Instant) -> f64 {
         self.angle_deg + self.deg_per_s * (at - self.edge).as_secs_f64()
     }
@@ -51,14 +51,14 @@ pub(super) struct Scan {
     pub(super) pace: Option<Pace>,
     /// Next slot of the pace.
     index: u16,
-    /// When the packet at hand will be full, or would be if the run were long enough: asked for far
-    /// more often than it changes.
+    /// Time at which the current packet will be full, or would be in a longer run. Stored, because
+    /// it is read far more often than it changes.
     full_at: Option<Instant>,
-    /// Readings so far of the packet at hand.
+    /// Readings of the current packet so far.
     readings: [RawReading; 4],
-    /// Whether the packet at hand was begun with its first reading.
+    /// Whether the current packet began with its first reading.
     whole: bool,
-    /// Speed word of the packet at hand: it is written when the packet is begun.
+    /// Speed word of the current packet, written at its beginning.
     word: u16,
     /// Readings still spoilt by a late tooth.
     pub(super) resync: u8,
@@ -123,13 +123,13 @@ impl Scan {
         self.index
     }
 
-    /// The next slot and when it is due; `None` when the run is over.
+    /// The next slot and its time; `None` when the run is over.
     pub(super) fn next(&self) -> Option<(u16, Instant)> {
         let pace = self.pace.filter(|pace| self.index < pace.count)?;
         Some((pace.first + self.index, pace.due(self.index)))
     }
 
-    /// When the packet at hand will be full; `None` if the run ends before.
+    /// Time at which the current packet will be full; `None` if the run ends before.
     pub(super) const fn full_at(&self) -> Option<Instant> {
         self.full_at
     }
@@ -141,7 +141,7 @@ impl Scan {
         });
     }
 
-    /// When the last slot of the run is done.
+    /// End of the last slot of the run.
     pub(super) fn end(&self) -> Option<Instant> {
         self.pace.map(|pace| pace.due(pace.count))
     }

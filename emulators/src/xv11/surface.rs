@@ -1,11 +1,11 @@
-//! What surfaces do to a beam besides reflecting a share of it: that share varies from place to
-//! place, and no wall is flat to a tenth of a millimetre.
+//! Properties of surfaces besides their mean reflectivity: the reflectivity varies from point to
+//! point, and no wall is flat to a tenth of a millimetre.
 //!
-//! Both are fixed in the world: a place looks the same in every turn. Figures from the walls of the
+//! Both are fixed in the world: a point looks the same in every turn. Figures from the walls of the
 //! "hand in box" capture, over 17 turns without the hand: the logarithm of strength times distance
-//! squared has a deviation of 0.196, neighbouring degrees are alike by 0.93, 8 degrees apart by
-//! 0.85, 20 apart by 0.63, 30 apart by 0.42; a degree is 8 to 10 mm there. What part of it is the
-//! surface and what part the angle of incidence, one box cannot tell.
+//! squared has a deviation of 0.196. Degrees correlate by 0.93 if neighbours, 0.85 if 8 degrees
+//! apart, 0.63 if 20, 0.42 if 30; a degree is 8 to 10 mm there. One box cannot separate the
+//! surface's part from that of the angle of incidence.
 
 use crate::world::Point;
 
@@ -16,7 +16,7 @@ const PATCHES: [(f64, f64); 3] = [(0.38, 0.135), (0.10, 0.06), (0.004, 0.05)];
 const ROUGH_MM: f64 = 0.38;
 const ROUGH_M: f64 = 0.006;
 
-/// What is special about a place on a surface.
+/// Properties of a point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
     /// Times the reflectivity.
@@ -26,7 +26,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// A place like all others.
+    /// A point without peculiarities.
     pub(super) const PLAIN: Self = Self {
         reflects: 1.0,
         deeper_mm: 0.0,

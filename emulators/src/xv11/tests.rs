@@ -45,7 +45,7 @@ impl Bench {
         }
     }
 
-    /// Runs to `until`, then forgets what was sent.
+    /// Runs to `until`, then forgets the sent bytes.
     fn skip_to(&mut self, until: Instant) -> &mut Self {
         self.run_to(until);
         self.chunks.clear();
@@ -174,7 +174,7 @@ fn a_square_room_is_measured_as_it_is() {
     assert!(near > 1_000, "{near}");
 }
 
-/// Section by section what a client sees: boot text, spin text, packets.
+/// A client's view of the start, section by section: boot text, spin text, packets.
 #[test]
 fn the_sensor_boots_spins_and_locks() {
     let mut bench = plain();
@@ -198,7 +198,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_gives_others() {
     assert_ne!(run(3), run(4));
 }
 
-/// A rig may poll whenever it likes: nothing but the time of the bytes depends on it.
+/// A rig may poll at any time: only the time of the bytes depends on it.
 #[test]
 fn polling_more_often_changes_no_byte() {
     let mut often = Bench::new(5, captured(), room(0.4));
@@ -366,8 +366,8 @@ fn the_seed_regulator_holds_300_rpm_with_the_hosts_drive() {
     assert!((bench.lidar.speed_rpm() - 300.0).abs() < 10.0);
 }
 
-/// 255 of 5 V turn the head at some 450 rpm, beyond the 349.09 rpm the line can carry: whole
-/// packets are dropped, and the host is told.
+/// 255 of 5 V turn the head at some 450 rpm, beyond the 349.09 rpm that the line can carry. Whole
+/// packets are dropped, and the host gets a report.
 #[test]
 fn a_host_that_drives_too_fast_is_told_so() {
     let host = Config {
@@ -546,7 +546,7 @@ fn a_restart_on_command_cuts_a_packet_after_seven_bytes() {
 }
 
 /// Strength 1.0e8 / d^2 and sigma 0.42 (d / 575)^(9/4) mm: the fits over the captures, measured
-/// again on what the device says of a wall at one metre, where they are 100 and 1.46 mm.
+/// again on the device's readings of a wall at one metre, where they are 100 and 1.46 mm.
 #[test]
 fn noise_and_strength_at_one_metre_follow_the_fit() {
     let mut bench = plain();
@@ -637,8 +637,8 @@ fn a_host_that_behaves_is_told_nothing() {
     assert_eq!(bench.lidar.state(), State::Locked);
 }
 
-/// Undocumented parameters turn and shift the picture as they say: the wall that is 1 m
-/// ahead is found 10 degrees later, and a scan that turns the other way is mirrored.
+/// Undocumented parameters turn and shift the picture as configured. The wall 1 m ahead appears 10
+/// degrees later, and a scan that turns in the other direction is mirrored.
 #[test]
 fn index_angle_and_direction_turn_the_scan() {
     let nearest = |optics: Optics| {
@@ -710,8 +710,8 @@ fn a_near_object_shadows_the_wall_before_it_and_not_behind_it() {
     assert!(blind(100..104) <= 2, "{}", blind(100..104));
 }
 
-/// Whatever is broken, mended, fed or sent at whatever time, the sensor continues: no panic, no
-/// work left over after a poll, and never more bytes than its line can carry.
+/// Any faults, repairs and inputs at any time: the sensor continues without a panic. No work is
+/// left over after a poll, and it never sends more bytes than its line can carry.
 #[test]
 fn no_sequence_of_faults_and_inputs_upsets_the_sensor() {
     for seed in 0..150 {
@@ -764,8 +764,8 @@ fn mischief(lidar: &mut Xv11, rng: &mut Rng, now: Instant) {
     }
 }
 
-/// Median of what each degree sees of a wall across the robot's way, `ahead_m` ahead of it, with
-/// the sensor mounted so; millimetres.
+/// Median of each degree's readings of a wall across, `ahead_m` ahead of the robot, with the sensor
+/// on this mount; millimetres.
 fn seen_of_a_wall(mount: Mount, ahead_m: f64) -> Vec<Option<u16>> {
     let wall = Shape::Wall {
         from: Point::new(ahead_m, -3.0),
@@ -792,10 +792,9 @@ fn seen_of_a_wall(mount: Mount, ahead_m: f64) -> Vec<Option<u16>> {
     seen.into_iter().map(median).collect()
 }
 
-/// A wall 1 m ahead of the middle of the robot: 950 mm for a sensor 5 cm ahead of it, 1 m for one
-/// 5 cm to the left. Turned by 30 degrees to the left, the sensor's angle 90 looks 30 degrees to
-/// the left of ahead, so what is straight ahead is seen at 60; at 90 the wall is 1 / cos 30 = 1.155
-/// m away.
+/// A wall 1 m ahead of the middle of the robot: 950 mm for a sensor 5 cm ahead of it, 1 m for one 5
+/// cm to the left. Turned by 30 degrees to the left, the sensor's angle 90 looks 30 degrees to the
+/// left of ahead. So straight ahead is at 60; at 90 the wall is 1 / cos 30 = 1.155 m away.
 #[test]
 fn a_mount_shifts_and_turns_what_the_sensor_sees() {
     let at = |seen: &[Option<u16>], degree: usize, mm: u16| {
@@ -833,9 +832,9 @@ fn l7_a_beam_that_meets_a_corner_is_a_double_dot_in_8_of_71_turns() {
     assert_eq!(doubles(false), 0);
 }
 
-/// T4: at 300 rpm a tooth takes 13.333 ms. The one after a doubled tooth shows the mistake; the one
-/// behind it is not even with the half time that was believed, and fifteen even ones are a turn:
-/// 17 teeth, 226.67 ms.
+/// T4: at 300 rpm a tooth takes 13.333 ms. The one after a doubled tooth shows the mistake. The
+/// next one is not even with the assumed half time, and fifteen even ones are a turn: 17 teeth,
+/// 226.67 ms.
 #[test]
 fn a_lock_takes_fifteen_even_teeth() {
     let mut bench = plain();
@@ -878,8 +877,8 @@ fn after_a_doubled_tooth_slots_are_a_tooth_ahead() {
     assert_eq!(first.index() % 6, 2);
 }
 
-/// T4: a tooth that does not come is waited for one and a half tooth times, 20 ms at 300 rpm, and
-/// what was measured last lies at most a tooth before.
+/// T4: the firmware waits for a missing tooth for one and a half tooth times, 20 ms at 300 rpm. The
+/// last measurement lies at most a tooth before.
 #[test]
 fn a_head_that_stops_is_given_up_after_20_ms() {
     let mut bench = plain();
@@ -897,7 +896,7 @@ fn a_head_that_stops_is_given_up_after_20_ms() {
     );
 }
 
-/// By its name and over the trait, as a scenario asks for it: without light there is no distance,
+/// The fault by its name and over the trait, as in a scenario: without light there is no distance,
 /// and when the fault ends there is; an unknown name does nothing.
 #[test]
 fn a_fault_is_set_and_ended_by_its_name() {
@@ -915,7 +914,7 @@ fn a_fault_is_set_and_ended_by_its_name() {
     assert!(ranges(&mut bench, "dark", false, 18_000) > 1_000);
 }
 
-/// What was measured waits at the UART, and only there, until it is taken.
+/// Measured bytes wait at the UART, and only there, until they are taken.
 #[test]
 fn bytes_are_offered_at_the_uart_until_they_are_taken() {
     let mut bench = plain();
@@ -931,8 +930,8 @@ fn bytes_are_offered_at_the_uart_until_they_are_taken() {
     assert!(!bench.lidar.may_send(Xv11::UART));
 }
 
-/// A duty of 0 switches a regulated motor off and any other on again; one of a bench's supply
-/// does not hear of it. Without power there is none, whatever the duty.
+/// A duty of 0 switches a regulated motor off and any other on again; it does not reach the motor
+/// of a bench supply. Without power there is none, whatever the duty.
 #[test]
 fn a_duty_of_0_switches_a_regulated_motor_off() {
     let powers = |supply, faults: &[Fault], duties: &[u8]| {
@@ -973,7 +972,7 @@ fn a_restart_while_it_spins_up_is_at_once() {
     assert_eq!(bench.rules(), ["restarted"]);
 }
 
-/// Something is mended that was not broken, or not all that was: nothing switches on by itself.
+/// Clearing a fault that is not set, or only some of the set ones, switches nothing on.
 #[test]
 fn only_what_was_off_is_switched_on() {
     let mut bench = plain();

@@ -1,8 +1,8 @@
 //! The sensor's transmitter: a ring of bytes behind a UART without flow control.
 //!
-//! What does not fit the ring is dropped as a whole packet, so a host sees index jumps, never torn
-//! packets. The capture shows about five packets behind the one on the line: with the motor slow,
-//! 4 to 6 packets in sequence come out of a burst before the first jump.
+//! If a packet does not fit the ring, the whole packet is dropped. So a host sees index jumps,
+//! never torn packets. The capture shows about five packets behind the one on the line: with the
+//! motor slow, 4 to 6 packets in sequence come out of a burst before the first jump.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -22,23 +22,23 @@ const UNTAKEN_MAX: usize = 1024;
 struct Packet {
     bytes: [u8; xv11::FRAME_LEN],
     len: usize,
-    /// When its first bit goes out.
+    /// Start of its first bit.
     starts: Instant,
 }
 
-/// Transmitter state. It keeps its own time, so what it drops does not depend on when the line
-/// comes for bytes.
+/// Transmitter state. It keeps its own time, so dropped packets do not depend on when the line
+/// takes bytes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Uart {
     waiting: VecDeque<Packet>,
-    /// When the last byte accepted is out.
+    /// End of the last accepted byte.
     free_at: Instant,
     out: VecDeque<u8>,
     dropped: u64,
 }
 
 impl Uart {
-    /// When a packet of `len` bytes will fit.
+    /// Time at which a packet of `len` bytes will fit.
     pub(super) fn room_at(&self, len: usize) -> Instant {
         let ahead = LINE.bytes_time(RING - len as u64);
         Instant::ZERO + (self.free_at - Instant::ZERO).saturating_sub(ahead)
@@ -68,18 +68,18 @@ impl Uart {
         self.hand_out(text.as_bytes());
     }
 
-    /// When the first `count` bytes of the last packet accepted are out.
+    /// End of the first `count` bytes of the last accepted packet.
     pub(super) fn part_out_at(&self, count: u64) -> Instant {
         let last = self.waiting.back().map(|packet| packet.starts);
         last.unwrap_or(self.free_at) + LINE.bytes_time(count)
     }
 
-    /// When [`release`](Self::release) has something to do.
+    /// Time at which [`release`](Self::release) has work.
     pub(super) fn release_at(&self) -> Option<Instant> {
         self.waiting.front().map(|packet| packet.starts)
     }
 
-    /// Hands out what goes on the line by `now`. Of a packet that would not be finished at
+    /// Moves the bytes due by `now` to the line. Of a packet that would not be finished at
     /// `power_cut` only the finished bytes go out.
     pub(super) fn release(&mut self, now: Instant, power_cut: Option<Instant>) {
         while let Some(packet) = self.waiting.front().copied() {
@@ -92,13 +92,13 @@ impl Uart {
         }
     }
 
-    /// Forgets what is not on the line yet: the processor restarts at `now`.
+    /// Discards bytes that are not on the line yet: the processor restarts at `now`.
     pub(super) fn reset(&mut self, now: Instant) {
         self.waiting.clear();
         self.free_at = now;
     }
 
-    /// The supply is gone: nothing leaves any more.
+    /// Cuts the supply: no byte leaves any more.
     pub(super) fn power_off(&mut self, now: Instant) {
         self.reset(now);
         self.out.clear();

@@ -13,7 +13,7 @@ pub enum Access {
     ReadOnly,
     /// The master sets it.
     ReadWrite,
-    /// It has no source: it keeps what was written.
+    /// No source: the register keeps the written value.
     Scratch,
 }
 
@@ -83,16 +83,17 @@ pub const MOTOR_STANDBY: u8 = 48;
 /// LED: 0 the slave decides, 1 the colour comes from the master.
 pub const LED_MODE: u8 = 49;
 
-/// Reading of the left thermometer, tenths of a degree Celsius, two bytes; ours, on a converter
-/// channel that the fielded base has free.
+/// Reading of the left thermometer, tenths of a degree Celsius, two bytes. Not in the report; on a
+/// converter channel that the fielded base has free.
 pub const HEAT_LEFT: u8 = 13;
 /// The same on the right.
 pub const HEAT_RIGHT: u8 = 17;
-/// How many rescue kits have left the magazine, which is kept over restarts; what is written is how
-/// many shall have, so that nothing is dropped twice. Ours, behind the fielded map.
+/// Number of rescue kits that have left the magazine; it survives restarts. A write sets the number
+/// to reach, so that a repeated write drops no kit twice. Not in the report; behind the fielded
+/// map.
 pub const KITS: u8 = 53;
-/// How far the base has turned by its gyroscope, hundredths of a degree, counter-clockwise, four
-/// bytes; ours, behind the kits.
+/// Turn of the base by its gyroscope, hundredths of a degree, counter-clockwise, four bytes. Not in
+/// the report; behind the kits.
 pub const YAW: u8 = 54;
 
 const fn reg(

@@ -1,4 +1,4 @@
-//! Commands: the top bit says what, the other seven how much.
+//! Commands: the top bit selects motor or steering, the other seven hold the value.
 
 use core::fmt;
 
@@ -19,10 +19,10 @@ impl Level {
     /// The least and the greatest.
     pub const RANGE: [i8; 2] = [-10, 10];
 
-    /// The level of this number.
+    /// The level with this number.
     ///
     /// # Errors
-    /// If it is not within -10 to 10.
+    /// If the number is not within -10 to 10.
     pub const fn new(level: i16) -> Result<Self, CommandError> {
         match small(level, Self::RANGE) {
             Some(level) => Ok(Self(level)),
@@ -44,10 +44,10 @@ impl Steering {
     /// The least and the greatest.
     pub const RANGE: [i8; 2] = [-50, 50];
 
-    /// The steering value of this number.
+    /// The steering value with this number.
     ///
     /// # Errors
-    /// If it is not within -50 to 50.
+    /// If the number is not within -50 to 50.
     pub const fn new(value: i16) -> Result<Self, CommandError> {
         match small(value, Self::RANGE) {
             Some(value) => Ok(Self(value)),
@@ -90,8 +90,8 @@ impl Command {
     /// Meaning of a byte.
     ///
     /// # Errors
-    /// If the level (95 to FF) or the steering value (65 to 7F) is beyond its range; the error says
-    /// by how much.
+    /// If the level (95 to FF) or the steering value (65 to 7F) is beyond its range. The error has
+    /// the number.
     pub const fn decode(byte: u8) -> Result<Self, CommandError> {
         let figure = (byte & !MOTOR) as i16;
         if byte & MOTOR == 0 {
@@ -108,7 +108,7 @@ impl Command {
     }
 }
 
-/// A figure that no command can carry, or that the board does not know.
+/// A figure that no command can carry, or that the board does not accept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum CommandError {

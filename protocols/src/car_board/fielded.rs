@@ -2,12 +2,12 @@
 
 use super::frame::{FRAME_LEN, Frame, SYNC};
 
-/// Waits for `00`, takes the next byte for the rest of the sync or starts again, then takes eleven
-/// bytes for a frame, whatever they are.
+/// Waits for `00`. If the next byte completes the sync, takes eleven bytes of any value as a frame;
+/// otherwise starts again.
 ///
-/// Defects, kept on purpose: of `00 00 0F` the second `00` is used up by the first, so the frame is
-/// lost; a sync inside a frame is as good as any other; nothing is checked. It never says that it
-/// is wrong, which is why this is no [`Decode`](crate::Decode).
+/// Defects, kept on purpose. In `00 00 0F` the first `00` uses up the second, so the frame is lost.
+/// A sync inside a frame counts like any other. No value is checked. It reports no errors, so it
+/// does not implement [`Decode`](crate::Decode).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FieldedDecoder {
     bytes: [u8; FRAME_LEN],

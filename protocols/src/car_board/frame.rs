@@ -12,7 +12,7 @@ pub const ULTRASONIC_MAX_CM: u16 = 1_100;
 /// both sides: the electronics need 6.8 V, a charged pack has 8.4 V.
 pub const BATTERY_MV: [u16; 2] = [4_000, 10_000];
 
-/// A frame with its sync; keeps every bit and judges nothing.
+/// A frame with its sync; keeps every bit and checks none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame([u8; FRAME_LEN]);
 
@@ -44,11 +44,11 @@ impl Frame {
 /// The values of all sensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Readings {
-    /// Ultrasonic range ahead; 0 means that there is nothing new.
+    /// Ultrasonic range ahead; 0 means no new measurement.
     pub front_cm: u16,
-    /// Ultrasonic range to the right; 0 means that there is nothing new.
+    /// Ultrasonic range to the right; 0 means no new measurement.
     pub right_cm: u16,
-    /// Ultrasonic range to the left; 0 means that there is nothing new.
+    /// Ultrasonic range to the left; 0 means no new measurement.
     pub left_cm: u16,
     /// 1 over a line on the floor, otherwise 0.
     pub line: u8,
@@ -59,7 +59,7 @@ pub struct Readings {
 }
 
 impl Readings {
-    /// The frame that says so.
+    /// The frame with these readings.
     pub const fn encode(&self) -> Frame {
         let ([f0, f1], [r0, r1]) = (self.front_cm.to_le_bytes(), self.right_cm.to_le_bytes());
         let ([l0, l1], [h0, h1]) = (self.left_cm.to_le_bytes(), self.hall.to_le_bytes());
@@ -69,7 +69,7 @@ impl Readings {
     }
 }
 
-/// Frames whose values the sensors can have.
+/// Format of frames with plausible sensor values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameFormat {
     /// Minimum and maximum voltage of the battery, millivolts.
@@ -89,8 +89,8 @@ impl Default for FrameFormat {
 pub type Decoder = crate::Decoder<FrameFormat, { FRAME_LEN + SYNC.len() }>;
 
 impl FrameFormat {
-    /// The first value of those that `bytes` hold that no sensor has, and where it is. In the order
-    /// in which they come, so that it is the same one however the bytes are cut.
+    /// The first implausible value in `bytes`, and its index. The values are checked in their order
+    /// on the line, so the result does not depend on how the bytes are cut.
     fn implausible(self, bytes: &[u8]) -> Option<(usize, u16)> {
         let word = |at: usize, [least, greatest]: [u16; 2]| {
             let word = u16::from_le_bytes([*bytes.get(at)?, *bytes.get(at + 1)?]);

@@ -115,8 +115,8 @@ fn a_zero_before_the_sync_costs_the_fielded_decoder_the_frame() {
     assert_eq!(fielded(&bytes).len(), 1);
 }
 
-/// A front range of 40 cm before 15 cm to the right puts a sync at offset 3. Begun in the middle of
-/// a frame, the fielded decoder stays there; ours sees that the values cannot be.
+/// A front range of 40 cm before 15 cm to the right puts a sync at offset 3. From the middle of a
+/// frame the fielded decoder stays there; ours detects the implausible values.
 #[test]
 fn a_sync_inside_a_frame_holds_the_fielded_decoder_for_ever() {
     let readings = Readings {
@@ -142,7 +142,8 @@ const TWOFOLD: Readings = Readings {
     battery_mv: 0x1C01,
 };
 
-/// Its first byte is lost. The next frame, which does not begin where the wrong one ends, tells.
+/// The frame's first byte is lost. The next frame shows the error: it does not begin at the wrong
+/// end.
 #[test]
 fn the_next_frame_tells_where_the_one_before_ended() {
     let (twofold, other) = (TWOFOLD.encode(), VECTOR_READINGS.encode());
@@ -155,7 +156,7 @@ fn the_next_frame_tells_where_the_one_before_ended() {
     assert_eq!(decode(&stream[1..]), frames[1..]);
 }
 
-/// Parked, all frames are equal, and bytes alone cannot tell; a pause can.
+/// In a parked car all frames are equal: bytes alone do not show where frames begin, a pause does.
 #[test]
 fn a_pause_tells_where_frames_begin() {
     let frame = TWOFOLD.encode();
@@ -290,7 +291,7 @@ fn damaged(frames: &[Frame], at: usize, damage: Damage) -> Vec<u8> {
 }
 
 proptest! {
-    /// Whatever happens to one byte: from the second frame behind the one it hit, all frames are
+    /// For any damage to one byte: from the second frame behind the damaged one, all frames are
     /// right, and no more frames come out than went in.
     #[test]
     fn ap1_one_damaged_byte_costs_at_most_two_frames(
@@ -382,7 +383,8 @@ impl Dice {
     }
 }
 
-/// AP1: as often as it asks for, from the second frame behind the one that was hit all are right.
+/// AP1: in the required number of streams, all frames from the second behind the damaged one are
+/// right.
 #[test]
 fn ap1_a_hundred_thousand_damaged_streams_are_read_on() {
     let mut dice = Dice(0x9E37_79B9_7F4A_7C15);
@@ -409,7 +411,7 @@ fn levels_and_steering_values_are_their_numbers() {
     }
 }
 
-/// Behind 13 bytes 00 0F must follow: the place of the first byte that is another is told.
+/// Behind 13 bytes 00 0F must follow: the error names the position of the first other byte.
 #[test]
 fn a_frame_is_refused_where_no_other_follows() {
     let frame = *Readings {

@@ -23,21 +23,21 @@ pub enum LineCommand<'a> {
     Version,
     /// `AT+NAME=xyz` or `AT+NAME:xyz`, at most 20 characters.
     Name(&'a [u8]),
-    /// `AT+NAME`: what is your name?
+    /// `AT+NAME`: asks for the name.
     AskName,
     /// `AT+PSWD="1234"`, four digits in quotes.
     Pin([u8; 4]),
-    /// `AT+PSWD`: what is your PIN?
+    /// `AT+PSWD`: asks for the PIN.
     AskPin,
     /// `AT+UART=rate,stop,parity`: stop 0 is one stop bit, 1 two; parity 0 none, 1 odd, 2 even.
     Uart(LineConfig),
-    /// `AT+UART`: what is your line coding?
+    /// `AT+UART`: asks for the line coding.
     AskUart,
-    /// `AT+ROLE`: what is your role?
+    /// `AT+ROLE`: asks for the role.
     AskRole,
-    /// `AT+ADDR`: what is your address?
+    /// `AT+ADDR`: asks for the address.
     AskAddress,
-    /// `AT+ORGL`: forget all settings.
+    /// `AT+ORGL`: restores the default settings.
     Restore,
     /// `AT+RESET`: start again.
     Reset,
@@ -93,8 +93,8 @@ impl<'a> LineCommand<'a> {
         }
     }
 
-    /// Writes the command with its line end into the front of `out`; its length, or `None` if
-    /// `out` is too small or the command holds what cannot be said.
+    /// Writes the command with its line end into the front of `out` and returns its length. `None`
+    /// if `out` is too small or an argument is not allowed.
     pub fn encode(self, out: &mut [u8]) -> Option<usize> {
         let len = match self {
             Self::Attention => put(out, &[b"AT", &LINE_END]),
@@ -130,15 +130,15 @@ pub enum LineReply<'a> {
     Uart(LineConfig),
     /// `+ROLE:0`, then `OK`.
     Role(Role),
-    /// `+ADDR:98d3:31:f0a1b2`, then `OK`; laid out as the HC-05 does it, which is a guess here.
+    /// `+ADDR:98d3:31:f0a1b2`, then `OK`; a guess, in the layout of the HC-05.
     Address([u8; 6]),
-    /// `ERROR:(0)`, as the HC-05 says it: a guess, no report has the exact text.
+    /// `ERROR:(0)`, as in the HC-05: a guess, no report has the exact text.
     Unknown,
 }
 
 impl LineReply<'_> {
-    /// Writes the reply with its line ends into the front of `out`; its length, or `None` if `out`
-    /// is too small or the reply holds what cannot be said.
+    /// Writes the reply with its line ends into the front of `out` and returns its length. `None`
+    /// if `out` is too small or a value is not allowed.
     pub fn encode(self, out: &mut [u8]) -> Option<usize> {
         const OK: &[u8] = b"\r\nOK\r\n";
         match self {

@@ -18,7 +18,7 @@ pub enum Role {
 /// Whether the status LED may light up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Led {
-    /// Dark whatever happens.
+    /// Always dark.
     Off,
     /// Shows the state of the connection.
     #[default]

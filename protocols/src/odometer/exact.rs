@@ -1,8 +1,8 @@
-//! The fielded host's way to verify a line.
+//! Verification of a line by the fielded host.
 
-/// Whether the car's own program accepts a line: five figures, the sum of the first four, added up
-/// from the left in 32 bits, exactly equal to the fifth. A line with fewer figures makes that
-/// program read beyond its list; here it is refused.
+/// Whether the car's own program accepts a line: five figures, and the sum of the first four, added
+/// up from the left in 32 bits, exactly equal to the fifth. With fewer figures that program reads
+/// beyond its list; here such a line is refused.
 pub fn passes_exact_sum(content: &[u8]) -> bool {
     let mut fields = content.split(|byte| *byte == b'*');
     let mut figures = [0.0_f32; 5];

@@ -2,11 +2,11 @@
 
 use core::fmt;
 
-/// Beyond this the Arduino gives up, because the whole part must fit 32 bits.
+/// Limit of the Arduino's output, because the whole part must fit 32 bits.
 const WHOLE_MAX: f32 = 4_294_967_040.0;
 
-/// Prints `number` as the Arduino core's `Print::print(double, digits)` does where a double has 32
-/// bits: half a unit of the last decimal is added, then decimals are cut off one by one, each step
+/// Prints `number` like the Arduino core's `Print::print(double, digits)` with a double of 32 bits.
+/// Half a unit of the last decimal is added, then decimals are cut off one by one, each step
 /// rounded to 32 bits. The result is not always the nearest decimal, and -0.001 prints as `-0.00`.
 ///
 /// # Errors

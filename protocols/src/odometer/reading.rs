@@ -10,9 +10,9 @@ const ROUNDING: f64 = 5.0 * 0.005;
 /// The figures of a verified line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// Way since the start, metres; backwards counts down.
+    /// Distance since the start, metres; backwards counts down.
     pub distance_m: f64,
-    /// Turn rate as told, rad/s, counter-clockwise. In [`Dialect::AsCoded`] 4.88 times too small.
+    /// Reported turn rate, rad/s, counter-clockwise. In [`Dialect::AsCoded`] 4.88 times too small.
     pub rate_rad_s: f64,
     /// Heading since the start, radians, counter-clockwise.
     pub yaw_rad: f64,
@@ -20,10 +20,10 @@ pub struct Reading {
     pub time_s: f64,
 }
 
-/// The figures of a line of the later sketch, which has no sum: nothing is verified but the form.
+/// The figures of a line of the later sketch. It has no sum, so only its form is verified.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Raw {
-    /// Way.
+    /// Distance since the start.
     pub distance: f64,
     /// Turn rates about x, y and z, radians a second in the published sketch.
     pub rates: [f64; 3],
@@ -37,7 +37,7 @@ impl Raw {
     /// Reads the content of a line.
     ///
     /// # Errors
-    /// If it is no such line.
+    /// If `content` is no such line.
     pub fn read(content: &[u8]) -> Result<Self, LineError> {
         let content = content.strip_prefix(b"#").ok_or(LineError::Text)?;
         let fields: [&[u8]; 10] = fields(content)?;
@@ -56,12 +56,12 @@ impl Raw {
 }
 
 impl Dialect {
-    /// Reads and verifies the content of a line. A sum of printed decimals may be off by what
-    /// rounding does to five figures and by one unit in the last place of a 32-bit time; the CRC
-    /// must hold.
+    /// Reads and verifies the content of a line. A sum of printed decimals may be off by the
+    /// rounding of five figures and by one unit in the last place of a 32-bit time; the CRC must
+    /// hold.
     ///
     /// # Errors
-    /// If it is no line of this dialect, or not as it was sent.
+    /// If the content is no line of this dialect, or is damaged.
     pub fn read(self, content: &[u8]) -> Result<Reading, LineError> {
         let fields: [&[u8]; 5] = fields(content)?;
         if self == Self::Fixed {
@@ -82,7 +82,7 @@ impl Dialect {
         };
         let expected = distance + rate * scale + yaw + time;
         let allowed = ROUNDING + last_place(expected.abs().max(time));
-        // No 32-bit float has a last place beyond its range: the time is none, then.
+        // No 32-bit float has a last place beyond its range: then the time is not valid.
         if allowed.is_nan() || (expected - found).abs() > allowed {
             return Err(LineError::Sum { expected, found });
         }
@@ -164,16 +164,16 @@ fn last_place(number: f64) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum LineError {
-    /// Words, not figures: the sketch tells that it found no sensor, or the line is empty.
+    /// Words instead of figures: the sketch found no sensor, or the line is empty.
     Text,
     /// Another number of fields, or something behind the last.
     Fields {
-        /// As counted.
+        /// Number of fields found.
         found: usize,
     },
     /// A field is no number.
     Number {
-        /// Its place.
+        /// Index of the field.
         field: usize,
     },
     /// The sum is farther off than rounding explains.

@@ -1,4 +1,4 @@
-//! Vectors by hand, the Arduino's rounding, and what the fielded host makes of it.
+//! Vectors by hand, the Arduino's rounding, and the fielded host's verification.
 
 extern crate std;
 
@@ -112,7 +112,7 @@ fn a_crc_in_small_letters_is_refused() {
     assert!(refused > 0);
 }
 
-/// What opens each run where no sensor answers, an empty line, too few fields, a bad figure, a sum
+/// The first line of a run without a sensor, an empty line, too few fields, a bad figure, a sum
 /// that is off by 0.04 where 0.025 + 1/1024 is allowed.
 #[test]
 fn lines_that_say_nothing_are_told_apart() {
@@ -163,7 +163,7 @@ fn a_line_is_waited_for_up_to_160_bytes() {
     assert_eq!(decoder.push(b"a").next(), error);
 }
 
-/// The way in metres, the heading in radians, the time in milliseconds.
+/// The distance in metres, the heading in radians, the time in milliseconds.
 #[test]
 fn a_line_as_coded_is_read_by_hand() {
     let read = Dialect::AsCoded.read(b"1.25*0.50*1.50*12345*12347.76*");
@@ -203,7 +203,7 @@ fn the_exact_sum_wants_five_figures() {
     assert!(!passes_exact_sum(b"1.00*0.50*2.25*x*7.75*"));
 }
 
-/// `#` and ten figures; nothing verifies them.
+/// `#` and ten figures, without verification.
 #[test]
 fn the_later_sketch_has_ten_figures_and_no_sum() {
     let raw = Raw::read(b"#1.25*0.01*0.02*0.50*0.10*0.20*9.81*12.00*-3.00*40.00*").unwrap();
@@ -238,7 +238,7 @@ fn chance(state: &mut u64) -> f32 {
     f32::from(high) / 65_536.0
 }
 
-/// Lines of a hundred in which a host that compares exactly believes, between two uptimes.
+/// Lines of a hundred that a host with an exact comparison accepts, between two uptimes.
 fn believed(from_s: f32, to_s: f32, measure: impl Fn(&mut u64, f32) -> [f32; 3], sum: Sum) -> f64 {
     const LINES: u32 = 20_000;
     let mut state = 13;
@@ -273,7 +273,7 @@ enum Sum {
     Right,
 }
 
-/// Whole counts of 3.351 mm at 0.22 m/s, and a heading that has drifted somewhere.
+/// Whole counts of 3.351 mm at 0.22 m/s, and a heading with some drift.
 fn straight(state: &mut u64, time_s: f32) -> [f32; 3] {
     let counts = (0.22 * time_s / 0.003_351 * chance(state)).round();
     let rate = 0.008 * (chance(state) - 0.5);
@@ -338,7 +338,7 @@ proptest! {
         }
     }
 
-    /// One byte of a line is another: the line is not read, nor is anything else made of it.
+    /// A line with one wrong byte is not read, and gives no other line.
     #[test]
     fn ap3_the_crc_finds_every_wrong_byte(
         measured in measurement(),

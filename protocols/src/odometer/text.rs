@@ -66,7 +66,7 @@ impl fmt::Write for Text {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TextFormat;
 
-/// Finds lines; what they say is for [`Dialect::read`](super::Dialect::read).
+/// Finds lines; [`Dialect::read`](super::Dialect::read) reads their content.
 pub type Decoder = crate::Decoder<TextFormat, LINE_MAX>;
 
 impl Format for TextFormat {

@@ -1,5 +1,5 @@
-//! What the robot tells the PC of itself besides pose and map. The report looks forward to it
-//! (chapter 6, "remote diagnosis") and gives no format; both messages are ours.
+//! The robot's report about itself besides pose and map. The seed report plans it (chapter 6,
+//! "remote diagnosis") and gives no format; both messages are the rig's own.
 //!
 //! | id | direction | payload |
 //! |---|---|---|
@@ -14,7 +14,7 @@ pub const DIAGNOSIS_LEN: usize = 12;
 /// Bytes of a victim.
 const VICTIM_LEN: usize = 4;
 
-/// Conditions that the operator should know, one bit each.
+/// Conditions that concern the operator, one bit each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Condition {
     /// The battery is all but empty: the robot goes home slowly.
@@ -23,9 +23,9 @@ pub enum Condition {
     BaseSilent,
     /// The lidar sends nothing.
     LidarSilent,
-    /// The robot does not know where it is.
+    /// The robot does not know its pose.
     Lost,
-    /// The robot, or what it has to reach, is not on its map.
+    /// The robot or its goal is not on its map.
     OffMap,
     /// The stop button is pressed.
     Stopped,
@@ -45,7 +45,7 @@ impl Condition {
         Self::LidarWeak,
     ];
 
-    /// As people say it.
+    /// Text for the operator.
     pub const fn text(self) -> &'static str {
         match self {
             Self::BatteryLow => "battery low",
@@ -96,21 +96,21 @@ impl Conditions {
 /// Progress of the search of the maze.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Search {
-    /// None was asked for.
+    /// No search was ordered.
     #[default]
     None,
-    /// The robot looks for what is unknown.
+    /// The robot explores unknown space.
     Seeks,
-    /// Nothing that it can reach is unknown, or its battery is low: it goes home.
+    /// No reachable space is unknown, or the battery is low: the robot goes home.
     GoesHome,
-    /// It exists.
+    /// The robot is home.
     IsHome,
 }
 
 impl Search {
     const ALL: [Self; 4] = [Self::None, Self::Seeks, Self::GoesHome, Self::IsHome];
 
-    /// As people say it.
+    /// Text for the operator.
     pub const fn text(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -132,12 +132,12 @@ pub struct Diagnosis {
     pub conditions: Conditions,
     /// The search.
     pub search: Search,
-    /// Errors so far, up to 65535, on the links to lidar (packets bad or lost), base (requests
-    /// that failed) and PC (frames bad or without meaning).
+    /// Number of errors so far, up to 65535, on the links to lidar (packets bad or lost), base
+    /// (requests that failed) and PC (frames bad or without meaning).
     pub errors: [u16; 3],
 }
 
-/// Writes the DIA frame; the number of bytes, or `None` if `frame` is too small.
+/// Writes the DIA frame and returns its length; `None` if `frame` is too small.
 pub fn encode_diagnosis(told: &Diagnosis, frame: &mut [u8]) -> Option<usize> {
     let payload = frame.get_mut(HEADER_LEN..HEADER_LEN + DIAGNOSIS_LEN)?;
     payload[..2].copy_from_slice(&told.battery_mv.to_le_bytes());
@@ -187,7 +187,7 @@ pub(super) fn victims(payload: &[u8]) -> Result<VictimList<'_>, MessageError> {
     }
 }
 
-/// Writes the VIC frame; the number of bytes, or `None` if `frame` is too small.
+/// Writes the VIC frame and returns its length; `None` if `frame` is too small.
 pub fn encode_victims(
     places: impl ExactSizeIterator<Item = [i16; 2]>,
     frame: &mut [u8],
@@ -252,7 +252,7 @@ mod tests {
         assert_eq!(encode_victims(places.into_iter(), &mut frame[..24]), None);
     }
 
-    /// Told twice a condition holds still; there are seven, one bit each from the lowest.
+    /// A condition set twice still holds; there are seven, one bit each from the lowest.
     #[test]
     fn conditions_are_bits_from_the_lowest() {
         let all = Condition::ALL;
@@ -277,7 +277,7 @@ mod tests {
         assert_eq!(conditions[5..], ["stop button", "lidar motor too weak"]);
     }
 
-    /// A state of the search that a later robot may have is none.
+    /// An unknown state of the search, perhaps of a later robot, is read as no search.
     #[test]
     fn what_is_not_known_is_left_out() {
         let told = diagnosis(&[0, 0, 0xFF, 0, 0x80, 9, 0, 0, 0, 0, 0, 0]);

@@ -6,7 +6,7 @@
 pub enum MessageError {
     /// No message has this id.
     Id([u8; 3]),
-    /// The payload is not as long as the message.
+    /// The length of the payload differs from that of the message.
     Length {
         /// Bytes that the message has (for a row: at least).
         expected: usize,

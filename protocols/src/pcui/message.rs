@@ -78,8 +78,8 @@ pub enum Mode {
     Waypoint,
     /// Driven by the PC.
     Manual,
-    /// Looks at all that it can reach, then goes home. Ours: the report promises it, and its
-    /// protocol has no number for it.
+    /// Explores all reachable space, then goes home. The report promises this mode and gives it no
+    /// number; the number is the rig's own.
     Explore,
 }
 
@@ -129,7 +129,7 @@ impl<'a> WaypointList<'a> {
         self.0.len()
     }
 
-    /// Whether there is none.
+    /// Whether the list has no waypoint.
     pub const fn is_empty(self) -> bool {
         self.0.is_empty()
     }
@@ -260,7 +260,7 @@ fn state(bytes: &[u8; 9]) -> Result<State, MessageError> {
     })
 }
 
-/// Writes the MPD frame; the number of bytes, or `None` if `frame` is too small.
+/// Writes the MPD frame and returns its length; `None` if `frame` is too small.
 pub fn encode_map_properties(map: &MapProperties, frame: &mut [u8]) -> Option<usize> {
     let mut payload = Payload::new(frame);
     payload.put(&[map.resolution_mm])?;
@@ -274,8 +274,8 @@ pub fn encode_map_properties(map: &MapProperties, frame: &mut [u8]) -> Option<us
     payload.seal(*b"MPD")
 }
 
-/// Writes a row in the shorter of the two forms, run-length if it saves anything; the number of
-/// bytes, or `None` if `frame` is too small.
+/// Writes a row in the shorter of the two forms, run-length only if that is shorter. Returns the
+/// frame's length; `None` if `frame` is too small.
 pub fn encode_row(
     layer: u8,
     y: u16,
@@ -296,8 +296,8 @@ pub fn encode_row(
     payload.seal(*b"MAP")
 }
 
-/// Writes the LWP frame; the number of bytes, or `None` if there are more than
-/// [`WAYPOINTS_MAX`] waypoints or `frame` is too small.
+/// Writes the LWP frame and returns its length; `None` if there are more than [`WAYPOINTS_MAX`]
+/// waypoints or `frame` is too small.
 pub fn encode_waypoints(
     waypoints: impl ExactSizeIterator<Item = Waypoint>,
     frame: &mut [u8],
@@ -314,7 +314,7 @@ pub fn encode_waypoints(
     payload.seal(*b"LWP")
 }
 
-/// Writes the STA frame of the PC; the number of bytes, or `None` if `frame` is too small.
+/// Writes the STA frame of the PC and returns its length; `None` if `frame` is too small.
 pub fn encode_order(order: &Order, frame: &mut [u8]) -> Option<usize> {
     let mut payload = Payload::new(frame);
     payload.put(&[order.mode as u8])?;
@@ -322,7 +322,7 @@ pub fn encode_order(order: &Order, frame: &mut [u8]) -> Option<usize> {
     payload.seal(*b"STA")
 }
 
-/// Writes the STA frame of the robot; the number of bytes, or `None` if `frame` is too small.
+/// Writes the STA frame of the robot and returns its length; `None` if `frame` is too small.
 pub fn encode_state(state: &State, frame: &mut [u8]) -> Option<usize> {
     let mut payload = Payload::new(frame);
     payload.put(&[state.mode as u8])?;
@@ -535,7 +535,7 @@ mod tests {
         assert_eq!(lens, [(0, true, 0), (1, false, 1), (2, false, 2)]);
     }
 
-    /// Modes 0 to 4; 5 is none.
+    /// Modes 0 to 4 exist; 5 does not.
     #[test]
     fn each_mode_has_its_number() {
         let modes = [

@@ -1,4 +1,4 @@
-//! Answers: a descriptor, and behind it what was asked for.
+//! Answers: a descriptor, and behind it the requested payload.
 
 use super::{ANSWER_START, CAPSULE_LEN, DESCRIPTOR_LEN, NODE_LEN, START, ULTRA_LEN};
 
@@ -38,7 +38,7 @@ pub enum Transfer {
     Stream,
 }
 
-/// Announces what follows.
+/// Announces the answer behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Descriptor([u8; DESCRIPTOR_LEN]);
 
@@ -68,8 +68,7 @@ impl Descriptor {
         Self::new(kind::ULTRA, length(ULTRA_LEN), Transfer::Stream)
     }
 
-    /// Makes it of bytes whose start was checked; `None` for the modes 2 and 3, which are not
-    /// defined.
+    /// Converts bytes with a checked start; `None` for the modes 2 and 3, which are not defined.
     pub(super) fn from_started(bytes: [u8; DESCRIPTOR_LEN]) -> Option<Self> {
         (bytes[5] & 0x80 == 0).then_some(Self(bytes))
     }
@@ -92,7 +91,7 @@ impl Descriptor {
         }
     }
 
-    /// Minimum and maximum length that a payload of this kind can have; `None`: not a known kind.
+    /// Minimum and maximum payload length of this kind; `None`: not a known kind.
     pub(super) fn lengths(self) -> Option<[u32; 2]> {
         let least = match (self.transfer(), self.kind()) {
             (Transfer::Single, kind::INFO) => 20,
@@ -123,7 +122,7 @@ fn length(bytes: usize) -> u32 {
     u32::try_from(bytes).expect("lengths of the format are below 256")
 }
 
-/// A descriptor and the payload behind it. Nothing but the length protects the payload.
+/// A descriptor and the payload behind it. Only the length protects the payload.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Answer {
     bytes: [u8; ANSWER_MAX],

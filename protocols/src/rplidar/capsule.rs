@@ -19,8 +19,8 @@ const TURN_Q11: i32 = (TURN_Q6 as i32) << 5;
 pub struct CapsuleSample {
     /// Millimetres, 14 bits; 0 is no measurement.
     pub distance_mm: u16,
-    /// How far the sample lies behind the even division of the turn, eighths of a degree, 6 bits.
-    /// LR001 calls it signed; the vendor's code takes it without sign, and so do we.
+    /// Angle of the sample behind the even division of the turn, eighths of a degree, 6 bits. LR001
+    /// calls it signed; the vendor's code and this one take it without sign.
     pub dtheta_q3: u8,
 }
 
@@ -80,7 +80,7 @@ impl Capsule {
         capsule
     }
 
-    /// Whether it is the first one of a scan: nothing before it belongs to it.
+    /// Whether the capsule is the first of a scan: earlier capsules do not belong to the scan.
     pub const fn is_first(&self) -> bool {
         self.0[3] & 0x80 != 0
     }
@@ -101,8 +101,8 @@ impl Capsule {
         samples
     }
 
-    /// The samples with their angles: `next` is the capsule behind this one, whose start angle
-    /// tells how far the head turned meanwhile. Sample k (from 0, as in the vendor's code) lies at
+    /// The samples with their angles. `next` is the capsule behind this one; its start angle gives
+    /// the rotation of the head in between. Sample k (from 0, as in the vendor's code) lies at
     /// `start + k / 32 of the way - dtheta`.
     pub fn samples(&self, next: &Self) -> [Sample; CAPSULE_SAMPLES] {
         let start = i32::from(self.start_angle_q6());

@@ -1,4 +1,4 @@
-//! Finds answers, nodes and capsules in what the sensor sends; if wished, requests as well.
+//! Finds answers, nodes and capsules in the sensor's bytes; optionally requests as well.
 
 use super::answer::{ANSWER_MAX, Answer, Descriptor, PAYLOAD_MAX, Transfer, kind};
 use super::capsule::{self, CAPSULE_LEN, Capsule};
@@ -8,10 +8,11 @@ use super::ultra::{self, ULTRA_LEN, UltraCapsule};
 use super::{ANSWER_START, DESCRIPTOR_LEN, START};
 use crate::{Candidate, Decode, Format, FrameError};
 
-/// Nodes behind a node whose check bits must hold, too, where nothing sound came right before it. A
-/// quarter of all positions in a stream look like a node; five in a row are one in a thousand.
+/// Number of nodes behind a node whose check bits must hold as well, without a valid node right
+/// before it. A quarter of all positions in a stream look like a node; five in a row are one in a
+/// thousand.
 const NODES_AHEAD: usize = 4;
-/// The same behind a sound node. The next one is checked because a lost byte shows only there.
+/// The same behind a valid node. The next node is checked because only it reveals a lost byte.
 const NODES_AHEAD_ALIGNED: usize = 1;
 
 /// Data of the sensor other than answers.
@@ -41,7 +42,7 @@ pub enum Frame {
     Capsule(Capsule),
     /// 96 samples of a scan of the kind 0x84.
     Ultra(UltraCapsule),
-    /// Request of the host; only from a decoder of [both ways](Decoder::of_both_ways).
+    /// Request of the host; only from a decoder of [both directions](Decoder::of_both_ways).
     Request(Request),
 }
 
@@ -77,9 +78,9 @@ impl Decoder {
         }))
     }
 
-    /// A decoder that finds requests, too, where no stream was announced: for a listener that does
-    /// not know which way the bytes go. Two bytes without a checksum are a request only if the
-    /// command is a known one, and a payload is at most as long as that of an answer.
+    /// A decoder that also finds requests while no stream is announced, for a listener that does
+    /// not know the direction of the bytes. Two bytes without a checksum are a request only if the
+    /// command is known. A payload is at most as long as that of an answer.
     pub const fn of_both_ways() -> Self {
         Self(crate::Decoder::with_format(Answers {
             mode: Mode::Answers,
@@ -88,8 +89,8 @@ impl Decoder {
         }))
     }
 
-    /// Says what to look for from the next pending byte on. Needed only where the descriptor was
-    /// not seen: after a reset, or when the sensor streams already.
+    /// Sets the mode from the next pending byte on. Needed only if the descriptor was not received:
+    /// after a reset, or when the sensor streams already.
     pub const fn expect(&mut self, mode: Mode) {
         self.0.format_mut().mode = mode;
     }
@@ -133,13 +134,13 @@ impl Decode for Decoder {
     }
 }
 
-/// The format, with what was announced last.
+/// The format, with the last descriptor.
 #[derive(Clone, Copy, Debug, Default)]
 struct Answers {
     mode: Mode,
     /// Whether the pending bytes begin right behind a valid frame.
     is_aligned: bool,
-    /// Whether requests are looked for.
+    /// Whether the decoder searches for requests.
     has_requests: bool,
 }
 
@@ -181,7 +182,7 @@ impl Answers {
                     return Candidate::Rejected(node::check_bits(rest));
                 }
             }
-            // No turn is shorter than the nodes looked at.
+            // No turn is shorter than the examined nodes.
             if starts > 1 {
                 let (expected, found) = (1, starts);
                 return Candidate::Rejected(FrameError::Checksum { expected, found });

@@ -84,7 +84,7 @@ impl Node {
     }
 }
 
-/// Judges the check bits of what may be a node.
+/// Judges the check bits of a possible node.
 pub(super) const fn head(bytes: &[u8]) -> Head {
     match *bytes {
         [] => Head::Unknown,

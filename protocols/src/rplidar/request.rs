@@ -1,4 +1,4 @@
-//! Requests: what the host sends.
+//! Requests of the host.
 
 use super::START;
 use crate::{Candidate, Format, FrameError};

@@ -11,7 +11,7 @@ use proptest::sample::Index;
 use super::*;
 use crate::{Decode, FrameError};
 
-/// Serial number and revision as a real sensor told them.
+/// Serial number and revision as reported by a real sensor.
 const INFO: [u8; 27] = [
     0xA5, 0x5A, 0x14, 0x00, 0x00, 0x00, 0x04, 0x18, 0x1D, 0x01, 0x07, 0x92, 0xD8, 0xED, 0x93, 0xC0,
     0xEA, 0x98, 0xC9, 0xA5, 0xE6, 0x98, 0xF2, 0x07, 0x06, 0x46, 0x69,
@@ -29,7 +29,7 @@ const SCAN: [u8; 7] = [0xA5, 0x5A, 0x05, 0x00, 0x00, 0x40, 0x81];
 const EXPRESS: [u8; 7] = [0xA5, 0x5A, 0x54, 0x00, 0x00, 0x40, 0x82];
 const ULTRA: [u8; 7] = [0xA5, 0x5A, 0x84, 0x00, 0x00, 0x40, 0x84];
 
-/// Everything that comes of `bytes` when the line is quiet afterwards.
+/// All results from `bytes` with an idle line behind them.
 fn decode(mut decoder: Decoder, bytes: &[u8]) -> (Vec<Frame>, u64) {
     let mut frames: Vec<_> = decoder.push(bytes).filter_map(Result::ok).collect();
     decoder.idle();
@@ -79,9 +79,9 @@ fn requests_are_those_of_the_document() {
     );
 }
 
-/// The size is one byte: of 300 bytes 255 are sent, with start, command, size and checksum 259. Of
-/// the checksum, 255 times 7 is 7: A5 ^ F0 ^ FF ^ 07 = AD.
-/// The same requests from their bytes; what the document does not know asks for nothing.
+/// The size is one byte: of 300 bytes 255 are sent; with start, command, size and checksum 259. Of
+/// the checksum, 255 times 7 is 7: A5 ^ F0 ^ FF ^ 07 = AD. The same requests are read from their
+/// bytes; an unknown code is no command.
 #[test]
 fn the_document_s_requests_are_read_from_their_bytes() {
     let asked = |code| Request::plain(code).command();
@@ -193,7 +193,7 @@ fn health_rate_and_conf_are_written_as_described() {
 }
 
 /// 0x63 * 128 + 0x8F / 2 = 12743 64ths = 199.1 degrees; the fifth is 208.7, the sixth 203.3 again.
-/// The document's numbers of what may be asked for, and two of none.
+/// The document's key numbers, and two unknown ones.
 #[test]
 fn keys_of_the_configuration_are_known_by_their_numbers() {
     let numbers = [0x01, 0x70, 0x71, 0x74, 0x75, 0x7C, 0x7F];
@@ -225,8 +225,8 @@ fn the_first_nodes_of_a_real_sensor_are_read_as_sent() {
     );
 }
 
-/// Where the next node should begin stands one without its check bit (!S S C is 100, not 101), and
-/// no answer: a byte was lost, and the node in front may have lost it.
+/// The next node should begin with a check bit (!S S C is 100, not 101), and no answer begins
+/// there. So a byte was lost, and the node in front may have lost it.
 #[test]
 fn a_node_is_refused_where_none_follows() {
     let no_check_bit = [0x02, 0x00, 0, 0, 0];
@@ -243,8 +243,8 @@ fn a_node_is_refused_where_none_follows() {
     assert_eq!(outcome, Some(Node::parse(FIRST_NODES[2]).map(Frame::Node)));
 }
 
-/// Behind a valid frame equal start bits are damage, which is told; where nothing sound came before
-/// they are noise. 02 begins no turn: two nodes in a row that do are damage as well.
+/// Behind a valid frame equal start bits are reported as damage; without one before they are noise.
+/// 02 begins no turn: two nodes in a row that do are damage as well.
 #[test]
 fn damage_between_nodes_is_told() {
     let first = |bytes: &[u8]| streaming(Mode::Nodes).push(bytes).next();
@@ -276,7 +276,7 @@ fn damage_between_nodes_is_told() {
     assert!(Node::parse(begins).is_ok_and(Node::starts_turn));
 }
 
-/// 7, 4 and 73 bytes are 84, as many as a capsule has; of a longer value 124 bytes are told.
+/// 7, 4 and 73 bytes are 84, as many as a capsule has; of a longer value 124 bytes are reported.
 #[test]
 fn an_answer_as_long_as_a_capsule_is_none() {
     let answer = |len: usize| {
@@ -340,7 +340,7 @@ fn a_capsule_is_laid_out_by_hand() {
     assert!(shown.starts_with("rplidar::Capsule([A9, 5E, 80, 82, A3"));
 }
 
-/// Its bit is the highest of the angle's, which it does not change.
+/// The bit of the first capsule is the highest of the angle's word and does not change the angle.
 #[test]
 fn the_first_capsule_is_told_at_any_angle() {
     let samples = [CapsuleSample::default(); CAPSULE_SAMPLES];
@@ -378,8 +378,8 @@ fn a_descriptor_with_the_wrong_length_is_reported() {
     assert_eq!(decoder.discarded(), 7);
 }
 
-/// Of each kind: the right length is waited for, one less is none. A repeating answer of a single
-/// one's kind, and the modes 2 and 3, are unknown, so only what the format holds bounds them.
+/// For each kind the decoder waits for the right length, and refuses one byte less. A repeating
+/// answer of a single one's kind, and the modes 2 and 3, are unknown; only the format bounds them.
 #[test]
 fn each_kind_of_answer_has_its_length() {
     let judged = |length: u8, mode: u8, kind: u8| {
@@ -421,8 +421,8 @@ fn replies_without_a_type_of_their_own_are_read() {
     assert_eq!(Answer::new(0x33, &[1, 2, 3, 4]).reply(), Reply::Unknown);
 }
 
-/// Nothing sound lies before it and kind 33 is unknown: what begins like a descriptor is judged as
-/// a node. The start bits of A5 are 1 and 0, as they should be; the check bit of 5A is 0.
+/// No valid frame lies before it and kind 33 is unknown, so the decoder judges the descriptor as a
+/// node. The start bits of A5 are 1 and 0, as in a node; the check bit of 5A is 0.
 #[test]
 fn an_unknown_descriptor_behind_damage_is_no_node() {
     let mut decoder = streaming(Mode::Nodes);
@@ -450,8 +450,8 @@ fn a_listener_finds_requests_and_answers() {
     assert_eq!(frames.len(), 5 + 8);
 }
 
-/// Two bytes are a request only if the command is a known one, whatever the third is; a payload has
-/// 128 bytes at most, which is what the longest answer has.
+/// Two bytes are a request only if the command is known, whatever the third is. A payload has 128
+/// bytes at most, like the longest answer.
 #[test]
 fn a_listener_takes_no_unknown_request_and_no_longer_one_than_an_answer() {
     let (frames, discarded) = decode(Decoder::of_both_ways(), &[0xA5, 0x33, 0xA5, 0x50, 0xFF]);
@@ -461,12 +461,12 @@ fn a_listener_takes_no_unknown_request_and_no_longer_one_than_an_answer() {
     let too_long = Err(FrameError::Length { max, found });
     assert_eq!(first(&[0xA5, 0x84, 129]), Some(too_long));
     assert_eq!(first(&[0xA5, 0x84, 128]), None);
-    // A decoder that expects answers takes none.
+    // A decoder that expects answers takes no request.
     let (frames, discarded) = decode(Decoder::new(), &[0xA5, 0x50]);
     assert_eq!((frames.len(), discarded), (0, 2));
 }
 
-/// Field bug 5: a foreign sensor begins its descriptors the other way round.
+/// Field bug 5: a foreign sensor begins its descriptors with the bytes swapped.
 #[test]
 fn a_foreign_descriptor_is_noise() {
     let (frames, discarded) = decode(Decoder::default(), &[0xAA, 0x55, 5, 0, 0, 0x40, 0x81]);
@@ -532,9 +532,9 @@ fn ye3_a_lost_byte_costs_at_most_ten() {
     }
 }
 
-/// A damaged check bit costs its node and the one before it, which cannot be told from a torn one;
-/// any other bit costs nothing but its own truth.
-/// What comes ahead of the first node is noise; between nodes it is damage, and is told.
+/// A damaged check bit costs its node and the one before it, which looks like a torn one. Any other
+/// damaged bit changes only its own value. Bytes ahead of the first node are noise; between nodes
+/// they are reported as damage.
 #[test]
 fn bytes_that_begin_no_node_are_noise_only_before_the_first() {
     let failures = |bytes: &[u8]| {
@@ -550,7 +550,7 @@ fn bytes_that_begin_no_node_are_noise_only_before_the_first() {
 #[test]
 fn a_damaged_bit_costs_at_most_two_nodes() {
     let nodes = nodes(20);
-    // The last nodes have too few behind them to tell where a node begins.
+    // Behind the last nodes there are too few others to find where a node begins.
     for bit in 0..15 * 40 {
         let mut bytes = [&SCAN[..], &nodes.concat()].concat();
         bytes[7 + bit / 8] ^= 1 << (bit % 8);

@@ -35,7 +35,7 @@ const SCALE: [(u32, u32, u32); 5] = [
 ];
 /// Largest coded distance: 12 bits.
 const MAJOR_MAX: u32 = 0xFFF;
-/// Differences that say "no measurement"; ours is the first of them.
+/// Differences that mean "no measurement"; this encoder uses the first of them.
 const NOTHING: [i32; 2] = [-512, 511];
 
 /// A capsule of the kind 0x84 whose sync nibbles and checksum hold. Keeps every bit.
@@ -44,10 +44,10 @@ pub struct UltraCapsule([u8; ULTRA_LEN]);
 
 impl UltraCapsule {
     /// The capsule of these distances, millimetres, 0 for no measurement; `next_mm` is the first
-    /// sample of the capsule behind it. `first` marks the first capsule of a scan, and the angle
-    /// is cut to 15 bits.
+    /// sample of the capsule behind it. `first` marks the first capsule of a scan, and the angle is
+    /// cut to 15 bits.
     ///
-    /// A sample that is too far from the sample that it is told by comes out as no measurement.
+    /// A sample too far from its reference sample comes out as no measurement.
     pub fn new(
         first: bool,
         start_angle_q6: u16,
@@ -81,7 +81,7 @@ impl UltraCapsule {
         capsule
     }
 
-    /// Whether it is the first one of a scan: nothing before it belongs to it.
+    /// Whether the capsule is the first of a scan: earlier capsules do not belong to the scan.
     pub const fn is_first(&self) -> bool {
         self.0[3] & 0x80 != 0
     }
@@ -97,7 +97,7 @@ impl UltraCapsule {
         cabins.map(|cabin| u32::from_le_bytes([cabin[0], cabin[1], cabin[2], cabin[3]]))
     }
 
-    /// The first distance of each three, millimetres: what the capsule tells by itself.
+    /// The first distance of each three, millimetres: those that need no other sample.
     pub fn majors_mm(&self) -> impl Iterator<Item = u16> + '_ {
         self.words().map(|word| whole(decoded(word & MAJOR_MAX).0))
     }
@@ -142,11 +142,11 @@ impl core::fmt::Debug for UltraCapsule {
     }
 }
 
-/// How far the head is ahead of what it sees at this distance, 2048ths of a degree.
+/// Angle by which the head is ahead of an object at this distance, 2048ths of a degree.
 ///
-/// The beam leaves 24.01 mm beside the axis and looks 8 degrees back, so that is 8 degrees less
-/// the arcsine of 24.01 mm by the distance; the vendor's decoder takes two terms of it, and 7.5
-/// degrees below 50 mm and where nothing was measured. Nearer than 172 mm it is negative.
+/// The beam leaves 24.01 mm beside the axis and looks 8 degrees back, so the angle is 8 degrees
+/// less the arcsine of 24.01 mm by the distance. The vendor's decoder takes two terms of it, and
+/// 7.5 degrees below 50 mm and without a measurement. Nearer than 172 mm the angle is negative.
 pub fn lead_q11(distance_mm: u16) -> i32 {
     let distance = u64::from(distance_mm);
     if distance < 50 {
@@ -157,15 +157,15 @@ pub fn lead_q11(distance_mm: u16) -> i32 {
     16_384 - i32::try_from(near).unwrap_or(i32::MAX / 2)
 }
 
-/// What the two differences of a cabin count from, and how coarse they are.
+/// Base and resolution of the two differences of a cabin.
 struct Bases {
     first: (u32, u32),
     second: (u32, u32),
 }
 
 impl Bases {
-    /// Of a cabin with this major, and the next one's. Without a measurement in the first the
-    /// second serves for both.
+    /// Bases of a cabin with this major, and the next one's. Without a measurement in the first,
+    /// the second serves for both.
     fn of(major: u32, next: u32) -> Self {
         let (own, second) = (decoded(major), decoded(next));
         let first = if own.0 == 0 && second.0 != 0 {
@@ -185,14 +185,14 @@ fn encoded(distance_mm: u16) -> u32 {
     (code + ((mm - from) >> bits)).min(MAJOR_MAX)
 }
 
-/// The distance of a coded value, and how many bits it is coarse by.
+/// The distance of a coded value, and the number of bits lost by its scale.
 fn decoded(major: u32) -> (u32, u32) {
     let step = SCALE.iter().find(|(_, code, _)| major >= *code);
     let &(from, code, bits) = step.expect("the last step begins at 0");
     (from + ((major - code) << bits), bits)
 }
 
-/// The ten bits that tell a distance by its difference.
+/// The ten bits that hold a distance as a difference.
 fn difference(distance_mm: u16, (base, bits): (u32, u32)) -> u32 {
     let difference = (i32::from(distance_mm) - base.cast_signed()) >> bits;
     let fits = distance_mm != 0 && (NOTHING[0] + 1..NOTHING[1]).contains(&difference);
@@ -205,7 +205,7 @@ const fn signed(bits: u32) -> i32 {
     (bits << 22).cast_signed() >> 22
 }
 
-/// The distance that a difference tells.
+/// The distance from a difference.
 fn told(difference: i32, (base, bits): (u32, u32)) -> u16 {
     if NOTHING.contains(&difference) {
         return 0;
@@ -278,8 +278,8 @@ mod tests {
         assert!((angle(60) - expected).abs() < 0.01, "{}", angle(60));
     }
 
-    /// A wall of 0.5 m before one of 12 m cannot be told by a difference of ten bits, so one
-    /// sample at each edge is lost; a first sample without measurement borrows the next one's.
+    /// A difference of ten bits cannot hold a wall of 0.5 m before one of 12 m, so one sample at
+    /// each edge is lost. A first sample without measurement borrows the next one's.
     #[test]
     fn what_a_difference_cannot_hold_is_no_measurement() {
         let mut samples = [500; ULTRA_SAMPLES];

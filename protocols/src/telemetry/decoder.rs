@@ -1,4 +1,4 @@
-//! Finds frames in the byte stream, with the defects of the fielded ends if wished.
+//! Finds frames in the byte stream, optionally with the defects of the fielded ends.
 
 use super::{ESCAPE, FLIP, Frame, PAYLOAD_MAX, START, checksum};
 use crate::{Decode, FrameError};
@@ -14,8 +14,8 @@ pub struct Defects {
     pub deaf_while_done: bool,
 }
 
-/// Finds frames in the byte stream. A start byte always begins a frame, so a damaged one costs
-/// itself and nothing more.
+/// Finds frames in the byte stream. A start byte always begins a frame, so a damaged frame costs
+/// only itself.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     defects: Defects,
@@ -61,8 +61,8 @@ impl Decoder {
         }
     }
 
-    /// Says that the owner has read the frame that came out last. Until then a decoder with
-    /// [`Defects::deaf_while_done`] discards what arrives; any other takes no notice.
+    /// Reports that the owner has read the last frame. Until then a decoder with
+    /// [`Defects::deaf_while_done`] discards arriving bytes; any other ignores this call.
     pub fn read_done(&mut self) {
         if self.state == State::Done {
             self.state = State::Hunt;
@@ -100,7 +100,7 @@ impl Decoder {
         self.push_plain(plain)
     }
 
-    /// Decodes one byte whose escape was undone.
+    /// Decodes one byte after unescaping.
     fn push_plain(&mut self, byte: u8) -> Option<Result<Frame, FrameError>> {
         match self.state {
             State::Hunt | State::Done => {}
@@ -162,8 +162,8 @@ impl Decoder {
         self.pending = 1;
     }
 
-    /// Discards the candidate; how many bytes it had. There is no start byte inside it, so nothing
-    /// in it can be a frame, unless start bytes are ignored anyway.
+    /// Discards the candidate; returns its length. It contains no start byte, so no frame begins in
+    /// it, unless start bytes are ignored anyway.
     fn give_up(&mut self) -> u32 {
         let found = core::mem::take(&mut self.pending);
         self.discarded += found as u64;
@@ -181,7 +181,7 @@ impl Default for Decoder {
 impl Decode for Decoder {
     type Frame = Frame;
 
-    /// As everywhere, but that a rejected candidate is discarded as a whole: see `give_up`.
+    /// Like every step, except that a rejected candidate is discarded as a whole: see `give_up`.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<Frame, FrameError>> {
         if let Some(error) = self.cut.take() {
             return Some(Err(error));

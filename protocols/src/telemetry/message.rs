@@ -1,14 +1,13 @@
-//! What robot and PC tell each other in the payload of a frame: messages of protocol buffers,
-//! version 2.
+//! Payloads of frames between robot and PC: messages of protocol buffers, version 2.
 //!
 //! ```text
 //! Telemetry    robot -> PC   each 200 ms: time, state, odometry, IR; scan or lines if asked for
 //! Telecommand  PC -> robot   state, speeds, poses, requests
 //! ```
 //!
-//! Unknown fields are skipped, those that are missing keep their defaults. Numbers of
-//! fields and values: published code of the robot yellow, `.proto` files; the schema is our own.
-//! The robot's buffer bounds a message: see [`PAYLOAD_MAX`](super::PAYLOAD_MAX).
+//! Unknown fields are skipped, missing ones keep their defaults. Numbers of fields and values:
+//! published code of the robot yellow, `.proto` files; the schema is the rig's own. The robot's
+//! buffer bounds a message: see [`PAYLOAD_MAX`](super::PAYLOAD_MAX).
 
 mod fields;
 mod telecommand;
@@ -26,9 +25,9 @@ pub use telecommand::{LinesRequest, Reactive, Telecommand, Velocities};
 
 /// Maximum number of points of a scan: one a degree.
 pub const POINTS_MAX: usize = 360;
-/// Maximum number of lines that the robot tells.
+/// Maximum number of lines in a message of the robot.
 pub const LINES_MAX: usize = 20;
-/// Most IR sensors of a message.
+/// Maximum number of IR sensors in a message.
 pub const INFRARED_MAX: usize = 6;
 /// Maximum number of values of a covariance.
 const COVARIANCE_MAX: usize = 9;
@@ -37,8 +36,8 @@ const COVARIANCE_MAX: usize = 9;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum State {
-    /// Motors off; also told while the drivers are switched on or off, and when they are on and
-    /// nothing is to be done.
+    /// Motors off. The robot also reports it while the drivers are switched on or off, and while
+    /// they are on without an order.
     #[default]
     Off = 1,
     /// Speeds of the PC.
@@ -102,13 +101,13 @@ pub struct Odometry {
 pub struct LidarPoint {
     /// Degrees, counter-clockwise from ahead.
     pub angle_deg: i32,
-    /// Millimetres; 10,000 where nothing was measured.
+    /// Millimetres; 10,000 without a measurement.
     pub distance_mm: i32,
-    /// As the lidar gives it.
+    /// Quality from the lidar.
     pub quality: i32,
 }
 
-/// A scan, thinned out as it was asked for.
+/// A scan, thinned out as requested.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lidar {
     /// Milliseconds since the robot's start.
@@ -129,7 +128,7 @@ pub struct Line {
 /// Readings of the IR sensors.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Infrared {
-    /// Milliseconds since the robot's start, if told.
+    /// Milliseconds since the robot's start, if reported.
     pub timestamp_ms: Option<u32>,
     /// Metres: ahead, right front, left front.
     pub distances_m: Vec<f32, INFRARED_MAX>,
@@ -144,9 +143,9 @@ pub struct Telemetry {
     pub state: Option<State>,
     /// Estimated pose.
     pub odometry: Option<Odometry>,
-    /// The scan, if one was asked for.
+    /// The scan, if one was requested.
     pub lidar: Option<Lidar>,
-    /// The lines, if they were asked for.
+    /// The lines, if requested.
     pub lines: Option<Vec<Line, LINES_MAX>>,
     /// The IR sensors.
     pub infrared: Option<Infrared>,
@@ -209,7 +208,7 @@ impl Telemetry {
     /// Decodes the message in `payload`.
     ///
     /// # Errors
-    /// If it is none.
+    /// If the payload is no such message.
     pub fn decode(payload: &[u8]) -> Result<Self, MessageError> {
         fields::decode(payload)
     }

@@ -138,7 +138,7 @@ fn a_lost_byte_costs_two_frames_only_with_the_defect() {
     assert_eq!(payloads(&mut fielded, &stream), [[7]]);
 }
 
-/// Defect 3: what arrives while a frame waits is gone.
+/// Defect 3: bytes that arrive while a frame waits are lost.
 #[test]
 fn bytes_behind_an_unread_frame_are_lost_only_with_the_defect() {
     let twice = [&PLAIN[..], &PLAIN].concat();
@@ -223,8 +223,8 @@ proptest! {
         prop_assert_eq!(payloads(&mut Decoder::default(), &frame), [payload]);
     }
 
-    /// YE1: one damaged byte costs its frame; the one behind it is decoded, unless the damage made
-    /// a new start byte. A sum cannot see what adds up to the same, but one flipped byte does not.
+    /// YE1: one damaged byte costs its frame. The next frame is decoded, unless the damage made a
+    /// new start byte. A sum misses damage with an equal sum, but one flipped byte changes the sum.
     #[test]
     fn ye1_one_damaged_byte_costs_one_frame(
         payload in bytes(byte(), 1..60),

@@ -78,7 +78,7 @@ const KEYS: [&str; 26] = [
     "direction",
 ];
 
-/// A few keys with their values; what is sound is a fault, the rest only must not panic.
+/// A few keys with their values. Valid ones make a fault; the others only must not panic.
 fn fault() -> impl Strategy<Value = String> {
     let kind = proptest::sample::select(FaultKind::ALL.to_vec());
     let key = proptest::sample::select(KEYS.to_vec());
@@ -118,7 +118,7 @@ proptest! {
         prop_assert_eq!(again.got, seen.got);
     }
 
-    /// What people asked of a rig that runs, at any time.
+    /// Requests by people to a running rig, at any time.
     #[test]
     fn anything_asked_of_a_running_rig_is_answered(texts in vec(fault(), 1..8)) {
         let mut run = crate::start(in_a_room("1s", ""));
@@ -138,7 +138,8 @@ proptest! {
         prop_assert_eq!(again.trace_hash, outcome.trace_hash);
     }
 
-    /// A shipped scenario, damaged anywhere, is a scenario or an error, and what it wires to runs.
+    /// A shipped scenario, damaged anywhere, is a scenario or an error; a scenario that wires up
+    /// runs.
     #[test]
     fn a_damaged_scenario_is_an_error_or_runs(
         places in vec((any::<proptest::sample::Index>(), any::<u8>()), 1..4),

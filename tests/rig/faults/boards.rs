@@ -1,6 +1,6 @@
 //! Faults of the motor board and of the RPLIDAR through a scenario's schedule, each name that the
-//! devices know: seen in what the device sends from the third second to the fourth, before that
-//! not, and in no other device.
+//! devices know. Each shows in the device's bytes from the third second to the fourth, not before
+//! that, and in no other device.
 
 use core::time::Duration;
 use std::io::{Read as _, Write as _};
@@ -21,7 +21,7 @@ const WINDOWS: usize = 90;
 const BEGINS: usize = 30;
 const ENDS: usize = 40;
 
-/// What the client asks of the lidar, by the window: scan; stop, info, health, the typical mode,
+/// The client's requests to the lidar, by the window: scan; stop, info, health, the typical mode,
 /// the desired speed, scan; reset, scan.
 const ASKED: [(usize, &[u8]); 9] = [
     (10, &[0xA5, 0x20]),
@@ -35,7 +35,7 @@ const ASKED: [(usize, &[u8]); 9] = [
     (60, &[0xA5, 0x20]),
 ];
 
-/// What came in each window.
+/// Bytes received in each window.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Seen {
     board: Vec<Vec<u8>>,
@@ -60,7 +60,7 @@ fn observe(faults: &str) -> Seen {
     let (mut board, mut lidar) = (open("board"), open("lidar"));
     let mut motor = open("lidar-motor");
     motor.write_all(&[153]).expect("room");
-    // The right motor is mounted the other way round: alike, they turn the robot.
+    // The right motor is mounted mirrored: equal duties turn the robot.
     let turns = Outputs {
         duty: [6_000, 6_000],
         channel: 0,
@@ -102,7 +102,7 @@ impl Seen {
         decoder.push(&bytes).flatten().collect()
     }
 
-    /// What a counter gained.
+    /// Counts gained by a counter.
     fn gained(&self, side: usize, from: usize, until: usize) -> i32 {
         let samples = self.samples(from, until);
         let count = |at: usize| samples[at].counters[side];
@@ -119,7 +119,7 @@ impl Seen {
     }
 }
 
-/// A figure if one is needed, whether the motion of the robot stays what it was, and what holds.
+/// The figure if one is needed, whether the robot's motion stays the same, and the condition.
 type BoardRow = (Option<f64>, bool, fn(&Seen, &Seen) -> bool);
 
 /// At 2.4 V a wheel turns 96 rpm, 1920 counts a second.
@@ -197,8 +197,8 @@ fn nodes(seen: &Seen, from: usize, until: usize) -> Vec<Node> {
     nodes.collect()
 }
 
-/// 2000 nodes a second. After the reset and another start everything is as it was: a fault that is
-/// over leaves nothing behind.
+/// 2000 nodes a second. After the reset and another start the state is as before: a finished fault
+/// has no lasting effect.
 #[test]
 fn each_fault_of_an_rplidar_is_seen_in_its_stream() {
     let plain = observe("");

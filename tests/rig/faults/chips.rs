@@ -29,7 +29,7 @@ fn bench(device: &str, fault: Option<(&str, &str)>) -> Bench {
     Bench::new(scenario, &source).expect("can be wired")
 }
 
-/// One transaction; what is answered, nothing from a chip that does not acknowledge.
+/// Makes one transaction and returns the answer; `None` from a chip that does not acknowledge.
 fn transact(bus: &mut VirtualPort, message: &[u8], answer: usize) -> Option<Vec<u8>> {
     bus.write_all(message).expect("room");
     bus.flush().expect("sent");
@@ -58,8 +58,8 @@ fn range_cm(bench: &Bench, bus: &mut VirtualPort) -> Option<u16> {
 
 const RANGER: &str = "[device.ranger.srf08]\naddress = 0xE2\nnoise_m = 0\n";
 
-/// A wall of 1 m is 100 cm. Half a metre more, no echo, no answer; what is stuck was heard
-/// before.
+/// A wall of 1 m is 100 cm. The faults give half a metre more, no echo or no answer; a stuck ranger
+/// repeats its last echo.
 #[test]
 fn a_ranger_by_itself_tells_100_cm_and_its_faults_something_else() {
     let rows = [
@@ -82,7 +82,8 @@ fn a_ranger_by_itself_tells_100_cm_and_its_faults_something_else() {
 const GYRO: &str = "[device.gyro.mpu6050]\ngyro_bias_dps = [0, 0, 1.0]\n";
 
 /// Identity 68. At rest the turn rate is the bias of 1 degree a second, at a range of 2000 with
-/// 16.4 counts a degree; what sleeps after a dip shows nothing; a clone has another name.
+/// 16.4 counts a degree. A chip asleep after a power dip shows nothing; a clone has another
+/// identity.
 #[test]
 fn a_gyroscope_by_itself_has_its_name_and_its_bias() {
     let ask = |bus: &mut VirtualPort| {

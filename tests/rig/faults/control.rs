@@ -1,4 +1,4 @@
-//! What a request comes to, without any socket.
+//! The result of a request, without any socket.
 
 use hilrig::realtime::control::obey;
 use hilrig::run::Run;
@@ -11,7 +11,7 @@ fn said(run: &mut Run, request: &str) -> String {
     obey(run, request.as_bytes(), Instant::from_millis(1500)).line()
 }
 
-/// `asked` is what the clock said, `applied` where the virtual time was.
+/// `asked` is the time of the clock, `applied` the virtual time.
 #[test]
 fn a_request_is_answered_with_what_came_of_it() {
     let mut run = start(in_a_room("60s", ""));
@@ -23,7 +23,7 @@ fn a_request_is_answered_with_what_came_of_it() {
     insta::assert_snapshot!(said(&mut run, r#"{"do":"end","id":0}"#), @r#"{"ok":false,"key":"id","message":"fault 0 is over already"}"#);
 }
 
-/// Bad requests change nothing, and the answer says what was expected.
+/// Bad requests change nothing, and the answer names the expected value.
 #[test]
 fn a_request_that_makes_no_sense_is_told_what_was_expected() {
     let mut run = start(in_a_room("60s", ""));
@@ -42,7 +42,7 @@ fn a_request_that_makes_no_sense_is_told_what_was_expected() {
 }
 
 /// A person walks at 0.5 m/s into the robot that stands, 0.31 m centre to centre on contact, 0.59 m
-/// from the start of the walk: both speeds are reported, and it is not the robot's fault.
+/// from the start of the walk. Both speeds are reported, and the contact is not the robot's fault.
 #[test]
 fn who_ran_into_whom_is_told() {
     let person = "[[world.moving]]\npath_m = [[0.6, 1.2], [1.3, 1.2]]\nspeed_m_s = 0.5\n\

@@ -1,6 +1,6 @@
-//! Faults of devices, seen in what the devices send. No program is at the other end: the head of
-//! the lidar is turned by the rig, and the base and the radio get the same requests at the same
-//! times, whatever they answer.
+//! Faults of devices, observed in the devices' bytes. No program is at the other end: the rig turns
+//! the head of the lidar, and the base and the radio get the same requests at the same times,
+//! whatever they answer.
 
 use core::cell::RefCell;
 use core::time::Duration;
@@ -18,10 +18,10 @@ use protocols::{Decode, Instant};
 
 use crate::in_a_room;
 
-/// What came on one link to the master: when, which bytes.
+/// Bytes that one link delivered to the master, with their times.
 type Stream = Vec<(Instant, Vec<u8>)>;
 
-/// What all devices sent.
+/// Bytes sent by all devices.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Seen {
     /// Lidar, motor, base, radio, pc.
@@ -47,7 +47,7 @@ impl Seen {
         self.bytes(link, from, until).is_empty()
     }
 
-    /// Packets of the lidar, and bytes that belong to none.
+    /// Packets of the lidar, and the number of bytes outside all packets.
     fn packets(&self, from: u64, until: u64) -> (Vec<Frame>, u64) {
         let mut decoder = xv11::Decoder::default();
         let bytes = self.bytes(LIDAR, from, until);
@@ -62,7 +62,7 @@ impl Seen {
         decoder.push(&bytes).filter_map(Result::ok).collect()
     }
 
-    /// The left encoder's count as the base told it last before `until`, ms.
+    /// The left encoder's last count from the base before `until`, ms.
     fn left_count(&self, until: u64) -> i32 {
         let answers = self.answers(0, until);
         let count = answers
@@ -72,8 +72,8 @@ impl Seen {
         i32::from_le_bytes(*data.first_chunk().expect("four bytes"))
     }
 
-    /// The battery as the base told it last before `until`: the fielded firmware tells the high
-    /// byte of the millivolts only.
+    /// The last battery value from the base before `until`: the fielded firmware reports only the
+    /// high byte of the millivolts.
     fn battery(&self, until: u64) -> u8 {
         let answers = self.answers(0, until);
         let told = answers
@@ -127,7 +127,7 @@ fn observe(scenario: Scenario) -> Seen {
             let pause = Instant::from_millis(100 * tenth) + Duration::from_millis(10);
             run.go_on_until(run.rig.now().max(pause) + Duration::from_millis(10));
         }
-        // The module takes for one command what comes without a pause of a second.
+        // The module takes bytes without a pause of a second for one command.
         if tenth % 15 == 0 {
             run.rig.inject(radio, b"AT");
         }
@@ -160,7 +160,7 @@ fn fault(kind: FaultKind, keys: &str, when: &str) -> Seen {
     ))
 }
 
-/// Keys besides device and time, and what holds of what is seen, given what is seen without.
+/// Keys besides device and time, and the condition on the bytes with and without the fault.
 type Row = (&'static str, fn(&Seen, &Seen));
 
 /// A kind without a row does not compile; `None`: it acts on lines, see `kinds`.
@@ -184,7 +184,7 @@ fn row(kind: FaultKind) -> Option<Row> {
     })
 }
 
-/// Nothing but what was on its way. Afterwards the lidar boots: its text comes again.
+/// No bytes except those in flight. Afterwards the lidar boots and repeats its text.
 fn the_lidar_is_silent(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.bytes(LIDAR, 0, 4_000), plain.bytes(LIDAR, 0, 4_000));
     assert!(plain.bytes(LIDAR, 4_010, 6_000).len() > 10_000);
@@ -225,7 +225,7 @@ fn the_lidar_says_hello_once_more(seen: &Seen, plain: &Seen) {
     assert!(!greets(&seen.bytes(LIDAR, 5_000, 10_000)));
 }
 
-/// The head turns on for a while; then the sensor measures nothing any more.
+/// The head runs down; then the sensor measures nothing any more.
 fn the_head_stands_still(seen: &Seen, plain: &Seen) {
     let ranges = |seen: &Seen| ranges(&seen.packets(5_000, 6_000).0).len();
     assert!(ranges(plain) > 1_000);
@@ -326,8 +326,8 @@ fn each_fault_of_a_device_is_seen_in_what_it_sends_and_in_nothing_else() {
     FaultKind::ALL.iter().for_each(|&kind| check(kind, &plain));
 }
 
-/// Encoders that are stuck count nothing for two seconds, though the robot drives; wired the wrong
-/// way round they count down. The battery that runs low has 9900 mV, 26AC hex.
+/// Stuck encoders count nothing for two seconds, although the robot drives; with swapped wires they
+/// count down. The low battery has 9900 mV, 26AC hex.
 #[test]
 fn the_base_believes_its_encoders_and_its_battery() {
     let gained = |seen: &Seen, from, until| seen.left_count(until) - seen.left_count(from);
@@ -347,8 +347,8 @@ fn the_base_believes_its_encoders_and_its_battery() {
     assert_eq!(low.battery(9_900), plain.battery(9_900));
 }
 
-/// What two faults do to a device at a time ends with the second: off from 4 to 6 s and from 5 to
-/// 7 s is off from 4 to 7 s.
+/// The effect of two simultaneous faults on a device ends with the second: off from 4 to 6 s and
+/// from 5 to 7 s is off from 4 to 7 s.
 #[test]
 fn a_device_is_off_until_the_last_reason_is_gone() {
     let off = "[[fault]]\nkind = \"off\"\ndevice = \"lidar\"\n";

@@ -1,4 +1,4 @@
-//! Each kind of fault of a line, seen on the wire: where, how often, and nowhere else.
+//! Each kind of fault of a line, observed on the wire: where, how often, and nowhere else.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use super::wire::{SENT, Seen, one, run, run_each};
 
-/// One kind, its keys, and what they come to.
+/// One kind, its keys, and its expected effect.
 struct Row {
     /// Keys of a fault that strikes.
     keys: &'static str,
@@ -19,7 +19,7 @@ struct Row {
 enum Sees {
     /// This arrives, written down by hand.
     Text(&'static str),
-    /// Of what arrives, given what arrives without the fault, this holds.
+    /// This condition holds for the received bytes with and without the fault.
     That(fn(&Seen, &Seen)),
 }
 
@@ -30,7 +30,7 @@ const SHORT: &str = "from = \"10300us\"\nuntil = \"10500us\"";
 /// Bytes 3 to 6 arrive in it; byte 2 as it begins.
 const LONG: &str = "from = \"10300us\"\nuntil = \"10800us\"";
 
-/// What is told to a fault so that it never comes.
+/// Keys that keep a fault from ever striking.
 fn never(kind: FaultKind, keys: &str) -> String {
     if kind.is_strike() {
         let needed: Vec<&str> = keys.lines().filter(|key| key.starts_with("by ")).collect();
@@ -85,7 +85,7 @@ fn row(kind: FaultKind) -> Option<Row> {
     })
 }
 
-/// Damage to byte 3 and what follows it.
+/// Damage to byte 3 and the bytes behind it.
 fn bytes(kind: FaultKind) -> Row {
     use FaultKind as K;
     match kind {
@@ -150,7 +150,7 @@ fn timing(kind: FaultKind) -> Row {
     }
 }
 
-/// What comes at the same time is told in the order of lines: first what the first line sent.
+/// Simultaneous deliveries are reported in the order of lines: the first line's first.
 fn the_sender_hears_itself(seen: &Seen, _: &Seen) {
     assert_eq!(seen.line(0), PLAIN);
     let heard = "1:00 1:20 2:0d 2:2d 3:11 3:31 4:13 4:33 5:81 5:a1 6:05 6:25 7:06 7:26 8:07 8:27 \
@@ -158,7 +158,7 @@ fn the_sender_hears_itself(seen: &Seen, _: &Seen) {
     assert_eq!(seen.line(1), heard);
 }
 
-/// The wires carry what they did; the receivers differ.
+/// The lines carry the same bytes; the receivers differ.
 fn receivers_change_places(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.lines, plain.lines);
     assert_eq!(
@@ -188,14 +188,14 @@ fn half_the_rate(_: &Seen, _: &Seen) {
     assert_eq!(seen.line(2), "1:02 2:02 3:02 4:02");
 }
 
-/// When each byte of the first line came, in byte times.
+/// Arrival of each byte of the first line, in byte times.
 fn times(seen: &Seen) -> Vec<f64> {
     let parts = seen.lines[0].iter();
     let time = |part: &String| part.split(':').next().expect("a time").parse();
     parts.map(|part| time(part).expect("a number")).collect()
 }
 
-/// All bytes come, in order, none early, none later than 20 byte times; and some come together
+/// All bytes arrive, in order, none early, none later than 20 byte times. Some arrive together,
 /// because one before them was late.
 fn late_by_chance(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.got, plain.got);
@@ -210,7 +210,8 @@ fn late_by_chance(seen: &Seen, plain: &Seen) {
     assert!(times.windows(2).any(|pair| pair[0] == pair[1]), "{times:?}");
 }
 
-/// The case says when the line was clogged. A byte that came then is there at its end.
+/// The case has the times at which the line was clogged. A byte from such a time arrives at its
+/// end.
 fn held_back_in_the_spells_of_the_case(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.got, plain.got);
     let spells: Vec<[f64; 2]> = seen.case.fault.iter().map(spell).collect();
@@ -260,7 +261,7 @@ fn check(kind: FaultKind) {
     assert_again(&seen, row.piece);
 }
 
-/// The saved case does the same, and is its own case.
+/// The saved case repeats the run, and saves itself unchanged.
 fn assert_again(seen: &Seen, piece: usize) {
     let parsed = Scenario::parse(Path::new("case.toml"), seen.case.to_toml());
     let again = run(parsed.expect("sound").0, &SENT, piece);
@@ -268,9 +269,9 @@ fn assert_again(seen: &Seen, piece: usize) {
     assert_eq!(again.case.fault, seen.case.fault);
 }
 
-/// At stake: that a fault does what its name says, no more, and nowhere else. Each kind is seen
-/// where it strikes and as often as it should; one that never comes leaves the wire alone; a second
-/// run agrees, and so does the saved case; three other lines carry what they always do.
+/// At stake: that a fault does what its name says, no more, and nowhere else. Each kind shows at
+/// its target and as often as it should. A fault that never strikes leaves the wire alone. A second
+/// run agrees, and so does the saved case; three other lines carry their usual bytes.
 #[test]
 fn each_kind_of_fault_is_seen_where_it_strikes_and_nowhere_else() {
     FaultKind::ALL.iter().copied().for_each(check);
@@ -300,8 +301,8 @@ fn random_flips_are_where_the_case_says_they_were() {
     assert!((150..=250).contains(&named.len()), "{}", named.len());
 }
 
-/// Each kind of damage by chance, all bytes struck half the time: two runs agree, and the case that
-/// names the bytes does the same again.
+/// Each kind of random damage, on half of all bytes. Two runs agree, and the case that names the
+/// bytes repeats the damage.
 #[test]
 fn damage_by_chance_comes_again_as_it_came() {
     for kind in FaultKind::ALL.iter().filter(|kind| kind.is_strike()) {

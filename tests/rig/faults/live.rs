@@ -50,8 +50,8 @@ fn a_fault_added_to_a_running_rig_acts_from_now_on_until_withdrawn() {
     assert_eq!(window.until, Instant::from_nanos(13_000_000_001));
 }
 
-/// A person who plays with faults leaves a case that needs no person: the same bytes, and the same
-/// faults, in virtual time.
+/// Faults added by a person leave a case that needs no person: the same bytes and the same faults,
+/// in virtual time.
 #[test]
 fn a_case_with_faults_added_by_hand_runs_again_as_it_ran() {
     let mut run = start(in_a_room("20s", DRIVES));
@@ -72,8 +72,8 @@ fn a_case_with_faults_added_by_hand_runs_again_as_it_ran() {
     assert_eq!(again.case.fault, outcome.case.fault);
 }
 
-/// By hand: the lidar's line has 22 bytes a packet and has sent none of byte 100,000 within 10 s
-/// (some 9,900 bytes a second), so the flip is still to come and still in the case.
+/// By hand: the lidar's line has 22 bytes a packet and some 9,900 bytes a second. Within 10 s it
+/// has not sent byte 100,000, so the flip is still planned and stays in the case.
 #[test]
 fn damage_that_is_still_to_come_stays_in_the_case() {
     let mut run = start(in_a_room("10s", DRIVES));

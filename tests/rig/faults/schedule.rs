@@ -1,4 +1,4 @@
-//! When faults come and go: triggers, spells, counts, budget, phases.
+//! Times of faults: triggers, spells, counts, budget, phases.
 
 use std::path::Path;
 
@@ -15,8 +15,8 @@ fn lost(keys: &str) -> String {
     run(one("cut", keys), &SENT, 1).line(0)
 }
 
-/// Byte 3 leaves at 10.3 ms; what leaves then and one byte time later is lost. The case knows when
-/// that was and waits for nothing.
+/// Byte 3 leaves at 10.3 ms; bytes that leave within 200 us from then are lost. The saved case has
+/// that time and waits for no byte.
 #[test]
 fn a_fault_begins_with_the_byte_that_it_waits_for() {
     let seen = run(one("cut", "at_byte = 3\nlasting = \"200us\""), &SENT, 1);
@@ -53,8 +53,9 @@ fn on_both(budget: &str) -> [Vec<u8>; 2] {
     [a, b]
 }
 
-/// Two lines that would lose all lose three bytes together: the first of both, and the second of
-/// the line that comes first. All of it is one moment, in which there may be one strike.
+/// Two lines that would lose all bytes lose three together: the first of both, and the second of
+/// the first line. With `at_once = 1` all of
+/// that is one moment, which allows one strike.
 #[test]
 fn a_budget_bounds_the_damage_of_all_lines_together() {
     let [a, b] = on_both("total = 3");
@@ -64,8 +65,8 @@ fn a_budget_bounds_the_damage_of_all_lines_together() {
     assert_eq!((a.len(), b.len()), (9, 10));
 }
 
-/// The adversity is from 10.3 to 10.5 ms: bytes 3 and 4. What says itself when it comes is asked
-/// for, and comes; chance never does outside.
+/// The adversity is from 10.3 to 10.5 ms: bytes 3 and 4. A fault with a byte or a time of its own
+/// strikes outside as well; a random one never does.
 #[test]
 fn chance_strikes_in_the_adversity_only() {
     let phases = "[phases]\nwarm_up = \"10300us\"\nadversity = \"200us\"\nrecovery = \"1ms\"\n\
@@ -90,8 +91,8 @@ const PHASES: &str = "[phases]\nwarm_up = \"8s\"\nadversity = \"3s\"\nrecovery =
                       judgement = \"2s\"\n";
 const CUT: &str = "[[fault]]\nkind = \"cut\"\nlink = \"base\"\ndirection = \"to-master\"\n";
 
-/// The bus is cut in the adversity, which is when a fault comes that does not say when. The robot
-/// is at work again when it must be.
+/// The bus is cut in the adversity, the default time of a fault. The robot is at work again in the
+/// judgement.
 #[test]
 fn a_robot_that_recovers_is_at_work_in_the_judgement() {
     let outcome = run_to_end(in_a_room("20s", &format!("{DRIVES}{PHASES}{CUT}")));
@@ -112,7 +113,7 @@ fn a_robot_that_recovers_is_at_work_in_the_judgement() {
     assert_eq!(again.fault, outcome.case.fault);
 }
 
-/// The mutant: a bus that stays cut, because the fault says so.
+/// The mutant: a bus that stays cut, because the fault has no end.
 #[test]
 fn a_robot_that_does_not_recover_is_named_by_its_silent_line() {
     let late = "from = \"8s\"\nuntil = \"20s\"\n";
@@ -136,8 +137,8 @@ fn begins(when: &str) -> (Run, Instant) {
     (run, window.from)
 }
 
-/// Register 46 is the set-point of the left wheel, and the robot stands for the first seconds. Of
-/// two runs that are the same until then, the one without the fault tells when it first moved: the
+/// Register 46 is the set-point of the left wheel, and the robot stands for the first seconds. Two
+/// runs are equal until then. The one without the fault shows when the wheel first moved: the
 /// condition is checked every 10 ms.
 #[test]
 fn a_fault_begins_when_a_register_says_so() {
@@ -167,7 +168,7 @@ fn a_fault_begins_where_the_robot_is() {
     assert!(far(&run) <= 0.1, "{}", far(&run));
 }
 
-/// Keys that do not go together are an error that names file, line, key and what was expected.
+/// Keys that exclude each other are an error that names file, line, key and the expected value.
 #[test]
 fn keys_that_mean_nothing_together_are_refused() {
     let refused = |keys: &str| {

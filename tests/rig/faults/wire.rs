@@ -1,5 +1,5 @@
-//! A bench of two links between ends that are served from outside. What is put in does not depend
-//! on what comes out, so each line shows what befell it and nothing else.
+//! A bench of two links between ends that the test serves. The input does not depend on the output,
+//! so each line shows its own faults and nothing else.
 
 use core::cell::RefCell;
 use core::time::Duration;
@@ -18,15 +18,15 @@ use crate::in_a_room;
 
 /// A byte takes 100 us.
 pub(super) const LINE: LineConfig = LineConfig::new_8n1(100_000);
-/// Each line is given this at 10 ms, the second one with 20 hex added to each byte, and so on.
+/// Bytes that each line gets at 10 ms, the second line with 20 hex added to each byte, and so on.
 pub(super) const SENT: [u8; 10] = [0x00, 0x0D, 0x11, 0x13, 0x81, 5, 6, 7, 8, 9];
 
-/// What went over the four lines: `a` to its master and to its device, then `b`.
+/// Content of the four lines: `a` to its master and to its device, then `b`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Seen {
-    /// What arrived: when, in byte times since 10 ms; which bytes, or which event.
+    /// Deliveries: time in byte times since 10 ms, with bytes or event.
     pub(super) lines: [Vec<String>; 4],
-    /// What the receivers got.
+    /// Bytes that the receivers got.
     pub(super) got: [Vec<u8>; 4],
     /// The run as a case.
     pub(super) case: Scenario,

@@ -1,8 +1,8 @@
-//! What happens in the empty room, as the TOML that is added.
+//! Events in the empty room, as additional TOML.
 
 use protocols::pcui::{FRAME_MAX, HEADER_LEN, seal};
 
-/// A way through the room.
+/// A path through the room.
 pub(super) fn way() -> String {
     "[mission]\nto_the_end = true\nwaypoints_m = [[1.5, 2.2], [0.8, 1.5], [1.5, 1.0]]\n".to_owned()
 }
@@ -52,7 +52,7 @@ const fn waypoint(place: u8, id: u8, previous: [u8; 2]) -> [u8; 9] {
 
 const NOBODY: [u8; 2] = [0xFF, 0xFF];
 
-/// It says 50 and holds one.
+/// A list that announces 50 waypoints and holds one.
 pub(super) fn list_that_lies() -> String {
     let list = [&[50, 0][..], &waypoint(9, 0, NOBODY)].concat();
     by_hand() + &pc_says(b"LWP", &list)
@@ -78,7 +78,7 @@ pub(super) fn two_behind_one() -> String {
 /// In front of the second answer to a read of the wheels: the first has 15 bytes, the battery's 8.
 const SECOND_ANSWER: u32 = 23;
 
-/// Two bytes for ten; what else lay in the buffer is the battery's.
+/// Two bytes for ten; the rest of the buffer is the battery's.
 pub(super) fn short_reply() -> String {
     way()
         + &says(
@@ -88,7 +88,7 @@ pub(super) fn short_reply() -> String {
         )
 }
 
-/// The empty frame of register 36; what lay in the buffer is the battery's.
+/// The empty frame of register 36; the rest of the buffer is the battery's.
 pub(super) fn acknowledgement() -> String {
     way() + &says("base", SECOND_ANSWER, &[0xAB, 0x24, 0x00, 0xCF, 0x00])
 }
@@ -195,7 +195,7 @@ pub(super) fn list_of_20() -> String {
     list(20, [1.5, 2.2])
 }
 
-/// On its way to the third place the robot gets a list of one.
+/// While it drives to the third waypoint the robot gets a list of one.
 pub(super) fn shorter_list() -> String {
     "[mission]\nto_the_end = true\nwaypoints_m = [[1.5, 1.25], [1.5, 1.3], [1.5, 2.2]]\n\
      [[mission.step]]\nat = \"6s\"\ndo = { waypoints-m = [[0.9, 0.9]] }\n"

@@ -1,4 +1,4 @@
-//! What tells a defect at the end of a run.
+//! Signs of a defect at the end of a run.
 
 use emulators::pc::Pc;
 use firmware_core::Inspect;
@@ -49,7 +49,7 @@ pub(super) fn battery_is_empty(run: &Run) -> bool {
         .is_some_and(|battery| battery.percent == 0)
 }
 
-/// 226 mm/s are told as 2.
+/// 226 mm/s are reported as 2.
 pub(super) fn speed_is_told_in_tenths(run: &Run) -> bool {
     let (_, state) = pc(run).record().state.expect("five a second");
     state.speed.iter().any(|ticks| *ticks > 8) && state.speed_mm_s.iter().all(|speed| *speed < 10)
@@ -95,7 +95,7 @@ fn cells_above(run: &Run, value: u8) -> usize {
     cells.iter().filter(|&&cell| cell > value).count()
 }
 
-/// The first scans are of a robot at rest: some four, of weight 10, which come to 147.
+/// The first scans are of a robot at rest: some four, of weight 10, in sum 147.
 pub(super) fn only_what_it_saw_at_rest(run: &Run) -> bool {
     cells_above(run, 165) == 0
 }
@@ -144,7 +144,7 @@ pub(super) fn no_waypoints(run: &Run) -> bool {
     program(run).waypoints().is_empty()
 }
 
-/// What was kept is no whole frame.
+/// The stored bytes are no whole frame.
 pub(super) fn half_a_list(run: &Run) -> bool {
     counter(run, "radio bad frames") > 0
 }

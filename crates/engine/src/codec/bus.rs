@@ -34,12 +34,12 @@ pub const fn bus(order: ChecksumOrder) -> &'static Codec {
 }
 
 const ANSWERS: Answers = Answers {
-    // Register and whether it is a write, with the count: what a reply echoes.
+    // Register and direction, with the count: a reply repeats both.
     kind: |frame| &frame[1..3],
     head: 3,
-    // In its name a bad checksum is answered.
+    // Register of the answer to a bad checksum.
     is_refusal: |frame| frame[1] == ERROR_REGISTER,
-    // Few of 256 registers are there, mostly the first ones; a short read does no harm.
+    // Few of 256 registers exist, mostly the first ones; a short read does no harm.
     likely: &[(0, 32), (1, 4)],
 };
 
@@ -63,7 +63,7 @@ const FIELDS: [LuaField; 6] = [
 
 /// An order of the register bus's checksum.
 pub trait Order {
-    /// Which.
+    /// Order of the checksum's bytes.
     const ORDER: ChecksumOrder;
     /// Name of the row.
     const NAME: &'static str;
@@ -309,7 +309,7 @@ mod tests {
         words(&frame.expect("sound"))
     }
 
-    /// A slave of one's own: 286461187 is 0x11131B03, sums by hand. No name of the base appears.
+    /// A custom slave: 286461187 is 0x11131B03, sums by hand. No name of the base appears.
     #[test]
     fn another_slave_has_its_own_names() {
         let register = |address, bytes, is_signed, name: &str| NamedRegister {

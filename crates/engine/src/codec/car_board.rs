@@ -1,7 +1,7 @@
-//! `car-board` and `car-command`: the two ways of the line to a model car's board.
+//! `car-board` and `car-command`: the two directions of the line to a model car's board.
 //!
-//! Two rows, as the ways share no byte by which a decoder could tell them apart: what begins a
-//! frame, `00 0F`, are two steering values as well.
+//! Two rows, because no byte distinguishes the directions for a decoder: the start of a frame,
+//! `00 0F`, is also two steering values.
 
 use core::time::Duration;
 
@@ -161,7 +161,7 @@ impl Wire for CarBoard {
     }
 }
 
-/// A range; often 15 cm, whose low byte is one of a sync.
+/// A range; often 15 cm, whose low byte equals one of the sync.
 fn range(choices: &mut Choices<'_>) -> u16 {
     match choices.byte() {
         0..64 => 15,
@@ -255,7 +255,7 @@ impl Wire for CarCommand {
         made_again(bytes, &made)
     }
 
-    /// Which way, and to which side.
+    /// Signs of speed and steering.
     fn kind(Pair(bytes): &Pair) -> u64 {
         let order = |byte: u8, middle: u8| match byte.cmp(&middle) {
             core::cmp::Ordering::Less => 0,

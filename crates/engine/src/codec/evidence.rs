@@ -11,7 +11,7 @@ use super::row::Codec;
 pub struct Evidence {
     /// Bytes in all.
     pub bytes: u64,
-    /// Bytes in valid frames whose values can be.
+    /// Bytes in valid frames with plausible values.
     pub framed: u64,
     /// Such frames.
     pub frames: u64,
@@ -88,7 +88,7 @@ mod tests {
         assert!(is_enough(&CAR_COMMAND, &damaged));
     }
 
-    /// Twelve bytes of a sample whose counters have more bits than the hardware's are no evidence.
+    /// Twelve bytes of a sample are no evidence if its counters have more bits than the hardware's.
     #[test]
     fn values_that_cannot_be_are_no_evidence() {
         let frame = [

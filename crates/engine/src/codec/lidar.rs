@@ -8,7 +8,7 @@ use protocols::{Decode, FrameError};
 /// Distances and strengths of the readings of one kind.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ranges {
-    /// How many.
+    /// Number of readings.
     pub count: u64,
     /// Minimum and maximum distance.
     pub distance_mm: Option<[u16; 2]>,
@@ -44,7 +44,7 @@ pub struct Lidar {
     pub bad: u64,
     /// Bytes in no frame.
     pub outside: u64,
-    /// Those of them at the end that begin a frame, whose rest is missing.
+    /// Those at the end that begin a frame without its rest.
     pub cut: u64,
     /// Readings with a distance.
     pub ok: Ranges,
@@ -134,7 +134,7 @@ impl Lidar {
                 Err(_) => {}
             }
         }
-        // Less than a frame: what it begins with began one, or it would have been given up.
+        // Less than a frame is left: its bytes begin one, or the decoder would have discarded them.
         self.cut = decoder.pending() as u64;
         self.outside = bytes.len() as u64 - self.frames * frame_len as u64;
     }

@@ -1,13 +1,13 @@
 /// A row's part of the dissector for Wireshark.
 ///
-/// The template has helpers for it: `u8`, `i8`, `u16`, `i16`, `u32`, `i32` and `be16` read a number
-/// of a string at a place from 0 on, `sum(s, first, last)` adds bytes up, `f` holds the fields.
+/// The template has helpers for it. `u8`, `i8`, `u16`, `i16`, `u32`, `i32` and `be16` read a number
+/// of a string at an index from 0 on. `sum(s, first, last)` adds bytes up; `f` holds the fields.
 #[derive(Clone, Copy, Debug)]
 pub struct Lua {
     /// Local functions; rows with the same text share them.
     pub source: &'static str,
-    /// A function that says how long the frame at the start of a string is: 0 for none, nil if that
-    /// takes more bytes. Its second argument is the line's own table.
+    /// A function that returns the length of the frame at the start of a string: 0 for none, nil if
+    /// more bytes are needed. Its second argument is the line's own table.
     pub judge: &'static str,
     /// A function that returns a frame's title and a list of fields and values.
     pub tell: &'static str,

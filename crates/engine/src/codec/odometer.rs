@@ -1,9 +1,9 @@
 //! `odometer`: lines of a microcontroller that counts a wheel and integrates a gyroscope, in all
 //! their dialects.
 //!
-//! What stands in a line tells its dialect: `#` begins one without a sum, a sum without a point is
-//! a CRC, and a time without a point is in milliseconds. A line is a frame if its sum or CRC holds
-//! as far as its dialect allows; whether the fielded host would have believed it is told too.
+//! The text of a line determines its dialect: `#` begins one without a sum, a sum without a point
+//! is a CRC, and a time without a point is in milliseconds. A line is a frame if its sum or CRC
+//! holds by the rules of its dialect. The words also state whether the fielded host accepts it.
 
 use protocols::odometer::{
     Dialect, LINE_MAX, LineError, Measurement, Raw, Reading, passes_exact_sum,

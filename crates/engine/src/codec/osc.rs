@@ -4,8 +4,8 @@
 //! /address 0..   ,types 0..   arguments        each part a multiple of four bytes
 //! ```
 //!
-//! In life one packet of a network is one message, or a bundle of them; in a row of bytes a message
-//! says how long it is, a bundle does not, so bundles are told as bad.
+//! On a network one packet is one message, or a bundle of them. In a stream of bytes a message
+//! implies its length and a bundle does not, so bundles are reported as bad.
 
 use core::time::Duration;
 
@@ -137,7 +137,7 @@ impl Format for OscFormat {
     }
 }
 
-/// What the phone of a model car has.
+/// Controls of a model car's phone.
 const ADDRESSES: [&str; 5] = ["/1/speed", "/1/direction", "/1/kill", "/goal", "/a"];
 
 impl Wire for Osc {
@@ -182,7 +182,7 @@ impl Wire for Osc {
         }
     }
 
-    /// Nothing says how long a message is, or that it is sound, but its form.
+    /// Only the form gives a message's length and validity.
     fn repair(frame: &mut [u8]) {
         if let Some(first) = frame.first_mut() {
             *first = b'/';
@@ -223,7 +223,7 @@ impl Wire for Osc {
         (len <= bytes.len()).then_some(len)
     }
 
-    /// Its types and how long its address is.
+    /// The message's types and the length of its address.
     fn kind(OscMessage(bytes): &OscMessage) -> u64 {
         let Ok(Some(([address, types, _], _))) = message(bytes) else {
             return 0;

@@ -45,7 +45,7 @@ pub struct Panel;
 
 /// Bytes before the payload and behind it.
 const AROUND: usize = HEADER_LEN + 2;
-/// Numbers of frames; the last means nothing.
+/// Numbers of frames; the last is unknown.
 const OPS: [u8; 8] = [
     panel::RUNS,
     panel::RUNS,
@@ -148,7 +148,7 @@ impl Wire for Panel {
     }
 }
 
-/// Pixels have two spellings: said again, they must be the same.
+/// Pixels have two encodings: encoded again, they must be the same.
 fn pixels_mean_themselves<'a>(
     window: Window,
     runs: impl Iterator<Item = (u8, &'a [u8])>,

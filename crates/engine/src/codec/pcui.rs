@@ -164,7 +164,7 @@ impl Wire for Pcui {
     }
 }
 
-/// A row has several spellings: said again, it must show the same pixels at the same place.
+/// A row has several encodings: encoded again, it must show the same pixels at the same position.
 fn row_means_itself(row: &MapRow<'_>, pixels: &[u8]) -> Result<(), Broken> {
     let mut made = [0; pcui::FRAME_MAX];
     let dialect = rle::Dialect::Lossless;

@@ -1,7 +1,7 @@
 //! `perception`: rows of depths, scans and markers from a camera's program.
 //!
-//! Messages of a network, one a packet; of a capture their bytes are read in a row, as each says
-//! how long it is. They have no checksum: that is the network's.
+//! Messages of a network, one a packet. The bytes of a capture are read as one stream, because each
+//! message contains its length. They have no checksum: the network has one.
 
 use core::time::Duration;
 

@@ -11,7 +11,7 @@ use super::lua::{Lua, LuaField, field};
 use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};
 
-/// Samples one way, outputs the other.
+/// Samples in one direction, outputs in the other.
 pub static PERIPHERALS: Codec =
     Codec::of::<Peripherals>("Timers, PWM and ADC of a motor board, sampled each millisecond")
         .with_floor(Floor {
@@ -68,15 +68,15 @@ const FIELDS: [LuaField; 7] = [
 /// First byte of outputs.
 const OUTPUTS: u8 = 0x81;
 
-/// Both ways of the wire.
+/// Both directions of the wire.
 #[derive(Clone, Copy, Debug)]
 pub struct Peripherals;
 
-/// The format of both ways.
+/// The format of both directions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EitherWay;
 
-/// A frame of either way.
+/// A frame of either direction.
 #[derive(Clone, Debug)]
 pub struct BoardFrame {
     bytes: Vec<u8>,

@@ -12,8 +12,8 @@ use crate::rig::direction::Direction;
 
 /// A wire format that can be recognised from its bytes: a row of the table.
 ///
-/// Made of a [`Wire`] by [`of`](Self::of), which is enough for `decode`, `shrink` and `fuzz`; the
-/// `with_` functions add what cannot be told from the format itself.
+/// Made of a [`Wire`] by [`of`](Self::of), which is enough for `decode`, `shrink` and `fuzz`. The
+/// `with_` functions add knowledge that is not in the format itself.
 #[derive(Clone, Copy)]
 pub struct Codec {
     name: &'static str,
@@ -47,7 +47,7 @@ pub trait OwnFormat: Send + Sync {
     /// A fresh decoder.
     fn decoder(&self) -> Box<dyn AnyDecoder>;
 
-    /// A fresh decoder of what goes in this direction, where the two have formats of their own.
+    /// A fresh decoder of the bytes in this direction, if the directions have formats of their own.
     fn decoder_towards(&self, _direction: Direction) -> Box<dyn AnyDecoder> {
         self.decoder()
     }
@@ -59,8 +59,8 @@ pub trait OwnFormat: Send + Sync {
     fn build(&self, choices: &mut Choices<'_>, out: &mut Vec<u8>);
 }
 
-/// Silence after which half a frame is given up, unless a row says otherwise: longer than any gap
-/// that a device leaves inside of a frame.
+/// Idle time after which a partial frame is discarded, unless a row sets its own: longer than any
+/// gap that a device leaves inside a frame.
 pub const IDLE: Duration = Duration::from_millis(50);
 
 /// The method by which a program's client distinguishes its answers, and the requests worth
@@ -71,10 +71,10 @@ pub struct Answers {
     pub kind: fn(&[u8]) -> &[u8],
     /// Number of bytes before a frame's payload.
     pub head: usize,
-    /// Whether a frame says that another one was bad.
+    /// Whether a frame reports that another one was bad.
     pub is_refusal: fn(&[u8]) -> bool,
-    /// Minimum value, and how many from there on, of the first [`Choices`] of frames that are
-    /// likely to be answered: half of those that are asked are made so.
+    /// Minimum value, and number of values from there on, of the first [`Choices`] of frames that
+    /// are likely to be answered. Half of the requests are built from them.
     pub likely: &'static [(u8, u8)],
 }
 
@@ -88,10 +88,10 @@ impl Answers {
     };
 }
 
-/// The same format with the bytes of its checksum the other way round.
+/// The same format with the bytes of its checksum swapped.
 #[derive(Clone, Copy, Debug)]
 pub enum OtherOrder {
-    /// Devices with either order exist: only the program that expects one order can tell which is
+    /// Devices with either order exist. Only the program that expects one order shows which one is
     /// wrong.
     Row(&'static Codec),
     /// Test for swapped checksums, which no device sends: counts of frames whose checksum is valid
@@ -100,7 +100,7 @@ pub enum OtherOrder {
 }
 
 impl Codec {
-    /// The row of `W`; `about` is said of it in the help of commands.
+    /// The row of `W`; the help of commands prints `about`.
     pub const fn of<W: Wire + 'static>(about: &'static str) -> Self {
         Self {
             format: Format::Typed {
@@ -113,7 +113,7 @@ impl Codec {
         }
     }
 
-    /// The row of a format that is a value; nothing is fuzzed under its name.
+    /// The row of a format that is a value; it has no fuzz target.
     pub const fn own(
         name: &'static str,
         about: &'static str,
@@ -145,7 +145,7 @@ impl Codec {
         }
     }
 
-    /// Whether it is a value and no type.
+    /// Whether the format is a value and no type.
     pub const fn is_own(&self) -> bool {
         matches!(self.format, Format::Own(_))
     }
@@ -222,12 +222,12 @@ impl Codec {
         &self.target
     }
 
-    /// Silence after which half a frame is given up.
+    /// Idle time after which a partial frame is discarded.
     pub const fn idle(&self) -> Duration {
         self.idle
     }
 
-    /// Share of bytes in frames below which it is not guessed, per cent.
+    /// Minimum share of bytes in frames for a guess of this format, per cent.
     pub const fn least_share(&self) -> u8 {
         self.floor.share
     }
@@ -242,7 +242,7 @@ impl Codec {
         &self.answers
     }
 
-    /// The other order of its checksum, if that is distinguished.
+    /// The other order of its checksum, if the tool distinguishes it.
     pub const fn other_order(&self) -> Option<OtherOrder> {
         self.other_order
     }
@@ -298,7 +298,7 @@ impl Codec {
         self.frames_if(bytes, |_| true)
     }
 
-    /// Places of the valid frames in `bytes` whose values can be.
+    /// Byte ranges of the valid frames in `bytes` with plausible values.
     pub fn plausible_frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
         self.frames_if(bytes, |decoder| decoder.is_plausible())
     }
@@ -343,7 +343,7 @@ impl Named for Codec {
     }
 }
 
-/// Names are unique, so they tell rows apart.
+/// Names are unique, so they identify rows.
 impl PartialEq for Codec {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
@@ -374,7 +374,7 @@ pub trait AnyDecoder {
     fn pending(&self) -> usize;
 }
 
-/// The decoder of a row that nothing was said of yet.
+/// The decoder of a row without a format.
 struct NoFrames;
 
 impl AnyDecoder for NoFrames {

@@ -1,7 +1,7 @@
 //! `rplidar`: both directions of an RPLIDAR's serial port.
 //!
-//! What some bytes are depends on the descriptor before them: only answers and requests can be told
-//! by themselves. A node has three check bits in five bytes, so any bytes hold some.
+//! The meaning of bytes depends on the descriptor before them: only answers and requests are
+//! recognisable alone. A node has three check bits in five bytes, so any bytes contain some.
 
 use protocols::rplidar::{
     Answer, CAPSULE_LEN, CAPSULE_SAMPLES, Capsule, CapsuleSample, Command, Decoder, Descriptor,
@@ -18,10 +18,10 @@ use crate::hex;
 /// Requests, answers, nodes and capsules of an RPLIDAR.
 pub static RPLIDAR: Codec = Codec::of::<Rplidar>("RPLIDAR lidar, requests, answers and scans")
     .with_answers(Answers {
-        // The kind of an answer; frames without a descriptor are told by their start.
+        // The kind of an answer; the start byte of frames without a descriptor.
         kind: |frame| frame.get(6..7).or(frame.get(..1)).unwrap_or(frame),
         head: HEAD_LEN,
-        // Requests: what the sensor answers.
+        // Requests: the frames that the sensor answers.
         likely: &[(0, 1)],
         ..Answers::PLAIN
     })
@@ -186,7 +186,7 @@ impl Wire for Rplidar {
                 let made = Capsule::new(first, angle, &capsule.raw_samples());
                 made_again(found, made.as_bytes())
             }
-            // Its first distances are told by itself, the differences with the next capsule only.
+            // The first distances are in the capsule itself; the differences need the next capsule.
             Frame::Ultra(capsule) => {
                 let head = (capsule.is_first(), capsule.start_angle_q6());
                 let sound = capsule.majors_mm().count() == ULTRA_SAMPLES / 3;
@@ -215,7 +215,7 @@ impl Wire for Rplidar {
     }
 }
 
-/// The same command may be written with bytes that mean nothing: those need not come again.
+/// A command may carry bytes without meaning: those need not come again.
 fn command_means_itself(request: Request) -> Result<(), Broken> {
     let command = request.command();
     let again = command.and_then(|command| command.request().command());

@@ -31,7 +31,7 @@ pub struct Stretch {
 pub enum What {
     /// A valid frame, in words.
     Frame(String),
-    /// No part of a frame; why the candidates among them, if any, were none.
+    /// Bytes outside all frames, with the errors of the candidates among them, if any.
     Bad(Vec<FrameError>),
 }
 
@@ -42,7 +42,7 @@ impl Stretch {
     }
 }
 
-/// The decoder of one direction of a link that keeps count of where it is.
+/// The decoder of one direction of a link; keeps count of its position.
 pub struct Stream {
     decoder: Box<dyn AnyDecoder>,
     place: Progress,
@@ -79,13 +79,13 @@ impl Stream {
         Self { decoder, place }
     }
 
-    /// Nothing fed yet of what goes in this direction.
+    /// A stream of bytes in this direction, without bytes yet.
     pub fn towards(codec: &Codec, direction: Direction) -> Self {
         let (decoder, place) = (codec.decoder_towards(direction), Progress::default());
         Self { decoder, place }
     }
 
-    /// Takes more bytes; what can be told by now.
+    /// Takes more bytes and returns the stretches known by now.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<Stretch> {
         self.place.fed += bytes.len() as u64;
         self.settle(bytes)
@@ -139,7 +139,7 @@ impl Progress {
         }
     }
 
-    /// Tells whole stretches of bad bytes before `until`.
+    /// Reports whole stretches of bad bytes before `until`.
     fn report_whole(&mut self, until: u64, found: &mut Vec<Stretch>) {
         let whole = (until - self.told) / BAD_MAX * BAD_MAX;
         self.report_bad(self.told + whole, found);

@@ -1,4 +1,4 @@
-//! `telemetry`: escaped frames of the robot yellow's link, both ways.
+//! `telemetry`: escaped frames of the robot yellow's link, in both directions.
 
 mod words;
 
@@ -114,7 +114,7 @@ impl Wire for Telemetry {
         let Some(payload) = plain.len().checked_sub(1).and_then(|end| plain.get(2..end)) else {
             return;
         };
-        // What needs more escapes or fewer than there are stays as it is.
+        // A payload that needs more or fewer escapes than the frame has stays unchanged.
         let made = encoded(payload);
         if made.len() == frame.len() {
             frame.copy_from_slice(&made);
@@ -143,7 +143,7 @@ impl Wire for Telemetry {
             len += wire_len;
             sum = sum.wrapping_add(plain);
         }
-        // With the checksum all comes to FF.
+        // The payload and the checksum add up to FF.
         (sum == 0xFF).then_some(len)
     }
 

@@ -1,10 +1,10 @@
-//! What every row must do, on frames of real devices or of independent implementations.
+//! Requirements on every row, on frames of real devices or of independent implementations.
 
 use protocols::FrameError;
 
 use super::*;
 
-/// A frame, what it says, and a byte behind which its checksum or header must be repaired.
+/// A frame, its words, and the index of a byte; damage there needs a repair of checksum or header.
 struct Golden {
     codec: &'static Codec,
     frame: Vec<u8>,
@@ -143,7 +143,8 @@ fn a_damaged_frame_is_none_until_it_is_repaired() {
     }
 }
 
-/// Half a frame is waited for; after a pause it is given up, and the next whole one is found.
+/// The decoder waits for the rest of half a frame. A pause discards the half, and the next whole
+/// frame is found.
 #[test]
 fn a_pause_ends_half_a_frame() {
     for Golden { codec, frame, .. } in golden() {
@@ -173,8 +174,8 @@ fn short_frames_are_not_guessed_where_most_bytes_are_none() {
     assert_eq!(guess(&mixed), None);
 }
 
-/// One byte in 97 is damaged and one in 151 is lost, with a line of text before all of it: the
-/// format is still told.
+/// One byte in 97 is damaged and one in 151 is lost, behind a line of text. The format is
+/// recognised all the same.
 #[test]
 fn a_damaged_stream_is_still_told() {
     for Golden { codec, frame, .. } in golden() {
@@ -193,12 +194,12 @@ fn a_damaged_stream_is_still_told() {
     }
 }
 
-/// A counter says of frames and errors what the stream says.
+/// A counter counts the frames and errors that the stream reports.
 #[test]
 fn counting_comes_to_the_same_as_telling() {
     for Golden { codec, frame, .. } in golden() {
         let mut counter = Counter::new(codec);
-        // A format without a checksum may wait for what follows a frame.
+        // A format without a checksum may wait for the bytes behind a frame.
         let counts = [counter.push(&frame.repeat(3)), counter.idle()];
         let sum = |of: fn(&Count) -> u64| counts.iter().map(of).sum::<u64>();
         assert_eq!(

@@ -1,9 +1,9 @@
-//! A wire format as the table needs it, and its trial: any bytes at all become a stream, and every
-//! decoder has to keep its laws on it.
+//! A wire format for the table, and its test: any bytes become a stream, and every decoder must
+//! keep its laws on it.
 //!
 //! The same functions serve `hilrig fuzz`, the coverage-guided targets of the folder `fuzz`, the
-//! bench, and the replay of the corpus in the tests. With the table they know nothing but the wire
-//! formats, so that an instrumented build of them is small.
+//! bench, and the replay of the corpus in the tests. With the table they use only the wire formats,
+//! so that an instrumented build of them is small.
 
 mod choices;
 mod laws;
@@ -51,9 +51,9 @@ pub trait Wire {
     /// that does not use the tested code.
     fn frame_at(bytes: &[u8]) -> Option<usize>;
 
-    /// The length of the frame that `bytes` begins with if it is one whatever came before it: such
-    /// a frame is never thrown away. Any is, unless a format has frames that only another frame
-    /// tells apart from noise.
+    /// The length of the frame at the start of `bytes`, if it is a frame whatever precedes it. A
+    /// decoder never discards such a frame. By default every frame qualifies. Override this for
+    /// formats in which only another frame distinguishes a frame from noise.
     fn unmistakable_at(bytes: &[u8]) -> Option<usize> {
         Self::frame_at(bytes)
     }
@@ -61,7 +61,7 @@ pub trait Wire {
     /// Whether encoding the decoded parts gives the same frame.
     ///
     /// # Errors
-    /// The law that is broken if it is not.
+    /// The broken law, if the frames differ.
     fn means_itself(frame: &<Self::Decoder as Decode>::Frame) -> Result<(), Broken> {
         let _ = frame;
         Ok(())
@@ -122,7 +122,7 @@ pub struct Target {
     pub round: u64,
 }
 
-/// Cases in one go, if nothing speaks against it.
+/// Default number of cases in one go.
 const ROUND: u64 = 4096;
 
 /// Generator of a target's streams.
@@ -190,7 +190,7 @@ impl Target {
     /// Entry point for a coverage-guided fuzzer, with any bytes.
     ///
     /// # Panics
-    /// If a law is broken: that is how such a fuzzer is told.
+    /// If a law is broken: a fuzzer detects failures by panics.
     pub fn fuzz(&self, data: &[u8]) {
         let stream = (self.stream)(data);
         if let Err(broken) = (self.check)(&stream) {

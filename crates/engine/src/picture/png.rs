@@ -6,7 +6,7 @@ use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Limits, Transforma
 
 use super::{Picture, PictureError, Pixel, narrow, sized};
 
-/// What the decoder may take for chunks beside the pixels, bytes.
+/// Maximum memory of the decoder for chunks besides the pixels, bytes.
 const SIDE_BYTES_MAX: usize = 64 << 20;
 
 pub(super) fn read<P: Pixel>(
@@ -132,7 +132,8 @@ mod tests {
         assert_eq!(grays(&indexed), [255, 19, 205, 0]);
     }
 
-    /// As the map server's trinary mode takes it: a wall that is let through is a wall.
+    /// As in the map server's trinary mode: transparency is ignored, so a transparent wall is a
+    /// wall.
     #[test]
     fn what_is_let_through_keeps_its_gray() {
         let with = [0, 0, 205, 9, 254, 128, 255, 255];

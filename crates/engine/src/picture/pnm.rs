@@ -29,7 +29,7 @@ pub(super) fn read<P: Pixel>(
             "the largest value is {most}, expected 1 to 65535"
         )));
     }
-    // Grows with what the file really holds.
+    // Grows with the true content of the file.
     let mut pixels = Vec::new();
     for _ in 0..count {
         let mut sample = || {
@@ -53,11 +53,11 @@ pub(super) fn read<P: Pixel>(
     })
 }
 
-/// `value` of `most` in eight bits, to the nearest; what is larger is white.
+/// `value` of `most` in eight bits, rounded; larger values are white.
 fn scaled(value: u32, most: u32) -> u8 {
     let value = u64::from(value.min(most));
     let to = |full: u64| (value * full + u64::from(most) / 2) / u64::from(most);
-    // By way of sixteen bits where the file has more than eight, as PNG goes.
+    // Through sixteen bits if the file has more than eight, like PNG.
     if most > 255 {
         narrow(u16::try_from(to(65535)).expect("at most all of it"))
     } else {

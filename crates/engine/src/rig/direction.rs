@@ -11,7 +11,7 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// Both, in the order in which a rig looks at them.
+    /// Both, in the order in which a rig handles them.
     pub(super) const BOTH: [Self; 2] = [Self::ToMaster, Self::ToDevice];
 
     /// Name as in scenarios and reports.

@@ -13,7 +13,7 @@ pub enum Disturbance {
     Device {
         /// Name of the device.
         name: String,
-        /// Name of the fault, as the device knows it.
+        /// Name of the fault in the device.
         fault: String,
         /// Factor or amount.
         figure: Option<f64>,
@@ -63,7 +63,7 @@ impl Disturbance {
 }
 
 impl Rig {
-    /// The devices, each with the faults that it knows.
+    /// The devices, each with its known faults.
     pub fn devices(&self) -> impl Iterator<Item = (&str, &'static [&'static str])> {
         self.nodes.iter().filter_map(|node| match &node.body {
             Body::Device(device) => Some((node.name.as_str(), device.known_faults())),
@@ -191,7 +191,7 @@ impl Rig {
         }
     }
 
-    /// Tells the receiver of a line, and all watches, that `event` happened.
+    /// Reports `event` to the receiver of a line and to all watches.
     fn notify_line(&mut self, link: &str, direction: Direction, event: LineEvent) {
         let now: Instant = self.now;
         if let Some(index) = self.links.iter().position(|found| found.name == link) {
@@ -212,7 +212,7 @@ impl Rig {
         }
     }
 
-    /// The value of a register of the device `name`, if it has such a one.
+    /// The value of a register of the device `name`, if it has this register.
     pub fn register(&self, name: &str, address: u8) -> Option<u8> {
         let node = self.nodes.iter().find(|node| node.name == name)?;
         match &node.body {
@@ -229,13 +229,12 @@ mod tests {
     use super::*;
     use crate::rig::bare;
 
-    /// The first of three links has nothing to do with it; the way to the
-    /// devices stays as it is.
+    /// The first of three links is not affected; the lines to the devices stay.
     #[test]
     fn two_of_three_links_change_receivers_one_way_and_get_them_back() {
         let (mut rig, ends) = bare::linked(["one", "two", "three"], 9600);
         let ends = ends.map(|ends| ends.map(|end| end.node));
-        // What comes at the three masters, then at the three devices.
+        // Bytes received by the three masters, then by the three devices.
         let received = |rig: &mut Rig| {
             for (byte, [device, master]) in (1..).zip(ends) {
                 rig.inject(device, &[byte]);

@@ -1,17 +1,17 @@
 //! Faults on a line as data: kind, time, rate.
 //!
 //! A fault is first a *rate* ("one byte in a hundred") and becomes a list of *strikes* ("byte 1234,
-//! bit 3") while the run goes. The strikes are what a saved case holds: they mean the same in every
-//! later version, a seed does not.
+//! bit 3") during the run. A saved case holds the strikes: they mean the same in every later
+//! version, a seed does not.
 //!
 //! | module | is |
 //! |---|---|
-//! | `damage` | what happens to single bytes |
-//! | `host` | what a host does that takes bytes for text |
-//! | `effect` | what happens to a line while a fault is at work |
-//! | `activity` | when that is: windows, spells, triggers |
-//! | `budget` | how much may go wrong at random |
-//! | `line` | all that goes wrong on one direction of a link |
+//! | `damage` | damage to single bytes |
+//! | `host` | effects of a host that treats bytes as text |
+//! | `effect` | effects on a line while a fault is active |
+//! | `activity` | times of activity: windows, spells, triggers |
+//! | `budget` | limit of random damage |
+//! | `line` | all faults on one direction of a link |
 
 mod activity;
 mod budget;

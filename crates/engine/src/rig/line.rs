@@ -45,7 +45,7 @@ pub struct Traffic {
     pub resampled: i64,
 }
 
-/// Bytes on their way.
+/// Bytes in flight.
 #[derive(Clone, Debug)]
 struct Chunk {
     arrives: Instant,
@@ -65,14 +65,14 @@ pub struct Line {
     pub faults: LineFaults,
     /// Time between the last bit on the wire and the receiver seeing the byte.
     pub latency: Duration,
-    /// Most bytes that travel as one piece. Byte times are exact all the same; a larger piece
-    /// only means that the receiver hears of all its bytes when the last one is complete.
+    /// Maximum number of bytes that travel as one piece. Byte times are exact all the same; the
+    /// receiver of a larger piece gets all its bytes when the last one is complete.
     pub piece: usize,
     /// Whether a recording replaces the sender: the sender's bytes are lost, those of
     /// [`play`](Self::play) arrive.
     pub is_played: bool,
-    /// Whether the sender had nothing to send when it was last asked: it is asked again when
-    /// something has happened to it.
+    /// Whether the sender had nothing to send at the last request. The line asks it again after an
+    /// event for the sender.
     pub(crate) is_silent: bool,
     traffic: Traffic,
     free_at: Instant,
@@ -141,7 +141,7 @@ impl Line {
         self.in_flight + self.faults.held()
     }
 
-    /// Whether each byte sent was delivered, lost, garbled or is on its way.
+    /// Whether each sent byte was delivered, lost or garbled, or is in flight.
     pub fn conserves_bytes(&self) -> bool {
         let t = &self.traffic;
         let [sent, lost, added, delivered, errors, in_flight] = [
@@ -162,7 +162,7 @@ impl Line {
         (at < NEVER).then_some(at)
     }
 
-    /// The same as a bare time, [`NEVER`] if there is none.
+    /// The same as a plain time, [`NEVER`] if there is none.
     #[inline]
     pub(super) fn next_at(&self, now: Instant) -> Instant {
         let asks_again = !self.is_silent && self.free_at > now;
@@ -191,7 +191,7 @@ impl Line {
         self.release_late(at)
     }
 
-    /// The same where something goes wrong.
+    /// The same with a fault on the line.
     fn release_late(&self, at: Instant) -> (Instant, Option<usize>) {
         let (mut release, mut room) = (at, None);
         for _ in 0..GATES_MAX {
@@ -267,7 +267,7 @@ impl Line {
             errors.framing = self
                 .resampler
                 .feed(&mut passed.bytes, start, sender, receiver);
-            // Where the others were in what was sent says nothing about what is read of it.
+            // Marks of the sent bytes do not apply to the resampled ones.
             errors.marks = self.resampler.take_marks();
             self.traffic.resampled +=
                 passed.bytes.len() as i64 + i64::from(errors.framing) - before as i64;
@@ -281,7 +281,7 @@ impl Line {
         ends
     }
 
-    /// The same where nothing can go wrong, as almost always.
+    /// The same without any fault, which is the usual case.
     fn take_clean(&mut self, start: Instant, sender: LineConfig, sent: &[u8]) -> Instant {
         let mut bytes = self.spare.pop().unwrap_or_default();
         bytes.clear();
@@ -385,8 +385,8 @@ impl Line {
         self.echo.take()
     }
 
-    /// Puts `bytes` of the other direction on this line; they are lost if the receiver takes
-    /// nothing its way already.
+    /// Puts `bytes` of the other direction on this line. They are lost if the queue to the receiver
+    /// is full.
     pub(crate) fn receive(&mut self, at: Instant, bytes: Vec<u8>) {
         if self.chunks.len() >= CHUNKS_MAX {
             return;

@@ -6,8 +6,8 @@ use super::line::Mark;
 use super::node::Body;
 
 impl Rig {
-    /// The level of a pin at an outside end: on unless the byte that arrived last is 0; `None`:
-    /// none ever did.
+    /// The level of a pin at an outside end: on unless the last received byte is 0; `None` before
+    /// the first byte.
     pub fn level(&self, node: usize) -> Option<bool> {
         match &self.nodes[node].body {
             Body::Outside(outside) => outside.last.map(|level| level != 0),
@@ -15,8 +15,8 @@ impl Rig {
         }
     }
 
-    /// Modem lines set by hand at an outside end, in the order of drivers: CTS, DSR,
-    /// RI, DCD. Nothing here looks at them.
+    /// Modem lines set by hand at an outside end, in the order of drivers: CTS, DSR, RI, DCD. The
+    /// rig itself does not use them.
     pub fn forced_lines(&self, node: usize) -> [Option<bool>; 4] {
         match &self.nodes[node].body {
             Body::Outside(outside) => outside.forced,
@@ -24,7 +24,7 @@ impl Rig {
         }
     }
 
-    /// Sets them; those that are `None` stay.
+    /// Sets the lines; those that are `None` stay.
     pub fn force_lines(&mut self, node: usize, lines: [Option<bool>; 4]) {
         if let Body::Outside(outside) = &mut self.nodes[node].body {
             let forced = outside.forced.iter_mut().zip(lines);
@@ -58,8 +58,8 @@ impl Rig {
         }
     }
 
-    /// Input and control modes of the terminal at an outside end, as termios(3) has them; `None` if
-    /// they are not known. The rig itself does not use them.
+    /// Input and control modes of the terminal at an outside end, as in termios(3); `None` if they
+    /// are not known. The rig itself does not use them.
     pub fn terminal_modes(&self, node: usize) -> Option<[u32; 2]> {
         match &self.nodes[node].body {
             Body::Outside(outside) => outside.modes,
@@ -181,7 +181,7 @@ mod tests {
         assert!(!rig.is_unplugged(0));
     }
 
-    /// What is held waits; with the line free again it goes.
+    /// Held bytes wait until the line is free again.
     #[test]
     fn an_end_that_is_held_sends_nothing() {
         let mut rig = rig();

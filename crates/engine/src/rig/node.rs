@@ -60,13 +60,13 @@ pub(super) struct Outside {
     pub(super) change: Option<LineEvent>,
     /// Damaged characters that arrived, by their places in `from_rig`.
     pub(super) marks: Vec<Mark>,
-    /// How many faults keep the plug out, and the name by which the port is to come back.
+    /// Number of faults that keep the plug out, and the port's name when it comes back.
     pub(super) unplugged: (u32, Option<String>),
     /// Input and control modes of its client's terminal, if they are known.
     pub(super) modes: Option<[u32; 2]>,
-    /// What arrived last.
+    /// The last received byte.
     pub(super) last: Option<u8>,
-    /// What is to be sent stays here.
+    /// Whether bytes to send stay here.
     is_held: bool,
     /// Modem lines set by hand at this end.
     pub(super) forced: [Option<bool>; 4],
@@ -94,12 +94,12 @@ impl Outside {
         }
     }
 
-    /// From now on whole messages are put in and taken out.
+    /// Switches to whole messages, in both directions.
     pub(super) fn carry_messages(&mut self) {
         self.messages.get_or_insert_default();
     }
 
-    /// What its owner writes now. A message that is too long is lost.
+    /// Takes bytes that its owner writes. A message that is too long is lost.
     pub(super) fn put(&mut self, bytes: &[u8]) {
         if let Some([to_rig, _]) = &mut self.messages {
             if bytes.is_empty() || bytes.len() > MESSAGE_MAX {
@@ -110,12 +110,12 @@ impl Outside {
         self.to_rig.extend_from_slice(bytes);
     }
 
-    /// Sends nothing, or continues sending; whether that is new.
+    /// Stops or continues sending; `true` if that is new.
     pub(super) const fn hold(&mut self, is_held: bool) -> bool {
         core::mem::replace(&mut self.is_held, is_held) != is_held
     }
 
-    /// What arrives from the rig; a message for which there is no room is lost as a whole.
+    /// Takes bytes that arrive from the rig; a message without room is lost as a whole.
     fn receive(&mut self, bytes: &[u8]) {
         self.last = bytes.last().copied().or(self.last);
         let mut room = OUTSIDE_MAX - self.from_rig.len();
@@ -130,7 +130,7 @@ impl Outside {
         self.from_rig.extend_from_slice(&bytes[..taken]);
     }
 
-    /// What arrives damaged from the rig, before the bytes that come with it.
+    /// Takes marks of damaged bytes from the rig, before the bytes that come with them.
     fn mark(&mut self, marks: &[Mark]) {
         let arrived = self.from_rig.len();
         let room = OUTSIDE_MAX.saturating_sub(self.marks.len());
@@ -141,8 +141,8 @@ impl Outside {
         self.marks.extend(marks);
     }
 
-    /// Its plug is pulled, or comes back in; the port of its owner is `back_as` from then on. What
-    /// its owner wrote before is lost.
+    /// Pulls the plug or plugs it in again; then the owner's port is `back_as`. Bytes that the
+    /// owner wrote before are lost.
     pub(super) fn plug(&mut self, is_out: bool, back_as: Option<&str>) {
         self.to_rig.clear();
         if let Some([to_rig, _]) = &mut self.messages {
@@ -156,7 +156,7 @@ impl Outside {
         *name = back_as.map(str::to_owned);
     }
 
-    /// Moves what the rig can have now into `buf`; how many bytes that were.
+    /// Moves the bytes that the rig can have now into `buf`; returns how many.
     fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let len = match &mut self.messages {
             _ if self.is_held => 0,
@@ -195,8 +195,7 @@ pub(super) enum Body {
 pub(super) struct Node {
     pub(super) name: String,
     pub(super) body: Body,
-    /// When it is polled next: what the node was last asked, so that it is not asked again each
-    /// time, or [`AT_ONCE`].
+    /// Time of the next poll, or [`AT_ONCE`]. Stored, so that the node is not asked each time.
     pub(super) polled_at: Instant,
     /// Number of broken rules of its device that do not count against a client.
     pub(super) excused_from: u64,
@@ -214,7 +213,7 @@ impl Node {
         }
     }
 
-    /// How often its master broke each rule, if it is a device that counts.
+    /// Number of violations of each rule by its master, if the device counts them.
     pub(super) fn broken_rules(&self) -> Option<&BrokenRules> {
         match &self.body {
             Body::Device(device) => device.broken_rules(),
@@ -236,7 +235,7 @@ impl Node {
         device.downcast_mut()
     }
 
-    /// Something happened to the node: it is polled next, and asked for bytes to send.
+    /// Marks the node after an event: it is polled next, and asked for bytes to send.
     pub(super) fn stir(&mut self) {
         self.polled_at = AT_ONCE;
     }
@@ -274,7 +273,7 @@ impl Node {
         }
     }
 
-    /// Whether a line need ask at all.
+    /// Whether a line needs to ask at all.
     pub(super) fn may_send(&self, port: Port) -> bool {
         match &self.body {
             Body::Device(device) => device.may_send(port),
@@ -283,7 +282,7 @@ impl Node {
         }
     }
 
-    /// Whether it has nothing for a line; what it has is lost.
+    /// Whether the node has nothing for a line; anything it has is lost.
     pub(super) fn is_silent(&mut self, port: Port) -> bool {
         self.line_change(port).is_none() && self.transmit(port, &mut [0]) == 0
     }
@@ -310,8 +309,8 @@ impl Node {
         self.polled_at <= now
     }
 
-    /// Asks a device again when it wants to be polled: room in its transmitter may be what it was
-    /// waiting for, or it was told of something that it does later.
+    /// Asks a device again for its next poll: it may have waited for room in its transmitter, or
+    /// received an event that it handles later.
     pub(super) fn replan(&mut self, now: Instant) {
         if let Body::Device(device) = &self.body
             && self.polled_at > AT_ONCE
@@ -348,7 +347,7 @@ impl Node {
     }
 }
 
-/// A node that asks for a moment that has passed is polled a nanosecond later, so that time moves.
+/// A node that asks for a past moment is polled a nanosecond later, so that time moves.
 fn later_than(now: Instant, at: Option<Instant>) -> Instant {
     at.map_or(NEVER, |at| at.max(now + Duration::from_nanos(1)))
 }
@@ -397,8 +396,8 @@ mod tests {
         assert!(end.take_messages().is_empty());
     }
 
-    /// Messages keep their lengths; one that is empty or too long is none, one without room is lost
-    /// as a whole.
+    /// Messages keep their lengths. An empty or too long one is no message; one without room is
+    /// lost as a whole.
     #[test]
     fn messages_stay_whole() {
         let mut end = outside();

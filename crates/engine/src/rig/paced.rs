@@ -1,15 +1,15 @@
-//! What a clock can drive.
+//! Objects that a clock can drive.
 
 use protocols::Instant;
 
 use super::Rig;
 
-/// What can be run at the pace of a clock: a rig, or a rig with its checkers.
+/// An object that runs at the pace of a clock: a rig, or a rig with its checkers.
 pub trait Paced {
     /// The rig.
     fn rig(&mut self) -> &mut Rig;
 
-    /// Runs until `deadline`, doing whatever belongs to that time.
+    /// Runs until `deadline`, with all work due by then.
     fn run_until(&mut self, deadline: Instant);
 }
 

@@ -1,4 +1,4 @@
-//! Which nodes are connected, directly or through others.
+//! Connections of nodes, directly or through others.
 
 use std::collections::BTreeSet;
 

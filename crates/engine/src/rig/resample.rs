@@ -1,5 +1,5 @@
-//! A receiver that reads a line at another rate or coding than the sender wrote it: each bit is
-//! sampled where the receiver believes its middle to be.
+//! A receiver whose rate or coding differs from the sender's: it samples each bit where it expects
+//! the middle of the bit.
 
 use core::time::Duration;
 
@@ -7,26 +7,26 @@ use protocols::{Instant, LineConfig, Parity};
 
 use super::line::passage::{Mark, MarkDamage};
 
-/// Rebuilds the wave form of what was sent and samples it at the receiver's rate.
+/// Rebuilds the wave form of the sent bytes and samples it at the receiver's rate.
 ///
-/// Time is counted in units of which a sender's bit has `2 * receiver.baud` and a receiver's bit
-/// `2 * sender.baud`, so that every edge and every sampling point is a whole number.
+/// The unit of time makes every edge and every sampling point a whole number: a sender's bit has
+/// `2 * receiver.baud` units and a receiver's bit `2 * sender.baud`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resampler {
     /// Levels still to be checked, one per sender's bit.
     bits: Vec<bool>,
     /// Units of `bits[0]` that the receiver has already passed.
     phase: u64,
-    /// When the last bit given ends, and how long the line must stay idle to end a character.
+    /// End of the last bit, and the idle time that ends a character.
     end: Option<(Instant, Duration)>,
     rates: Option<(LineConfig, LineConfig)>,
-    /// What was read of the characters without a stop bit.
+    /// Values read from the characters without a stop bit.
     marks: Vec<Mark>,
 }
 
 impl Resampler {
-    /// Replaces `bytes`, sent back to back from `start` on, by what the receiver has read by their
-    /// end; a character that is still being sampled comes with the next call, or with
+    /// Replaces `bytes`, sent back to back from `start` on, by the bytes that the receiver has read
+    /// by their end. A character that is still being sampled comes with the next call, or with
     /// [`idle`](Self::idle). Returns the number of characters without a valid stop bit, which are
     /// left out.
     pub(crate) fn feed(
@@ -61,18 +61,18 @@ impl Resampler {
         errors
     }
 
-    /// What the receiver read of the characters without a valid stop bit, by their places among the
-    /// bytes of the last call.
+    /// Takes the values read from characters without a valid stop bit, with their positions among
+    /// the bytes of the last call.
     pub(crate) fn take_marks(&mut self) -> Vec<Mark> {
         core::mem::take(&mut self.marks)
     }
 
-    /// When [`idle`](Self::idle) is to be called unless more is sent before.
+    /// Time at which [`idle`](Self::idle) is to be called unless more bytes come before.
     pub(crate) fn idle_at(&self) -> Option<Instant> {
         self.end.map(|(end, quiet)| end + quiet)
     }
 
-    /// The line went quiet: what was being sampled ends in idle level.
+    /// Ends the current character in idle level, because the line is quiet.
     pub(crate) fn idle(&mut self, received: &mut Vec<u8>) -> u32 {
         self.end = None;
         let Some((sender, receiver)) = self.rates else {
@@ -105,7 +105,7 @@ impl Resampler {
         };
         loop {
             let Some(edge) = falling_edge(&self.bits, at, sender_bit) else {
-                // Nothing begins in what is left; keep the last level for the next edge.
+                // No character begins in the remaining bits; keep the last level for the next edge.
                 at = (self.bits.len() as u64)
                     .saturating_sub(1)
                     .max(at / sender_bit)
@@ -205,8 +205,8 @@ mod tests {
     }
 
     /// By hand: 0x55 is low and high in turn, beginning low. At half the rate the middle of the
-    /// start bit falls on the rising edge behind it: a false start, and so it is at each of the
-    /// five falling edges. Nothing is read.
+    /// start bit falls on the rising edge behind it: a false start, at each of the five falling
+    /// edges. No byte is read.
     #[test]
     fn half_the_rate_sees_only_false_starts_in_0x55() {
         assert_eq!(read(&[0x55], 115_200, 57_600), (vec![], 0));
@@ -375,8 +375,8 @@ mod tests {
         assert_eq!(through(&[0xC1, 0x43], plain, even), (vec![0x41, 0x43], 0));
     }
 
-    /// What a line of five bits does not carry does not count for its parity either: of 0xE1 that
-    /// is 00001, one one.
+    /// Bits beyond a line's five do not count for its parity either: 0xE1 is sent as 00001, one
+    /// one.
     #[test]
     fn a_short_character_carries_its_low_bits() {
         let short = coding(5, Parity::Even, 2);
@@ -395,8 +395,8 @@ mod tests {
         assert_eq!(through(&[0xFF, 0xFF], one, two), (vec![], 1));
     }
 
-    /// Bits of 100 us. What comes 2.4 ms later, 24 bits, is read by itself; a receiver that is
-    /// still within a character when more comes back to back reads on in it.
+    /// Bits of 100 us. A byte 2.4 ms later, 24 bits, is read by itself. A receiver that is still
+    /// within a character when more bytes come back to back reads on in it.
     #[test]
     fn a_gap_is_idle_line_and_none_is_none() {
         let [sender, receiver] = [10_000, 5_000].map(LineConfig::new_8n1);
@@ -421,8 +421,8 @@ mod tests {
         assert_eq!(read([0, 3400]), [0b1111_1100, 0b1111_1110]);
     }
 
-    /// To a receiver with bits of 104 us the 87 us of a fast 41 are a start bit, as its middle at
-    /// 52 us lies in bit 5, low, with nothing but idle line behind. Other rates end that at once.
+    /// For a receiver with bits of 104 us the 87 us of a fast 41 are a start bit: its middle at 52
+    /// us lies in bit 5, low, with only idle line behind. A change of rates ends that at once.
     #[test]
     fn a_change_of_rates_ends_what_was_being_read() {
         let [slow, fast] = [9_600, 115_200].map(LineConfig::new_8n1);

@@ -1,5 +1,4 @@
-//! One round of a rig: what has arrived is delivered, nodes do their work, lines take what they
-//! send.
+//! One round of a rig: lines deliver arrived bytes, nodes work, lines take the nodes' bytes.
 
 use protocols::{Instant, LineEvent};
 
@@ -8,22 +7,22 @@ use super::node::Body;
 use super::trace::{Side, Tap as _};
 use super::{LinkKind, Rig};
 
-/// What is due on a line. Apart from the lines, because all of it is checked between any two
-/// events.
+/// Due times of a line. Stored apart from the lines, because all of them are checked between any
+/// two events.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Due {
-    /// When it has something to deliver, or can take more from a sender that had more.
+    /// Time of its next delivery, or of more bytes from a sender that had more.
     at: Instant,
     /// The sender.
     from: End,
-    /// Whether the sender is asked in this round, even if nothing has happened to it.
+    /// Whether the sender is asked in this round, even without an event for it.
     asks: bool,
 }
 
 const ROUNDS_MAX: usize = 1000;
 
 impl Rig {
-    /// When something will next happen by itself.
+    /// Time of the next event without further input.
     pub fn next_event(&self) -> Option<Instant> {
         let lines = self.links.iter().flat_map(|link| &link.lines);
         let lines = lines.map(|line| line.next_at(self.now));
@@ -31,13 +30,13 @@ impl Rig {
         (next < NEVER).then_some(next)
     }
 
-    /// When a node next wants to be polled.
+    /// Time of the next poll of a node.
     fn next_poll(&self) -> Instant {
         let polls = self.nodes.iter().map(|node| node.polled_at);
         polls.fold(NEVER, Instant::min).max(self.now)
     }
 
-    /// Looks at all lines and devices again, whatever was done to them meanwhile.
+    /// Plans all lines and devices again, after any change from outside.
     pub(super) fn foresee(&mut self) {
         for node in &mut self.nodes {
             node.replan(self.now);
@@ -51,8 +50,8 @@ impl Rig {
         }));
     }
 
-    /// Does all that is due now, until nothing changes any more; when something will next happen by
-    /// itself.
+    /// Does all work due now, until nothing changes any more; returns the time of the next event
+    /// without further input.
     pub(super) fn settle(&mut self) -> Option<Instant> {
         self.world.advance(self.now);
         // A further round needs a byte that takes no time, or a node that another one stirred; the
@@ -140,7 +139,7 @@ impl Rig {
         }
     }
 
-    /// Asks senders that may have something for what they send.
+    /// Takes bytes from senders that may have some.
     fn take(&mut self) {
         let mut number = 0;
         loop {
@@ -230,7 +229,7 @@ mod tests {
     use super::*;
     use crate::rig::bare;
 
-    /// Wants to be polled at one moment, and remembers when it was.
+    /// Wants to be polled at one moment, and stores the time of the poll.
     #[derive(Clone, Default)]
     struct Clockwork {
         rings_at: Option<Instant>,
@@ -291,8 +290,8 @@ mod tests {
         assert_eq!(polls(&|rig| ring(rig.device_mut("clock"))), [0, 10, 20]);
     }
 
-    /// A node that was told something is asked at once, then it rings at 20 ms; nothing comes after
-    /// that.
+    /// A node that received an event is asked at once, then it rings at 20 ms; there are no events
+    /// after that.
     #[test]
     fn where_nobody_waits_for_anything_nothing_comes_next() {
         let mut rig = rig();

@@ -1,5 +1,5 @@
-//! What takes the place of something else in a rig: an open end that of a device, another program
-//! that of the robot's, a recording that of a sender.
+//! Replacements in a rig: an open end for a device, another program for the robot's, a recording
+//! for a sender.
 
 use protocols::LineConfig;
 
@@ -21,9 +21,9 @@ impl Rig {
         self.links.get_mut(link).map(|link| &mut link.lines)
     }
 
-    /// Takes the device at the other end of `link` out of the rig and opens its end of the link to
-    /// the outside; the number of the new node. Whatever else the device was connected to leads
-    /// nowhere from then on. `None` if there is no such link, or no device on it.
+    /// Removes the device at the other end of `link` from the rig and opens its end of the link to
+    /// the outside; returns the number of the new node. Other links of the device lead nowhere from
+    /// then on. `None` if the link does not exist, or no device is on it.
     pub fn replace_device(&mut self, link: &str) -> Option<usize> {
         let End { node: old, port } = self.link(link)?.line(Direction::ToMaster).from;
         let Body::Device(device) = &self.nodes[old].body else {
@@ -43,8 +43,8 @@ impl Rig {
         Some(end.node)
     }
 
-    /// Puts another program in the place of the one under test, e.g. one that is to be shown
-    /// broken; what `replace` is given is the one that was there. Nothing without a program.
+    /// Replaces the program under test, e.g. by a broken one. `replace` receives the old program.
+    /// Without a program this has no effect.
     pub fn replace_program(&mut self, replace: impl FnOnce(Box<dyn Program>) -> Box<dyn Program>) {
         let is_program = |node: &&mut Node| matches!(node.body, Body::Program { .. });
         let Some(node) = self.nodes.iter_mut().find(is_program) else {

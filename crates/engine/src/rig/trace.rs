@@ -12,7 +12,7 @@ static CRC: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_XZ);
 #[derive(Clone)]
 pub struct Trace {
     digest: Digest<'static, u64, Table<16>>,
-    /// What `digest` has yet to take: pieces are short, and it is quick with long ones only.
+    /// Bytes that `digest` has yet to take: pieces are short, and it is quick with long ones only.
     waiting: Vec<u8>,
 }
 
@@ -37,9 +37,9 @@ impl core::fmt::Debug for Trace {
 /// On which side of the faults bytes were seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// As the sender put them on the wire.
+    /// Bytes as the sender put them on the wire.
     Sent,
-    /// As the receiver got them.
+    /// Bytes as the receiver got them.
     Received,
 }
 
@@ -48,18 +48,18 @@ pub trait Tap {
     /// `bytes` passed `link` in `direction`; the last one ended at `at`.
     fn record(&mut self, link: usize, direction: Direction, side: Side, at: Instant, bytes: &[u8]);
 
-    /// `delivery` reached the receiver, or would have, had the line not lost all of it. Comes in
-    /// the order of time, and tells what the faults did.
+    /// `delivery` reached the receiver, or would have reached it if the line had not lost all of
+    /// it. Calls come in order of time and include the effects of faults.
     fn arrived(&mut self, _link: usize, _direction: Direction, _delivery: &Delivery) {}
 
-    /// The sender's end told `event` at `at`: a port opened or closed, a break.
+    /// The sender's end reported `event` at `at`: a port opened or closed, a break.
     fn line_event(&mut self, _link: usize, _to: Direction, _at: Instant, _event: LineEvent) {}
 
-    /// The run has come to `now`: whatever was due before has been told. Called now and then.
+    /// The run has reached `now`: all earlier events have been reported. Called now and then.
     fn reached(&mut self, _now: Instant) {}
 
-    /// What has stopped it since the last call, in words; the same error comes from
-    /// [`finish`](Self::finish) again.
+    /// Takes the error that stopped it since the last call, in words. [`finish`](Self::finish)
+    /// returns the same error again.
     fn take_trouble(&mut self) -> Option<String> {
         None
     }

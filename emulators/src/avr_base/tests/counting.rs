@@ -13,7 +13,7 @@ struct Naive {
     tick_in: u32,
     /// Ticks until the divider counts.
     ticks_left: u32,
-    /// Counts until the unfinished frame is given up; set to 1 by every byte.
+    /// Counts until the unfinished frame is discarded; every byte sets it to 1.
     counts_left: u32,
     /// How long the main loop has had the expired counter before it.
     expired_for: u32,

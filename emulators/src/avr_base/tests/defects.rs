@@ -6,7 +6,7 @@ use crate::world::{Point, Wheel};
 
 type Probe = fn(Profile) -> bool;
 
-/// Id, what it is, how it shows.
+/// Id, description, probe.
 const TABLE: [(&str, &str, Probe); 20] = [
     ("AV-01", "the documented checksum is refused", av_01),
     (
@@ -202,7 +202,7 @@ fn av_11(profile: Profile) -> bool {
     reply == Frame::read(35, 0, bench.order()).as_bytes()
 }
 
-/// Every read that can be torn is; somewhere on the way the count jumps back.
+/// Every read that can be torn is torn; at some point the count jumps back.
 fn av_12(profile: Profile) -> bool {
     let mut bench = Bench::new(AvrBaseConfig {
         encoder_tear: 1.0,

@@ -27,7 +27,7 @@ const DOCUMENT: Profile = Profile::Document;
 const FIELD: Profile = Profile::Rcj2015;
 const BOTH: [Profile; 2] = [DOCUMENT, FIELD];
 
-/// What the rescue robot's program does in life: read 36..=45, write 46..=48, read 33..=35.
+/// Requests of the rescue robot's program in the field: read 36..=45, write 46..=48, read 33..=35.
 #[test]
 fn the_robots_own_program_breaks_no_rule() {
     for profile in Profile::ALL {
@@ -199,7 +199,7 @@ fn a_wrong_line_is_told() {
     assert_eq!(bench.broken(), [rules::FRAMING_ERROR, rules::BREAK]);
 }
 
-/// The button is told with the status register, unasked: bit 1 is "motors off".
+/// The base reports the button by the status register, without a request: bit 1 is "motors off".
 #[test]
 fn the_documented_base_tells_of_its_stop_button_if_asked_to() {
     let mut bench = Bench::new(AvrBaseConfig {

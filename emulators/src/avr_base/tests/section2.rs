@@ -125,7 +125,7 @@ fn point_02_the_replys_register_comes_from_59() {
     assert_eq!(bench.write(53, &[0x11; 126]), hex("AB 11 00 00 BC"));
 }
 
-/// Measured on the chip: register, count and pointer are loaded once, and addresses count up, so a
+/// Measured on the chip: register, count and pointer are loaded once, and addresses count up. So a
 /// write over the request itself does not redirect the rest of its bytes.
 #[test]
 fn f2_a_write_over_53_does_not_redirect_its_remaining_bytes() {
@@ -163,8 +163,8 @@ fn f2_a_write_that_covers_59_is_acknowledged_with_that_byte() {
     assert_eq!(fielded().write(47, &data), hex("AB B3 00 01 5E"));
 }
 
-/// A pointer that was overwritten stays so: the chip sets it once, as it starts. Data of later
-/// writes goes where it leads, and where nothing can be stored the checksum fails.
+/// An overwritten pointer stays overwritten: the chip sets it once, at its start. Data of later
+/// writes goes to its target. If the target cannot be written, the checksum fails.
 #[test]
 fn f2_a_pointer_that_is_overwritten_stays() {
     let mut bench = fielded();
@@ -246,7 +246,7 @@ fn f3_a_write_over_the_motors_state_changes_it() {
     assert_eq!(bench.read(36, 1), [0x44]);
     assert_eq!(bench.read(40, 4), [0x22, 0x11, 0, 0]);
     bench.run(100 * MS);
-    // What was written to the battery's reading is measured again: 95 percent.
+    // The battery's overwritten reading is measured again: 95 percent.
     assert_eq!(bench.read(33, 4), [0x30, 0x00, 0x5F, 0x44]);
     // A measured speed stays until the regulator runs: at most 40 ms.
     let mut data = bench.read(255, 79);
@@ -362,7 +362,7 @@ fn held_up(bench: &mut Bench, ticks: impl Iterator<Item = u32>) -> [u128; 2] {
     bounds
 }
 
-/// The soonest answer takes 18 us, and what is left of the tick interrupt when the frame ends.
+/// The soonest answer takes 18 us, plus the rest of the tick interrupt at the end of the frame.
 fn assert_held_for(found: u128, work_ns: u128) {
     let expected = 18_000 + work_ns - 1_000;
     let near = found.abs_diff(expected) <= 3_000;
@@ -527,8 +527,8 @@ fn point_09_the_motors_time_out_1_06_ms_after_an_even_count() {
     assert!((1_020 * US..=1_100 * US).contains(&after), "{after:?}");
 }
 
-/// Sound frames without an answer: of `tries`, one at each of the ticks `every` apart from `first`
-/// on, whose last byte ends within 0.25 ms around the tick.
+/// Number of valid frames without an answer. One of `tries` frames comes at each tick, `every`
+/// apart from `first` on; its last byte ends within 0.25 ms around the tick.
 fn vanished(first: u64, every: u64, tries: u64) -> usize {
     let mut rng = Rng::stream(1, "test.vanish");
     let mut bench = fielded();
@@ -580,7 +580,7 @@ fn point_12_latencies_are_distributed_as_observed() {
     assert_eq!(judge_latency(&writes, [37, 45, 115, 54]), Ok(()));
 }
 
-/// A base whose processor always answers after 33 us has the right median and nothing else.
+/// A base whose processor always answers after 33 us has the right median, and all else wrong.
 #[test]
 fn the_judges_refuse_a_base_with_other_figures() {
     let mut quirks = Profile::Rcj2015.quirks();

@@ -1,5 +1,5 @@
-//! Properties over sequences of frames: the bank against a plain reference, and what must never
-//! happen whatever the master sends.
+//! Properties over sequences of frames: the registers against a plain reference, and invariants
+//! that hold whatever the master sends.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -7,15 +7,15 @@ use protocols::Decode;
 
 use super::*;
 
-/// What the reference knows of the registers: what was written to those that a master may write.
-/// Everything else is asked to be zero or not asked at all.
+/// The reference's knowledge of the registers: the values written to those that a master may write.
+/// All others must be zero or are not checked.
 #[derive(Clone, Debug)]
 struct Reference {
     bytes: [u8; 53],
 }
 
-/// Registers that keep what is written, with an answer that needs no knowledge of the world:
-/// speeds, stand-by and light.
+/// Registers that keep the written value, so their answer does not depend on the world: speeds,
+/// stand-by and light.
 const FIRST: u8 = 46;
 const LAST: u8 = 52;
 
@@ -73,7 +73,7 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 impl Reference {
-    /// Takes the step and returns what the base must answer; `None` if that depends on the bit.
+    /// Takes the step and returns the required answer of the base; `None` if it depends on the bit.
     fn answer(&mut self, step: &Step, profile: Profile) -> Option<Vec<u8>> {
         let order = profile.quirks().checksum;
         let reply = match step {
@@ -137,7 +137,7 @@ fn holds_a_frame(bytes: &[u8], order: ChecksumOrder) -> bool {
     found || decoder.push(&[]).any(|outcome| outcome.is_ok())
 }
 
-/// What the base under test holds of the registers in question.
+/// Values of the checked registers in the base under test.
 fn held(bench: &Bench) -> Vec<u8> {
     (FIRST..=LAST).map(|r| bench.base.register(r)).collect()
 }
@@ -251,9 +251,9 @@ fn endure(profile: Profile, attacks: &[Attack], phase_us: u64) -> Bench {
     bench
 }
 
-/// The worst a sequence can do to the fielded time-out by its known defects: write the speeds
-/// without arming it (AV-02), also by a write over its own register at 53, whose other bytes go
-/// where that byte says, or write over its task (AV-03b).
+/// Whether an attack uses a known defect of the fielded timeout: a write of the speeds without
+/// arming it (AV-02), or a write over its task (AV-03b). The first also happens by a write over the
+/// request's register at 53, which moves the remaining bytes.
 fn is_defect(attack: &Attack) -> bool {
     let start = usize::from(attack.register);
     let end = start + usize::from(attack.count);
@@ -297,8 +297,8 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(39 * ProptestConfig::default().cases))]
 
-    /// Whatever was sent: no panic, all answers are whole frames, a silent second later the motors
-    /// stand, and the next good request is answered.
+    /// Invariants after any bytes: no panic, all answers are whole frames, a silent second later
+    /// the motors stand, and the next good request is answered.
     #[test]
     fn the_documented_base_endures_anything(
         attacks in vec(attack(), 1..12),
@@ -331,7 +331,7 @@ proptest! {
         if crashed {
             bench.run(Duration::from_secs(7));
         }
-        // Pieces of frames may have made a frame that was not sent; its reply tells.
+        // Pieces of frames may have combined to a frame that was not sent; its reply shows it.
         let sent = bench.take();
         let by_chance = acknowledged(&sent, bench.order()).any(|register| {
             register < 46 && !attacks.iter().any(|attack| attack.register == register)
@@ -344,7 +344,7 @@ proptest! {
         prop_assert!(answered || has_vanished(&mut bench));
     }
 
-    /// Its defects let in: still no panic.
+    /// With its defects: still no panic.
     #[test]
     fn no_sequence_panics_the_fielded_builds(
         attacks in vec(attack(), 1..12),

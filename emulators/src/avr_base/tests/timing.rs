@@ -1,4 +1,4 @@
-//! When things happen: windows measured on field firmware b77a6df, over the phases of its divider.
+//! Times of events: windows measured on field firmware b77a6df, over the phases of its divider.
 
 use super::*;
 use crate::world::Wheel;
@@ -28,8 +28,8 @@ fn long_replies_take_10_us_a_byte() {
     }
 }
 
-/// Measured: of 20 second requests sent 0, 50, 100 and 150 us after the end of a first one 0, 12,
-/// 17 and about 20 were answered.
+/// Measured: 20 second requests each were sent 0, 50, 100 and 150 us after the end of a first one.
+/// The base answered 0, 12, 17 and about 20 of them.
 #[test]
 fn a_second_request_is_lost_while_the_first_is_worked_on() {
     let answered = |gap_us: u64| {
@@ -286,7 +286,7 @@ fn stand_by_lets_the_motors_go() {
     assert_eq!(bench.read(46, 3), [20, 20, 1]);
 }
 
-/// A poll too many, or one in the middle of nothing, changes nothing.
+/// An additional poll at any time changes nothing.
 #[test]
 fn polling_more_often_changes_nothing() {
     let run = |step: Duration| {
@@ -302,8 +302,8 @@ fn polling_more_often_changes_nothing() {
     assert_eq!(run(SECOND), run(Duration::from_micros(400)));
 }
 
-/// A rig in real time may come late. Five periods at once must not look like five times the speed,
-/// or the regulator would throw the robot about.
+/// A rig in real time may poll late. Five periods at once must not look like five times the speed,
+/// or the regulator would jerk the robot.
 #[test]
 fn a_late_poll_does_not_upset_the_regulator() {
     let mut bench = Bench::new(in_phase(Profile::Document));
@@ -318,8 +318,8 @@ fn a_late_poll_does_not_upset_the_regulator() {
     assert!((18..=22).contains(&speed), "{speed}");
 }
 
-/// A processor that restarts knows nothing of before: counts begin at 0, speeds are 0, the
-/// driver lets go, and no answer comes before it is up.
+/// A processor that restarts loses its state: counts begin at 0, speeds are 0, the driver lets go,
+/// and no answer comes before it is up.
 #[test]
 fn a_reset_forgets_everything() {
     for profile in Profile::ALL {
@@ -361,7 +361,7 @@ fn a_reset_forgets_the_lowest_voltage() {
     assert_eq!(bench.read(35, 1), [95]);
 }
 
-/// Turning on the spot: the signs of both wheels go all the way round.
+/// Turning on the spot: each wheel keeps its sign from the set-point to the encoder.
 #[test]
 fn a_negative_speed_turns_its_wheel_backwards() {
     let mut bench = Bench::new(in_phase(Profile::Document));
@@ -374,7 +374,7 @@ fn a_negative_speed_turns_its_wheel_backwards() {
     assert!(bench.world.turn_rate() < 0.0);
 }
 
-/// How long silence may drive the robot, as the profile promises.
+/// Maximum time that the robot drives in silence, by the profile.
 #[test]
 fn the_promised_silence_holds_for_every_phase() {
     for profile in [Profile::Document, Profile::Rcj2015] {

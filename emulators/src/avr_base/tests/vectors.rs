@@ -1,5 +1,5 @@
-//! Bytes seen on the wire of field firmware b77a6df in a simulated ATmega2560, one test a row, and
-//! the same story for the base as the document has it.
+//! Bytes observed on the wire of field firmware b77a6df in a simulated ATmega2560, one test a row,
+//! and the same sequences for the documented base.
 
 use super::*;
 
@@ -189,7 +189,7 @@ fn three_hundred_bytes_behind_a_write_of_127_crash_the_processor() {
         .as_bytes()
         .to_vec();
     flood.extend([0; 300]);
-    // Within one count of the divider, so that the unfinished frame is not given up: from just
+    // Within one count of the divider, so that the unfinished frame is not discarded: from just
     // after 50.2 ms on, 4.3 ms long.
     bench.run(Duration::from_micros(50_300) - (bench.now - Instant::ZERO));
     bench.send(&flood);

@@ -13,7 +13,7 @@ enum Port {
     Connected,
 }
 
-/// What a linvor module with default figures is, by the rules as the guides tell them.
+/// A reference model of a linvor module with default figures, by the rules of the guides.
 struct Reference {
     powered: bool,
     data_mode: bool,
@@ -226,8 +226,9 @@ fn op() -> impl Strategy<Value = Op> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(6 * ProptestConfig::default().cases))]
 
-    /// Whatever host, radio, power and robot do, in any order: mode, memory and replies are the
-    /// reference's, the rate in use is the one remembered, and no byte goes astray.
+    /// Invariants over actions of host, radio, power and robot in any order: mode, memory and
+    /// replies are the reference's, the rate in use is the stored one, and no byte is lost
+    /// unnoticed.
     #[test]
     fn the_module_is_the_reference(ops in prop::collection::vec(op(), 1..40)) {
         let mut bench = Bench::new(Profile::default());

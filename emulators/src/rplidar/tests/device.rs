@@ -96,8 +96,8 @@ fn conf_is_answered_from_firmware_1_24_on() {
     assert_eq!(ask(Profile::Fw120, 0x70, None), []);
 }
 
-/// Nothing as the run begins, when the sensor has long been on; after a reset and on power-up the
-/// 64 bytes that users show, 671.5 ms later.
+/// At the start of the run no text comes, because the sensor has long been on. After a reset and on
+/// power-up the 64 bytes that users show come, 671.5 ms later.
 #[test]
 fn f12_a_reset_and_power_up_print_the_start_text() {
     let texts = [
@@ -163,12 +163,12 @@ fn f10_requests_back_to_back_are_answered_in_their_order() {
     assert_eq!(kinds(&[0xA5, 0x50, 0xA5, 0x52]), (vec![0x04, 0x06], 0));
     let all = [0xA5, 0x25, 0xA5, 0x52, 0xA5, 0x50, 0xA5, 0x59, 0xA5, 0x20];
     assert_eq!(kinds(&all), (vec![0x06, 0x04, 0x15, 0x81], 0));
-    // A stop behind a scan ends that one, and what is asked behind it is answered.
+    // A stop behind a scan ends that one, and the sensor answers the request behind the stop.
     assert_eq!(
         kinds(&[0xA5, 0x20, 0xA5, 0x25, 0xA5, 0x50]),
         (vec![0x81, 0x04], 0)
     );
-    // Of more than wait anywhere the last ones are told and lost.
+    // If more requests come than can wait, the last ones are reported and lost.
     let (answered, told) = kinds(&[0xA5, 0x52].repeat(20));
     assert_eq!((answered.len(), told), (16, 4));
 }
@@ -192,7 +192,7 @@ fn half_a_request_is_forgotten_after_five_seconds() {
     bench.send(&[0xA5]).run_ms(5_100).send(&[0x50]).run_ms(20);
     assert_eq!(bench.bytes.len(), 27);
     assert_eq!(bench.rules(), ["request-cut", "stray-bytes"]);
-    // What is discarded hides nothing: the whole request is gone, not only its first byte.
+    // The whole request is discarded, not only its first byte, so none is found inside.
     bench.send(&[0xA5, 0x82, 0x05, 0xA5, 0x50]).run_ms(5_100);
     assert_eq!(bench.bytes.len(), 27);
     assert_eq!(bench.ask(Command::Info).len(), 27);
@@ -232,7 +232,7 @@ fn dtr_stops_and_starts_the_motor_of_the_adapter() {
     assert!((438.0..445.0).contains(&speed(&mut bench, 0)));
 }
 
-/// The accessory board takes PWM 660 of 1023: 675 * 0.645 - 75 = 360 rpm. It says that it is there.
+/// The accessory board takes PWM 660 of 1023: 675 * 0.645 - 75 = 360 rpm. It reports its presence.
 #[test]
 fn f0_drives_the_motor_of_an_accessory_board_only() {
     let speed = |motor| {
@@ -384,7 +384,7 @@ fn half_a_request_waits_for_five_seconds() {
     assert!(!whole.0);
     assert_eq!(answered(4_900), whole);
     assert!(answered(5_100).0);
-    // After a request that came whole nothing is waited for.
+    // After a complete request the sensor waits for nothing.
     let mut bench = plain();
     bench.ask(Command::Info);
     bench.run_ms(6_000);

@@ -1,10 +1,10 @@
-//! Every fault shows with it and does not show without it.
+//! Every fault has an effect, and there is none without the fault.
 
 use protocols::rplidar::Status;
 
 use super::*;
 
-/// Runs the same with and without the fault: `shows` must tell them apart.
+/// Runs the same with and without the fault: `shows` must distinguish them.
 fn assert_shows(fault: Fault, figure: Option<f64>, config: &Config, shows: fn(&mut Bench) -> bool) {
     let [mut broken, mut sound] = pair(fault, figure, config);
     assert!(shows(&mut broken), "{fault:?} does not show");
@@ -312,8 +312,8 @@ fn one_key_may_be_empty_alone() {
     );
 }
 
-/// Field bug 15: mode 5 is told, with a name and times, and a request for it has no answer. Told
-/// that another mode is the typical one, a client gets that one.
+/// Field bug 15: mode 5 is reported, with a name and times, and a request for it has no answer. If
+/// the sensor reports another mode as the typical one, a client gets that one.
 #[test]
 fn a_typical_mode_may_be_one_that_is_not_streamed() {
     shows(Fault::TypicalMode, |bench| {
@@ -330,7 +330,7 @@ fn a_typical_mode_may_be_one_that_is_not_streamed() {
             .ends_with(b"Stability\0")
     );
     let (key, mode) = (0x70, None);
-    // How many modes there are is told as before: 5.
+    // The reported number of modes stays 5.
     assert_eq!(
         bench.ask(Command::Conf { key, mode }),
         [0xA5, 0x5A, 6, 0, 0, 0, 0x20, 0x70, 0, 0, 0, 5, 0]
@@ -379,7 +379,7 @@ fn a_weak_supply_restarts_the_sensor_when_a_scan_begins() {
     });
 }
 
-/// Field bug 6: what follows a stop without a pause does nothing.
+/// Field bug 6: a request behind a stop without a pause has no effect.
 #[test]
 fn a_slow_stop_discards_what_follows() {
     shows(Fault::SlowStop, |bench| {
@@ -427,8 +427,8 @@ fn angles_pass_360_degrees() {
     assert_eq!(run(Vec::new()), 359);
 }
 
-/// Distance ahead, to the right, behind and to the left, decimetres, in a room that has its walls
-/// at 1, 2, 3 and 4 m there.
+/// Distance ahead, to the right, behind and to the left, decimetres, in a room with its walls at 1,
+/// 2, 3 and 4 m.
 fn compass(fault: Option<Fault>) -> [u16; 4] {
     let corners = [(-3.0, -2.0), (1.0, -2.0), (1.0, 4.0), (-3.0, 4.0)];
     let corners = corners.map(|(x, y)| Point::new(x, y)).to_vec();

@@ -53,7 +53,7 @@ fn a_forced_scan_does_not_wait() {
     bench.bytes.drain(..7);
     let nodes = bench.nodes();
     assert!(nodes.len() > 190, "{}", nodes.len());
-    // What little they differ by is what noise of the distance makes of the angle.
+    // The angles differ only a little, by the noise of the distance.
     let valid = nodes.iter().filter(|node| node.distance_q2() > 0);
     let angles = valid.map(|node| node.angle_q6());
     let [least, most] = [angles.clone().min(), angles.max()].map(Option::unwrap_or_default);
@@ -99,8 +99,8 @@ fn the_adapter_gives_267_or_268_nodes_in_a_turn() {
     assert!(turns.contains(&267) && turns.contains(&268));
 }
 
-/// LR001: less than 1 % off, plus what 3.5 jitters of 0.05 degrees make of a slanting wall (0.3 %).
-/// Some samples of plain walls give nothing: spots and chance.
+/// LR001: less than 1 % off, plus the effect of 3.5 jitters of 0.05 degrees on a slanting wall (0.3
+/// %). Some samples of plain walls give nothing: spots and chance.
 #[test]
 fn a_square_room_is_measured_as_it_is() {
     let mut bench = plain();
@@ -166,7 +166,7 @@ fn f13_the_quality_says_valid_or_not() {
                 .fold((0, 0), |(sum, number), one| (sum + one, number + 1));
             sum / number.max(1)
         };
-        // Less light from farther away: only old firmware tells.
+        // Less light from farther away: only old firmware reports it.
         let is_less = mean(&nodes(4.0)) < mean(&near);
         assert_eq!(is_less, profile == Profile::Fw120);
     }

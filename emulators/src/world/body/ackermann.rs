@@ -6,9 +6,9 @@
 //! ```
 //!
 //! The reference point is the middle of the rear axle: poses of the world, the footprint and every
-//! mount are seen from there. Two wheels stand for four (the bicycle model): the differential gear
-//! is ideal and tyres do not drift sideways. What the servo makes of an angle is in [`SteeringLaw`]
-//! and [`Floor`]; by default it is as told, at rest as rolling.
+//! mount refer to it. Two wheels stand for four (the bicycle model): the differential gear is ideal
+//! and tyres do not drift sideways. [`SteeringLaw`] and [`Floor`] describe the servo's true angle;
+//! by default it equals the command, at rest as rolling.
 
 mod servo;
 mod wheels;
@@ -37,17 +37,17 @@ pub struct AckermannConfig {
     pub footprint: Footprint,
     /// Between the axles.
     pub wheelbase_m: f64,
-    /// Between the wheels of one axle. It tells how much farther the outer wheel rolls, and the
+    /// Between the wheels of one axle. Determines the extra distance of the outer wheel, and the
     /// tightest circle: a car cannot turn about a point between its wheels.
     pub track_m: f64,
     /// Of the driven wheels.
     pub wheel_radius_m: f64,
     /// Encoder counts of the drive shaft per turn of a wheel.
     pub ticks_per_turn: u32,
-    /// Counts per turn of each rear wheel, for encoders `rear_left` and `rear_right`; `None`: there
-    /// are none.
+    /// Counts per turn of each rear wheel, for the encoders `rear_left` and `rear_right`; `None`:
+    /// the car has none.
     pub wheel_ticks_per_turn: Option<u32>,
-    /// Steering angle of the (single) front wheel at most, to either side.
+    /// Maximum steering angle of the (single) front wheel, to either side.
     pub steering_max_rad: f64,
     /// The servo turns no faster.
     pub steering_rate_rad_s: f64,
@@ -61,7 +61,7 @@ pub struct AckermannConfig {
     pub full_speed_m_s: f64,
     /// Greatest drive at which the car does not move yet; below 255.
     pub dead_zone_drive: u8,
-    /// Reaction of the motor driver while the car still rolls the other way.
+    /// Reaction of the motor driver while the car still rolls in the other direction.
     pub reversing: Reversing,
     /// Time constant of the driven car.
     pub lag_s: f64,
@@ -72,7 +72,7 @@ pub struct AckermannConfig {
     /// Part of the wheels' travel that is lost on the floor.
     pub slip: f64,
     /// Noise of the travel: standard deviation in metres after one metre. Grows with the square
-    /// root of the way.
+    /// root of the distance.
     pub slip_noise_m: f64,
     /// Noise of the heading: standard deviation in radians after one metre of wheel travel.
     pub heading_noise_rad: f64,
@@ -109,8 +109,7 @@ impl Default for AckermannConfig {
 }
 
 impl AckermannConfig {
-    /// The same car on a perfect floor: no slip, no noise. For tests whose figures are to be
-    /// derived by hand.
+    /// The same car on a perfect floor: no slip, no noise. For tests with figures derived by hand.
     #[must_use]
     pub fn ideal(self) -> Self {
         Self {

@@ -8,38 +8,38 @@ use super::{BodyConfig, Drive};
 /// A drive train as physics sees it: actuators in, motion over the floor and encoder counts out.
 ///
 /// The world owns the time. It calls [`begin_step`](Self::begin_step) once for each step of 1 ms,
-/// for 0, 1, 2 and so on, in order; what that returns holds for the whole step. Between two such
-/// calls anything else may be called any number of times, in any order. Only
-/// [`actuate`](Self::actuate) changes what comes, and only from the next step on; the last call
-/// before it counts, and the same command twice is the same as once.
+/// for 0, 1, 2 and so on, in order; the returned motion holds for the whole step. Between two such
+/// calls the world may call the other methods any number of times, in any order. Only
+/// [`actuate`](Self::actuate) changes the future, from the next step on. The last call before a
+/// step counts, and a repeated command has no further effect.
 ///
 /// Footprint, actuators and encoders are the same lists in the same order for the whole life of the
-/// chassis; indices are places in them. No index beyond its list is ever passed.
+/// chassis; indices refer to these lists. No index beyond its list is ever passed.
 ///
-/// Equal chassis behave alike forever, and a clone continues as its original does: no clock, no
-/// chance but [named streams](crate::rng) of the chassis's own, drawn by the step and not by
-/// what the robot does. It need not know walls: the world keeps the body out of them, and its
-/// wheels slip meanwhile.
+/// Equal chassis behave alike forever, and a clone continues as its original does. A chassis uses
+/// no clock, and no chance except its own [named streams](crate::rng), drawn per step whatever the
+/// robot does. It need not know walls: the world keeps the body out of them, and the wheels slip
+/// meanwhile.
 pub trait Chassis: fmt::Debug + Send + Sync {
-    /// What collides, around the reference point: the point whose way `begin_step` tells.
+    /// Colliding shape around the reference point: the point whose motion `begin_step` returns.
     fn footprint(&self) -> &Footprint;
 
-    /// What can be set. Names differ. A world's [`set_drive`](crate::world::World::set_drive) means
+    /// The actuators. Names differ. A world's [`set_drive`](crate::world::World::set_drive) means
     /// the motors named `left` and `right`.
     fn actuators(&self) -> &[Actuator];
 
-    /// Sets an actuator from the next step on. The world passes only what
-    /// [`Actuator::admit`] has let through; ignore the rest.
+    /// Sets an actuator from the next step on. The world passes only commands that
+    /// [`Actuator::admit`] accepted; ignore the rest.
     fn actuate(&mut self, actuator: usize, command: Command);
 
-    /// What an actuator was set to last, or does since the start.
+    /// Last command of an actuator, or its command at the start.
     fn command(&self, actuator: usize) -> Command;
 
     /// True value of an actuator in this step, in the unit of its kind.
     fn actual(&self, actuator: usize) -> f64;
 
     /// Begins step `number`. Both figures must be finite; a speed of more than 5 m/s or a turn rate
-    /// of more than 20 rad/s may carry the body through thin things.
+    /// of more than 20 rad/s may carry the body through thin obstacles.
     fn begin_step(&mut self, number: u64) -> Velocity;
 
     /// Its encoders. Their names are unique.
@@ -55,8 +55,9 @@ pub trait Chassis: fmt::Debug + Send + Sync {
     /// The same chassis once more.
     fn clone_box(&self) -> Box<dyn Chassis>;
 
-    /// The figures of a differential drive; `None` for everything else, whose
-    /// [`World::body`](crate::world::World::body) is then a stand-in. Goes when that goes.
+    /// The figures of a differential drive; `None` for any other chassis, whose
+    /// [`World::body`](crate::world::World::body) is then a stand-in. To be removed with that
+    /// method.
     fn body(&self) -> Option<&BodyConfig> {
         None
     }
@@ -84,7 +85,7 @@ pub struct Actuator {
     pub name: String,
     /// Its kind.
     pub kind: ActuatorKind,
-    /// Minimum and maximum value in the unit of its kind; what is beyond counts as the nearest.
+    /// Minimum and maximum value in the unit of its kind; a value beyond becomes the nearest.
     pub range: [f64; 2],
 }
 
@@ -107,7 +108,7 @@ impl ActuatorKind {
         }
     }
 
-    /// Whether such an actuator can do such a thing.
+    /// Whether an actuator of this kind accepts `command`.
     pub const fn takes(self, command: Command) -> bool {
         match command {
             Command::Power(_) | Command::Brake | Command::Coast | Command::Speed(_) => {
@@ -128,7 +129,7 @@ impl fmt::Display for ActuatorKind {
 }
 
 impl Actuator {
-    /// `command`, brought into range; an error if it is not for such an actuator.
+    /// Brings `command` into range; an error if this actuator does not accept it.
     ///
     /// # Errors
     /// [`CommandError::Unfit`] and [`CommandError::NotFinite`].
@@ -209,17 +210,17 @@ pub struct Encoder {
     pub counts_per_m: f64,
 }
 
-/// One of a list of actuators or encoders: by name, or by its place in the list.
+/// One of a list of actuators or encoders, by name or by index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Select<'a> {
-    /// Its place, from 0.
+    /// Its index, from 0.
     Index(usize),
     /// Its name.
     Name(&'a str),
 }
 
 impl Select<'_> {
-    /// Place in a list of things with these names, if it is there.
+    /// Index in a list of these names, if it is in the list.
     pub fn find<'n>(self, mut names: impl ExactSizeIterator<Item = &'n str>) -> Option<usize> {
         match self {
             Self::Index(index) => (index < names.len()).then_some(index),
@@ -272,7 +273,7 @@ pub enum CommandError {
         actuator: String,
         /// A short description.
         kind: ActuatorKind,
-        /// What it was to do.
+        /// The refused command.
         command: Command,
     },
     /// The figure is NaN or infinite.

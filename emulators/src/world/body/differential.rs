@@ -59,7 +59,7 @@ pub struct BodyConfig {
     /// Part of the wheel's travel that is lost on the floor, left and right.
     pub slip: [f64; 2],
     /// Noise of the travel of each wheel: standard deviation in metres after one metre. Grows with
-    /// the square root of the way.
+    /// the square root of the distance.
     pub slip_noise_m: f64,
     /// Noise of the heading: standard deviation in radians after one metre of wheel travel.
     pub heading_noise_rad: f64,
@@ -88,8 +88,7 @@ impl Default for BodyConfig {
 }
 
 impl BodyConfig {
-    /// The same body on a perfect floor: no slip, no noise. For tests whose figures are to be
-    /// derived by hand.
+    /// The same body on a perfect floor: no slip, no noise. For tests with figures derived by hand.
     #[must_use]
     pub fn ideal(self) -> Self {
         Self {
@@ -168,7 +167,7 @@ pub(super) fn check_ranges(fields: &[(&'static str, f64, f64, f64)]) -> Result<(
 /// A figure of a body that physics cannot work with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyError {
-    /// Which.
+    /// Name of the field.
     pub field: &'static str,
     /// As given.
     pub found: f64,
@@ -192,7 +191,7 @@ impl fmt::Display for BodyError {
 
 impl core::error::Error for BodyError {}
 
-/// Both wheels, and what they do to the body: actuators and encoders `left` and `right`.
+/// Both wheels and their effect on the body: actuators and encoders `left` and `right`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Differential {
     config: BodyConfig,
@@ -241,7 +240,7 @@ impl Differential {
         })
     }
 
-    /// The same wheels under a body of another shape; its `radius_m` says nothing then.
+    /// The same wheels under a body of another shape; its `radius_m` has no effect then.
     #[must_use]
     pub fn with_footprint(self, footprint: Footprint) -> Self {
         Self { footprint, ..self }

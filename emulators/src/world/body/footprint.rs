@@ -6,7 +6,7 @@ use crate::world::geometry::{Point, Pose};
 
 /// Minimum and maximum radius of a disc, metres.
 const RADIUS_M: [f64; 2] = [0.02, 2.0];
-/// Corners of an outline at most: a collision costs a look at each.
+/// Maximum number of corners of an outline: a collision test examines each.
 const CORNERS_MAX: usize = 64;
 /// Shortest side of an outline, metres.
 const SIDE_MIN_M: f64 = 1e-3;
@@ -28,7 +28,7 @@ enum Shape {
     Polygon(Vec<Point>),
 }
 
-/// A [`Footprint`] for those who draw or measure it.
+/// A [`Footprint`] in the form for drawing and measuring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outline<'a> {
     /// A disc around the reference point.
@@ -61,8 +61,8 @@ impl Footprint {
     /// reference point.
     ///
     /// # Errors
-    /// If it has fewer than 3 or more than 64 corners, a corner that is not finite or more than 4 m
-    /// away, a side shorter than 1 mm, or sides that touch or cross each other.
+    /// If the outline has fewer than 3 or more than 64 corners, or sides that touch or cross each
+    /// other. If a corner is not finite or more than 4 m away, or a side is shorter than 1 mm.
     pub fn polygon(corners: Vec<Point>) -> Result<Self, FootprintError> {
         let count = corners.len();
         if !(3..=CORNERS_MAX).contains(&count) {
@@ -142,7 +142,7 @@ impl Footprint {
         self.middle
     }
 
-    /// Its corners when the body stands at `pose`; none of a disc.
+    /// Its corners when the body stands at `pose`; a disc has none.
     pub(in crate::world) fn place(&self, pose: Pose, corners: &mut Vec<Point>) {
         corners.clear();
         if let Shape::Polygon(own) = &self.shape {
@@ -157,7 +157,7 @@ impl Footprint {
     }
 }
 
-/// Twice the area of the triangle; positive if `c` lies left of the way from `a` to `b`.
+/// Twice the area of the triangle; positive if `c` lies left of the line from `a` to `b`.
 fn side_of(a: Point, b: Point, c: Point) -> f64 {
     (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
 }
@@ -194,7 +194,7 @@ pub enum FootprintError {
     },
     /// A corner is not finite or too far from the reference point.
     Reach {
-        /// Which.
+        /// Number of the corner.
         corner: usize,
     },
     /// A side is too short.
@@ -276,7 +276,7 @@ mod tests {
         assert!(matches!(Footprint::circle(0.0), Err(E::Radius { .. })));
     }
 
-    /// 3 times 7 less 4 times 2; from b to a the other way round; nothing on the line.
+    /// 3 times 7 less 4 times 2; the opposite sign from b to a; zero on the line.
     #[test]
     fn a_point_lies_left_or_right_of_a_way() {
         let [a, b] = [Point::new(1.0, 2.0), Point::new(4.0, 6.0)];

@@ -4,7 +4,7 @@ use super::chassis::Command;
 use super::{NOISE_STEPS, STEP_S};
 use crate::rng::Rng;
 
-/// A wheel that nothing drives and that is slower than this is held by friction.
+/// Speed below which friction holds a wheel without drive.
 const STICTION_M_S: f64 = 1e-3;
 
 /// Slower than this counts as standing for a driver that brakes before it reverses; a guess.
@@ -39,7 +39,7 @@ pub(super) struct MotorFigures {
 /// Reaction of a motor driver to a command in the other direction while the wheel still turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reversing {
-    /// Drives the other way.
+    /// Drives in the other direction.
     #[default]
     AtOnce,
     /// Brakes until the wheel all but stands, as the speed controllers of model cars do.
@@ -64,7 +64,7 @@ impl MotorFigures {
 pub(super) struct Motor {
     figures: MotorFigures,
     command: Command,
-    /// Speed that the drive leads to, and the part of the way there made in one step.
+    /// Speed that the drive leads to, and the part of the difference covered in one step.
     target: f64,
     approach: f64,
     /// Of the rim, m/s; holds for the current step.
@@ -162,16 +162,16 @@ impl Motor {
     }
 }
 
-/// A random walk over the way: drawn for a time T, the deviation per square root of speed is
-/// `noise / sqrt(T)`. Drawn by the clock, moving or not, so that what the robot does never shifts
-/// the noise.
+/// A random walk over the distance: drawn for a time T, the deviation per square root of speed is
+/// `noise / sqrt(T)`. The clock alone decides the draws, moving or not, so the robot's behaviour
+/// never shifts the noise.
 pub(super) fn noise_root() -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "a small constant")]
     let steps = NOISE_STEPS as f64;
     (steps * STEP_S).sqrt()
 }
 
-/// Part of the way to its final value that a first-order lag makes in one step.
+/// Part of the difference to the final value that a first-order lag covers in one step.
 pub(super) fn part_per_step(lag_s: f64) -> f64 {
     if lag_s > 0.0 {
         1.0 - libm::exp(-STEP_S / lag_s)

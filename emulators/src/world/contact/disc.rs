@@ -1,7 +1,7 @@
 //! Collisions of a disc: by the distance of its middle from each surface.
 //!
-//! A surface that the next step would bring into the disc blocks the step's translation where they
-//! meet; turning on the spot stays free, and so does any way out.
+//! If a surface would enter the disc in the next step, the contact ends the step's translation.
+//! Turning on the spot stays free, and so does motion away.
 
 use core::time::Duration;
 
@@ -13,7 +13,7 @@ use crate::world::geometry::Point;
 use crate::world::scene::{Near, Scene};
 
 impl Bumper {
-    /// The slow way: each surface near by is measured at the beginning and the end of the step.
+    /// The slow test: each near surface is measured at the beginning and the end of the step.
     pub(super) fn collide_disc(
         &mut self,
         scene: &Scene,
@@ -43,9 +43,9 @@ impl Bumper {
         motion
     }
 
-    /// How far an obstacle that stands in the body at the end of the step moves it: out of its own
-    /// way, but into no wall. A body between the two stays where it is, and a surface that has
-    /// passed its middle leaves it behind.
+    /// Distance by which an obstacle that stands in the body at the end of the step moves the body:
+    /// out of the obstacle's path, but into no wall. A body between the two stays. A surface that
+    /// has passed the body's middle leaves the body behind.
     fn shove_disc(
         &self,
         scene: &Scene,
@@ -82,7 +82,7 @@ impl Bumper {
     }
 }
 
-/// What the surfaces near by leave of one step.
+/// Free part of one step among the near surfaces.
 struct Test {
     radius: f64,
     /// Part of the translation that is free.
@@ -92,7 +92,7 @@ struct Test {
 }
 
 impl Test {
-    /// Fixtures near the way from `start` to `end`, which is at most `way` long.
+    /// Tests fixtures near the line from `start` to `end`, which is at most `way` long.
     fn fixtures(&mut self, scene: &Scene, start: Point, end: Point, way: f64) {
         scene.each_fixed_near(start, self.radius + way, |stay| {
             self.surface(stay, stay, scene.fixed(stay.index, end));
@@ -151,8 +151,8 @@ mod tests {
         }
     }
 
-    /// A body of 0.5 m: what the surface leaves of its way, and by how much it came nearer, and
-    /// that by itself.
+    /// For a body of 0.5 m: the free part of its motion, the distance by which the surface came
+    /// nearer, and the body's own share of that.
     fn left(before: f64, stay: f64, go: f64) -> (f64, Option<[f64; 2]>) {
         let mut test = Test {
             radius: 0.5,
@@ -181,12 +181,13 @@ mod tests {
         assert!(is(left(0.6, 0.6, 0.5), 1.0, Some([0.0; 2])));
         assert!(is(left(0.4, 0.4, 0.45), 1.0, Some([0.0; 2])));
         assert!(is(left(0.9, 0.9, 0.8), 1.0, None));
-        // An obstacle comes by itself: it takes nothing of the body's own way, which leads away.
+        // The obstacle comes by itself and takes nothing of the body's own motion, which leads
+        // away.
         assert!(is(left(0.6, 0.4, 0.45), 1.0, Some([0.15, -0.05])));
         // Where it already overlaps nothing is left.
         assert!(is(left(0.6, 0.45, 0.35), 0.0, Some([0.25, 0.1])));
         assert!(is(left(0.45, 0.45, 0.45), 1.0, Some([0.0; 2])));
-        // No nearer in the end than in the beginning: what went away took nothing.
+        // No nearer at the end than at the beginning: a surface that went away blocks nothing.
         assert!(is(left(0.45, 0.47, 0.45), 1.0, Some([0.0; 2])));
     }
 

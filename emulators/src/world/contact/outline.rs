@@ -1,14 +1,14 @@
 //! Collisions of a body with corners: by the gap between its outline and each surface.
 //!
-//! The whole motion of a step is tried first. If a surface is in the way, the body turns as wanted
-//! and goes as far as it can; if the turn itself is blocked, it makes the part of the motion that
-//! is free, or goes without turning. Motions are tried in pieces of at most 2 mm and the last piece
-//! is halved until the body stands a micrometre off.
+//! The whole motion of a step is tried first. If a surface blocks it, the body turns as wanted and
+//! moves as far as it can. If the turn itself is blocked, the body makes the free part of the
+//! motion, or moves without turning. Motions are tried in pieces of at most 2 mm. The last piece is
+//! halved until the body stands a micrometre off.
 //!
-//! Simplified: a part of the outline thinner than 2 mm may pass a surface as thin; a blocked body
-//! does not slide along a wall that it meets at an angle, nor does the wall turn it; an obstacle
-//! that walks into the body takes it along by its own way, without turning it. A body that was put
-//! into a surface, or is caught between an obstacle and a wall, is free to go where its middle
+//! Simplified: a part of the outline thinner than 2 mm may pass a surface as thin. A blocked body
+//! does not slide along a wall that it meets at an angle, nor does the wall turn it. An obstacle
+//! that moves into the body takes it along in the obstacle's direction, without turning it. A body
+//! placed in a surface, or caught between an obstacle and a wall, may move wherever its middle
 //! comes no closer to that surface.
 
 mod gap;
@@ -25,13 +25,13 @@ use gap::{Gap, distance, gap};
 
 /// Gap at which body and surface touch: far above rounding, far below anything measured.
 const TOUCH_M: f64 = 1e-6;
-/// Nothing is skipped that comes closer than this.
+/// Distance within which no test is skipped.
 pub(super) const MARGIN_M: f64 = 2.0 * TOUCH_M;
 /// Closer by this much in one step is rounding, unless half of [`TOUCH_M`] is used up.
 const CREEP_M: f64 = 1e-12;
-/// Way of any corner between two looks, metres.
+/// Maximum motion of any corner between two looks, metres.
 const PIECE_M: f64 = 2e-3;
-/// Looks at one motion at most: a corner at 40 m/s.
+/// Maximum number of looks at one motion: enough for a corner at 40 m/s.
 const PIECES_MAX: u32 = 20;
 /// Halvings of the last piece: 2 nm are left of it.
 const HALVINGS: u32 = 20;
@@ -43,9 +43,9 @@ const PART_MIN: f64 = 1e-6;
 struct Solid {
     index: usize,
     primitive: Primitive,
-    /// Where its origin is at the beginning and at the end of the step.
+    /// Origin of the surface at the beginning and at the end of the step.
     places: [Point; 2],
-    /// Seen from the body's place at the beginning: where it was then, and where it is in the end.
+    /// Relative to the body's first position: the gap at the beginning, and at the end.
     began: Gap,
     stay: Gap,
     /// Of the body's middle from it in the end, if the body stays.
@@ -72,7 +72,7 @@ pub(super) fn clearance(footprint: &Footprint, scene: &Scene, at: Instant, pose:
 }
 
 impl Bumper {
-    /// The slow way: each surface near by is measured along the motion.
+    /// The slow test: each near surface is measured along the motion.
     pub(super) fn collide_outline(
         &mut self,
         scene: &Scene,
@@ -151,7 +151,7 @@ impl<'a> Step<'a> {
         self.solids = found.into_iter().map(solid).collect();
     }
 
-    /// The part of `wanted` that no surface is in the way of.
+    /// The part of `wanted` that no surface blocks.
     fn free(&mut self, wanted: Motion) -> Motion {
         let whole = self.cut(wanted, wanted, Motion::shortened);
         if whole == wanted {
@@ -173,7 +173,7 @@ impl<'a> Step<'a> {
         self.cut(wanted, straight, Motion::slowed)
     }
 
-    /// `motion` as far as it is free; what it meets is noted as met by the motion `wanted`.
+    /// The free part of `motion`; its contacts are recorded for the motion `wanted`.
     fn cut(&mut self, wanted: Motion, motion: Motion, cut: fn(Motion, f64) -> Motion) -> Motion {
         let Some((part, blockers)) = self.blocked(motion, cut) else {
             return motion;
@@ -183,8 +183,8 @@ impl<'a> Step<'a> {
         free
     }
 
-    /// Tries `cut(wanted, part)` for growing parts: the last one that is free and what is in the
-    /// way of the next; `None` if all are free.
+    /// Tries `cut(wanted, part)` for growing parts. Returns the last free one and the surfaces that
+    /// block the next; `None` if all are free.
     fn blocked(
         &mut self,
         wanted: Motion,
@@ -253,8 +253,8 @@ impl<'a> Step<'a> {
         }
     }
 
-    /// How far obstacles that have come to the body, which has gone to `pose`, take it along: by
-    /// their own way, but into no wall.
+    /// Distance by which obstacles that moved into the body, now at `pose`, take it along: in their
+    /// own direction, but into no wall.
     fn shove(&mut self, pose: Pose) -> Point {
         self.footprint.place(pose, &mut self.corners);
         let body_middle = middle(self.footprint, pose);
@@ -301,7 +301,7 @@ impl<'a> Step<'a> {
         Point::new(by.x * part, by.y * part)
     }
 
-    /// The least part of an obstacle's own way that takes a body at `pose` out of its way.
+    /// The least part of an obstacle's own motion that takes a body at `pose` out of its path.
     fn needed(&self, solid: &Solid, pose: Pose) -> Point {
         let [from, to] = solid.places;
         let by = |part: f64| Point::new((to.x - from.x) * part, (to.y - from.y) * part);
@@ -350,7 +350,7 @@ impl Solid {
         }
     }
 
-    /// How much closer body and surface come in a step where they are closest.
+    /// Distance by which body and surface approach each other in a step at their closest points.
     fn approach(&self, there: Gap, wanted: Motion, pose: Pose) -> Approach {
         let (sin, cos) = libm::sincos(pose.theta);
         let (ax, ay) = (there.body.x - pose.x, there.body.y - pose.y);
@@ -368,7 +368,7 @@ impl Solid {
             let [both, own] = [both, own].map(|way| Point::default().distance(way));
             return Approach { both, own };
         }
-        // Within each other the shortest way leads out.
+        // Within each other, the shortest direction leads out.
         let sign = if there.gap < 0.0 { -1.0 } else { 1.0 };
         let closer = |way: Point| sign * (way.x * nx + way.y * ny) / length;
         Approach {
@@ -411,9 +411,9 @@ mod tests {
     }
 
     /// At (1, 2) from its reference point a body that goes 3 m/s, turns 0.5 rad/s and is pushed by
-    /// (0.1, 0.2) m/s goes (2.1, 0.7) mm in a step; less what the surface goes, (2.0, 0.9) mm.
-    /// Along (3, 4) / 5 that is 1.92 mm, and 1.82 mm of it its own. Turned by a quarter it is
-    /// (-1.0, 3.9) mm and 2.52 mm, its own (-0.9, 3.7) mm and 2.42 mm.
+    /// (0.1, 0.2) m/s moves (2.1, 0.7) mm in a step; less the surface's motion, (2.0, 0.9) mm.
+    /// Along (3, 4) / 5 that is 1.92 mm, of which 1.82 mm are the body's own. Turned by a quarter
+    /// it is (-1.0, 3.9) mm and 2.52 mm, its own (-0.9, 3.7) mm and 2.42 mm.
     #[test]
     fn a_surface_is_approached_by_the_difference_of_both_ways() {
         let wanted = Motion {
@@ -439,7 +439,7 @@ mod tests {
         assert!(is(approach(5.0, [-3.0, -4.0], 0.0), 0.0, -1.82));
         assert!(is(approach(-5.0, [-3.0, -4.0], 0.0), 1.92, 1.82));
         assert!(is(approach(-5.0, [3.0, 4.0], 0.0), 0.0, -1.82));
-        // In touch the whole way counts: the roots of 4 + 0.81 and 4.41 + 0.49.
+        // In touch the whole motion counts: the roots of 4 + 0.81 and 4.41 + 0.49.
         let whole = approach(0.0, [0.0, 0.0], 0.0);
         assert!(is(whole, 4.81_f64.sqrt(), 4.9_f64.sqrt()));
     }
@@ -464,9 +464,9 @@ mod tests {
         !step.blockers(Pose::new(-away_m, 0.0, 0.0)).is_empty()
     }
 
-    /// A micrometre off nothing blocks; nearer than that, what has come nearer, if by more than
-    /// rounding or where half of that micrometre is used up. In the wall, what brings the middle
-    /// nearer.
+    /// A micrometre off, no surface blocks. Nearer than that, an approaching surface blocks if it
+    /// came nearer by more than rounding, or if half of that micrometre is used up. Within the
+    /// wall, motion of the middle towards the wall is blocked.
     #[test]
     fn a_surface_blocks_what_comes_nearer() {
         let um = 1e-6;
@@ -482,7 +482,7 @@ mod tests {
         assert!(!is_blocked(-0.01, -0.001, 0.089) && is_blocked(-0.01, -0.001, 0.091));
     }
 
-    /// A wall 1 mm ahead, approached by 3 mm in a step, ahead or pushed: a third of the way is
+    /// A wall 1 mm ahead, approached by 3 mm in a step, driven or pushed: a third of the motion is
     /// free, less the micrometre that counts as touch.
     #[test]
     fn the_free_part_of_a_way_is_found() {
@@ -528,8 +528,8 @@ mod tests {
         assert_eq!(free(pushed(0.0, 3.0), Motion::slowed), None);
     }
 
-    /// A disc of 5 cm comes up by 2 mm, the second half of it into the body: half of its way is
-    /// needed, whichever way it comes.
+    /// A disc of 5 cm approaches by 2 mm, the second half of it into the body. Half of its motion
+    /// is needed, from any direction.
     #[test]
     fn a_body_is_shoved_by_what_an_obstacle_comes_too_near() {
         let footprint = Footprint::rectangle(0.1, 0.1, 0.2).expect("a square");
@@ -584,8 +584,8 @@ mod tests {
         assert_eq!(step.shove(Pose::default()), Point::default());
     }
 
-    /// In one step a body goes 0.6 m, or turns by a radian, past a post of a centimetre that it
-    /// meets on its way and not at its end: ahead, pushed to any side, and turning.
+    /// In one step a body goes 0.6 m, or turns by a radian, past a post of a centimetre. It meets
+    /// the post during the motion, not at its end: ahead, pushed to any side, and turning.
     #[test]
     fn a_fast_body_does_not_pass_through_a_post() {
         let post = |x: f64, y: f64| Solid {

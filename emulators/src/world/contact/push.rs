@@ -1,4 +1,4 @@
-//! What moves the body besides its wheels: hands.
+//! Pushes: motion of the body by hand, besides its wheels.
 
 use core::time::Duration;
 

@@ -206,7 +206,7 @@ fn a_ray_along_the_wall_meets_it_up_to_a_nanometre() {
     );
 }
 
-/// Half a turn is told as pi, from either side; a turn and a half is half a turn.
+/// Half a turn is returned as pi, from either side; a turn and a half is half a turn.
 #[test]
 fn an_angle_is_wrapped_into_one_turn() {
     assert_eq!([PI, -PI, 0.5, -0.5].map(wrap_angle), [PI, PI, 0.5, -0.5]);

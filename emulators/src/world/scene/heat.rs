@@ -1,4 +1,4 @@
-//! Warm plates on walls: what stands for a victim in RoboCup Rescue's arenas.
+//! Warm plates on walls: the victims of RoboCup Rescue's arenas.
 
 use core::fmt;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use crate::world::geometry::Point;
 
 /// Temperature of everything else, degrees Celsius: a hall.
 pub const AMBIENT_C: f64 = 22.0;
-/// A plate lies on its wall: so far in front of it or behind its surface it is seen, metres.
+/// Maximum distance of a plate from the surface of its wall, metres.
 const ON_WALL_M: f64 = 0.005;
 
 /// A plate on a wall, seen from above as a line.
@@ -79,7 +79,7 @@ impl Scene {
         &self.heat
     }
 
-    /// Temperature of what a ray meets at `at`, degrees Celsius.
+    /// Temperature of the surface that a ray meets at `at`, degrees Celsius.
     pub fn temperature(&self, at: Instant, from: Point, angle: f64, max_range: f64) -> f64 {
         let direction = [libm::cos(angle), libm::sin(angle)];
         let wall = self.cast_ray(at, from, angle, max_range);

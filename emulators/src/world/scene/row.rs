@@ -1,9 +1,9 @@
-//! A whole row of a camera at once: what is nearest in each column.
+//! A whole row of a camera at once: the nearest surface in each column.
 //!
-//! Each surface is drawn into the row, not a ray cast for each column. In a pinhole camera the
-//! inverse of the depth of a straight wall is linear in the column, so a wall costs two ends and
-//! an addition a column, without any trigonometry. The result is that of a ray for each column but
-//! for the last bits, and for columns that just touch the end of a wall.
+//! Each surface is drawn into the row; no ray is cast for each column. In a pinhole camera the
+//! inverse depth of a straight wall is linear in the column. So a wall costs two ends and an
+//! addition a column, without any trigonometry. The result equals that of one ray per column,
+//! except for the last bits, and for columns that just touch the end of a wall.
 
 use protocols::Instant;
 
@@ -13,8 +13,8 @@ use crate::world::geometry::{Circle, Pose, Primitive, Segment};
 /// Minimum distance from the camera, metres.
 const NEAR_M: f64 = 1e-9;
 
-/// A pinhole camera's row: column `u` looks aside by `(u - middle) / focal` of what it looks ahead,
-/// to the right.
+/// A pinhole camera's row: column `u` has the slope `(u - middle) / focal` to the right, relative
+/// to straight ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// Pose of the camera.
@@ -186,7 +186,7 @@ mod tests {
         prop_oneof![3 => wall, 1 => circle]
     }
 
-    /// What a ray for each column finds, the obvious way.
+    /// Depths by one ray per column, the obvious method.
     fn by_rays(scene: &Scene, at: Instant, row: Row, columns: usize) -> Vec<f64> {
         let middle = (columns as f64 - 1.0) / 2.0;
         let depth = |column: usize| {
@@ -201,7 +201,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2 * ProptestConfig::default().cases))]
 
-        /// Columns that touch the end of something may see it or what is behind: of 640 a few.
+        /// Columns that touch the end of an object may see the object or the background: of 640 a
+        /// few.
         #[test]
         fn a_row_is_what_a_ray_for_each_column_finds(
             shapes in prop::collection::vec(shape(), 1..20),

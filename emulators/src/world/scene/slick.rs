@@ -9,7 +9,7 @@ use crate::world::geometry::{Bounds, Point};
 /// Greatest grip that counts as little: that of dry rubber.
 const GRIP_MAX: f64 = 1.0;
 
-/// A rectangle of floor that holds a body's wheels less than they may want.
+/// A rectangle of floor with too little grip for a body's wheels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SlickFloor {
     bounds: Bounds,
@@ -49,8 +49,8 @@ impl Scene {
         }
     }
 
-    /// The least grip of the floor at `point`, as a part of free fall; `None` where wheels hold,
-    /// whatever they do.
+    /// The least grip of the floor at `point`, as a part of free fall; `None` where wheels always
+    /// hold.
     pub fn grip_at(&self, point: Point) -> Option<f64> {
         let here = self.slick.iter().filter(|floor| floor.covers(point));
         here.map(|floor| floor.grip).reduce(f64::min)
@@ -63,7 +63,7 @@ impl Scene {
 pub enum SlickFloorError {
     /// The first corner is not the lower left one of the two, or one is not finite.
     Corners,
-    /// Less than nothing, or more than rubber has.
+    /// A negative grip, or more than rubber has.
     Grip {
         /// As given.
         found: f64,

@@ -142,7 +142,7 @@ fn surfaces_that_move_are_numbered_behind_those_that_stay() {
     assert_eq!(numbers, [2, 3, 4, 5]);
 }
 
-/// However far beyond the walls one asks, on any side, what is there is found.
+/// A search from any distance beyond the walls, on any side, finds the surfaces in reach.
 #[test]
 fn what_is_near_is_found_from_beyond_the_scene_too() {
     let room = polygon(&[(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)]);
@@ -207,7 +207,7 @@ fn coordinates_that_are_no_number_are_refused() {
     );
 }
 
-/// Lengths whose square is no number any more lose what is derived from them.
+/// Lengths whose square overflows lose all values derived from it.
 #[test]
 fn walls_beyond_the_numbers_are_refused() {
     for far in [1e308, -1e200, 1e160, 1e150, 1e4] {
@@ -312,7 +312,7 @@ fn paths_that_cannot_be_walked_are_refused() {
     assert_eq!(fault(vec![], vec![fast]).1, limit);
 }
 
-/// A pillar of 0.1 m on its way keeps within the bounds with all of it, to each side.
+/// A pillar of 0.1 m keeps within the bounds with its whole width along its path, on each side.
 #[test]
 fn an_obstacle_keeps_within_the_bounds_with_all_of_it() {
     let bounds = Bounds {

@@ -20,15 +20,15 @@ pub struct Cone {
 }
 
 impl Scene {
-    /// What is higher than `height_m`: the scene as a sensor at that height sees it. Make it once
-    /// and keep it; if everything is that high, it is this scene.
+    /// Objects higher than `height_m`: the scene as a sensor at that height sees it. Make it once
+    /// and keep it. If everything is higher, the result is this scene.
     #[must_use]
     pub fn slice(&self, height_m: f64) -> Self {
         self.only(|fixture| fixture.height_m > height_m)
     }
 
-    /// What the beam of a lidar at `height_m` meets: what is higher, and no glass. A guess in that
-    /// all panes let all light through; real ones show themselves when looked at squarely.
+    /// Objects that the beam of a lidar at `height_m` meets: higher ones except glass. It is a
+    /// guess that all panes let all light through; a real pane is visible at a right angle.
     #[must_use]
     pub fn for_lidar(&self, height_m: f64) -> Self {
         self.only(|fixture| fixture.height_m > height_m && !fixture.is_glass)
@@ -158,8 +158,8 @@ mod tests {
         }
     }
 
-    /// A pillar of 10 cm, 1 m away and 20 degrees aside, is 0.9 m away for a cone of 21.8 degrees,
-    /// and not there for one of 10; the wall behind is 2 m away.
+    /// A pillar of 10 cm, 1 m away and 20 degrees aside, is 0.9 m away for a cone of 21.8 degrees.
+    /// A cone of 10 degrees misses it; the wall behind is 2 m away.
     #[test]
     fn a_cone_sees_what_is_nearest_in_it() {
         let (sin, cos) = libm::sincos(20_f64.to_radians());

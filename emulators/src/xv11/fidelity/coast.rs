@@ -43,7 +43,7 @@ impl Teeth {
         (from < via && via < to).then_some([via - from, to - via])
     }
 
-    /// When the speed last fell below `limit` rpm, seconds since the first tooth.
+    /// Time at which the speed last fell below `limit` rpm, seconds since the first tooth.
     fn falls_below(&self, limit: f64) -> Option<f64> {
         let mut end_s = 0.0;
         let mut before: Option<(f64, f64)> = None;
@@ -65,7 +65,7 @@ impl Teeth {
     }
 }
 
-/// Time of a tooth. A doubled one took twice as long as its speed says.
+/// Time of a tooth. A doubled tooth took twice as long as its speed suggests.
 fn tooth_s(word: u16) -> f64 {
     let shown_s = rpm_of(rpm(word).max(1.0));
     if is_doubled(word) {
@@ -93,17 +93,17 @@ fn rpm(word: u16) -> f64 {
 mod tests {
     use super::*;
 
-    /// The head turns at 330 rpm at most, 4 / 330 s a tooth; what is shown faster, by a 64th of a
-    /// rpm at least, took twice its time.
+    /// The head turns at 330 rpm at most, 4 / 330 s a tooth. A tooth shown faster by at least a
+    /// 64th of a rpm took twice its time.
     #[test]
     fn a_tooth_that_is_faster_than_the_line_allows_is_two() {
         assert!((tooth_s(330 * 64) - 4.0 / 330.0).abs() < 1e-12);
         assert!((tooth_s(330 * 64 + 1) - 8.0 / (330.0 + 1.0 / 64.0)).abs() < 1e-12);
     }
 
-    /// Teeth of 300, 240 and 120 rpm take 4 s, 4 s and 4 s by 60: 4 / 300, 4 / 240 and 4 / 120 s.
-    /// Their middles lie at 6.667, 21.667 and 46.667 ms. Below 200 rpm it falls a third of the way
-    /// from the second to the third; below 270 half of that from the first to the second.
+    /// Teeth of 300, 240 and 120 rpm take 4 / 300, 4 / 240 and 4 / 120 s. Their middles lie at
+    /// 6.667, 21.667 and 46.667 ms. The speed falls below 200 rpm a third of the interval from the
+    /// second to the third; below 270 half of that from the first to the second.
     #[test]
     fn a_speed_is_passed_between_the_middles_of_two_teeth() {
         let mut teeth = Teeth {
@@ -121,7 +121,7 @@ mod tests {
             [teeth.falls_below(100.0), teeth.falls_below(310.0)],
             [None; 2]
         );
-        // What rises again falls again: the last time counts.
+        // The speed rises and falls again: the last time counts.
         teeth.words.extend([240, 120].map(|rpm: u16| rpm * 64));
         // 80 ms and 4 / 240 s more: the middles of the last two lie at 71.667 and 96.667 ms.
         is(&teeth, 200.0, 71.667 + 25.0 / 3.0);

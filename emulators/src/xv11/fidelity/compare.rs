@@ -3,14 +3,14 @@
 use super::{CAPTURED, Row, Statistics};
 use crate::xv11::Profile;
 
-/// How far a figure may be from the one it is held against.
+/// Allowed difference of a figure from its reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Limit {
-    /// By this share of it, either way; 0 demands the same figure.
+    /// Within this share of the real figure, up or down; 0 demands the same figure.
     Share(f64),
     /// By this much, in the figure's unit.
     Plus(f64),
-    /// Not judged: it depends on what happened before the sensor, or on when recording began.
+    /// Not judged: the figure depends on the surroundings or on the start of the recording.
     Free,
 }
 
@@ -21,16 +21,17 @@ pub struct Comparison {
     pub name: String,
     /// Its unit.
     pub unit: &'static str,
-    /// In the stream that is the measure; `None` where that does not show it.
+    /// Figure of the reference stream; `None` if that stream does not show it.
     pub real: Option<f64>,
     /// In the other one.
     pub ours: Option<f64>,
-    /// How far they may be apart.
+    /// Allowed difference.
     pub limit: Limit,
 }
 
 impl Comparison {
-    /// Whether the figures agree; `None` where that is not judged, or the measure does not show it.
+    /// Whether the figures agree; `None` if the limit is free or the reference does not show the
+    /// figure.
     pub fn holds(&self) -> Option<bool> {
         let real = self.real?;
         let allowed = match self.limit {
@@ -50,13 +51,13 @@ pub struct Column {
     pub rows: Vec<Row>,
     /// The text, if the stream has one.
     pub boot_text: Option<String>,
-    /// Whether the sensor went through what the emulated one goes through: the same room, the same
-    /// hand, and the end of the drive.
+    /// Whether the sensor saw the emulated one's scenario: the same room, the same hand, and the
+    /// end of the drive.
     pub is_hand_in_box: bool,
 }
 
-/// Figures that are the sensor's own, whatever it saw: the only ones that are judged against a
-/// stream from another room.
+/// Figures of the sensor itself, whatever it saw: the only ones that are judged against a stream
+/// from another room.
 const OWN: [&str; 6] = [
     "speed changes at index 1 mod 6",
     "0x21 at angle 2 mod 24",
@@ -77,7 +78,8 @@ impl Column {
         }
     }
 
-    /// What is known of the "hand in box" capture of firmware 2.4.13386 without having it.
+    /// Published figures of the "hand in box" capture of firmware 2.4.13386, without the capture
+    /// itself.
     pub fn published() -> Self {
         let known = CAPTURED.into_iter().chain(CAPTURED_END);
         let row = |(name, value): (&str, f64)| Row {
@@ -97,16 +99,16 @@ impl Column {
     }
 }
 
-/// How the same capture ends: stall, cut packet, boot text.
+/// End of the same capture: stall, cut packet, boot text.
 const CAPTURED_END: [(&str, f64); 3] = [
     ("packets with the last speed", 311.0),
     ("bytes of the packet cut by the restart", 7.0),
     ("characters of the boot text", 211.0),
 ];
 
-/// What the figures may differ by. The encoder, the checksum and the text are the sensor's own and
-/// must agree; the shares of the optics' codes depend on the shape of a real hand, of which only
-/// the distances are known.
+/// Allowed differences of the figures. The encoder, the checksum and the text are the sensor's own
+/// and must agree. The shares of the optics' codes depend on the shape of a real hand, of which
+/// only the distances are known.
 const LIMITS: [(&str, Limit); 24] = [
     ("checksums with a dropped carry", Limit::Plus(1.0)),
     ("speed, median", Limit::Share(0.01)),
@@ -136,7 +138,7 @@ const LIMITS: [(&str, Limit); 24] = [
 
 const SAME_TEXT: &str = "boot text, characters alike";
 
-/// How far a figure may be from that of a stream; `is_hand_in_box` as of [`Column`].
+/// Allowed difference of a figure from that of a stream; `is_hand_in_box` as of [`Column`].
 fn limit(name: &str, is_hand_in_box: bool) -> Limit {
     let is_own = OWN.contains(&name) || name.starts_with("noise from");
     if !is_hand_in_box && !is_own {
@@ -230,7 +232,7 @@ mod tests {
         );
     }
 
-    /// A stream of another room: what the sensor saw there is shown and not judged.
+    /// A stream of another room: figures of the room are shown and not judged.
     #[test]
     fn f9_figures_of_the_room_are_not_judged_against_another_room() {
         let ours = Column::of(&hand_in_box(Profile::Fw24, 1));

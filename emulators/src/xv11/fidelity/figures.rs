@@ -7,7 +7,7 @@ use super::{Statistics, share};
 pub struct Row {
     /// Stable name.
     pub name: String,
-    /// The figure; `None` where the stream does not show it.
+    /// The figure; `None` if the stream does not show it.
     pub value: Option<f64>,
     /// Unit, empty for a plain count.
     pub unit: &'static str,
@@ -18,8 +18,8 @@ const PERCENT: &str = "%";
 /// Error codes that are always listed.
 const CODES: [u8; 9] = [0x02, 0x03, 0x06, 0x21, 0x22, 0x25, 0x35, 0x50, 0x52];
 
-/// What [`Statistics`] says of the real "hand in box" capture of firmware 2.4.13386 (Xevel/NXV11,
-/// 252,146 bytes): the column the emulator is held against.
+/// Figures of [`Statistics`] for the real "hand in box" capture of firmware 2.4.13386 (Xevel/NXV11,
+/// 252,146 bytes): the reference for the emulator.
 pub const CAPTURED: [(&str, f64); 31] = [
     ("packets", 11_451.0),
     ("turns of 1446 bytes", 0.0),

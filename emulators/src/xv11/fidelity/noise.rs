@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// Width of a class of distances below one metre; beyond it is ten times as much.
+/// Width of a class of distances below one metre; beyond it classes are ten times as wide.
 pub const BIN_MM: u16 = 100;
 /// Differences beyond these many millimetres plus a part of the square of the distance are motion
 /// in the scene, not noise.
@@ -85,7 +85,8 @@ mod tests {
         repeats.bins()
     }
 
-    /// Differences of 2 mm: the variance of one distance is half of 4. Fewer than 300 are none.
+    /// Differences of 2 mm: the variance of one distance is half of 4. Fewer than 300 give no
+    /// class.
     #[test]
     fn a_class_tells_the_deviation_of_one_distance() {
         assert_eq!(between(950, 952, 299), []);

@@ -16,7 +16,7 @@ const CORNERS: [(f64, f64); 4] = [
     (229.55, 0.597),
     (309.12, 0.516),
 ];
-/// Outline of the hand: slanting sides, as (nearly) flat things have that are not held upright.
+/// Outline of the hand: slanting sides, like a (nearly) flat object that is not held upright.
 const HAND_M: [(f64, f64); 6] = [
     (-0.045, -0.010),
     (0.000, -0.025),
@@ -25,8 +25,8 @@ const HAND_M: [(f64, f64); 6] = [
     (0.000, 0.025),
     (-0.045, 0.010),
 ];
-/// When the hand arrives (seconds) and where (degrees, metres): it comes in after 14 turns, moves
-/// about the sensor, leaves after 92, and lies close by from turn 115 on.
+/// Arrival times of the hand (seconds) and its positions (degrees, metres). It comes in after 14
+/// turns, moves about the sensor, leaves after 92, and lies close by from turn 115 on.
 const HAND_AT: [(f64, (f64, f64)); 11] = [
     (0.0, (66.0, 0.75)),
     (2.9, (66.0, 0.31)),
@@ -46,8 +46,8 @@ const END_AT: Instant = Instant::from_millis(30_500);
 /// Recording begins in the middle of the stream.
 const BEGIN_AT: Instant = Instant::from_millis(4_450);
 
-/// Bytes of an emulated sensor that goes through what the captured one went through: 120 turns in a
-/// box with a hand moving about, then the motor is cut, until after the boot text.
+/// Bytes of an emulated sensor in the scenario of the capture: 120 turns in a box with a hand that
+/// moves about, then the motor is cut, until after the boot text.
 pub fn hand_in_box(profile: Profile, seed: u64) -> Vec<u8> {
     let config = Config {
         profile,

@@ -33,10 +33,10 @@ fn assert_near(rows: &[Row], name: &str, factor: f64) {
     );
 }
 
-/// What makes the replica worth comparing: the encoder's own codes within a quarter, noise within
-/// 30 %, coast-down within 15 %, the dropped carry 3 % +-1. The codes of the optics depend on the
-/// shape of a real hand, which is not recorded: within half as much again; two codes of which
-/// the capture has a dozen, within a factor of two.
+/// Required accuracy of the replica: the encoder's own codes within a quarter, noise within 30 %,
+/// coast-down within 15 %, the dropped carry 3 % +-1. The codes of the optics depend on the shape
+/// of a real hand, which is not recorded: within half as much again. Two codes that occur a dozen
+/// times in the capture: within a factor of two.
 #[test]
 fn the_emulated_hand_in_box_has_the_figures_of_the_captured_one() {
     let stream = hand_in_box(Profile::Fw24, 1);
@@ -144,7 +144,7 @@ fn what_belongs_to_no_turn_is_outside() {
 }
 
 /// A boot text after seven bytes of a packet behind a whole one; after whole packets only; after
-/// something that is none. The last text counts, up to its prompt.
+/// bytes of no packet. The last text counts, up to its prompt.
 #[test]
 fn a_boot_text_cuts_the_packet_before_it() {
     let text = b"Hi\n\rPiccolo Laser\r\n#";

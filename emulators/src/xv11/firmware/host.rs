@@ -1,4 +1,4 @@
-//! What comes from the host: nothing is expected but the way to the console.
+//! Input from the host: only the sequence that opens the console has an effect.
 
 use protocols::Instant;
 
@@ -32,7 +32,7 @@ impl Xv11 {
         }
     }
 
-    /// The stream ends; what the console answers is not known. Only power ends it.
+    /// The stream ends. The console's answers are not known. Only a power cycle ends it.
     pub(in crate::xv11) fn open_console(&mut self, now: Instant, by: &str) {
         if matches!(self.firmware.phase, Phase::Off | Phase::Console) {
             return;

@@ -151,8 +151,8 @@ fn dense(index: u8, readings: [RawReading; 4]) -> [RawReading; 4] {
 mod tests {
     use super::*;
 
-    /// Packet 88 ends in the index bytes of the next four packets: F9, and then from A0 on; what is
-    /// no range stays.
+    /// Packet 88 ends in the index bytes of the next four packets: F9, and then from A0 on. A
+    /// reading that is no range stays.
     #[test]
     fn dense_readings_look_like_packet_starts() {
         let range = RawReading::from(Reading::Range {

@@ -1,5 +1,5 @@
-//! What a tooth of the encoder does: it ends a run of slots and begins the next, or shows that the
-//! head is not where the firmware thought.
+//! Effect of an encoder tooth: it ends a run of slots and begins the next, or shows that the head
+//! is not where the firmware expected it.
 
 use core::time::Duration;
 
@@ -17,7 +17,7 @@ use crate::xv11::{Fault, Xv11};
 const RESYNC_READINGS: u8 = 3;
 /// The first tooth slower than this is taken for two: 175.6 rpm was, 183.3 rpm was not.
 const DOUBLING_BELOW_RPM: f64 = 180.0;
-/// How far the head turns before measuring continues after a doubled tooth, ...
+/// Angle by which the head turns before measuring continues after a doubled tooth, ...
 const DOUBLING_PAUSE_DEG: f64 = 2.35;
 /// ... and slots measured until the mistake shows.
 const DOUBLING_SLOTS: u16 = 44;
@@ -32,7 +32,7 @@ const LOCK_RPM: f64 = 185.0;
 const LINE_RPM: f64 = 349.09;
 
 impl Xv11 {
-    /// A tooth passes the sensor at `at`, whether or not it is seen.
+    /// Handles a tooth that passes the sensor at `at`, detected or not.
     pub(super) fn tooth_passes(&mut self, at: Instant, world: &World) {
         self.rotor.advance(at);
         let normal = self.encoder.draw();
@@ -112,7 +112,7 @@ impl Xv11 {
         }
     }
 
-    /// Measures what was begun before the tooth came and skips the rest.
+    /// Measures the slots begun before the tooth came and skips the rest.
     fn finish_run(&mut self, seen: Tooth, slots: f64, world: &World) {
         let Some(pace) = self.firmware.scan.pace else {
             return;
@@ -152,7 +152,8 @@ impl Xv11 {
         }
     }
 
-    /// The tooth was taken for two: half its time is believed, and the turn is one tooth ahead.
+    /// Handles a tooth taken for two: the firmware assumes half its time, and the turn is one tooth
+    /// ahead.
     fn double(&mut self, seen: Tooth) {
         self.believe(seen.took_s / 2.0);
         let pace = self.pace(seen, seen.took_s / 2.0);
@@ -210,7 +211,7 @@ impl Xv11 {
         }
     }
 
-    /// No tooth, or a wrong one: from now on nothing is known.
+    /// Loses synchronisation, after a missing or a wrong tooth.
     pub(super) fn lose(&mut self, at: Instant, world: &World) {
         self.measure_until(at, world);
         let slot = self.firmware.scan.slot().unwrap_or(0);
@@ -270,7 +271,7 @@ impl Xv11 {
         }
     }
 
-    /// When the head will be at `angle_deg`, which is counted in the turn of the last tooth.
+    /// Time at which the head reaches `angle_deg`, counted in the turn of the last tooth.
     fn reaches(&self, angle_deg: f64) -> Option<Instant> {
         let turn = if self.encoder.tooth() == 0 {
             360.0
@@ -295,7 +296,7 @@ impl Xv11 {
 struct Tooth {
     at: Instant,
     tooth: u8,
-    /// Where the head was.
+    /// Angle of the head.
     edge_deg: f64,
     /// Time since the tooth before.
     took_s: f64,

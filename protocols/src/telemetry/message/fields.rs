@@ -71,7 +71,7 @@ impl<W: PbWrite> FieldWriter for PbEncoder<W> {
     }
 }
 
-/// Counts what it is given.
+/// Counts the written bytes.
 struct Counter(usize);
 
 impl PbWrite for Counter {
@@ -135,8 +135,8 @@ impl Field {
     }
 }
 
-/// Shows `take` each field of the next `len` bytes, to be read if it knows the field; others, for
-/// which it says `false`, are skipped.
+/// Offers each field of the next `len` bytes to `take`, which reads the fields that it knows. If it
+/// returns `false`, the field is skipped.
 pub(super) fn read_fields<R: PbRead>(
     from: &mut PbDecoder<R>,
     len: usize,

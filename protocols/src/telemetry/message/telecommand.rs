@@ -14,8 +14,8 @@ pub struct Velocities {
     pub angular_rad_s: f32,
 }
 
-/// A request for the lines that the lidar sees, and how they are to be found; 0 asks for the
-/// robot's own figure.
+/// A request for the lines that the lidar sees, with the figures for their extraction; 0 asks for
+/// the robot's own figure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinesRequest {
     /// Gap between neighbouring points that ends a region, mm.
@@ -26,20 +26,20 @@ pub struct LinesRequest {
     pub merge_deg: u32,
 }
 
-/// Figures for [`State::AutoReactive`]; `None` or below 0: the robot's own.
+/// Figures for [`State::AutoReactive`]; `None` or below 0: the robot's own figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reactive {
     /// Nearer than this the robot backs away, metres.
     pub distance_min_m: Option<f32>,
-    /// Farther than this nothing is in its way, metres.
+    /// An object farther away than this is no obstacle, metres.
     pub distance_max_m: Option<f32>,
     /// Nominal speed, m/s.
     pub speed_m_s: Option<f32>,
-    /// How strongly it turns away, rad/s a metre.
+    /// Turn rate away from the obstacle, rad/s a metre.
     pub turn_gain: Option<f32>,
 }
 
-/// What the PC tells. A new state of [`State::AutoPosition`] counts only together with a desired
+/// Message of the PC. A new state of [`State::AutoPosition`] counts only together with a desired
 /// pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Telecommand {
@@ -73,7 +73,7 @@ impl Telecommand {
     /// Decodes the message in `payload`.
     ///
     /// # Errors
-    /// If it is none.
+    /// If the payload is no such message.
     pub fn decode(payload: &[u8]) -> Result<Self, MessageError> {
         fields::decode(payload)
     }

@@ -1,8 +1,8 @@
 //! A payload in words: message name and fields.
 //!
-//! Nothing in a payload says whether robot or PC sent it. Some fields are only the robot's
-//! (odometry, scan, lines, IR), some only the PC's; a field of the other message is one that no
-//! reader knows, and is left out when the message is written again.
+//! A payload does not contain its sender. Some fields are only the robot's (odometry, scan, lines,
+//! IR), some only the PC's. No reader knows a field of the other message, and an encoder leaves it
+//! out.
 
 use core::fmt::Write as _;
 

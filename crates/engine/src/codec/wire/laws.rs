@@ -5,7 +5,7 @@ use protocols::Decode;
 
 use super::{Broken, Piece, Stream, Wire, kind_of};
 
-/// A decoder at work, with everything that it said.
+/// A decoder with all its output.
 struct Listener<W: Wire> {
     decoder: W::Decoder,
     pushed: usize,
@@ -71,10 +71,10 @@ impl<W: Wire> Listener<W> {
 /// Whether the decoder of `W` keeps its laws on `stream`:
 ///
 /// - every byte is in a frame, discarded or pending;
-/// - a frame is what stood on the wire where it was found, is one by the format read slowly, and
-///   made again of its parts it is the same;
-/// - nothing that is a frame is thrown away, see [`Wire::unmistakable_at`];
-/// - pieces change nothing;
+/// - a frame equals the bytes at its position on the wire, is a frame by the slow method too, and
+///   is equal again when rebuilt from its parts;
+/// - no frame is discarded, see [`Wire::unmistakable_at`];
+/// - the split into pieces changes no result;
 /// - after a pause nothing is pending.
 pub fn keeps_the_laws<W: Wire>(stream: &Stream) -> Result<(), Broken> {
     let mut whole = Listener::<W>::new();
@@ -115,7 +115,7 @@ fn judge_stretch<W: Wire>(
     stretch: &[u8],
     from: usize,
 ) -> Result<(), Broken> {
-    // Where the last frame ended: what lies between it and the next one was thrown away.
+    // End of the last frame: the bytes between it and the next frame were discarded.
     let mut end = 0;
     let mut each = |at: usize, frame: &<W::Decoder as Decode>::Frame| {
         let bytes = W::bytes(frame);
@@ -142,7 +142,7 @@ fn judge_stretch<W: Wire>(
     }
 }
 
-/// Nothing between `from` and `to`, which was thrown away, began a frame.
+/// Checks that no frame begins among the discarded bytes between `from` and `to`.
 fn nothing_lost<W: Wire>(stretch: &[u8], from: usize, to: usize) -> Result<(), Broken> {
     match (from..to).find(|&at| W::unmistakable_at(&stretch[at..]).is_some()) {
         None => Ok(()),

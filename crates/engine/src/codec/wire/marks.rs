@@ -14,8 +14,8 @@ const fn size(number: usize) -> u64 {
     (usize::BITS - number.leading_zeros()) as u64
 }
 
-/// Which kinds of frames there are; and each frame or error, whatever its kind, beside the two
-/// before it and the bytes thrown away between, in sizes. Finer marks would call every session new.
+/// The kinds of frames; and each frame or error, whatever its kind, with the two before it and the
+/// size of the discarded bytes in between. Finer marks would call every session new.
 pub(super) fn of_session<W: Wire>(stream: &Stream, mark: Mark<'_>) {
     let mut decoder = W::decoder();
     // Of nothing yet.
@@ -78,7 +78,7 @@ pub(super) fn of_command(stream: &Stream, mark: Mark<'_>) {
     let old = Command::parse(bytes).map_or(0, |_| heads(7));
     let new = LineCommand::parse(bytes).map_or(0, |_| heads(8));
     mark(&[old, new, size(bytes.len())]);
-    // How far towards a command it is: letters that all of them begin with.
+    // Progress towards a command: number of letters with which all commands begin.
     let fits = bytes.iter().zip(b"AT+").take_while(|(a, b)| a == b).count();
     mark(&[1, fits as u64, size(bytes.len())]);
 }

@@ -21,7 +21,7 @@ pub enum Piece<'a> {
     Idle,
 }
 
-/// A line of a stream's text that is none.
+/// A line of a stream's text that is not valid.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StreamError {
     /// Line number, from 1.
@@ -101,10 +101,10 @@ impl Stream {
     }
 
     /// The session that `data` describes: valid frames, cut ones, noise and damage, up to 64 of
-    /// them. The first byte says whether checksums are repaired after damage.
+    /// them. The first byte determines whether checksums are repaired after damage.
     ///
-    /// Any bytes mean something, and any bytes can be meant: `0B` and a length bring the bytes
-    /// behind them in as they are.
+    /// Any bytes describe a session, and any session can be described: `0B` and a length copy the
+    /// bytes behind them unchanged.
     pub fn session<W: Wire>(data: &[u8]) -> Self {
         let mut choices = Choices::new(data);
         let repairs = choices.byte() & 1 == 1;
@@ -176,7 +176,7 @@ impl Stream {
         text
     }
 
-    /// Reads what [`to_text`](Self::to_text) writes; `#` begins a comment. A line that ends in `\`
+    /// Reads the text of [`to_text`](Self::to_text); `#` begins a comment. A line that ends in `\`
     /// continues in the next one.
     pub fn parse(text: &str) -> Result<Self, StreamError> {
         let mut stream = Self::default();

@@ -33,8 +33,8 @@ fn comes_back(pixels: &[u8]) -> Result<(), Broken> {
     Ok(())
 }
 
-/// A command that is understood is said again in the same bytes, or, for the line-terminated
-/// family with its several spellings, understood again as the same.
+/// A parsed command encodes to the same bytes. For the line-terminated family with its several
+/// spellings, the encoded command parses to the same command.
 pub(super) fn commands_are_said_as_heard(stream: &Stream) -> Result<(), Broken> {
     let bytes = stream.bytes();
     let mut said = [0; 128];

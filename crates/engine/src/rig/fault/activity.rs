@@ -21,7 +21,7 @@ impl Window {
         until: Instant::from_nanos(u64::MAX),
     };
 
-    /// Whether nothing lies inside.
+    /// Whether the window contains no time.
     pub fn is_empty(self) -> bool {
         self.until <= self.from
     }
@@ -77,7 +77,7 @@ impl From<Window> for Activity {
 }
 
 impl Activity {
-    /// The time around `now` in which the fault is at work, if it is.
+    /// The time around `now` in which the fault is active, if it is active now.
     pub fn spell_at(&self, now: Instant) -> Option<Window> {
         if self.trigger.is_some() || !self.window.contains(now) {
             return None;
@@ -142,7 +142,8 @@ impl Activity {
         };
     }
 
-    /// Ends at `at`, if it would continue for longer. What waits for an event never was at work.
+    /// Ends the activity at `at`, if it would continue for longer. One that still waits for its
+    /// event was never active.
     pub fn end(&mut self, at: Instant) {
         if self.trigger.take().is_some() {
             self.window.from = at;
@@ -230,7 +231,7 @@ mod tests {
         assert_eq!(activity.spell(0), None);
     }
 
-    /// Of each ten seconds two on average, so from none to four, anywhere within the ten; of nine
+    /// On average two of each ten seconds, so from none to four, anywhere within the ten; with nine
     /// on average never more than the ten.
     #[test]
     fn spells_by_chance_have_their_mean_length() {

@@ -31,7 +31,7 @@ impl Budget {
         }
     }
 
-    /// Whether there may be one more strike at `now`; if so, it is counted.
+    /// Counts one more strike at `now`, if the budget allows it; `false` if not.
     pub fn spend(&mut self, now: Instant) -> bool {
         if self.total.is_some_and(|total| self.spent >= total) {
             return false;

@@ -108,7 +108,7 @@ impl DamageKind {
         },
     ];
 
-    /// The damage that the lot `detail` makes of it.
+    /// The damage of this kind with the random number `detail`.
     pub(super) fn with_detail(self, detail: u8) -> Damage {
         match self {
             Self::Flip => Damage::Flip { bit: detail % 8 },

@@ -25,9 +25,9 @@ pub enum Effect {
     Host(HostDamage),
     /// The sender receives its own bytes.
     Echo,
-    /// Nothing gets through.
+    /// No byte gets through.
     Cut,
-    /// Nothing is handed over before the end, then all of it at once.
+    /// No byte is delivered before the end, then all at once.
     Stall,
     /// Like a stall, with a receive buffer of this many bytes; further bytes are lost.
     Overrun {
@@ -116,7 +116,7 @@ pub const BAUD_MAX: u32 = 50_000_000;
 pub(crate) struct Gate {
     /// Time at which all is delivered.
     pub(crate) opens: Instant,
-    /// For how many bytes there is room meanwhile.
+    /// Number of bytes for which there is room meanwhile.
     pub(crate) fifo: Option<usize>,
 }
 

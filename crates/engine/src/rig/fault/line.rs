@@ -31,7 +31,7 @@ struct Order {
     striking: Vec<usize>,
     /// Those that strike and begin later, the next one last.
     later: Vec<usize>,
-    /// Those that do something else.
+    /// Entries with other effects.
     others: Vec<usize>,
     /// Those that wait for an event.
     waiting: Vec<usize>,
@@ -97,9 +97,9 @@ impl LineFaults {
         self.order.is_known = false;
     }
 
-    /// Adds damage at random: `chance` per byte, drawn from `rng` for every byte of the run,
-    /// inside the window or not, so that changing one fault never shifts another. What comes before
-    /// the window is drawn when that begins, and what comes after it never.
+    /// Adds damage at random: `chance` per byte, drawn from `rng` for every byte of the run, inside
+    /// the window or not, so that changing one fault never shifts another. Draws for bytes before
+    /// the window are made when it begins; bytes after it need none.
     pub fn add_rate(
         &mut self,
         id: FaultId,
@@ -126,7 +126,7 @@ impl LineFaults {
             .push(strike.damage);
     }
 
-    /// Adds a time in which nothing gets through.
+    /// Adds a time in which no byte gets through.
     pub fn add_cut(&mut self, id: FaultId, window: Window) {
         self.add(id, window.into(), Effect::Cut);
     }
@@ -173,7 +173,7 @@ impl LineFaults {
         place.map(|place| damages.remove(place)).is_some()
     }
 
-    /// Whether nothing goes wrong, and nothing that went wrong continues.
+    /// Whether no fault is active or planned, and no effect continues.
     pub fn is_clean(&self) -> bool {
         self.entries.is_empty() && self.planned.is_empty() && self.wire.is_clean()
     }
@@ -219,7 +219,7 @@ impl LineFaults {
                 Effect::Overrun { fifo } => Some(fifo),
                 _ => return None,
             };
-            // What arrives as it begins was sent before and comes through: so it is when the begin
+            // Bytes that arrive at the begin were sent before and pass. The same holds if the begin
             // is the sending of another byte.
             let spell = entry
                 .activity
@@ -231,7 +231,7 @@ impl LineFaults {
         gates.max_by_key(|gate| gate.opens)
     }
 
-    /// What does not strike at random; all, as long as that is not known.
+    /// Entries that do not strike at random; all entries until the order is known.
     fn others(&self) -> impl Iterator<Item = &Entry> {
         let is_known = self.order.is_known;
         let all = if is_known { 0 } else { self.entries.len() };
@@ -277,8 +277,8 @@ impl LineFaults {
         order.striking.retain(|index| !is_over(index));
     }
 
-    /// The bytes that the receiver gets for `sent`, whose first byte has number `first` on this
-    /// line. A sender with `line` sends them back to back from `start` on.
+    /// Passes `sent` through the faults; its first byte has number `first` on this line. A sender
+    /// with `line` sends the bytes back to back from `start` on.
     pub(crate) fn pass(
         &mut self,
         first: u64,
@@ -326,7 +326,7 @@ impl LineFaults {
 
     /// Counts frames, ends effects at a pause, and starts effects that waited for this frame.
     fn notice(&mut self, first: u64, len: u64, start: Instant, line: LineConfig) {
-        // Nothing is counted without faults: what comes then begins a frame.
+        // Bytes are not counted without faults: the next byte begins a frame.
         let is_first = first == 0 || self.wire.frames == 0;
         if is_first || start >= self.wire.quiet_from + line.bytes_time(2) {
             self.wire.truncated = 0;
@@ -372,7 +372,7 @@ impl LineFaults {
                 rng.next_u64();
             }
             entry.drawn = self.counted + 1;
-            // Two draws per byte whatever comes of them, see `add_rate`.
+            // Two draws per byte whatever their result, see `add_rate`.
             let hit = rng.chance(*chance);
             let detail = rng.next_u64().to_le_bytes()[0];
             if hit && *left != Some(0) && entry.activity.is_active(now) && budget.spend(now) {
@@ -396,7 +396,7 @@ impl Wire {
         self.burst.0 == 0 && self.truncated == 0 && self.held.is_none()
     }
 
-    /// Delivers the bytes for `byte`; `None`: it was removed before.
+    /// Delivers the bytes for `byte`; `None`: an earlier damage removed it.
     fn apply(&mut self, byte: Option<u8>, damages: &[Damage], passed: &mut Passed) {
         let waiting = self.held.take();
         let mut byte = byte;

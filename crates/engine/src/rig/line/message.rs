@@ -1,8 +1,8 @@
 //! Links that carry whole messages instead of a stream of bytes: the transactions of an I2C bus,
 //! the packets of a datagram network.
 //!
-//! What a node transmits in one call is one message, and so is what it receives in one. Faults
-//! count messages where those of a serial line count bytes.
+//! One transmit call of a node is one message, and so is one receive call. Faults count messages
+//! instead of bytes.
 //!
 //! ```text
 //! I2C:       start | byte 8 + ack 1 | .. | stop          9 n + 2 bit times
@@ -44,7 +44,7 @@ pub fn message_time(kind: LinkKind, line: LineConfig, len: usize) -> Duration {
 }
 
 impl Line {
-    /// Puts the message that the sender has `sent` on its way; when it ends.
+    /// Sends the message `sent` by the sender; returns its end.
     pub(crate) fn take_message(
         &mut self,
         kind: LinkKind,
@@ -233,8 +233,8 @@ mod tests {
         assert_eq!((traffic.lost, traffic.added), (72, 72));
     }
 
-    /// Of three messages of 8 bytes the second, number 1, comes twice; what befell it is told with
-    /// the first of the two.
+    /// The second of three messages of 8 bytes, number 1, arrives twice. The first copy carries the
+    /// report of the damage.
     #[test]
     fn a_message_that_was_struck_says_so_when_it_arrives() {
         let [left, right] = [LEFT, RIGHT].map(|node| End {

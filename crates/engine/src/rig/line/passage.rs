@@ -18,7 +18,7 @@ pub struct Delivery {
     pub event: Option<LineEvent>,
     /// Characters without a valid stop bit among the sent ones.
     pub framing_errors: u32,
-    /// Characters that arrived damaged, in order: a receiver that checks them has no byte, one that
+    /// Characters that arrived damaged, in order. A receiver that checks them has no byte; one that
     /// does not check reads them all the same.
     pub marks: Vec<Mark>,
     /// The sent bytes, if the line changed or delayed them.
@@ -28,7 +28,7 @@ pub struct Delivery {
 /// A character that the receiver knows to be damaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark {
-    /// Before which of the bytes that arrived with it.
+    /// Index of the byte, among those that arrived with it, in front of which it lies.
     pub before: usize,
     /// The bytes read by the receiver.
     pub value: u8,

@@ -77,8 +77,8 @@ fn bytes_take_their_time() {
     assert_eq!(line.traffic(), traffic);
 }
 
-/// The line is free before the bytes arrive: a sender that had more is asked then, one that had
-/// nothing is not.
+/// The line is free before the bytes arrive. Then it asks a sender that had more, and does not ask
+/// one that had nothing.
 #[test]
 fn a_line_waits_for_its_sender_as_well_as_for_its_bytes() {
     let mut line = line();
@@ -127,8 +127,8 @@ fn bytes_are_conserved_if_the_sums_are_equal() {
     }
 }
 
-/// From 20 to 50 us nothing is handed over: what arrives just then still is, the rest at 50 us.
-/// Another stall that begins before that one ends continues to 70 us.
+/// From 20 to 50 us no byte is handed over: a byte that arrives just then still passes, the rest at
+/// 50 us. Another stall that begins before that one ends continues to 70 us.
 #[test]
 fn a_stall_holds_back_what_arrives_within_it() {
     let stalled = |stalls: &[[u64; 2]]| {
@@ -147,8 +147,8 @@ fn a_stall_holds_back_what_arrives_within_it() {
     assert_eq!(stalled(&[[20, 50], [40, 70]]), [10, 20, 70, 70, 70]);
 }
 
-/// Three bytes arrive while the receiver has room for two: the third is lost, and it is told so.
-/// Later there is room again.
+/// Three bytes arrive while the receiver has room for two: the third is lost, and the receiver gets
+/// a report. Later it has room again.
 #[test]
 fn a_receiver_that_does_not_look_loses_what_it_has_no_room_for() {
     let mut line = line();
@@ -177,7 +177,7 @@ fn a_receiver_that_does_not_look_loses_what_it_has_no_room_for() {
     assert_eq!((traffic.lost, traffic.delivered), (2, 6));
 }
 
-/// Of a piece as much is kept as there is room for.
+/// The line keeps as much of a piece as the receiver has room for.
 #[test]
 fn a_piece_may_be_lost_in_part() {
     let mut line = line();
@@ -201,8 +201,8 @@ fn a_short_read_gives_pieces_at_their_own_times() {
     assert_eq!(arrivals(&mut line), [(125, vec![6, 7])]);
 }
 
-/// A sender that pauses for 100 us before its third byte, and then for 30 us before its fourth:
-/// what comes behind is later by that, and so is the next byte that it can take.
+/// A sender pauses for 100 us before its third byte, and then for 30 us before its fourth. Later
+/// bytes shift by that, and so does the time of the next byte that the line can take.
 #[test]
 fn a_pause_shifts_all_that_follows() {
     let mut line = line();
@@ -218,7 +218,7 @@ fn a_pause_shifts_all_that_follows() {
     assert_eq!(arrivals(&mut line), [(120, vec![1, 2])]);
 }
 
-/// Bytes never overtake each other: what is late holds up what is not.
+/// Bytes never overtake each other: a late byte delays those behind it.
 #[test]
 fn what_is_late_is_not_overtaken() {
     let mut line = line();
@@ -231,7 +231,7 @@ fn what_is_late_is_not_overtaken() {
     assert_eq!(arrivals(&mut line), expected);
 }
 
-/// What a fault did to some bytes is kept with them, and with no others.
+/// The damage of a fault is stored with its bytes, and with no others.
 #[test]
 fn what_was_sent_is_kept_where_something_else_arrives() {
     let mut line = line();
@@ -260,8 +260,8 @@ fn what_was_sent_is_kept_where_something_else_arrives() {
     assert_eq!((traffic.sent, traffic.delivered), (6, 6));
 }
 
-/// Whatever else befell the bytes is to be told, even if they arrive as they were sent: one that
-/// another replaced, an echo, a rate at which they were read right all the same.
+/// Any other damage is reported, even if the bytes arrive unchanged: a byte replaced by an equal
+/// one, an echo, a wrong rate at which they were read correctly all the same.
 #[test]
 fn what_more_than_time_befell_is_not_only_late() {
     let late = Original {
@@ -296,7 +296,7 @@ fn what_more_than_time_befell_is_not_only_late() {
     }
 }
 
-/// A byte that waits for the next one is on its way.
+/// A byte held back until the next one is in flight.
 #[test]
 fn a_byte_that_is_held_back_is_in_flight() {
     let mut line = line();
@@ -327,7 +327,8 @@ fn a_parity_error_is_told_and_its_byte_is_lost() {
     assert_eq!((line.traffic().lost, line.traffic().delivered), (1, 1));
 }
 
-/// An echo is what arrives, when the last bit has left; the other line adds it to its own.
+/// An echo consists of the arriving bytes, when the last bit has left; the other line adds it to
+/// its own.
 #[test]
 fn an_echo_is_for_the_other_line() {
     let mut line = line();
@@ -345,7 +346,7 @@ fn an_echo_is_for_the_other_line() {
     assert_eq!(arrivals(&mut back), [(20, vec![9, 9])]);
 }
 
-/// A recording plays in the place of the sender: what that sends takes its time and is lost.
+/// A recording plays in place of the sender: the sender's bytes take their time and are lost.
 #[test]
 fn a_recording_arrives_in_the_place_of_what_is_sent() {
     let mut line = line();
@@ -416,7 +417,7 @@ fn a_sender_at_a_wrong_rate_takes_its_own_time() {
     assert_eq!(bytes, [0x9C]);
 }
 
-/// The receiver takes nothing: the sender is not asked any more, and an echo is lost.
+/// The receiver takes nothing: the line does not ask the sender any more, and an echo is lost.
 #[test]
 fn a_line_holds_so_many_pieces_and_no_more() {
     let mut line = line();

@@ -7,13 +7,13 @@ use crate::rng::Rng;
 
 /// A car slower than this stands, for its servo.
 const REST_M_S: f64 = 0.02;
-/// At rest on PVC the wheels stop this far short of where they shall go: 4 degrees, a guess; the
-/// report only says that the servo is weak there.
+/// At rest on PVC the wheels stop this far short of their goal: 4 degrees, a guess; the report only
+/// says that the servo is weak there.
 const PVC_SHORT_RAD: f64 = 0.07;
-/// The wheels' own law strays no farther from the linkage's: 6 degrees, a guess.
+/// Maximum deviation of the wheels from the linkage: 6 degrees, a guess.
 const WANDER_MAX_RAD: f64 = 0.1;
 
-/// What the wheels stand on: how far the servo of a heavy car gets while the car does not roll.
+/// Effect of the floor on the servo of a heavy car: the angle that it reaches at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Floor {
     /// The servo is as strong at rest as rolling.
@@ -25,13 +25,13 @@ pub enum Floor {
     Carpet,
 }
 
-/// How the true angle of the wheels differs from the one that the servo is told, as it does from
-/// car to car and from hour to hour: `angle = gain * told + trim + wander`.
+/// Difference between the true angle of the wheels and the commanded one. It varies from car to car
+/// and from hour to hour: `angle = gain * told + trim + wander`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SteeringLaw {
     /// Of the linkage.
     pub gain: f64,
-    /// Wheels' angle where straight ahead is told, radians, counter-clockwise.
+    /// Angle of the wheels for the command straight ahead, radians, counter-clockwise.
     pub trim_rad: f64,
     /// A random walk while the car rolls: standard deviation after one metre, radians. It stays
     /// within 0.1 rad.
@@ -52,7 +52,7 @@ impl Default for SteeringLaw {
 /// The servo with its linkage.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Servo {
-    /// Part of the way to its goal, and radians, that it makes in one step at most.
+    /// Part of the remaining angle, and maximum angle in radians, that the servo turns in one step.
     approach: f64,
     most: f64,
     angle_max: f64,
@@ -105,7 +105,7 @@ impl Servo {
         self.tangent = libm::tan(self.angle);
     }
 
-    /// Where it can get now.
+    /// Angle that the servo can reach now.
     fn goal(&self, speed: f64) -> f64 {
         let goal = self.wanted * self.law.gain + self.law.trim_rad + self.wander;
         let goal = goal.clamp(-self.angle_max, self.angle_max);

@@ -1,4 +1,5 @@
-//! What a car does that is not the default: weak servo, a linkage of its own, wheels that count.
+//! Behaviour of a car with non-default settings: weak servo, a linkage of its own, wheels that
+//! count.
 
 use super::*;
 
@@ -21,7 +22,8 @@ fn run(car: &mut Ackermann, from: u64, end: u64) {
     }
 }
 
-/// 0.2 rad are told. At rest: all of it, 4 degrees (0.07 rad) less, nothing; rolling: all of it.
+/// The command is 0.2 rad. At rest: all of it, 4 degrees (0.07 rad) less, nothing; rolling: all of
+/// it.
 #[test]
 fn a_heavy_car_steers_badly_at_rest() {
     for (floor, at_rest) in [
@@ -64,7 +66,7 @@ fn the_linkage_has_a_law_of_its_own() {
     assert_eq!(car.command(STEERING), Command::Angle(0.2));
 }
 
-/// 0.02 rad after a metre, so 0.02 rad times the root of 4 m after 4 m; 300 cars tell it to 15 %.
+/// 0.02 rad after a metre, so 0.02 rad times the root of 4 m after 4 m; 300 cars give it to 15 %.
 #[test]
 fn the_law_wanders_with_the_root_of_the_way_and_not_at_rest() {
     let wander = |speed: f64| {

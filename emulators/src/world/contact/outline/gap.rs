@@ -14,13 +14,13 @@ pub(super) struct Gap {
     pub(super) surface: Point,
 }
 
-/// Of `point` from a surface whose origin is at `place`.
+/// Distance of `point` from a surface whose origin is at `place`.
 pub(super) fn distance(point: Point, primitive: &Primitive, place: Point) -> f64 {
     let seen = Point::new(point.x - place.x, point.y - place.y);
     primitive.nearest(seen).1
 }
 
-/// Where a body with these `corners` is closest to a surface whose origin is at `place`.
+/// Closest points of a body with these `corners` and a surface whose origin is at `place`.
 pub(super) fn gap(corners: &[Point], middle: Point, primitive: &Primitive, place: Point) -> Gap {
     match primitive {
         Primitive::Segment(wall) => {
@@ -112,7 +112,7 @@ fn sides(corners: &[Point]) -> impl Iterator<Item = [Point; 2]> {
     corners.iter().zip(next).map(|(&a, &b)| [a, b])
 }
 
-/// The point of the way from `a` to `b` that is nearest to `point`.
+/// The point between `a` and `b` that is nearest to `point`.
 fn on_side([a, b]: [Point; 2], point: Point) -> Point {
     let (dx, dy) = (b.x - a.x, b.y - a.y);
     let square = dx * dx + dy * dy;
@@ -133,7 +133,7 @@ fn on_outline(corners: &[Point], point: Point) -> Point {
     best.1
 }
 
-/// Whether two ways cross at a point within both.
+/// Whether two lines cross at a point within both.
 fn cross([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
     let side = |a: Point, b: Point, c: Point| (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
     side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
@@ -186,8 +186,8 @@ mod tests {
         assert!(found.2.distance(surface) < 1e-12, "{found:?}");
     }
 
-    /// Beside a side, an end before a side, and beyond a corner, 3, 4, 5; with another origin as
-    /// much farther away.
+    /// Beside a side, an end before a side, and beyond a corner (3, 4, 5). Another origin adds its
+    /// distance.
     #[test]
     fn the_gap_to_a_wall_is_that_of_the_nearest_points() {
         let end = wall(at(1.0, 1.25), at(1.0, 4.0));
@@ -222,8 +222,8 @@ mod tests {
         assert_is(within, -0.2, at(0.0, 0.5), at(0.2, 0.5));
     }
 
-    /// A pillar outside, one within the body, and a round room of 2 m around it, which its corners,
-    /// 1.118 m from its middle, are nearest to.
+    /// A pillar outside, one within the body, and a round room of 2 m around the body. The body's
+    /// corners, 1.118 m from its middle, are nearest to the room's wall.
     #[test]
     fn the_gap_to_a_circle_is_that_of_its_rim() {
         let outside = found(&pillar(at(4.0, 0.5), 0.5), Point::default());
@@ -283,7 +283,7 @@ mod tests {
         );
     }
 
-    /// A square with sides of 1 m around (0, 3); what is checked stands at (2, 3).
+    /// A square with sides of 1 m around (0, 3); the surface's origin is at (2, 3).
     #[test]
     fn a_surface_is_where_its_place_puts_it() {
         let square = [(0.5, 2.5), (0.5, 3.5), (-0.5, 3.5), (-0.5, 2.5)];

@@ -24,7 +24,7 @@ fn struck(damage: Damage) -> LineFaults {
     faults
 }
 
-/// Each damage hits byte 1 of five; what arrives is written down by hand.
+/// Each damage hits byte 1 of five; the arriving bytes are written down by hand.
 #[test]
 fn each_damage_hits_the_byte_it_names() {
     let arrives = |damage| through(&mut struck(damage), &[1, 2, 3, 4, 5]);
@@ -86,7 +86,7 @@ fn a_cut_silences_its_window_only() {
     assert_eq!(through(&mut faults, &[1, 2, 3, 4]), [1, 4]);
 }
 
-/// What a random fault did, written down and run again, does the same.
+/// The recorded strikes of a random fault do the same in a second run.
 #[test]
 fn recorded_strikes_repeat_what_the_rate_did() {
     let bytes: Vec<u8> = (0..=255).cycle().take(4000).collect();
@@ -105,8 +105,8 @@ fn recorded_strikes_repeat_what_the_rate_did() {
     assert_eq!(through(&mut recorded, &bytes), first);
 }
 
-/// Dice are thrown for every byte, two a byte, also for those before the window and for faults that
-/// others overtake: which bytes are lost is said by the streams alone.
+/// Random numbers are drawn for every byte, two a byte, also for those before the window and for
+/// faults that others overtake. So the streams alone determine the lost bytes.
 #[test]
 fn dice_are_thrown_for_bytes_outside_the_window_too() {
     let windows = [(0, 900), (500, 700), (650, 2_000), (100, 400), (950, 960)];
@@ -148,7 +148,7 @@ fn a_rate_of_zero_touches_nothing() {
     assert_eq!(through(&mut faults, &[7; 1000]), [7; 1000]);
 }
 
-/// A fault that wears off strikes as often as it says and no more.
+/// A fault with a count strikes as often as the count and no more.
 #[test]
 fn a_count_wears_off() {
     let mut faults = LineFaults::default();
@@ -200,7 +200,7 @@ fn a_trigger_waits_for_its_byte_or_frame() {
     );
 }
 
-/// All of `bytes` in one go at 0 us: what came of it.
+/// Passes all of `bytes` in one go at 0 us and returns the result.
 fn at_once(faults: &mut LineFaults, bytes: &[u8]) -> Passed {
     let mut passed = Passed::default();
     let budget = &mut Budget::default();
@@ -215,7 +215,7 @@ fn window(from_us: u64, until_us: u64) -> Activity {
     })
 }
 
-/// Two faults of a kind add up, or the stricter one holds; what is not at work says nothing.
+/// Two faults of a kind add up, or the stricter one holds; an inactive fault has no effect.
 #[test]
 fn what_is_at_work_adds_up_and_is_named() {
     let by = |micros| Effect::Latency {
@@ -254,7 +254,7 @@ fn jitter(by: Duration) -> LineFaults {
     faults
 }
 
-/// Drawn by the fault's own stream: each time from nothing to `by`, both included.
+/// Drawn by the fault's own stream: each time from zero to `by`, both included.
 #[test]
 fn jitter_is_what_its_dice_say() {
     let mut faults = jitter(Duration::from_nanos(2));
@@ -285,7 +285,7 @@ fn a_byte_is_doubled_so_often_and_no_more() {
     assert_eq!([0, 1, 3, 6, 7, 10].map(copies), [1, 2, 8, 64, 64, 64]);
 }
 
-/// Inserted bytes count for what is behind them: the pause comes between 9 and 2.
+/// Inserted bytes count in the numbers of later ones: the pause comes between 9 and 2.
 #[test]
 fn a_pause_is_before_the_byte_it_names_among_those_that_arrive() {
     let by = Duration::from_millis(1);
@@ -304,7 +304,7 @@ fn a_pause_is_before_the_byte_it_names_among_those_that_arrive() {
     assert_eq!(at_once(&mut faults, &[1, 2, 3]).parity_errors, 2);
 }
 
-/// A byte is not told twice: one that never came has no parity.
+/// A byte is reported once: a byte that never arrived has no parity.
 #[test]
 fn a_parity_error_needs_a_byte() {
     let mut faults = LineFaults::default();
@@ -318,7 +318,7 @@ fn a_parity_error_needs_a_byte() {
     assert_eq!(at_once(&mut faults, &[0, 1]).parity_errors, 0);
 }
 
-/// What continues keeps a line from being clean: a burst, a truncation, a byte held back.
+/// A line is not clean while an effect continues: a burst, a truncation, a byte held back.
 #[test]
 fn a_line_is_clean_when_nothing_goes_on() {
     assert!(LineFaults::default().is_clean());
@@ -343,7 +343,7 @@ fn a_line_is_clean_when_nothing_goes_on() {
     }
 }
 
-/// Of two strikes on a byte one is taken back; what has come cannot be.
+/// One of two strikes on a byte is taken back, as long as it has not struck.
 #[test]
 fn a_strike_is_taken_back_while_it_is_to_come() {
     let strike = |byte, damage| Strike { byte, damage };
@@ -384,7 +384,7 @@ fn a_fault_is_ended_left_out_or_numbered_anew() {
     assert_eq!(through(&mut faults, &[1, 2]), [2]);
 }
 
-/// Nothing is counted before the first fault: what comes first then begins a frame, and is number
+/// Frames are not counted before the first fault: the first byte after that begins a frame, number
 /// 0.
 #[test]
 fn frames_are_counted_from_the_first_that_is_seen() {
