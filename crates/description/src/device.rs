@@ -49,6 +49,10 @@ pub struct Described {
     place: Place,
     state: State,
     cutter: Cutter,
+    /// Pause that ends a half-received frame.
+    idle: Duration,
+    /// Whether a silence ends the frames that a driver sends.
+    is_silence_framed: bool,
     /// What came in since the last poll: when its last byte ended, and the bytes.
     inbox: VecDeque<(Instant, Vec<u8>)>,
     /// When the line has been quiet for so long that a frame ends.
@@ -84,6 +88,9 @@ impl Described {
         let dice = Rng::stream(place.seed, &format!("{}.behaviour", place.name));
         let mut device = Self {
             cutter: description.cutter_of(From::Host),
+            idle: description.idle(),
+            is_silence_framed: matches!(description.protocol, Some(Protocol::ModbusRtu))
+                || description.ends_with_silence(),
             state,
             inbox: VecDeque::new(),
             quiet_at: None,
@@ -199,11 +206,6 @@ impl Described {
 
     fn is_modbus(&self) -> bool {
         self.description.protocol.is_some()
-    }
-
-    fn is_silence_framed(&self) -> bool {
-        matches!(self.description.protocol, Some(Protocol::ModbusRtu))
-            || self.description.frames_of(From::Host).ends_with_silence()
     }
 }
 

@@ -48,6 +48,16 @@ impl Record {
     }
 }
 
+impl Record {
+    /// As [`set`](Self::set), with a name that is shared.
+    pub(crate) fn set_shared(&mut self, name: &Arc<str>, value: Value) {
+        match self.0.iter_mut().find(|(key, _)| key == name) {
+            Some((_, old)) => *old = value,
+            None => self.0.push((Arc::clone(name), value)),
+        }
+    }
+}
+
 impl Value {
     /// The number, if it is one; yes is 1.
     pub fn as_f64(&self) -> Option<f64> {

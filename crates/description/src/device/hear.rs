@@ -38,7 +38,7 @@ impl Doer<'_> {
             return;
         };
         self.device.quiet_at = None;
-        if self.device.is_silence_framed() {
+        if self.device.is_silence_framed {
             let bytes = core::mem::take(&mut self.device.silent);
             return self.silent_frame(at, &bytes);
         }
@@ -48,8 +48,8 @@ impl Doer<'_> {
 
     fn byte(&mut self, at: Instant, byte: u8) {
         let device = &mut *self.device;
-        let started = device.description.line.byte_end(at, 1);
         if device.description.is_half_duplex {
+            let started = device.description.line.byte_end(at, 1);
             let is_waiting = !device.pending.is_empty();
             // Times of bytes are rounded. No receiver sees an overlap of less than a bit.
             let line = device.description.line;
@@ -67,9 +67,9 @@ impl Doer<'_> {
                 );
             }
         }
-        device.quiet_at = Some(at + device.description.idle());
+        device.quiet_at = Some(at + device.idle);
         device.heard_at = at;
-        if device.is_silence_framed() {
+        if device.is_silence_framed {
             // A frame that is too long stays wrong, whatever else comes.
             if device.silent.len() <= crate::framing::FRAME_MAX {
                 device.silent.push(byte);
@@ -143,10 +143,12 @@ impl Doer<'_> {
         }
         let watchdog = device.description.watchdog;
         device.watchdog_at = watchdog.map(|time| at + time);
-        let Some(body) = device.description.body(frame) else {
+        let is_modbus = device.is_modbus();
+        let description = device.description.clone();
+        let Some(body) = description.body_of(frame) else {
             return;
         };
-        match device.is_modbus() {
+        match is_modbus {
             true => self.modbus(at, &body),
             false => self.message(at, frame, &body),
         }
