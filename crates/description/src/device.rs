@@ -57,8 +57,6 @@ pub struct Described {
     inbox: VecDeque<(Instant, Vec<u8>)>,
     /// When the line has been quiet for so long that a frame ends.
     quiet_at: Option<Instant>,
-    /// End of the last byte that came.
-    heard_at: Instant,
     /// Bytes of a frame that ends with a silence.
     silent: Vec<u8>,
     watchdog_at: Option<Instant>,
@@ -94,7 +92,6 @@ impl Described {
             state,
             inbox: VecDeque::new(),
             quiet_at: None,
-            heard_at: Instant::ZERO,
             silent: Vec::new(),
             watchdog_at: None,
             pending: VecDeque::new(),
@@ -167,6 +164,11 @@ impl Described {
         self.begin(now);
         self.log.note(now, "restarted", why.to_owned());
         self.send_garbage(now);
+    }
+
+    /// A byte ended at `at`.
+    fn heard(&mut self, at: Instant) {
+        self.quiet_at = Some(at + self.idle);
     }
 
     /// Queues a frame that is to be sent at `due`.

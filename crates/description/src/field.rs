@@ -124,9 +124,9 @@ impl Field {
 
     /// The value of a count.
     pub(crate) fn scaled(&self, value: Value) -> Value {
-        match (self.scale, value.as_f64()) {
-            (Some([scale, offset]), Some(count)) => Value::Float(count * scale + offset),
-            _ => value,
+        match self.scale.and_then(|scale| Some((scale, value.as_f64()?))) {
+            Some(([scale, offset], count)) => Value::Float(count * scale + offset),
+            None => value,
         }
     }
 
@@ -140,9 +140,9 @@ impl Field {
 
     /// The count of a value.
     pub(crate) fn unscaled(&self, value: Value) -> Value {
-        match (self.scale, value.as_f64()) {
-            (Some([scale, offset]), Some(value)) => Value::Float((value - offset) / scale),
-            _ => value,
+        match self.scale.and_then(|scale| Some((scale, value.as_f64()?))) {
+            Some(([scale, offset], value)) => Value::Float((value - offset) / scale),
+            None => value,
         }
     }
 

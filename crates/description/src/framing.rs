@@ -3,6 +3,7 @@
 //! A frame's *content* is what is left of its bytes once markers and stuffing are gone; the *body*
 //! is the content without sync bytes, length field and checksums: what messages see.
 
+mod bytes;
 mod cut;
 mod judge;
 
@@ -15,6 +16,7 @@ use crate::checksum::Algorithm;
 use crate::number::Number;
 use crate::schema::wire::Stuffing;
 
+pub use bytes::FrameBytes;
 pub(crate) use cut::{hex_bytes, hex_text};
 pub use judge::{Cutter, Frame, Frames};
 pub(crate) use judge::{HeadSize, Unused, cutter};

@@ -82,10 +82,10 @@ impl Cell {
 
     /// Writes its bytes.
     fn put(&self, value: &Value, out: &mut Vec<u8>) {
-        let scaled = match (self.scale, value.as_f64()) {
-            (Some([scale, offset]), Some(value)) => Some(Value::Float((value - offset) / scale)),
-            _ => None,
-        };
+        let scaled = self.scale.and_then(|[scale, offset]| {
+            let value = value.as_f64()?;
+            Some(Value::Float((value - offset) / scale))
+        });
         let raw = scaled.as_ref().unwrap_or(value);
         match self.kind {
             CellKind::Bit => out.push(u8::from(raw.is_true())),
@@ -117,9 +117,9 @@ impl Cell {
                 return Value::Text(text.trim_end_matches('\0').to_owned());
             }
         };
-        match (self.scale, raw.as_f64()) {
-            (Some([scale, offset]), Some(count)) => Value::Float(count * scale + offset),
-            _ => raw,
+        match self.scale.and_then(|scale| Some((scale, raw.as_f64()?))) {
+            Some(([scale, offset], count)) => Value::Float(count * scale + offset),
+            None => raw,
         }
     }
 }

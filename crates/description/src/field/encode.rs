@@ -23,9 +23,15 @@ pub(crate) struct Encoding {
     is_low_first: bool,
 }
 
+/// Room for the body of a usual message.
+const BODY: usize = 64;
+
 /// Writes `fields` with the values of `scope`; what has none is 0 or empty.
 pub(crate) fn encode(fields: &[Field], scope: &dyn Scope) -> Encoding {
-    let mut encoding = Encoding::default();
+    let mut encoding = Encoding {
+        bytes: Vec::with_capacity(BODY),
+        ..Encoding::default()
+    };
     encoding.fields(fields, &Record::default(), scope);
     encoding.flush();
     encoding
