@@ -44,11 +44,14 @@ fn no_device_differs_from_its_own_description() {
 fn a_comparison_of_nothing_is_void() {
     let head = "name = \"sink\"\nabout = \"a sink\"\nline = { baud = 9600 }\n\
                 frame = { terminator = \"\\n\" }\n";
-    let sink = format!("{head}message = [{{ name = \"go\", from = \"host\", text = \"GO\" }}]\n");
+    let sink = format!(
+        "{head}message = [{{ name = \"go\", from = \"host\", text = \"GO\" }}]\n\
+         on = [{{ message = \"go\", set = {{ ready = \"1\" }} }}]\n[state]\nready = {{ initial = 0 }}\n"
+    );
     let asked = format!(
         "{head}message = [{{ name = \"go\", from = \"host\", text = \"GO\" }}, {{ name = \"ok\", from \
          = \"device\", text = \"OK\" }}]\non = [{{ message = \"go\", when = \"ready > 0\", reply = \
-         \"ok\" }}]\n[state.ready]\ntype = \"u8\"\n"
+         \"ok\" }}]\n[state]\nready = {{ initial = 0 }}\n"
     );
     let answers = asked.replace("when = \"ready > 0\", ", "");
     let streams = format!(

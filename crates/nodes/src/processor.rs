@@ -3,28 +3,20 @@
 //! Rig and program take turns, so a second processor gains nothing, and waking a process on another
 //! one takes ten times as long as the exchange itself.
 
-use core::cell::RefCell;
-use core::marker::PhantomData;
 use std::collections::BTreeMap;
 use std::fs;
 use std::sync::{Mutex, PoisonError};
 
 use rustix::process::Pid;
-use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
-
-/// Processors that threads of this process are kept on, and by how many.
-static KEPT: Mutex<BTreeMap<usize, u32>> = Mutex::new(BTreeMap::new());
+use rustix::thread::{CpuSet, gettid, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
 /// Maximum number of processes of one program that are moved.
 const FAMILY_MAX: usize = 64;
 
-thread_local! {
-    /// Where this thread is kept.
-    static HERE: RefCell<Option<Here>> = const { RefCell::new(None) };
-}
+/// Threads of this process that are kept on one processor, by their numbers.
+static KEPT: Mutex<BTreeMap<i32, Here>> = Mutex::new(BTreeMap::new());
 
 /// The processor that a thread is kept on.
-#[derive(Clone)]
 struct Here {
     /// Processors before that.
     before: CpuSet,
@@ -33,50 +25,46 @@ struct Here {
     programs: u32,
 }
 
-/// Keeps this thread and one node program on one processor until it is dropped. All node programs
-/// of a thread share one.
+/// Keeps the thread that made it and one node program on one processor until it is dropped, by
+/// whichever thread. All node programs of a thread share one.
 #[derive(Debug)]
 pub(crate) struct SameProcessor {
     program: Option<Pid>,
-    /// The thread that was moved is the one to be released.
-    of_this_thread: PhantomData<*const ()>,
+    thread: Pid,
 }
 
 impl SameProcessor {
     /// `None`: the system refuses, or this thread may run on one processor only.
     pub(crate) fn keep(program: Option<Pid>) -> Option<Self> {
-        HERE.with_borrow_mut(|here| {
-            let here = match here {
-                Some(here) => here,
-                None => here.insert(Here::choose()?),
-            };
-            here.programs += 1;
-            move_all(program, &only(here.kept));
-            Some(Self {
-                program,
-                of_this_thread: PhantomData,
-            })
-        })
+        let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        let thread = gettid();
+        let number = thread.as_raw_nonzero().get();
+        if !all.contains_key(&number) {
+            let here = Here::choose(&all)?;
+            all.insert(number, here);
+        }
+        let here = all.get_mut(&number)?;
+        here.programs += 1;
+        move_all(program, &only(here.kept));
+        Some(Self { program, thread })
     }
 }
 
 impl Here {
-    /// Moves this thread to the processor that fewest runs are on, so that the workers of a
+    /// Moves this thread to the processor that fewest others are kept on, so that the workers of a
     /// campaign keep apart.
-    fn choose() -> Option<Self> {
+    fn choose(all: &BTreeMap<i32, Self>) -> Option<Self> {
         let before = sched_getaffinity(None).ok()?;
         if before.count() < 2 {
             return None;
         }
-        let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
         let now = sched_getcpu();
         let allowed = (0..CpuSet::MAX_CPU).filter(|&cpu| before.is_set(cpu));
         let kept = allowed.min_by_key(|cpu| {
-            let runs = all.get(cpu).copied().unwrap_or_default();
-            (runs, *cpu != now)
+            let others = all.values().filter(|here| here.kept == *cpu).count();
+            (others, *cpu != now)
         })?;
         sched_setaffinity(None, &only(kept)).ok()?;
-        *all.entry(kept).or_default() += 1;
         Some(Self {
             before,
             kept,
@@ -87,22 +75,17 @@ impl Here {
 
 impl Drop for SameProcessor {
     fn drop(&mut self) {
-        HERE.with_borrow_mut(|place| {
-            let Some(here) = place else {
-                return;
-            };
-            move_all(self.program, &here.before);
-            here.programs -= 1;
-            if here.programs > 0 {
-                return;
-            }
-            let _ = sched_setaffinity(None, &here.before);
-            let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(runs) = all.get_mut(&here.kept) {
-                *runs = runs.saturating_sub(1);
-            }
-            *place = None;
-        });
+        let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        let number = self.thread.as_raw_nonzero().get();
+        let Some(here) = all.get_mut(&number) else {
+            return;
+        };
+        move_all(self.program, &here.before);
+        here.programs -= 1;
+        if here.programs == 0 {
+            let _ = sched_setaffinity(Some(self.thread), &here.before);
+            all.remove(&number);
+        }
     }
 }
 
