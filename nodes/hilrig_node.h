@@ -80,10 +80,22 @@ int hrn_main(hrn_node *node);
 
 #ifdef HILRIG_NODE_IMPLEMENTATION
 
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+
+/* Longest message, and longest payload of an item. */
+#define HRN_MESSAGE_MAX ((size_t)16 << 20)
+#define HRN_ITEM_MAX ((size_t)0xFFFF)
+
+/* Ends the process: an answer that is cut would be another one. */
+static void hrn_refuse(const char *what)
+{
+    fprintf(stderr, "hilrig_node: %s\n", what);
+    exit(1);
+}
 
 static uint64_t hrn_get(const uint8_t *from, int bytes)
 {
@@ -95,14 +107,14 @@ static uint64_t hrn_get(const uint8_t *from, int bytes)
 
 static void hrn_room(hrn_node *node, size_t len)
 {
+    if (len > HRN_MESSAGE_MAX || node->out_len + len > HRN_MESSAGE_MAX)
+        hrn_refuse("an answer is longer than 16 MiB");
     if (node->out_len + len <= node->out_room)
         return;
     node->out_room = 2 * (node->out_len + len) + 256;
     node->out = realloc(node->out, node->out_room);
-    if (!node->out) {
-        fputs("hilrig_node: no memory\n", stderr);
-        exit(1);
-    }
+    if (!node->out)
+        hrn_refuse("no memory");
 }
 
 static void hrn_put(hrn_node *node, uint64_t value, int bytes)
@@ -115,17 +127,16 @@ static void hrn_put(hrn_node *node, uint64_t value, int bytes)
 static void hrn_bytes(hrn_node *node, const void *data, size_t len)
 {
     hrn_room(node, len);
-    memcpy(node->out + node->out_len, data, len);
+    if (len > 0)
+        memcpy(node->out + node->out_len, data, len);
     node->out_len += len;
 }
 
 /* The head of an item; its payload of `len` bytes follows. */
 static void hrn_item(hrn_node *node, int kind, int port, uint64_t at, size_t len)
 {
-    if (node->out_count == UINT16_MAX) {
-        fputs("hilrig_node: too many items in one answer\n", stderr);
-        exit(1);
-    }
+    if (node->out_count == UINT16_MAX)
+        hrn_refuse("more than 65535 items in one answer");
     node->out_count++;
     hrn_put(node, (uint64_t)kind, 1);
     hrn_put(node, (uint64_t)port, 1);
@@ -137,7 +148,7 @@ void hrn_send(hrn_node *node, uint8_t port, uint64_t at, const void *data, size_
 {
     const uint8_t *from = data;
     while (len > 0) {
-        size_t part = len < 0xFFFF ? len : 0xFFFF;
+        size_t part = len < HRN_ITEM_MAX ? len : HRN_ITEM_MAX;
         hrn_item(node, 1, port, at, part);
         hrn_bytes(node, from, part);
         from += part;
@@ -154,8 +165,11 @@ void hrn_line(hrn_node *node, uint8_t port, uint64_t at, int event)
 static void hrn_log(hrn_node *node, int kind, const char *rule, const char *sentence)
 {
     size_t rule_len = strlen(rule), len = strlen(sentence);
-    if (len > 0xF000)
-        len = 0xF000;
+    if (rule_len == 0 || rule_len > 255)
+        hrn_refuse("the name of a rule has 1 to 255 characters");
+    /* The end of a long sentence is left out. */
+    if (len > HRN_ITEM_MAX - rule_len - 1)
+        len = HRN_ITEM_MAX - rule_len - 1;
     hrn_item(node, kind, 0, node->now, rule_len + 1 + len);
     hrn_bytes(node, rule, rule_len + 1);
     hrn_bytes(node, sentence, len);
@@ -196,6 +210,8 @@ static int hrn_read(uint8_t *to, size_t len)
     while (len > 0) {
         if (hrn_in_at == hrn_in_len) {
             ssize_t got = read(0, hrn_in, sizeof hrn_in);
+            if (got < 0 && errno == EINTR)
+                continue;
             if (got <= 0)
                 return 0;
             hrn_in_at = 0;
@@ -228,6 +244,8 @@ static int hrn_finish(hrn_node *node)
         node->out[i] = (uint8_t)(len >> 8 * i);
     while (done < node->out_len) {
         ssize_t put = write(1, node->out + done, node->out_len - done);
+        if (put < 0 && errno == EINTR)
+            continue;
         if (put <= 0)
             return 0;
         done += (size_t)put;
@@ -246,7 +264,10 @@ static void hrn_happen(hrn_node *node, const uint8_t *item, size_t len)
         node->line(node, port, at, body[0]);
     if (kind == 3 && node->fault && len >= 9) {
         char name[256] = {0};
-        memcpy(name, body + 9, len - 9 < 255 ? len - 9 : 255);
+        /* A longer name is none that the node gave. */
+        if (len - 9 >= sizeof name)
+            return;
+        memcpy(name, body + 9, len - 9);
         node->fault(node, at, name, body[0], hrn_number(body + 1));
     }
     if (kind == 4 && node->quantity && len == 8)
@@ -282,18 +303,20 @@ static int hrn_exchange(hrn_node *node, const uint8_t *body, size_t len)
 
 static int hrn_greet(hrn_node *node, const uint8_t *body, size_t len)
 {
-    char text[1024];
+    const char *faults = node->faults ? node->faults : "";
+    const char *outputs = node->outputs ? node->outputs : "";
     const char *version = len > 0 ? strstr((const char *)body, "\"hilrig_node\"") : NULL;
     const char *number = version ? strchr(version, ':') : NULL;
     int known = number && atoi(number + 1) == HRN_VERSION;
     hrn_begin(node, 'h');
-    int size = snprintf(text, sizeof text,
-        "{\"hilrig_node\": %d, \"save\": %s, \"faults\": [%s], \"outputs\": [%s]}", HRN_VERSION,
-        node->save && node->load ? "true" : "false", node->faults ? node->faults : "",
-        node->outputs ? node->outputs : "");
-    if (size < 0 || (size_t)size >= sizeof text)
-        return 0;
+    char text[64];
+    int size = snprintf(text, sizeof text, "{\"hilrig_node\": %d, \"save\": %s, \"faults\": [",
+        HRN_VERSION, node->save && node->load ? "true" : "false");
     hrn_bytes(node, text, (size_t)size);
+    hrn_bytes(node, faults, strlen(faults));
+    hrn_bytes(node, "], \"outputs\": [", strlen("], \"outputs\": ["));
+    hrn_bytes(node, outputs, strlen(outputs));
+    hrn_bytes(node, "]}", 2);
     if (!hrn_finish(node))
         return 0;
     if (!known) {
@@ -316,8 +339,10 @@ int hrn_main(hrn_node *node)
     int result = 1;
     while (hrn_read(head, 4)) {
         size_t len = (size_t)hrn_get(head, 4);
-        if (len == 0)
+        if (len == 0 || len > HRN_MESSAGE_MAX) {
+            fprintf(stderr, "hilrig_node: a request of %zu bytes, expected 1 to 16 MiB\n", len);
             break;
+        }
         if (len + 1 > room) {
             room = len + 1;
             uint8_t *more = realloc(body, room);

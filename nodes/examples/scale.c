@@ -37,7 +37,8 @@ static void hear(hrn_node *node, uint64_t now, const char *line)
     } else if (strcmp(line, "SI") == 0) {
         hrn_show(node, 0, net_g(now));
         int len = snprintf(text, sizeof text, "S %c %10.2f g\r\n", scale.state, net_g(now));
-        hrn_send(node, 0, now + 30000000, text, (size_t)len);
+        if (len > 0 && (size_t)len < sizeof text)
+            hrn_send(node, 0, now + 30000000, text, (size_t)len);
     } else if (strcmp(line, "ZI") == 0) {
         scale.busy_until = scale.zero_at = now + 1000000000;
     } else {
@@ -49,8 +50,10 @@ static void receive(hrn_node *node, uint8_t port, uint64_t at, const uint8_t *da
 {
     (void)port;
     for (size_t i = 0; i < len; i++) {
-        if (scale.len < sizeof scale.line - 1)
-            scale.line[scale.len++] = (char)data[i];
+        /* Of a line that is too long the end is kept: its end is seen. */
+        if (scale.len == sizeof scale.line - 1)
+            memmove(scale.line, scale.line + 1, --scale.len);
+        scale.line[scale.len++] = (char)data[i];
         if (scale.len >= 2 && memcmp(scale.line + scale.len - 2, "\r\n", 2) == 0) {
             scale.line[scale.len - 2] = 0;
             scale.len = 0;

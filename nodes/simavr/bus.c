@@ -12,7 +12,8 @@
 
 enum { BEGIN = 0x02, END_WRITE = 0x03, END_READ = 0x04, READ_MOST = 64 };
 
-/* Longer than an answer takes: a message that is lost is not acknowledged. */
+/* Longer than an answer takes: a message that is lost is not acknowledged. An answer that comes up
+ * to so much later belongs to the question before. */
 static const uint64_t ANSWER_NS_MAX = 2000000;
 
 /* simavr's states behind an address. */
@@ -52,16 +53,40 @@ static void end_transaction(void) {
     wire_item(ITEM_BYTES, (uint8_t)twi->port, at_once(), message, len);
 }
 
+/* A question that is given up may still be answered. If its time began with the answer to an
+ * earlier one, its own may have been that. */
+static void give_up(struct chip_on_bus *at) {
+    if (!at->is_asked)
+        return;
+    at->is_asked = false;
+    at->is_late = !at->had_late;
+    at->late_until = chip.avr->cycle + cycles_of(ANSWER_NS_MAX);
+}
+
+/* The rig's messages are shorter than some transactions: what does not fit is no silent loss. */
+static void exceed(const char *what, unsigned most) {
+    struct twi *twi = &chip.twi;
+    if (!twi->is_told)
+        note(ITEM_GIVEN_OR_VIOLATION, "i2c-limit",
+             "the program %s more than %u bytes in one transaction of I2C with address 0x%02x, the "
+             "simulated bus carries %u; use shorter ones",
+             what, most, twi->address >> 1, most);
+    twi->is_told = true;
+}
+
 static void begin_transaction(uint8_t address) {
     struct twi *twi = &chip.twi;
     end_transaction();
     twi->address = address;
     twi->written_len = twi->read_len = twi->taken = 0;
+    twi->is_told = false;
     /* The line of a bus without chips is not pulled down. */
     uint8_t message[4] = {BEGIN, 2, address, address & 1 ? READ_MOST : 0};
     for (int i = 0; i < twi->chip_count; i++) {
         struct chip_on_bus *at = &twi->chips[i];
+        give_up(at);
         at->is_asked = true;
+        at->had_late = false;
         at->answer_len = 0;
         wire_item(ITEM_BYTES, (uint8_t)at->port, at_once(), message, sizeof message);
     }
@@ -88,11 +113,15 @@ static void on_twi(struct avr_irq_t *irq, uint32_t value, void *param) {
     if ((what & TWI_COND_WRITE) && twi->is_open) {
         if (twi->written_len < sizeof twi->written)
             twi->written[twi->written_len++] = message.u.twi.data;
+        else
+            exceed("writes", sizeof twi->written);
         avr_raise_irq(answer, avr_twi_irq_msg(TWI_COND_ACK, address, 1));
     }
     if (what & TWI_COND_READ) {
         bool is_there = twi->is_open && twi->taken < twi->read_len;
         uint8_t byte = is_there ? twi->read[twi->taken] : 0xFF;
+        if (twi->is_open && twi->taken == READ_MOST)
+            exceed("reads", READ_MOST);
         twi->taken += twi->taken < 255;
         avr_raise_irq(answer, avr_twi_irq_msg(TWI_COND_READ, address, byte));
     }
@@ -129,8 +158,11 @@ void twi_settle(void) {
                 avr_cycle_timer_register(avr, byte_cycles(twi->io), resume, twi->io);
         }
     }
-    if (twi->held && avr->cycle >= twi->deadline)
+    if (twi->held && avr->cycle >= twi->deadline) {
+        for (int i = 0; i < twi->chip_count; i++)
+            give_up(&twi->chips[i]);
         conclude(false);
+    }
 }
 
 void twi_receive(int port, const uint8_t *bytes, size_t len) {
@@ -143,8 +175,18 @@ void twi_receive(int port, const uint8_t *bytes, size_t len) {
         else
             others_asked = others_asked || twi->chips[i].is_asked;
     }
-    if (!twi->held || !from || !from->is_asked)
+    if (from && from->is_late) {
+        from->is_late = false;
+        from->had_late = chip.avr->cycle < from->late_until;
+        if (from->had_late)
+            return;
+    }
+    if (!from || !from->is_asked)
         return;
+    if (!twi->held) {
+        from->is_asked = false;
+        return;
+    }
     size_t room = sizeof from->answer - from->answer_len;
     size_t taken = len < room ? len : room;
     memcpy(from->answer + from->answer_len, bytes, taken);

@@ -111,6 +111,11 @@ struct uart {
 struct chip_on_bus {
     int port;
     bool is_asked;
+    /* The answer to a question that was given up may come until then. */
+    bool is_late;
+    avr_cycle_count_t late_until;
+    /* It came while the present question waited for its own. */
+    bool had_late;
     uint8_t answer[258];
     unsigned answer_len;
 };
@@ -123,6 +128,8 @@ struct twi {
     int port;
     bool touched;
     bool is_open;
+    /* The log says that this transaction is too long. */
+    bool is_told;
     uint8_t address;
     uint8_t written[250];
     unsigned written_len;
@@ -190,6 +197,8 @@ void wire_send(uint8_t type, const void *body, uint32_t len);
 void wire_clear(void);
 void wire_item(uint8_t kind, uint8_t port, uint64_t at_ns, const void *payload, size_t len);
 void wire_answer(uint64_t next_ns);
+/* Whether the rig has closed its end. */
+bool wire_is_gone(void);
 uint64_t wire_u64(const uint8_t *from);
 double wire_f64(const uint8_t *from);
 

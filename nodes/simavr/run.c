@@ -1,6 +1,7 @@
 /* Time of the chip: runs it to a moment of the rig, finds out when it wants to run again. */
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "node.h"
@@ -99,6 +100,9 @@ static bool held_by_gdb(void) {
     avr_t *avr = chip.avr;
     if (!avr->gdb)
         return false;
+    /* The rig is gone: gdb would hold a program that nothing waits for. */
+    if (wire_is_gone())
+        exit(0);
     avr_gdb_processor(avr, avr->state == cpu_Stopped ? 10000 : 0);
     avr->run_cycle_limit = avr->run_cycle_count = 1;
     return avr->state == cpu_Stopped;

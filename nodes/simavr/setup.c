@@ -44,7 +44,11 @@ static void log_of_simavr(struct avr_t *avr, const int level, const char *format
         fprintf(stderr, "simavr: %s\n", chip.last_error);
 }
 
-static void copy(char *to, size_t size, const char *from) { snprintf(to, size, "%s", from); }
+/* A name that is cut would be another one. */
+static void copy(char *to, size_t size, const char *from) {
+    if ((size_t)snprintf(to, size, "%s", from) >= size)
+        refuse("\"%.40s...\" is too long, expected at most %zu characters", from, size - 1);
+}
 
 static const char *needed(const struct json *object, const char *key) {
     const char *text = json_text(object, key);
@@ -283,36 +287,62 @@ static void choose_outputs(const struct json *settings) {
     }
 }
 
+/* The answer to the greeting. */
+static char text[65536];
+static size_t text_len;
+
+static void put(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+static void put(const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    text_len += (size_t)vsnprintf(text + text_len, sizeof text - text_len, format, arguments);
+    va_end(arguments);
+    if (text_len >= sizeof text)
+        refuse("the board has too many names, expected fewer pins or shorter names");
+}
+
+/* A name as a text of JSON. */
+static void put_name(const char *before, const char *name, const char *after) {
+    put("%s\"", before);
+    for (const unsigned char *at = (const unsigned char *)name; *at; at++) {
+        if (*at == '"' || *at == '\\')
+            put("\\%c", *at);
+        else if (*at < ' ')
+            put("\\u%04x", *at);
+        else
+            put("%c", *at);
+    }
+    put("%s\"", after);
+}
+
 static void answer_hello(void) {
-    static char text[32768];
-    size_t len = (size_t)snprintf(text, sizeof text,
-                                  "{\"hilrig_node\": 1, \"save\": false, \"faults\": [\"reset\", "
-                                  "\"off\"], \"outputs\": [");
+    put("{\"hilrig_node\": 1, \"save\": false, \"faults\": [\"reset\", \"off\"], \"outputs\": [");
     const char *comma = "";
     for (int number = 0; number < chip.output_count; number++) {
         for (int i = 0; i < chip.pin_count; i++)
-            if (chip.pins[i].output == number)
-                len += (size_t)snprintf(text + len, sizeof text - len, "%s\"%s\", \"%s_us\"", comma,
-                                        chip.pins[i].name, chip.pins[i].name);
+            if (chip.pins[i].output == number) {
+                put_name(comma, chip.pins[i].name, "");
+                put_name(", ", chip.pins[i].name, "_us");
+            }
         for (int i = 0; i < chip.bridge_count; i++)
             if (chip.bridges[i].output == number)
-                len += (size_t)snprintf(text + len, sizeof text - len, "%s\"%s\"", comma,
-                                        chip.bridges[i].name);
+                put_name(comma, chip.bridges[i].name, "");
         comma = ", ";
     }
     /* The buses keep their times by themselves: questions to a chip travel at once. */
     comma = "";
-    len += (size_t)snprintf(text + len, sizeof text - len, "], \"ports\": [");
+    put("], \"ports\": [");
     for (int i = 0; i < chip.port_count; i++) {
         if (chip.ports[i].unit != UNIT_TWI && chip.ports[i].unit != UNIT_SPI)
             continue;
-        len += (size_t)snprintf(text + len, sizeof text - len,
-                                "%s{\"name\": \"%s\", \"rate\": 10000000, \"format\": \"8N1\"}",
-                                comma, chip.ports[i].name);
+        put("%s{\"name\": ", comma);
+        put_name("", chip.ports[i].name, "");
+        put(", \"rate\": 10000000, \"format\": \"8N1\"}");
         comma = ", ";
     }
-    len += (size_t)snprintf(text + len, sizeof text - len, "]}");
-    wire_send('h', text, (uint32_t)len);
+    put("]}");
+    wire_send('h', text, (uint32_t)text_len);
 }
 
 void setup(const struct json *hello) {

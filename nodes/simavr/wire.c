@@ -1,5 +1,6 @@
 /* Messages of the rig, binary form: u32 length, u8 type, body; little endian. */
 #include <errno.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -27,6 +28,12 @@ static uint64_t get(const uint8_t *from, int bytes) {
     for (int i = bytes; i-- > 0;)
         value = value << 8 | from[i];
     return value;
+}
+
+bool wire_is_gone(void) {
+    /* What the rig has written before is of no use any more either. */
+    struct pollfd both[2] = {{.fd = in_fd}, {.fd = out_fd}};
+    return poll(both, 2, 0) > 0 && ((both[0].revents | both[1].revents) & (POLLHUP | POLLERR));
 }
 
 uint64_t wire_u64(const uint8_t *from) { return get(from, 8); }
@@ -135,7 +142,8 @@ void wire_clear(void) {
 
 void wire_item(uint8_t kind, uint8_t port, uint64_t at_ns, const void *payload, size_t len) {
     if (item_count == UINT16_MAX || len > UINT16_MAX)
-        return;
+        refuse("an answer of more than %u items, or an item of %zu bytes; choose a shorter slice_us",
+               UINT16_MAX, len);
     grow(&out_buffer, &out_size, out_len + ITEM_HEAD + len);
     uint8_t *to = out_buffer + out_len;
     to[0] = kind;

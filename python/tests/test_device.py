@@ -63,6 +63,20 @@ def test_a_fresh_device_goes_on_from_a_saved_state():
     assert said == [b"A", b"2 at 2.000\n"]
 
 
+class Foreign(Meter):
+    def hear(self, line, now):
+        # The first has the name of a method, the second none, the third is another device's.
+        others = {b"f": sorted, b"l": lambda: b"x", b"d": Meter(hello()["hello"]).later}
+        self.after(0.5, others[line])
+
+
+@pytest.mark.parametrize("which", [b"f", b"l", b"d"])
+def test_after_takes_a_method_of_the_device_alone(which):
+    request = {"bytes": (which + b"\n").hex(), "port": 0}
+    with pytest.raises(TypeError, match="a method of this device"):
+        played(Foreign, hello(), exchange(10**9, request))
+
+
 class Typed(Device, description="meter"):
     def on_read(self, request, now):
         return self.reply(volts=request.scale * 2, raw=b"\x01")

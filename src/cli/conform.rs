@@ -76,15 +76,18 @@ pub(super) fn run(args: &ConformArgs) -> Result<Verdict, CliError> {
     for place in &found.unproved {
         eprintln!("{place}: not compared, the emulated device does not answer it either");
     }
-    // A device that never answered was not observed.
-    let is_silent = replies == 0 && requests > 0 && found.differences.is_empty();
-    match (found.differences.len(), is_silent) {
-        (_, true) => println!("the device never answered"),
+    // A device of which nothing was compared was not observed.
+    let is_void = found.is_void();
+    let is_silent = replies == 0 && requests > 0 && !found.heard_by_itself;
+    match (found.differences.len(), is_void) {
+        (_, true) if is_silent => println!("nothing was compared: the device never answered"),
+        (_, true) if requests == 0 => println!("nothing was compared: no request was sent"),
+        (_, true) => println!("nothing was compared: no reply that the description says came"),
         (0, _) => println!("no difference"),
         (1, _) => println!("1 difference"),
         (count, _) => println!("{count} differences"),
     }
-    let passes = found.differences.is_empty() && !is_silent;
+    let passes = found.differences.is_empty() && !is_void;
     out::answer(&Conformed {
         requests: found.requests as u64,
         replies: found.replies as u64,

@@ -86,7 +86,7 @@ pub(super) fn run(args: &NodeArgs) -> Result<Verdict, CliError> {
 }
 
 fn spec_of(args: &CheckArgs) -> Result<NodeSpec, CliError> {
-    let mut spec = match args.command.ends_with(".toml") {
+    let mut spec = match is_scenario(&args.command) {
         true => of_scenario(args)?,
         false => NodeSpec::new("node", &args.command),
     };
@@ -102,6 +102,13 @@ fn spec_of(args: &CheckArgs) -> Result<NodeSpec, CliError> {
         spec.ports = vec![port_of("uart:9600")?];
     }
     Ok(spec)
+}
+
+/// Whether the argument is the path of a scenario. A command may end with the name of such a file,
+/// e.g. `python3 meter.py meter.toml`.
+fn is_scenario(command: &str) -> bool {
+    let is_one_word = !command.contains(char::is_whitespace);
+    command.ends_with(".toml") && (is_one_word || Path::new(command).is_file())
 }
 
 /// The program of a scenario's device.
@@ -173,9 +180,10 @@ fn bytes_of(text: &str) -> Result<Vec<u8>, CliError> {
             Some('0') => 0,
             Some('\\') => b'\\',
             Some('x') => {
-                let digits: String = letters.by_ref().take(2).collect();
-                let byte = u8::from_str_radix(&digits, 16);
-                byte.ok().filter(|_| digits.len() == 2).ok_or_else(wrong)?
+                let mut digit = || letters.next()?.to_digit(16);
+                let byte = digit().zip(digit()).map(|(high, low)| high << 4 | low);
+                byte.and_then(|byte| byte.try_into().ok())
+                    .ok_or_else(wrong)?
             }
             _ => return Err(wrong()),
         });
@@ -191,9 +199,21 @@ mod tests {
     fn escapes_are_the_bytes_that_they_name() {
         let bytes = bytes_of(r"SI\r\n\x02\xFF\\\0").expect("all are known");
         assert_eq!(bytes, b"SI\r\n\x02\xff\\\0");
-        for wrong in [r"\q", r"\x1", r"\xZZ", "end\\"] {
+        for wrong in [r"\q", r"\x1", r"\xZZ", r"\x+1", r"\x é", "end\\"] {
             let error = bytes_of(wrong).expect_err(wrong).to_string();
             assert!(error.contains("unknown escape"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_command_that_ends_with_a_file_is_no_scenario() {
+        assert!(is_scenario("bench.toml"));
+        for command in [
+            "python3 meter.py meter.toml",
+            "./meter",
+            "bench.toml --fast",
+        ] {
+            assert!(!is_scenario(command), "{command}");
         }
     }
 

@@ -7,6 +7,7 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::thread;
 
+use nodes::process::stop_waiting;
 use protocols::Instant;
 use tokio::runtime;
 use tokio::signal::unix::{SignalKind, signal};
@@ -46,6 +47,7 @@ impl Stop {
             // Nothing more can come after an error either.
             let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
             signal.store(SIGTERM, Ordering::Relaxed);
+            stop_waiting();
         });
     }
 
@@ -86,6 +88,7 @@ fn listen(caught: Arc<AtomicU8>) -> io::Result<()> {
                 terminate.poll_recv(context).map(|_| SIGTERM)
             }));
             caught.store(number, Ordering::Relaxed);
+            stop_waiting();
         })?;
     Ok(())
 }

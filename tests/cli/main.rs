@@ -31,7 +31,7 @@ mod thorough;
 
 use core::time::Duration;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use hilrig::realtime::clock::{Clock as _, WallClock};
 
@@ -75,9 +75,17 @@ impl Session {
     }
 
     fn hilrig(&self, arguments: &[&str]) -> Output {
+        self.command(arguments)
+            .output()
+            .expect("the command starts")
+    }
+
+    /// The command with its output kept, not yet started.
+    fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
         command.args(arguments).current_dir(&self.folder);
-        command.output().expect("the command starts")
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
     }
 }
 

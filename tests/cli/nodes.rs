@@ -1,6 +1,7 @@
 //! Node programs from the command line: exit codes, sentences, and no process left behind.
 
 use std::path::Path;
+use std::process::Command;
 
 use super::{Session, text, wait_until};
 
@@ -61,8 +62,14 @@ fn a_driver_is_a_node_program_in_the_place_of_the_robots() {
 fn a_program_that_exits_fails_the_run_and_leaves_nobody_behind() {
     let session = Session::new("nodes-exit");
     let mark = format!("hilrig-cli-left-{}", std::process::id());
-    let child = format!("sh -c \"trap : TERM HUP; sleep 600; : {mark}\"");
-    let command = format!("trap : TERM HUP; {child} & echo no meter >&2; exit 3");
+    // The child says itself that it is there, under the name that is looked for below.
+    let child = format!(
+        "sh -c \"trap : TERM HUP; grep -c {mark} /proc/\\$\\$/cmdline > up; sleep 600; : {mark}\""
+    );
+    let command = format!(
+        "trap : TERM HUP; {child} & while ! test -s up; do sleep 0.01; done; echo no meter >&2; \
+         exit 3"
+    );
     session.write("scale.toml", &scenario(&command));
     let output = session.hilrig(&["run", "scale.toml", "--out", "o"]);
     assert_eq!(output.status.code(), Some(1), "{output:?}");
@@ -74,8 +81,33 @@ fn a_program_that_exits_fails_the_run_and_leaves_nobody_behind() {
     );
     assert!(said.contains("| no meter"), "{said}");
     assert_eq!(session.read("o/node-scale.log"), "no meter\n");
-    // What was killed is gone once the machine comes to it.
+    assert_eq!(session.read("up"), "1\n");
+    // A killed process is gone once the machine comes to it.
     wait_until("its end", || !is_running(&mark));
+}
+
+/// The rig does not wait for a silent program any longer when it is told to stop.
+#[test]
+fn an_interrupt_ends_the_wait_for_a_silent_program() {
+    let session = Session::new("nodes-interrupt");
+    session.write("scale.toml", &scenario("echo up > up; exec sleep 60"));
+    let mut command = session.command(&["run", "scale.toml", "--out", "o"]);
+    let child = command.spawn().expect("hilrig starts");
+    while !session.path("up").exists() {
+        std::thread::sleep(core::time::Duration::from_millis(10));
+    }
+    let id = child.id().to_string();
+    let sent = Command::new("kill").args(["-INT", &id]).status();
+    assert!(sent.expect("kill starts").success());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130), "{output:?}");
+    let said = text(&output.stdout);
+    assert!(
+        said.contains("scale had not answered hello when the run was stopped"),
+        "{said}"
+    );
+    assert!(said.contains("ended by SIGINT"), "{said}");
+    assert!(!said.contains("FAIL node-programs"), "{said}");
 }
 
 /// One program keeps the contract as its scenario starts it; one does not.

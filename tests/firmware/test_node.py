@@ -210,12 +210,42 @@ def test_each_board_runs_the_probe():
         assert text(ask(node, b"w", 1_000)) == "cause 8\r\nboots 1\r\n", name
 
 
+def free_port():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def test_a_rig_that_is_gone_ends_a_program_that_gdb_holds():
+    node = start(gdb=free_port())
+    # It waits for gdb in the midst of an exchange.
+    node.process.stdin.write(struct.pack("<IcQH", 11, b"X", 20 * MS, 0))
+    node.process.stdin.flush()
+    time.sleep(0.2)
+    assert node.process.poll() is None
+    node.process.stdin.close()
+    node.process.stdout.close()
+    assert node.process.wait(timeout=10) == 0, node.said()
+
+
+def test_names_are_texts_of_the_greeting():
+    name = 'a"b\\c\n'
+    pins = {**board("arduino-uno")["pins"], name: {"at": "B1"}}
+    node = start(board={**board("arduino-uno"), "pins": pins}, outputs=[name])
+    assert node.outputs == [name, name + "_us"]
+    for long, said in [({"mcu": "x" * 64}, "too long"), ({"pins": {"y" * 64: {"at": "B1"}}}, "too long")]:
+        try:
+            start(board={**board("arduino-uno"), **long}, outputs=[])
+        except EOFError as error:
+            assert said in str(error), error
+        else:
+            raise AssertionError(long)
+
+
 def test_gdb_holds_the_program_and_changes_no_byte():
     """A breakpoint-less session by hand: stopped at first, held by an interrupt, then let go."""
     plain = booted().items
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     node = start(gdb=port)
     talk = []
 

@@ -32,6 +32,24 @@ const MCUS: [&str; 12] = [
     "atmega8",
 ];
 
+/// Maximum length of a name of a pin, a UART, a bus or a part: the node program keeps so much.
+const NAME_MAX: usize = 60;
+
+/// Checks the name of a pin, a UART, a bus or a part of a board.
+///
+/// # Errors
+/// A sentence, if it is empty, too long or has other characters.
+pub fn check_name(name: &str) -> Result<(), String> {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    match name.len() {
+        1..=NAME_MAX if name.chars().all(is_plain) => Ok(()),
+        _ => Err(format!(
+            "\"{}\" is no name, expected 1 to {NAME_MAX} letters, digits, '-', '_' and '.'",
+            name.escape_debug()
+        )),
+    }
+}
+
 /// Names of the boards that come with the tool.
 pub fn names() -> impl Iterator<Item = &'static str> {
     SHIPPED.iter().map(|(name, _)| *name)
@@ -250,8 +268,30 @@ impl BoardText {
                 return Err(source.wrong(volts, key, message));
             }
         }
+        self.check_names(source)?;
         self.check_ports(source)?;
         self.check_pins(source)
+    }
+
+    fn check_names(&self, source: &Source<'_>) -> Result<(), BoardError> {
+        let at = |value: &Spanned<u8>| value.span().start;
+        let uarts = self.uarts.iter();
+        let uarts = uarts.map(|(name, number)| ("uarts", name, at(number)));
+        let pins = self.pins.iter();
+        let pins = pins.map(|(name, pin)| ("pins", name, pin.span().start));
+        let named = [
+            ("name", Some(&self.name)),
+            ("i2c", self.i2c.as_ref()),
+            ("spi", self.spi.as_ref()),
+        ];
+        let named = named.into_iter().filter_map(|(key, name)| {
+            let name = name?;
+            Some((key, name.get_ref(), name.span().start))
+        });
+        for (key, name, at) in named.chain(uarts).chain(pins) {
+            check_name(name).map_err(|message| source.error(at, key, message))?;
+        }
+        Ok(())
     }
 
     fn check_ports(&self, source: &Source<'_>) -> Result<(), BoardError> {
@@ -363,6 +403,35 @@ mod tests {
             assert!(said.starts_with(expected), "{said}");
         }
         assert!(error("").starts_with("b.toml:1: missing field `name`"));
+    }
+
+    /// What a name may hold goes into texts of other processes, and is compared there.
+    #[test]
+    fn names_are_plain_and_short() {
+        let long = "x".repeat(NAME_MAX + 1);
+        for name in ["a\\\"b", "a b", "é", &long] {
+            for line in [
+                format!("[uarts]\n\"{name}\" = 0"),
+                format!("[pins]\n\"{name}\" = {{ at = \"B5\" }}"),
+                format!("i2c = \"{name}\""),
+            ] {
+                let said = error(&format!("{SOUND}{line}\n"));
+                assert!(
+                    said.contains("is no name, expected 1 to 60 letters"),
+                    "{said}"
+                );
+            }
+        }
+    }
+
+    /// The chips that a board may name are those that the node program lists.
+    #[test]
+    fn the_node_program_knows_the_same_chips() {
+        let main = include_str!("../simavr/main.c");
+        let (_, list) = main.split_once("MCUS[] = {").expect("the list");
+        let (list, _) = list.split_once('}').expect("its end");
+        let listed: Vec<_> = list.split('"').skip(1).step_by(2).collect();
+        assert_eq!(listed, MCUS);
     }
 
     #[test]

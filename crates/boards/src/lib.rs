@@ -12,6 +12,6 @@ mod board;
 mod program;
 mod wiring;
 
-pub use board::{Board, BoardError, Pin, names};
+pub use board::{Board, BoardError, Pin, check_name, names};
 pub use program::{BuildError, program};
 pub use wiring::{PortKind, Unit, WiringError};

@@ -1,8 +1,10 @@
 //! The node program: found, or built from the sources that come with the tool.
 
 use core::fmt;
+use core::sync::atomic::{AtomicU64, Ordering};
 use std::env;
 use std::ffi::OsString;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -102,33 +104,41 @@ fn build(folder: &Path) -> Result<(), BuildError> {
         ))
     };
     let dir = Dir::create(folder).map_err(|error| failed(&error))?;
+    // Another run or thread may build at the same time: each has a folder of its own.
+    static BUILDS: AtomicU64 = AtomicU64::new(0);
+    let number = BUILDS.fetch_add(1, Ordering::Relaxed);
+    let own = format!("build-{}-{number}", std::process::id());
+    let built = build_in(&dir, &own);
+    let _ = dir.remove_tree(&own);
+    built.map_err(|error| failed(&error))
+}
+
+/// Builds the program in the folder `own` below `dir` and moves it to `dir`.
+fn build_in(dir: &Dir, own: &str) -> Result<(), String> {
+    let said = |error: io::Error| error.to_string();
+    let folder = dir.below(own).map_err(said)?;
     for (name, text) in SOURCES {
-        dir.write(name, text).map_err(|error| failed(&error))?;
+        folder.write(name, text).map_err(said)?;
     }
-    // Another run may build at the same time: each has its own file until it is complete.
-    let unfinished = format!("{NAME}.{}", std::process::id());
     let compiler = env::var_os("CC").unwrap_or_else(|| "cc".into());
     let sources = SOURCES.iter().filter(|(name, _)| name.ends_with(".c"));
     let built = Command::new(&compiler)
-        .current_dir(folder)
+        .current_dir(folder.path())
         .args(["-isystem", "/usr/include/simavr", "-O2", "-std=gnu11"])
         .args(["-Wall", "-Wextra", "-Werror"])
         .args(sources.map(|(name, _)| name))
-        .args(["-o", &unfinished, "-lsimavr", "-lelf", "-lm"])
+        .args(["-o", NAME, "-lsimavr", "-lelf", "-lm"])
         .output();
     let built = built.map_err(|error| {
-        let what = format!(
+        format!(
             "{}: {error}; install a C compiler: apt install gcc libc6-dev libsimavr-dev libelf-dev",
             compiler.display()
-        );
-        failed(&what)
+        )
     })?;
     if !built.status.success() {
-        let _ = dir.remove_file(&unfinished);
-        return Err(failed(&reason(&String::from_utf8_lossy(&built.stderr))));
+        return Err(reason(&String::from_utf8_lossy(&built.stderr)));
     }
-    dir.rename(&unfinished, NAME)
-        .map_err(|error| failed(&error))
+    dir.rename(&format!("{own}/{NAME}"), NAME).map_err(said)
 }
 
 /// What the compiler's words come to.

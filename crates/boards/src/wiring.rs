@@ -16,6 +16,17 @@ pub enum PortKind {
     I2c,
 }
 
+impl PortKind {
+    /// Whether a port of this kind may be connected to this unit of a board. A byte of SPI travels
+    /// as a byte of a UART does.
+    const fn fits(self, unit: Unit) -> bool {
+        match unit {
+            Unit::Uart(_) | Unit::Spi => matches!(self, Self::Uart),
+            Unit::Twi => matches!(self, Self::I2c),
+        }
+    }
+}
+
 /// What of a board a port is connected to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
@@ -72,13 +83,13 @@ impl Board {
         let mut found: BTreeMap<&str, Unit> = BTreeMap::new();
         let known = || self.port_names().join(", ");
         for (port, to) in wires {
-            if !ports.iter().any(|(name, _)| name == port) {
+            let Some((_, kind)) = ports.iter().find(|(name, _)| name == port) else {
                 let names: Vec<_> = ports.iter().map(|(name, _)| name.as_str()).collect();
                 return Err(WiringError(format!(
                     "wire {port}={to}: the rig has no port \"{port}\", expected one of {}",
                     names.join(", ")
                 )));
-            }
+            };
             let unit = self.unit(to).ok_or_else(|| {
                 WiringError(format!(
                     "wire {port}={to}: the board {} has no port \"{to}\", expected one of {}",
@@ -86,10 +97,26 @@ impl Board {
                     known()
                 ))
             })?;
+            if !kind.fits(unit) {
+                let fitting = self.port_names().into_iter();
+                let fitting: Vec<_> = fitting
+                    .filter(|name| self.unit(name).is_some_and(|unit| kind.fits(unit)))
+                    .collect();
+                let carries = match kind {
+                    PortKind::Uart => "bytes of a UART",
+                    PortKind::I2c => "transactions of I2C",
+                };
+                return Err(WiringError(format!(
+                    "wire {port}={to}: the rig's port \"{port}\" carries {carries}, expected one of \
+                     {}",
+                    fitting.join(", ")
+                )));
+            }
             found.insert(port, unit);
         }
-        for (port, _) in ports {
-            if let (false, Some(unit)) = (found.contains_key(port.as_str()), self.unit(port)) {
+        for (port, kind) in ports {
+            let same = self.unit(port).filter(|unit| kind.fits(*unit));
+            if let (false, Some(unit)) = (found.contains_key(port.as_str()), same) {
                 found.insert(port, unit);
             }
         }
@@ -126,11 +153,7 @@ impl Board {
             let free = self.port_names().into_iter();
             let free = free.filter(|name| {
                 self.unit(name).is_some_and(|unit| {
-                    let fits = match unit {
-                        Unit::Uart(_) => kind == PortKind::Uart,
-                        Unit::Twi => kind == PortKind::I2c,
-                        Unit::Spi => false,
-                    };
+                    let fits = kind.fits(unit) && unit != Unit::Spi;
                     let is_taken = found.values().any(|taken| *taken == unit);
                     fits && (unit == Unit::Twi || !is_taken)
                 })
@@ -211,6 +234,23 @@ mod tests {
             wired("arduino-mega", &two, &[("gps", "com1")]),
             "wire gps=com1: the board arduino-mega has no port \"com1\", expected one of serial, \
              serial1, serial2, serial3, i2c, spi"
+        );
+        assert_eq!(
+            wired("arduino-mega", &two, &[("gps", "i2c")]),
+            "wire gps=i2c: the rig's port \"gps\" carries bytes of a UART, expected one of serial, \
+             serial1, serial2, serial3, spi"
+        );
+        assert_eq!(
+            wired(
+                "arduino-uno",
+                &[("imu", PortKind::I2c)],
+                &[("imu", "serial")]
+            ),
+            "wire imu=serial: the rig's port \"imu\" carries transactions of I2C, expected one of i2c"
+        );
+        assert_eq!(
+            wired("arduino-uno", &[("i2c", Uart), ("imu", PortKind::I2c)], &[]),
+            r#"{"i2c":{"number":0,"unit":"uart"},"imu":{"number":0,"unit":"twi"}}"#
         );
         assert_eq!(
             wired("arduino-mega", &two, &[("gsp", "serial")]),

@@ -1,6 +1,7 @@
 //! The dissector of described devices, judged by tshark: for frames of every shipped description it
 //! says what `hilrig decode` says, and each field has the value that the description gives it.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -261,6 +262,18 @@ fn of_one_end(of: &Description, rows: &[&[String]], told: &[&Told]) -> Vec<Strin
     }
     let values = || told.iter().flat_map(|(_, values)| values);
     let label = |path: &str| format!("{} {path}", of.name());
+    let known = of.lua(of.name()).fields;
+    let known: BTreeSet<_> = known
+        .iter()
+        .map(|field| field.label.to_ascii_lowercase())
+        .collect();
+    let paths: BTreeSet<_> = values().map(|(path, _)| path).collect();
+    for path in paths
+        .into_iter()
+        .filter(|path| !known.contains(&label(path).to_ascii_lowercase()))
+    {
+        wrong.push(format!("{path}: the dissector has no such field"));
+    }
     for (column, field) in of.lua(of.name()).fields.iter().enumerate() {
         let wanted = values().filter(|(path, _)| label(path) == field.label.to_ascii_lowercase());
         let wanted: Vec<_> = wanted.map(|(_, value)| value).collect();

@@ -1,6 +1,7 @@
 //! What a device does, ready to be done.
 
 use core::time::Duration;
+use std::sync::Arc;
 
 use crate::expr::Expr;
 use crate::schema::behaviour::EventSpec;
@@ -24,7 +25,7 @@ pub(crate) struct Deed {
     /// Messages, by index.
     pub(crate) send: Vec<usize>,
     /// Fields of the messages.
-    pub(crate) with: Vec<(String, Expr)>,
+    pub(crate) with: Vec<(Arc<str>, Expr)>,
 }
 
 #[derive(Clone, Debug)]

@@ -18,7 +18,7 @@ use crate::description::{Description, Protocol};
 use crate::error::Places;
 use crate::expr::{Expr, ExprError};
 use crate::field::Names;
-use crate::framing::{Frames, Unused};
+use crate::framing::Frames;
 use crate::schema::{ProtocolSpec, Schema};
 use crate::state::Variable;
 use crate::value::Value;
@@ -91,7 +91,7 @@ impl<'a> Compiler<'a> {
             watchdog: schema.watchdog.map(|span| span.0),
             boot: schema.boot.map(|span| span.0),
             protocol,
-            frames: Frames(frames, Unused::default()),
+            frames: Frames::of(frames),
             messages,
             variables: Arc::new(self.variables.clone()),
             registers,

@@ -127,6 +127,10 @@ pub struct Conformity {
     pub replies: usize,
     /// Median and 99th percentile of the time from a request to its reply.
     pub latency: Option<[Duration; 2]>,
+    /// Requests whose replies were compared, each with all its values.
+    pub compared: usize,
+    /// Whether the device said anything by itself that was compared.
+    pub heard_by_itself: bool,
     /// What differs.
     pub differences: Vec<Difference>,
     /// Requests that were left out because they change the device's state.
@@ -136,12 +140,23 @@ pub struct Conformity {
     pub unproved: Vec<String>,
 }
 
+impl Conformity {
+    /// Whether nothing that the device says was held against the description: such a device has
+    /// not been observed, and does not pass.
+    pub fn is_void(&self) -> bool {
+        let is_unasked = self.compared == 0 && self.unproved.is_empty();
+        let is_unanswered = self.compared == 0 && !self.unproved.is_empty();
+        self.differences.is_empty() && (is_unanswered || is_unasked && !self.heard_by_itself)
+    }
+}
+
 /// Twins with which a device is compared.
 const TWINS: u64 = 6;
 /// Times at which the twins started before the comparison, milliseconds: counters and waves differ
 /// then.
 const STARTED_MS: [u64; 6] = [0, 3_370, 17_910, 61_230, 301_570, 1_801_830];
-/// Steps of a twin before the comparison at most.
+/// Maximum number of steps of a twin before the comparison. A device that streams has started less
+/// long ago for that than [`STARTED_MS`] says.
 const STEPS_MAX: u32 = 10_000;
 /// Bytes of a reply whose time is waited for in any case.
 const REPLY_BYTES: u64 = 64;

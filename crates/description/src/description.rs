@@ -2,6 +2,7 @@
 
 use core::fmt;
 use core::time::Duration;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use protocols::{FrameError, LineConfig};
@@ -191,8 +192,12 @@ impl Description {
 
     /// The body of a frame: what the messages see.
     pub fn body(&self, frame: &Frame) -> Option<Vec<u8>> {
-        let framing = self.frames.0.get(frame.format)?;
-        framing.body(&frame.bytes).map(std::borrow::Cow::into_owned)
+        self.body_of(frame).map(Cow::into_owned)
+    }
+
+    /// As [`body`](Self::body), without a copy where that is possible.
+    pub(crate) fn body_of<'a>(&self, frame: &'a Frame) -> Option<Cow<'a, [u8]>> {
+        self.frames.0.get(frame.format)?.body(&frame.bytes)
     }
 
     /// The message of a frame that `from` sent, and its values; the first one that fits.

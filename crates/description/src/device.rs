@@ -49,12 +49,14 @@ pub struct Described {
     place: Place,
     state: State,
     cutter: Cutter,
+    /// Pause that ends a half-received frame.
+    idle: Duration,
+    /// Whether a silence ends the frames that a driver sends.
+    is_silence_framed: bool,
     /// What came in since the last poll: when its last byte ended, and the bytes.
     inbox: VecDeque<(Instant, Vec<u8>)>,
     /// When the line has been quiet for so long that a frame ends.
     quiet_at: Option<Instant>,
-    /// End of the last byte that came.
-    heard_at: Instant,
     /// Bytes of a frame that ends with a silence.
     silent: Vec<u8>,
     watchdog_at: Option<Instant>,
@@ -84,10 +86,12 @@ impl Described {
         let dice = Rng::stream(place.seed, &format!("{}.behaviour", place.name));
         let mut device = Self {
             cutter: description.cutter_of(From::Host),
+            idle: description.idle(),
+            is_silence_framed: matches!(description.protocol, Some(Protocol::ModbusRtu))
+                || description.ends_with_silence(),
             state,
             inbox: VecDeque::new(),
             quiet_at: None,
-            heard_at: Instant::ZERO,
             silent: Vec::new(),
             watchdog_at: None,
             pending: VecDeque::new(),
@@ -162,6 +166,11 @@ impl Described {
         self.send_garbage(now);
     }
 
+    /// A byte ended at `at`.
+    fn heard(&mut self, at: Instant) {
+        self.quiet_at = Some(at + self.idle);
+    }
+
     /// Queues a frame that is to be sent at `due`.
     fn queue(&mut self, due: Instant, frame: Vec<u8>) {
         if self.pending.len() >= QUEUE_MAX {
@@ -199,11 +208,6 @@ impl Described {
 
     fn is_modbus(&self) -> bool {
         self.description.protocol.is_some()
-    }
-
-    fn is_silence_framed(&self) -> bool {
-        matches!(self.description.protocol, Some(Protocol::ModbusRtu))
-            || self.description.frames_of(From::Host).ends_with_silence()
     }
 }
 

@@ -3,6 +3,7 @@
 mod decode;
 mod encode;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use crate::number::Number;
 use crate::value::{Record, Value};
 
 pub(crate) use decode::{decode, number_value, places};
-pub(crate) use encode::{encode, example, longer, number_bytes};
+pub(crate) use encode::{encode, example, longer, number_bytes, put_number};
 
 /// Names of values.
 pub(crate) type Names = Arc<BTreeMap<i128, String>>;
@@ -123,17 +124,25 @@ impl Field {
 
     /// The value of a count.
     pub(crate) fn scaled(&self, value: Value) -> Value {
-        match (self.scale, value.as_f64()) {
-            (Some([scale, offset]), Some(count)) => Value::Float(count * scale + offset),
-            _ => value,
+        match self.scale.and_then(|scale| Some((scale, value.as_f64()?))) {
+            Some(([scale, offset], count)) => Value::Float(count * scale + offset),
+            None => value,
+        }
+    }
+
+    /// As [`unscaled`](Self::unscaled); the value itself is not copied.
+    pub(crate) fn count_of<'a>(&self, value: &'a Value) -> Cow<'a, Value> {
+        match self.scale {
+            None => Cow::Borrowed(value),
+            Some(_) => Cow::Owned(self.unscaled(value.clone())),
         }
     }
 
     /// The count of a value.
     pub(crate) fn unscaled(&self, value: Value) -> Value {
-        match (self.scale, value.as_f64()) {
-            (Some([scale, offset]), Some(value)) => Value::Float((value - offset) / scale),
-            _ => value,
+        match self.scale.and_then(|scale| Some((scale, value.as_f64()?))) {
+            Some(([scale, offset], value)) => Value::Float((value - offset) / scale),
+            None => value,
         }
     }
 

@@ -3,6 +3,7 @@
 //! A frame's *content* is what is left of its bytes once markers and stuffing are gone; the *body*
 //! is the content without sync bytes, length field and checksums: what messages see.
 
+mod bytes;
 mod cut;
 mod judge;
 
@@ -12,13 +13,13 @@ use std::borrow::Cow;
 use protocols::FrameError;
 
 use crate::checksum::Algorithm;
-use crate::expr::Expr;
 use crate::number::Number;
 use crate::schema::wire::Stuffing;
 
+pub use bytes::FrameBytes;
 pub(crate) use cut::{hex_bytes, hex_text};
 pub use judge::{Cutter, Frame, Frames};
-pub(crate) use judge::{Unused, cutter};
+pub(crate) use judge::{HeadSize, Unused, cutter};
 
 /// Most bytes of a frame.
 pub(crate) const FRAME_MAX: usize = 2_000;
@@ -61,7 +62,7 @@ pub(crate) enum Cut {
     /// An expression over the first bytes.
     Sized {
         head: usize,
-        size: Expr,
+        size: HeadSize,
     },
     /// By one byte.
     Table {
@@ -177,35 +178,32 @@ impl Check {
     }
 
     fn read(&self, written: &[u8]) -> Option<u128> {
-        let mut bytes = if self.is_hex {
-            hex_bytes(written)?
-        } else {
-            written.to_vec()
+        let whole = |value: u128, byte: &u8| value << 8 | u128::from(*byte);
+        let number = |bytes: &[u8]| match self.is_little {
+            true => bytes.iter().rev().fold(0, whole),
+            false => bytes.iter().fold(0, whole),
         };
-        if self.is_little {
-            bytes.reverse();
+        match self.is_hex {
+            true => hex_bytes(written).map(|bytes| number(&bytes)),
+            false => Some(number(written)),
         }
-        Some(
-            bytes
-                .iter()
-                .fold(0, |value, &byte| value << 8 | u128::from(byte)),
-        )
     }
 
     /// Writes it.
     fn fill(&self, content: &mut [u8]) -> Option<()> {
         let (value, at) = self.expected(content)?;
-        let all = value.to_be_bytes();
-        let mut bytes = all[16 - usize::from(self.width)..].to_vec();
+        let mut all = value.to_be_bytes();
+        let bytes = &mut all[16 - usize::from(self.width)..];
         if self.is_little {
             bytes.reverse();
         }
-        let written = if self.is_hex { hex_text(&bytes) } else { bytes };
         let first = at - self.separator.len();
         content.get_mut(first..at)?.copy_from_slice(&self.separator);
-        content
-            .get_mut(at..at + written.len())?
-            .copy_from_slice(&written);
+        let place = content.get_mut(at..at + self.value_len())?;
+        match self.is_hex {
+            true => place.copy_from_slice(&hex_text(bytes)),
+            false => place.copy_from_slice(bytes),
+        }
         Some(())
     }
 }
@@ -223,6 +221,12 @@ impl Framing {
                     Cow::Owned(content)
                 }
             });
+        }
+        // What stands in front of the body alone is left out without a copy.
+        let mut holes = self.holes.iter();
+        let front = holes.try_fold(0, |end, (at, len)| (*at == end).then_some(end + len));
+        if let (Cow::Borrowed(content), Some(front)) = (&content, front) {
+            return content.get(front..len).map(Cow::Borrowed);
         }
         let mut body = Vec::with_capacity(len);
         let mut at = 0;
@@ -252,7 +256,7 @@ impl Framing {
                 let byte = self.around(body)?.get(*at).copied()?;
                 usize::from(sizes[usize::from(byte)])
             }
-            Cut::Sized { head, size } => judge::size_of(size, self.around(body)?.get(..*head)?)?,
+            Cut::Sized { head, size } => size.of(self.around(body)?.get(..*head)?)?,
             Cut::Marked { .. } | Cut::Length(_) | Cut::Silence { .. } => return None,
         };
         size.checked_sub(holes + self.trailer)
@@ -335,9 +339,7 @@ impl Framing {
                 }
             }
             Cut::Sized { head, size } => {
-                let said = content
-                    .get(..*head)
-                    .and_then(|head| judge::size_of(size, head));
+                let said = content.get(..*head).and_then(|head| size.of(head));
                 said.filter(|said| *said == content.len())?;
             }
             _ => {}

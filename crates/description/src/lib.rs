@@ -54,7 +54,7 @@ pub use compile::Files;
 pub use description::{Description, Protocol};
 pub use device::{Described, Place};
 pub use error::{DescriptionError, Problem};
-pub use framing::{Cutter, Frame, Frames};
+pub use framing::{Cutter, Frame, FrameBytes, Frames};
 pub use lua::{LuaField, LuaPart, RUNTIME as LUA_RUNTIME};
 pub use message::Message;
 pub use parts::NumberPlace;

@@ -207,7 +207,7 @@ fn cut(cut: &Cut) -> String {
             "cut = \"sized\", head = {head}, of = function(head)\nlocal s = {{ {{}} }}\n\
              for i = 1, #head do s[1][i] = {{ \"b\" .. (i - 1), head:byte(i) }} end\n\
              return {} end",
-            size.lua()
+            size.expr().lua()
         ),
         Cut::Table { at, sizes } => {
             let sizes = sizes.iter().enumerate().filter(|(_, size)| **size > 0);

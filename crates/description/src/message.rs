@@ -23,6 +23,8 @@ pub struct Message {
     /// All frame formats.
     pub(crate) frames: Arc<Vec<Framing>>,
     pub(crate) layout: Layout,
+    /// Whether a field has limits.
+    pub(crate) has_limits: bool,
 }
 
 /// What a body consists of.
@@ -33,6 +35,23 @@ pub(crate) enum Layout {
         pieces: Vec<Piece>,
         fields: Vec<Field>,
     },
+}
+
+impl Layout {
+    /// Whether a field has limits, also of the cases of a switch.
+    pub(crate) fn has_limits(&self) -> bool {
+        fn any(fields: &[Field]) -> bool {
+            fields.iter().any(|field| match &field.kind {
+                field::Kind::Switch { cases, other, .. } => {
+                    let cases = cases.iter().map(|(_, fields)| fields).chain(other);
+                    cases.into_iter().any(|fields| any(fields))
+                }
+                _ => field.limits.is_some(),
+            })
+        }
+        let (Self::Fields(fields) | Self::Text { fields, .. }) = self;
+        any(fields)
+    }
 }
 
 /// The bytes of a message, and what was wrong with its values.
@@ -169,8 +188,9 @@ impl Message {
             return;
         };
         for _ in 0..FIT_STEPS {
-            let len = self.encode(record).bytes.len();
-            let Some(room) = framing.room(&self.encode(record).bytes) else {
+            let body = self.encode(record).bytes;
+            let len = body.len();
+            let Some(room) = framing.room(&body) else {
                 return;
             };
             if len == room {

@@ -114,6 +114,12 @@ impl Number {
 
     /// The bits in `bytes`, of which there are as many as the number has.
     pub(crate) fn bits(self, bytes: &[u8]) -> u64 {
+        let whole = |bits: u64, byte: &u8| bits << 8 | u64::from(*byte);
+        match (self.endian, self.words) {
+            (Endian::Big, Endian::Big) => return bytes.iter().fold(0, whole),
+            (Endian::Little, Endian::Little) => return bytes.iter().rev().fold(0, whole),
+            _ => {}
+        }
         let mut ordered = [0; 8];
         let len = usize::from(self.bytes);
         ordered[..len].copy_from_slice(bytes);
@@ -126,6 +132,9 @@ impl Number {
     /// The bytes of `bits`.
     pub(crate) fn put(self, bits: u64, out: &mut Vec<u8>) {
         let len = usize::from(self.bytes);
+        if (self.endian, self.words) == (Endian::Little, Endian::Little) {
+            return out.extend_from_slice(&bits.to_le_bytes()[..len]);
+        }
         let mut ordered = bits.to_be_bytes();
         let bytes = &mut ordered[8 - len..];
         self.arrange(bytes);

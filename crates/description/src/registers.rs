@@ -1,6 +1,6 @@
 //! A table of registers: values at addresses, read and written in pieces.
 
-use crate::field::number_bytes;
+use crate::field::put_number;
 use crate::number::Number;
 use crate::value::Value;
 
@@ -75,21 +75,31 @@ type Values<'a> = &'a dyn Fn(usize) -> Value;
 impl Cell {
     /// Its bytes, as on the wire.
     pub(crate) fn bytes(&self, value: &Value) -> Vec<u8> {
-        let raw = match (self.scale, value.as_f64()) {
-            (Some([scale, offset]), Some(value)) => Value::Float((value - offset) / scale),
-            _ => value.clone(),
-        };
+        let mut bytes = Vec::new();
+        self.put(value, &mut bytes);
+        bytes
+    }
+
+    /// Writes its bytes.
+    fn put(&self, value: &Value, out: &mut Vec<u8>) {
+        let scaled = self.scale.and_then(|[scale, offset]| {
+            let value = value.as_f64()?;
+            Some(Value::Float((value - offset) / scale))
+        });
+        let raw = scaled.as_ref().unwrap_or(value);
         match self.kind {
-            CellKind::Bit => vec![u8::from(raw.is_true())],
-            CellKind::Number(number) => number_bytes(number, &raw).0,
+            CellKind::Bit => out.push(u8::from(raw.is_true())),
+            CellKind::Number(number) => {
+                put_number(number, raw, out);
+            }
             CellKind::Text(len) => {
-                let text = match &raw {
-                    Value::Text(text) => text.clone().into_bytes(),
-                    other => other.to_string().into_bytes(),
+                let text = match raw {
+                    Value::Text(text) => text.clone(),
+                    other => other.to_string(),
                 };
-                let mut bytes = text[..text.len().min(len)].to_vec();
-                bytes.resize(len, 0);
-                bytes
+                let end = out.len() + len;
+                out.extend_from_slice(&text.as_bytes()[..text.len().min(len)]);
+                out.resize(end, 0);
             }
         }
     }
@@ -107,9 +117,9 @@ impl Cell {
                 return Value::Text(text.trim_end_matches('\0').to_owned());
             }
         };
-        match (self.scale, raw.as_f64()) {
-            (Some([scale, offset]), Some(count)) => Value::Float(count * scale + offset),
-            _ => raw,
+        match self.scale.and_then(|scale| Some((scale, raw.as_f64()?))) {
+            Some(([scale, offset], count)) => Value::Float(count * scale + offset),
+            None => raw,
         }
     }
 }
@@ -157,11 +167,13 @@ impl Table {
                 place += 1;
                 continue;
             };
-            let bytes = cell.bytes(&values(cell.variable));
+            let start = out.len();
+            cell.put(&values(cell.variable), &mut out);
+            // Of a register that is read in part the rest is left out.
             let first = (place - cell.at) as usize * self.unit;
+            out.drain(start..start + first);
             let left = usize::try_from(end - u64::from(place)).unwrap_or(usize::MAX);
-            let last = (first + left.saturating_mul(self.unit)).min(bytes.len());
-            out.extend_from_slice(&bytes[first..last]);
+            out.truncate(start.saturating_add(left.saturating_mul(self.unit)));
             place = cell.at + cell.len;
         }
         Ok(out)

@@ -13,7 +13,7 @@ use protocols::Instant;
 use crate::expr::{Expr, Scope};
 use crate::field::Names;
 use crate::schema::state::WorldQuantity;
-use crate::value::Value;
+use crate::value::{Value, is_same};
 
 pub(crate) use recording::Recording;
 
@@ -160,7 +160,7 @@ impl State {
         let name = name.strip_prefix("state.").unwrap_or(name);
         self.known
             .iter()
-            .position(|variable| &*variable.name == name)
+            .position(|variable| is_same(&variable.name, name))
     }
 
     /// The device starts again.
@@ -188,9 +188,10 @@ impl State {
     /// Stores a value; `false` if it is beyond the limits, of which the nearer one is stored then.
     pub(crate) fn write(&mut self, index: usize, value: Value) -> bool {
         let variable = &self.known[index];
-        let (value, fits) = match (variable.limits, value.as_f64()) {
-            (Some([least, _]), Some(found)) if found < least => (limit(&value, least), false),
-            (Some([_, most]), Some(found)) if found > most => (limit(&value, most), false),
+        let limits = variable.limits;
+        let (value, fits) = match limits.and_then(|limits| Some((limits, value.as_f64()?))) {
+            Some(([least, _], found)) if found < least => (limit(&value, least), false),
+            Some(([_, most], found)) if found > most => (limit(&value, most), false),
             _ => (value, true),
         };
         self.values[index] = value;

@@ -22,6 +22,12 @@ pub enum Value {
     Record(Record),
 }
 
+/// Whether two names are the same: most that are not differ in their length or first letter.
+pub(crate) fn is_same(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    one.len() == other.len() && one.first() == other.first() && one == other
+}
+
 /// Values by name, in the order of the fields.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Record(pub Vec<(Arc<str>, Value)>);
@@ -29,8 +35,11 @@ pub struct Record(pub Vec<(Arc<str>, Value)>);
 impl Record {
     /// The value called `name`; `outer.inner` is one of a group.
     pub fn get(&self, name: &str) -> Option<&Value> {
-        if let Some((_, value)) = self.0.iter().find(|(key, _)| &**key == name) {
+        if let Some((_, value)) = self.0.iter().find(|(key, _)| is_same(key, name)) {
             return Some(value);
+        }
+        if self.0.is_empty() || !name.as_bytes().contains(&b'.') {
+            return None;
         }
         let (outer, inner) = name.split_once('.')?;
         match self.get(outer)? {
@@ -44,6 +53,16 @@ impl Record {
         match self.0.iter_mut().find(|(key, _)| &**key == name) {
             Some((_, old)) => *old = value,
             None => self.0.push((name.into(), value)),
+        }
+    }
+}
+
+impl Record {
+    /// As [`set`](Self::set), with a name that is shared.
+    pub(crate) fn set_shared(&mut self, name: &Arc<str>, value: Value) {
+        match self.0.iter_mut().find(|(key, _)| is_same(key, name)) {
+            Some((_, old)) => *old = value,
+            None => self.0.push((Arc::clone(name), value)),
         }
     }
 }

@@ -247,8 +247,7 @@ fn a_field_takes_the_rest_of_a_frame_of_known_size() {
 /// An empty line is a message where the description has one: what a terminal asks for a prompt.
 #[test]
 fn an_empty_line_can_be_a_message() {
-    let mut device = device(
-        r#"
+    let text = r#"
         name = "prompt"
         about = "lines"
         line = { baud = 9600 }
@@ -258,10 +257,13 @@ fn an_empty_line_can_be_a_message() {
           { name = "ready", from = "device", frame = "out", text = "ready" },
         ]
         on = [{ message = "enter", reply = "ready" }]
-        "#,
-    );
-    device.receive(Described::UART, Instant::from_millis(1), b"\r");
-    assert_eq!(said(&mut device, 100), "ready\r\n> ");
+        "#;
+    // A message that names no frame has the first one.
+    for text in [text, &text.replace(r#"frame = "in", "#, "")] {
+        let mut device = device(text);
+        device.receive(Described::UART, Instant::from_millis(1), b"\r");
+        assert_eq!(said(&mut device, 100), "ready\r\n> ");
+    }
 }
 
 /// Both ends speak in lines that the other one's format cuts as well: the end that sent a line says

@@ -38,6 +38,37 @@ fn no_device_differs_from_its_own_description() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// A device that only listens, and one that answers nothing of what it is asked, are not observed:
+/// that is no pass.
+#[test]
+fn a_comparison_of_nothing_is_void() {
+    let head = "name = \"sink\"\nabout = \"a sink\"\nline = { baud = 9600 }\n\
+                frame = { terminator = \"\\n\" }\n";
+    let sink = format!(
+        "{head}message = [{{ name = \"go\", from = \"host\", text = \"GO\" }}]\n\
+         on = [{{ message = \"go\", set = {{ ready = \"1\" }} }}]\n[state]\nready = {{ initial = 0 }}\n"
+    );
+    let asked = format!(
+        "{head}message = [{{ name = \"go\", from = \"host\", text = \"GO\" }}, {{ name = \"ok\", from \
+         = \"device\", text = \"OK\" }}]\non = [{{ message = \"go\", when = \"ready > 0\", reply = \
+         \"ok\" }}]\n[state]\nready = {{ initial = 0 }}\n"
+    );
+    let answers = asked.replace("when = \"ready > 0\", ", "");
+    let streams = format!(
+        "{head}message = [{{ name = \"ok\", from = \"device\", text = \"OK\" }}]\n\
+         every = [{{ period = \"100ms\", send = \"ok\" }}]\n"
+    );
+    for (text, is_void) in [
+        (sink, true),
+        (asked, true),
+        (answers, false),
+        (streams, false),
+    ] {
+        let found = compared(&text, &text);
+        assert_eq!(found.is_void(), is_void, "{text}\n{found:?}");
+    }
+}
+
 /// Changes of a description, each with the difference that it makes: kind and place.
 type Planted<'a> = (&'a str, &'a str, &'a str, &'a str);
 

@@ -323,7 +323,7 @@ proptest! {
             let [Ok(found)] = &found[..] else {
                 panic!("{found:?} in {frame:02X?}");
             };
-            prop_assert_eq!(&found.bytes, &frame);
+            prop_assert_eq!(&*found.bytes, &*frame);
             let (known, read) = description.message(found, From::Both).expect("a message");
             prop_assert_eq!(known.name(), message.name());
             prop_assert!(holds(&values, &read), "{:?} became {:?}", values, read);

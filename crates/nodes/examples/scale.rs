@@ -10,6 +10,9 @@ const SECOND: u64 = 1_000_000_000;
 /// From a request to its answer.
 const LATENCY: u64 = 30_000_000;
 
+/// Longest line with its end.
+const LINE_MAX: usize = 63;
+
 struct Scale {
     load_g: f64,
     zero_g: f64,
@@ -75,6 +78,10 @@ impl Node for Scale {
             match item.what {
                 Input::Bytes(bytes) => {
                     for byte in bytes {
+                        // Of a line that is too long the end is kept.
+                        if self.line.len() == LINE_MAX {
+                            self.line.remove(0);
+                        }
                         self.line.push(byte);
                         if let Some(line) = self.line.strip_suffix(b"\r\n") {
                             let line = String::from_utf8_lossy(line).into_owned();

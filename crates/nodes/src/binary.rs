@@ -27,6 +27,8 @@ pub trait Payload: Sized {
     fn kind(&self) -> u8;
     /// Writes it.
     fn write(&self, to: &mut Vec<u8>);
+    /// It in parts that fit into items, if it is too long for one and can be cut.
+    fn parts(&self) -> Option<Vec<Self>>;
     /// Reads it.
     ///
     /// # Errors
@@ -45,20 +47,42 @@ fn frame(to: &mut Vec<u8>, kind: u8, body: impl FnOnce(&mut Vec<u8>)) {
 }
 
 fn write_items<T: Payload>(to: &mut Vec<u8>, items: &[Item<T>]) {
-    let count = u16::try_from(items.len()).unwrap_or(u16::MAX);
-    to.extend_from_slice(&count.to_le_bytes());
-    for item in items.iter().take(count.into()) {
-        to.push(item.what.kind());
-        to.push(item.port);
-        let start = to.len();
-        to.extend_from_slice(&[0; 2]);
-        to.extend_from_slice(&item.at.as_nanos().to_le_bytes());
-        let body = to.len();
-        item.what.write(to);
-        to.truncate(body + ITEM_MAX);
-        let len = u16::try_from(to.len() - body).unwrap_or(u16::MAX);
-        to[start..start + 2].copy_from_slice(&len.to_le_bytes());
+    let at = to.len();
+    to.extend_from_slice(&[0; 2]);
+    let mut count = 0_u16;
+    let mut write = |item: &Item<T>, what: &T| {
+        // The host keeps the number of items far below this.
+        let Some(more) = count.checked_add(1) else {
+            return;
+        };
+        count = more;
+        write_item(to, item, what);
+    };
+    for item in items {
+        match item.what.parts() {
+            None => write(item, &item.what),
+            Some(parts) => parts.iter().for_each(|part| write(item, part)),
+        }
     }
+    to[at..at + 2].copy_from_slice(&count.to_le_bytes());
+}
+
+fn write_item<T: Payload>(to: &mut Vec<u8>, item: &Item<T>, what: &T) {
+    to.push(what.kind());
+    to.push(item.port);
+    let start = to.len();
+    to.extend_from_slice(&[0; 2]);
+    to.extend_from_slice(&item.at.as_nanos().to_le_bytes());
+    let body = to.len();
+    what.write(to);
+    to.truncate(body + ITEM_MAX);
+    let len = u16::try_from(to.len() - body).unwrap_or(u16::MAX);
+    to[start..start + 2].copy_from_slice(&len.to_le_bytes());
+}
+
+fn cut<T>(bytes: &[u8], part: impl Fn(Vec<u8>) -> T) -> Option<Vec<T>> {
+    let parts = || bytes.chunks(ITEM_MAX).map(|bytes| part(bytes.to_vec()));
+    (bytes.len() > ITEM_MAX).then(|| parts().collect())
 }
 
 /// Writes a request.
@@ -262,6 +286,13 @@ fn event_of(code: u8) -> Result<LineEvent, String> {
 }
 
 impl Payload for Input {
+    fn parts(&self) -> Option<Vec<Self>> {
+        match self {
+            Self::Bytes(bytes) => cut(bytes, Self::Bytes),
+            _ => None,
+        }
+    }
+
     fn kind(&self) -> u8 {
         match self {
             Self::Bytes(_) => 1,
@@ -316,6 +347,13 @@ impl Payload for Input {
 }
 
 impl Payload for Output {
+    fn parts(&self) -> Option<Vec<Self>> {
+        match self {
+            Self::Bytes(bytes) => cut(bytes, Self::Bytes),
+            _ => None,
+        }
+    }
+
     fn kind(&self) -> u8 {
         match self {
             Self::Bytes(_) => 1,
@@ -405,4 +443,36 @@ fn note_of(is_violation: bool, from: &[u8]) -> Result<Note, String> {
         detail,
         bytes: parts.next().unwrap_or_default().to_vec(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An item carries at most 64 KiB: longer bytes come in several, and none is lost.
+    #[test]
+    fn bytes_that_are_too_long_for_an_item_come_in_several() {
+        let bytes: Vec<u8> = (0..=255).cycle().take(ITEM_MAX + 100).collect();
+        let item = |what| Item {
+            port: 3,
+            at: Instant::ZERO,
+            what,
+        };
+        let items = vec![
+            item(Output::Bytes(bytes.clone())),
+            item(Output::Quantity(1.0)),
+        ];
+        let mut written = Vec::new();
+        write_answer(&mut written, &Answer::Exchange(Reply { next: None, items }));
+        let framed = split(&written).expect("sound").expect("whole");
+        let Ok(Answer::Exchange(reply)) = read_answer(framed.kind, framed.body) else {
+            panic!("an exchange");
+        };
+        let parts = reply.items.iter().map(|item| match &item.what {
+            Output::Bytes(bytes) => bytes.clone(),
+            _ => Vec::new(),
+        });
+        assert_eq!(reply.items.len(), 3);
+        assert_eq!(parts.collect::<Vec<_>>().concat(), bytes);
+    }
 }

@@ -5,9 +5,10 @@ use core::time::Duration;
 use protocols::{Instant, LineEvent};
 
 use crate::VERSION;
-use crate::error::NodeError;
+use crate::error::{Ending, NodeError};
 use crate::host::{END_MAX, Host};
 use crate::message::{Form, Greeting, Input, Item, Output, Reply};
+use crate::process::last_words;
 use crate::spec::NodeSpec;
 
 /// How one part of the test ended.
@@ -181,11 +182,14 @@ fn start(spec: &NodeSpec) -> Result<Host, String> {
     Host::start_as(spec, Form::Binary, VERSION).map_err(|(error, said)| told(&error, &said))
 }
 
+fn with_words(what: &str, said: &str) -> String {
+    let words = last_words(said).map(|line| format!("; its last words: {line}"));
+    format!("{what}{}", words.unwrap_or_default())
+}
+
 /// A failure with the program's last words.
 fn told(error: &NodeError, said: &str) -> String {
-    let last = said.lines().rfind(|line| !line.trim().is_empty());
-    let words = last.map(|line| format!("; its last words: {}", line.trim()));
-    format!("it {error}{}", words.unwrap_or_default())
+    with_words(&format!("it {error}"), said)
 }
 
 fn played(spec: &NodeSpec, steps: &[Step]) -> Result<(Host, Answers), String> {
@@ -193,6 +197,17 @@ fn played(spec: &NodeSpec, steps: &[Step]) -> Result<(Host, Answers), String> {
     let answers = play(&mut host, steps);
     let answers = answers.map_err(|error| told(&error, &host.last_words()))?;
     Ok((host, answers))
+}
+
+/// A program that a signal ended has crashed, whatever it was to do.
+fn by_itself(how: Ending, said: &str) -> Result<(), String> {
+    match how.signal() {
+        None => Ok(()),
+        Some(_) => Err(with_words(
+            &format!("it is ended by a signal ({how}), expected it to exit by itself"),
+            said,
+        )),
+    }
 }
 
 fn greeting(greeting: &Greeting) -> Tried {
@@ -210,7 +225,10 @@ fn greeting(greeting: &Greeting) -> Tried {
 
 fn wrong_version(spec: &NodeSpec) -> Tried {
     match Host::start_as(spec, Form::Binary, VERSION + 1) {
-        Err((NodeError::Exited { how, .. }, _)) => Ok(Ok(format!("it exits ({how})"))),
+        Err((NodeError::Exited { how, .. }, said)) => {
+            by_itself(how, &said)?;
+            Ok(Ok(format!("it exits ({how})")))
+        }
         Err((NodeError::Version { found }, _)) => Err(format!(
             "it answers version {} with version {found}, expected its own version, {VERSION}",
             VERSION + 1
@@ -221,7 +239,8 @@ fn wrong_version(spec: &NodeSpec) -> Tried {
                 "it goes on with a rig of version {}, which it cannot know, expected it to exit",
                 VERSION + 1
             )),
-            Err(NodeError::Exited { .. } | NodeError::Closed { .. }) => {
+            Err(NodeError::Exited { how, .. }) => {
+                by_itself(how, &host.last_words())?;
                 Ok(Ok(format!("it says version {VERSION} and exits")))
             }
             Err(error) => Err(told(&error, &host.last_words())),
@@ -339,9 +358,13 @@ fn end(seen: &Seen) -> Tried {
 
 /// A rig that is killed says no end; its programs are to exit all the same.
 fn end_of_input(spec: &NodeSpec) -> Tried {
-    match start(spec)?.hang_up() {
-        true => Ok(Ok("it exits when its standard input is closed".to_owned())),
-        false => Err(format!(
+    let mut host = start(spec)?;
+    match host.hang_up() {
+        Some(how) => {
+            by_itself(how, &host.last_words())?;
+            Ok(Ok("it exits when its standard input is closed".to_owned()))
+        }
+        None => Err(format!(
             "it goes on for {} s after its standard input was closed, expected it to exit: it \
              would be left behind by a rig that is killed",
             END_MAX.as_secs()
@@ -352,7 +375,8 @@ fn end_of_input(spec: &NodeSpec) -> Tried {
 fn json(spec: &NodeSpec, script: &[Step], expected: &Answers) -> Tried {
     let mut host = match Host::start_as(spec, Form::Json, VERSION) {
         Ok(host) => host,
-        Err((NodeError::Exited { .. } | NodeError::Closed { .. }, _)) => {
+        Err((NodeError::Exited { how, .. }, said)) => {
+            by_itself(how, &said)?;
             return Ok(Err("it speaks the binary form alone".to_owned()));
         }
         Err((error, said)) => return Err(told(&error, &said)),

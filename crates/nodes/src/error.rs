@@ -1,8 +1,63 @@
 //! What node programs do wrong.
 
+use core::fmt;
 use core::time::Duration;
+use std::os::unix::process::ExitStatusExt as _;
+use std::process::ExitStatus;
 
 use protocols::Instant;
+
+/// How a program ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// By itself, with this exit code.
+    Code(i32),
+    /// By this signal.
+    Signal(i32),
+}
+
+/// The exit code of a shell whose program could not be found.
+const NOT_FOUND: i32 = 127;
+/// Exit codes of a shell whose program was ended by a signal: 128 and its number.
+const SHELL_SIGNALS: core::ops::RangeInclusive<i32> = 129..=192;
+
+impl Ending {
+    pub(crate) fn of(status: ExitStatus) -> Self {
+        match status.signal() {
+            Some(signal) => Self::Signal(signal),
+            None => Self::Code(status.code().unwrap_or_default()),
+        }
+    }
+
+    /// The signal that ended it, also if a shell reports it.
+    pub fn signal(self) -> Option<i32> {
+        match self {
+            Self::Signal(signal) => Some(signal),
+            Self::Code(code) => SHELL_SIGNALS.contains(&code).then_some(code - 128),
+        }
+    }
+}
+
+impl fmt::Display for Ending {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self, self.signal()) {
+            (Self::Signal(signal), _) => write!(f, "signal {signal}"),
+            (Self::Code(code), Some(signal)) => {
+                write!(
+                    f,
+                    "exit code {code}: signal {signal}, as its shell reports it"
+                )
+            }
+            (Self::Code(NOT_FOUND), None) => {
+                write!(
+                    f,
+                    "exit code {NOT_FOUND}: the shell did not find the command"
+                )
+            }
+            (Self::Code(code), None) => write!(f, "exit code {code}"),
+        }
+    }
+}
 
 /// Why a node program cannot go on. Each is a sentence whose subject is the program.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -15,7 +70,7 @@ pub enum NodeError {
     #[error("exited ({how}) before it answered {to}, expected an answer to each request")]
     Exited {
         /// Exit code or signal.
-        how: String,
+        how: Ending,
         /// Name of the request.
         to: &'static str,
     },
@@ -34,6 +89,12 @@ pub enum NodeError {
         to: &'static str,
         /// How long the rig waited.
         limit: Duration,
+    },
+    /// It was silent when the rig was stopped.
+    #[error("had not answered {to} when the run was stopped")]
+    Stopped {
+        /// Name of the request.
+        to: &'static str,
     },
     /// It speaks another version.
     #[error("speaks version {found} of the node protocol, expected version 1")]
@@ -81,7 +142,7 @@ pub enum NodeError {
     NotEnded(Duration),
     /// It ended badly.
     #[error("ended with {0} after the end message, expected exit code 0")]
-    EndedWith(String),
+    EndedWith(Ending),
 }
 
 fn seconds(time: Duration) -> String {

@@ -6,13 +6,13 @@ use core::time::Duration;
 use protocols::Instant;
 use serde_json::Value;
 
-use crate::error::NodeError;
+use crate::error::{Ending, NodeError};
 use crate::message::{
     Answer, Form, Greeting, Hello, Input, Item, Output, PortText, Reply, Request,
 };
-use crate::process::{self, Process};
+use crate::process::Process;
 use crate::processor::SameProcessor;
-use crate::spec::{NodeSpec, format_of, line_of};
+use crate::spec::{NUMBERS_MAX, NodeSpec, format_of, line_of};
 use crate::typed::table_of;
 use crate::{VERSION, binary, json};
 
@@ -53,8 +53,9 @@ pub struct Host {
     asked: (Instant, u32),
     buf: Vec<u8>,
     in_pieces: bool,
-    /// Dropped last: the thread that waits for the end of the process moves then.
+    /// From the first exchange to the program's end.
     together: Option<SameProcessor>,
+    parts: bool,
 }
 
 impl Host {
@@ -76,7 +77,6 @@ impl Host {
         version: u64,
     ) -> Result<Self, (NodeError, String)> {
         let folder = spec.folder.as_deref();
-        let together = SameProcessor::keep();
         let process = Process::start(&spec.command, folder, &spec.env, spec.patience);
         let process = process.map_err(|error| (error, String::new()))?;
         let mut host = Self {
@@ -89,7 +89,8 @@ impl Host {
             asked: (Instant::ZERO, 0),
             buf: Vec::new(),
             in_pieces: false,
-            together,
+            together: None,
+            parts: false,
         };
         match host.greet(spec, version) {
             Ok(()) => Ok(host),
@@ -127,9 +128,11 @@ impl Host {
         Ok(())
     }
 
-    /// Lets the rig's thread move to other processors again: in real time others wait for it.
+    /// Lets the rig's thread and the program run on any processors: in real time others wait for
+    /// the rig.
     pub fn part(&mut self) {
         self.together = None;
+        self.parts = true;
     }
 
     /// What the program said of itself.
@@ -147,6 +150,9 @@ impl Host {
     /// # Errors
     /// If the program fails, or its answer breaks the contract.
     pub fn exchange(&mut self, now: Instant, items: &[Item<Input>]) -> Result<Reply, NodeError> {
+        if self.exchanges == 0 && !self.parts {
+            self.together = SameProcessor::keep(self.process.pid());
+        }
         match self.form {
             Form::Binary => binary::write_exchange(&mut self.buf, now, items),
             Form::Json => {
@@ -260,21 +266,22 @@ impl Host {
     /// # Errors
     /// If it did not exit, or with another exit code than 0.
     pub fn end(&mut self) -> Result<(), NodeError> {
+        self.together = None;
         self.write(&Request::End);
         self.send("end")?;
         let patience = END_MAX.min(self.limit);
         match self.process.end(patience) {
             None => Err(NodeError::NotEnded(patience)),
-            Some(status) => {
-                process::trouble(status).map_or(Ok(()), |how| Err(NodeError::EndedWith(how)))
-            }
+            Some(Ending::Code(0)) => Ok(()),
+            Some(how) => Err(NodeError::EndedWith(how)),
         }
     }
 
-    /// Closes the program's standard input, as a rig that is killed does; whether it exits within
-    /// [`END_MAX`].
-    pub fn hang_up(&mut self) -> bool {
-        self.process.end(END_MAX).is_some()
+    /// Closes the program's standard input, as a rig that is killed does; how it ended, if it did
+    /// within [`END_MAX`].
+    pub fn hang_up(&mut self) -> Option<Ending> {
+        self.together = None;
+        self.process.end(END_MAX)
     }
 
     /// Bytes that came and belong to no answer.
@@ -294,6 +301,7 @@ impl Host {
 
     /// Kills it if it still runs; what it said on standard error, the end of it.
     pub fn last_words(&mut self) -> String {
+        self.together = None;
         self.process.end(Duration::ZERO);
         self.process.said_at_last()
     }
@@ -375,6 +383,15 @@ fn greeting_of(text: Value, spec: &NodeSpec) -> Result<Greeting, NodeError> {
         if line_of(port.rate, &port.format).is_none() {
             let PortText { name, rate, format } = port;
             let what = format!("port {name} has the line {rate} {format}, expected e.g. 9600, 8N1");
+            return Err(unreadable(what));
+        }
+    }
+    for (what, len) in [
+        ("faults", greeting.faults.len()),
+        ("outputs", greeting.outputs.len()),
+    ] {
+        if len > NUMBERS_MAX {
+            let what = format!("it names {len} {what}, expected at most {NUMBERS_MAX}");
             return Err(unreadable(what));
         }
     }

@@ -111,6 +111,7 @@ pub fn read_answer(text: &[u8]) -> Result<Answer, String> {
     match key.as_str() {
         "hello" => Ok(Answer::Hello(value)),
         "exchange" => {
+            only(&value, &["next", "items"])?;
             let next = &value["next"];
             let next = match next.as_u64() {
                 None if next.is_null() => None,
@@ -141,6 +142,7 @@ pub fn read_request(text: &[u8]) -> Result<Request, String> {
             .map(Request::Hello)
             .map_err(|error| format!("the greeting cannot be read: {error}")),
         "exchange" => {
+            only(&value, &["now", "items"])?;
             let now = value["now"].as_u64().ok_or("\"now\" is no time")?;
             Ok(Request::Exchange {
                 now: Instant::from_nanos(now),
@@ -154,6 +156,63 @@ pub fn read_request(text: &[u8]) -> Result<Request, String> {
             "its key is \"{other}\", expected hello, exchange, save, load or end"
         )),
     }
+}
+
+/// Keys of an item besides `time`, by the key that says of which kind it is.
+type Kind = (&'static str, &'static [&'static str]);
+
+const INPUTS: &[Kind] = &[
+    ("fault", &["begins", "figure"]),
+    ("quantity", &["value"]),
+    ("line", &["port"]),
+    ("message", &["port"]),
+    ("bytes", &["port"]),
+];
+
+const OUTPUTS: &[Kind] = &[
+    ("note", &["detail", "bytes"]),
+    ("violation", &["detail", "bytes"]),
+    ("quantity", &["value"]),
+    ("line", &["port"]),
+    ("rate", &["format", "port"]),
+    ("message", &["port"]),
+    ("bytes", &["port"]),
+];
+
+/// The kind of an item, whose keys all belong to that kind.
+fn kind_of(item: &Value, kinds: &[Kind]) -> Result<&'static str, String> {
+    let kind = kinds.iter().find(|(kind, _)| item.get(kind).is_some());
+    let Some((kind, more)) = kind else {
+        let names: Vec<_> = kinds.iter().map(|(kind, _)| *kind).collect();
+        let names = names.join(", ");
+        return Err(format!("is of no kind, expected one of the keys {names}"));
+    };
+    only(item, &[&["time", kind], *more].concat())?;
+    Ok(kind)
+}
+
+/// Checks that an object has no other keys.
+fn only(object: &Value, keys: &[&str]) -> Result<(), String> {
+    let Value::Object(map) = object else {
+        return Err("is no JSON object".to_owned());
+    };
+    match map.keys().find(|key| !keys.contains(&key.as_str())) {
+        None => Ok(()),
+        Some(key) => Err(format!(
+            "has the unknown key \"{key}\", expected {}",
+            keys.join(", ")
+        )),
+    }
+}
+
+fn text<'a>(item: &'a Value, key: &str) -> Result<&'a str, String> {
+    let text = item[key].as_str();
+    text.ok_or_else(|| format!("has a \"{key}\" that is no text"))
+}
+
+fn number(item: &Value, key: &str) -> Result<f64, String> {
+    let number = item[key].as_f64();
+    number.ok_or_else(|| format!("has no number \"{key}\""))
 }
 
 fn items<T>(value: &Value, read: fn(&Value) -> Result<T, String>) -> Result<Vec<Item<T>>, String> {
@@ -180,58 +239,52 @@ fn items<T>(value: &Value, read: fn(&Value) -> Result<T, String>) -> Result<Vec<
 }
 
 fn read_input(item: &Value) -> Result<Input, String> {
-    if let Some(found) = item.get("bytes") {
-        return bytes(found).map(Input::Bytes);
-    }
-    if let Some(event) = item["line"].as_str() {
-        return event_of(event).map(Input::Line);
-    }
-    if let Some(name) = item["fault"].as_str() {
-        return Ok(Input::Fault {
-            name: name.to_owned(),
-            begins: item["begins"].as_bool().unwrap_or_default(),
-            figure: item["figure"].as_f64(),
-        });
-    }
-    if let Some(message) = item.get("message") {
-        return Ok(Input::Message(message.clone()));
-    }
-    let value = item["value"].as_f64();
-    value
-        .map(Input::Quantity)
-        .ok_or_else(|| "is of no kind, expected bytes, line, fault, quantity or message".to_owned())
+    Ok(match kind_of(item, INPUTS)? {
+        "fault" => Input::Fault {
+            name: text(item, "fault")?.to_owned(),
+            begins: item["begins"].as_bool().ok_or("has no \"begins\"")?,
+            figure: match &item["figure"] {
+                Value::Null => None,
+                _ => Some(number(item, "figure")?),
+            },
+        },
+        "quantity" => Input::Quantity(number(item, "value")?),
+        "line" => Input::Line(event_of(text(item, "line")?)?),
+        "message" => Input::Message(item["message"].clone()),
+        _ => Input::Bytes(bytes(&item["bytes"])?),
+    })
 }
 
 fn read_output(item: &Value) -> Result<Output, String> {
-    for (kind, is_violation) in [("note", false), ("violation", true)] {
-        if let Some(rule) = item[kind].as_str().filter(|rule| !rule.is_empty()) {
-            return Ok(Output::Note(Note {
-                is_violation,
-                rule: rule.to_owned(),
-                detail: item["detail"].as_str().unwrap_or_default().to_owned(),
+    Ok(match kind_of(item, OUTPUTS)? {
+        kind @ ("note" | "violation") => {
+            let rule = text(item, kind)?.to_owned();
+            if rule.is_empty() {
+                return Err("is a note without the name of a rule".to_owned());
+            }
+            Output::Note(Note {
+                is_violation: kind == "violation",
+                rule,
+                detail: match item.get("detail") {
+                    None => String::new(),
+                    Some(_) => text(item, "detail")?.to_owned(),
+                },
                 bytes: item.get("bytes").map_or(Ok(Vec::new()), bytes)?,
-            }));
+            })
         }
-    }
-    if let Some(found) = item.get("bytes") {
-        return bytes(found).map(Output::Bytes);
-    }
-    if let Some(event) = item["line"].as_str() {
-        return event_of(event).map(Output::Line);
-    }
-    if let Some(rate) = item["rate"].as_u64() {
-        let rate = u32::try_from(rate).unwrap_or(0);
-        let line = line_of(rate, item["format"].as_str().unwrap_or("8N1"));
-        return line
-            .map(Output::Coding)
-            .ok_or_else(|| "is a line coding that cannot be, expected e.g. 9600, 8N1".to_owned());
-    }
-    if let Some(message) = item.get("message") {
-        return Ok(Output::Message(message.clone()));
-    }
-    let value = item["value"].as_f64();
-    value.map(Output::Quantity).ok_or_else(|| {
-        "is of no kind, expected bytes, line, rate, note, violation, quantity or message".to_owned()
+        "quantity" => Output::Quantity(number(item, "value")?),
+        "line" => Output::Line(event_of(text(item, "line")?)?),
+        "rate" => {
+            let rate = item["rate"].as_u64().and_then(|rate| rate.try_into().ok());
+            let format = match item.get("format") {
+                None => "8N1",
+                Some(_) => text(item, "format")?,
+            };
+            let line = rate.and_then(|rate| line_of(rate, format));
+            Output::Coding(line.ok_or("is a line coding that cannot be, expected e.g. 9600, 8N1")?)
+        }
+        "message" => Output::Message(item["message"].clone()),
+        _ => Output::Bytes(bytes(&item["bytes"])?),
     })
 }
 
@@ -261,4 +314,81 @@ pub(crate) fn bytes(value: &Value) -> Result<Vec<u8>, String> {
     });
     let bytes = pairs.map(|pair| pair.and_then(|pair| u8::try_from(pair).ok()));
     bytes.collect::<Option<Vec<u8>>>().ok_or_else(wrong)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answer(item: &str) -> Result<Answer, String> {
+        read_answer(format!("{{\"exchange\":{{\"next\":null,\"items\":[{item}]}}}}").as_bytes())
+    }
+
+    fn request(item: &str) -> Result<Request, String> {
+        read_request(format!("{{\"exchange\":{{\"now\":1,\"items\":[{item}]}}}}").as_bytes())
+    }
+
+    /// One item of each kind, with all its keys.
+    const ANSWERS: [&str; 7] = [
+        r#""bytes":"00ff","port":0"#,
+        r#""line":"opened","port":0"#,
+        r#""rate":9600,"format":"7E1","port":0"#,
+        r#""note":"busy","detail":"it is","bytes":"00""#,
+        r#""violation":"busy","detail":"it is""#,
+        r#""quantity":0,"value":1.5"#,
+        r#""message":{"name":"go"},"port":0"#,
+    ];
+    const REQUESTS: [&str; 5] = [
+        r#""bytes":"00ff","port":0"#,
+        r#""line":"break","port":0"#,
+        r#""fault":"stuck","begins":true,"figure":null"#,
+        r#""quantity":0,"value":1.5"#,
+        r#""message":{"name":"go"},"port":0"#,
+    ];
+
+    /// A key that is misspelt, of another kind or of a second kind is no silent loss.
+    #[test]
+    fn an_item_has_the_keys_of_its_kind_and_no_other() {
+        let known = [
+            "bytes", "line", "rate", "note", "fault", "value", "begins", "typo",
+        ];
+        for item in ANSWERS {
+            assert!(answer(&format!("{{{item},\"time\":5}}")).is_ok(), "{item}");
+            for key in known
+                .iter()
+                .filter(|key| !item.contains(&format!("\"{key}\"")))
+            {
+                let may_carry = *key == "bytes" && item.contains("violation");
+                let said = answer(&format!("{{{item},\"time\":5,\"{key}\":\"00\"}}"));
+                assert_eq!(said.is_ok(), may_carry, "{item} {key}");
+            }
+        }
+        for item in REQUESTS {
+            assert!(request(&format!("{{{item},\"time\":1}}")).is_ok(), "{item}");
+            for key in known
+                .iter()
+                .filter(|key| !item.contains(&format!("\"{key}\"")))
+            {
+                let said = request(&format!("{{{item},\"time\":1,\"{key}\":\"00\"}}"));
+                assert!(said.is_err(), "{item} {key}");
+            }
+        }
+        let said = answer(r#"{"bytes":"00","prot":1,"time":5}"#).expect_err("misspelt");
+        assert_eq!(
+            said,
+            "item 0 has the unknown key \"prot\", expected time, bytes, port"
+        );
+        assert!(read_answer(b"{\"exchange\":{\"nxt\":5}}").is_err());
+        for wrong in [
+            r#""value":1"#,
+            r#""note":"""#,
+            r#""line":1"#,
+            r#""quantity":0"#,
+        ] {
+            assert!(
+                answer(&format!("{{{wrong},\"time\":5}}")).is_err(),
+                "{wrong}"
+            );
+        }
+    }
 }

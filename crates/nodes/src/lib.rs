@@ -35,11 +35,14 @@ mod spec;
 mod typed;
 
 pub use device::{FAILED, NodeDevice, Slowness, Stopwatch};
-pub use error::NodeError;
+pub use error::{Ending, NodeError};
 pub use host::set_form;
 pub use intern::forever;
 pub use message::{Form, Input, Item, Output};
-pub use spec::{Drive, NodePort, NodeSpec, PATIENCE, Quantity, Role, format_of, line_of};
+pub use process::last_words;
+pub use spec::{
+    Drive, NUMBERS_MAX, NodePort, NodeSpec, PATIENCE, Quantity, Role, format_of, line_of,
+};
 
 /// The version of the contract that this crate speaks.
 pub const VERSION: u64 = 1;

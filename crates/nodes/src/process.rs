@@ -3,9 +3,11 @@
 //!
 //! What leaves its group (a daemon that begins a session of its own) is out of reach and goes on.
 
+use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use std::io::{self, ErrorKind, Read as _, Write as _};
-use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::os::fd::OwnedFd;
+use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
@@ -15,27 +17,44 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::Errno;
 use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
+use rustix::time::{
+    Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, timerfd_create, timerfd_settime,
+};
 
-use crate::error::NodeError;
+use crate::error::{Ending, NodeError};
 
 /// As much of standard error as is kept, from its end.
 const WORDS_MAX: usize = 64 << 10;
 /// How long its last words may be on their way.
 const LAST_WORDS: Duration = Duration::from_millis(500);
-/// Most pieces of one answer, besides those that its length explains: a program that sends a byte
-/// now and then hangs.
-const PIECES_MAX: usize = 1_000;
-
 /// Looks at whether all of a killed group have ended, 2 ms apart.
 const GROUP_ENDS: usize = 250;
-/// Time between two looks at whether a silent program has exited.
+/// Time between two looks at whether a silent program has exited, or the rig is to stop.
 const SLICE: Duration = Duration::from_millis(100);
 
-/// What became of waiting for an answer.
+/// Whether the rig no longer waits for silent programs.
+static STOPPED: AtomicBool = AtomicBool::new(false);
+
+/// Ends the wait for every silent program, now and from now on, as soon as it is noticed (100 ms).
+/// A program that answers at once is not affected.
+pub fn stop_waiting() {
+    STOPPED.store(true, Ordering::Relaxed);
+}
+
+/// What became of waiting for a program.
 enum Waited {
-    Answered,
+    /// The stream is ready.
+    Ready,
     Exited,
     Silent,
+    Stopped,
+}
+
+/// A stream of the program that the rig waits for.
+#[derive(Clone, Copy)]
+enum Stream {
+    Input,
+    Output,
 }
 
 /// A process that answers requests.
@@ -50,6 +69,11 @@ pub struct Process {
     words: Arc<Mutex<Vec<u8>>>,
     listener: Option<JoinHandle<()>>,
     limit: Duration,
+    /// Readable when the time for one request and its answer is over, however many pieces both come
+    /// in.
+    alarm: OwnedFd,
+    /// Waits for this request and its answer so far.
+    waits: u32,
 }
 
 impl Process {
@@ -87,6 +111,7 @@ impl Process {
         if let Some(folder) = folder.filter(|folder| !folder.as_os_str().is_empty()) {
             shell.current_dir(folder);
         }
+        let alarm = timerfd_create(TimerfdClockId::Monotonic, TimerfdFlags::CLOEXEC)?;
         let mut child = shell.spawn()?;
         let stream = || io::Error::other("a standard stream is missing");
         let stdin = child.stdin.take().ok_or_else(stream)?;
@@ -105,6 +130,8 @@ impl Process {
             words,
             listener: Some(listener),
             limit,
+            alarm,
+            waits: 0,
         };
         if let Some(stdin) = &process.stdin {
             fcntl_setfl(stdin, fcntl_getfl(stdin)? | OFlags::NONBLOCK)?;
@@ -126,10 +153,9 @@ impl Process {
                 Ok(len) => rest = &rest[len..],
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {
-                    let ready = PollFd::new(stdin, PollFlags::OUT);
-                    if !wait(ready, self.limit) {
-                        let limit = self.limit;
-                        return Err(NodeError::Hung { to, limit });
+                    match self.wait_for(Stream::Input) {
+                        Waited::Ready => {}
+                        other => return Err(self.vain(other, "input", to)),
                     }
                 }
                 Err(_) => return Err(self.gone("input", to)),
@@ -148,7 +174,6 @@ impl Process {
         to: &'static str,
         message: impl Fn(&[u8]) -> Result<Option<(T, usize)>, String>,
     ) -> Result<T, NodeError> {
-        let mut pieces = 0;
         loop {
             let (came, from) = &mut self.came;
             let found = message(&came[*from..]);
@@ -159,43 +184,75 @@ impl Process {
                     came.clear();
                     *from = 0;
                 }
+                self.waits = 0;
                 return Ok(found);
             }
-            let is_slow = pieces > PIECES_MAX + came.len() / 512;
-            pieces += 1;
-            match self.wait_for_answer() {
-                Waited::Answered if is_slow => {}
-                Waited::Answered if self.fill() => continue,
-                Waited::Answered | Waited::Exited => return Err(self.gone("output", to)),
-                Waited::Silent => {}
+            match self.wait_for(Stream::Output) {
+                Waited::Ready if self.fill() => {}
+                Waited::Ready => return Err(self.gone("output", to)),
+                other => return Err(self.vain(other, "output", to)),
             }
-            let limit = self.limit;
-            return Err(NodeError::Hung { to, limit });
         }
     }
 
-    /// Waits until something comes. A program that has exited is noticed although another one that
-    /// it started holds its standard output open.
-    fn wait_for_answer(&mut self) -> Waited {
-        let mut left = self.limit;
+    /// Waits until a stream is ready. A program that has exited is noticed although another one
+    /// that it started holds its standard output open.
+    fn wait_for(&mut self, stream: Stream) -> Waited {
+        let mut is_last_look = false;
         loop {
-            let slice = left.min(SLICE);
-            if wait(PollFd::new(&self.stdout, PollFlags::IN), slice) {
-                return Waited::Answered;
+            let slice = match is_last_look {
+                true => Duration::ZERO,
+                false => SLICE,
+            };
+            match (self.ready(stream, slice), is_last_look) {
+                (Some(true), _) => return Waited::Ready,
+                (Some(false), _) => return Waited::Silent,
+                (None, true) => return Waited::Exited,
+                (None, false) => {}
             }
+            if STOPPED.load(Ordering::Relaxed) {
+                return Waited::Stopped;
+            }
+            // The last answer of a program that has exited may have come meanwhile.
             let child = self.child.as_mut();
-            if child.is_none_or(|child| child.try_wait().is_ok_and(|ended| ended.is_some())) {
-                // Its last answer may have come meanwhile.
-                let ready = PollFd::new(&self.stdout, PollFlags::IN);
-                return match wait(ready, Duration::ZERO) {
-                    true => Waited::Answered,
-                    false => Waited::Exited,
-                };
-            }
-            left -= slice;
-            if left.is_zero() {
-                return Waited::Silent;
-            }
+            is_last_look =
+                child.is_none_or(|child| child.try_wait().is_ok_and(|ended| ended.is_some()));
+        }
+    }
+
+    /// Whether a stream is ready within `slice`; `Some(false)`: the time for the answer is over.
+    fn ready(&mut self, stream: Stream, slice: Duration) -> Option<bool> {
+        // Most answers need one wait, and no alarm.
+        if self.waits == 1 {
+            let time = Itimerspec {
+                it_interval: Timespec::default(),
+                it_value: Timespec::try_from(self.limit).unwrap_or_default(),
+            };
+            // It cannot fail: the descriptor is a timer and the time is sound.
+            let _ = timerfd_settime(&self.alarm, TimerfdTimerFlags::empty(), &time);
+        }
+        self.waits = self.waits.saturating_add(1);
+        let stream = match (stream, &self.stdin) {
+            (Stream::Input, Some(stdin)) => PollFd::new(stdin, PollFlags::OUT),
+            _ => PollFd::new(&self.stdout, PollFlags::IN),
+        };
+        let mut both = [stream, PollFd::new(&self.alarm, PollFlags::IN)];
+        let watched = match self.waits {
+            1 => 1,
+            _ => 2,
+        };
+        wait(&mut both[..watched], slice);
+        let [stream, alarm] = both.map(|ready| !ready.revents().is_empty());
+        (stream || alarm).then_some(stream)
+    }
+
+    /// Why a wait was in vain.
+    fn vain(&mut self, waited: Waited, stream: &'static str, to: &'static str) -> NodeError {
+        let limit = self.limit;
+        match waited {
+            Waited::Silent => NodeError::Hung { to, limit },
+            Waited::Stopped => NodeError::Stopped { to },
+            Waited::Exited | Waited::Ready => self.gone(stream, to),
         }
     }
 
@@ -218,6 +275,11 @@ impl Process {
         }
     }
 
+    /// Its number; `None`: it has ended.
+    pub(crate) fn pid(&self) -> Option<Pid> {
+        self.group.filter(|_| self.child.is_some())
+    }
+
     /// Bytes that came and belong to no answer.
     pub fn excess(&self) -> usize {
         self.came.0.len() - self.came.1
@@ -227,7 +289,7 @@ impl Process {
     fn gone(&mut self, stream: &'static str, to: &'static str) -> NodeError {
         match self.wait_for_end(LAST_WORDS) {
             Some(status) => NodeError::Exited {
-                how: how(status),
+                how: Ending::of(status),
                 to,
             },
             None => NodeError::Closed { stream, to },
@@ -236,9 +298,9 @@ impl Process {
 
     /// Closes its standard input and waits until it has ended; kills it after `patience`. How it
     /// ended, if it ended by itself.
-    pub fn end(&mut self, patience: Duration) -> Option<ExitStatus> {
+    pub fn end(&mut self, patience: Duration) -> Option<Ending> {
         self.stdin = None;
-        self.wait_for_end(patience)
+        self.wait_for_end(patience).map(Ending::of)
     }
 
     /// Waits for the end of the program; no process of its group is left when this returns.
@@ -290,31 +352,15 @@ impl Drop for Process {
     }
 }
 
-/// Waits until something can be done; whether it came true.
-fn wait(ready: PollFd<'_>, limit: Duration) -> bool {
+/// Waits until something can be done.
+fn wait(all: &mut [PollFd<'_>], limit: Duration) {
     let limit = Timespec::try_from(limit).ok();
-    let mut all = [ready];
-    loop {
-        match poll(&mut all, limit.as_ref()) {
-            Ok(count) => return count > 0,
-            Err(Errno::INTR) => {}
-            Err(_) => return false,
-        }
-    }
+    while poll(all, limit.as_ref()) == Err(Errno::INTR) {}
 }
 
-/// Exit code or signal, in words.
-fn how(status: ExitStatus) -> String {
-    match (status.signal(), status.code()) {
-        (Some(signal), _) => format!("signal {signal}"),
-        (None, Some(127)) => "exit code 127: the shell did not find the command".to_owned(),
-        (None, code) => format!("exit code {}", code.unwrap_or_default()),
-    }
-}
-
-/// How a program ended, if that was not well.
-pub(crate) fn trouble(status: ExitStatus) -> Option<String> {
-    (!status.success()).then(|| how(status))
+/// The last line of what a program said that is not empty.
+pub fn last_words(said: &str) -> Option<&str> {
+    said.lines().map(str::trim).rfind(|line| !line.is_empty())
 }
 
 /// Collects the output until the last writer closes the pipe.

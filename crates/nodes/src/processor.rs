@@ -3,80 +3,161 @@
 //! Rig and program take turns, so a second processor gains nothing, and waking a process on another
 //! one takes ten times as long as the exchange itself.
 
-use core::marker::PhantomData;
 use std::collections::BTreeMap;
+use std::fs;
 use std::sync::{Mutex, PoisonError};
 
-use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
+use rustix::process::Pid;
+use rustix::thread::{CpuSet, gettid, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
-/// Processors that threads of this process are kept on, and by how many.
-static KEPT: Mutex<BTreeMap<usize, u32>> = Mutex::new(BTreeMap::new());
+/// Maximum number of processes of one program that are moved.
+const FAMILY_MAX: usize = 64;
 
-/// Keeps this thread, and the processes that it starts, on one processor until it is dropped.
-#[derive(Debug)]
-pub(crate) struct SameProcessor {
+/// Threads of this process that are kept on one processor, by their numbers.
+static KEPT: Mutex<BTreeMap<i32, Here>> = Mutex::new(BTreeMap::new());
+
+/// The processor that a thread is kept on.
+struct Here {
+    /// Processors before that.
     before: CpuSet,
     kept: usize,
-    /// The thread that was moved is the one to be released.
-    of_this_thread: PhantomData<*const ()>,
+    /// Programs that share it.
+    programs: u32,
+}
+
+/// Keeps the thread that made it and one node program on one processor until it is dropped, by
+/// whichever thread. All node programs of a thread share one.
+#[derive(Debug)]
+pub(crate) struct SameProcessor {
+    program: Option<Pid>,
+    thread: Pid,
 }
 
 impl SameProcessor {
-    /// `None`: the system refuses, or this thread is on one processor already.
-    pub(crate) fn keep() -> Option<Self> {
+    /// `None`: the system refuses, or this thread may run on one processor only.
+    pub(crate) fn keep(program: Option<Pid>) -> Option<Self> {
+        let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        let thread = gettid();
+        let number = thread.as_raw_nonzero().get();
+        if !all.contains_key(&number) {
+            let here = Here::choose(&all)?;
+            all.insert(number, here);
+        }
+        let here = all.get_mut(&number)?;
+        here.programs += 1;
+        move_all(program, &only(here.kept));
+        Some(Self { program, thread })
+    }
+}
+
+impl Here {
+    /// Moves this thread to the processor that fewest others are kept on, so that the workers of a
+    /// campaign keep apart.
+    fn choose(all: &BTreeMap<i32, Self>) -> Option<Self> {
         let before = sched_getaffinity(None).ok()?;
         if before.count() < 2 {
             return None;
         }
-        let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
         let now = sched_getcpu();
         let allowed = (0..CpuSet::MAX_CPU).filter(|&cpu| before.is_set(cpu));
-        // The one that fewest runs are on, so that the workers of a campaign keep apart.
         let kept = allowed.min_by_key(|cpu| {
-            let runs = all.get(cpu).copied().unwrap_or_default();
-            (runs, *cpu != now)
+            let others = all.values().filter(|here| here.kept == *cpu).count();
+            (others, *cpu != now)
         })?;
-        let mut only = CpuSet::new();
-        only.set(kept);
-        sched_setaffinity(None, &only).ok()?;
-        *all.entry(kept).or_default() += 1;
+        sched_setaffinity(None, &only(kept)).ok()?;
         Some(Self {
             before,
             kept,
-            of_this_thread: PhantomData,
+            programs: 0,
         })
     }
 }
 
 impl Drop for SameProcessor {
     fn drop(&mut self) {
-        let _ = sched_setaffinity(None, &self.before);
         let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(runs) = all.get_mut(&self.kept) {
-            *runs = runs.saturating_sub(1);
+        let number = self.thread.as_raw_nonzero().get();
+        let Some(here) = all.get_mut(&number) else {
+            return;
+        };
+        move_all(self.program, &here.before);
+        here.programs -= 1;
+        if here.programs == 0 {
+            let _ = sched_setaffinity(Some(self.thread), &here.before);
+            all.remove(&number);
         }
+    }
+}
+
+fn only(cpu: usize) -> CpuSet {
+    let mut set = CpuSet::new();
+    set.set(cpu);
+    set
+}
+
+/// Moves a program with the processes that it has started: a shell may stand before it. One that
+/// has ended meanwhile is left out.
+fn move_all(program: Option<Pid>, to: &CpuSet) {
+    let mut family: Vec<Pid> = program.into_iter().collect();
+    let mut next = 0;
+    while let Some(&pid) = family.get(next) {
+        next += 1;
+        let _ = sched_setaffinity(Some(pid), to);
+        let number = pid.as_raw_nonzero();
+        let children = fs::read_to_string(format!("/proc/{number}/task/{number}/children"));
+        let children = children.unwrap_or_default();
+        let children = children.split_whitespace();
+        let children = children.filter_map(|child| child.parse().ok().and_then(Pid::from_raw));
+        family.extend(children.take(FAMILY_MAX.saturating_sub(family.len())));
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::process::{Child, Command, Stdio};
+
     use super::*;
 
-    /// A thread is on one processor as long as it is kept there, and a second wish changes nothing.
+    fn allowed(pid: Option<Pid>) -> u32 {
+        sched_getaffinity(pid).expect("a set").count()
+    }
+
+    /// A shell with a program behind it.
+    fn program() -> (Child, Pid) {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", "cat; exit 0"]).stdin(Stdio::piped());
+        let child = shell.spawn().expect("a shell");
+        let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
+        (child, pid.expect("a number"))
+    }
+
+    /// A thread is on one processor with its programs as long as one of them is kept there. Both
+    /// may run anywhere before and afterwards.
     #[test]
-    fn a_thread_is_kept_and_released() {
-        let before = sched_getaffinity(None).expect("a set");
-        if before.count() < 2 {
-            assert!(SameProcessor::keep().is_none());
+    fn a_thread_and_its_programs_are_kept_and_released() {
+        let before = allowed(None);
+        if before < 2 {
+            assert!(SameProcessor::keep(None).is_none());
             return;
         }
-        let kept = SameProcessor::keep().expect("two processors");
-        assert_eq!(sched_getaffinity(None).expect("a set").count(), 1);
-        assert!(SameProcessor::keep().is_none());
+        let [(mut one, first), (mut other, second)] = [program(), program()];
+        let kept = SameProcessor::keep(Some(first)).expect("two processors");
+        assert_eq!(
+            [None, Some(first), Some(second)].map(allowed),
+            [1, 1, before]
+        );
+        let also = SameProcessor::keep(Some(second)).expect("the same one");
+        assert_eq!(allowed(Some(second)), 1);
         drop(kept);
         assert_eq!(
-            sched_getaffinity(None).expect("a set").count(),
-            before.count()
+            [None, Some(first), Some(second)].map(allowed),
+            [1, before, 1]
         );
+        drop(also);
+        assert_eq!([None, Some(second)].map(allowed), [before, before]);
+        for child in [&mut one, &mut other] {
+            drop(child.stdin.take());
+            assert!(child.wait().expect("it ends").success());
+        }
     }
 }

@@ -98,6 +98,9 @@ pub struct NodeSpec {
     pub patience: Duration,
 }
 
+/// Maximum number of quantities, and of outputs: an item has one byte for the number.
+pub const NUMBERS_MAX: usize = 256;
+
 /// Wall time for which the rig waits for an answer.
 pub const PATIENCE: Duration = Duration::from_secs(10);
 

@@ -110,7 +110,7 @@ impl Listener {
                 "name": message.name(),
                 "fields": json_of_record(&record),
             })),
-            None => Heard::Unknown(frame.bytes.clone()),
+            None => Heard::Unknown(frame.bytes.to_vec()),
         }
     }
 }

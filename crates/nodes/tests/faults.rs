@@ -109,7 +109,10 @@ fn each_fault_of_a_program_has_its_sentence() {
         };
         vec![note; count]
     };
-    let rows: [(String, &str); 16] = [
+    let many = vec!["x"; 257];
+    let many = answer(&Answer::Hello(json!({ "hilrig_node": 1, "outputs": many })));
+    let long = 60_000_u32.to_le_bytes();
+    let rows: [(String, &str); 18] = [
         (
             "exit 3".to_owned(),
             "exited (exit code 3) before it answered hello, expected an answer to each request",
@@ -143,6 +146,19 @@ fn each_fault_of_a_program_has_its_sentence() {
         (
             says(&[&hello, &never[..7]], "trap '' TERM; sleep 60"),
             "gave no answer to an exchange within 2 s of wall time: it hangs",
+        ),
+        (
+            // One limit for the whole answer, however often a byte of it comes.
+            says(
+                &[&hello, &long],
+                "while printf x; do sleep 0.05; done; : sleep 60",
+            ),
+            "gave no answer to an exchange within 2 s of wall time: it hangs",
+        ),
+        (
+            says(&[&many], HEARS),
+            "sent an answer to hello that cannot be read: it names 257 outputs, expected at most \
+             256",
         ),
         (
             says(&[&version], HEARS),
@@ -245,13 +261,17 @@ fn nothing_is_left_behind() {
     let mark = format!("hilrig-nodes-left-{}", std::process::id());
     let stubborn =
         format!("trap '' TERM HUP; sh -c 'trap \"\" TERM HUP; sleep 60; : {mark}' & wait");
-    let command = says(&[&hello()], &stubborn);
-    let host = Host::start(&spec(&command)).expect("a greeting");
+    // A command removes its answers: each one is good for one start.
+    let command = || says(&[&hello()], &stubborn);
+    let host = Host::start(&spec(&command())).expect("a greeting");
     assert!(is_running(&mark), "it is there while the host is");
     drop(host);
     assert!(!is_running(&mark));
-    let error = outcome(&command).expect_err("it is silent").to_string();
-    assert!(error.contains("it hangs"), "{error}");
+    let error = outcome(&command()).expect_err("it is silent").to_string();
+    assert!(
+        error.starts_with("gave no answer to an exchange"),
+        "{error}"
+    );
     assert!(!is_running(&mark));
 }
 

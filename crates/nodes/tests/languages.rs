@@ -89,6 +89,9 @@ fn requests() -> Vec<Request> {
     ask(4_700, text("SI\r\n"));
     ask(4_800, draught(false));
     ask(9_900, text("SI\r\nWHO\r\n"));
+    // Longer than any line: the device hears the one behind it.
+    ask(9_950, text(&"x".repeat(200)));
+    ask(9_960, text("\r\nSI\r\n"));
     requests.push(Request::End);
     requests
 }
@@ -161,6 +164,9 @@ fn the_same_scale_in_three_languages_gives_the_same_answers() {
         "9900 net_g 0.13",
         "9930 S S       0.13 g",
         "9930 ES",
+        "9990 ES",
+        "9960 net_g 0.13",
+        "9990 S S       0.13 g",
     ];
     assert_eq!(told(&rust), expected);
     assert_eq!(answers_of(python("scale")), rust);
@@ -196,6 +202,35 @@ fn the_examples_keep_the_contract() {
     assert_eq!(failed(&format!("python3 {}", scale.display()), true), none);
     let compiled = compiled("scale");
     assert_eq!(failed(&compiled.display().to_string(), false), none);
+}
+
+/// A crash is no refusal of a version, and no end, also behind a shell that reports it.
+#[test]
+fn a_program_that_a_signal_ends_is_found_out() {
+    let crash = r"
+import os, signal
+from hilrig.device import Device, main
+try:
+    main(Device)
+finally:
+    os.kill(os.getpid(), signal.SIGSEGV)
+";
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("crash.py");
+    std::fs::write(&path, crash).expect("a folder for tests");
+    for shell in ["", "; exit $?"] {
+        let found = failed(&format!("python3 {}{shell}", path.display()), true);
+        let names = found.iter().filter_map(|one| one.split(':').next());
+        let names: Vec<_> = names.collect();
+        assert_eq!(
+            names,
+            ["wrong-version", "end", "end-of-input"],
+            "{found:#?}"
+        );
+        assert!(
+            found.iter().all(|one| one.contains("signal 11")),
+            "{found:#?}"
+        );
+    }
 }
 
 /// A program that looks at the clock, cannot save what it offers to save, and outlives its rig: the

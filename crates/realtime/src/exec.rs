@@ -32,7 +32,7 @@ use crate::process::{Ended, Patience, Process};
 use crate::transport::{Note, PortDir, Pty, Transport, TransportError};
 use crate::{LATE, Lateness, PortReport, Realtime};
 use engine::robots::{self, Dut, OpenEnd, PcEnd, Wired};
-use engine::run::check::Check;
+use engine::run::check::{Check, NODE_PROGRAMS};
 use engine::run::{Outcome, Run};
 use engine::scenario::{Scenario, Source};
 
@@ -56,7 +56,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// is none: a timeout of its own continues while rig time stands.
 pub fn is_fact(check: &Check) -> bool {
     match &*check.name {
-        "program-connected" | "no-children-left" => true,
+        "program-connected" | "no-children-left" | NODE_PROGRAMS => true,
         "program-alive" => {
             !check.detail.contains("exit code") || check.detail.contains("exit code 0 ")
         }

@@ -101,7 +101,7 @@ impl Wire {
             [Direction::ToMaster, Direction::ToDevice].map(|direction| {
                 let codec = lanes[direction as usize].decoder.as_ref();
                 let codec = codec.map(|(codec, _)| *codec);
-                (&*link.name, direction.name(), codec)
+                (&*link.name, direction, codec)
             })
         }));
         drop(kept);
@@ -138,7 +138,7 @@ impl Wire {
             [Direction::ToMaster, Direction::ToDevice].map(|direction| {
                 let codec = instruments.codec_towards(rig, &link.name, direction);
                 Lane {
-                    decoder: codec.map(|codec| (codec, Counter::new(codec))),
+                    decoder: codec.map(|codec| (codec, Counter::towards(codec, direction))),
                     ..Lane::default()
                 }
             })

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use engine::codec::{Codec, Stream, Stretch, What, words};
 use engine::hex::digits;
+use engine::rig::line::Direction;
 
 /// Maximum number of bytes kept of one direction of a link: some six minutes of a lidar.
 const BYTES_MAX: usize = 4 << 20;
@@ -27,7 +28,7 @@ pub(super) struct WireLog {
 #[derive(Clone, Debug)]
 struct LoggedLane {
     link: String,
-    way: &'static str,
+    way: Direction,
     codec: Option<&'static Codec>,
     bytes: VecDeque<u8>,
     /// Place of the byte behind the last one, counted from the first that ever came.
@@ -66,7 +67,7 @@ impl WireLog {
     /// Forgets everything; `lanes` are link, direction and format of each.
     pub(super) fn begin<'a>(
         &mut self,
-        lanes: impl Iterator<Item = (&'a str, &'static str, Option<&'static Codec>)>,
+        lanes: impl Iterator<Item = (&'a str, Direction, Option<&'static Codec>)>,
     ) {
         let lane = |(link, way, codec): (&str, _, _)| LoggedLane {
             link: link.to_owned(),
@@ -166,7 +167,7 @@ impl LoggedLane {
 #[derive(Clone, Debug)]
 pub(super) struct Tail {
     link: String,
-    way: &'static str,
+    way: Direction,
     codec: Option<&'static Codec>,
     /// Whether nothing came before.
     is_whole: bool,
@@ -181,7 +182,7 @@ impl Tail {
         let Some(codec) = self.codec else {
             return self.as_text();
         };
-        let (mut stream, mut found) = (Stream::new(codec), Vec::new());
+        let (mut stream, mut found) = (Stream::towards(codec, self.way), Vec::new());
         let (mut from, mut before) = (self.from, None);
         for piece in &self.pieces {
             if before.is_some_and(|before| piece.at - before > codec.idle()) {
@@ -218,7 +219,7 @@ impl Tail {
         Frame {
             at_ns: own.last().map_or(0, |piece| piece.at.as_nanos()),
             link: self.link.clone(),
-            way: self.way,
+            way: self.way.name(),
             words,
             bytes: digits(&self.bytes[range]),
             is_bad,
@@ -266,7 +267,7 @@ mod tests {
     /// second one struck; then a stray byte.
     fn log() -> WireLog {
         let mut log = WireLog::default();
-        log.begin([("base", "to-device", Some(&BUS_HIGH_FIRST))].into_iter());
+        log.begin([("base", Direction::ToDevice, Some(&BUS_HIGH_FIRST))].into_iter());
         log.push(0, at(1), &[0xAB, 0x24]);
         log.hit(0);
         log.push(0, at(2), &[0x0A, 0x00, 0xD9]);

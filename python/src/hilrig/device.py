@@ -167,10 +167,16 @@ class Device:
         return Message(fitting[0], **fields)
 
     def after(self, seconds: float, method: Callable[..., Any], *arguments: Any) -> None:
-        """Calls a method of this device that much later."""
+        """Calls a method of this device that much later.
+
+        Another function is refused: a saved state holds the name of a method, and no function.
+        """
+        name = getattr(method, "__name__", "")
+        if getattr(self, name, None) != method:
+            raise TypeError(f"after() takes a method of this device, e.g. self.zeroed, not {method!r}")
         self._timers_made += 1
         at = self._now + max(0, round(seconds * 1e9))
-        heappush(self._timers, (at, self._timers_made, method.__name__, arguments))
+        heappush(self._timers, (at, self._timers_made, name, arguments))
 
     def note(self, rule: str, sentence: str) -> None:
         """Something happened: an entry of the run's log."""
@@ -212,6 +218,8 @@ class Device:
         self._out: List[Tuple[int, int, int, bytes]] = []
 
     def _put(self, kind: int, port: int, at: int, body: bytes) -> None:
+        if len(body) > 0xFFFF:
+            raise ValueError(f"a message or note of {len(body)} bytes, expected at most 65535")
         self._out.append((kind, port, at, body))
 
     def _say(self, answer: Any, port: int = 0) -> None:

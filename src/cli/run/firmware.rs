@@ -73,22 +73,25 @@ impl FirmwareArgs {
         let ends = core::mem::take(&mut wired.open_ends);
         let kind = |end: &OpenEnd| wired.rig.link(&end.link).map(|link| link.kind);
         let wires = self.wires()?;
-        // A port that a robot can do without stays open unless it is named.
-        let is_wanted = |end: &&OpenEnd| {
-            let is_named = wires.contains_key(&end.name) || board.unit(&end.name).is_some();
-            is_named || !end.is_optional
-        };
-        let wanted: Vec<_> = ends
-            .iter()
-            .filter(is_wanted)
-            .map(|end| {
-                let kind = match kind(end) {
-                    Some(LinkKind::I2c) => PortKind::I2c,
-                    _ => PortKind::Uart,
-                };
-                (end.name.clone(), kind)
-            })
-            .collect();
+        let mut wanted = Vec::new();
+        for end in &ends {
+            // A port that a robot can do without stays open unless it is named.
+            let is_wired = wires.contains_key(&end.name);
+            let is_named = is_wired || board.unit(&end.name).is_some();
+            match kind(end) {
+                Some(LinkKind::Pin | LinkKind::Datagram) if is_wired => {
+                    return Err(CliError::Usage(format!(
+                        "--wire: port \"{}\" of the rig carries levels or packets, and a board has \
+                         ports for UARTs, I2C and SPI only; leave it out",
+                        end.name
+                    )));
+                }
+                Some(LinkKind::Pin | LinkKind::Datagram) => {}
+                _ if !is_named && end.is_optional => {}
+                Some(LinkKind::I2c) => wanted.push((end.name.clone(), PortKind::I2c)),
+                _ => wanted.push((end.name.clone(), PortKind::Uart)),
+            }
+        }
         let told = board
             .wire(&wanted, &wires)
             .map_err(|error| CliError::Usage(format!("--wire: {error}")))?;

@@ -131,11 +131,9 @@ impl Engine {
                 (!sum & 0xffff).into()
             }
             Self::Xv11 => {
-                let shifted = words(bytes).fold(0_u64, |all, word| {
-                    (all << 1).wrapping_add(word.into()) & 0xffff_ffff_ffff
-                });
                 // The sum of the maker's sample code is 32 bits wide.
-                let all = shifted & 0xffff_ffff;
+                let all =
+                    words(bytes).fold(0_u32, |all, word| (all << 1).wrapping_add(word.into()));
                 (((all & 0x7fff) + (all >> 15)) & 0x7fff).into()
             }
         }
@@ -154,9 +152,9 @@ fn sum(bytes: &[u8]) -> u64 {
 
 /// Words, low byte first; a last odd byte counts as one with a zero.
 fn words(bytes: &[u8]) -> impl Iterator<Item = u16> {
-    bytes
-        .chunks(2)
-        .map(|pair| u16::from_le_bytes([pair[0], pair.get(1).copied().unwrap_or(0)]))
+    let (pairs, rest) = bytes.as_chunks::<2>();
+    let pairs = pairs.iter().map(|pair| u16::from_le_bytes(*pair));
+    pairs.chain(rest.first().map(|byte| u16::from(*byte)))
 }
 
 fn last(pair: &[u8]) -> u64 {

@@ -250,7 +250,7 @@ impl Compiler<'_> {
                 );
             }
             with.push((
-                field.clone(),
+                field.as_str().into(),
                 self.request_expr(&key, &plain.expression(), request),
             ));
         }

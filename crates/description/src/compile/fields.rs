@@ -85,6 +85,7 @@ impl Compiler<'_> {
             from: spec.from,
             frame,
             frames: frames.clone(),
+            has_limits: layout.has_limits(),
             layout,
         }
     }

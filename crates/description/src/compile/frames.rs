@@ -8,7 +8,7 @@ use super::{Compiler, whole};
 use crate::checksum::Algorithm;
 use crate::description::Protocol;
 use crate::expr::Expr;
-use crate::framing::{Check, Cut, FRAME_MAX, Framing, Length};
+use crate::framing::{Check, Cut, FRAME_MAX, Framing, HeadSize, Length};
 use crate::modbus;
 use crate::number::{Number, NumberKind, Orders};
 use crate::schema::wire::{Counts, Encoding, Endian, FrameSpec, LengthSpec, SizeSpec, Stuffing};
@@ -138,12 +138,16 @@ impl Compiler<'_> {
 
     /// Whether an empty line, or one of line ends alone, is a message of this format.
     fn has_blank(&self, name: &str) -> bool {
-        let is_single = self.schema.frame.0.len() == 1;
+        let first = self.schema.frame.0.first();
+        let is_first = first.is_some_and(|first| first.name == name);
         let own = self
             .schema
             .message
             .iter()
-            .filter(|message| is_single || message.frame.as_deref() == Some(name));
+            .filter(|message| match &message.frame {
+                Some(frame) => frame == name,
+                None => is_first,
+            });
         let mut texts = own.filter_map(|message| message.text.as_ref());
         texts.any(|text| text.is_empty() || text.starts_with(['\r', '\n']))
     }
@@ -345,10 +349,9 @@ impl Compiler<'_> {
                 };
                 let names = || format!("b0 to b{}", head.saturating_sub(1));
                 let size: Expr = self.expr(&format!("{key}.size"), text, &known, &names);
-                Cut::Sized {
-                    head: usize::from(head.max(1)),
-                    size,
-                }
+                let head = usize::from(head.max(1));
+                let size = HeadSize::new(size, head);
+                Cut::Sized { head, size }
             }
         }
     }

@@ -84,21 +84,40 @@ pub(super) fn judge(
         latency: at(50).zip(at(99)).map(|(median, high)| [median, high]),
         differences: differences.into_iter().collect(),
         left_out: 0,
+        compared: compared(probes, twins, found),
+        heard_by_itself: probes
+            .iter()
+            .zip(found)
+            .any(|(probe, answers)| probe.listen.is_some() && !answers.is_empty()),
         unproved: unproved(probes, twins),
     }
+}
+
+/// Whether the description answers a request. What is asked to be refused may stay without a reply.
+fn is_answered(probe: &Probe) -> bool {
+    let has_reply = match &probe.asks {
+        Some(Asks::Messages(replies)) => !replies.is_empty(),
+        Some(Asks::Modbus { .. }) => true,
+        None => false,
+    };
+    has_reply && !probe.is_strange
+}
+
+/// Number of requests that a twin and the device both answered.
+fn compared(probes: &[Probe], twins: &[Vec<Vec<Answer>>], found: &[Vec<Answer>]) -> usize {
+    let both = probes.iter().enumerate().filter(|(at, probe)| {
+        let by_twin = twins.iter().any(|twin| !twin[*at].is_empty());
+        is_answered(probe) && by_twin && !found[*at].is_empty()
+    });
+    let places: BTreeSet<&str> = both.map(|(_, probe)| probe.place.as_str()).collect();
+    places.len()
 }
 
 /// Requests that the description answers, but no twin did.
 fn unproved(probes: &[Probe], twins: &[Vec<Vec<Answer>>]) -> Vec<String> {
     let mut answered: BTreeMap<&str, bool> = BTreeMap::new();
     for (at, probe) in probes.iter().enumerate() {
-        let has_reply = match &probe.asks {
-            Some(Asks::Messages(replies)) => !replies.is_empty(),
-            Some(Asks::Modbus { .. }) => true,
-            None => false,
-        };
-        // What is asked to be refused may stay without a reply.
-        if has_reply && !probe.is_strange {
+        if is_answered(probe) {
             let is_answered = twins.iter().any(|twin| !twin[at].is_empty());
             *answered.entry(&probe.place).or_default() |= is_answered;
         }

@@ -157,7 +157,11 @@ impl Doer<'_> {
             return self.run_events(at);
         };
         let message = &description.messages[index];
-        for (name, value) in &request.0 {
+        let limited: &[_] = match message.has_limits {
+            true => &request.0,
+            false => &[],
+        };
+        for (name, value) in limited {
             let field = crate::field::find(message.fields(), name);
             if let Some((field, [least, most])) =
                 field.and_then(|field| Some((field, field.beyond(value)?)))
@@ -427,7 +431,7 @@ impl Doer<'_> {
             let mut given = Record::default();
             for (field, expr) in &deed.with {
                 if let Some(value) = self.eval(at, expr, request) {
-                    given.set(field, value);
+                    given.set_shared(field, value);
                 }
             }
             let index = self.device.replaced(index);

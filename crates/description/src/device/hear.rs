@@ -26,7 +26,8 @@ impl Doer<'_> {
             }
             let line = self.device.description.line;
             for (index, &byte) in bytes.iter().enumerate() {
-                self.byte(byte_end(at, line, index, bytes.len()), byte);
+                let end = || byte_end(at, line, index, bytes.len());
+                self.byte(&end, byte, index + 1 == bytes.len());
             }
         }
         self.end_of_silence(now);
@@ -38,7 +39,7 @@ impl Doer<'_> {
             return;
         };
         self.device.quiet_at = None;
-        if self.device.is_silence_framed() {
+        if self.device.is_silence_framed {
             let bytes = core::mem::take(&mut self.device.silent);
             return self.silent_frame(at, &bytes);
         }
@@ -46,10 +47,12 @@ impl Doer<'_> {
         self.cut(at, &[]);
     }
 
-    fn byte(&mut self, at: Instant, byte: u8) {
+    /// A byte, which ended at `end`; `is_last` of those that came together.
+    fn byte(&mut self, end: &dyn Fn() -> Instant, byte: u8, is_last: bool) {
         let device = &mut *self.device;
-        let started = device.description.line.byte_end(at, 1);
         if device.description.is_half_duplex {
+            let at = end();
+            let started = device.description.line.byte_end(at, 1);
             let is_waiting = !device.pending.is_empty();
             // Times of bytes are rounded. No receiver sees an overlap of less than a bit.
             let line = device.description.line;
@@ -67,16 +70,23 @@ impl Doer<'_> {
                 );
             }
         }
-        device.quiet_at = Some(at + device.description.idle());
-        device.heard_at = at;
-        if device.is_silence_framed() {
+        // When it ended is worked out only where it is seen.
+        if is_last {
+            device.heard(end());
+        }
+        if device.is_silence_framed {
             // A frame that is too long stays wrong, whatever else comes.
             if device.silent.len() <= crate::framing::FRAME_MAX {
                 device.silent.push(byte);
             }
             return;
         }
-        self.cut(at, &[byte]);
+        let mut rest = &[byte][..];
+        if let Some(outcome) = self.device.cutter.step(&mut rest) {
+            let at = end();
+            self.device.heard(at);
+            self.outcomes(at, outcome, rest);
+        }
     }
 
     /// A frame that a silence has ended.
@@ -95,8 +105,16 @@ impl Doer<'_> {
     /// Feeds the decoder.
     fn cut(&mut self, at: Instant, bytes: &[u8]) {
         let mut rest = bytes;
+        if let Some(outcome) = self.device.cutter.step(&mut rest) {
+            self.outcomes(at, outcome, rest);
+        }
+    }
+
+    /// Deals with what the decoder found, and what else it finds in `rest`.
+    fn outcomes(&mut self, at: Instant, first: Result<Frame, FrameError>, mut rest: &[u8]) {
         let mut first_error = None;
-        while let Some(outcome) = self.device.cutter.step(&mut rest) {
+        let mut next = Some(first);
+        while let Some(outcome) = next {
             match outcome {
                 Ok(frame) => {
                     if let Some(error) = first_error.take() {
@@ -107,6 +125,7 @@ impl Doer<'_> {
                 // The rest of a damaged frame makes errors of its own; the first one says why.
                 Err(error) => first_error = first_error.or(Some(error)),
             }
+            next = self.device.cutter.step(&mut rest);
         }
         if let Some(error) = first_error {
             self.bad(at, error, &[]);
@@ -143,10 +162,12 @@ impl Doer<'_> {
         }
         let watchdog = device.description.watchdog;
         device.watchdog_at = watchdog.map(|time| at + time);
-        let Some(body) = device.description.body(frame) else {
+        let is_modbus = device.is_modbus();
+        let description = device.description.clone();
+        let Some(body) = description.body_of(frame) else {
             return;
         };
-        match device.is_modbus() {
+        match is_modbus {
             true => self.modbus(at, &body),
             false => self.message(at, frame, &body),
         }

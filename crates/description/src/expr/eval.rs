@@ -40,9 +40,15 @@ impl Node {
             }
             Self::Index(of, index) => element(&of.eval(scope)?, &index.eval(scope)?),
             Self::Call(function, arguments) => {
-                let arguments = arguments.iter().map(|argument| argument.eval(scope));
-                let arguments: Vec<Value> = arguments.collect::<Result<_, _>>()?;
-                call(*function, &arguments, scope)
+                let value = |argument: &Self| argument.eval(scope);
+                match &arguments[..] {
+                    [one] => call(*function, &[value(one)?], scope),
+                    [one, other] => call(*function, &[value(one)?, value(other)?], scope),
+                    all => {
+                        let all = all.iter().map(value).collect::<Result<Vec<_>, _>>()?;
+                        call(*function, &all, scope)
+                    }
+                }
             }
         }
     }

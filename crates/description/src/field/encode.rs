@@ -1,5 +1,7 @@
 //! Bytes of values.
 
+use std::borrow::Cow;
+
 use super::decode::choose;
 use super::{Field, Kind, Nested, Size};
 use crate::expr::Scope;
@@ -15,13 +17,21 @@ pub(crate) struct Encoding {
     pub(crate) cut: Vec<(String, Value)>,
     /// Expressions that could not be computed.
     pub(crate) failed: Vec<String>,
-    bits: Vec<bool>,
+    /// Bits that wait for the rest of their byte.
+    bits: [bool; 8],
+    bit_count: usize,
     is_low_first: bool,
 }
 
+/// Room for the body of a usual message.
+const BODY: usize = 64;
+
 /// Writes `fields` with the values of `scope`; what has none is 0 or empty.
 pub(crate) fn encode(fields: &[Field], scope: &dyn Scope) -> Encoding {
-    let mut encoding = Encoding::default();
+    let mut encoding = Encoding {
+        bytes: Vec::with_capacity(BODY),
+        ..Encoding::default()
+    };
     encoding.fields(fields, &Record::default(), scope);
     encoding.flush();
     encoding
@@ -34,7 +44,8 @@ pub(crate) fn number_bytes(number: Number, value: &Value) -> (Vec<u8>, bool) {
     (out, fits)
 }
 
-fn put_number(number: Number, value: &Value, out: &mut Vec<u8>) -> bool {
+/// Writes a number; whether the value fits.
+pub(crate) fn put_number(number: Number, value: &Value, out: &mut Vec<u8>) -> bool {
     if number.kind == NumberKind::Float {
         let float = value.as_f64();
         number.put(number.float_bits(float.unwrap_or(0.0)), out);
@@ -75,11 +86,15 @@ impl Encoding {
                 }
                 continue;
             }
-            let known = scope.value(&field.name).filter(|_| !field.name.is_empty());
+            let known = match field.name.is_empty() {
+                true => None,
+                false => scope.value(&field.name),
+            };
             if field.is_optional && known.is_none() && field.constant.is_none() {
                 return;
             }
-            let value = self.value_of(field, fields, &scope);
+            let is_known = known.is_some();
+            let value = self.value_of(field, fields, &scope, known);
             match &field.repeat {
                 None => self.value(field, &value, &scope),
                 Some(size) => {
@@ -91,7 +106,7 @@ impl Encoding {
                         // One value is that of each.
                         one => {
                             let count = match size {
-                                Size::Rest => usize::from(known.is_some()),
+                                Size::Rest => usize::from(is_known),
                                 size => size.of(&scope, 0).unwrap_or(1),
                             };
                             vec![one.clone(); count]
@@ -101,7 +116,7 @@ impl Encoding {
                         Size::Rest => list.len(),
                         size => size.of(&scope, 0).unwrap_or(list.len()),
                     };
-                    if count != list.len() && known.is_some() {
+                    if count != list.len() && is_known {
                         self.cut
                             .push((field.name.to_string(), Value::List(list.clone())));
                     }
@@ -112,13 +127,19 @@ impl Encoding {
                 }
             }
             if !field.name.is_empty() {
-                written.set(&field.name, value);
+                written.set_shared(&field.name, value);
             }
         }
     }
 
-    /// What `field` is to hold.
-    fn value_of(&mut self, field: &Field, fields: &[Field], scope: &dyn Scope) -> Value {
+    /// What `field` is to hold; `known` is what `scope` has for it.
+    fn value_of(
+        &mut self,
+        field: &Field,
+        fields: &[Field],
+        scope: &dyn Scope,
+        known: Option<Value>,
+    ) -> Value {
         if let Some(constant) = &field.constant {
             return constant.clone();
         }
@@ -131,7 +152,11 @@ impl Encoding {
         if let Some(counted) = &field.counts
             && let Some(of) = fields.iter().find(|other| other.name == *counted)
         {
-            let value = self.value_of(of, fields, scope);
+            let known = match of.name.is_empty() {
+                true => None,
+                false => scope.value(&of.name),
+            };
+            let value = self.value_of(of, fields, scope, known);
             let len = match &value {
                 Value::List(list) => list.len(),
                 Value::Bytes(bytes) => bytes.len(),
@@ -140,19 +165,18 @@ impl Encoding {
             };
             return Value::Int(i128::try_from(len).unwrap_or(0));
         }
-        let value = scope.value(&field.name).filter(|_| !field.name.is_empty());
-        value.map_or(Value::Int(0), |value| field.unnamed(value))
+        known.map_or(Value::Int(0), |value| field.unnamed(value))
     }
 
     fn value(&mut self, field: &Field, value: &Value, scope: &dyn Scope) {
-        let raw = field.unscaled(value.clone());
+        let raw = &*field.count_of(value);
         if let Kind::Bits { bits, is_low_first } = &field.kind {
-            return self.put_bits(field, &raw, *bits, *is_low_first);
+            return self.put_bits(field, raw, *bits, *is_low_first);
         }
         self.flush();
         let is_given = *value != Value::Int(0);
         let fits = match &field.kind {
-            Kind::Number(number) => put_number(*number, &raw, &mut self.bytes),
+            Kind::Number(number) => put_number(*number, raw, &mut self.bytes),
             Kind::Bcd { size, is_low_first } => {
                 let len = size.of(scope, 0).unwrap_or(1);
                 let (digits, fits) = digits(raw.as_int(), 2 * len);
@@ -190,7 +214,7 @@ impl Encoding {
                         .all(|digit| *digit == b'0')
             }
             Kind::Str(size) | Kind::Bytes(size) => {
-                let bytes = plain_bytes(&raw);
+                let bytes = plain_bytes(raw);
                 let len = match size {
                     Size::Rest => bytes.len(),
                     size => size.of(scope, 0).unwrap_or(bytes.len()),
@@ -202,7 +226,7 @@ impl Encoding {
                 kept == bytes.len() && (is_text || kept == len || !is_given)
             }
             Kind::StrZ => {
-                let bytes = plain_bytes(&raw);
+                let bytes = plain_bytes(raw);
                 let end = bytes.iter().position(|byte| *byte == 0);
                 let kept = end.unwrap_or(bytes.len());
                 self.bytes.extend_from_slice(&bytes[..kept]);
@@ -210,7 +234,7 @@ impl Encoding {
                 end.is_none()
             }
             Kind::Prefixed { prefix, .. } => {
-                let bytes = plain_bytes(&raw);
+                let bytes = plain_bytes(raw);
                 let [_, most] = prefix.range();
                 let kept = bytes.len().min(usize::try_from(most).unwrap_or(usize::MAX));
                 let len = Value::Int(i128::try_from(kept).unwrap_or(0));
@@ -225,7 +249,7 @@ impl Encoding {
             }
             Kind::Group(fields) => {
                 let nothing = Record::default();
-                let own = match &raw {
+                let own = match raw {
                     Value::Record(record) => record,
                     _ => &nothing,
                 };
@@ -248,34 +272,39 @@ impl Encoding {
         }
         self.is_low_first = is_low_first;
         let bit = |place: u8| int >> place & 1 == 1;
-        match is_low_first {
-            true => self.bits.extend((0..count).map(bit)),
-            false => self.bits.extend((0..count).rev().map(bit)),
-        }
-        while self.bits.len() >= 8 {
-            let rest = self.bits.split_off(8);
-            self.flush();
-            self.bits = rest;
+        for place in 0..count {
+            let place = match is_low_first {
+                true => place,
+                false => count - 1 - place,
+            };
+            self.bits[self.bit_count] = bit(place);
+            self.bit_count += 1;
+            if self.bit_count == 8 {
+                self.flush();
+            }
         }
     }
 
     /// Writes the bits that wait, as a byte.
     fn flush(&mut self) {
-        if self.bits.is_empty() {
+        if self.bit_count == 0 {
             return;
         }
-        let bits = core::mem::take(&mut self.bits);
-        let byte = bits.iter().enumerate().fold(0_u8, |byte, (place, &bit)| {
-            let shift = if self.is_low_first { place } else { 7 - place };
-            byte | u8::from(bit) << shift
-        });
+        let count = core::mem::take(&mut self.bit_count);
+        let byte = self.bits[..count]
+            .iter()
+            .enumerate()
+            .fold(0_u8, |byte, (place, &bit)| {
+                let shift = if self.is_low_first { place } else { 7 - place };
+                byte | u8::from(bit) << shift
+            });
         self.bytes.push(byte);
     }
 }
 
-fn plain_bytes(value: &Value) -> Vec<u8> {
-    match value {
-        Value::Bytes(bytes) => bytes.clone(),
+fn plain_bytes(value: &Value) -> Cow<'_, [u8]> {
+    Cow::Owned(match value {
+        Value::Bytes(bytes) => return Cow::Borrowed(bytes),
         // A byte a character, as it is read.
         Value::Text(text) => text
             .chars()
@@ -287,7 +316,7 @@ fn plain_bytes(value: &Value) -> Vec<u8> {
         }
         Value::Int(0) => Vec::new(),
         other => other.to_string().into_bytes(),
-    }
+    })
 }
 
 /// The last `len` decimal digits, and whether those are all.

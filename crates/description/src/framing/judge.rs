@@ -4,14 +4,22 @@ use std::sync::Arc;
 
 use protocols::{Candidate, Decoder, Format, FrameError};
 
-use super::{Cut, FRAME_MAX, Framing, Length, Lengths};
+use super::{Cut, FRAME_MAX, FrameBytes, Framing, Length, Lengths};
 use crate::expr::{Expr, Scope};
 use crate::schema::wire::Stuffing;
 use crate::value::Value;
 
 /// The frame formats of a description.
 #[derive(Clone, Debug)]
-pub struct Frames(pub(crate) Arc<Vec<Framing>>, pub(crate) Unused);
+pub struct Frames(pub(crate) Arc<Vec<Framing>>, Unused, Looked);
+
+/// How many formats are looked for.
+#[derive(Clone, Copy, Debug)]
+enum Looked {
+    /// The one of this index: a frame that was cut out has it.
+    One(usize),
+    Many,
+}
 
 /// Formats that are not looked for, a bit for each; those beyond are looked for always.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,7 +60,7 @@ pub struct Frame {
     /// Which of the formats it has.
     pub format: usize,
     /// All its bytes.
-    pub bytes: Vec<u8>,
+    pub bytes: FrameBytes,
 }
 
 /// The decoder of a description's frames.
@@ -67,6 +75,15 @@ impl Frames {
     /// The first format that wants the bytes. One that still waits keeps later ones from being
     /// asked, so that the pieces in which bytes come make no difference.
     fn verdict(&self, bytes: &[u8], is_last: bool) -> (usize, Candidate) {
+        if let Looked::One(index) = self.2 {
+            let found = match self.0[index].judge(bytes, is_last) {
+                Candidate::Incomplete if is_last => Candidate::Rejected(FrameError::Truncated {
+                    found: len_u32(bytes.len()),
+                }),
+                found => found,
+            };
+            return (index, found);
+        }
         let mut rejected = None;
         for (index, framing) in self.used() {
             match framing.judge(bytes, is_last) {
@@ -87,6 +104,11 @@ impl Frames {
 }
 
 impl Frames {
+    /// All of these formats.
+    pub(crate) fn of(formats: Arc<Vec<Framing>>) -> Self {
+        Self(formats, Unused::default(), Looked::Many).without(Unused::default())
+    }
+
     /// The formats that are looked for, with their indices.
     fn used(&self) -> impl Iterator<Item = (usize, &Framing)> {
         let all = || self.0.iter().enumerate();
@@ -102,7 +124,15 @@ impl Frames {
 
     /// The same formats, without those that are `unused`.
     pub(crate) fn without(&self, unused: Unused) -> Self {
-        Self(self.0.clone(), unused)
+        let mut frames = Self(self.0.clone(), unused, Looked::Many);
+        let only = {
+            let mut used = frames.used().map(|(index, _)| index);
+            used.next().filter(|_| used.next().is_none())
+        };
+        if let Some(only) = only {
+            frames.2 = Looked::One(only);
+        }
+        frames
     }
 
     /// Whether a silence ends frames.
@@ -128,7 +158,7 @@ impl Frames {
             Candidate::Rejected(error) => Err(error),
             _ => Ok(Frame {
                 format,
-                bytes: bytes.to_vec(),
+                bytes: bytes.into(),
             }),
         }
     }
@@ -153,8 +183,11 @@ impl Format for Frames {
     }
 
     fn frame(&self, bytes: &[u8]) -> Frame {
-        let (format, _) = self.verdict(bytes, true);
-        let bytes = bytes.to_vec();
+        let format = match self.2 {
+            Looked::One(format) => format,
+            Looked::Many => self.verdict(bytes, true).0,
+        };
+        let bytes = bytes.into();
         Frame { format, bytes }
     }
 }
@@ -164,13 +197,67 @@ struct Head<'a>(&'a [u8]);
 
 impl Scope for Head<'_> {
     fn value(&self, name: &str) -> Option<Value> {
-        let at: usize = name.strip_prefix('b')?.parse().ok()?;
-        self.0.get(at).map(|&byte| Value::Int(byte.into()))
+        self.0
+            .get(place_of(name)?)
+            .map(|&byte| Value::Int(byte.into()))
     }
 }
 
-/// The size of a frame by an expression over its head.
-pub(super) fn size_of(size: &Expr, head: &[u8]) -> Option<usize> {
+/// The size of a frame by its first bytes.
+#[derive(Clone, Debug)]
+pub(crate) struct HeadSize {
+    expr: Expr,
+    /// The sizes by the value of one byte, if no other one matters; 0: no frame.
+    by_byte: Option<(usize, Box<[u16; 256]>)>,
+}
+
+impl HeadSize {
+    /// The size that `expr` gives over the first `head` bytes.
+    pub(crate) fn new(expr: Expr, head: usize) -> Self {
+        let mut places = expr.names().into_iter().map(place_of);
+        let first = places.next().unwrap_or(Some(0));
+        let is_one = places.all(|place| place == first);
+        let by_byte = first.filter(|at| is_one && *at < head).map(|at| {
+            let mut sizes = Box::new([0; 256]);
+            let mut bytes = vec![0; head];
+            for (byte, size) in (0..=255).zip(sizes.iter_mut()) {
+                bytes[at] = byte;
+                let found = computed(&expr, &bytes);
+                *size = found.and_then(|size| u16::try_from(size).ok()).unwrap_or(0);
+            }
+            (at, sizes)
+        });
+        Self { expr, by_byte }
+    }
+
+    /// Its text.
+    pub(crate) fn source(&self) -> &str {
+        self.expr.source()
+    }
+
+    /// The expression.
+    pub(crate) const fn expr(&self) -> &Expr {
+        &self.expr
+    }
+
+    /// The size of the frame that begins with `head`; `None`: there is no such frame.
+    pub(super) fn of(&self, head: &[u8]) -> Option<usize> {
+        match &self.by_byte {
+            Some((at, sizes)) => {
+                let size = usize::from(sizes[usize::from(*head.get(*at)?)]);
+                (size > 0).then_some(size)
+            }
+            None => computed(&self.expr, head),
+        }
+    }
+}
+
+/// The place of the byte called `b0`, `b1`, ..
+fn place_of(name: &str) -> Option<usize> {
+    name.strip_prefix('b')?.parse().ok()
+}
+
+fn computed(size: &Expr, head: &[u8]) -> Option<usize> {
     let size = size.eval(&Head(head)).ok()?.as_int()?;
     usize::try_from(size)
         .ok()
@@ -187,8 +274,12 @@ impl Framing {
         if let Cut::Marked { .. } = self.cut {
             return self.judge_marked(bytes);
         }
-        let seen = self.sync.len().min(bytes.len());
-        if bytes[..seen] != self.sync[..seen] {
+        // A few bytes: a loop is faster than a call.
+        if bytes
+            .iter()
+            .zip(&self.sync)
+            .any(|(found, sync)| found != sync)
+        {
             return Candidate::Noise;
         }
         let too_long = |found: usize| {
@@ -215,7 +306,7 @@ impl Framing {
             },
             Cut::Sized { head, size } => match bytes.get(..*head) {
                 None => return Candidate::Incomplete,
-                Some(head) => match size_of(size, head) {
+                Some(head) => match size.of(head) {
                     Some(size) if size >= self.least() => size,
                     _ => return Candidate::Noise,
                 },
@@ -246,7 +337,7 @@ impl Framing {
 
     /// Judges a frame that has its length.
     fn whole(&self, frame: &[u8]) -> Candidate {
-        if !frame.ends_with(&self.end) {
+        if !self.end.is_empty() && !frame.ends_with(&self.end) {
             let found = frame.last().copied().unwrap_or(0).into();
             let at = len_u32(frame.len().saturating_sub(1));
             return Candidate::Rejected(FrameError::Implausible { at, found });

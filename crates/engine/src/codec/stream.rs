@@ -167,6 +167,12 @@ impl Counter {
         Self { decoder }
     }
 
+    /// No bytes received yet of what goes in this direction.
+    pub fn towards(codec: &Codec, direction: Direction) -> Self {
+        let decoder = codec.decoder_towards(direction);
+        Self { decoder }
+    }
+
     /// Adds bytes, and returns their result.
     pub fn push(&mut self, mut bytes: &[u8]) -> Count {
         let mut count = Count::default();

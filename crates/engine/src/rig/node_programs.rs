@@ -31,9 +31,10 @@ impl Rig {
         nodes.filter_map(|(name, node)| Some((name, node.error()?)))
     }
 
-    /// Whether there is one.
+    /// Whether there is one, besides those for which the rig no longer waits.
     pub(crate) fn has_lost_node(&self) -> bool {
-        self.lost_nodes().next().is_some()
+        let stopped = |error: &NodeError| matches!(error, NodeError::Stopped { .. });
+        self.lost_nodes().any(|(_, error)| !stopped(&error))
     }
 
     /// Whether copies of all node programs could continue as they do.

@@ -19,6 +19,8 @@ pub use at_work::AtWorkAgain;
 pub use node_programs::NODE_PROGRAMS;
 #[cfg(feature = "described")]
 pub(crate) use node_programs::node_programs;
+#[cfg(feature = "described")]
+pub use nodes::last_words;
 pub use silence::MotorsStopAfterSilence;
 pub(crate) use silence::fired;
 pub use silence::{STOPS, WATCHDOG};

@@ -14,6 +14,8 @@ mod mount;
 mod mpu6050;
 mod odometer;
 #[cfg(feature = "described")]
+mod played;
+#[cfg(feature = "described")]
 pub mod program;
 mod read;
 mod registers;

@@ -73,7 +73,10 @@ fn cut(lane: &[&Record]) -> Vec<Unit> {
     let mut bytes = BytesMut::new();
     // Where each record's bytes end in all bytes of the lane, to find the record of a unit's end.
     let mut ends: Vec<(usize, &Record)> = Vec::new();
-    let mut stream = Stream::new(codec);
+    let mut stream = match lane.first() {
+        Some(record) => Stream::towards(codec, record.direction),
+        None => return Vec::new(),
+    };
     let mut found = Vec::new();
     let mut last = None;
     for &record in lane {

@@ -1,5 +1,7 @@
 //! The verdict on node programs: each answered to the end, and ended well.
 
+use nodes::{NodeError, last_words};
+
 use super::Check;
 use crate::rig::Rig;
 
@@ -13,10 +15,13 @@ pub(crate) fn node_programs(rig: &Rig) -> Option<Check> {
     if let Some((name, error)) = lost {
         let node = rig.node_programs().find(|(known, _)| *known == name);
         let said = node.map(|(_, node)| node.said()).unwrap_or_default();
-        let last = said.lines().rfind(|line| !line.trim().is_empty());
-        let words = last.map(|line| format!("; its last words: {}", line.trim()));
+        let words = last_words(&said).map(|line| format!("; its last words: {line}"));
         let detail = format!("{name} {error}{}", words.unwrap_or_default());
-        return Some(Check::new(NODE_PROGRAMS, false, detail));
+        return Some(match error {
+            // It may have been about to answer.
+            NodeError::Stopped { .. } => Check::not_observed(NODE_PROGRAMS, detail),
+            _ => Check::new(NODE_PROGRAMS, false, detail),
+        });
     }
     let counts = rig.node_programs().map(|(name, node)| {
         let exchanges = node.exchanges();

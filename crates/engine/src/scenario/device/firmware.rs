@@ -4,22 +4,27 @@ use core::any::Any;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ::boards::{Board, program};
+use ::boards::{Board, check_name, program};
 use emulators::world::World;
-use nodes::{Drive, NodeDevice, NodePort, NodeSpec, Quantity, Role, forever};
+use nodes::{Drive, NUMBERS_MAX, NodeDevice, NodePort, NodeSpec, Quantity, Role, forever};
 use protocols::{LineConfig, Port};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use toml::de::ValueDeserializer;
 
-use super::program::{check_chassis, rows_of};
 use super::{
-    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, read_settings, schema_of,
+    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, played, read_settings,
+    schema_of,
 };
 use crate::rig::{AnyDevice, Rig};
 use crate::scenario::drives::DrivesSpec;
 use crate::scenario::{ScenarioError, SourceSpec};
+
+/// Maximum number of motor drivers, and of encoders.
+const PARTS_MAX: usize = 8;
+/// Maximum length of the path of an ELF file.
+const PATH_MAX: usize = 4_095;
 
 /// The kind `firmware`.
 pub(super) const FIRMWARE: &dyn DeviceKind = &FirmwareKind;
@@ -101,24 +106,11 @@ pub struct ContactsSpec {
 impl FirmwareSpec {
     /// Stores the folder `base`, so that a saved case runs in any folder.
     pub(in crate::scenario) fn embed(&mut self, base: &Path) {
-        let base = match base.as_os_str().is_empty() {
-            true => Path::new("."),
-            false => base,
-        };
-        let folder = match &self.folder {
-            Some(folder) => base.join(folder),
-            None => base.to_owned(),
-        };
-        self.folder = Some(std::path::absolute(&folder).unwrap_or(folder));
+        played::embed(&mut self.folder, base);
     }
 
     fn base(&self, context: &BuildContext<'_>) -> PathBuf {
-        let parent = context.source.path.parent();
-        let base = parent.unwrap_or_else(|| Path::new(""));
-        match &self.folder {
-            Some(folder) => base.join(folder),
-            None => base.to_owned(),
-        }
+        played::base(self.folder.as_deref(), context)
     }
 
     /// Names of its ports with the numbers of their UARTs.
@@ -147,6 +139,31 @@ impl FirmwareSpec {
             found.push((name.clone(), *number));
         }
         Ok(found)
+    }
+
+    /// Checks the names of parts and how many there are: the node program has room for so many.
+    fn check_parts(&self) -> Result<(), (String, String)> {
+        let many = [
+            ("bridges", self.bridges.len(), PARTS_MAX),
+            ("encoders", self.encoders.len(), PARTS_MAX),
+            (
+                "inputs",
+                self.inputs.len() + self.encoders.len(),
+                NUMBERS_MAX,
+            ),
+        ];
+        if let Some((key, len, most)) = many.into_iter().find(|(_, len, most)| len > most) {
+            return Err((
+                key.to_owned(),
+                format!("has {len}, expected at most {most}"),
+            ));
+        }
+        let bridges = self.bridges.keys().map(|name| ("bridges", name));
+        let encoders = self.encoders.keys().map(|name| ("encoders", name));
+        for (key, name) in bridges.chain(encoders) {
+            check_name(name).map_err(|message| (key.to_owned(), message))?;
+        }
+        Ok(())
     }
 
     fn check_pins(&self, board: &Board) -> Result<(), (String, String)> {
@@ -244,9 +261,16 @@ pub fn node_of(name: &str, elf: &Path, board: &Board, wires: Value) -> Result<No
         ));
     }
     let elf = std::path::absolute(elf).unwrap_or_else(|_| elf.to_owned());
+    // The path travels as text.
+    let Some(path) = elf.to_str().filter(|path| path.len() <= PATH_MAX) else {
+        return Err(format!(
+            "{}: expected a path of at most {PATH_MAX} bytes of UTF-8; move the file",
+            elf.display()
+        ));
+    };
     let program = program().map_err(|error| error.to_string())?;
     let mut settings = Map::new();
-    settings.insert("elf".to_owned(), json!(elf.to_string_lossy()));
+    settings.insert("elf".to_owned(), json!(path));
     settings.insert("board".to_owned(), board.settings());
     settings.insert("wires".to_owned(), wires);
     let quoted = program.to_string_lossy().replace('\'', "'\\''");
@@ -290,7 +314,7 @@ impl DeviceKind for FirmwareKind {
     }
 
     fn rows(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {
-        rows_of(rig, name)
+        played::rows_of(rig, name)
     }
 
     fn check(
@@ -299,11 +323,7 @@ impl DeviceKind for FirmwareKind {
         device: &dyn AnyDevice,
         world: &World,
     ) -> Result<(), ScenarioError> {
-        let device: &dyn Any = device;
-        match device.downcast_ref::<NodeDevice>() {
-            Some(node) if context.has_robot => check_chassis(context, node, world),
-            _ => Ok(()),
-        }
+        played::check(context, device, world)
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
@@ -321,7 +341,8 @@ impl DeviceKind for FirmwareKind {
         let uarts = spec
             .uarts(&board)
             .map_err(|message| wrong("ports", message))?;
-        spec.check_pins(&board)
+        spec.check_parts()
+            .and_then(|()| spec.check_pins(&board))
             .map_err(|(key, message)| wrong(&key, message))?;
         let drives = spec
             .drive_list()

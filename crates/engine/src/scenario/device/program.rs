@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ::description::Description;
-use emulators::quantity::{ValueSource, Wanted};
 use emulators::world::World;
-use nodes::{Drive, NodeDevice, NodePort, NodeSpec, Quantity, forever, line_of};
+use nodes::{Drive, NUMBERS_MAX, NodeDevice, NodePort, NodeSpec, Quantity, forever, line_of};
 use protocols::{LineConfig, Port};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
@@ -17,7 +16,8 @@ use toml::de::ValueDeserializer;
 
 use super::description::{LoadError, codec_of, load};
 use super::{
-    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, read_settings, schema_of,
+    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, played, read_settings,
+    schema_of,
 };
 use crate::codec::Codec;
 use crate::rig::{AnyDevice, Rig};
@@ -103,24 +103,11 @@ struct Planned {
 impl NodeProgramSpec {
     /// Stores the folder `base`, so that a saved case runs in any folder.
     pub(in crate::scenario) fn embed(&mut self, base: &Path) {
-        let base = match base.as_os_str().is_empty() {
-            true => Path::new("."),
-            false => base,
-        };
-        let folder = match &self.folder {
-            Some(folder) => base.join(folder),
-            None => base.to_owned(),
-        };
-        self.folder = Some(std::path::absolute(&folder).unwrap_or(folder));
+        played::embed(&mut self.folder, base);
     }
 
     fn base(&self, context: &BuildContext<'_>) -> PathBuf {
-        let parent = context.source.path.parent();
-        let base = parent.unwrap_or_else(|| Path::new(""));
-        match &self.folder {
-            Some(folder) => base.join(folder),
-            None => base.to_owned(),
-        }
+        played::base(self.folder.as_deref(), context)
     }
 
     /// The description of the device, if it names one.
@@ -166,6 +153,12 @@ impl NodeProgramSpec {
             let port = NodePort::uart("uart", line);
             vec![Planned { port, codec }]
         };
+        if self.format.is_some() && self.rate.is_none() {
+            let message = "stands without rate, expected rate beside it, or a format in each of \
+                           ports"
+                .to_owned();
+            return wrong(".format", message).map(|()| Vec::new());
+        }
         match (&self.ports[..], self.rate, &described) {
             ([], None, Some(described)) => Ok(uart(described.line())),
             ([], Some(rate), _) => {
@@ -263,7 +256,7 @@ impl DeviceKind for ProgramKind {
     }
 
     fn rows(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {
-        rows_of(rig, name)
+        played::rows_of(rig, name)
     }
 
     fn check(
@@ -272,16 +265,18 @@ impl DeviceKind for ProgramKind {
         device: &dyn AnyDevice,
         world: &World,
     ) -> Result<(), ScenarioError> {
-        let device: &dyn Any = device;
-        match device.downcast_ref::<NodeDevice>() {
-            Some(node) if context.has_robot => check_chassis(context, node, world),
-            _ => Ok(()),
-        }
+        played::check(context, device, world)
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
         let spec: &NodeProgramSpec = context.settings()?;
         let planned = spec.plan(context)?;
+        if spec.quantities.len() > NUMBERS_MAX {
+            let (source, len) = (context.source, spec.quantities.len());
+            let message = format!("has {len}, expected at most {NUMBERS_MAX}");
+            let key = format!("{}.quantities", context.key());
+            return Err(source.invalid(source.find(context.name), key, message));
+        }
         let piece = spec.piece.unwrap_or(1);
         context.within("piece", Some(piece.into()), 1.0..=64.0)?;
         let port = |(number, planned): (u8, &Planned)| {
@@ -310,65 +305,4 @@ impl DeviceKind for ProgramKind {
             ports,
         })
     }
-}
-
-/// Values that a node program gives, to be shown.
-pub fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
-    let node = rig.device::<NodeDevice>(name).into_iter();
-    let outputs = node.flat_map(NodeDevice::outputs);
-    let row = |(name, value): (&str, f64)| {
-        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let whole = value.round() as i64;
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "compared with what it came from"
-        )]
-        let is_whole = (whole as f64 - value).abs() < 1e-9;
-        // A row holds whole numbers; a fraction is told by the words beside the name.
-        let name = match is_whole {
-            true => name.to_owned(),
-            false => format!("{name} ({value})"),
-        };
-        ValueRow {
-            address: None,
-            name,
-            value: whole,
-        }
-    };
-    outputs.map(row).collect()
-}
-
-/// Checks that the chassis of `world` has the encoders and actuators of the node.
-pub(super) fn check_chassis(
-    context: &BuildContext<'_>,
-    node: &NodeDevice,
-    world: &World,
-) -> Result<(), ScenarioError> {
-    let chassis = world.chassis();
-    let wrong = |key: String, message| {
-        let span = context.source.find(context.name);
-        Err(context.source.invalid(span, key, message))
-    };
-    for drive in &node.spec().drives {
-        if let Some(message) = Wanted::Actuator(&drive.sink).missing(chassis) {
-            return wrong(
-                format!("{}.drives.{}", context.key(), drive.output),
-                message,
-            );
-        }
-    }
-    for quantity in &node.spec().quantities {
-        let encoder = match &quantity.source {
-            ValueSource::Encoder(wheel) => wheel.name(),
-            ValueSource::EncoderNamed(name) => name,
-            _ => continue,
-        };
-        if let Some(message) = Wanted::Encoder(encoder).missing(chassis) {
-            return wrong(
-                format!("{}.quantities.{}", context.key(), quantity.name),
-                message,
-            );
-        }
-    }
-    Ok(())
 }

@@ -3,7 +3,7 @@
 use super::trigger::after;
 use super::{Cause, Evidence, weight};
 use crate::process::Ended;
-use engine::run::check::{Check, STOPS, Status};
+use engine::run::check::{Check, STOPS, Status, last_words};
 
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     own(evidence)
@@ -69,9 +69,8 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
     if alive.all(|check| check.status != Status::Fail) {
         return None;
     }
-    let last = evidence.said.lines().rev().map(str::trim);
-    let last = last.clone().find(|line| !line.is_empty());
-    let words = last.map_or_else(String::new, |line| format!("; its last words: {line}"));
+    let words = last_words(&evidence.said)
+        .map_or_else(String::new, |line| format!("; its last words: {line}"));
     let after = after(evidence, at);
     Some(match ended {
         Ended::Signal(_) => Cause::new(

@@ -10,7 +10,7 @@ use crate::exec::exchange::{GOES_ON, SILENT_MAX};
 use crate::exec::ports::Port;
 use crate::process::waits::Wait;
 use crate::transport::Setting;
-use engine::run::check::Status;
+use engine::run::check::{Status, last_words};
 
 /// Name of the check that the lines carry bytes again.
 const BACK: &str = "at-work-again";
@@ -94,11 +94,7 @@ pub(super) fn what_for(evidence: &Evidence<'_>) -> String {
         Wait::Read(_) | Wait::Any { .. } => None,
     });
     let text = text.map_or_else(String::new, |text| format!(" ({text} in the end)"));
-    let last = evidence
-        .said
-        .lines()
-        .map(str::trim)
-        .rfind(|line| !line.is_empty());
+    let last = last_words(&evidence.said);
     // An error that ended a thread, not the program.
     let is_error = |line: &&str| {
         let words = ["Error", "Exception", "panicked", "error"];
@@ -137,11 +133,7 @@ fn not_opened(evidence: &Evidence<'_>) -> Option<Cause> {
     };
     let why = match evidence.ended {
         Some((ended, at)) => {
-            let last = evidence
-                .said
-                .lines()
-                .map(str::trim)
-                .rfind(|line| !line.is_empty());
+            let last = last_words(&evidence.said);
             let words = last.map_or_else(String::new, |line| format!(" (its last words: {line})"));
             format!("it ended with {ended} at {at} s before that{words}")
         }

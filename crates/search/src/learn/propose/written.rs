@@ -167,8 +167,8 @@ fn of_stream(cutting: &Cutting, found: &Found, is_summed: bool) -> (String, usiz
                 "sync = {sync}\nlength = {{ at = {at}, type = \"{kind}\", counts = \"frame\", \
                  without = {base}{unit} }}\n"
             );
-            // Two sizes may go with two kinds of frames by chance.
-            let is_sure = is_summed || is_aligned && sizes.len() > 2;
+            // Two sizes may go with two kinds of frames by chance, whatever their checksums.
+            let is_sure = sizes.len() > 2 && (is_summed || is_aligned);
             (text, 0, claim(words, evidence, is_sure))
         }
     }

@@ -1,0 +1,103 @@
+//! Parts of the kinds of devices that a process plays: `program` and `firmware`.
+
+use core::any::Any;
+use std::path::{Path, PathBuf};
+
+use emulators::quantity::{ValueSource, Wanted};
+use emulators::world::World;
+use nodes::NodeDevice;
+
+use super::{BuildContext, ValueRow};
+use crate::rig::{AnyDevice, Rig};
+use crate::scenario::ScenarioError;
+
+/// Stores the folder `base` in `folder`, so that a saved case runs in any folder.
+pub(super) fn embed(folder: &mut Option<PathBuf>, base: &Path) {
+    let base = match base.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => base,
+    };
+    let whole = match folder {
+        Some(folder) => base.join(folder),
+        None => base.to_owned(),
+    };
+    *folder = Some(std::path::absolute(&whole).unwrap_or(whole));
+}
+
+/// The folder from which the device's files are named.
+pub(super) fn base(folder: Option<&Path>, context: &BuildContext<'_>) -> PathBuf {
+    let parent = context.source.path.parent();
+    let base = parent.unwrap_or_else(|| Path::new(""));
+    match folder {
+        Some(folder) => base.join(folder),
+        None => base.to_owned(),
+    }
+}
+
+/// Values that a node program gives, to be shown.
+pub(super) fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
+    let node = rig.device::<NodeDevice>(name).into_iter();
+    let outputs = node.flat_map(NodeDevice::outputs);
+    let row = |(name, value): (&str, f64)| {
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let whole = value.round() as i64;
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "compared with what it came from"
+        )]
+        let is_whole = (whole as f64 - value).abs() < 1e-9;
+        // A row holds whole numbers; a fraction is told by the words beside the name.
+        let name = match is_whole {
+            true => name.to_owned(),
+            false => format!("{name} ({value})"),
+        };
+        ValueRow {
+            address: None,
+            name,
+            value: whole,
+        }
+    };
+    outputs.map(row).collect()
+}
+
+/// Checks that the chassis of `world` has the encoders and actuators of the node.
+pub(super) fn check(
+    context: &BuildContext<'_>,
+    device: &dyn AnyDevice,
+    world: &World,
+) -> Result<(), ScenarioError> {
+    let device: &dyn Any = device;
+    let Some(node) = device
+        .downcast_ref::<NodeDevice>()
+        .filter(|_| context.has_robot)
+    else {
+        return Ok(());
+    };
+    let chassis = world.chassis();
+    let wrong = |key: String, message| {
+        let span = context.source.find(context.name);
+        Err(context.source.invalid(span, key, message))
+    };
+    for drive in &node.spec().drives {
+        if let Some(message) = Wanted::Actuator(&drive.sink).missing(chassis) {
+            return wrong(
+                format!("{}.drives.{}", context.key(), drive.output),
+                message,
+            );
+        }
+    }
+    for quantity in &node.spec().quantities {
+        let encoder = match &quantity.source {
+            ValueSource::Encoder(wheel) => wheel.name(),
+            ValueSource::EncoderNamed(name) => name,
+            _ => continue,
+        };
+        if let Some(message) = Wanted::Encoder(encoder).missing(chassis) {
+            return wrong(
+                format!("{}.quantities.{}", context.key(), quantity.name),
+                message,
+            );
+        }
+    }
+    Ok(())
+}
