@@ -3,22 +3,21 @@
 //! Rig and program take turns, so a second processor gains nothing, and waking a process on another
 //! one takes ten times as long as the exchange itself.
 
-use core::marker::PhantomData;
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
+use rustix::thread::{CpuSet, Pid, gettid, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
 /// Processors that threads of this process are kept on, and by how many.
 static KEPT: Mutex<BTreeMap<usize, u32>> = Mutex::new(BTreeMap::new());
 
-/// Keeps this thread, and the processes that it starts, on one processor until it is dropped.
+/// Keeps the thread that made it, and the processes that it starts, on one processor until it is dropped.
 #[derive(Debug)]
 pub(crate) struct SameProcessor {
     before: CpuSet,
     kept: usize,
-    /// The thread that was moved is the one to be released.
-    of_this_thread: PhantomData<*const ()>,
+    /// The thread that was moved is the one to be released, from whichever thread.
+    thread: Pid,
 }
 
 impl SameProcessor {
@@ -43,14 +42,14 @@ impl SameProcessor {
         Some(Self {
             before,
             kept,
-            of_this_thread: PhantomData,
+            thread: gettid(),
         })
     }
 }
 
 impl Drop for SameProcessor {
     fn drop(&mut self) {
-        let _ = sched_setaffinity(None, &self.before);
+        let _ = sched_setaffinity(Some(self.thread), &self.before);
         let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(runs) = all.get_mut(&self.kept) {
             *runs = runs.saturating_sub(1);
