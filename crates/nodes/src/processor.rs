@@ -11,7 +11,8 @@ use rustix::thread::{CpuSet, Pid, gettid, sched_getaffinity, sched_getcpu, sched
 /// Processors that threads of this process are kept on, and by how many.
 static KEPT: Mutex<BTreeMap<usize, u32>> = Mutex::new(BTreeMap::new());
 
-/// Keeps the thread that made it, and the processes that it starts, on one processor until it is dropped.
+/// Keeps the thread that made it, and the processes that it starts, on one processor until it is
+/// dropped.
 #[derive(Debug)]
 pub(crate) struct SameProcessor {
     before: CpuSet,
