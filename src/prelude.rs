@@ -41,6 +41,7 @@ pub use emulators::{Device, Event, EventKind};
 pub use firmware_core::map_view::MapView;
 pub use firmware_core::pose::Pose as ProgramPose;
 pub use firmware_core::{Inspect, Master, Work};
+pub use ports::{Bench, VirtualPort};
 pub use protocols::{
     Candidate, Decode, Decoder, Format, FrameError, Instant, LineConfig, LineEvent, Port,
 };
@@ -57,7 +58,6 @@ pub use crate::robots::{
     Alone, Axis, Check, Checker, Dut, Instruments, Look, OpenEnd, Overlay, OverlayRole, Panel,
     PanelRow, PcEnd, Robot, Status, WirePlan, Wired, register as register_robot,
 };
-pub use crate::run::bench::{Bench, VirtualPort};
 pub use crate::run::{Outcome, Run, judge};
 pub use crate::scenario::device::scan::{Beam, ScanDecoder};
 pub use crate::scenario::device::{
