@@ -11,6 +11,7 @@ mod accepted;
 mod at_work;
 #[cfg(feature = "described")]
 mod node_programs;
+pub(crate) mod safety;
 mod silence;
 
 pub use accepted::SetPointsAsAccepted;
@@ -19,6 +20,9 @@ pub use at_work::AtWorkAgain;
 pub use node_programs::NODE_PROGRAMS;
 #[cfg(feature = "described")]
 pub(crate) use node_programs::node_programs;
+pub use safety::{
+    AliveAtTheEnd, MovesOnSoundOrders, NoticesSilence, RestsAfterSilence, TelemetryTrue,
+};
 pub use silence::MotorsStopAfterSilence;
 pub(crate) use silence::fired;
 pub use silence::{STOPS, WATCHDOG};
