@@ -1,4 +1,4 @@
-//! Where a car goes whose front axle steers: from steering angle and travel to motion, and back.
+//! Motion of a car with a steered front axle: from steering angle and travel to motion, and back.
 //!
 //! ```text
 //!            ahead
@@ -10,14 +10,14 @@
 //!     left <---+
 //! ```
 //!
-//! Two points of a car are used as its place, the middles of its axles; each runs along an arc
-//! about the same centre. Source of the front axle's equations: seed 003, chapter on odometry; it
-//! has three signs wrong in their inverse; those are corrected here and kept as tests that fail.
-//! Double precision: on the car this runs on a PC.
+//! Either of two points describes the car's position: the middles of its two axles. Both move along
+//! arcs about the same centre. Source of the front axle's equations: seed 003, chapter on odometry;
+//! its inverse has three wrong signs. They are corrected here; failing tests show the original
+//! signs. The code uses double precision because it runs on a PC on the car.
 
 use core::f64::consts::{PI, TAU};
 
-/// What the odometry needs to know of a car.
+/// Dimensions of a car that its odometry needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CarGeometry {
     /// Between the axles.
@@ -134,9 +134,9 @@ impl CarGeometry {
         }
     }
 
-    /// Steering angle and travel of the front axle that bring it from where it is to `ahead_m`,
-    /// `left_m`: the shorter way round, backwards if that is the shorter one. `None` where it is
-    /// already, and for what is no place.
+    /// Steering angle and travel of the front axle that move it to `ahead_m`, `left_m` on the
+    /// shorter path, backwards if that path is shorter. `None` if the target is the current
+    /// position or is not finite.
     pub fn front_inverse(&self, ahead_m: f64, left_m: f64) -> Option<(f64, f64)> {
         let (x, y, k) = (-left_m, ahead_m, self.wheelbase_m);
         let square = x * x + y * y;
@@ -222,8 +222,8 @@ mod tests {
         track_m: 0.155,
     };
 
-    /// The differential equations of the car, whose front axle rolls along its wheels, in a
-    /// thousand steps of fourth order: the judge of the closed forms.
+    /// Numerical integration of the car's differential equations (the front axle rolls along its
+    /// wheels): 1000 steps of fourth order. The reference for the closed forms.
     fn integrated(steering: f64, path: f64) -> CarPose {
         let (steps, mut pose) = (1_000, CarPose::default());
         let step = path / f64::from(steps);

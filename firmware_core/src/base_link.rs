@@ -1,15 +1,15 @@
-//! Master side of a register bus: one transaction at a time, repeated until it is answered or
-//! given up.
+//! Master side of a register bus: one transaction at a time, repeated until the slave answers or
+//! the last try times out.
 //!
 //! ```text
 //! submit -> waiting (8) -> current: request out, answer in or time-out, three tries -> done (8)
 //! ```
 //!
-//! The bus has no sequence numbers, so an answer is recognised only by saying what was asked:
-//! register, direction and count all fit, and the request has left. Everything else is counted and
-//! dropped (the fielded program looked at the register alone and took acknowledgements and short
-//! replies for data). After a repeated request a late answer to an earlier try may still be on its
-//! way; the line is left alone for one time-out, so that it cannot pass for the answer to the next.
+//! The bus has no sequence numbers, so an answer must repeat the request: register, direction and
+//! count must match, and the request must have left. All other frames are counted and dropped. (The
+//! fielded program compared only the register and accepted acknowledgements and short replies as
+//! data.) After a repeated request a late answer to an earlier try may still arrive. The line
+//! therefore stays idle for one timeout, so that the late answer cannot match the next request.
 
 mod listener;
 mod request;
@@ -52,7 +52,7 @@ pub enum Outcome {
 /// A request that has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Completion {
-    /// What had been asked.
+    /// The request that this result answers.
     pub request: Request,
     /// When the answer was complete, or the last try given up.
     pub at: Instant,
@@ -60,7 +60,7 @@ pub struct Completion {
     pub outcome: Outcome,
 }
 
-/// What happened on the bus so far.
+/// Counters of the bus since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Requests answered.
@@ -103,14 +103,14 @@ pub struct BaseLink {
     status: Option<u8>,
     defects: Defects,
     listener: Listener,
-    /// What lies in the readers' buffer.
+    /// Stale bytes of the readers' buffer.
     stale: [u8; READ_MAX],
     /// The request that the current one has pushed aside (MA-08).
     aside: Option<Transaction>,
 }
 
 impl BaseLink {
-    /// A link to a slave of that checksum order, whose answers are waited for that long.
+    /// A link to a slave with checksum `order`; each request waits `timeout` for its answer.
     pub const fn new(order: ChecksumOrder, timeout: Duration) -> Self {
         Self::with_defects(order, timeout, Defects::NONE)
     }
@@ -265,7 +265,7 @@ impl BaseLink {
         }
     }
 
-    /// The status that the base has told unasked since the last call.
+    /// The unsolicited status of the base since the last call.
     pub const fn take_status(&mut self) -> Option<u8> {
         self.status.take()
     }
@@ -288,8 +288,8 @@ impl BaseLink {
         self.finish(now, current.request, outcome);
     }
 
-    /// The data of a reply, in a buffer of their own; the fielded program's held what had been read
-    /// into it before.
+    /// The data of a reply, in a fresh buffer; the fielded program reused a buffer that kept older
+    /// data.
     fn data_of(&mut self, frame: &Frame) -> [u8; READ_MAX] {
         let mut data = [0; READ_MAX];
         if self.defects.takes_short_replies || self.defects.takes_acknowledgements {
@@ -336,7 +336,7 @@ impl BaseLink {
 
     /// The current try got no answer.
     fn give_up_try(&mut self, now: Instant) {
-        // What a damaged count was still waiting for may hide the answer itself.
+        // A damaged byte count keeps the decoder waiting and can hide the real answer.
         self.decoder.idle();
         self.settle(now);
         let Some(current) = self.current else {

@@ -64,8 +64,8 @@ pub struct CellMap {
 }
 
 impl CellMap {
-    /// A map without cells, whose cells have edges of `cell_mm`. Where it grows it gets `margin`
-    /// cells more than it must; it has at most `cells_max`.
+    /// An empty map with cells of `cell_mm`. Each growth adds `margin` cells beyond the required
+    /// ones; the map has at most `cells_max` cells.
     ///
     /// # Panics
     /// If cells have no size.
@@ -158,8 +158,8 @@ impl CellMap {
         Some(MapView::new(width, self.cell_mm, origin, &self.cells))
     }
 
-    /// Where the middle of a robot fits that is as wide as three cells: free cells all of whose
-    /// neighbours are free. All others are obstacles, the unknown ones too.
+    /// Cells in which the middle of a robot three cells wide fits: free cells with only free
+    /// neighbours. All other cells, including unknown ones, are obstacles.
     pub fn eroded(&self) -> Self {
         let mut eroded = self.clone();
         for (index, (cell, _)) in self.iter().enumerate() {
@@ -176,11 +176,11 @@ impl CellMap {
         blank
     }
 
-    /// What another map of equal cells shows comes in: the unknown becomes known, the free becomes
-    /// an obstacle. An obstacle stays one forever, as the robot's makers have it.
+    /// Merges another map with cells of equal size: unknown cells become known, free cells become
+    /// obstacles. Obstacles are never cleared, as in the original robot's program.
     ///
     /// # Errors
-    /// If the map would become too large; what fits is in.
+    /// If the map would become too large; the cells that fit are merged.
     pub fn merge(&mut self, local: &Self) -> Result<(), NotWritten> {
         let known = local.iter().filter(|(_, value)| *value != UNKNOWN);
         for (cell, value) in known {
@@ -287,7 +287,7 @@ mod tests {
         map
     }
 
-    /// What was written stays where it is in all directions of growth, with two cells around.
+    /// Growth in any direction keeps the written cells in position and adds two cells around them.
     #[test]
     fn it_grows_no_further_than_it_must() {
         let cells = [(0, 0, FREE), (7, -3, OBSTACLE), (-4, 5, 9)];
@@ -340,7 +340,8 @@ mod tests {
         assert_eq!(walked(up, low), Ok(alloc::vec![(0, 2), (0, 1), (0, 0)]));
     }
 
-    /// B7: unknown takes what is seen, free becomes occupied, occupied is never cleared.
+    /// B7: unknown cells take the observed value, free cells become occupied, occupied cells are
+    /// never cleared.
     #[test]
     fn obstacles_are_never_cleared() {
         let mut known = map(&[(0, 0, FREE), (1, 0, OBSTACLE), (2, 0, FREE)]);

@@ -1,5 +1,5 @@
-//! What it costs a robot to be in a cell: obstacles, and the space around them into which its
-//! outline must not get. For the part of a program that runs on a PC; feature `host`.
+//! Cost of each cell for a robot: obstacles, and the space around them that its outline must not
+//! enter. For the part of a program that runs on a PC; feature `host`.
 //!
 //! ```text
 //! 20  obstacle                 the outline must not touch it
@@ -10,8 +10,8 @@
 //! ```
 //!
 //! The scale is that of the lattice planner of seed 003 (sbpl): values of its costmap, 0 to 254,
-//! divided by 14 and rounded. Unknown cells cost nothing there, so it plans through them; so does
-//! this one.
+//! divided by 14 and rounded. Unknown cells cost nothing there, so that planner plans through them;
+//! this map does the same.
 
 use alloc::vec::Vec;
 
@@ -41,7 +41,7 @@ pub struct Costmap {
     origin_m: [f64; 2],
     obstacles: Vec<bool>,
     costs: Vec<u8>,
-    /// What an obstacle makes of the cells around it, row by row.
+    /// Costs of the cells around one obstacle, row by row.
     stamp: Vec<Stripe>,
 }
 
@@ -53,8 +53,8 @@ struct Stripe {
 }
 
 impl Costmap {
-    /// A map of `obstacles`, in rows of `width` cells with edges of `cell_m`, whose corner of least
-    /// x and y is `origin_m`. An unfinished last row is left out.
+    /// A map of `obstacles`, in rows of `width` cells with edges of `cell_m`. The corner of least x
+    /// and y is `origin_m`. An incomplete last row is ignored.
     ///
     /// # Panics
     /// If `width` is 0 or the cells have no size.
@@ -152,7 +152,7 @@ impl Costmap {
     }
 
     fn index(&self, [x, y]: [i32; 2]) -> Option<usize> {
-        // What is below 0 becomes larger than any map.
+        // A negative coordinate becomes larger than any map.
         let (x, y) = (x.cast_unsigned() as usize, y.cast_unsigned() as usize);
         (x < self.width && y < self.height).then_some(y * self.width + x)
     }
@@ -177,7 +177,7 @@ impl Costmap {
             let Some(y) = y.checked_add_signed(dy).filter(|y| *y < height) else {
                 continue;
             };
-            // What begins beside the map is cut.
+            // Clip the part that lies left of the map.
             let (first, cut) = match x.checked_add_signed(dx) {
                 Some(first) => (first, 0),
                 None => (0, dx.unsigned_abs() - x),
@@ -288,8 +288,8 @@ mod tests {
         }
     }
 
-    /// Obstacles at random, half of all cells, on maps that are narrower and wider than what is
-    /// raised around each: a cell costs what the nearest obstacle makes it cost.
+    /// Random obstacles in half of all cells, on maps narrower and wider than the stamp around an
+    /// obstacle: the cost of each cell is that of its nearest obstacle.
     #[test]
     fn each_cell_costs_what_its_nearest_obstacle_makes() {
         let mut random = crate::random::Pcg32::new(7);

@@ -1,15 +1,15 @@
-//! A touch display that owns the picture: what is on it is drawn tile by tile into a small buffer,
-//! and only rows that changed are sent.
+//! A touch display that stores the picture. The program draws each tile into a small buffer and
+//! sends only rows that changed.
 //!
 //! ```text
 //!   draw --> tile of 8 rows --> rows whose sum changed --> queue --> line --> display
 //!   taps <-- pen down after pen up  <------------------------------- line <-- touch
 //! ```
 //!
-//! A picture of 480 x 272 pixels takes 255 kB, twice the memory of the board. What was sent is
-//! remembered as 16 bits a row, so a row whose sum happens to be that of its successor stays, one
-//! change in 65536; as may what the line has damaged. Three times a second one tile is sent again
-//! whether it changed or not, so all of it is right again after half a minute.
+//! A picture of 480 x 272 pixels takes 255 kB, twice the memory of the board. The program stores a
+//! sum of 16 bits for each row sent. A changed row with an equal sum (one change in 65536) is not
+//! sent, and damage on the line is not noticed. Therefore one tile is resent three times a second
+//! whether it changed or not, which repairs the whole picture within half a minute.
 
 use core::convert::Infallible;
 use core::ops::RangeInclusive;
@@ -54,7 +54,7 @@ const _: () = assert!(
 const HEAL_PERIOD: Duration = Duration::from_millis(333);
 /// Quiet time after which a half-received report is given up.
 const IDLE_GAP: Duration = Duration::from_millis(10);
-/// A pen that was not heard of for so long has been lifted.
+/// Time without a message of the pen after which it counts as lifted.
 const LIFTED_AFTER: Duration = Duration::from_millis(100);
 
 /// Part of the picture that is being drawn: 8 rows of one column.
@@ -77,7 +77,7 @@ impl Tile {
         }
     }
 
-    /// Whether any of `area` is in the tile. What is not need not be drawn.
+    /// Whether the tile contains any part of `area`; otherwise `area` need not be drawn.
     pub fn touches(&self, area: &Rectangle) -> bool {
         self.bounding_box().intersection(area).size != Size::zero()
     }
@@ -158,7 +158,7 @@ impl DrawTarget for Tile {
     }
 }
 
-/// What happened on the link so far.
+/// Counters of the link since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Rows sent.
@@ -308,7 +308,7 @@ impl Display {
         None
     }
 
-    /// Forgets what was sent of one tile, and switches the display on in case it was restarted.
+    /// Marks one tile as not sent, and switches the display on in case it was restarted.
     fn send_anew(&mut self, now: Instant) {
         self.heal_at = now + HEAL_PERIOD;
         self.tx.push(&panel::encode_switch(panel::ON));
@@ -531,8 +531,8 @@ mod tests {
         Rectangle::new(Point::new(x, y), Size::new(width, height))
     }
 
-    /// Columns begin at 0, 106 and 212, bands each 8 rows, the last is 33. What lies beyond the
-    /// rim counts for the band at the rim, what is empty for none.
+    /// Columns begin at 0, 106 and 212; bands have 8 rows each, the last band is 33. A change
+    /// beyond the edge marks the band at the edge, an empty change marks none.
     #[test]
     fn what_changed_is_marked_by_columns_and_bands() {
         let marked = |changed: Rectangle| {

@@ -47,7 +47,7 @@ impl<const N: usize> Fifo<N> {
         count
     }
 
-    /// Forgets what is queued.
+    /// Discards all queued bytes.
     pub const fn clear(&mut self) {
         self.len = 0;
     }

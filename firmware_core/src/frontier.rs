@@ -57,8 +57,8 @@ pub fn open_edges(map: &CellMap, start: Cell, given_up: &BTreeSet<Cell>) -> BTre
     edges
 }
 
-/// The best place to see what is behind `edges`: much that is unknown, and a short way. `None` if
-/// the robot can go nowhere, or there are no edges.
+/// The best position to see the space behind `edges`: many unknown cells, and a short path. `None`
+/// if the robot can reach no cell, or there are no edges.
 pub fn next_view(map: &CellMap, start: Cell, edges: &BTreeSet<Cell>) -> Option<View> {
     let reach = reach(map, &map.eroded(), start);
     let rays = rays();
@@ -78,9 +78,9 @@ pub fn next_view(map: &CellMap, start: Cell, edges: &BTreeSet<Cell>) -> Option<V
     Some(View { place, edges })
 }
 
-/// The course's choice: of a twentieth of the free cells, drawn by chance, the one whose rays meet
-/// most unknown cells, also those behind others. `None` if they meet none: the map counts as
-/// complete.
+/// The course's choice: of a twentieth of the free cells, drawn at random, the cell with rays
+/// through the most unknown cells, including those behind others. `None` if no ray meets an unknown
+/// cell: the map counts as complete.
 pub fn random_view(map: &CellMap, open: &CellMap, dice: &mut Dice) -> Option<Cell> {
     let free = open.iter().filter(|(_, value)| *value == FREE);
     let free: Vec<Cell> = free.map(|(cell, _)| cell).collect();
@@ -245,9 +245,9 @@ mod tests {
         assert_eq!(none, None);
     }
 
-    /// From the middle of the room rays of 1, 11 and 351 degrees leave by the door of three cells;
-    /// those of 21 and 341 degrees meet the wall beside it. Each counts 15 unknown cells at most,
-    /// and none behind what is free again, 3 m ahead.
+    /// Rays of 1, 11 and 351 degrees from the middle of the room leave through the door of three
+    /// cells; rays of 21 and 341 degrees meet the wall beside it. Each ray counts at most 15
+    /// unknown cells, and none behind the next free cell, 3 m ahead.
     #[test]
     fn a_view_counts_what_is_unknown_behind_the_door() {
         let (mut map, door) = (room(3), edges(&room(3)));
@@ -260,8 +260,8 @@ mod tests {
         assert_eq!(look(&map, MIDDLE, &only, &rays()), (15, only.clone()));
         map.set(Cell::new(13, 5), FREE).expect("fits");
         assert_eq!(look(&map, MIDDLE, &door, &rays()).0, 2 + 15 + 15);
-        // The course's rays: in the map only, whose margin is one cell there; the walls hide all
-        // else.
+        // The course's rays stay in the map, whose margin is one cell there; the walls hide all
+        // other unknown cells.
         assert_eq!(all_unknown(&room(3), MIDDLE, &rays()), 3);
         assert_eq!(all_unknown(&room(0), MIDDLE, &rays()), 0);
     }

@@ -57,7 +57,7 @@ impl GrowingMap {
         self.cell_mm
     }
 
-    /// The cell at `place`; never seen outside of what was written.
+    /// The cell at `place`; unknown outside the written area.
     pub fn get(&self, place: Point) -> u8 {
         let index = self.cell(place).and_then(|cell| self.index(cell));
         index.map_or(UNKNOWN, |index| self.cells[index])
@@ -139,7 +139,7 @@ mod tests {
         Point::new(x_mm, y_mm)
     }
 
-    /// What was written stays where it is in all directions of growth.
+    /// Growth in any direction keeps the written cells in position.
     #[test]
     fn it_grows_to_where_it_is_written_and_forgets_nothing() {
         let mut map = GrowingMap::new(50.0, 1 << 20);

@@ -1,17 +1,17 @@
-//! Heading from a gyroscope whose samples are summed elsewhere: the turn since the last reading,
-//! less the offset that is learned whenever the wheels stand still.
+//! Heading from a gyroscope with samples summed elsewhere: the turn since the last reading, less
+//! the offset, which is measured while the wheels stand still.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-/// Rest after which the offset is known well enough, and what is averaged at most.
+/// Rest time after which the offset is known well enough, and the longest averaging time.
 const KNOWN_AFTER_S: f32 = 0.4;
 const AVERAGED_S: f32 = 10.0;
 /// A robot that turns faster than this at rest, degrees a second, is turned by a person; no
 /// calibrated sensor is off by so much.
 const OFFSET_MAX_DEG_S: f32 = 3.0;
-/// Readings farther apart tell nothing of what was between them.
+/// Longest time between two readings; the turn between readings farther apart is unknown.
 const APART_MAX: Duration = Duration::from_millis(500);
 
 /// A gyroscope and its offset.

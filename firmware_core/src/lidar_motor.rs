@@ -1,12 +1,13 @@
-//! Speed regulator of a lidar whose motor the host drives: duty out of the speed that the packets
-//! report.
+//! Speed regulator of a lidar motor that the host drives: computes the duty from the speed in the
+//! packets.
 //!
-//! The integral part is the fielded robot's: a 64th of the error per packet, duty 50 to 255 of
-//! 256, 180 at the start (field program's lidar driver). The proportional part is ours; it damps
-//! the swing that an integral alone has with a motor that takes half a second to follow. A lidar
-//! that stays silent was stalled or restarted, so its motor is spun up afresh; a single lost packet
-//! changes nothing (the fielded program kicked the motor at each resynchronisation). One that stays
-//! silent all the same may have a weak drive, or a strong one: other duties are tried.
+//! The integral part is the fielded robot's: a 64th of the error per packet, duty 50 to 255 of 256,
+//! 180 at the start (field program's lidar driver). The proportional part is our own addition. It
+//! damps the oscillation of an integral regulator with a motor that takes half a second to follow.
+//! A lidar that stays silent was stalled or restarted, so the regulator spins its motor up again. A
+//! single lost packet changes nothing (the fielded program kicked the motor at each
+//! resynchronisation). If the lidar still stays silent, its drive may be weak or strong, so the
+//! regulator tries other duties.
 
 use core::time::Duration;
 

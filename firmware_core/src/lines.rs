@@ -5,11 +5,11 @@
 //! ```
 //!
 //! A region ends where two neighbouring points are far apart; the scan is a circle, so one region
-//! may lie across its beginning. A segment whose points all lie near its chord is done, any other
-//! one is split at the farthest point. Neighbours that continue nearly straight become one, and
-//! what remains is fitted by least squares of the perpendicular distances. Two lines that share a
-//! point meet where they cross. Figures and the fielded faults: public code of a course's robot,
-//! its lidar's task; the fit and the circle are our own.
+//! may lie across its beginning. A segment is complete if all its points lie near its chord;
+//! otherwise it is split at the farthest point. Neighbouring segments that continue nearly straight
+//! are merged. Each remaining segment is fitted by least squares of the perpendicular distances.
+//! Two lines that share a point meet where they cross. Figures and the fielded faults: public code
+//! of a course's robot, its lidar's task; the fit and the circle are our own.
 
 mod fit;
 mod split;
@@ -26,7 +26,7 @@ const SEGMENTS_MAX: usize = 64;
 /// Where a line begins and ends, in the order of the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Line {
-    /// The end whose angle comes first.
+    /// The end with the smaller angle.
     pub start: Point,
     /// The other end.
     pub end: Point,
@@ -120,8 +120,8 @@ impl Lines {
         left_out: 0,
     };
 
-    /// Finds the lines of a scan whose points are in the order of their angles around the sensor,
-    /// counter-clockwise.
+    /// Finds the lines of a scan. The points must be in the order of their angles around the
+    /// sensor, counter-clockwise.
     pub fn find(points: &[Point], settings: &Settings) -> Self {
         let mut lines = Self::NONE;
         let circle = Circle::new(points, settings);

@@ -1,5 +1,5 @@
-//! What one look shows: the map of the lines that a robot sees from where it stands. For the part
-//! of a robot's program that runs on a PC; feature `host`.
+//! Map of a single scan: the lines that a robot sees from its pose. For the part of a robot's
+//! program that runs on a PC; feature `host`.
 
 use alloc::vec::Vec;
 
@@ -52,7 +52,7 @@ impl Segment {
 
 /// Edge of a cell, mm: the task sheet of the course.
 pub const CELL_MM: f32 = 100.0;
-/// Cells around what is seen, as in the fielded program.
+/// Margin around the observed area, in cells, as in the fielded program.
 const MARGIN: u8 = 5;
 /// 51.2 m square: ten times as far as lidars of this kind see.
 const CELLS_MAX: usize = 512 * 512;
@@ -164,8 +164,8 @@ mod tests {
         assert_eq!(line.points(500.0).count(), 2);
     }
 
-    /// A wall 1 m ahead and 600 mm long lies in cells -3 to 3 of column 10. What is before it is
-    /// free, what is behind it and beside the robot unknown.
+    /// A wall 1 m ahead and 600 mm long lies in cells -3 to 3 of column 10. The space before it is
+    /// free, the space behind it and beside the robot is unknown.
     #[test]
     fn a_wall_hides_what_is_behind_it() {
         let map = local_map(eye(), &[segment((1_000.0, -300.0), (1_000.0, 300.0))]).expect("near");

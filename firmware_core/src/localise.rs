@@ -29,8 +29,8 @@ const THROUGH_MM: f32 = 200.0;
 const BEFORE_MM: f32 = 200.0;
 /// Walls farther than this are not looked at: the lidar's range, in cells.
 const REACH: i32 = 60;
-/// A place that fits with fewer than one in so many is out of the question already: what it looks
-/// through need not be counted.
+/// A position with fewer than one wall in so many matched is already excluded, so its
+/// looked-through points need not be counted.
 const FEW_PARTS: i32 = 2;
 /// As a score: what fits later, too, fits at least so well.
 const FEW: u8 = 100;
@@ -319,7 +319,8 @@ fn apart(one: usize, other: usize) -> usize {
     apart.min(HEADINGS - apart)
 }
 
-/// What a robot in the middle of cell (0, 0) sees: cells of walls, and such as it looks through.
+/// Observation of a robot in the middle of cell (0, 0): cells of walls, and cells that beams pass
+/// through.
 struct Seen {
     walls: Vec<Cell>,
     through: Vec<Cell>,
@@ -628,8 +629,8 @@ mod tests {
         assert_eq!(second(&[(0, 59, 20)]), (20, 0, 59));
     }
 
-    /// A cell ahead, and none to the side: what was seen a cell behind counts, within two degrees
-    /// and a cell. What fits now with no more than 100 of 255 is not looked at.
+    /// A cell ahead, and none to the side: the earlier scan counts one cell behind, within two
+    /// degrees and a cell. Positions with a current score of 100 of 255 or less are skipped.
     #[test]
     fn what_fits_both_times_is_the_product() {
         let ahead = PoseChange {

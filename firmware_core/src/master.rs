@@ -21,8 +21,8 @@ pub trait Master {
     }
 
     /// Does all work due by `now`. Work that costs processor time is done here at once, but its
-    /// results take effect in the next call, whose `now` tells how long it took: see
-    /// [`take_work`](Self::take_work).
+    /// results take effect in the next call. The `now` of that call includes the time of the work:
+    /// see [`take_work`](Self::take_work).
     fn poll(&mut self, now: Instant);
 
     /// Moves up to `buf.len()` bytes to be sent on `port` into `buf`; returns how many.
@@ -68,8 +68,8 @@ impl Work {
     };
 }
 
-/// What a rig may look at in a program that runs in its own process: for checkers, reports and the
-/// page, never for devices.
+/// State that a rig can read in a program of its own process: for checkers, reports and the page,
+/// never for devices.
 pub trait Inspect {
     /// Where the program believes the robot was, in its own map's frame, and when: the end of the
     /// last scan that was matched, not the moment of asking.
@@ -84,7 +84,7 @@ pub trait Inspect {
         &[]
     }
 
-    /// What the program is doing, in one or two words, e.g. `waypoint` or `stop`.
+    /// Current activity of the program, in one or two words, e.g. `waypoint` or `stop`.
     fn mode(&self) -> &'static str;
 
     /// Whether a search that the program does by itself has come to its end; `None` if there is

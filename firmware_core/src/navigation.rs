@@ -98,7 +98,7 @@ pub(crate) const fn ticks(speed: f32) -> i8 {
     ticks
 }
 
-/// What the robot's body can do and how close it may come.
+/// Dimensions and limits of the robot's body, and its minimum distance to obstacles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
     /// Radius of the disc that holds the robot.
@@ -135,7 +135,7 @@ pub struct Settings {
     pub defects: Defects,
 }
 
-/// What the fielded program did wrong in navigating; none by default.
+/// Navigation defects of the fielded program; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Headings are compared as [`Steering::towards_psi`] does (NV-01).
@@ -179,7 +179,7 @@ pub struct Goal {
     pub is_last: bool,
 }
 
-/// What to do about a goal.
+/// Next action for a goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Drive on.
@@ -192,9 +192,9 @@ pub enum Step {
 const STALLED_SCANS: u8 = 15;
 /// Progress that counts.
 const PROGRESS_MM: f32 = 10.0;
-/// Free way that is asked for before a direction is taken; of one that leads to where the robot
-/// wants to get, by so many steps of five degrees, less will do: it gets there by and by, where
-/// what is free far enough may lead away.
+/// Free path required before the robot takes a direction. Directions within 12 steps of five
+/// degrees of the wanted bearing need only the shorter one: they lead to the goal gradually, while
+/// a longer free path may lead away from it.
 const FREE_WAY_MM: f32 = 450.0;
 const NEARER_WAY_MM: f32 = 200.0;
 const NEARER_STEPS: i8 = 12;
@@ -209,7 +209,7 @@ const BLOCKED_ROUNDS: u8 = 2;
 /// Distance to the last goal at which the robot begins to slow down.
 const SLOW_DOWN_MM: f32 = 250.0;
 
-/// Drives to goals and around what is in the way.
+/// Drives to goals and around obstacles.
 #[derive(Clone, Debug)]
 pub struct Navigator {
     settings: Settings,
@@ -251,7 +251,7 @@ impl Navigator {
         }
     }
 
-    /// What it was told.
+    /// The settings given at construction.
     pub const fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -320,7 +320,7 @@ impl Navigator {
         self.wayless >= WAYLESS_PLANS || self.rounds >= BLOCKED_ROUNDS
     }
 
-    /// Forgets what it was doing.
+    /// Discards the goal and all state of the drive to it.
     pub const fn reset(&mut self) {
         self.goal = None;
         self.side = 0.0;
@@ -347,8 +347,8 @@ impl Navigator {
         }
     }
 
-    /// What to steer for: the goal itself if the way there is free, else the next part of a way
-    /// around.
+    /// The point to steer for: the goal itself if the straight path is free, else the next point of
+    /// a path around the obstacles.
     fn aim(
         &mut self,
         body: &Body,

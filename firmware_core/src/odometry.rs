@@ -52,7 +52,7 @@ impl WheelGeometry {
     }
 }
 
-/// Faults of the fielded code, to show what they do; all off by default.
+/// Defects of the fielded code, to show their effects; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Only the length of the motion is used: driving backwards moves forwards (SL-07).
@@ -332,8 +332,8 @@ fn seconds(duration: Duration) -> f32 {
     duration.as_secs_f32()
 }
 
-/// The fielded firmware's odometry (its document's listing B.4), kept to show what is wrong with
-/// it; see [`fielded::change`].
+/// The fielded firmware's odometry (its document's listing B.4), kept to show its errors; see
+/// [`fielded::change`].
 pub mod fielded {
     use core::f32::consts::PI;
 
@@ -416,8 +416,8 @@ mod tests {
         assert!(near(DRIVE.arc([100, 99]).distance_mm(), 45.15, 0.01));
     }
 
-    /// The base was silent for a second, in which the robot continued turning: 450 ticks of each
-    /// wheel are a quarter turn. What it did meanwhile is known, but not when.
+    /// The base was silent for a second while the robot continued turning: 450 ticks of each wheel
+    /// are a quarter turn. The motion in the silence is known, but not its course in time.
     #[test]
     fn what_the_counters_went_on_counting_in_a_silence_is_motion() {
         let mut odometry = Odometry::new(DRIVE);

@@ -1,8 +1,8 @@
-//! The lidar's bytes become packets: soundly, or as the fielded program did it.
+//! Parser of the lidar's packets: correct, or with the defects of the fielded program.
 //!
-//! The fielded parser hunts a start byte, takes 22 bytes, and expects the next start byte behind
-//! them; what it finds there it believes. It computes the checksum without clearing the sum between
-//! packets, which is why the comparison was commented out at last, and it uses the index unchecked.
+//! The fielded parser searches a start byte, takes 22 bytes, and expects the next start byte behind
+//! them; it accepts any byte there. It computes the checksum without clearing the sum between
+//! packets, so its developers finally commented the comparison out. It uses the index unchecked.
 
 use protocols::xv11::{self, FIRST_INDEX, FRAME_LEN, Frame, RawReading, START, SpeedWord};
 use protocols::{Decode, FrameError};
@@ -10,7 +10,7 @@ use protocols::{Decode, FrameError};
 use crate::memory::StrayWrites;
 use crate::scan::BEAMS;
 
-/// What the fielded program did wrong in its lidar's stream; none by default.
+/// Lidar defects of the fielded program; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The checksum's sum continues from packet to packet (XV-01).
@@ -272,8 +272,8 @@ mod tests {
         assert_eq!(packets.pending(), 2);
     }
 
-    /// 0xFA stands within the first packet: what was taken is not looked at again, whether it was
-    /// sound, or wrong and believed to keep its place.
+    /// 0xFA occurs within the first packet: the parser never searches bytes it has taken, whether
+    /// the packet was valid, or invalid and accepted to keep its position.
     #[test]
     fn a_packet_that_was_taken_is_not_searched() {
         let within = |mut bytes: [u8; FRAME_LEN]| {

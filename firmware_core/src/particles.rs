@@ -43,7 +43,7 @@ pub struct Settings {
     pub noise: Noise,
     /// Beams of a scan that are weighed, evenly chosen.
     pub beams: usize,
-    /// Weight of what is measured as it should be, and of anything; together 1.
+    /// Weight of a correct measurement, and of a random one; together 1.
     pub hit_and_random: [f64; 2],
     /// Standard deviation of a beam's end about the next obstacle, metres.
     pub hit_sigma_m: f64,
@@ -101,7 +101,7 @@ pub struct Estimate {
 /// The guesses.
 #[derive(Clone, Debug)]
 pub struct Localiser {
-    /// What a beam that ends in a cell adds to the likelihood.
+    /// Likelihood that a beam adds if it ends in a cell.
     weights: LikelihoodField,
     settings: Settings,
     particles: Vec<Particle>,
@@ -248,7 +248,7 @@ impl Localiser {
             near.iter().map(|one| one.weight * of(one)).sum::<f64>() / share
         };
         let (x_m, y_m) = (mean(&|one| one.pose.x_m), mean(&|one| one.pose.y_m));
-        // Headings of a heap lie within 30 degrees, so their mean is that of what they are off.
+        // Headings of a cluster lie within 30 degrees, so their mean is the mean of their offsets.
         let about = near.first().map_or(0.0, |one| one.pose.heading_rad);
         let off = mean(&|one| wrapped(one.pose.heading_rad - about));
         let pose = CarPose {

@@ -40,7 +40,7 @@ const ROW_RETRY: Duration = Duration::from_millis(5);
 const IDLE_GAP: Duration = Duration::from_millis(100);
 /// State is sent at 5 Hz.
 const STATE_PERIOD: Duration = Duration::from_millis(200);
-/// How the robot is, is told each second.
+/// Period of the diagnosis messages.
 const DIAGNOSIS_PERIOD: Duration = Duration::from_secs(1);
 const NEVER: Instant = Instant::from_nanos(u64::MAX);
 
@@ -53,13 +53,13 @@ pub struct Settings {
     pub pace_bytes_per_s: Option<u32>,
     /// How rows are run-length coded.
     pub dialect: rle::Dialect,
-    /// What is told besides pose, state and map.
+    /// Diagnosis sent besides pose, state and map.
     pub diagnosis: Diagnose,
     /// Enabled faults of the fielded program.
     pub defects: Defects,
 }
 
-/// What is told besides pose, state and map.
+/// Diagnosis sent besides pose, state and map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Diagnose {
     /// Nothing, as the report has it.
@@ -87,7 +87,7 @@ impl Default for Settings {
     }
 }
 
-/// What the link tells of.
+/// Data that the link sends to the PC.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// The map.
@@ -104,7 +104,7 @@ pub struct View<'a> {
     pub victims: &'a [[i16; 2]],
 }
 
-/// What happened on the link so far.
+/// Counters of the link since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Valid frames received.
@@ -141,7 +141,7 @@ pub struct PcLink {
     state_at: Instant,
     diagnosis_at: Instant,
     row_at: Instant,
-    /// When what has been sent will have passed the far side.
+    /// Time at which the last bytes sent will have passed the receiving radio.
     passed_at: Instant,
     row: u16,
     /// Queued bytes that have to wait, and until when.
@@ -152,7 +152,7 @@ pub struct PcLink {
     fielded: Fielded,
 }
 
-/// What only the fielded program's faults need.
+/// State that only the fielded program's defects need.
 #[derive(Clone, Debug)]
 struct Fielded {
     receiver: Receiver,
@@ -249,7 +249,7 @@ impl PcLink {
         self.echo_is_due = true;
     }
 
-    /// Queues what is due.
+    /// Queues all messages that are due.
     pub fn tick(&mut self, now: Instant, view: &View<'_>) {
         if now < self.next_at() {
             return;
@@ -396,7 +396,7 @@ impl PcLink {
         }
     }
 
-    /// What the radio has no room for yet waits in the queue, and all behind it.
+    /// Bytes that the radio has no room for wait in the queue, together with all bytes behind them.
     fn hold(&mut self, now: Instant, len: usize, pace: u32) {
         if self.held > 0 {
             self.held += len;

@@ -109,8 +109,8 @@ fn cost(from: Cell, to: Cell) -> u32 {
     cost
 }
 
-/// Whether all cells of the straight way are free (Bresenham's line, as in the toolbox); the first
-/// may be what it is, as the robot is there already.
+/// Whether all cells of the straight path are free (Bresenham's line, as in the toolbox). The first
+/// cell may have any value because the robot is already there.
 pub fn is_clear(open: &CellMap, from: Cell, to: Cell) -> bool {
     let (dx, dy) = ((to.x - from.x).abs(), (to.y - from.y).abs());
     let (step_x, step_y) = ((to.x - from.x).signum(), (to.y - from.y).signum());
@@ -277,8 +277,8 @@ pub fn plan(
     (roadmap, found)
 }
 
-/// As [`plan`], in the way of the course: the start is made free, one roadmap of 100 vertices, and
-/// whatever it gives.
+/// As [`plan`], but as the course does it: frees the start, builds one roadmap of 100 vertices, and
+/// returns its result.
 pub fn plan_once(
     map: &CellMap,
     start: Cell,
@@ -390,7 +390,8 @@ mod tests {
         );
     }
 
-    /// A map of rows from y = 0 on whose first cell is `low`: a dot is free, all else an obstacle.
+    /// A map of rows from y = 0; its first cell is `low`: a dot is free, all other characters are
+    /// obstacles.
     fn drawn(low: Cell, rows: &[&str]) -> CellMap {
         let mut map = CellMap::new(100.0, 0, 10_000);
         for (y, row) in (low.y..).zip(rows) {
@@ -408,8 +409,8 @@ mod tests {
         places.iter().map(|(x, y)| Cell::new(*x, *y)).collect()
     }
 
-    /// Bresenham's line over four cells and up two, by hand, and its mirror images: each of its
-    /// cells is in the way but the first, and no other is.
+    /// Bresenham's line over four cells and up two, by hand, and its mirror images: an obstacle in
+    /// any of its cells but the first blocks the path, and no other cell does.
     #[test]
     fn a_straight_way_is_clear_when_its_cells_are() {
         let line = [(1, 0), (2, 1), (3, 1), (4, 2)];
@@ -526,7 +527,7 @@ mod tests {
     }
 
     /// From 1 the nearest vertex is 0, to 8 it is 9; the straight edge between them is shorter than
-    /// the way by row 1. What is nearest but behind a wall is not in sight.
+    /// the path by row 1. A nearer vertex behind a wall is not in sight.
     #[test]
     fn a_way_begins_and_ends_at_the_vertices_in_sight() {
         let open = drawn(ORIGIN, &["..........", ".........."]);

@@ -23,10 +23,10 @@ const REPLY_WAIT: Duration = Duration::from_millis(1_600);
 const QUIET: Duration = Duration::from_millis(100);
 /// Longest command.
 const COMMAND_MAX: usize = 32;
-/// What every reply begins with.
+/// First bytes of every reply.
 const OK: [u8; 2] = *b"OK";
 
-/// What a module is to be.
+/// Wanted settings of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Rate at which it is thought to be, bit/s: tried first.
@@ -39,7 +39,7 @@ pub struct Settings {
     pub pin: [u8; 4],
 }
 
-/// What is said next.
+/// Next command of the dialogue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Attention,
@@ -86,7 +86,7 @@ impl RadioSetup {
         }
     }
 
-    /// Whether nothing more will be said or heard.
+    /// Whether the setup has finished: it will send and receive nothing more.
     pub const fn is_over(&self) -> bool {
         matches!(self.step, Step::Over { .. })
     }
@@ -179,7 +179,7 @@ impl RadioSetup {
             }
         };
         let mut bytes = [0; COMMAND_MAX];
-        // What cannot be said is not answered either.
+        // A command that cannot be encoded gets no reply either.
         let len = command.encode(&mut bytes).unwrap_or(0);
         self.tx.clear();
         self.tx.push(&bytes[..len]);
@@ -205,8 +205,8 @@ mod tests {
         pin: *b"1234",
     };
 
-    /// What was said at which rate until it was over, and after how long, to a module of `baud`
-    /// that says OK after a second of silence.
+    /// Commands sent until the end, with their rates, and the time needed, for a module at `baud`
+    /// that replies OK after a second of silence.
     fn said_to(baud: u32, settings: Settings) -> (Vec<(u32, String)>, RadioSetup, u64) {
         let mut setup = RadioSetup::new(settings);
         let (mut said, mut baud) = (Vec::new(), baud);

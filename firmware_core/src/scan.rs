@@ -33,7 +33,7 @@ const PACKETS_MIN: u8 = 9;
 /// Longest turn that is waited for: 120 turns a minute.
 const TURN_MAX: Duration = Duration::from_millis(500);
 
-/// What to do with readings that carry the sensor's strength warning.
+/// Treatment of readings with the sensor's strength warning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WeakReadings {
     /// They are as good as others.
@@ -60,7 +60,7 @@ pub struct Mounting {
     pub delay: Duration,
 }
 
-/// What the fielded program did wrong in assembling scans; all off by default.
+/// Defects of the fielded program in assembling scans; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Distances of packets that did not arrive stay from earlier turns (XV-07).
@@ -212,9 +212,9 @@ impl TurnAssembler {
         fresh
     }
 
-    /// Start and end of the turn, from the arrivals of its first and last packet. A turn of which
-    /// too little arrived, or whose packets arrived in bunches, is timed by the speed that the
-    /// sensor reports.
+    /// Start and end of the turn, from the arrivals of its first and last packet. If too few
+    /// packets arrived, or they arrived in bunches, the speed that the sensor reports gives the
+    /// times instead.
     fn span(&self, first: Arrival, last: Arrival) -> (Instant, Instant) {
         let reported = reported_period(self.speed);
         let steps = u32::from(last.index - first.index);
@@ -709,9 +709,9 @@ mod tests {
         assert_eq!(ms(400 * 64), 150_000);
     }
 
-    /// Packets 10 and 60 arrive 50 / 90 of a turn of 210 ms apart: that is 5 % longer than what is
-    /// reported, and believed. The last packet comes 29 / 90 of it later, the beams a delay before;
-    /// 44 packets are too few, and 225 ms too far off: 200 ms.
+    /// Packets 10 and 60 arrive 50 / 90 of a turn of 210 ms apart: 5 % longer than the reported
+    /// turn, which is accepted. The last packet comes 29 / 90 of a turn later, the beams a delay
+    /// before. 44 packets are too few, and 225 ms is too far off: the reported 200 ms counts.
     #[test]
     fn a_turn_is_timed_by_its_packets_if_they_agree_with_its_speed() {
         let span = |turn_us: u64, first: u8, last: u8| {

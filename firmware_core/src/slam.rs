@@ -96,7 +96,7 @@ const DENSE_POINTS: usize = 180;
 const SETTLED: f32 = 0.85;
 /// Scans that need not fit well after a push; then the world has changed as well.
 const UNSETTLED_MAX: u8 = 5;
-/// A robot whose wheels have gone less than this since the scan drawn last rests.
+/// A robot counts as resting if its wheels have moved less than this since the last drawn scan.
 const AT_REST_CELLS: f32 = 0.1;
 const AT_REST_RAD: f32 = 0.005;
 /// How far a pose is off that was found in scans which a push smeared.
@@ -107,7 +107,7 @@ const SETTLED_CELLS: f32 = 2.0;
 /// Agreement that a lost robot's new place must have.
 const FOUND_AGAIN: f32 = 0.75;
 
-/// Map, pose, and what is needed to keep both; the only large thing a robot has.
+/// Map, pose, and the state that keeps both current; the only large object of a robot.
 #[derive(Clone, Debug)]
 pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     grid: Grid<W, H>,
@@ -172,7 +172,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.pose = pose;
     }
 
-    /// What the mapper was told once.
+    /// The settings given at construction.
     pub const fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -211,9 +211,9 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.travel.doubt(unseen_mm, unseen_rad);
     }
 
-    /// The robot may have moved by so much, millimetres and radians, while neither its wheels nor
-    /// its lidar told, but by no more than `most` since its pose was sure: it is looked for there,
-    /// and nowhere else, until a scan fits.
+    /// Notes that the robot may have moved by `by`, millimetres and radians, unseen by wheels and
+    /// lidar, but by at most `most` since its pose was certain. The mapper searches only there
+    /// until a scan fits.
     pub const fn lose_track(&mut self, by: [f32; 2], most: [f32; 2]) {
         self.lost.lose(by, most);
     }

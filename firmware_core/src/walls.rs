@@ -11,7 +11,7 @@ use crate::pose::{Point, Pose, normalised};
 
 /// Walls shorter than this have no certain direction.
 const LENGTH_MIN_MM: f32 = 150.0;
-/// Walls whose directions differ more are not the same.
+/// Largest angle between two directions of the same wall, radians.
 const TURN_MAX: f32 = 0.26;
 /// A correction beyond these is none, but a mistake.
 const SHIFT_MAX_MM: f32 = 300.0;
@@ -77,9 +77,9 @@ impl Walls {
             .unwrap_or(robot)
     }
 
-    /// As [`corrected`](Self::corrected), of a robot that was turned and moved without knowing: it
-    /// is looked for in other headings and places near by, and is where clearly more of what it
-    /// sees lies on known walls.
+    /// As [`corrected`](Self::corrected), for a robot that was turned and moved without notice.
+    /// Other headings and nearby positions are tried; one is taken if clearly more of the scan lies
+    /// on known walls.
     pub fn recovered(&self, robot: Pose, lines: &[Segment]) -> Pose {
         let near = self.corrected(robot, lines);
         let mut best = (self.known(near, lines) * BETTER.0 / BETTER.1, near);
@@ -360,8 +360,8 @@ mod tests {
         assert_eq!(known.corrected(back, &[behind]), back);
     }
 
-    /// Lines of 150 mm and below have no direction. Whichever way a line is told, the robot is to
-    /// the left of its face: ahead of it the face goes from right to left.
+    /// Lines of 150 mm and below have no direction. Whichever end of a line comes first, the robot
+    /// is to the left of its face: ahead of the robot the face runs from right to left.
     #[test]
     fn faces_are_long_and_have_the_robot_to_their_left() {
         let line =

@@ -47,7 +47,7 @@ impl core::fmt::Display for WaypointError {
 
 impl core::error::Error for WaypointError {}
 
-/// What the fielded program did wrong with its list; none by default.
+/// Defects of the fielded program's list; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The sender's links are followed; one to an unknown number is a null pointer (PU-07, PU-08).
@@ -58,7 +58,7 @@ pub struct Defects {
     pub keeps_the_target: bool,
     /// Removing the first or the last waypoint loses that end of the list (NV-03).
     pub loses_its_ends: bool,
-    /// What finds no slot is taken for stored (NV-05).
+    /// Waypoints without a slot are reported as stored (NV-05).
     pub drops_silently: bool,
 }
 
@@ -86,7 +86,7 @@ pub struct Waypoints {
     broken: Broken,
 }
 
-/// What defects have done to the list.
+/// Damage that defects have done to the list.
 #[derive(Clone, Copy, Debug, Default)]
 struct Broken {
     /// A null pointer was followed.
@@ -218,12 +218,12 @@ impl Waypoints {
         self.reached = 0;
     }
 
-    /// Replaces the list by one that was received; how many of it found no slot or number.
+    /// Replaces the list by a received one; returns how many waypoints got no slot or number.
     ///
-    /// A waypoint that comes back with number and position unchanged keeps its number, others get
-    /// new ones. As far as the new list begins like the old one, what was reached stays reached,
-    /// so a list that is sent twice, or sent again with a waypoint added behind, does not send the
-    /// robot back. A list that was finished starts again.
+    /// A received waypoint with unchanged number and position keeps its number, others get new
+    /// ones. Waypoints at the start of both lists stay reached if they are equal. A list sent
+    /// twice, or with a waypoint appended, therefore does not send the robot back. A finished list
+    /// starts again.
     pub fn replace(&mut self, received: impl Iterator<Item = Sent>) -> usize {
         let old = self.clone();
         let was_finished = self.reached == self.len;

@@ -22,8 +22,8 @@ pub struct WallFollowing {
     pub distance_mm: f32,
     /// A wall farther than this is not followed.
     pub lost_mm: f32,
-    /// What is nearer than this ahead is turned away from; only for the beam's law, which does not
-    /// see it by itself.
+    /// Distance ahead below which the robot turns away; only for the beam's law, which does not
+    /// check ahead itself.
     pub front_mm: f32,
 }
 
@@ -112,7 +112,7 @@ impl Explorer {
         }
     }
 
-    /// A turn away from what is too near ahead, with the side kept until the way is free.
+    /// A turn away from an obstacle too near ahead; keeps its side until the path is free.
     fn turn_away(&mut self, settings: &Settings, around: &Surroundings) -> Option<[i8; 2]> {
         let (left, right) = front_mm(settings, around);
         let near = settings.wall.front_mm
@@ -157,7 +157,7 @@ mod tests {
     use crate::navigation::Body;
     use crate::pose::Point;
 
-    /// The seed report's law; what is ahead counts within 160 + 45 / 2 = 182.5 mm of the middle.
+    /// The seed report's law; obstacles ahead count within 160 + 45 / 2 = 182.5 mm of the middle.
     const SETTINGS: Settings = {
         let mut settings = Settings::new(Body {
             radius_mm: 160.0,

@@ -28,13 +28,13 @@ const STALE_CELLS: i8 = 4;
 /// An edge counts so near to where the robot's middle can get to, 15 cm: cracks between boards lead
 /// to the flank that the map draws behind them, which looks like floor.
 const WITHIN_CELLS: i8 = 5;
-/// What a cell of the way costs, in unknown cells.
+/// Cost of a cell of the path, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
 /// For each so many cells of the way, one more unknown cell must be there, until there are as many
 /// as any door shows.
 const CRUMB_CELLS: u16 = 4;
-/// What a ray to a wall that was not felt is worth, in unknown cells, and how many are needed: what
-/// is narrower than a plate of 10 cm was felt together with what lies beside it.
+/// Worth of a ray to an unfelt wall, in unknown cells, and the minimum number of such rays: a wall
+/// narrower than a plate of 10 cm was felt together with the walls beside it.
 const FEEL_WEIGHT: u16 = 4;
 const UNFELT_MIN: u16 = 3;
 /// Cells around the end of a ray that were felt with it.
@@ -52,13 +52,13 @@ const STEPS_PER_POINT: u32 = 32;
 const CELLS: u32 = EDGE as u32 * EDGE as u32;
 /// Steps that sorting the map's cells costs, at 4 cycles each; nine of them are a planner's cell.
 const SCENE_STEPS: u32 = 2 * CELLS;
-/// Steps that a wave over a free map and growing what it has reached by a disc cost at most.
+/// Maximum cost, in steps, of a wave over a free map and of growing the reached area by a disc.
 const WAVE_STEPS: u32 = 3 * CELLS;
 
-/// What the robot looks for.
+/// Target of the robot's search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sought {
-    /// What the lidar has not seen.
+    /// Floor that the lidar has not seen.
     Floor,
     /// Besides, walls that the heat sensors have not passed.
     FloorAndHeat,
@@ -73,7 +73,7 @@ pub struct View {
     pub way_cells: u16,
 }
 
-/// What can be seen from a place, as counted by rays.
+/// Content of the view from a position, as counted by rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outlook {
     /// Unknown cells behind edges of the known floor.
@@ -105,7 +105,7 @@ impl Outlook {
         self.unfelt >= UNFELT_MIN
     }
 
-    /// What it is worth if it is worth a way, and unknown cells count from `least` on.
+    /// Gain of the view if it is worth a path; unknown cells count from `least` on.
     const fn gain(self, least: u16) -> Option<u16> {
         let counts = least <= Self::SMALL || self.unknown >= least;
         let unknown = if counts { self.unknown } else { 0 };
@@ -119,7 +119,7 @@ impl Outlook {
     }
 }
 
-/// What is still to be checked.
+/// Edges and walls that are still to be checked.
 #[derive(Clone, Debug)]
 pub struct Frontiers {
     sought: Sought,
@@ -155,9 +155,9 @@ impl Frontiers {
         }
     }
 
-    /// What was given up gets another chance, and from now on the two faces of a board are told
-    /// apart, also where it is a cell thick. What is left of a face must be wider then: strips are
-    /// noise of the map.
+    /// Gives all given-up edges another chance and from now on distinguishes the two faces of a
+    /// board, even if it is only a cell thick. The unfelt rest of a face must then be wider,
+    /// because strips are noise of the map.
     pub const fn forgive(&mut self) {
         self.has_faces = true;
         self.doubted = Cells::NONE;
@@ -255,7 +255,7 @@ impl Frontiers {
         Scene::of(map, self)
     }
 
-    /// What is to be seen from `place`.
+    /// The view from `place`.
     pub fn outlook(&mut self, map: &Grid, place: Point) -> Outlook {
         let scene = self.scene(map);
         let cell = Raster::of(map).cell_of(place);
@@ -264,8 +264,8 @@ impl Frontiers {
         })
     }
 
-    /// What of `sought` is to be seen from `place`, or beside it, was checked in vain, or the
-    /// robot does not get there.
+    /// Marks `sought` in view of `place`, or beside it, as given up: it was checked in vain, or the
+    /// robot cannot get there.
     pub fn give_up(&mut self, map: &Grid, place: Point, sought: Sought) {
         let scene = self.scene(map);
         let Some(from) = Raster::of(map).cell_of(place) else {

@@ -1,12 +1,12 @@
-//! Ways around what is in the way: a wave from the goal through the free cells of a coarse map.
+//! Paths around obstacles: a wave from the goal through the free cells of a coarse map.
 //!
 //! A cell is three by three cells of the map, as in the seed's navigation map (100 x 100), and
 //! takes four bits: the direction in which the goal lies. Unseen cells count as free; if they are
-//! not, the next plan knows better.
+//! not, the next plan corrects this.
 //!
-//! A way that was chosen is kept until something is in it, and what was in it is remembered for as
-//! long as there is another way: the robot sees more of a place when it is there than the map
-//! shows later, and would otherwise turn back half way to the next one.
+//! The planner keeps a chosen path until an obstacle blocks it, and remembers that obstacle as long
+//! as another path exists. The reason: the robot sees more of an area while it is there than the
+//! map shows later. Without this memory it would turn back half way along the next path.
 
 use crate::grid::Grid;
 use crate::pose::{Point, Pose};
@@ -63,9 +63,9 @@ impl Planner {
         self.refusals = 0;
     }
 
-    /// Plans all ways to `goal`, from what the map holds and what is seen right now; for `body`,
-    /// or, if none leads there, for one that keeps only `thin_mm`. Returns whether every way that
-    /// the map shows was found blocked: they are then tried again.
+    /// Plans all paths to `goal`, from the map and the current scan; for `body`, or, if no path
+    /// leads there, for a body that keeps only `thin_mm`. Returns whether every path on the map was
+    /// found blocked; the planner then tries them again.
     pub(super) fn plan(
         &mut self,
         map: &Grid,
@@ -83,7 +83,7 @@ impl Planner {
             return false;
         };
         if self.kept == Some(goal) {
-            // What was free by a cell when the way was chosen may be drawn a cell nearer now.
+            // An obstacle with one free cell of margin at planning may now be drawn a cell nearer.
             let tight = self.raster.blocked(&obstacles, reach - 1, ends);
             match self.stretch_on_way(pose.position(), &tight) {
                 Some(None) => {
@@ -136,8 +136,9 @@ impl Planner {
         }
     }
 
-    /// What is seen to stand in the way at `cell`: it is remembered where it is, so that a way that
-    /// is farther off stays one. If it is remembered already, `cell` itself.
+    /// The obstacle cell that blocks the path at `cell`. The planner stores the obstacle's own
+    /// position, so that a path farther from it stays open. If the obstacle is already stored,
+    /// returns `cell` itself.
     fn in_the_way(&self, cell: Cell, obstacles: &Cells, reach: i8) -> Cell {
         let known = &self.refused[..self.refusals.min(REFUSED_MAX)];
         let apart = |other: Cell| other.x.abs_diff(cell.x).pow(2) + other.y.abs_diff(cell.y).pow(2);
@@ -213,8 +214,8 @@ impl Planner {
         }
     }
 
-    /// The nearest cell that the wave has reached: a robot that drives along the rim of what is
-    /// free is now and then a cell beside it.
+    /// The nearest cell that the wave has reached: a robot that drives along the edge of the free
+    /// area is sometimes a cell beside it.
     fn nearest_reached(&self, cell: Cell) -> Option<Cell> {
         let is_reached = |cell: &Cell| (1..=GOAL).contains(&self.get(*cell));
         (0..=STRAY_CELLS).find_map(|apart| {
@@ -225,7 +226,8 @@ impl Planner {
         })
     }
 
-    /// Plans with what is `reach` cells off the obstacles: whether a way leads from end to end.
+    /// Plans with cells within `reach` of obstacles blocked; returns whether a path connects the
+    /// ends.
     fn reaches(&mut self, obstacles: &Cells, reach: i8, ends: [Point; 2], goal: Cell) -> bool {
         self.near = self.raster.blocked(obstacles, reach, ends);
         self.field.as_flattened_mut().fill(NOWHERE);
@@ -380,7 +382,7 @@ mod tests {
         assert_eq!(planner.way_from(from), None);
     }
 
-    /// What is seen right now counts, even if the map does not show it yet.
+    /// The current scan counts, even where the map does not show it yet.
     #[test]
     fn an_obstacle_that_only_the_scan_shows_is_planned_around() {
         let map = map(&[]);
@@ -470,8 +472,9 @@ mod tests {
     }
 
     /// A corridor of 43 cm between a wall and a board that the map does not show, 15 cm from the
-    /// path: what is refused is where the board is, so the corridor stays open, also if the robot
-    /// does not see the board any more. The same board once more refuses the place on the path.
+    /// path. The planner refuses the board's position, so the corridor stays open even if the robot
+    /// no longer sees the board. When the board blocks again, the planner refuses the position on
+    /// the path.
     #[test]
     fn a_board_beside_the_way_does_not_close_the_corridor() {
         let map = map(&[[0, 0, 299, 1]]);
@@ -550,7 +553,7 @@ mod tests {
         assert_eq!((planner.refusals, planner.kept), (0, None));
     }
 
-    /// Nibbles of neighbours keep what they are.
+    /// Neighbouring nibbles do not change each other.
     #[test]
     fn two_cells_share_a_byte() {
         let mut planner = Planner::new();

@@ -9,7 +9,7 @@ use super::cells::{COARSE, Cell, Cells, EDGE, SIDE};
 /// Map value from which a cell counts as an obstacle. A beam's end is drawn as a ramp; this much of
 /// it lies within 25 mm of the end.
 pub(super) const OBSTACLE_FROM: u8 = 215;
-/// What is blocked only because it is near something is opened this far around start and goal.
+/// Radius around start and goal in which cells blocked only by nearness are opened.
 pub(super) const OPENED_MM: f32 = 120.0;
 /// A wave front cannot be longer than the map's rim.
 const FRONT_MAX: usize = 4 * SIDE + 112;
@@ -53,7 +53,7 @@ impl Raster {
         obstacles
     }
 
-    /// What lies within `reach` cells of an obstacle, but open around `ends`.
+    /// Cells within `reach` of an obstacle, except around `ends`.
     pub(super) fn blocked(self, obstacles: &Cells, reach: i8, ends: [Point; 2]) -> Cells {
         let mut blocked = obstacles.grown(reach);
         for cell in ends.into_iter().filter_map(|end| self.cell_of(end)) {

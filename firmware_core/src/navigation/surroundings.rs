@@ -18,7 +18,7 @@ const APPROACH_MM: f32 = 4.0;
 /// as there is use for.
 const POINTS_MAX: usize = BEAMS + 80;
 
-/// What the lidar saw last, from where the robot is now.
+/// The last scan of the lidar, relative to the robot's current pose.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
     points: [Point; POINTS_MAX],
@@ -54,7 +54,7 @@ impl Surroundings {
         around
     }
 
-    /// Adds what other sensors know of. A robot whose lidar is blind stays blind.
+    /// Adds points of other sensors. A robot with a blind lidar stays blind.
     pub fn add(&mut self, points: impl Iterator<Item = Point>) {
         if !self.is_blind() {
             self.put(points);
@@ -117,8 +117,8 @@ impl Surroundings {
         free.max(0.0)
     }
 
-    /// `wanted`, slowed down as far as it takes to keep away from what is seen; at last only the
-    /// turn is left of it. Blind, the robot stands.
+    /// `wanted`, slowed down as far as needed to keep away from seen obstacles; in the limit only
+    /// the turn is left. A blind robot stops.
     pub fn guarded(&self, body: &Body, wanted: [i8; 2]) -> [i8; 2] {
         // Field defect XV-11: with every beam invalid the fielded robot drove straight ahead.
         if self.is_blind() {
@@ -170,8 +170,8 @@ mod tests {
         axle_mm: 260.0,
     };
 
-    /// T5: a post 100 mm beside the way stops a body of 205 mm where the rest of the square over
-    /// 205 is 178.96: 121.04 mm on. 205 mm beside it, it is no longer in the way.
+    /// T5: a post 100 mm beside the path stops a body of 205 mm at the rest of the square over 205,
+    /// which is 178.96: after 121.04 mm. 205 mm beside the path, the post no longer blocks.
     #[test]
     fn a_post_beside_the_way_is_reached_later() {
         let free = |y| Surroundings::of(core::iter::once(Point::new(300.0, y))).free_mm(&BODY, 0.0);
@@ -222,8 +222,9 @@ mod tests {
         assert_eq!(around.nearest(2.0..=3.0), None);
     }
 
-    /// A robot that has gone 100 mm on, 20 to the left, and turned to the left by a quarter sees
-    /// what was at (300, 220) 200 mm ahead of where it was going, which is now to its right.
+    /// A robot has driven 100 mm forward and 20 mm to the left, and turned left by a quarter. A
+    /// point that was at (300, 220) is then 200 mm ahead in the old direction, which is now to the
+    /// robot's right.
     #[test]
     fn what_was_seen_is_where_the_robot_has_left_it() {
         let points = [Point::new(300.0, 220.0), Point::new(100.0, 120.0)];

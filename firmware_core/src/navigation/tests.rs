@@ -132,7 +132,7 @@ fn the_nearest_law_keeps_the_wall_abeam() {
 }
 
 proptest! {
-    /// Whatever is seen and wanted: the guard never speeds a wheel up beyond what was wanted.
+    /// For any scan and any command, the guard never speeds a wheel up beyond the command.
     #[test]
     fn the_guard_never_asks_for_more(
         points in prop::collection::vec((-2e3_f32..2e3, -2e3_f32..2e3), 0..400),
@@ -145,8 +145,8 @@ proptest! {
         prop_assert!(guarded[0].abs() <= most && guarded[1].abs() <= most);
     }
 
-    /// No point in the way is ever approached to less than the body's radius within a second,
-    /// if it was outside to begin with.
+    /// Within a second the robot never comes nearer than the body's radius to any obstacle point
+    /// that was outside at the start.
     #[test]
     fn a_guarded_second_hits_nothing(
         points in prop::collection::vec((170.0_f32..2e3, -3.2_f32..3.2), 10..60),
@@ -211,8 +211,8 @@ fn a_side_once_taken_is_kept_unless_the_other_is_much_better() {
     assert_eq!([17.0, 25.0].map(|at| around_a_post(at, 1.0)), [65.0, -20.0]);
 }
 
-/// Nothing in the way forgets the side, and only then; a way shorter than 450 mm needs no more than
-/// its own length.
+/// Only a free straight path resets the chosen side; a path shorter than 450 mm needs only its own
+/// length.
 #[test]
 fn the_straight_way_is_taken_if_it_is_long_enough() {
     let around = wall(600.0);
@@ -352,9 +352,9 @@ fn where_nothing_is_free_far_enough_the_freest_way_is_taken() {
     assert_eq!(navigator.side, 0.0);
 }
 
-/// The way past the end of a board into an alley across it, whose far wall stands 397 mm away at 67
-/// degrees: 450 mm are free where the robot came from only, but it is to get past the board, which
-/// noise puts a hand's breadth this side or that of what the body keeps.
+/// A path past the end of a board into an alley across it; the alley's far wall is 397 mm away at
+/// 67 degrees. 450 mm are free only where the robot came from, but it must get past the board.
+/// Noise moves the board's end a hand's breadth to either side of the body's limit.
 #[test]
 fn a_short_way_on_is_better_than_a_long_one_back() {
     let (sin, cos) = sin_cos(67_f32.to_radians());

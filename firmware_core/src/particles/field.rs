@@ -14,9 +14,9 @@ pub struct LikelihoodField {
 }
 
 impl LikelihoodField {
-    /// Of a map of `obstacles` in rows of `width` cells with edges of `cell_m`, whose corner of
-    /// least x and y is `origin_m`. Nothing is farther than `farthest_m`, and outside everything
-    /// is that far.
+    /// The field of a map of `obstacles`, in rows of `width` cells with edges of `cell_m`. The
+    /// corner of least x and y is `origin_m`. Distances are at most `farthest_m`, which is also the
+    /// distance outside the map.
     ///
     /// # Panics
     /// If `width` is 0.

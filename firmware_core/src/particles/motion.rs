@@ -40,7 +40,7 @@ impl Noise {
         way_by_turn: 0.0,
     };
 
-    /// What a motion and its noise are, whichever guess makes it.
+    /// Parts of a motion and their noise, equal for all guesses.
     pub(super) fn of(self, motion: Motion) -> Noisy {
         let way = libm::hypot(motion.ahead_m, motion.left_m);
         // The direction of a short way is nothing but noise.

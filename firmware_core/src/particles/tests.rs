@@ -307,9 +307,9 @@ fn a_scan_is_weighed_when_the_robot_has_moved() {
     assert!(localiser.particles().iter().all(even));
 }
 
-/// The scanner sits 0.2 m ahead and 0.1 m to the left and looks to the left: what is 1 m ahead of
-/// it lies at 0.2, 1.1; what is 1 m to its left 0.8 m behind the robot. From 0.15 m on, up to 6 m;
-/// of 120 beams every second.
+/// The scanner sits 0.2 m ahead and 0.1 m to the left and looks to the left: a point 1 m ahead of
+/// it lies at 0.2, 1.1; a point 1 m to its left lies 0.8 m behind the robot. From 0.15 m on, up to
+/// 6 m; of 120 beams every second.
 #[test]
 fn beams_end_where_the_scanner_sees_them() {
     let localiser = guessing(&[(CarPose::default(), 1.0)]);
@@ -435,7 +435,7 @@ fn a_search_throws_a_part_of_the_guesses() {
     assert!(thrown.iter().all(|one| near(one.y_m, 1.0)));
 }
 
-/// On a map whose corner is at (-2, 3), in cells of 10 cm: the obstacle of cell (15, 20) lies at
+/// The map's corner is at (-2, 3), its cells have 10 cm: the obstacle of cell (15, 20) lies at
 /// (-0.45, 5.05). A robot at (-0.45, 4.05) that looks along y sees it 1 m ahead.
 #[test]
 fn a_map_may_begin_anywhere() {
@@ -469,7 +469,8 @@ fn a_map_may_begin_anywhere() {
     assert!(localiser.particles()[0].weight > 0.7 && localiser.fit() == 1.0);
 }
 
-/// What is thrown is drawn in the order x, y, heading, each to the side that the draw says.
+/// Offsets of scattered guesses are drawn in the order x, y, heading, each to the side that the
+/// draw gives.
 #[test]
 fn guesses_are_thrown_to_the_side_that_is_drawn() {
     let (start, sigma) = (pose(2.0, 1.0, 0.5), [0.1, 0.2, 0.3]);
@@ -492,8 +493,8 @@ fn guesses_are_thrown_to_the_side_that_is_drawn() {
     }
 }
 
-/// Half of the guesses are drawn again, those whose number is below a half: the first one's is
-/// exactly so, and stays.
+/// Half of the guesses are drawn again: those with a number below a half. The first one's number is
+/// exactly a half, so it stays.
 #[test]
 fn a_search_takes_the_part_that_was_asked_for() {
     let start = CarPose {
@@ -523,7 +524,7 @@ fn a_search_takes_the_part_that_was_asked_for() {
     assert!((0.45..0.55).contains(&part), "{part}");
 }
 
-/// Weights whose sum is no number begin again, each as likely as all others.
+/// Weights with a sum that is not a number are reset, all equal.
 #[test]
 fn weights_that_cannot_be_added_are_even() {
     let settings = Settings::default();

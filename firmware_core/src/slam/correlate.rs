@@ -72,7 +72,7 @@ struct Contest {
     reach: i32,
     /// Poses of a row.
     side: u32,
-    /// What each of them costs for its x, and the least of it.
+    /// Cost of each lane for its x, and the lowest of them.
     costs_x: [f32; LANES],
     least_cost_x: f32,
     cost_max: f32,
@@ -139,10 +139,10 @@ impl Contest {
 
 /// Points of one heading, as places in the map.
 struct Placed<const W: usize, const H: usize> {
-    /// Of points whose whole window lies on the map: index of its lower left cell.
+    /// Index of the lower left cell, for points with their whole window on the map.
     starts: [u32; POINTS_MAX],
     whole: usize,
-    /// Other points whose window touches the map.
+    /// Other points with windows that touch the map.
     edges: [Cut; POINTS_MAX],
     cut: usize,
     /// Rows of their windows that hang over the map's first or last cell.

@@ -97,8 +97,8 @@ impl Evidence {
         (self.hits + self.misses) * 8 >= self.of * 3
     }
 
-    /// Whether there are as many points as the document's search takes. What is left of a turn of
-    /// which most was lost fits a square room in four ways.
+    /// Whether there are as many points as the document's search takes. The rest of a turn that was
+    /// mostly lost fits a square room in four orientations.
     pub(super) const fn is_enough(&self) -> bool {
         self.of >= ENOUGH
     }
@@ -114,9 +114,9 @@ impl Evidence {
     }
 }
 
-/// What an unseen cell is if it lies in a gap between two beams, which is a few cells wide: what
-/// the cells on both sides of the gap are. A robot that has never moved has such gaps everywhere
-/// but near itself, and a turn by half a beam puts all points into them.
+/// Value of an unseen cell in a gap between two beams, which is a few cells wide: that of the cells
+/// on both sides of the gap. A robot that has never moved has such gaps everywhere but near itself,
+/// and a turn by half a beam puts all points into them.
 fn in_gap(value_at: impl Fn((i32, i32)) -> u8, (x, y): (i32, i32)) -> u8 {
     const SIDES: [(i32, i32); 4] = [(2, 0), (0, 2), (2, 2), (2, -2)];
     for (dx, dy) in SIDES {
@@ -237,8 +237,9 @@ mod tests {
         assert_eq!(seen, [miss, miss, hit, hit, hit, hit]);
     }
 
-    /// What is two cells away on both sides, along either axis or across, is what a gap is; what
-    /// is only on one side, or wall there and free here, is not.
+    /// A gap takes the value of the cells two cells away on both sides, along an axis or a
+    /// diagonal. A value on one side only, or a wall on one side and free space on the other, gives
+    /// none.
     #[test]
     fn a_gap_is_two_cells_from_its_sides() {
         let gap = |sides: [((i32, i32), u8); 2]| {

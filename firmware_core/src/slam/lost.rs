@@ -1,5 +1,5 @@
-//! What a mapper knows about being lost: how far the robot may have moved without being seen, and
-//! when the whole map is worth a search, which takes a second.
+//! State of a lost robot: how far it may have moved unseen, and when to search the whole map, which
+//! takes a second.
 
 use super::relocate::Bound;
 use super::settings::Pushes;
@@ -9,8 +9,8 @@ use crate::pose::Pose;
 const DOUBTS_MAX: u8 = 2;
 /// And from so many on, each time that as many have passed again.
 const PATIENCE: u8 = 32;
-/// Scans for which an unseen motion is looked for where half of what is seen fits: then the world
-/// has changed as well.
+/// Maximum number of scans for which an unseen motion is searched while half of the scan fits: in
+/// that case the world has changed as well.
 const SEARCHES_MAX: u8 = 8;
 /// How far beyond its unseen motion a robot is looked for: its pose was no surer before.
 const MARGIN_MM: f32 = 150.0;
@@ -135,9 +135,9 @@ mod tests {
         assert!(bound(Pushes::Followed).is_none() && bound(Pushes::Unlikely).is_some());
     }
 
-    /// 100 mm and half a radian unseen, and what is not sure beyond that; no more than was said. A
-    /// robot that was measured all the time may have drifted if pushes are unlikely, and may be
-    /// anywhere if a person can push it.
+    /// 100 mm and half a radian unseen, plus the earlier uncertainty, but no more than `most`. If
+    /// pushes are unlikely, a robot that was measured all the time may have drifted; if a person
+    /// can push it, it may be anywhere.
     #[test]
     fn a_lost_robot_is_sought_as_far_as_it_may_have_moved() {
         let pose = Pose::new(1.0, 2.0, 3.0);

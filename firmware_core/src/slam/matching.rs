@@ -33,7 +33,7 @@ pub(super) struct Placement {
     pub(super) sin: i32,
 }
 
-/// What the look-ups of one candidate added up to.
+/// Sums of one candidate's look-ups.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Tally {
     /// Sum of the cells' values.
@@ -188,10 +188,10 @@ fn tally_each<const W: usize, const H: usize>(
     tally
 }
 
-/// Points whose cells are found side by side.
+/// Number of points whose cells are computed together.
 const BLOCK: usize = 12;
 
-/// The same in blocks, whose multiplications and comparisons the compiler turns into SSE2 code.
+/// The same in blocks; the compiler turns their multiplications and comparisons into SSE2 code.
 #[inline]
 fn tally_in_blocks<const W: usize, const H: usize>(
     cells: &[[u8; W]; H],
@@ -227,7 +227,7 @@ fn tally_in_blocks<const W: usize, const H: usize>(
     }
 }
 
-/// What the points of a block are multiplied by, once for each.
+/// Factors for the points of a block, one copy for each point.
 struct Factors {
     x: [[i16; 2]; BLOCK],
     y: [[i16; 2]; BLOCK],

@@ -181,8 +181,8 @@ mod tests {
         heading: 0.2,
     };
 
-    /// Where a beam from `HERE` ends: at walls y = 202 mm and y = 797 mm, and at x = 204 mm and
-    /// x = 801 mm; a corridor has only the first two, and what is beyond 480 mm is out of sight.
+    /// Where a beam from `HERE` ends: at walls y = 202 mm and y = 797 mm, and at x = 204 mm and x =
+    /// 801 mm; a corridor has only the first two, and walls beyond 480 mm are out of range.
     fn end(bearing: f32, in_corridor: bool) -> Option<Point> {
         let (sin, cos) = crate::pose::sin_cos(bearing + HERE.heading);
         let to_y = (if sin > 0.0 { 797.0 } else { 202.0 } - HERE.y_mm) / sin;
@@ -266,7 +266,7 @@ mod tests {
         assert_eq!(spline(32 << (CELL_BITS - FRACTION_BITS)), [8, 48, 8]);
     }
 
-    /// What is curved by a millionth is a summit, and what is less is none, along each axis.
+    /// Along each axis, a curvature of a millionth is a summit, and less is none.
     #[test]
     fn a_summit_is_curved_along_all_three_axes() {
         for axis in 0..3 {

@@ -15,7 +15,7 @@ use super::window::Window;
 use crate::grid::Grid;
 use crate::pose::{Pose, normalised};
 
-/// What is known about the place of a scan.
+/// Result of a search for the position of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Answer {
     /// One place fits best.
@@ -183,7 +183,7 @@ impl Shortlist {
                 && (old.y - new.y).abs() < APART_BLOCKS
                 && turn.min(headings - turn) < APART_HEADINGS
         };
-        // It replaces what it is the better neighbour of, else the last.
+        // The new candidate replaces its worse neighbour, else the last one.
         let place = match self.best.iter().position(same) {
             Some(at) if self.best[at].bound >= new.bound => return,
             Some(at) => at,

@@ -149,7 +149,7 @@ impl Twos {
     }
 }
 
-/// A point whose window hangs over the map's edge.
+/// A point with a window that hangs over the map's edge.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
     /// Index of its lower left cell, were the map's rows one long one that continues to both sides.
@@ -171,7 +171,7 @@ impl Cut {
         kept: u8::MAX,
     };
 
-    /// The point whose window begins at column `left` of row `low` on a map of `width` cells.
+    /// A cut for a window that begins at column `left` of row `low` on a map of `width` cells.
     #[inline]
     pub(super) fn new(left: i32, low: i32, width: i32) -> Self {
         const LANES: i32 = 32;
@@ -216,8 +216,8 @@ impl Cut {
     }
 }
 
-/// Adds the rows from `row` on of the windows of `cuts` to the lanes; what is not on the map counts
-/// as 0. `ends` has a bit for each row that has ends, see [`Cut::ends`].
+/// Adds the rows from `row` on of the windows of `cuts` to the lanes; cells outside the map count
+/// as 0. `ends` has a bit for each row with ends, see [`Cut::ends`].
 #[inline(never)]
 pub(super) fn add_cut<const N: usize, const W: usize, const H: usize>(
     sums: &mut [Sums; N],

@@ -7,7 +7,7 @@ use crate::grid::Grid;
 use crate::pose::{Pose, normalised, sin_cos};
 use crate::random::Pcg32;
 
-/// What a search found.
+/// Result of a search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
     pub(super) pose: Pose,
@@ -224,7 +224,7 @@ fn mean(found: Tally, points: &[[i16; 2]]) -> f32 {
     found.sum as f32 / points.len().max(1) as f32
 }
 
-/// What candidates are compared by: the mean over all points, or over those on the map (SL-10).
+/// Score that compares candidates: the mean over all points, or over those on the map (SL-10).
 #[inline]
 fn rank(tally: Tally, defects: Defects) -> i64 {
     if defects.outside_is_free {

@@ -93,7 +93,7 @@ impl Keyframes {
     };
 }
 
-/// Faults of the fielded code, to show what they do; all off by default. Numbers are those of the
+/// Defects of the fielded code, to show their effects; all off by default. Numbers are those of the
 /// project's list of field defects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
@@ -301,7 +301,7 @@ impl Settings {
 }
 
 impl Default for Settings {
-    /// What maps best on the seed report's 3 m x 3 m at 10 mm.
+    /// Settings that map the seed report's 3 m x 3 m best at 10 mm.
     fn default() -> Self {
         Self::core(DEFAULT_CELL_MM)
     }

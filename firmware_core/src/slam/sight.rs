@@ -1,6 +1,6 @@
-//! What a scan can say at all. Between two walls it says nothing of the way along them; but the map
-//! is drawn stronger behind the robot than ahead of it, so that the best score is always a little
-//! behind. There the odometry is believed.
+//! Limits of what a scan can measure. Between two parallel walls a scan gives no position along
+//! them. Still, the map is drawn stronger behind the robot than ahead of it, so the best score
+//! always lies a little behind. In that direction the odometry is used instead.
 
 use crate::pose::Pose;
 
@@ -10,8 +10,8 @@ const APART: usize = 4;
 /// Farthest two such points of one wall, as a part of their distance from the robot: 24 degrees, or
 /// fewer on a wall that runs away from it.
 const GAP_MAX: f32 = 0.4;
-/// Part of the walls that must stand across a direction for the scan to be heard about it: below
-/// the first not at all, from the second on wholly.
+/// Share of the walls that must stand across a direction before the scan counts for it: below the
+/// first the scan has no weight, from the second on it has full weight.
 const DEAF: f32 = 0.01;
 const HEARS: f32 = 0.03;
 

@@ -18,12 +18,13 @@ pub(super) struct Strokes {
     wall: i32,
     /// Either, on a cell that was never drawn.
     first: i32,
-    /// What becomes of a cell on the free way.
+    /// New value of a cell on the free path.
     free: [u8; 256],
 }
 
 impl Strokes {
-    /// Strokes for a scan whose walls are drawn with `weight`; the others follow in proportion.
+    /// Strokes for a scan that draws its walls with `weight`; the other weights follow in
+    /// proportion.
     pub(super) fn new(weight: u16, settings: &Settings) -> Self {
         let part = |of: u16| {
             let scaled = u32::from(of) * u32::from(weight) / u32::from(settings.weight.max(1));
@@ -163,7 +164,7 @@ impl Line {
         if leave.partial_cmp(&enter) != Some(Ordering::Greater) {
             return nothing;
         }
-        // The first cell whose middle is passed, the first with a share of the hole, the last.
+        // The first cell with its middle on the ray, the first cell of the hole, and the last cell.
         let first = ceil(enter - 0.5);
         let last = ceil(leave - 0.5) - 1.0;
         let hole_from = ceil(hit - half - 0.5).max(first);
@@ -204,8 +205,8 @@ impl Line {
         }
     }
 
-    /// The way of the beam on a map whose cells lie so far apart along its long and its short axis.
-    /// The place along the short one is never negative on the map.
+    /// The beam's cells on a map with strides `ahead` and `aside` between cells along its long and
+    /// its short axis. The position along the short axis is never negative on the map.
     fn walk(&self, (ahead, aside): (usize, usize)) -> Walk {
         let at = |cell: i32| cell.cast_unsigned() as usize;
         let first = at(self.first).wrapping_mul(ahead);

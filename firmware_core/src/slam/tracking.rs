@@ -14,15 +14,15 @@ use super::window::{REACH_MAX, Window};
 use crate::grid::Grid;
 use crate::pose::Pose;
 
-/// What a search works on.
+/// Input of a search.
 pub(super) struct Task<'a> {
     /// Points of the search.
     pub(super) sparse: &'a [[i16; 2]],
     /// Points of the refinement.
     pub(super) dense: &'a [[i16; 2]],
-    /// What the odometry says.
+    /// Prediction of the odometry.
     pub(super) prior: Prior,
-    /// What it may have missed.
+    /// Motion that the odometry may have missed.
     pub(super) pushes: Pushes,
     /// Agreement below which other places are checked.
     pub(super) suspicious: f32,

@@ -177,11 +177,12 @@ pub(super) fn draw<const W: usize, const H: usize>(
     }
 }
 
-/// What the rays of a scan have in common.
+/// Tables that all rays of a scan share.
 pub(super) struct Brush {
-    /// What becomes of a cell on the free way.
+    /// New value of a cell on the free path.
     free: [u8; 256],
-    /// What is added to a cell, modulo 256, by what the drawn value has more than it, modulo 512.
+    /// Step added to a cell, modulo 256, indexed by the drawn value minus the cell's value, modulo
+    /// 512.
     step: [u8; 512],
     /// Those of the hole drawn last.
     slopes: Slopes,

@@ -2,12 +2,12 @@
 //! part of a cell. The classic whole-number error gives the same cells, but each of its steps waits
 //! for the one before.
 
-/// A walk over the cells of a map, whose rows lie one behind the other.
+/// A walk over the cells of a map; its rows are stored one behind the other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Walk {
     /// Index of the current cell; a huge one would lie before the map.
     pub(super) at: usize,
-    /// What is added to it in a step, without and with one along the short axis.
+    /// Added to the index in a step, without and with a step along the short axis.
     pub(super) straight: usize,
     pub(super) diagonal: usize,
     /// Place along the short axis, 32 binary places of a cell from its border, and its advance.

@@ -1,4 +1,4 @@
-//! What of the map a search sees: floor, what is unknown, walls; and where rays over it end.
+//! Parts of the map that a search uses: floor, unknown cells, walls; and the ends of rays over it.
 
 use crate::grid::{Grid, UNKNOWN};
 use crate::navigation::cells::{COARSE, Cell, Cells, EDGE, neighbour};
@@ -22,12 +22,12 @@ const UNKNOWN_MAX: u16 = 10;
 const EDGE_CELLS_MIN: u8 = 3;
 /// Cells at which heat is felt well enough: 0.42 m.
 const FEEL_CELLS: i16 = 14;
-/// What is doubted counts from so near: 0.42 m, farther than the robot keeps off a corner.
+/// Distance from which doubted edges count, 0.42 m: farther than the robot keeps off a corner.
 pub(super) const NEAR_CELLS: i16 = 14;
 /// So many rays are the face of a board: 0.2 m from 0.3 m away.
 const FACE_MIN: u16 = 5;
 
-/// The map in three kinds of cells; what is none of them is a wall's soft flank.
+/// The map in three kinds of cells; a cell of no kind is a wall's soft flank.
 pub(super) struct Scene {
     pub(super) free: Cells,
     pub(super) unknown: Cells,

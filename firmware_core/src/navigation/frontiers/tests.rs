@@ -22,8 +22,8 @@ fn fill(map: &mut Grid, [x0, y0, x1, y1]: [usize; 4], value: u8) {
     }
 }
 
-/// A known room from 0.3 m to 1.5 m, whose right wall has a door of `door` cells of 10 mm, from y =
-/// 0.6 m up; nothing is known behind it.
+/// A known room from 0.3 m to 1.5 m. Its right wall has a door of `door` cells of 10 mm, from y =
+/// 0.6 m up; the space behind it is unknown.
 fn room(door: usize) -> Box<Grid> {
     let mut map = Box::new(Grid::new(10.0));
     fill(&mut map, [27, 27, 152, 152], 255);
@@ -191,7 +191,7 @@ fn a_place_that_showed_nothing_is_left_alone_until_it_is_forgiven() {
     assert_eq!(next(&mut frontiers, &map), Some(first));
 }
 
-/// What is felt of a wall 0.3 m away counts once more, and once only.
+/// Unfelt rays of a wall 0.3 m away count once, and only once.
 #[test]
 fn walls_that_were_felt_are_known_once_more() {
     let map = room(0);
@@ -207,9 +207,9 @@ fn walls_that_were_felt_are_known_once_more() {
     );
 }
 
-/// At stake: a robot that has passed one side of a board of 2 cm, a planner's cell thick, takes
-/// both sides for felt, and a victim on the other side is never found. In the end its faces are
-/// told apart: of the 48 rays 16 go to one of 0.6 m from 0.16 m away.
+/// At stake: a board of 2 cm is as thick as a planner's cell. A robot that has passed one side
+/// counts both sides as felt and never finds a victim on the other side. In the end the search
+/// distinguishes its faces: of the 48 rays, 16 go to a face of 0.6 m from 0.16 m away.
 #[test]
 fn a_board_has_two_faces_in_the_end() {
     let mut map = room(0);
@@ -256,8 +256,8 @@ fn a_door_is_worth_any_way() {
     assert_eq!(worth, [6, 6, 26, 30, 30, 30]);
 }
 
-/// A door of 380 mm, through which the body of 320 mm only just fits, into a corridor whose upper
-/// end is unseen: that cannot be looked at from the room.
+/// A door of 380 mm, through which the body of 320 mm only just fits, into a corridor. The
+/// corridor's upper end is unseen and cannot be seen from the room.
 #[test]
 fn a_way_that_the_body_only_just_fits_through_is_the_last_resort() {
     let mut map = room(0);
@@ -296,8 +296,8 @@ fn a_robot_sets_out_from_the_floor_beside_it() {
     assert_eq!([1, 4, 5].map(finds), [true, true, false]);
 }
 
-/// Of nine map cells five make a planner's cell free or unknown, two that are solid keep it from
-/// both; what is neither may be a wall to feel.
+/// Five of nine map cells make a planner's cell free or unknown, two solid ones prevent both; a
+/// cell of neither kind may be a wall to feel.
 #[test]
 fn a_coarse_cell_is_what_most_of_it_is() {
     let kind = |free: usize, unknown: usize, solid: usize| {
