@@ -63,7 +63,7 @@ const DECISION_HOLDS: Duration = Duration::from_millis(600);
 const ORDER_HOLDS: Duration = Duration::from_secs(1);
 /// Largest set-point that the base takes.
 const SET_POINT_MAX: i8 = 35;
-/// What a defect makes of it: longer than any run.
+/// Timeout with the defect: longer than any run.
 const FOR_EVER: Duration = Duration::from_secs(1_000_000);
 /// How often a program that waits for its lidar looks for it.
 const BLOCKED_LOOK: Duration = Duration::from_millis(10);
@@ -79,7 +79,7 @@ enum Phase {
     Waiting,
     /// A turn is complete; the encoders behind it have been asked for.
     Reading { since: Instant },
-    /// It was matched and drawn; the time that took is told by the next poll.
+    /// The scan was matched and drawn; the next poll gives the time that this took.
     Matched { since: Instant },
 }
 
@@ -192,13 +192,13 @@ impl Rescue {
         }
     }
 
-    /// What the robot was told to do.
+    /// The ordered mode.
     pub const fn ordered_mode(&self) -> Mode {
         self.mode
     }
 
-    /// What the robot does: nothing while its base does not answer or, driving by itself, while it
-    /// sees nothing or, driving to a place, does not know where it is.
+    /// The effective mode: `Stop` while the base does not answer, while an autonomous robot's lidar
+    /// is blind, or while a robot that drives to a position is lost.
     pub fn mode(&self) -> Mode {
         let blind = !self.lidar.sees() && self.mode != Mode::Manual;
         if self.drive.is_silent() || blind || self.is_lost() {
@@ -228,7 +228,7 @@ impl Rescue {
         self.drive.is_confirmed()
     }
 
-    /// The battery; `None` until the base has told.
+    /// The battery; `None` until the base has reported it.
     pub const fn battery(&self) -> Option<Battery> {
         self.drive.battery()
     }
@@ -238,7 +238,7 @@ impl Rescue {
         self.mapper.pose().then(self.motion_until(now))
     }
 
-    /// What the wheels say about the way from the last matched pose to `now`.
+    /// Motion by the wheels from the last matched pose to `now`.
     fn motion_until(&self, now: Instant) -> PoseChange {
         let odometry = &self.drive.odometry;
         self.matched.map_or(PoseChange::NONE, |(at, pose)| {
@@ -251,7 +251,7 @@ impl Rescue {
         })
     }
 
-    /// What an interrupt or a timer does: everything that must not wait for the search.
+    /// Runs the work of an interrupt or a timer: everything that must not wait for the search.
     fn attend(&mut self, now: Instant) {
         self.lidar.tick(now);
         if self.lidar.is_blocked() {
@@ -330,7 +330,7 @@ impl Rescue {
         }
     }
 
-    /// Whatever the robot was doing, it stops; the next scan decides how it continues.
+    /// Stops the robot in any mode; the next scan decides how it continues.
     fn set_mode(&mut self, now: Instant, mode: Mode) {
         self.mode = mode;
         if mode != Mode::Stop {

@@ -191,7 +191,7 @@ fn a_place_that_showed_nothing_is_left_alone_until_it_is_forgiven() {
     assert_eq!(next(&mut frontiers, &map), Some(first));
 }
 
-/// Unfelt rays of a wall 0.3 m away count once, and only once.
+/// A felt wall 0.3 m away adds known cells once; feeling the same wall again adds none.
 #[test]
 fn walls_that_were_felt_are_known_once_more() {
     let map = room(0);

@@ -16,10 +16,10 @@ pub const PERIOD: Duration = Duration::from_millis(50);
 /// Silence of the phone after which the car stops, when the phone drives.
 pub const SILENCE_MAX: Duration = Duration::from_secs(1);
 
-/// What is wrong with the fielded arbiter; nothing by default.
+/// Defects of the fielded arbiter; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// With both toggles on, what was sent last persists.
+    /// With both toggles on, the last command persists.
     pub both_persist: bool,
     /// A phone that is gone continues driving.
     pub never_silent: bool,
@@ -42,7 +42,7 @@ impl Drive {
     };
 }
 
-/// What the car does.
+/// Driver of the car.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The phone drives.
@@ -112,7 +112,7 @@ impl Arbiter {
         true
     }
 
-    /// What the car does.
+    /// The current mode.
     pub const fn mode(&self) -> Mode {
         if self.is_killed {
             return Mode::Killed;
@@ -126,7 +126,7 @@ impl Arbiter {
         }
     }
 
-    /// What to send at `now`; `planned` is what the planner wants, if it wants anything.
+    /// The command to send at `now`; `planned` is the planner's wish, if any.
     pub fn decide(&mut self, now: Instant, planned: Option<Drive>) -> Drive {
         let is_silent = self.heard.is_none_or(|heard| now - heard > SILENCE_MAX);
         let drive = match self.mode() {

@@ -1,8 +1,8 @@
-//! Where the car went by its board alone: pulses of a wheel, and the steering that was commanded.
+//! Odometry from the car's board alone: pulses of a wheel, and the commanded steering.
 //!
-//! Coarser than the odometer, 25 mm a pulse, and it believes the steering table; for the time in
-//! which the odometer is silent. Facts: 8 magnets at the left rear wheel, whose radius is 32 mm
-//! (seed 003 and ucboard).
+//! It is coarser than the odometer (25 mm a pulse) and relies on the steering table. The program
+//! uses it while the odometer is silent. Facts: 8 magnets at the left rear wheel, whose radius is
+//! 32 mm (seed 003 and ucboard).
 
 use core::f64::consts::TAU;
 use core::time::Duration;
@@ -58,17 +58,18 @@ impl BoardOdometry {
         self.speed_m_s * LAG_S * (1.0 - libm::exp(-passed.as_secs_f64() / LAG_S))
     }
 
-    /// Whether it was told to drive backwards last.
+    /// Whether the last motor command was backwards.
     pub const fn is_backwards(&self) -> bool {
         self.is_backwards
     }
 
-    /// How the wheels were told to stand, radians, to the left positive.
+    /// The commanded steering angle, radians, to the left positive.
     pub const fn steering_rad(&self) -> f64 {
         self.angle_rad
     }
 
-    /// What is commanded from now on. A car that is told to stop rolls on as it did.
+    /// Sets the current command. A car that is commanded to stop keeps its direction while it rolls
+    /// on.
     pub fn command(&mut self, drive: Drive) {
         self.angle_rad = steering::angle_deg(drive.steering).to_radians();
         if drive.level != 0 {

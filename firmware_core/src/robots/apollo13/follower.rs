@@ -42,7 +42,7 @@ impl Default for Settings {
     }
 }
 
-/// What to do next.
+/// Next action of the car.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
     /// Drive so: m/s, and radians to the left.
@@ -87,7 +87,7 @@ impl Follower {
         &self.path
     }
 
-    /// What to do where the car is now.
+    /// Next action for a car at `pose`.
     pub fn step(&mut self, pose: CarPose) -> Step {
         let Some(goal) = self.path.last().copied() else {
             return Step::Arrived;

@@ -10,7 +10,7 @@ use alloc::vec::Vec;
 
 use crate::ackermann::{CarPose, wrapped};
 
-/// What makes a gate.
+/// Conditions for a gate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Minimum width: 0.33 m of the car and 5 cm to each side.
@@ -67,11 +67,12 @@ pub struct Passage {
     pub behind: CarPose,
 }
 
-/// So many sightings a marker's place is the mean of; about a second of them. What was seen from
-/// where the car wrongly believed to be is forgotten then.
+/// Number of sightings averaged for a marker's position; about a second of them. Sightings from a
+/// wrongly believed pose lose their weight within that time.
 const SIGHTINGS: u32 = 30;
 
-/// What stands so near the car, metres, may be seen by no camera: it is not forgotten.
+/// Markers nearer to the car than this, metres, are kept when the pose changes: the camera may not
+/// see them again.
 const NEAR_M: f64 = 1.5;
 
 /// Mean of where a marker was seen lately.
@@ -329,7 +330,8 @@ mod tests {
         assert_eq!(fielded.middle.heading_rad, 0.0);
     }
 
-    /// The nearest first, each once; what is not free is left out; markers of two gates make none.
+    /// Nearest gate first, each once; gates that are not free are left out; markers of two
+    /// different gates make no gate.
     #[test]
     fn ap14_gates_are_passed_once_in_the_order_of_their_distance() {
         let markers = [
@@ -461,9 +463,10 @@ mod tests {
         assert!(!passes(at(1.9, -1.0), at(1.9, 1.0)) && !passes(at(1.0, -1.0), at(2.5, 2.0)));
     }
 
-    /// The car is a metre farther back and looks to the left: the marker half a metre before it
-    /// stands half a metre to the left of where it is, the one 2 m before it is forgotten. Carried
-    /// once more, and not seen on the way, it is forgotten, too: it may be what is in the way.
+    /// The car is in fact a metre farther back and looks to the left. The marker half a metre
+    /// before the car moves with it, to (-1, 0.5). The one 2 m before it is discarded. If the near
+    /// marker is carried a second time without a sighting, it is discarded, too: it may be a false
+    /// obstacle.
     #[test]
     fn what_is_near_goes_along_once_with_a_car_that_is_elsewhere() {
         let markers = [(1, [0.5, 0.0]), (2, [2.0, 0.0])];

@@ -2,7 +2,7 @@
 
 use crate::ackermann::{CarPose, Motion, wrapped};
 
-/// What is wrong with the fielded odometry; nothing by default.
+/// Defects of the fielded odometry; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The way to the side has the wrong sign, and the whole turn is laid before the way.
@@ -14,7 +14,7 @@ pub struct Defects {
 pub struct GyroOdometry {
     defects: Defects,
     pose: CarPose,
-    /// Travel and heading as they were told last.
+    /// Travel and heading of the last reading.
     told: Option<[f64; 2]>,
 }
 

@@ -1,10 +1,11 @@
-//! Watches whether the gyroscope still measures.
+//! Detects a stuck gyroscope.
 //!
-//! A chip whose registers are stuck tells one rate forever; the odometer adds it up to a heading,
-//! and its lines look sound. But a gyroscope that measures is never quiet: 0.05 degrees a second of
-//! noise (MPU-6050, data sheet) are 0.8 of its steps of 0.061 at 2,000 degrees a second, so that
-//! one line in three tells the rate of the line before. As many in a row as are counted here come
-//! once in 10^14 lines. Then the car turned as it steered.
+//! A chip with stuck registers reports one rate forever; the odometer adds this rate up to a
+//! heading, and its lines look valid. A working gyroscope is never quiet: its noise of 0.05 degrees
+//! a second (MPU-6050, data sheet) is 0.8 of its steps of 0.061 at 2,000 degrees a second. One line
+//! in three therefore repeats the rate of the line before. The run of equal rates counted here
+//! occurs by chance once in 10^14 lines. For a stuck gyroscope the turn is computed from the
+//! steering.
 
 use protocols::odometer::Reading;
 
@@ -24,7 +25,7 @@ pub struct GyroWatch {
     before: Option<Reading>,
     /// Lines since the rate changed.
     same: u32,
-    /// By how much the car steered farther than it was told to have turned, since then, radians.
+    /// Turn by the steering minus turn by the gyroscope since then, radians.
     off_rad: f64,
 }
 
@@ -74,7 +75,7 @@ mod tests {
 
     use super::*;
 
-    /// Line `index` of a car that goes 2.2 mm a line, told to turn at this rate.
+    /// Line `index` of a car that drives 2.2 mm a line and reports this rate.
     fn line(index: u32, rate_rad_s: f64) -> Reading {
         Reading {
             distance_m: 0.002_2 * f64::from(index),

@@ -1,9 +1,9 @@
-//! Watches whether the odometer can be believed, and what to do when it cannot.
+//! Detects an odometer with wrong or missing data, and decides when to restart it.
 //!
 //! Its microcontroller takes the gyroscope's offset when it starts, from samples at rest. It starts
-//! whenever its port is opened, and by itself after a loss of supply. So an odometer that fell
-//! silent, or that began again while the car was rolling, is started once more by opening its port,
-//! with the car at rest. If it stays silent, the car continues by what its board tells.
+//! whenever its port is opened, and by itself after a loss of supply. If the odometer fell silent,
+//! or restarted while the car was rolling, the car stops and opens its port to restart it. If it
+//! stays silent, the car continues with the odometry of its board.
 
 use core::time::Duration;
 
@@ -11,8 +11,8 @@ use protocols::Instant;
 
 /// Lines come each 10 ms; longer silence is none that a scheduler makes.
 const SILENT: Duration = Duration::from_millis(250);
-/// The car is at rest when it was not told to move, and no wheel turned, for so long: its motor has
-/// a lag of 0.3 s.
+/// The car counts as resting if it had no motor command and no wheel pulse for this long: its motor
+/// has a lag of 0.3 s.
 const AT_REST: Duration = Duration::from_millis(1_200);
 /// How long before the first line the offset was taken.
 const CALIBRATED_BEFORE: Duration = Duration::from_millis(200);
@@ -26,7 +26,7 @@ const ATTEMPTS: u8 = 3;
 /// After so long without it, one attempt more.
 const ONCE_MORE: Duration = Duration::from_secs(30);
 
-/// What is done about the odometer.
+/// State of the odometer's restart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
     /// Nothing: it can be believed.
@@ -45,7 +45,7 @@ enum State {
 pub struct OdometerWatch {
     state: State,
     heard: Option<Instant>,
-    /// When the car was last told to move, or a wheel turned.
+    /// Time of the last motor command or wheel pulse.
     rolled: Option<Instant>,
     /// Whether its offset was taken while the car was rolling.
     is_misled: bool,
@@ -60,7 +60,7 @@ impl OdometerWatch {
         let is_first = self.heard.replace(now).is_none() || is_first;
         let was_rolling = |rolled| now - rolled < AT_REST + CALIBRATED_BEFORE;
         match self.state {
-            // What came before its start is still on the way.
+            // Lines from before its restart still arrive.
             State::Opened(_) if self.is_misled && !is_first => {}
             _ if is_first && self.rolled.is_some_and(was_rolling) => {
                 (self.is_misled, self.attempts) = (true, 0);
@@ -74,7 +74,7 @@ impl OdometerWatch {
         }
     }
 
-    /// The car is told to move, or a wheel turned.
+    /// Notes a motor command or a wheel pulse.
     pub const fn roll(&mut self, now: Instant) {
         self.rolled = Some(now);
     }
@@ -131,7 +131,7 @@ impl OdometerWatch {
         }
     }
 
-    /// Whether the port is to be opened now; told once.
+    /// Whether the port must be opened now; true once per restart.
     pub const fn take_opening(&mut self) -> bool {
         core::mem::replace(&mut self.is_to_be_opened, false)
     }
@@ -221,8 +221,8 @@ mod tests {
         assert_eq!(opened, [3_200]);
     }
 
-    /// Told to drive 0.2 s after all was switched on, it waits for the first line at 0.27 s; one
-    /// that was driven by hand meanwhile is started once more, at rest.
+    /// The car gets a drive order 0.2 s after all was switched on and waits for the first line at
+    /// 0.27 s. A car that an operator drove meanwhile restarts its odometer at rest.
     #[test]
     fn a_car_waits_for_its_first_line() {
         let mut watch = OdometerWatch::default();
@@ -260,8 +260,8 @@ mod tests {
         );
     }
 
-    /// Silent from 1 s on, it is heard again before its port is opened: nothing is done about
-    /// it.
+    /// The odometer is silent from 1 s on, and sends again before its port is opened: the watch
+    /// does not restart it.
     #[test]
     fn an_odometer_that_is_heard_again_is_not_opened() {
         let mut watch = OdometerWatch::default();

@@ -1,4 +1,4 @@
-//! Drives to a goal: plans, follows, and plans again when something is in the way.
+//! Drives to a goal: plans, follows the path, and plans again when an obstacle blocks it.
 
 use alloc::vec::Vec;
 use core::time::Duration;
@@ -19,7 +19,7 @@ const GOT_ON_M: f64 = 0.3;
 /// Time between two plans that failed.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// What became of a goal.
+/// Result of a goal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GoalState {
     /// There is none.

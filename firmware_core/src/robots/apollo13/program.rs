@@ -1,4 +1,4 @@
-//! The whole program: what it receives on its five ports, what it decides, what it sends.
+//! The whole program: its input on five ports, its decisions, its output.
 //!
 //! | port | speaks |
 //! |---|---|
@@ -59,7 +59,7 @@ pub(super) const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
 /// Where the ultrasonic sensor ahead sits before the rear axle's middle.
 const FRONT_AHEAD_M: f64 = 0.175 + 0.129;
 
-/// What is wrong with the fielded program; nothing by default.
+/// Defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Of the arbiter between phone and planner.
@@ -81,11 +81,11 @@ pub struct Defects {
 /// How the program is set up.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Where the car is told to begin: the rear axle's middle.
+    /// Initial pose of the car: the rear axle's middle.
     pub start: CarPose,
     /// The map that it has; without one it drives by odometry and cannot plan.
     pub floor: FloorPlan,
-    /// What the odometer's lines mean; `None`: those of the later sketch, [`odometer::Raw`].
+    /// Format of the odometer's lines; `None`: those of the later sketch, [`odometer::Raw`].
     pub dialect: Option<odometer::Dialect>,
     /// The wall that is followed in autonomous driving without a goal, and the distance, metres.
     pub wall: Option<(Side, f64)>,
@@ -108,7 +108,7 @@ impl Default for Config {
     }
 }
 
-/// What happened, for reports.
+/// Counters for reports.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counters {
     frames: u64,
@@ -135,14 +135,14 @@ pub struct Apollo13 {
     odometry: GyroOdometry,
     watch: OdometerWatch,
     gyro: GyroWatch,
-    /// What the board tells of the way.
+    /// Odometry of the board.
     by_board: BoardOdometry,
-    /// What encoder and steering tell of it.
+    /// Odometry from encoder and steering table.
     steered: CarPose,
     /// The odometry at the last line, and the board's then.
     at_line: (GyroOdometry, CarPose),
     witness: Witness,
-    /// The odometer's clock as it was told last, seconds.
+    /// Time of the odometer's last line by its own clock, seconds.
     odometer_s: f64,
     localiser: Option<Localiser>,
     /// Where the odometry's origin lies on the map.
@@ -287,7 +287,8 @@ impl Apollo13 {
         if let Some(localiser) = &mut self.localiser {
             localiser.place(pose, [0.3, 0.3, 0.17]);
         }
-        // What was seen from elsewhere is not where it seemed to be, but where it is from the car.
+        // Markers near the car keep their position relative to it; obstacles seen from the wrong
+        // pose are discarded.
         self.gates.carry(self.pose(), pose);
         self.floor.forget();
         self.floor
@@ -311,7 +312,7 @@ impl Apollo13 {
         &self.gates
     }
 
-    /// Places of cells that are in the way and not on the map, metres.
+    /// Positions of obstacle cells that are not on the map, metres.
     pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
         self.floor.in_the_way()
     }
@@ -321,17 +322,17 @@ impl Apollo13 {
         self.localiser.as_ref().map_or(&[], Localiser::particles)
     }
 
-    /// What was sent to the board last.
+    /// The last command sent to the board.
     pub const fn drive(&self) -> Drive {
         self.drive
     }
 
-    /// Ultrasonic ranges ahead, to the right and to the left, metres, as last heard.
+    /// Ultrasonic ranges ahead, to the right and to the left, metres, as last received.
     pub const fn ultrasound_m(&self) -> [Option<f64>; 3] {
         self.ultrasound_m
     }
 
-    /// The battery's voltage as last heard, millivolts; 0: not yet.
+    /// The battery's voltage as last received, millivolts; 0: not yet.
     pub const fn battery_mv(&self) -> u16 {
         self.battery_mv
     }
@@ -342,7 +343,7 @@ impl Apollo13 {
         self.origin = pose.then(back);
     }
 
-    /// What the planner wants: to pass gates, to get to the goal, or along the wall.
+    /// The planner's command: through gates, to the goal, or along the wall.
     fn planned(&mut self) -> Option<Drive> {
         let pose = self.pose();
         self.begin_or_end_mapping(pose);
@@ -372,7 +373,7 @@ impl Apollo13 {
         };
         if speed_m_s > 0.0 && self.is_too_near() {
             self.counters.too_near += 1;
-            // What is there is on the map by now: another way, or none.
+            // The map contains the obstacle by now: plan another path, or none.
             if is_driving {
                 self.pilot.plan_anew();
             }
@@ -389,7 +390,7 @@ impl Apollo13 {
         self.misfits >= MISFITS_MAX
     }
 
-    /// Whether there is a wall to follow, and the board has lately told how far it is.
+    /// Whether there is a wall to follow, and the board has recently reported its distance.
     fn hears_wall(&self) -> bool {
         let is_new = |heard: Instant| self.now - heard <= WALL_SILENT_MAX;
         self.wall.is_some() && self.wall_heard.is_some_and(is_new)
@@ -414,7 +415,7 @@ impl Apollo13 {
             self.out
                 .push_back(car_board::Command::Steering(steering).encode());
         }
-        // What the line has not taken is old: only the newest pair counts.
+        // Commands that the line has not taken are outdated: only the newest pair counts.
         while self.out.len() > 2 {
             self.out.pop_front();
         }

@@ -13,7 +13,7 @@ const LEARNED_S: f64 = 0.5;
 /// A way that falls back to nothing from farther than this is that of a board that was reset.
 const RESET_M: f64 = 0.05;
 
-/// What was told so far.
+/// State of the conversion.
 #[derive(Clone, Debug, Default)]
 pub struct RawLines {
     told_m: Option<f64>,
@@ -24,7 +24,7 @@ pub struct RawLines {
 }
 
 impl RawLines {
-    /// What a line comes to. After a reset of the board its time begins again.
+    /// Converts a line to a reading. After a reset of the board its time restarts.
     pub fn read(&mut self, raw: &Raw) -> Reading {
         let before_m = self.told_m.unwrap_or(raw.distance);
         if raw.distance == 0.0 && before_m.abs() > RESET_M {
@@ -92,7 +92,7 @@ mod tests {
         (0..200).for_each(|_| _ = lines.read(&raw(0.0, 0.5)));
         let mut yaw_rad = 0.0;
         (0..100).for_each(|_| yaw_rad = lines.read(&raw(0.0, 90.5)).yaw_rad);
-        // What turns while the encoder stands is taken for an offset, in half a second.
+        // A turn while the encoder stands is taken for an offset within half a second.
         assert!(yaw_rad < 1.0, "{yaw_rad}");
         let mut lines = RawLines::default();
         (0..200).for_each(|_| _ = lines.read(&raw(0.0, 0.5)));

@@ -1,10 +1,10 @@
-//! Finds wheels that slip: the encoder tells of a speed that the accelerometer has not felt come.
+//! Detects slipping wheels: the encoder reports a speed without the acceleration that leads to it.
 //!
-//! Facts: seed 003 names it as what it would do next; its later sketch prints accelerations beside
-//! the encoder's way. An accelerometer alone is of no use for long, as its offset adds up: so its
-//! speed is drawn to the encoder's all the time but while the two contradict each other. Then the
-//! car goes as the accelerometer says, for two seconds at most: after that an offset of a
-//! hundredth of gravity has come to 0.2 m/s itself.
+//! Facts: seed 003 names this check as its next step; its later sketch prints accelerations beside
+//! the encoder's distance. An accelerometer alone fails after a while because its offset adds up.
+//! Its speed is therefore drawn to the encoder's, except while the two contradict each other.
+//! During a contradiction the accelerometer gives the car's motion, for two seconds at most: after
+//! that an offset of a hundredth of gravity has added up to 0.2 m/s.
 
 /// Ways are compared over so long, seconds: the encoder's are printed in centimetres.
 const OVER_S: f64 = 0.3;
@@ -33,7 +33,7 @@ pub struct SlipWatch {
     next: usize,
     /// By the accelerometer, m/s.
     speed_m_s: f64,
-    /// What the accelerometer tells at rest, m/s².
+    /// Acceleration measured at rest, m/s².
     offset_m_s2: Option<f64>,
     /// For how long that was learned.
     learned_s: f64,
@@ -73,7 +73,7 @@ impl SlipWatch {
             None if over_s >= 0.9 * OVER_S && apart_m > APART_M[0] => {
                 self.slips_s = Some(0.0);
                 self.found += 1;
-                // What was believed of the wheels since they began to slip is taken back.
+                // Remove the wheels' distance that was counted since the slip began.
                 way_m - (told_m - by_feel_m)
             }
             None => {
@@ -243,7 +243,7 @@ mod tests {
         assert!(is(rest(0.01, 9.0), [3.0, 0.1]) && is(rest(0.0, 9.0), [3.0, 0.1]));
     }
 
-    /// What is older than 0.3 s does not count: four lines of a 16th of a second do.
+    /// Only the last 0.3 s count: four lines of a 16th of a second each.
     #[test]
     fn ways_are_compared_over_three_tenths_of_a_second() {
         let mut watch = SlipWatch::default();
@@ -264,7 +264,8 @@ mod tests {
         assert_eq!(watch.over(), [0.2, 5.0, 10.0]);
     }
 
-    /// Times of 0 and of more than three tenths of a second, and what is no number, leave no trace.
+    /// Lines with a time of 0 or of more than three tenths of a second, and those with
+    /// not-a-number, have no effect.
     #[test]
     fn what_is_no_line_leaves_no_trace() {
         extern crate std;

@@ -1,4 +1,4 @@
-//! Steering values and motor levels of the car's board, and what they do.
+//! Steering values and motor levels of the car's board, with their angles and speeds.
 //!
 //! Facts: seed 003, table of 101 angles measured at 11 values; -50 is hard left, 0 is 6 degrees to
 //! the left, straight ahead lies between 7 and 8. Speeds: level 2 is 0.22 m/s, -3 is -0.22 m/s;
@@ -28,8 +28,8 @@ pub fn angle_deg(value: i8) -> f64 {
     MEASURED_DEG[index] + part * (MEASURED_DEG[index + 1] - MEASURED_DEG[index])
 }
 
-/// The steering value whose angle is nearest; `None` for not-a-number. (The fielded search takes
-/// the next one to the right, and falls through without a result for not-a-number.)
+/// The steering value with the nearest angle; `None` for not-a-number. (The fielded search takes
+/// the next one to the right, and returns no result for not-a-number.)
 pub fn value_for(angle_deg_wanted: f64) -> Option<i8> {
     let off = |value: &i8| (angle_deg(*value) - angle_deg_wanted).abs();
     let values = -STEERING_MAX..=STEERING_MAX;

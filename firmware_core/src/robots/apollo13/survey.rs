@@ -1,11 +1,11 @@
-//! Draws a map of a floor that there is no plan of, and says where to look next.
+//! Maps a floor without a plan, and chooses the next pose to look from.
 //!
-//! Facts: seed 003 drove over a floor by hand while gmapping drew it, and names an exploration that
-//! ends by itself as what it would do next. Here `tracker` says where the camera is, by the lines
-//! that it saw before. The map that is told and driven by is drawn from there: a camera that looks
-//! ahead sees the walls of a corridor at flat angles, and beams to their far ends pass the cells of
-//! their near ones. So each cell counts once a scan, and what has something in it is not passed.
-//! The map is complete when it has no open edge left that the car can get to.
+//! Facts: in seed 003 an operator drove the car while gmapping drew the floor; an exploration that
+//! ends by itself is named as the next step. Here `tracker` computes the camera's pose from the
+//! lines seen before, and the map for reports and driving is drawn from that pose. A camera that
+//! looks ahead sees the walls of a corridor at flat angles, so beams to their far ends pass the
+//! cells of their near ends. Each cell therefore counts once a scan, and beams do not clear a cell
+//! that contains a point. The map is complete when it has no open edge left that the car can reach.
 
 mod edges;
 mod sightings;
@@ -34,9 +34,9 @@ const CELL_M: f64 = 0.05;
 const CELL_MM: f32 = 50.0;
 /// Between two scans that are drawn.
 const DRAW_EVERY: Duration = Duration::from_millis(200);
-/// What is farther is no obstacle yet, metres.
+/// Points farther than this are not entered as obstacles yet, metres.
 const ENTER_M: f64 = 3.0;
-/// What is farther was not looked at well enough to drive there without another look.
+/// Distance up to which a look checks the floor well enough to drive there, metres.
 const LOOK_M: f64 = 4.0;
 /// In how many scans more there must have been something than nothing.
 const SURE: i8 = 2;
@@ -44,15 +44,15 @@ const COUNT_MAX: i8 = 10;
 /// So many unseen cells beside a wall, 30 cm, may be wall: the camera misses as much of a wall that
 /// the car turns away from, up to its corner.
 const BESIDE_CELLS: usize = 6;
-/// Cells around what is known that a plan has.
+/// Margin of unknown cells around a plan.
 const MARGIN: usize = 12;
 /// An edge so near the way that the car came is a corner that its camera turned away from, metres:
 /// it would have to turn round in a corridor to look there.
 const BESIDE_M: f64 = 0.9;
 /// From one place of the track to the next, metres.
 const TRACK_M: f64 = 0.2;
-/// The newest places of the track, as far as they are no farther off than this, metres, are not
-/// passed yet, also if the car moves to and fro there: what is open may lie ahead.
+/// Recent positions of the track within this distance of the car, metres, do not count as passed,
+/// even if the car moves to and fro there: an open area may lie ahead.
 const STILL_HERE_M: f64 = 1.0;
 /// Less from one scan to the next is a car that stands, metres; of one, so many are drawn first.
 const REST_M: f64 = 0.000_5;
@@ -64,8 +64,8 @@ const SCANS_MIN: u32 = 5;
 /// again: from beside a corner there may be no way on. Metres, and how often.
 const BACK_M: f64 = 2.5;
 const BACK_MAX: u8 = 1;
-/// After so many goals in a row that show fewer new cells than this, a quarter of a square metre,
-/// the car has seen what it can.
+/// After so many goals in a row with fewer new cells than this, a quarter of a square metre, the
+/// exploration is complete.
 const VAIN_MAX: u8 = 4;
 const NEWS_CELLS: usize = 100;
 
@@ -88,7 +88,7 @@ pub struct Survey {
     tracker: Tracker,
     /// The map's corner of least x and y in the frame of poses, metres.
     corner_m: [f64; 2],
-    /// What is told of each cell, in the map's rows: free, unknown, obstacle.
+    /// Published value of each cell, in the map's rows: free, unknown, obstacle.
     cells: Vec<u8>,
     /// In how many scans something was in it, less in how many it was passed.
     seen: Vec<i8>,
@@ -187,7 +187,7 @@ impl Survey {
         MapView::new(SIDE, CELL_MM, corner_mm, &self.cells)
     }
 
-    /// What is known so far as a plan to drive by.
+    /// The known area as a plan to drive by.
     pub fn plan(&self) -> FloorPlan {
         let [mut low, mut high] = [[SIDE; 2], [0; 2]];
         for (y, row) in self.cells.chunks_exact(SIDE).enumerate() {
@@ -305,7 +305,7 @@ impl Survey {
         Some(goal)
     }
 
-    /// Whether the camera has come by so near that what it has not seen there lies beside its way.
+    /// Whether the camera passed so near that an unseen area there lies beside its path.
     fn is_beside(&self, [x_m, y_m]: [f64; 2]) -> bool {
         let is_near = |[at_x_m, at_y_m]: [f64; 2]| {
             let off = [at_x_m - x_m, at_y_m - y_m];

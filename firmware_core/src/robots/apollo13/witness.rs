@@ -1,10 +1,9 @@
-//! Lays beside each other what the odometer and the board tell of the same way.
+//! Compares the motions that the odometer and the board report.
 //!
-//! An encoder whose wires are exchanged counts backwards, a gyroscope that is stuck turns forever;
-//! both lines look sound. The board's pulses and the steering that was commanded are coarse, but
-//! they come another way. For the travel the board is believed: no standing wheel makes pulses. For
-//! the turn neither source is believed: a servo may be dead as well as a gyroscope, and the camera
-//! must decide.
+//! An encoder with exchanged wires counts backwards, a stuck gyroscope reports an endless turn; the
+//! lines of both look valid. The board's pulses and the commanded steering are coarse, but
+//! independent. For travel the board is trusted: no standing wheel makes pulses. For turns neither
+//! source is trusted, because a servo may be dead as well as a gyroscope; the camera must decide.
 
 use core::ops::RangeInclusive;
 use core::time::Duration;
@@ -31,7 +30,7 @@ const TURNED_RAD: f64 = 0.10;
 /// sooner is behind it.
 const IN_TIME: RangeInclusive<Duration> = Duration::from_millis(30)..=Duration::from_millis(150);
 
-/// What is found, each over the way since the last finding.
+/// A contradiction, over the motion since the last one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
     /// The car went as the second motion says, not as the odometer, the first.
@@ -40,7 +39,7 @@ pub enum Finding {
     Turn(Motion, Motion),
 }
 
-/// Where all say that the car is when the board told of it, each in its own frame.
+/// Poses of all sources at a frame of the board, each in its own frame of reference.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Told {
     /// When the board's frame came.
@@ -51,7 +50,7 @@ pub struct Told {
     pub board: CarPose,
     /// By the encoder and the steering that was commanded.
     pub steered: CarPose,
-    /// Whether the car was told to drive backwards last.
+    /// Whether the last motor command was backwards.
     pub is_backwards: bool,
 }
 
@@ -76,18 +75,18 @@ impl Told {
     }
 }
 
-/// The comparison: what was told when it began, of the way and of turns.
+/// The comparison: poses at its begin, for travel and for turns.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Witness {
     way: Told,
     turn: Told,
     heard: Instant,
-    /// What was told when the car was ordered to drive the other way.
+    /// Poses at the order to drive in the other direction.
     turned: Option<Told>,
 }
 
 impl Witness {
-    /// Begins again: what was told up to here is settled, or cannot be compared.
+    /// Restarts the comparison: earlier motion is settled, or cannot be compared.
     pub const fn begin(&mut self, told: Told) {
         (self.way, self.turn, self.heard) = (told, told, told.now);
     }
@@ -97,10 +96,11 @@ impl Witness {
         self.turned = Some(told);
     }
 
-    /// Compares up to what is told now. A car that changes its direction rolls on for a while,
-    /// which only the odometer tells: that is left out. Frames that were held up tell of a way that
-    /// the odometer told of before: nothing is compared until they come in time again. Only an
-    /// encoder that has counted the other way since the car was turned round is found all the same.
+    /// Compares the motions up to the current frame. After a change of direction the car rolls on
+    /// for a while, which only the odometer reports: that motion is left out. Delayed frames report
+    /// motion that the odometer reported earlier, so nothing is compared until frames arrive in
+    /// time again. One fault is found even then: an encoder that has counted in the wrong direction
+    /// since the car changed its own.
     pub fn compare(&mut self, told: Told) -> Option<Finding> {
         let passed = told.now - core::mem::replace(&mut self.heard, told.now);
         if told.is_backwards != self.way.is_backwards {
@@ -168,7 +168,7 @@ mod tests {
         }
     }
 
-    /// What the frame after the beginning tells; the encoder goes with the board.
+    /// Poses at the frame after the beginning; the encoder agrees with the board.
     fn told(odometer: CarPose, board: CarPose) -> Told {
         Told {
             now: Instant::ZERO + Duration::from_millis(67),
@@ -286,9 +286,8 @@ mod tests {
         }
     }
 
-    /// The board's line stands still for a second; its frames come at once then, a millisecond
-    /// apart, and tell of the 0.22 m that the odometer told of before. From then on both continue
-    /// alike.
+    /// The board's line stops for a second; then its frames arrive at once, a millisecond apart,
+    /// and report the 0.22 m that the odometer reported before. From then on both continue alike.
     #[test]
     fn frames_that_were_held_up_find_nothing() {
         let mut witness = Witness::default();
@@ -306,7 +305,7 @@ mod tests {
             let told = at_ms(1_082 + 67 * frame, 0.22 + way, 0.2205 + way);
             assert_eq!(witness.compare(told), None, "{frame}");
         }
-        // What the odometer does not tell while frames are held up is found behind them.
+        // Motion that the odometer misses while frames are delayed is found behind them.
         for (ms, board_m) in [(4_000, 1.1), (4_001, 1.2)] {
             assert_eq!(witness.compare(at_ms(ms, 0.808, board_m)), None);
         }
@@ -411,7 +410,7 @@ mod tests {
         assert!(!behind_a_gap(at(0.0, 0.0), at(-0.40, 0.0)));
     }
 
-    /// 0.60 m end a comparison: what was missed before, here 7 cm, is settled and does not add up.
+    /// 0.60 m end a comparison: an earlier error, here 7 cm, is settled and does not add up.
     #[test]
     fn a_comparison_of_ways_ends_after_60_cm() {
         let second = |ends_m: f64| {

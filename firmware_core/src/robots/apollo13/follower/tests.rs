@@ -34,9 +34,9 @@ fn touches(map: &Costmap, pose: CarPose) -> bool {
     obstacles.any(|cell| outline().overlaps(pose, map.middle_m(cell), 0.05))
 }
 
-/// Drives along the path by a car of 0.258 m whose speed lags by 0.3 s and whose angles are those
-/// of the table; told poses are 1 cm and half a degree off. Where it ends, and whether it touched
-/// anything.
+/// Drives a car of 0.258 m along the path; its speed lags by 0.3 s, its angles are those of the
+/// table, and its reported poses are 1 cm and half a degree off. Returns the end pose, and whether
+/// the car touched an obstacle.
 fn drive(map: &Costmap, path: Vec<CarPose>, random: &mut Pcg32) -> (Step, CarPose, bool) {
     let car = CarGeometry {
         wheelbase_m: 0.258,
@@ -272,7 +272,7 @@ fn a_way_that_comes_back_to_its_beginning_is_driven_to_its_end() {
     assert_eq!(follower.step(poses[36]), Step::Arrived);
 }
 
-/// 40 cm beside a way is not yet lost, nor is what is 30 cm and 0.3 rad off its end.
+/// 40 cm beside a path is not yet lost, nor is 30 cm and 0.3 rad off its end.
 #[test]
 fn what_is_as_far_off_as_may_be_is_not_lost() {
     let beside = |y_m: f64, heading_rad: f64| {

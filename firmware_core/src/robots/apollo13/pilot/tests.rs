@@ -41,8 +41,8 @@ fn straight() -> Vec<CarPose> {
 }
 
 /// The limits are 0.30 m and 0.30 rad, each tried a little to both sides, the heading also across
-/// pi; a place has no heading; an exact goal has limits of its own. Without a map, what is not
-/// reached is given up.
+/// pi. A position has no heading; an exact goal has limits of its own. Without a map, an unreached
+/// goal is given up.
 #[test]
 fn a_goal_is_reached_when_the_car_is_near_enough() {
     let at = |x_m: f64, heading_rad: f64| CarPose {
@@ -136,9 +136,9 @@ fn where_the_car_has_got_on_plans_count_anew() {
     }
 }
 
-/// Along a straight way: a pillar on it whose near face is 1.5 m ahead meets the nose of a pose
-/// 1.2 m ahead; one at 2.2 m that of none within 1.5 m; one behind the car is no matter. Looked at
-/// is each 0.2 s.
+/// A straight path. A pillar with its near face 1.5 m ahead touches the nose at a pose 1.2 m ahead;
+/// one at 2.2 m touches no pose within 1.5 m; one behind the car does not count. The check runs
+/// each 0.2 s.
 #[test]
 fn a_way_that_something_stands_on_is_planned_anew() {
     let clear = hall([3.0, 0.3]);

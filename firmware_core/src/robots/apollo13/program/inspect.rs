@@ -1,4 +1,4 @@
-//! What an observer may look at.
+//! State that an observer may read.
 
 use protocols::Instant;
 

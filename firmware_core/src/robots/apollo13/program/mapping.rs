@@ -1,4 +1,4 @@
-//! Drives over a floor that there is no plan of, and keeps what it drew as the plan.
+//! Exploration of a floor without a plan; the drawn map becomes the plan.
 
 use core::time::Duration;
 
@@ -24,8 +24,8 @@ const GOT_ON_M: f64 = 0.3;
 const GETS_ON_WITHIN: Duration = Duration::from_secs(15);
 
 impl Apollo13 {
-    /// A map is begun when mapping is ordered: the plan that the car was given does not count. When
-    /// something else is ordered, the car continues by what it drew.
+    /// Starts a map when mapping is ordered: the configured plan is dropped. At another order, the
+    /// drawn map becomes the plan.
     pub(super) fn begin_or_end_mapping(&mut self, pose: CarPose) {
         let is_mapping = self.arbiter.mode() == Mode::Mapping;
         match (is_mapping, self.survey.take()) {
@@ -55,14 +55,14 @@ impl Apollo13 {
         !matches!(self.arbiter.mode(), Mode::Killed | Mode::Contradiction)
     }
 
-    /// What the camera saw: onto the map, which says where the car is.
+    /// Enters the camera's scan into the map, which gives the car's pose.
     pub(super) fn survey_sight(&mut self) {
         let now = self.now;
         let Some(survey) = self.survey.as_mut().filter(|survey| survey.is_due(now)) else {
             return;
         };
         let camera = self.odometry.pose().shifted(CAMERA_AHEAD_M);
-        // What has no depth may be too near as well as too far.
+        // A missing depth may mean too near as well as too far.
         let found = survey.draw(now, camera, &self.sight.beams(false));
         if self.seen.is_none_or(|seen| now - seen >= FLOOR_EVERY) {
             self.seen = Some(now);

@@ -117,8 +117,9 @@ fn through(passage: Passage) -> alloc::vec::Vec<CarPose> {
 mod tests {
     use super::*;
 
-    /// 6 m by 4 m whose corner is -1, 2: the middle is 2, 4, the others a quarter of the width to
-    /// its sides; four headings from each. After the twelfth they begin again.
+    /// A plan of 6 m by 4 m with its corner at (-1, 2): the middle is (2, 4), the other lookouts
+    /// lie a quarter of the width to its sides; four headings from each. After the twelfth the
+    /// sequence restarts.
     #[test]
     fn lookouts_lie_in_the_middle_and_to_its_sides() {
         let plan = FloorPlan {

@@ -4,8 +4,8 @@ use super::{CAMERA_AHEAD_M, Config};
 use crate::ackermann::CarPose;
 use crate::particles::{LikelihoodField, Localiser, Noise, Settings as ParticleSettings};
 
-/// Of the odometry: a fifth of what it tells. With the seed's figures, ten times that, the guesses
-/// spread over the hall while the camera looks at a box that is on no map.
+/// Noise of the odometry: a fifth of its motion. With the seed's figures, ten times as much, the
+/// guesses spread over the hall while the camera looks at a box that is on no map.
 const NOISE: Noise = Noise {
     turn_by_turn: 0.04,
     turn_by_way: 0.04,

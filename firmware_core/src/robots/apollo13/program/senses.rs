@@ -1,4 +1,4 @@
-//! What the program receives and sees.
+//! Input of the program: lines, frames and messages of its ports.
 
 use core::time::Duration;
 
@@ -147,7 +147,7 @@ impl Apollo13 {
         let is_reset = reading.time_s < self.odometer_s;
         let has_missed = self.watch.is_silent(self.now) && self.has_missed_way(reading.distance_m);
         self.watch.hear(self.now, is_reset);
-        // Of a gyroscope whose offset was taken while the car turned nothing is believed.
+        // Ignore a gyroscope whose offset was measured while the car turned.
         if is_reset || has_missed || self.watch.is_misled() {
             self.bridge();
             self.odometry.begin_anew();
@@ -173,8 +173,8 @@ impl Apollo13 {
             < libm::hypot(by_board.ahead_m, by_board.left_m)
     }
 
-    /// What a gyroscope that is stuck does not tell, the steering does. The other dialects tell the
-    /// rate too coarsely to see whether it is.
+    /// Replaces the turn of a stuck gyroscope by that of the steering. The other dialects round the
+    /// rate too coarsely to detect a stuck one.
     fn turn_as_steered(&mut self, reading: odometer::Reading) {
         if self.config.dialect != Some(odometer::Dialect::Fixed) {
             return;
@@ -204,7 +204,7 @@ impl Apollo13 {
         self.gates.moved(before, self.pose());
     }
 
-    /// What is sent to the board is what its pulses mean from now on.
+    /// Notes the command sent to the board: it gives the direction of the following pulses.
     pub(super) fn note_command(&mut self) {
         let was_backwards = self.by_board.is_backwards();
         self.by_board.command(self.drive);
@@ -213,7 +213,7 @@ impl Apollo13 {
         }
     }
 
-    /// What the odometer and the board tell of the same way must agree.
+    /// Compares the motions of the odometer and the board, which must agree.
     fn compare(&mut self) {
         let finding = self.witness.compare(self.told());
         self.counters.doubts += u64::from(finding.is_some());
@@ -266,7 +266,7 @@ impl Apollo13 {
         }
     }
 
-    /// What the camera saw: where the car is, and what is in the way.
+    /// Uses the camera's scan: corrects the car's pose and enters obstacles.
     fn take_sight(&mut self) {
         self.counters.scans += 1;
         if self.survey.is_some() {
@@ -317,7 +317,7 @@ impl Apollo13 {
         }
     }
 
-    /// What is nearer than the camera sees is no open floor.
+    /// Whether the floor ahead is open: no obstacle is nearer than the camera's minimum range.
     fn is_open_ahead(&self) -> bool {
         self.ultrasound_m[0].is_none_or(|range_m| range_m > OPEN_M)
     }
@@ -331,7 +331,7 @@ impl Apollo13 {
             turn_rad: 0.0,
         });
         self.gates.see(marker.id.into(), [place.x_m, place.y_m]);
-        // What holds it may be lower than the camera, and stays.
+        // A marker's post may be lower than the camera, so the camera must not clear it.
         let places = self.gates.markers().map(|(_, place)| place);
         self.floor.stand(places);
     }

@@ -1,4 +1,4 @@
-//! What the camera saw last: depths by their columns, or ranges by their bearings.
+//! The camera's last scan: depths by columns, or ranges by bearings.
 
 use alloc::vec::Vec;
 
@@ -11,22 +11,23 @@ use crate::pose::Point;
 const RANGE_M: [f64; 2] = [0.45, 10.0];
 /// So many columns side by side without a depth are no gaps: nothing is there in range.
 const NOTHING_COLUMNS: usize = 12;
-/// Of the columns with something, so many may be gaps at most, as a part of all: otherwise the
-/// camera is blind, and what it does not see may be there.
+/// Maximum share of gaps among the columns with an object. With more gaps the camera counts as
+/// blind, and unseen space may hold obstacles.
 const GAPS_MAX: f64 = 0.1;
 
 /// The direction of a column or bearing.
 #[derive(Clone, Copy, Debug, Default)]
 struct Direction {
     bearing_rad: f64,
-    /// Ahead and to the left of what is one unit away; of a row, one unit of depth.
+    /// Ahead and to the left of a point one unit away; in a row, one unit of depth.
     ahead: f64,
     left: f64,
     /// Range of that unit, metres.
     range: f64,
 }
 
-/// What tells directions apart: focal length and columns, or first bearing, step and number.
+/// Parameters that define the directions: focal length and columns, or first bearing, step and
+/// number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Lens {
     #[default]

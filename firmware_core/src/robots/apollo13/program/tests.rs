@@ -541,7 +541,7 @@ fn a_wall_is_followed_as_long_as_it_is_heard() {
     assert!(!hears(wall, None) && !hears(None, Some(1_000)));
 }
 
-/// 25 cm ahead is near enough to continue; nothing heard is nothing there.
+/// 25 cm ahead is far enough to continue; without an echo there is no obstacle.
 #[test]
 fn what_is_nearer_than_25_cm_is_too_near() {
     let mut car = Apollo13::new(Config::default());

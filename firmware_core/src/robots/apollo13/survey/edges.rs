@@ -1,4 +1,4 @@
-//! The open edges of what was checked, and which of them to go to.
+//! Open edges of the checked area, and the choice of the next one.
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -10,16 +10,16 @@ use crate::costmap::{Costmap, INSCRIBED};
 /// Fewer cells that hang together are no open edge: with what the car keeps from walls that is an
 /// opening of 0.9 m.
 const CELLS_MIN: usize = 12;
-/// What an edge behind the car costs more than one ahead, metres: turning round takes a car several
-/// moves, if there is room at all.
+/// Extra cost of an edge behind the car, metres: turning round takes a car several moves, if there
+/// is room at all.
 const BEHIND_M: f64 = 12.0;
 /// An edge nearer than this is one of the picture's sides: the car would have to turn towards it
 /// where it stands. It costs so much more.
 const NEAR_M: f64 = 1.5;
 const BESIDE_M: f64 = 8.0;
-/// How far before an edge the car stops: from there it sees what is behind.
+/// Distance before an edge at which the car stops, metres: from there it sees the area behind.
 const BEFORE_M: f64 = 0.6;
-/// Cells of the way by whose direction the car is to look at the edge.
+/// Number of path cells that give the direction of the look at the edge.
 const HEADING_CELLS: usize = 12;
 /// Edges nearer to each other than this are the same, metres.
 const SAME_M: f64 = 0.6;
@@ -61,8 +61,8 @@ impl Tried {
     }
 }
 
-/// Cells that the car can get to through what was checked: each with the one before it on the
-/// way, itself at the start.
+/// Cells that the car can reach through the checked area: each with its predecessor on the path,
+/// the start with itself.
 struct Reach {
     width: usize,
     before: Vec<Option<usize>>,

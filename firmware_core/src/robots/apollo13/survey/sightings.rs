@@ -1,10 +1,10 @@
-//! What one scan says of the walls around, its noise taken out as far as they are straight.
+//! Wall points of one scan, smoothed where the walls are straight.
 //!
-//! A depth camera measures disparities: its depths err by the square of the depth, their inverses
-//! by the same everywhere. Seen so, a straight wall is a straight line as well: with the tangent
-//! `t` of the bearing and the depth `z`, `a x + b y = 1` is `1 / z = a + b t`. So each place is
-//! laid onto the straight line through its neighbours, as many as lie on one: of a wall 7 m ahead,
-//! whose points scatter by 7 cm, that leaves a centimetre.
+//! A depth camera measures disparities: the error of its depths grows with the square of the depth,
+//! the error of their inverses is constant. In inverse depths a straight wall is a straight line as
+//! well: with the tangent `t` of the bearing and the depth `z`, `a x + b y = 1` is `1 / z = a + b
+//! t`. Each point is therefore moved onto the straight line through as many neighbours as lie on
+//! one line. For a wall 7 m ahead this reduces a scatter of 7 cm to a centimetre.
 
 use alloc::vec::Vec;
 
@@ -89,7 +89,7 @@ fn laid(scan: &[[f64; 2]], sums: &[Sums], index: usize) -> Sighting {
     }
 }
 
-/// What lies in the direction of `t` on the line through the places between two sums, if they lie
+/// The sighting in the direction `t` on the line through the points between two sums, if they lie
 /// on one.
 fn on_line(before: &Sums, after: &Sums, t: f64) -> Option<Sighting> {
     let of = |at: usize| after[at] - before[at];

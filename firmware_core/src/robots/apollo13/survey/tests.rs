@@ -54,8 +54,8 @@ fn costs(survey: &Survey) -> Costmap {
     )
 }
 
-/// What was checked ends 4 m ahead of the camera: the car goes to there, less what it stops
-/// before, and looks along the corridor. The map has the walls where they are.
+/// The checked area ends 4 m ahead of the camera: the car drives there, less its stopping distance,
+/// and looks along the corridor. The walls on the map have the right positions.
 #[test]
 fn the_edge_ahead_is_gone_to() {
     let mut survey = Survey::new(at(0.0));
@@ -123,8 +123,8 @@ fn the_exploration_ends_by_itself() {
     assert!(!fresh.is_complete());
 }
 
-/// What the car turned away from beside its way is no edge: nothing 0.8 m from where it came by is
-/// one, whatever is known of it.
+/// An area beside the path that the car turned away from has no edge: no point within 0.8 m of the
+/// path is one, whatever its surroundings.
 #[test]
 fn what_lies_beside_the_way_is_no_edge() {
     let mut survey = Survey::new(at(0.0));
@@ -245,8 +245,8 @@ fn a_plan_is_cut_out_around_what_is_known() {
     );
 }
 
-/// An unseen region: six cells to each side of a wall's end may be wall, a seventh is not kept off,
-/// nor what was seen to be free. The map's rim is not beside its other one.
+/// An unseen region: six cells to each side of a wall's end may be wall. The car keeps off these,
+/// but not off the seventh or off free cells. The map's edge is not adjacent to its opposite edge.
 #[test]
 fn what_nobody_has_seen_beside_a_wall_may_be_wall() {
     let mut survey = Survey::new(at(0.0));
@@ -296,8 +296,8 @@ fn a_cell_is_what_most_scans_say() {
     );
 }
 
-/// What is 2 m ahead is entered and the way to it is free up to 1.925 m; what is 3.5 m ahead is not
-/// entered yet; of 10 m the first 4 were checked.
+/// An obstacle 2 m ahead is entered and the path to it is free up to 1.925 m; one 3.5 m ahead is
+/// not entered yet; of 10 m the first 4 were checked.
 #[test]
 fn a_beam_frees_its_way_and_enters_its_end() {
     let looked = |range_m: f64, x_m: f64| {
@@ -487,8 +487,8 @@ fn twelve_cells_make_an_edge() {
 }
 
 /// A beam of 1 m along y from a cell's middle frees the cells up to a cell and a half before its
-/// end, 0.925 m; beside it, 0.0125 rad or more, another one does. What is farther than 3 m is not
-/// entered, and frees up to 4 m.
+/// end, 0.925 m; beside it, 0.0125 rad or more, another one does. A point farther than 3 m is not
+/// entered, and its beam frees up to 4 m.
 #[test]
 fn a_beam_frees_cells_along_its_own_bearing() {
     let camera = CarPose {
@@ -550,8 +550,8 @@ fn what_lies_beside_the_track_was_passed() {
     assert!(is_beside(0.0, 0.0) && !is_beside(1.5, 0.0));
 }
 
-/// A car that moves to and fro within a metre has not passed that place, however often; what is
-/// open there may be where it wants to turn to. A metre on, it has.
+/// A car that moves to and fro within a metre has not passed that position, however often; an open
+/// area there may be its next goal. A metre on, the car has passed.
 #[test]
 fn who_moves_to_and_fro_has_not_passed() {
     let mut survey = Survey::new(at(0.0));
@@ -565,7 +565,7 @@ fn who_moves_to_and_fro_has_not_passed() {
     assert!(survey.is_beside([4.9, 0.7]));
 }
 
-/// What was given up beside the way is checked once more after the car has gone back: then it
+/// An edge given up beside the path is checked once more after the car has gone back: then it
 /// counts as an edge again.
 #[test]
 fn what_was_given_up_beside_the_way_counts_after_going_back() {
@@ -651,9 +651,9 @@ fn where_an_edge_lies_is_seen_from_the_car() {
     }
 }
 
-/// What a look from (0.025, 0.025) m along y says of the cells of 5 cm on its way: up to one and a
-/// half cells before its end there is nothing, in steps of half a cell; what is farther than 3 m is
-/// not entered, and 4 m are looked through.
+/// A look from (0.025, 0.025) m along y, in cells of 5 cm, in steps of half a cell: up to one and a
+/// half cells before its end the space is free; a point farther than 3 m is not entered, and 4 m
+/// are cleared.
 #[test]
 fn a_look_passes_cells_up_to_its_end() {
     let camera = CarPose {

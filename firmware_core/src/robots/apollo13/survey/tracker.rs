@@ -1,11 +1,10 @@
-//! Where the camera is on a map under way: what it sees, laid onto the lines that it saw before.
+//! Camera pose on an incomplete map: each scan is fitted to the lines seen before.
 //!
-//! The floor is squares of 20 cm. Each keeps the mean and the spread of the points that were seen
-//! in it, and is a piece of a line if they lie along one, as in the normal distributions transform
-//! (Biber and Strasser, 2003). A scan is moved until its points lie on those lines, by Gauss's and
-//! Newton's method, and held by what the odometry says: along a corridor nothing else tells how far
-//! the car went. A piece that is well known stays as it is: what is seen of it later, round a ring
-//! and back, is laid onto it and does not move it.
+//! The floor is squares of 20 cm. Each square stores the mean and the spread of its points. It is a
+//! piece of a line if they lie along one, as in the normal distributions transform (Biber and
+//! Strasser, 2003). The Gauss-Newton method moves a scan until its points lie on those lines, with
+//! the odometry as prior: along a corridor no other source measures the distance. A well-known
+//! piece stays fixed: later points, for example after a loop, are fitted to it and do not move it.
 
 use alloc::vec::Vec;
 
@@ -28,7 +27,7 @@ const ALONG_MIN_M: f64 = 0.025;
 /// At this weight a piece stays as it is. Points of one scan are wrong together, as the camera's
 /// pose is: some dozen scans, from near and far, are to have a say.
 const WEIGHT_MAX: f64 = 400.0;
-/// So many scans later, one minute, what was drawn is believed before all that is newer.
+/// After so many scans, one minute, an old piece takes precedence over newer ones.
 const OLD_AFTER: u32 = 300;
 /// Points of a scan that are laid onto lines at most.
 const LAID_MAX: usize = 160;
@@ -44,13 +43,13 @@ const HUBER_M: f64 = 0.03;
 const POINT: f64 = 0.15;
 /// Part of the direction in which points lie that may lie across a line.
 const ASKEW_MAX: f64 = 0.35;
-/// Standard deviation of the odometry: of a way and of what is added at each step, metres and
-/// radians.
+/// Standard deviation of the odometry: share of the motion, and a constant for each step, metres
+/// and radians.
 const WAY: [f64; 2] = [0.05, 0.002];
 const SIDEWAYS: [f64; 2] = [0.01, 0.001];
 const TURN: [f64; 2] = [0.01, 0.002];
-/// What of a correction of the heading is taken for the gyroscope's bias, and that at most, radians
-/// from one scan to the next.
+/// Share of a heading correction that is attributed to the gyroscope's bias, and its maximum,
+/// radians from one scan to the next.
 const BIASED: f64 = 0.03;
 const BIAS_MAX_RAD: f64 = 0.005;
 /// The scan is drawn when the camera has moved so far, metres and radians.
@@ -67,7 +66,7 @@ struct Line {
     normal: [f64; 2],
 }
 
-/// What was seen in a square.
+/// Points seen in a square.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     /// Scan in which it was begun.
@@ -130,7 +129,7 @@ impl Piece {
 pub(super) struct Tracker {
     /// The corner of the squares, metres.
     corner_m: [f64; 2],
-    /// Place in `pieces` of what is in a square, plus 1; 0 is nothing.
+    /// Index in `pieces` of each square's piece, plus 1; 0 is none.
     squares: Vec<u32>,
     pieces: Vec<Piece>,
     pose: CarPose,
@@ -335,7 +334,7 @@ struct Sum {
 }
 
 impl Sum {
-    /// What holds the pose where the odometry says.
+    /// The odometry's pull on the pose.
     fn held(told: CarPose, motion: Motion, pose: CarPose) -> Self {
         let way_m = libm::hypot(motion.ahead_m, motion.left_m);
         let turn_rad = motion.turn_rad.abs();
@@ -535,7 +534,7 @@ mod tests {
         assert_eq!(found.map(u8::from), [0, 0, 0, 0, 0, 0, 0, 1]);
     }
 
-    /// 3 % of what it turns at rest is taken for the odometry's own, at most 5 mrad a scan.
+    /// 3 % of a turn at rest is attributed to the odometry's bias, at most 5 mrad a scan.
     #[test]
     fn a_bias_is_learned_slowly_and_bounded() {
         for sign in [1.0, -1.0] {
@@ -598,7 +597,7 @@ mod tests {
         assert!(is_near(2.1, -1.14) && !is_near(2.1, -1.16));
     }
 
-    /// What was drawn 300 scans ago is believed before what is newer, even if that is nearer.
+    /// A line drawn 300 scans ago takes precedence over newer ones, even if those are nearer.
     #[test]
     fn an_old_line_is_believed_before_a_new_one() {
         let mut tracker = before_a_wall();
@@ -638,8 +637,8 @@ mod tests {
         assert!(!moved(-0.019, -0.009) && moved(-0.02, 0.0) && moved(0.0, 0.01));
     }
 
-    /// The odometry says 3 cm ahead, 1 cm left of the truth and turned: the wall says how far it is
-    /// away and how it is turned, the odometry what is along it. 80 points of 0.15 by the squares
+    /// The odometry says 3 cm ahead, 1 cm left of the truth and turned: the wall gives the distance
+    /// to it and the heading, the odometry the position along it. 80 points of 0.15 by the squares
     /// of 4 and of 6.928 mm, 2344, whose squares along the wall add up to 17.06 square metres, are
     /// 39,990; a turn within 0.012 rad is 6,944: of 0.02 rad there remain 0.00296.
     #[test]
