@@ -2,8 +2,8 @@ use protocols::avr::START;
 
 use crate::memory::StrayWrites;
 
-/// What the fielded program did wrong on its bus; none by default. The ids are those of the
-/// project's list of field defects.
+/// Bus defects of the fielded program; none by default. The ids are those of the project's list of
+/// field defects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The checksum's first byte is stored behind the data, outside the buffer (MA-01).

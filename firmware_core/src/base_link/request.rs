@@ -4,7 +4,7 @@ use protocols::avr::{ChecksumOrder, Frame};
 
 use super::{Defects, READ_MAX, WRITE_MAX};
 
-/// What to ask of the slave.
+/// A read or write request to the slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
     pub(super) register: u8,

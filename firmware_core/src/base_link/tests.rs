@@ -31,7 +31,7 @@ fn sent(link: &mut BaseLink) -> Vec<u8> {
     buf[..count].to_vec()
 }
 
-/// A link whose request to read the wheels has just left.
+/// A link with a request to read the wheels that has just left.
 fn asked() -> BaseLink {
     let mut link = link();
     link.submit(at(0), WHEELS);
@@ -109,7 +109,7 @@ fn an_unsolicited_frame_is_counted_and_dropped() {
     );
 }
 
-/// What comes in before the request has left cannot be its answer.
+/// A frame received before the request has left cannot be its answer.
 #[test]
 fn an_answer_from_before_the_question_does_not_count() {
     let mut link = link();
@@ -240,7 +240,7 @@ fn step() -> impl Strategy<Value = (u64, Vec<u8>, bool, bool)> {
 }
 
 proptest! {
-    /// Whatever the slave says and whenever: no panic, at most three tries a request, and every
+    /// For any bytes of the slave at any time: no panic, at most three tries a request, and every
     /// request ends.
     #[test]
     fn every_request_ends(steps in prop::collection::vec(step(), 1..60)) {
@@ -294,8 +294,8 @@ fn a_frame_that_an_idle_line_frees_must_be_the_answer() {
     );
 }
 
-/// What was read before is left behind ten registers if short replies or acknowledgements are taken
-/// for answers; else there is nothing.
+/// Stale data stays behind ten registers if the link accepts short replies or acknowledgements as
+/// answers; else those bytes are 0.
 #[test]
 fn old_data_is_left_behind_a_reply_of_the_fielded_link() {
     let behind = |takes_short_replies, takes_acknowledgements| {

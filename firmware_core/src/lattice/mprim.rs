@@ -75,7 +75,7 @@ impl From<PrimitiveError> for MprimError {
 /// Reads a file of primitives.
 ///
 /// # Errors
-/// With line, word and what was expected; or which primitive does not fit.
+/// With line, word and the expected content; or the primitive that does not fit.
 pub fn parse(text: &str) -> Result<PrimitiveSet, MprimError> {
     let mut words = Words::new(text);
     let resolution_m = words.labelled("resolution_m:", "a number")?;

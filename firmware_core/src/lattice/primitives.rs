@@ -225,7 +225,7 @@ impl Primitive {
             clippy::cast_sign_loss,
             reason = "saturates"
         )]
-        // What is a whole number in decimal is none in binary.
+        // A whole number in decimal may not be whole in binary.
         let cost = libm::ceil(1_000.0 * seconds - 1e-9) as u32;
         cost.max(1).saturating_mul(self.multiplier)
     }

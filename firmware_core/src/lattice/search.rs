@@ -1,9 +1,9 @@
 //! The search for a plan: anytime repairing A* (ARA*, Likhachev, Gordon and Thrun 2003).
 //!
-//! A first pass overrates the estimate of the way that is left by a factor and is quick; further
-//! passes repair what it found with smaller factors. The cost that a pass returns is at most its
-//! factor times the least one. Each pass keeps the costs of the one before: OPEN continues, and
-//! what became cheaper after it was closed (INCONS) joins it.
+//! The first pass multiplies the estimate of the remaining path by a factor and is quick; further
+//! passes improve its result with smaller factors. The cost of a pass is at most its factor times
+//! the least cost. Each pass keeps the costs of the one before: OPEN continues, and states that
+//! became cheaper after they were closed (INCONS) join it.
 
 use core::cmp::Reverse;
 
@@ -70,7 +70,7 @@ pub struct Plan {
     pub poses: Vec<CarPose>,
     /// Primitives in their order, as places in the set.
     pub primitives: Vec<usize>,
-    /// What it costs.
+    /// Cost of the path.
     pub cost: u32,
     /// The cost is at most this many times the least one.
     pub bound: f64,
@@ -193,7 +193,7 @@ impl<'a> Search<'a> {
     }
 
     fn state(&self, [x, y]: [i32; 2], angle: u32) -> Option<u32> {
-        // What is below 0 becomes larger than any map.
+        // A negative coordinate becomes larger than any map.
         let (x, y) = (x.cast_unsigned(), y.cast_unsigned());
         let [width, height] = self.size;
         (x < width && y < height).then(|| (y * width + x) * self.angles + angle)
@@ -208,7 +208,8 @@ impl<'a> Search<'a> {
         self.left[(state / self.angles) as usize]
     }
 
-    /// What a pass sorts by: cost so far, and the rest as the factor, in 1000ths, overrates it.
+    /// Sort key of a pass: the cost so far, and the estimated rest multiplied by the factor, in
+    /// 1000ths.
     fn key(&self, state: u32, factor: u64) -> u64 {
         u64::from(self.cost[state as usize]) * 1_000 + u64::from(self.left(state)) * factor
     }

@@ -28,8 +28,8 @@ impl Outline {
         Placed::new(self, pose, edge_m).overlaps(middle_m)
     }
 
-    /// Cells of `cell_m` that the outline covers or cuts at this pose, seen from the cell in whose
-    /// middle the coordinates begin; those that are `known` already are left out.
+    /// Cells of `cell_m` that the outline covers or cuts at this pose, relative to the cell with
+    /// the coordinates' origin in its middle, without those already `known`.
     fn cells(
         &self,
         pose: [f64; 3],
@@ -82,8 +82,8 @@ enum Cell {
 }
 
 impl Swept {
-    /// None yet of what an outline with this `reach` can get at from `poses`, but for what it
-    /// `covered` at the first one.
+    /// Empty marks for all cells that an outline with this `reach` can touch from `poses`, except
+    /// those `covered` at the first pose.
     fn new(poses: &[[f64; 3]], cell_m: f64, reach: i32, covered: &[[i32; 2]]) -> Self {
         let along = |axis: usize| poses.iter().map(move |pose| pose[axis] / cell_m);
         // One more on either side for the rounding of the reach and of the cells.
@@ -218,7 +218,7 @@ pub struct Lattice {
 }
 
 impl Lattice {
-    /// Plans for a robot of this outline, whose reference point the primitives move.
+    /// A lattice for a robot of this outline; the primitives move its reference point.
     pub fn new(set: PrimitiveSet, outline: &Outline) -> Self {
         let cell_m = set.resolution_m();
         let at_rest = (0..set.angles()).map(|angle| {
@@ -281,7 +281,7 @@ impl Lattice {
 }
 
 impl Action {
-    /// What it costs from the cell `from`; `None` if the robot would touch something.
+    /// Cost of the motion from the cell `from`; `None` if the robot would touch an obstacle.
     pub(super) fn cost(&self, map: &Costmap, from: [i32; 2]) -> Option<u32> {
         let at = |[dx, dy]: [i32; 2]| [from[0].wrapping_add(dx), from[1].wrapping_add(dy)];
         let mut dearest = map.cost(from);
@@ -378,8 +378,8 @@ mod tests {
         map.iter().map(|&(x, y)| [x, y]).collect()
     }
 
-    /// 2 m long and 1 m wide, at (10, 5), as it lies and turned by a quarter: squares of 0.4 m
-    /// whose middles are 1.2 m and 0.7 m away only touch.
+    /// 2 m long and 1 m wide, at (10, 5), unturned and turned by a quarter: squares of 0.4 m with
+    /// middles 1.2 m and 0.7 m away only touch.
     #[test]
     fn an_outline_overlaps_what_is_nearer_than_half_of_both() {
         let outline = Outline::rectangle(1.0, 1.0, 0.5);
@@ -400,7 +400,7 @@ mod tests {
         let across = 0.782 / core::f64::consts::SQRT_2;
         assert!(overlaps(eighth, across, -across) && !overlaps(eighth, 0.555, -0.555));
         assert!(overlaps(eighth, 0.35, 1.25) && !overlaps(eighth, 0.35, 1.27));
-        // What lies ahead and behind, to the left and right, is not the same.
+        // The extents ahead and behind, and those to the left and right, differ.
         let outline = Outline::rectangle(2.0, 0.5, 0.25);
         let overlaps = |dx, dy| outline.overlaps([0.0; 3], [dx, dy], 0.2);
         assert!(overlaps(2.09, 0.0) && !overlaps(2.11, 0.0) && overlaps(-0.59, 0.34));
@@ -423,7 +423,7 @@ mod tests {
         assert_eq!(Outline::rectangle(0.3, 0.1, 0.4).reach(0.1), 5);
     }
 
-    /// Two cells ahead: what the body sweeps besides what it covered.
+    /// Two cells ahead: the cells that the body sweeps beyond those it covered.
     #[test]
     fn a_body_sweeps_the_cells_before_it() {
         let outline = Outline::rectangle(0.16, 0.16, 0.06);

@@ -12,8 +12,8 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// The line with the least sum of squared perpendicular distances; its ends are what is nearest
-    /// on it to the first and the last point.
+    /// The line with the least sum of squared perpendicular distances; its ends are the points on
+    /// it nearest to the first and the last point.
     pub(super) fn of(points: impl Iterator<Item = Point> + Clone, settings: &Settings) -> Self {
         let mut all = points.clone();
         let Some(first) = all.next() else {

@@ -24,7 +24,7 @@ fn field() -> LikelihoodField {
     LikelihoodField::new(100, 0.05, [0.0; 2], &walls(), 2.0)
 }
 
-/// What a scanner of 70 degrees at `pose` sees, by steps of 1 cm: independent of the map's cells.
+/// Scan of a scanner of 70 degrees at `pose`, by steps of 1 cm: independent of the map's cells.
 fn scan(pose: CarPose, random: &mut Pcg32) -> Vec<Beam> {
     let bearings = (-35..=35).map(|deg| f64::from(deg).to_radians());
     let range = |bearing: f64| {

@@ -1,4 +1,4 @@
-//! What the fielded program did wrong on the PC link, and its receiver.
+//! Defects of the fielded program on the PC link, and its receiver.
 
 use core::time::Duration;
 
@@ -8,7 +8,7 @@ use protocols::{Decode, FrameError, Instant};
 
 use super::{PcLink, READY_AFTER, SHORT_QUEUE, View, WAITING_MAX, next_period, properties};
 
-/// What the fielded program did wrong on the PC link; none by default.
+/// Defects of the fielded program on the PC link; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// A byte that breaks the start word off cannot begin it again (PU-01).
@@ -27,7 +27,7 @@ pub struct Defects {
     pub short_queue: bool,
     /// One received byte is checked per row sent (PU-14).
     pub byte_per_row: bool,
-    /// What comes while the link is switched off is kept and taken later (PU-15).
+    /// Bytes received while the link is switched off are kept and used later (PU-15).
     pub keeps_while_off: bool,
     /// A byte before the first millisecond is over ends the program (PU-16).
     pub not_ready_at_first: bool,
@@ -35,7 +35,7 @@ pub struct Defects {
     pub sends_twice: bool,
     /// Text for people is written into rows (PU-18).
     pub prints_text: bool,
-    /// What the lidar sends is passed on, between the frames (XV-12).
+    /// The lidar's bytes are passed on, between the frames (XV-12).
     pub raw_lidar: bool,
     /// The heading is counted on over full turns until 16 bits are full (SL-13).
     pub counts_psi: bool,
@@ -206,7 +206,7 @@ impl Receiver {
     }
 }
 
-/// What the fielded program did in place of what [`PcLink`] does.
+/// Behaviour of the fielded program where it differs from [`PcLink`].
 impl PcLink {
     /// Takes received bytes as the fielded program did, where it differed.
     pub(super) fn stumble(&mut self, now: Instant, input: &mut &[u8]) {
@@ -229,7 +229,7 @@ impl PcLink {
         }
     }
 
-    /// Passes on what the lidar sends, as the fielded program could be told to (XV-12).
+    /// Passes on the lidar's bytes, as the fielded program could be configured to (XV-12).
     pub fn pass_on_raw_lidar(&mut self, bytes: &[u8]) {
         if self.settings.defects.raw_lidar {
             self.tx.push(bytes);
@@ -244,7 +244,7 @@ impl PcLink {
         }
     }
 
-    /// A frame of what was kept while the link was switched off.
+    /// A frame of the bytes that were kept while the link was switched off.
     pub(super) fn kept_frame(&mut self) -> Option<Frame> {
         let mut byte = [0];
         while self.settings.defects.keeps_while_off && self.fielded.waiting.pop(&mut byte) == 1 {
@@ -255,7 +255,7 @@ impl PcLink {
         None
     }
 
-    /// What is queued goes out twice, byte by byte.
+    /// Sends each queued byte twice.
     pub(super) fn pop_twice(&mut self, buf: &mut [u8]) -> usize {
         let (pairs, _) = buf.as_chunks_mut::<2>();
         let mut count = 0;
@@ -496,7 +496,7 @@ mod tests {
         assert_eq!(passed(false), b"");
     }
 
-    /// What the receiver makes of bytes: frames by their payloads, and errors.
+    /// Output of the receiver for `bytes`: frames by their payloads, and errors.
     fn taken(defects: Defects, bytes: &[u8]) -> std::vec::Vec<Option<std::vec::Vec<u8>>> {
         let mut receiver = Receiver::new();
         let outcomes = bytes

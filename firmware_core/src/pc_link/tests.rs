@@ -147,7 +147,7 @@ fn bytes_pass_at_their_pace() {
     assert_eq!(passing(3, 0), Duration::from_secs(3));
 }
 
-/// What does not fit into 16 bits, or is below 0, is told as near as can be.
+/// Values above 16 bits or below 0 are sent as the nearest possible value.
 #[test]
 fn millimetres_are_told_whole() {
     let told = [-5.0, 0.49, 20.5, 6_000.4, 70_000.0].map(whole);
@@ -160,8 +160,8 @@ fn millimetres_are_told_whole() {
     assert_eq!(properties.position_mm, [1_000, 1_000]);
 }
 
-/// What goes beyond what the radio has room for waits for as long as that takes; what comes
-/// behind waits too, and half of that room is freed at a time.
+/// Bytes beyond the radio's room wait until the radio has sent the earlier ones. Later bytes wait
+/// too, and half of that room is freed at a time.
 #[test]
 fn what_the_radio_has_no_room_for_waits() {
     let mut link = link(Some(1_000));

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! The board's sample, each millisecond, is the program's fastest loop: motion control belongs to
-//! it. All else is due by the clock. Source of laws and figures: public code of the robot and the
-//! task sheet of the course; what was wrong with it is [`Defects`].
+//! it. All other work runs by the clock. Source of laws and figures: public code of the robot and
+//! the task sheet of the course; [`Defects`] lists its errors.
 
 pub mod autoposition;
 mod config;
@@ -75,7 +75,7 @@ pub struct Yellow {
     outputs: Fifo<64>,
     /// Speeds that the PC wants in MANUAL.
     by_hand: Velocity,
-    /// What the state machine wants of the wheels.
+    /// Target velocity of the state machine.
     target: Velocity,
     step_at: Instant,
     /// When the pose was true.
@@ -132,7 +132,7 @@ impl Yellow {
         }
     }
 
-    /// What the robot is doing.
+    /// The current mode.
     pub const fn mode(&self) -> Mode {
         self.machine.mode()
     }
@@ -202,7 +202,7 @@ impl Yellow {
         }
     }
 
-    /// One step of the state machine and of what it does.
+    /// Runs one step of the state machine and of the active mode.
     fn step(&mut self, now: Instant) {
         self.radio.read_done();
         if self.machine.step(now) {
@@ -228,7 +228,7 @@ impl Yellow {
         self.guard.limited(now, ahead_m, velocity)
     }
 
-    /// Does what the PC wants; what is no number is refused.
+    /// Executes a telecommand of the PC; not-a-number is refused.
     fn obey(&mut self, now: Instant, command: &Telecommand) {
         self.machine.heard(now);
         if let Some(reactive) = &command.reactive {

@@ -242,7 +242,7 @@ fn what_of_a_list_finds_no_room_is_told() {
     );
 }
 
-/// A list that has lost its first waypoint counts what it does not reach any more.
+/// A list that has lost its first waypoint still counts waypoints that it cannot reach.
 #[test]
 fn a_broken_list_counts_more_than_it_reaches() {
     let mut list = Waypoints::with_defects(Defects {

@@ -1,8 +1,9 @@
-//! What the lidar does not see: glass, which its beam goes through, and what is lower than it.
+//! Obstacles that the lidar does not see: glass, which its beam passes, and objects lower than its
+//! beam.
 //!
-//! The base's infrared sensors do. What they meet where the lidar shows nothing is kept on a list
-//! of places and is from then on among the robot's surroundings, until a sensor looks through it;
-//! what they meet now is among them as exactly as they read it.
+//! The base's infrared sensors see them. An infrared echo without a lidar point nearby goes on a
+//! list of positions. The robot's surroundings include these positions until a sensor measures
+//! through them, and the current echoes at their exact positions.
 
 use core::f32::consts::{FRAC_PI_2, PI};
 
@@ -21,7 +22,7 @@ const BELIEVED_MM: f32 = 700.0;
 const BELIEVED_TURNING_MM: f32 = 350.0;
 /// Difference of the wheels' speeds, ticks per 40 ms, from which on it turns.
 const TURNING: u8 = 4;
-/// What the lidar shows so near to it is what the sensor sees.
+/// A lidar point nearer than this to the sensor's echo is the same obstacle.
 const SAME_MM: f32 = 130.0;
 /// So far before what a sensor sees there is nothing, and so far beside its line.
 const BEFORE_MM: f32 = 150.0;
@@ -29,8 +30,8 @@ const BESIDE_MM: f32 = 40.0;
 /// Readings in a row that look through a place until it is forgotten.
 const THROUGH: u8 = 3;
 
-/// What a base that was reset says until the sensor's turn comes, up to 0.15 s: no curve of a
-/// sensor gives it but by chance.
+/// Reading of a base after its reset until the sensor is measured, up to 0.15 s. A real reading has
+/// this value only by chance.
 const UNMEASURED: i16 = 0;
 
 /// Where a sensor sits and looks: ahead and to the left, mm, and its bearing.
@@ -65,7 +66,7 @@ pub(super) struct Blind {
     places: [Place; PLACES_MAX],
     count: usize,
     oldest: usize,
-    /// What each sensor meets now.
+    /// Current echo of each sensor without a lidar point.
     met: [Option<Point>; SENSORS],
 }
 
@@ -174,7 +175,7 @@ mod tests {
     const AT_REST: [i8; 2] = [0, 0];
     const FRONT: usize = 4;
 
-    /// At stake: a robot whose base was reset stands in a ring of walls that no sensor sees.
+    /// At stake: a robot with a base that was reset stands in a ring of walls that no sensor sees.
     #[test]
     fn what_was_not_measured_is_no_wall() {
         let mut blind = Blind::new();
@@ -255,7 +256,8 @@ mod tests {
         assert_eq!(places(&blind).len(), 1);
     }
 
-    /// A person who has left disappears after three looks; a neighbour beside the line stays.
+    /// A person who has left disappears after three readings through the position; a neighbour
+    /// beside the line stays.
     #[test]
     fn what_is_looked_through_is_forgotten() {
         let mut blind = Blind::new();
@@ -279,9 +281,9 @@ mod tests {
         assert!(kept.iter().all(|place| place.x_mm > 50.0));
     }
 
-    /// A sensor at (150, 0) that looks ahead, from (1, 2) m: it looks through places that lie more
-    /// than 150 mm before what it reads and less than 40 mm beside, and forgets them the third
-    /// time.
+    /// A sensor at (150, 0) that looks ahead, from (1, 2) m: a reading clears positions more than
+    /// 150 mm before its echo and less than 40 mm beside its line; the third such reading deletes
+    /// them.
     #[test]
     fn a_place_is_forgotten_when_it_was_looked_through_three_times() {
         let looked = |place: [f32; 2], heading: f32, times: usize| {
@@ -332,7 +334,7 @@ mod tests {
         );
     }
 
-    /// At (1, 2) m and looking along y, what is at (0.7, 2.6) m is 0.6 m ahead and 0.3 m to the
+    /// At (1, 2) m and looking along y, a point at (0.7, 2.6) m is 0.6 m ahead and 0.3 m to the
     /// left.
     #[test]
     fn places_are_seen_from_where_the_robot_stands() {

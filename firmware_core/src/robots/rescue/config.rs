@@ -27,11 +27,11 @@ pub struct Config {
     pub wheels: WheelGeometry,
     /// Body, steering, wall follower.
     pub navigation: navigation::Settings,
-    /// What a search looks for.
+    /// Target of a search.
     pub sought: Sought,
-    /// What is done about the robot's motion while a scan is taken.
+    /// Correction of the robot's motion while a scan is taken.
     pub smear: Smear,
-    /// What tells how far the robot has turned.
+    /// Source of the robot's turn.
     pub turning: Turning,
     /// Whether it looks for what its lidar does not see.
     pub infrared: Infrared,
@@ -69,7 +69,7 @@ impl Config {
     };
 }
 
-/// What is done about the robot's motion while a scan is taken.
+/// Correction of the robot's motion while a scan is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smear {
     /// Each beam is moved by it.
@@ -78,7 +78,7 @@ pub enum Smear {
     Kept,
 }
 
-/// What tells how far the robot has turned.
+/// Source of the robot's turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turning {
     /// Its wheels, which slip.
@@ -92,7 +92,7 @@ pub enum Turning {
 pub enum Infrared {
     /// They are not, as by the fielded program.
     Unread,
-    /// What they meet where the lidar shows nothing is an obstacle.
+    /// An infrared echo without a lidar point is an obstacle.
     Read,
 }
 

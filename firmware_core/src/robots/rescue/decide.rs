@@ -6,7 +6,7 @@ use super::{Progress, Rescue, Victim};
 use crate::navigation::{Goal, HALT, Step, Surroundings};
 use crate::pose::{Point, Pose};
 
-/// What the robot does by itself.
+/// Decisions of the autonomous modes.
 impl Rescue {
     /// One step of the search that ends at home.
     pub(super) fn search(&mut self, now: Instant, pose: Pose, around: &Surroundings) -> [i8; 2] {

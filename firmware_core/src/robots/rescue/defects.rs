@@ -30,7 +30,7 @@ pub struct Defects {
 pub struct Own {
     /// Before the first answer the battery counts as empty (MA-09).
     pub assumes_empty_battery: bool,
-    /// Speeds are told in tenths of a metre per second (MA-10).
+    /// Speeds are sent in tenths of a metre per second (MA-10).
     pub speaks_tenths: bool,
     /// Without packets the whole program waits for them (XV-08).
     pub waits_for_lidar: bool,

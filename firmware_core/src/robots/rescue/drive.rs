@@ -66,7 +66,7 @@ impl Battery {
     };
 }
 
-/// What the robot wants of its base and knows of it.
+/// Orders for the base, and its last readings.
 #[derive(Clone, Debug)]
 pub(super) struct Drive {
     link: BaseLink,
@@ -264,14 +264,14 @@ impl Drive {
         self.battery.filter(|_| is_new)
     }
 
-    /// Whether the stop button holds the motors, if the base has told since the last call.
+    /// State of the stop button, if the base has reported it since the last call.
     pub(super) fn take_stop(&mut self) -> Option<bool> {
         self.link
             .take_status()
             .map(|status| status & MOTORS_OFF != 0)
     }
 
-    /// A kit is to be dropped; the base is told again and again until it has.
+    /// Orders one more kit; the order is repeated until the base has dropped it.
     pub(super) fn drop_kit(&mut self) {
         self.kits.add();
     }
@@ -453,7 +453,7 @@ mod tests {
         }
     }
 
-    /// What a base answers whose registers all hold their own number.
+    /// Answer of a base with registers that all hold their own number.
     fn answer(frame: &Frame) -> Option<Frame> {
         let order = Config::default().checksum_order;
         let registers: Vec<u8> = (frame.register()..)
@@ -579,8 +579,9 @@ mod tests {
         assert_eq!(drive.take_infrared(), None);
     }
 
-    /// A base that is deaf is asked again, one whose count stays is told again, and one that has
-    /// counted on is left alone. Registers answer with their own number, so 53 kits have left.
+    /// A base that does not answer is asked again, one with an unchanged count gets the order
+    /// again, and one that has counted gets nothing more. Registers answer with their own number,
+    /// so 53 kits have left.
     #[test]
     fn a_kit_is_dropped_when_the_base_has_counted_it() {
         let mut drive = Drive::new(&fitted());
@@ -624,8 +625,8 @@ mod tests {
         assert_eq!(found, expected);
     }
 
-    /// A base that says nothing is told to stand still, and asked ten times a second; with its
-    /// first answer all continues.
+    /// A silent base gets the order to stop, and is asked ten times a second; with its first answer
+    /// all continues.
     #[test]
     fn a_silent_base_is_asked_whether_it_is_back() {
         let mut drive = Drive::new(&Config::default());

@@ -1,13 +1,13 @@
-//! The report's promise: searches the maze by itself and comes home.
+//! Autonomous search of the maze and return home, as the report promises.
 //!
 //! ```text
 //! seeks: view -> way -> look round -> next view ... nothing left -> goes home -> is home
 //! ```
 //!
-//! A view is dropped as soon as what it was to show is seen, which is mostly on the way to it, and
-//! given up when the way takes much longer than its length, or the robot shuffles on the spot.
-//! Before it believes that nothing is left, what it has given up gets one more chance: something
-//! that moves may have been in the way.
+//! The robot drops a view as soon as its target is seen, mostly on the path to it. It gives a view
+//! up if the drive takes much longer than the path's length, or if the robot makes no progress.
+//! Before the search ends, all given-up views get one more chance, because a moving obstacle may
+//! have blocked the path.
 
 use core::f32::consts::FRAC_PI_2;
 
@@ -19,16 +19,16 @@ use crate::pose::{Point, Pose, normalised};
 
 /// Scans after which the view is judged again: a second.
 const JUDGE_SCANS: u8 = 5;
-/// After so many views in a row that show less than so many cells, 0.02 m2, only large ones are
-/// tried, after twice as many only walls that were not felt, and after three times as many none:
-/// what is left is noise of the map, not floor.
+/// After so many views in a row that each add fewer cells than this, 0.02 m2, only large views are
+/// tried; after twice as many only unfelt walls; after three times as many no view. The rest is
+/// noise of the map, not floor.
 const VAIN_VIEWS: u8 = 6;
 const NEWS_CELLS: u32 = 25;
 /// Fewer known cells than the floor that the robot stands on, 0.08 m2, are no map.
 const FOOTPRINT_CELLS: u32 = 90;
 /// A view that showed fewer cells showed nothing.
 const NOTHING_CELLS: u32 = 3;
-/// Scans for which the robot looks at what it came for.
+/// Scans for which the robot stays at a view.
 const LOOK_SCANS: u8 = 4;
 /// Scans that a path may take: 20 s, and 13 cm/s; and ten seconds more if the robot is nearly
 /// there.
@@ -40,8 +40,8 @@ const NEARLY_MM: f32 = 500.0;
 /// stuck and gives the view up.
 const SHUFFLE_MM: f32 = 300.0;
 const SHUFFLE_SCANS: u8 = 75;
-/// Two views that are no farther apart are there for the same walls, millimetres: both feel what is
-/// 0.42 m away.
+/// Two views no farther apart than this, millimetres, serve the same walls: both feel walls 0.42 m
+/// away.
 const SAME_WALLS_MM: f32 = 500.0;
 /// Speed of the wheels in a turn on the spot that shows the walls to the heat sensors: 45 degrees a
 /// second.
@@ -49,14 +49,14 @@ const TURN: i8 = 9;
 /// Both sides together see everything in half a turn.
 const TURN_RAD: f32 = 3.4;
 
-/// Beside the middle of a heat sensor's view, seen from the robot's middle, this is felt well: a
-/// plate of 10 cm there fills a fifth of what it sees.
+/// Angle from the middle of a heat sensor's view, seen from the robot's middle, within which a wall
+/// counts as felt: a plate of 10 cm there fills a fifth of the view.
 const FELT_RAD: f32 = 0.16;
 
 /// How far the robot has got with its search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// It looks for what is unknown.
+    /// It searches unknown areas.
     Seeks,
     /// Nothing that it can reach is unknown: it goes home.
     GoesHome,
@@ -85,7 +85,7 @@ impl Shuffle {
     }
 }
 
-/// What is done at a view.
+/// Current action at a view.
 #[derive(Clone, Copy, Debug)]
 enum At {
     /// On the way there.
@@ -105,7 +105,7 @@ enum At {
     },
 }
 
-/// What the robot knows and sees when it decides.
+/// The robot's knowledge and scan for a decision.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight<'a> {
     pub(super) map: &'a Grid,
@@ -123,7 +123,7 @@ pub(super) struct Explore {
     home: Option<Point>,
     frontiers: Frontiers,
     at: Option<At>,
-    /// Whether what was given up got its other chance.
+    /// Whether the given-up views got their second chance.
     is_second: bool,
     views: u16,
     /// Cells known at the last view that showed something, and views since.
@@ -177,7 +177,8 @@ impl Explore {
         }
     }
 
-    /// Whatever is left unknown, the robot goes home: to where its search began, or else `start`.
+    /// Sends the robot home, even if unknown areas remain: to the start of its search, or else to
+    /// `start`.
     pub(super) fn go_home(&mut self, start: Point) {
         self.home.get_or_insert(start);
         self.progress = Progress::GoesHome;
@@ -359,9 +360,9 @@ impl Explore {
         set_point
     }
 
-    /// What is to be seen from `place` is given up, and places beside it are not tried either: from
-    /// afar the map shows a way there again and again. Its walls may be felt from another place, if
-    /// this one was not another place already.
+    /// Gives up the targets seen from `place`, and rejects positions beside it: from afar the map
+    /// shows a path there again and again. The walls may still be felt from another position,
+    /// unless this was already the second one.
     fn cannot_reach(&mut self, map: &Grid, place: Point) -> [i8; 2] {
         let before = self.unreached.replace(place);
         let sought = match before.is_some_and(|before| before.distance_mm(place) < SAME_WALLS_MM) {
@@ -498,8 +499,8 @@ mod tests {
         heading: 0.0,
     };
 
-    /// Up to six views in vain all counts, up to twelve only what is large, up to eighteen only
-    /// heat.
+    /// Up to six views in vain everything counts, up to twelve only large views, up to eighteen
+    /// only heat.
     #[test]
     fn after_views_in_vain_less_is_worth_a_way() {
         let mut explore = Explore::new(Sought::Floor);
@@ -670,8 +671,8 @@ mod tests {
         assert!(explore.at.is_none());
     }
 
-    /// Beside a wall that was not felt the robot turns on the spot, half a turn and a little more;
-    /// what was not felt by then is given up.
+    /// Beside an unfelt wall the robot turns on the spot, half a turn and a little more; walls
+    /// still unfelt then are given up.
     #[test]
     fn the_robot_turns_before_walls_that_it_has_not_felt() {
         let map = room(false);
@@ -696,7 +697,7 @@ mod tests {
         }
         assert_eq!(turn(2.91), (HALT, -1.0));
         assert!(!explore.frontiers.outlook(&map, place).is_to_be_felt());
-        // What has been felt meanwhile ends the turn as well.
+        // The turn also ends if all walls have been felt.
         explore.at = Some(At::Turn {
             place,
             heading: 0.0,
@@ -706,7 +707,7 @@ mod tests {
         assert!(explore.at.is_none());
     }
 
-    /// Both heat sensors look aside: what lies ahead is not felt, and not what is warm.
+    /// Both heat sensors look sideways: walls ahead are not felt, nor are warm ones.
     #[test]
     fn only_what_lies_beside_is_felt() {
         let map = room(false);
@@ -730,7 +731,7 @@ mod tests {
         assert_eq!(unfelt(FRAC_PI_2, [false, true]), 0);
     }
 
-    /// Home is where the search began, or what it is told if it never did.
+    /// Home is the start of the search, or the given position if no search was started.
     #[test]
     fn the_robot_goes_home_to_where_it_began() {
         let map = room(false);

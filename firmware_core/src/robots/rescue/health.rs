@@ -1,4 +1,4 @@
-//! What is out of the ordinary with the robot, what it does about that, and how it tells the PC.
+//! Faults and warnings of the robot, its reaction to them, and their report to the PC.
 
 use protocols::Instant;
 use protocols::pcui::diagnosis::{Condition, Conditions, Diagnosis, Search};
@@ -18,10 +18,10 @@ const FULL_PERCENT: i8 = 30;
 const LOW_READINGS: u8 = 5;
 /// How fast it drives then: 136 mm/s.
 const SLOW_CRUISE: i8 = 12;
-/// What lies so near to the rim of the map may lie beyond it.
+/// A robot so near to the map's edge may be beyond it.
 const RIM_MM: f32 = 50.0;
 
-/// What is watched.
+/// State of the watched parts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Health {
     low_readings: u8,
@@ -80,14 +80,15 @@ impl Rescue {
         self.switches.pc_link && self.radio_setup.is_none()
     }
 
-    /// Looks at what the base has told since: its battery, its stop button.
+    /// Reads the base's new reports: its battery, its stop button.
     pub(super) fn watch_health(&mut self, now: Instant) {
         if let Some(battery) = self.drive.take_battery()
             && self.health.take_battery(battery)
         {
             self.screen.notices.push(now, Notice::GoesHome);
             self.navigator.slow_down(SLOW_CRUISE);
-            // A list of waypoints is the PC's affair: it is told, and may send others.
+            // A list of waypoints is the PC's task: the PC gets the warning and may send other
+            // waypoints.
             if matches!(self.mode, Mode::Exploration | Mode::Explore) {
                 if self.mode != Mode::Explore {
                     self.set_mode(now, Mode::Explore);

@@ -1,13 +1,14 @@
-//! Rescue kits: each is dropped once, whatever is lost on the wire.
+//! Rescue kits: each is dropped exactly once, even if messages are lost.
 //!
-//! The base counts what has left its magazine, over restarts as well, and drops until its count is
-//! what it was told: to be told again drops nothing, and what it forgot it is told again.
+//! The base counts the kits that have left its magazine, over restarts as well, and drops kits
+//! until its count equals the ordered target. A repeated order therefore drops no extra kit, and
+//! the program repeats an order that the base has lost.
 
 /// Kits that are still to be dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kits {
     waiting: u8,
-    /// What the base's count is to come to; `None` as long as it has not told its count.
+    /// Target of the base's count; `None` until the base has reported its count.
     target: Option<u8>,
 }
 
@@ -28,7 +29,7 @@ impl Kits {
         self.waiting > 0
     }
 
-    /// So many have left the magazine: what the base is to be told, if any are missing.
+    /// Takes the base's count `dropped`; returns the target to send, if kits are missing.
     pub(super) fn counted(&mut self, dropped: u8) -> Option<u8> {
         let all = dropped.saturating_add(self.waiting);
         let target = *self.target.get_or_insert(all);

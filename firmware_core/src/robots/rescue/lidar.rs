@@ -12,11 +12,11 @@ use crate::scan::{Turn, TurnAssembler};
 const SILENCE_MAX: Duration = Duration::from_millis(300);
 /// Time without a complete turn after which it does.
 const TURNLESS_MAX: Duration = Duration::from_millis(700);
-/// Turns behind the first one after a silence before the robot drives again: what was just found
-/// again may be lost again.
+/// Turns after the first one behind a silence before the robot drives again: the lidar may fail
+/// again.
 const STEADY_TURNS: u8 = 2;
-/// Packets missing in a row, of 90 a turn, with which the robot still drives: what is narrower than
-/// these 40 degrees at the distance that it keeps, a scan or two ago showed.
+/// Maximum number of missing packets in a row, of 90 a turn, with which the robot still drives. An
+/// obstacle narrower than these 40 degrees at the robot's clearance was visible a scan or two ago.
 const GAP_MAX: u8 = 10;
 /// Quiet time after which a half-received packet is given up. Nothing depends on it: a packet that
 /// begins inside a broken one is found anyway.

@@ -19,7 +19,7 @@ const ANYWHERE_AFTER: u8 = 30;
 /// Whether the robot knows where it is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lost {
-    /// Turns in a row whose place in the map is not known.
+    /// Turns in a row without a known pose in the map.
     turns: u8,
 }
 

@@ -3,7 +3,7 @@ use protocols::{Instant, pcui};
 
 use super::{FOR_EVER, ORDER_HOLDS, Rescue, SET_POINT_MAX};
 
-/// What the PC wants.
+/// Orders of the PC.
 impl Rescue {
     /// Does what a frame from the PC says.
     pub(super) fn obey(&mut self, now: Instant, frame: &pcui::Frame) {

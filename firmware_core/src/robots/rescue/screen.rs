@@ -1,4 +1,4 @@
-//! What the robot's display shows: the map on the left; on the right a page of buttons, figures or
+//! Content of the robot's display: the map on the left; on the right a page of buttons, figures or
 //! settings; a status bar that opens into a list of messages; tabs below.
 //!
 //! ```text
@@ -13,7 +13,7 @@
 //! ```
 //!
 //! Map size, scale, gray and the robot's two legs are the fielded program's. Its page of figures
-//! was empty, its switch for the scan drew nothing; here both do what they say.
+//! was empty, its switch for the scan drew nothing; here both work.
 
 mod draw;
 mod layout;
@@ -51,7 +51,7 @@ pub(super) enum Page {
     Settings,
 }
 
-/// What can be switched on the display.
+/// Switches on the display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Switches {
     /// Scans are drawn into the map, not only matched.
@@ -96,14 +96,14 @@ pub(super) struct View<'a> {
     pub(super) waypoints: &'a Waypoints,
     pub(super) mode: Mode,
     pub(super) mode_name: &'static str,
-    /// What is to be said of base and lidar.
+    /// State of base and lidar for the status bar.
     pub(super) health: Notice,
     pub(super) battery: Option<Battery>,
     pub(super) switches: Switches,
     pub(super) figures: Figures,
 }
 
-/// What decides how everything but the map looks.
+/// Values that determine all of the picture but the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Facts {
     page: Page,
@@ -230,7 +230,7 @@ impl Screen {
         }
     }
 
-    /// Takes what the pen tells; what it asks the robot for.
+    /// Takes bytes of the touch panel; returns the touched element, if any.
     pub(super) fn receive(&mut self, now: Instant, bytes: &[u8]) -> Option<Hit> {
         let place = self.display.receive(now, bytes)?;
         let hit = layout::hit(place, self.page, self.messages)?;

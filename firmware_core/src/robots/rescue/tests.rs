@@ -233,8 +233,8 @@ fn an_order_by_hand_ends_after_a_second() {
     );
 }
 
-/// PU-16: a byte in its first millisecond ends the fielded program; nothing is heard, said or
-/// done any more.
+/// PU-16: a byte in its first millisecond ends the fielded program; it receives, sends and does
+/// nothing any more.
 #[test]
 fn a_program_that_has_ended_does_nothing() {
     let config = Config::default().with_defect("PU-16").expect("it is known");
@@ -253,7 +253,7 @@ fn a_program_that_has_ended_does_nothing() {
     assert!(!Inspect::is_dead(&*sound) && sound.poll_at().is_some());
 }
 
-/// What is told of what the robot does, by name.
+/// Name of the robot's activity in reports.
 #[test]
 fn its_mode_has_a_name() {
     let mut robot = robot();
@@ -291,8 +291,8 @@ fn serve(robot: &mut Rescue, now: Instant, value: u8) {
     }
 }
 
-/// What thermometers and infrared sensors read is placed in the map; a robot that was never
-/// matched, or that is lost, has no place for it. 0x0101 mm are 257.
+/// Readings of thermometers and infrared sensors are placed in the map; a robot that was never
+/// matched, or that is lost, ignores them. 0x0101 mm are 257.
 #[test]
 fn what_is_felt_counts_where_the_robot_knows_its_place() {
     let config = Config {

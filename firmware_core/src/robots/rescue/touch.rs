@@ -1,4 +1,4 @@
-//! What the robot does when its display is touched, and what it shows there.
+//! Reactions of the robot to touches of its display, and the data for the display.
 
 use core::f32::consts::FRAC_PI_4;
 
@@ -137,8 +137,8 @@ impl Rescue {
         self.waypoints_touched(now);
     }
 
-    /// As when the list came from the PC: the robot sets off, or stops when nothing is left, and
-    /// the PC is told.
+    /// Follows a list of waypoints from the display, as one from the PC: the robot starts, or stops
+    /// if the list is empty, and sends the list to the PC.
     fn waypoints_touched(&mut self, now: Instant) {
         self.pc.echo_waypoints();
         self.follow_waypoints(now);

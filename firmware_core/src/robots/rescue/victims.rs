@@ -16,7 +16,7 @@ pub const VICTIMS_MAX: usize = 16;
 const WARM: i16 = 45;
 /// Excess of a victim that fills the sensor's view: 37 degrees in a hall of 22.
 const FULL: f32 = 150.0;
-/// What is kept of the surroundings' temperature at each reading, in 64ths.
+/// Share of the old estimate of the ambient temperature kept at each reading, in 64ths.
 const KEEP_64: i32 = 62;
 /// Largest drop of the estimated surroundings' temperature at once, tenths of a degree: a victim
 /// may have stood where they were first felt.
@@ -58,8 +58,8 @@ const READINGS_MIN: u8 = 2;
 const SAME_MM: f32 = 250.0;
 /// Candidates that were felt too little to be a victim, of which the last ones are kept.
 const DOUBTS_MAX: usize = 4;
-/// Nearer together than this two such are one, millimetres: what a robot that passes at 0.2 m/s
-/// feels once of a plate lies so close to what it feels of it when it comes back.
+/// Two doubtful objects nearer together than this are the same, millimetres: a robot that passes a
+/// plate at 0.2 m/s measures it once each time, at positions this close.
 const SAME_DOUBT_MM: f32 = 150.0;
 
 /// A victim.
@@ -71,7 +71,7 @@ pub struct Victim {
     weight: f32,
 }
 
-/// What passes a sensor.
+/// Warm object that passes a sensor.
 #[derive(Clone, Copy, Debug)]
 struct Passing {
     victim: Victim,
@@ -110,9 +110,9 @@ impl Passing {
 pub(super) struct Victims {
     list: [Victim; VICTIMS_MAX],
     len: usize,
-    /// What passes the sensors now.
+    /// Warm objects that pass the sensors now.
     passing: [Passing; 2],
-    /// What passed and was felt too little, the newest first.
+    /// Passed objects with too few readings, the newest first.
     doubts: [Passing; DOUBTS_MAX],
     /// The newest readings are warmer than the surroundings.
     is_warm: [bool; 2],
@@ -141,7 +141,7 @@ impl Victims {
         &self.list[..self.len]
     }
 
-    /// Their places in whole millimetres, as the PC is told.
+    /// Positions of all victims in whole millimetres, for the PC.
     pub(super) fn told<'a>(&self, places: &'a mut [[i16; 2]; VICTIMS_MAX]) -> &'a [[i16; 2]] {
         for (place, victim) in places.iter_mut().zip(self.all()) {
             let Point { x_mm, y_mm } = victim.place;
@@ -200,9 +200,9 @@ impl Victims {
             *ambient = reading_64;
         }
         let excess = i32::from(reading) - *ambient / 64;
-        // What is warm is no surroundings, nor is the rim of it, beside which a robot may stand for
-        // long; what is colder than they were thought is.
-        // One reading that is far off says little of them.
+        // Warm readings do not count as ambient, nor does the edge of a warm object, beside which a
+        // robot may stand for long. Colder readings do count. A single outlier changes the estimate
+        // little.
         if excess < i32::from(CALM) {
             let seen = reading_64.max(*ambient - 64 * COLDER_MAX);
             *ambient = (*ambient * KEEP_64 + seen * (64 - KEEP_64)) / 64;
@@ -288,7 +288,7 @@ fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f3
     if along[0] < OBLIQUE_COS {
         return None;
     }
-    // What lies farther away than the wall does where it runs on.
+    // Points farther away than the wall's continuation.
     let behind = |point: &Point| {
         (point.y_mm - wall.y_mm) * along[0] - (point.x_mm - wall.x_mm) * along[1] > BEHIND_MM
     };
@@ -548,9 +548,9 @@ mod tests {
         assert_eq!([felt(235), felt(234)], [(0, true), (0, false)]);
     }
 
-    /// Seen by the left sensor, which looks from 100 mm to the left: the nearest of what is right
-    /// beside it, less than 450 mm away. Beside it is a tenth of the distance and 8 mm: 25 mm of
-    /// 170. Of two as near it is the first.
+    /// Seen by the left sensor, which looks from 100 mm to the left: the nearest of the points
+    /// right beside it, less than 450 mm away. Beside it means within a tenth of the distance and 8
+    /// mm: 25 mm of 170. Of two equally near points the first counts.
     #[test]
     fn the_wall_is_the_nearest_beside_the_sensor() {
         let wall = |points: &[[f32; 2]]| {

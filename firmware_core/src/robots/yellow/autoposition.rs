@@ -4,9 +4,10 @@
 //! TURN --looks there--> DRIVE --is there--> ALIGN --looks as told--> SETTLE --still does--> done
 //! ```
 //!
-//! Gains and tolerance: public code of the robot. Its step 2 could not go back; here a goal that is
-//! suddenly aside, as after a corrected pose, is turned to again. It ended in the moment in which
-//! it looked as told, also when it swept past; here it has to stand.
+//! Gains and tolerance: public code of the robot. Its step 2 could not return to step 1; here the
+//! robot turns again if the goal is suddenly aside, for example after a corrected pose. Its step 3
+//! ended as soon as the heading was right, even while the robot turned past it; here the robot has
+//! to stand.
 
 use super::motion::Velocity;
 use crate::pose::{Point, Pose, normalised};
@@ -19,7 +20,7 @@ const SETTLED_RAD: f32 = 0.015;
 const TURN_GAIN: f32 = 10.0;
 const STEER_GAIN: f32 = 8.0;
 const TURN_MAX_RAD_S: f32 = 4.0;
-/// Slower the robot does not turn before it looks as told.
+/// Minimum turning speed until the heading is right.
 const TURN_MIN_RAD_S: f32 = 0.5;
 /// Speed per distance, and the highest.
 const SPEED_GAIN: f32 = 2.0;

@@ -74,7 +74,7 @@ const SWITCHES: [(&str, Switch); 25] = [
     }),
     ("YL-05", |d| d.lidar.scans.copies = true),
     ("YS-01", |d| d.state.manual_never_ends = true),
-    // The manoeuvre's end and what it erases are 10 ms apart in the fielded machine.
+    // In the fielded machine the manoeuvre's end and the erasure of the order are 10 ms apart.
     ("YS-02", |d| {
         d.state.end_erases_order = true;
         d.state.is_slow = true;

@@ -12,12 +12,12 @@ use super::motion::Velocity;
 const GAIN: f32 = 3.0;
 /// Room that is none: below 7 cm the sensor tells more than there is.
 const NEAR_M: f32 = 0.1;
-/// For so long after it was told the wall is as near.
+/// Time for which a near wall counts after its last reading.
 const HELD: Duration = Duration::from_secs(1);
 /// A touch so slow does no harm; goals beside a wall are reached all the same.
 const CREEP_M_S: f32 = 0.04;
 
-/// What was seen ahead of late.
+/// Time until which a wall ahead counts as near.
 #[derive(Clone, Debug)]
 pub(super) struct Guard {
     near_until: Instant,
@@ -50,7 +50,7 @@ impl Guard {
 mod tests {
     use super::*;
 
-    /// By hand: 3 times what is left of the room beyond 10 cm, and 4 cm/s.
+    /// By hand: 3 times the room beyond 10 cm, and 4 cm/s.
     #[test]
     fn speed_follows_the_room_ahead() {
         let mut guard = Guard::NEW;

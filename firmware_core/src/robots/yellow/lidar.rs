@@ -168,9 +168,9 @@ impl Lidar {
         self.order.gap();
     }
 
-    /// What is due by `now`.
+    /// Runs all work due by `now`.
     pub(super) fn tick(&mut self, now: Instant) {
-        // Nodes may come that make no turn: what was seen before them is old.
+        // Nodes may arrive without completing a turn: the points from before are then outdated.
         let is_old = now - self.turn_at > 2 * TURN_MAX && !self.defects.unchecked;
         if is_old && !self.scans.points().is_empty() {
             self.scans.forget();
@@ -205,7 +205,7 @@ impl Lidar {
         }
     }
 
-    /// Whether the motor is to be told something.
+    /// Whether a new duty must be sent to the motor.
     pub(super) const fn has_duty(&self) -> bool {
         self.duty.is_some()
     }
@@ -284,7 +284,7 @@ impl Lidar {
     fn take(&mut self, now: Instant, group: Group, begins: bool) {
         if begins {
             self.counters.turns = self.counters.turns.saturating_add(1);
-            // A turn whose beginning was lost is two.
+            // A turn with a lost start counts as two.
             if now - self.turn_at <= TURN_MAX {
                 self.scans.turn_ends();
             }
@@ -355,7 +355,7 @@ mod tests {
         }
     }
 
-    /// The motor is told its duty once; a second later a scan is asked for.
+    /// The motor gets its duty once; a second later the program requests a scan.
     #[test]
     fn a_scan_is_asked_for_when_the_motor_turns() {
         let mut lidar = Lidar::new(Defects::NONE);
@@ -450,7 +450,7 @@ mod tests {
         );
     }
 
-    /// Two turns of 1.5 s without one that ended make what was seen old.
+    /// Twice the longest turn, 1.5 s, without a completed turn makes the points outdated.
     #[test]
     fn what_was_seen_long_ago_is_forgotten() {
         let mut lidar = Lidar::new(Defects::NONE);

@@ -1,9 +1,10 @@
-//! Which nodes are believed.
+//! Plausibility check of the lidar's nodes.
 //!
-//! A node has two check bits and no checksum: a quarter of all wrong places in the stream look like
-//! one, and a node that lost a byte takes one of the next. But the head turns evenly. So a node is
-//! believed if another follows it without a byte in between, about where the head must be then, and
-//! if it is itself about where the head can have come to since the last one that was believed.
+//! A node has two check bits and no checksum: a quarter of all wrong offsets in the stream look
+//! like a node, and a node that lost a byte takes one of the next. But the head turns evenly. The
+//! program therefore accepts a node under two conditions. Another node follows without a byte in
+//! between, at about the next angle of the head. And the head can have reached the node's own angle
+//! since the last accepted node.
 
 use protocols::rplidar::Node;
 
@@ -14,7 +15,7 @@ const APART_Q6: u16 = 10 * 64;
 const STEP_Q6: u32 = 116;
 const TURN_Q6: u16 = 360 * 64;
 
-/// What five bytes say.
+/// Content of a node's five bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Group {
     pub(super) starts_turn: bool,
@@ -121,8 +122,8 @@ mod tests {
         assert_eq!(believed(&mut order, [3, 200, 5, 12, 9, 10]), [5, 12, 9]);
     }
 
-    /// The seventh bit of each byte is cleared, so that 256 degrees and more are told as 0 and
-    /// more: these come in order, but too early.
+    /// The seventh bit of each byte is cleared, so 256 degrees and more arrive as 0 and more: these
+    /// nodes are in order, but too early.
     #[test]
     fn the_head_cannot_be_elsewhere_at_once() {
         let mut order = Order::NEW;
@@ -132,7 +133,7 @@ mod tests {
         assert_eq!((twice, seen.iter().max()), (2, Some(&254)));
     }
 
-    /// Whatever was believed, the head is where it is when it comes by there.
+    /// A wrong first angle is corrected when the head reaches the true one.
     #[test]
     fn a_wrong_beginning_is_forgotten() {
         let mut order = Order::NEW;

@@ -1,4 +1,4 @@
-//! What runs on the PC for the robot: the four functions of its window (reactive drive, mapping,
+//! The robot's program on the PC: the four functions of its window (reactive drive, mapping,
 //! localisation, navigation), stop and driving by hand, over the telemetry link.
 
 mod atlas;
@@ -32,7 +32,7 @@ use crate::map_view::MapView;
 use crate::pose::{Point, Pose};
 use crate::{Master, Work};
 
-/// What a person at the PC may ask for.
+/// Commands of an operator at the PC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PcCommand {
     /// The robot drives by its IR sensors.
@@ -40,7 +40,7 @@ pub enum PcCommand {
         /// Nominal speed, m/s.
         speed_m_s: f32,
     },
-    /// Whatever continues ends, and the motors are off.
+    /// Ends any task and switches the motors off.
     Stop,
     /// Speeds by hand, until something else is asked for.
     Manual {
@@ -49,7 +49,7 @@ pub enum PcCommand {
         /// To the left, rad/s.
         angular_rad_s: f32,
     },
-    /// The robot explores until the map is complete; what is known already stays.
+    /// Explores until the map is complete; the known part is kept.
     MapStart,
     /// The map is forgotten.
     MapReset,
@@ -64,7 +64,7 @@ pub enum PcCommand {
         /// Where it shall look at the end, radians; `None`: anywhere.
         heading_rad: Option<f32>,
     },
-    /// The robot is told where it stands.
+    /// Sends the robot its pose.
     SetPose {
         /// Along x, metres.
         x_m: f32,
@@ -75,7 +75,7 @@ pub enum PcCommand {
     },
 }
 
-/// What a command set going.
+/// Task that a command starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
     /// Driving by the IR sensors.
@@ -112,9 +112,9 @@ pub enum TaskState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Failure {
-    /// The robot was not heard for long.
+    /// The robot was silent for too long.
     Silent,
-    /// The robot did not do what it was told, though told again.
+    /// The robot did not obey a command, although the command was repeated.
     NoAnswer,
     /// No way leads there.
     NoWay,
@@ -180,7 +180,7 @@ pub struct PcProgram {
     /// The pose at the beginning, until the robot has it.
     start: Option<Pose>,
     telling: Option<Tell>,
-    /// When the robot was heard last, or the task began.
+    /// Time of the robot's last message, or of the task's begin.
     alive: Instant,
     tick: Option<Instant>,
 }
@@ -204,10 +204,10 @@ impl PcProgram {
         }
     }
 
-    /// Takes a command. A task that needs the robot waits until it is heard.
+    /// Takes a command. A task that needs the robot waits for the robot's first message.
     ///
     /// # Errors
-    /// If it cannot be taken now: nothing changes.
+    /// If the command is not possible now: nothing changes.
     pub fn command(&mut self, now: Instant, command: PcCommand) -> Result<(), Refused> {
         self.check(command)?;
         if let Some((task, run)) = Run::new(now, &self.link, command) {
@@ -292,7 +292,7 @@ impl PcProgram {
         }
     }
 
-    /// What was received last, and when.
+    /// The last telemetry and its time of arrival.
     pub fn telemetry(&self) -> Option<(Instant, &Telemetry)> {
         let heard = self.link.heard();
         heard.map(|heard| (heard.at, &*heard.message))
@@ -303,13 +303,13 @@ impl PcProgram {
         self.link.heard().and_then(Heard::pose)
     }
 
-    /// The walls that the robot told last, in the frame of the pose that it told with them.
+    /// The last walls that the robot sent, in the frame of the pose sent with them.
     pub fn lines(&self) -> impl Iterator<Item = Segment> {
         let sight = self.link.sight().into_iter();
         sight.flat_map(|sight| sight.lines.iter().map(|line| line.to_world(sight.pose)))
     }
 
-    /// What the last look showed.
+    /// The map of the last look.
     pub fn local_map(&self) -> Option<MapView<'_>> {
         self.atlas.local.as_ref()?.view()
     }
@@ -331,12 +331,12 @@ impl PcProgram {
         (vertices, edges, way)
     }
 
-    /// What the last localisation said, also where places looked alike.
+    /// The last localisation, even if it was ambiguous.
     pub const fn estimate(&self) -> Option<Estimate> {
         self.atlas.estimate
     }
 
-    /// Whether the robot was heard once, but not for 0.9 s.
+    /// Whether the robot has sent messages before, but none for 0.9 s.
     pub const fn is_silent(&self) -> bool {
         self.link.is_silent()
     }
@@ -356,7 +356,7 @@ impl PcProgram {
         report("ambiguous", self.atlas.ambiguous);
     }
 
-    /// Does what is due of the task; the robot was heard.
+    /// Runs the due part of the task after a message of the robot.
     fn step(&mut self, now: Instant) -> Result<bool, Failure> {
         if let Some(heard) = self.link.heard() {
             self.alive = self.alive.max(heard.at);

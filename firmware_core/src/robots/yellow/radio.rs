@@ -26,8 +26,8 @@ pub struct Defects {
     /// A scan that does not fit into the buffer leaves the message before in it, which is sent
     /// again.
     pub resends_stale: bool,
-    /// Its own message is a telecommand to it, if the radio sends it back: nothing in a frame tells
-    /// who it is from. A scan's fields are those of a pose.
+    /// Its own message is a telecommand to it, if the radio sends it back: a frame does not name
+    /// its sender. A scan's fields are those of a pose.
     pub obeys_itself: bool,
 }
 
@@ -44,7 +44,7 @@ impl Defects {
     };
 }
 
-/// What the robot tells.
+/// State that the robot sends.
 pub(super) struct View<'a> {
     pub(super) state: State,
     pub(super) pose: Pose,
@@ -60,7 +60,7 @@ pub(super) struct Radio {
     decoder: telemetry::Decoder,
     received_at: Instant,
     next_at: Instant,
-    /// What the PC asked for and has not got yet.
+    /// Requests of the PC that are not answered yet.
     scan_step_deg: Option<u32>,
     lines: Option<LinesRequest>,
     payload: [u8; PAYLOAD_MAX],
@@ -142,8 +142,8 @@ impl Radio {
         None
     }
 
-    /// Whether it is what the robot told last. No telecommand is that by chance: its time of
-    /// sending would be the same.
+    /// Whether `payload` is the robot's own last message. A telecommand cannot equal it by chance,
+    /// because the time of sending would have to be the same.
     fn is_own(&self, payload: &[u8]) -> bool {
         self.payload_len > 0 && *payload == self.payload[..self.payload_len]
     }
@@ -152,7 +152,7 @@ impl Radio {
         self.decoder.idle();
     }
 
-    /// The program has come to look at what was received.
+    /// Notes that the program has read the received bytes.
     pub(super) fn read_done(&mut self) {
         self.decoder.read_done();
     }

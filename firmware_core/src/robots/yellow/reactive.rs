@@ -30,7 +30,7 @@ const FIELDED_TURN: f32 = 4.0;
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Its formula: always at the ends of what is possible, and a little to the left.
+    /// The fielded formula: always at the limits of the speeds, and a little to the left.
     pub fielded_formula: bool,
 }
 
@@ -51,7 +51,7 @@ struct Figures {
     turn_gain: f32,
 }
 
-/// What the robot is doing about what it sees.
+/// Current reaction to the distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     Drive,
@@ -95,7 +95,7 @@ impl Reactive {
         }
     }
 
-    /// Takes what the PC wants; what is missing or below zero goes back to the robot's own.
+    /// Takes the PC's figures; missing or negative ones return to the robot's defaults.
     pub(super) fn order(&mut self, order: &message::Reactive) {
         let own = Self::new(self.defects).figures;
         let is_meant = |it: &f32| it.is_finite() && *it >= 0.0;
@@ -118,7 +118,7 @@ impl Reactive {
         self.phase = Phase::Drive;
     }
 
-    /// What to do about these distances: ahead, right front, left front, in metres.
+    /// Velocity for these distances: ahead, right front, left front, in metres.
     pub(super) fn step(&mut self, now: Instant, distances_m: [f32; 3]) -> Velocity {
         if self.defects.fielded_formula {
             return self.fielded(distances_m);

@@ -1,10 +1,10 @@
-//! The lidar's set: five turns, one distance each half degree, with the noise taken out.
+//! Set of five lidar turns: one filtered distance each half degree.
 //!
-//! The sensor gives about one sample a degree, each turn at other angles. A direction takes the
-//! middle of its samples of the last turns; one that has less than three takes those of its
-//! neighbours as well. The middle is the mean of what is left without the ends: as little moved by
-//! one wild sample as the median, and with less of the noise. The fielded set has one place a
-//! degree, which holds whatever came last, and copies it five times.
+//! The sensor gives about one sample a degree, each turn at other angles. The distance of a
+//! direction is the trimmed mean of its samples of the last turns; a direction with fewer than
+//! three samples also uses those of its neighbours. The trimmed mean leaves out the extremes: one
+//! outlier changes it as little as the median, and it has less noise. The fielded set has one slot
+//! a degree, which holds the last sample, and copies it five times.
 
 use crate::pose::{Point, sin_cos};
 
@@ -14,12 +14,12 @@ pub(super) const BINS: usize = 720;
 const TURNS: usize = 5;
 /// A direction with fewer samples has no distance.
 const SAMPLES_MIN: usize = 3;
-/// What the sensor can measure, and farther than what nothing is believed.
+/// Range of the sensor, and the distance beyond which readings are ignored.
 const NEAREST_MM: f32 = 150.0;
 const FARTHEST_MM: f32 = 5_000.0;
 /// Samples of one direction that differ more are of two surfaces.
 const SURFACE_MM: u16 = 100;
-/// Told where nothing was measured.
+/// Sent for a direction without a measurement.
 pub(super) const NOTHING_MM: i32 = 10_000;
 /// Weaker readings the fielded program takes for none.
 const FIELDED_QUALITY_MIN: u8 = 10;
@@ -44,7 +44,7 @@ impl Defects {
     };
 }
 
-/// The last turns and what was made of them.
+/// The last turns and the distances computed from them.
 #[derive(Clone, Debug)]
 pub(super) struct Scans {
     defects: Defects,
@@ -95,7 +95,7 @@ impl Scans {
         }
     }
 
-    /// A turn is complete: what it has brought is checked, and the oldest one forgotten.
+    /// Completes a turn: computes its distances, and discards the oldest turn.
     pub(super) fn turn_ends(&mut self) {
         for bin in 0..BINS {
             self.set_mm[bin] = self.combined(bin);
@@ -223,7 +223,7 @@ impl Samples {
     }
 }
 
-/// Whole millimetres of a distance that was found valid.
+/// A valid distance in whole millimetres.
 fn to_u16(distance_mm: f32) -> u16 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -281,7 +281,8 @@ mod tests {
             [360 * 64 - 4, 15, 16].map(|q6| scans.bin(q6)),
             [Some(0), Some(0), Some(719)]
         );
-        // The format goes up to 511 degrees, whose 152nd is 208 the other way round; rounded up.
+        // The format goes up to 511 degrees. Its 152nd after a turn is 208 in the other direction;
+        // rounded up.
         assert_eq!(scans.bin(u16::MAX >> 1), Some(416));
     }
 
@@ -318,8 +319,8 @@ mod tests {
         assert_eq!(told, [NOTHING_MM, 151, 4_999, NOTHING_MM]);
     }
 
-    /// Whole degrees are cut off; the one program writes 360 less them, which leaves its array
-    /// ahead, the other takes them round.
+    /// Angles are cut to whole degrees; one program stores at 360 minus the angle, which is outside
+    /// its array for an angle of 0; the other wraps it.
     #[test]
     fn fielded_angles_are_whole_degrees() {
         let bins = |defects| {

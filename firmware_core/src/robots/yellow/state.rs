@@ -1,4 +1,4 @@
-//! What the robot does: the state machine around the motors' drivers.
+//! State machine of the robot and its motor drivers.
 //!
 //! ```text
 //!            0.5 s                     +-> MANUAL --------+
@@ -6,8 +6,8 @@
 //!                                      +-> AUTO POSITION -+            0.5 s
 //! ```
 //!
-//! The user button switches the reactive drive on, and everything off. From one activity to another
-//! the way leads over ON, where the robot stands.
+//! The user button switches the reactive drive on, and everything off. Every change from one
+//! activity to another passes through ON, where the robot stands.
 
 use core::time::Duration;
 
@@ -42,7 +42,7 @@ impl Defects {
     };
 }
 
-/// What the robot is doing.
+/// Mode of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The motors' drivers are off.
@@ -62,7 +62,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// What the PC is told: it does not know of the drivers.
+    /// State as the PC sees it: the PC does not know the drivers.
     pub const fn told(self) -> State {
         match self {
             Self::Off | Self::SwitchOn | Self::On | Self::SwitchOff => State::Off,
@@ -112,7 +112,7 @@ pub(super) struct Machine {
     since: Instant,
     desired: Desired,
     button: bool,
-    /// When the PC was heard last.
+    /// Time of the PC's last message.
     heard_at: Instant,
     /// A manoeuvre has ended, and this has not been dealt with.
     has_arrived: bool,
@@ -157,12 +157,12 @@ impl Machine {
         !matches!(self.mode, Mode::Off)
     }
 
-    /// The PC was heard.
+    /// Notes a message of the PC.
     pub(super) const fn heard(&mut self, now: Instant) {
         self.heard_at = now;
     }
 
-    /// What the PC wants.
+    /// Takes the state that the PC requests.
     pub(super) const fn order(&mut self, state: State) {
         self.desired = match Mode::of(state) {
             Some(mode) => Desired::Active(mode),
@@ -252,7 +252,7 @@ mod tests {
         Instant::from_millis(millis)
     }
 
-    /// A machine that was told so at 0, and has come as far as it comes by 600 ms.
+    /// A machine that got the order at 0, in its state at 600 ms.
     fn told(state: State, defects: Defects) -> Machine {
         let mut machine = Machine::new(defects);
         machine.heard(at(0));

@@ -76,7 +76,8 @@ fn damage_on_the_lines_is_counted() {
     assert_eq!(damaged, [&("line errors", 8)]);
 }
 
-/// It sleeps until the next step of its state machine, a millisecond, or what is due before.
+/// The program sleeps until the next step of its state machine, a millisecond, or until an earlier
+/// event.
 #[test]
 fn a_step_is_taken_each_millisecond() {
     let mut robot = robot();
@@ -145,7 +146,7 @@ fn what_is_no_number_is_refused() {
     }
 }
 
-/// AUTO_POSITION needs a goal in the same telecommand, whose heading may be any.
+/// AUTO_POSITION needs a goal in the same telecommand; the goal's heading may be any.
 #[test]
 fn a_goal_comes_with_its_order() {
     let ordered = |desired_pose| {

@@ -23,7 +23,7 @@ const COUNT_MM: f32 = TAU * WHEEL_RADIUS_M * 1_000.0 / COUNTS_PER_TURN;
 const COUNT_RPM: f32 = 60.0 / (COUNTS_PER_TURN * PERIOD_S);
 /// Turns per minute of a speed of 1 m/s.
 const RPM_PER_M_S: f32 = 60.0 / (TAU * WHEEL_RADIUS_M);
-/// What a motor turns per volt.
+/// Speed of a motor per volt.
 const RPM_PER_VOLT: f32 = 40.0;
 const SUPPLY_VOLTS: f32 = 12.0;
 /// A double pole at 300 rad/s: 1 - exp(-0.3) of the difference each sample.
@@ -84,7 +84,7 @@ struct Wheel {
     filter: [f32; 2],
     target_rpm: f32,
     integral_volts: f32,
-    /// What was put on the motor since the last count, volts a sample.
+    /// Sum of the voltage applied since the last count, volts a sample.
     silence: f32,
 }
 
@@ -133,7 +133,7 @@ impl Wheel {
         } else {
             GAIN_BACK
         };
-        // What was learned of the friction is of no use at rest or the other way round.
+        // The integral part that compensates friction is useless at rest or in the other direction.
         if self.target_rpm * target_rpm <= 0.0 || defects.proportional_only {
             self.integral_volts = 0.0;
         }
@@ -166,7 +166,7 @@ pub(super) struct Wheels {
     defects: Defects,
     /// Left, right.
     wheels: [Wheel; 2],
-    /// What the profile has come to.
+    /// Current speeds of the profile.
     velocity: Velocity,
     pose: Pose,
     disbelieved: u32,
@@ -246,7 +246,7 @@ impl Wheels {
         self.pose = pose;
     }
 
-    /// Samples whose counters were no motion.
+    /// Samples with counters that could not be a motion.
     pub(super) const fn disbelieved(&self) -> u32 {
         self.disbelieved
     }

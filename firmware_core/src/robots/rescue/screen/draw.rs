@@ -35,7 +35,7 @@ const BATTERY_LOW_PERCENT: i8 = 20;
 /// Messages that fit the list.
 const MESSAGES_SHOWN: usize = 16;
 
-/// What is shown besides the robot's own state.
+/// Content of the screen besides the robot's own state.
 pub(super) struct Shown<'a> {
     pub(super) page: Page,
     /// The list of messages, if it is open.
@@ -146,7 +146,7 @@ const SHADES: [u16; 8] = {
     shades
 };
 
-/// Cells in inverted gray: what is free is white.
+/// Draws the cells in inverted gray: free cells are white.
 fn map(tile: &mut Tile, view: &View<'_>) {
     let (columns, rows) = tile.part_of(&MAP);
     for y in rows {

@@ -25,7 +25,7 @@ const fn area(x: u16, y: u16, width: u16, height: u16) -> Rectangle {
     )
 }
 
-/// What a button asks for.
+/// Action of a button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum Action {
     Show(Page),
@@ -41,7 +41,7 @@ pub(in super::super) enum Action {
     Reset,
 }
 
-/// What was touched.
+/// Touched element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in super::super) enum Hit {
     Button(Action),
@@ -120,7 +120,7 @@ pub(super) fn is_lit(action: Action, page: Page, mode: Mode, switches: Switches)
     }
 }
 
-/// What lies at `place`.
+/// The element at `place`.
 pub(super) fn hit(place: [u16; 2], page: Page, messages: bool) -> Option<Hit> {
     let at = Point::new(place[0].into(), place[1].into());
     if STATUS.contains(at) {

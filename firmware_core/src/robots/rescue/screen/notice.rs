@@ -79,12 +79,12 @@ pub(super) struct Entry {
     pub(super) notice: Notice,
 }
 
-/// The newest messages, and what they were about.
+/// The newest messages, and the state that they reported.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Notices {
     entries: [Entry; KEPT],
     count: u32,
-    /// What was last known of base and lidar.
+    /// Last known state of base and lidar.
     health: Notice,
     is_battery_low: bool,
     arrivals: u32,

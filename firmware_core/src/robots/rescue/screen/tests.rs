@@ -1,4 +1,4 @@
-//! The picture as the display gets it, judged by where things are and what they say.
+//! Tests of the picture as the display gets it, by positions and content.
 
 extern crate std;
 
@@ -78,7 +78,7 @@ impl DrawTarget for Picture {
     }
 }
 
-/// What a display shows that got everything that there was to send at `now`.
+/// The picture on a display that has received all data due at `now`.
 fn sent(screen: &mut Screen, now: Instant, view: &View<'_>, picture: &mut Picture) {
     let mut decoder = panel::Decoder::default();
     for _ in 0..5_000 {
@@ -220,8 +220,8 @@ fn the_robot_is_a_tip_with_two_legs() {
     assert!((17..=19).contains(&all), "{all}");
 }
 
-/// The robot looks along y: what is 150 mm ahead of it is 10 pixels above, 150 mm to its left 10 to
-/// the left. What lies outside the map is not drawn.
+/// The robot looks along y: a point 150 mm ahead of it is 10 pixels above it, one 150 mm to its
+/// left is 10 pixels to the left. Points outside the map are not drawn.
 #[test]
 fn the_scan_is_drawn_if_it_is_asked_for() {
     let (map, waypoints) = (Grid::new(10.0), Waypoints::new());
@@ -316,7 +316,7 @@ fn the_status_bar_tells_mode_message_and_battery() {
     assert_eq!(battery(2_900, None), (false, false, true, true));
 }
 
-/// Buttons of 128 x 36 pixels, labels in their middles, what is on in another colour.
+/// Buttons of 128 x 36 pixels, labels in their middles, active buttons in another colour.
 #[test]
 fn buttons_show_what_is_on() {
     let (map, waypoints) = (Grid::new(10.0), Waypoints::new());
@@ -508,7 +508,7 @@ fn messages_tell_what_changed() {
     );
 }
 
-/// What the robot has told so far, the newest first.
+/// Messages of the robot so far, the newest first.
 fn told(robot: &super::super::Rescue) -> Vec<Notice> {
     robot
         .screen

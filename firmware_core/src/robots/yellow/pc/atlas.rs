@@ -1,4 +1,4 @@
-//! What the PC knows of the place: the maps, the walls, and the last roadmap.
+//! The PC's maps: cells, walls, and the last roadmap.
 
 use alloc::collections::{BTreeMap, VecDeque};
 use alloc::vec::Vec;
@@ -18,7 +18,7 @@ use crate::pose::{Point, Pose};
 use crate::prm::{Dice, plan, plan_once};
 use crate::walls::Walls;
 
-/// Cells around what is known.
+/// Margin around the known cells.
 const MARGIN: u8 = 2;
 /// The fielded program's: five around each local map, and five each time the map grows.
 const MARGIN_WIDE: u8 = 10;
@@ -155,7 +155,7 @@ impl Atlas {
         }
     }
 
-    /// Puts what is seen from `pose` on the map.
+    /// Enters the scan `sight`, taken from `pose`, into the map.
     pub(super) fn add(&mut self, pose: Pose, sight: &Sight) -> Result<(), NotWritten> {
         let limited = |mm: f32| match self.mapping.eight_bits {
             true => mm.clamp(-EIGHT_BITS_MM, EIGHT_BITS_MM),
@@ -189,7 +189,7 @@ impl Atlas {
         frontier::random_view(&self.global, &self.global.eroded(), &mut self.dice)
     }
 
-    /// Whether the robot is told where the walls say that it is.
+    /// Whether the program sends the robot the pose that the walls give.
     pub(super) fn corrects(&self) -> bool {
         !self.mapping.odometry_alone && !self.walls.is_empty()
     }
@@ -216,7 +216,8 @@ impl Atlas {
         Some(self.way.iter().skip(1).copied().collect())
     }
 
-    /// What the robot at `from` drives of `way` before it looks around; the rest is kept.
+    /// The part of `way` that the robot at `from` drives before it looks around; the rest stays in
+    /// `way`.
     pub(super) fn stretch(
         &self,
         from: Pose,

@@ -12,12 +12,12 @@ use crate::pose::Pose;
 pub struct PcConfig {
     /// Where its random numbers begin.
     pub seed: u64,
-    /// Where the robot stands at the beginning, in the map's frame; it is told so. `None`: its own
-    /// odometry is the map's frame.
+    /// Initial pose of the robot in the map's frame, which is sent to the robot. `None`: the
+    /// robot's odometry is the map's frame.
     pub start: Option<Pose>,
     /// How commands go out.
     pub sending: Sending,
-    /// What is wrong with reading frames.
+    /// Defects of reading frames.
     pub framing: Defects,
     /// How the map is kept.
     pub mapping: Mapping,
@@ -62,8 +62,8 @@ pub enum NextView {
     /// The most unknown behind open edges of the known, less the way; complete without such edges.
     #[default]
     Frontier,
-    /// The course's: among a twentieth of the free cells, drawn by chance, the one whose 36 rays
-    /// meet most unknown cells; complete when they meet none.
+    /// The course's: among a twentieth of the free cells, drawn at random, the cell with rays (36)
+    /// through the most unknown cells; complete when no ray meets any.
     Random,
 }
 
@@ -81,10 +81,10 @@ pub enum Planning {
 /// How goals are followed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Following {
-    /// A robot that rests somewhere else is told again, five times at most.
+    /// A robot that rests away from its goal gets the goal again, five times at most.
     #[default]
     Rested,
-    /// The course's: a robot that moved less than 1 cm is told again, forever; one that stopped
-    /// halfway never.
+    /// The course's: a robot that moved less than 1 cm gets the goal again, forever; one that
+    /// stopped halfway never gets it again.
     Moved,
 }

@@ -18,17 +18,18 @@ const POLL: Duration = Duration::from_millis(500);
 const ARRIVED_MM: f32 = 50.0;
 /// And looks so, if that was asked for: twice what the robot allows itself.
 const ARRIVED_RAD: f32 = 0.06;
-/// Looks at a robot that rests elsewhere before it is told again.
+/// Checks of a robot that rests elsewhere before the goal is sent again.
 const POLLS_RESTING: u32 = 3;
 /// Looks at a robot that drives but does not get on: 10 s.
 const POLLS_STUCK: u32 = 20;
 /// Less than this is no motion: the fielded program.
 const MOVED_MM: f32 = 10.0;
 const MOVED_RAD: f32 = 0.05;
-/// Maximum number of times that it is told again.
+/// Maximum number of times that a goal is sent again.
 const RESENDS_MAX: u32 = 5;
-/// A robot that has come so far, mm, looks to its goal, unless that is nearer than this. It steers
-/// by what it is aside: a third of a radian is another goal.
+/// Distance, mm, after which the robot must head for its goal, unless the goal is nearer than the
+/// second figure. The robot steers by the goal's bearing: an error of a third of a radian means
+/// another goal.
 const ON_ITS_WAY_MM: f32 = 50.0;
 const BESIDE_MM: f32 = 250.0;
 const ASTRAY_RAD: f32 = 0.33;
@@ -90,7 +91,7 @@ impl Stretch {
         }
     }
 
-    /// What comes first of `way`, which begins at `from` and keeps the rest.
+    /// Takes the first stretch of `way`, which begins at `from`; the rest stays in `way`.
     pub(super) fn cut(
         following: Following,
         from: Point,
@@ -141,13 +142,13 @@ pub(super) struct Drive {
     sent: Option<Sent>,
 }
 
-/// The goal that the robot was told.
+/// The goal that was sent to the robot.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     next_poll: Instant,
     /// The last message that was checked.
     number: u64,
-    /// Where the robot was told.
+    /// The robot's pose when the goal was sent.
     told_at: Pose,
     /// Where it was last known to move.
     from: Pose,
@@ -189,7 +190,7 @@ impl Drive {
             tell(now, link, goal);
             return Ok(Progress::Driving);
         };
-        // Of what it says while it drives all may be lost.
+        // All messages that the robot sends while it drives may be lost.
         let obeys = state == State::AutoPosition || sent.has_moved(pose);
         sent.drove |= number > sent.number && obeys;
         // A sum does not tell that two bytes have changed places: an order may arrive as another.
@@ -318,8 +319,8 @@ mod tests {
         )
     }
 
-    /// By hand: 500 mm along x, and up; the first look is 300 mm up, the second 800 mm farther, and
-    /// what is left then, 200 mm, is no stretch of its own.
+    /// By hand: 500 mm along x, and up; the first stretch ends 300 mm up, the second 800 mm
+    /// farther, and the rest, 200 mm, is no stretch of its own.
     #[test]
     fn a_way_is_cut_after_800_mm() {
         let corner = Point::new(500.0, 0.0);
@@ -358,8 +359,8 @@ mod tests {
         Pose::new(x_mm, 0.0, heading)
     }
 
-    /// At rest it is told again at the third look, then at the sixth; what drives is told again at
-    /// the twentieth look without getting on by more than 10 mm or 0.05 rad.
+    /// A resting robot gets the goal again at the third check, then at the sixth. A robot that
+    /// drives without progress of more than 10 mm or 0.05 rad gets it again at the twentieth check.
     #[test]
     fn a_robot_that_rests_or_does_not_get_on_is_told_again() {
         let mut resting = sent();
@@ -390,8 +391,8 @@ mod tests {
         assert_eq!(again, [false, false, false, false, false, true]);
     }
 
-    /// Told at 1 m to go 1 m to the left, the robot sets out 19.5 degrees, 0.34 rad, beside that
-    /// way: 51 mm later it is told again, and not while it has come less far or is nearly there.
+    /// At 1 m the robot gets a goal 1 m to the left and starts 19.5 degrees, 0.34 rad, beside that
+    /// direction: 51 mm later it gets the goal again, but not earlier and not near its goal.
     #[test]
     fn a_robot_that_drives_elsewhere_is_astray() {
         let goal = Goal::passed(Point::new(1_000.0, 1_000.0));
@@ -405,7 +406,7 @@ mod tests {
         assert!(is_astray(1_251.0, 0.0) && !is_astray(1_249.0, 0.0));
     }
 
-    /// Told where it rests at 1 m: more than 10 mm or 0.05 rad is a motion.
+    /// The robot got its goal while it rested at 1 m: more than 10 mm or 0.05 rad is a motion.
     #[test]
     fn a_robot_that_is_elsewhere_has_moved() {
         let has_moved = |x_mm: f32, turn_rad: f32| sent().has_moved(at(x_mm, turn_rad));

@@ -15,10 +15,10 @@ use crate::cell_map::Cell;
 use crate::frontier::{View, next_view, open_edges, reach};
 use crate::pose::Pose;
 
-/// What a view of an open edge costs that shows nothing, and a drive towards it.
+/// Cost of a view of an open edge that shows nothing, and of a drive towards it.
 const VIEW_COSTS: u8 = 4;
 const DRIVE_COSTS: u8 = 1;
-/// What may be spent on an open edge before it is given up: the lidar cannot see what is behind.
+/// Maximum cost of an open edge before it is given up: the lidar cannot see the area behind it.
 const COSTS_MAX: u8 = 12;
 /// Ways that are looked for before the next view counts as unreachable.
 const PLANS_MAX: usize = 50;
@@ -46,7 +46,7 @@ pub(super) struct Explore {
 #[derive(Clone, Debug)]
 enum Phase {
     Look(Look),
-    /// The robot is told where it is, then the next view is chosen.
+    /// The program sends the robot its pose, then chooses the next view.
     Tell(Tell, Pose),
     Drive(Stretch),
 }
@@ -151,7 +151,7 @@ impl Explore {
     fn choose(&mut self, atlas: &Atlas, pose: Pose) -> Result<Option<Cell>, Failure> {
         let map = &atlas.global;
         let start = map.cell_of(pose.position())?;
-        // Walled in by what was seen from a pose that was none: such a map is not complete.
+        // Walls entered from a wrong pose enclose the robot: such a map is not complete.
         let reach = reach(map, &map.eroded(), start);
         if reach.is_empty() {
             return Err(Failure::NoWay);
@@ -235,8 +235,8 @@ mod tests {
         assert!(chosen(&mut explore, &atlas).is_some_and(|x| x < 8));
     }
 
-    /// Three views of four, or twelve drives of one, and it is given up; what was never driven to
-    /// costs nothing.
+    /// An edge is given up after three views of cost four, or twelve drives of cost one; an edge
+    /// without a drive costs nothing.
     #[test]
     fn an_open_edge_that_costs_twelve_is_given_up() {
         let (one, other) = (Cell::new(3, 4), Cell::new(3, 5));

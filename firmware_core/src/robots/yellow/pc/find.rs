@@ -30,7 +30,7 @@ const AS_MANY: f32 = 0.75;
 #[derive(Clone, Debug)]
 pub(super) struct Find {
     phase: Phase,
-    /// What fits so far, and where the odometry was then.
+    /// Matches so far, and the odometry's pose then.
     known: Option<(Pose, Matches)>,
     looks: u32,
 }
@@ -89,7 +89,7 @@ impl Find {
         };
         let estimate = matches.estimate(atlas.votes).ok_or(Failure::NothingSeen)?;
         atlas.estimate = Some(estimate);
-        // The course's programs take what they get.
+        // The course's programs accept any result.
         let is_doubtful =
             estimate.is_ambiguous() || has_rival(&estimate, &atlas.walls, &sight.lines);
         if atlas.votes != Votes::Best || !is_doubtful {
@@ -112,7 +112,7 @@ impl Find {
     }
 }
 
-/// Whether what is seen fits the walls at the second place, which scores less, as well.
+/// Whether the scan fits the walls at the second-best pose as well.
 fn has_rival(estimate: &Estimate, walls: &Walls, lines: &[Segment]) -> bool {
     let share = |pose| walls.share_known(pose, lines);
     let is_close = estimate.ratio > CLOSE && !walls.is_empty();

@@ -1,7 +1,8 @@
-//! A drive to a goal in stretches. Odometry drifts with the way, so behind each stretch the robot
-//! looks around and is told where the walls say that it is; also at the goal, to which it drives
-//! once more if it is beside it. Where no way is known it goes as near as it can and puts what it
-//! sees there on the map: what bars the way may have been seen wrongly.
+//! A drive to a goal in stretches. Odometry drifts with the distance. After each stretch the robot
+//! therefore looks around, and the program sends it the pose that the walls give. This is also done
+//! at the goal, and the robot drives to the goal once more if it is beside it. Without a known path
+//! the robot goes as near as it can and enters its scan there into the map, because the obstacle on
+//! the path may be an error.
 
 use alloc::collections::VecDeque;
 
@@ -16,7 +17,7 @@ use crate::cell_map::Cell;
 use crate::frontier::reach;
 use crate::pose::{Point, Pose};
 
-/// As near to the goal as the robot comes by one drive: its own 20 mm, and what it rolls on.
+/// Accuracy of one drive: the robot's own 20 mm, and its rolling on.
 const NEAR_MM: f32 = 30.0;
 const NEAR_RAD: f32 = 0.04;
 /// Maximum number of drives from beside the goal to the goal.
@@ -247,9 +248,9 @@ mod tests {
         assert_eq!(journey.go_on(&mut atlas, pose, true), Ok(true));
     }
 
-    /// The goal is a metre beyond what is known: from the left side the nearest place that can be
-    /// reached, eight columns on, is driven to, four times; without walls to correct itself by it
-    /// is not even looked for.
+    /// The goal is a metre beyond the known area. The robot starts on the left side and drives to
+    /// the nearest reachable cell, eight columns on, four times. Without walls for a correction it
+    /// does not search at all.
     #[test]
     fn a_way_is_looked_for_four_times_where_none_is_known() {
         let beyond = Goal::passed(Point::new(1_950.0, 1_050.0));

@@ -1,4 +1,4 @@
-//! The telemetry link as the PC sees it: what was received, what goes out, what is asked again.
+//! The PC's side of the telemetry link: received messages, sent commands, repeated requests.
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -38,7 +38,7 @@ pub(super) struct Heard {
 }
 
 impl Heard {
-    /// What the robot says to do.
+    /// The robot's own report of its state.
     pub(super) fn state(&self) -> Option<State> {
         self.message.state
     }
@@ -66,7 +66,7 @@ pub(super) fn wire_pose(pose: Pose) -> telemetry::message::Pose {
     }
 }
 
-/// What the robot saw, and from where.
+/// A scan of the robot, with its pose.
 #[derive(Clone, Debug)]
 pub(super) struct Sight {
     number: u64,
@@ -79,7 +79,7 @@ const CORRECTION_MM: f32 = 5.0;
 const CORRECTION_RAD: f32 = 0.005;
 
 impl Sight {
-    /// What a test saw from `pose`.
+    /// A test's scan from `pose`.
     #[cfg(test)]
     pub(super) const fn of(pose: Pose, lines: Vec<Segment>) -> Self {
         Self {
@@ -98,7 +98,7 @@ impl Sight {
     }
 }
 
-/// What a command is for the fielded program's queue.
+/// Kind of a command for the fielded program's queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// A request of a state, of lines or of another pose.
@@ -179,7 +179,7 @@ impl Link {
         self.sight.as_ref().filter(|sight| sight.number > number)
     }
 
-    /// Whether the robot was heard once, but not of late.
+    /// Whether the robot has sent messages before, but none recently.
     pub(super) const fn is_silent(&self) -> bool {
         self.is_silent
     }
@@ -382,7 +382,8 @@ pub(super) struct Tell {
     request: Request,
 }
 
-/// The robot rests meanwhile, so what it tells back is what it was told.
+/// Tolerance of the confirmed pose: the robot rests meanwhile, so it reports the pose that it was
+/// sent.
 const TOLD_MM: f32 = 20.0;
 const TOLD_RAD: f32 = 0.02;
 
@@ -540,7 +541,7 @@ mod tests {
         assert!(link.out.is_empty());
     }
 
-    /// YP-03: a request empties the queue of what was waiting; a drive does not.
+    /// YP-03: a request discards all waiting commands; a drive does not.
     #[test]
     fn a_request_may_clear_the_queue() {
         let lost = |kind, requests_clear_queue| {
@@ -596,8 +597,8 @@ mod tests {
         assert_eq!(Request::of_state(7, rest()).wait, SWITCHED);
     }
 
-    /// The robot says 19 mm and 19 mrad beside what it was told: it was told. Before it was asked
-    /// nothing counts.
+    /// A report within 19 mm and 19 mrad of the sent pose confirms it. A report from before the
+    /// request does not count.
     #[test]
     fn a_pose_was_told_when_the_robot_says_so() {
         let told = |x_mm: f32, heading: f32| {

@@ -19,8 +19,8 @@ const AGAIN: Duration = Duration::from_secs(1);
 const AGAIN_MAX: u32 = 12;
 /// Fewer walls than this are none, mm.
 const WALLS_MIN_MM: f32 = 300.0;
-/// And fewer than this the first time, mm: all that comes is laid on what was seen first, and a
-/// lidar that tells little tells that skewed. A robot between walls sees more.
+/// Higher limit for the first look, mm: all later scans are aligned to the first one, and a lidar
+/// with few points gives a skewed one. A robot between walls sees more.
 const FIRST_MIN_MM: f32 = 2_000.0;
 /// Two sights of one place have most of their walls in common.
 const SHARE_MIN: f32 = 0.6;
@@ -35,9 +35,9 @@ const LINES: LinesRequest = LinesRequest {
 #[derive(Clone, Debug)]
 pub(super) struct Look {
     phase: Phase,
-    /// What was seen a moment ago.
+    /// The previous scan.
     before: Walls,
-    /// How often what was seen was not believed.
+    /// Number of rejected scans.
     again: u32,
 }
 
