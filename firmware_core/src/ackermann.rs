@@ -100,7 +100,8 @@ impl CarPose {
         libm::hypot(self.x_m - x_m, self.y_m - y_m)
     }
 
-    /// Where a place is, metres, that lies as seen from `other` as this one lies as seen from here.
+    /// The point, metres, that has the same position relative to `other` as the given point has
+    /// relative to `self`.
     pub fn carried(self, other: Self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
         let heading_rad = self.heading_rad;
         let place = other.then(self.motion_to(Self {
@@ -120,13 +121,13 @@ impl CarGeometry {
         arc(path_m, turn_rad)
     }
 
-    /// The same of the middle of the front axle, which has gone `path_m`: it rolls along the
+    /// The same for the middle of the front axle, which has moved `path_m`: it rolls along the
     /// steered wheels.
     pub fn front_arc(&self, steering_rad: f64, path_m: f64) -> Motion {
         let (sin, cos) = libm::sincos(steering_rad);
         let turn_rad = path_m * sin / self.wheelbase_m;
         let seen = arc(path_m, turn_rad);
-        // Along the wheels, which point to the side.
+        // Along the wheels, which point sideways.
         Motion {
             ahead_m: cos * seen.ahead_m - sin * seen.left_m,
             left_m: sin * seen.ahead_m + cos * seen.left_m,
@@ -144,7 +145,7 @@ impl CarGeometry {
             return None;
         }
         let steering = match x == 0.0 {
-            // Two wheelbases behind the quotient is of two zeros.
+            // The point two wheelbases behind gives a quotient of two zeros.
             true => 0.0,
             false => libm::atan(2.0 * x * k / (-square - 2.0 * y * k)),
         };
@@ -184,11 +185,11 @@ impl CarGeometry {
     }
 }
 
-/// Motion along an arc of this length that begins ahead.
+/// Motion along an arc of this length that starts ahead.
 fn arc(path_m: f64, turn_rad: f64) -> Motion {
     let half = turn_rad / 2.0;
     let (sin, cos) = libm::sincos(half);
-    // The chord leaves at half the turn; of a short arc by the series, where the quotient would
+    // The chord starts at half the turn. For a short arc use the series, because the quotient would
     // lose digits.
     let chord = match half.abs() < 1e-4 {
         true => path_m * (1.0 - half * half / 6.0),

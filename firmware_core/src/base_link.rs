@@ -69,13 +69,13 @@ pub struct Counters {
     pub retries: u32,
     /// Requests given up.
     pub failures: u32,
-    /// Valid frames that were no answer: late, unsolicited, or of another kind than asked.
+    /// Valid frames that did not answer the request: late, unsolicited, or of another kind.
     pub unsolicited: u32,
     /// Error frames: the slave did not understand.
     pub errors: u32,
     /// Candidates rejected by their checksum or cut off.
     pub bad_frames: u32,
-    /// Requests or completions for which there was no room.
+    /// Requests or completions lost because a queue was full.
     pub overflows: u32,
 }
 
@@ -115,7 +115,7 @@ impl BaseLink {
         Self::with_defects(order, timeout, Defects::NONE)
     }
 
-    /// A link with some of the fielded program's faults.
+    /// A link with the given defects of the fielded program.
     pub const fn with_defects(order: ChecksumOrder, timeout: Duration, defects: Defects) -> Self {
         Self {
             defects,
@@ -144,8 +144,8 @@ impl BaseLink {
         }
     }
 
-    /// Queues a request behind those that wait. One that waits for the same registers in the same
-    /// direction is replaced in its place: of two set-points only the newer one matters.
+    /// Queues a request. A waiting request for the same registers in the same direction is replaced
+    /// at its position in the queue: of two set-points only the newer one matters.
     pub fn submit(&mut self, now: Instant, request: Request) {
         if let Some(same) = self
             .waiting
@@ -160,7 +160,7 @@ impl BaseLink {
         self.tick(now);
     }
 
-    /// Whether such a request waits or is being made.
+    /// Whether an equal request waits or is in progress.
     pub fn is_pending(&mut self, request: &Request) -> bool {
         self.current
             .is_some_and(|current| request.replaces(&current.request))
@@ -187,7 +187,7 @@ impl BaseLink {
         self.tx.pop(buf)
     }
 
-    /// Looks after time-outs and begins the next transaction if the line is free.
+    /// Handles timeouts and begins the next transaction if the line is free.
     pub fn tick(&mut self, now: Instant) {
         if let Some(current) = self.current
             && now >= current.deadline
@@ -239,7 +239,7 @@ impl BaseLink {
         &self.counters
     }
 
-    /// A frame came in.
+    /// Handles a received frame.
     fn judge(&mut self, now: Instant, frame: &Frame) {
         let is_error =
             frame.register() == avr::ERROR_REGISTER && !frame.is_write() && frame.count() == 0;
@@ -255,7 +255,8 @@ impl BaseLink {
         }
     }
 
-    /// The status of its own accord tells of the stop button (seed report, chapter on the slave).
+    /// Stores an unsolicited status, which reports the stop button (seed report, chapter on the
+    /// slave).
     fn take_unasked(&mut self, frame: &Frame) {
         match frame.data() {
             [status] if frame.is_write() && frame.register() == registers::SYSTEM_STATUS => {
@@ -311,7 +312,8 @@ impl BaseLink {
         }
     }
 
-    /// Sends what waits in the middle of another read, as a task of higher priority did (MA-08).
+    /// Sends the waiting request in the middle of another read, as a task of higher priority did
+    /// (MA-08).
     fn preempt(&mut self, now: Instant) {
         let reads = |current: &Transaction| !current.request.is_write();
         if !self.defects.preempts_itself
@@ -354,7 +356,7 @@ impl BaseLink {
         }
     }
 
-    /// Takes an answer among what the decoder frees after an idle line.
+    /// Checks the frames that the decoder releases after an idle line for an answer.
     fn settle(&mut self, now: Instant) {
         while let Some(frame) = self.decoder.step(&mut &[][..]) {
             match frame {
@@ -399,7 +401,7 @@ fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }
 
-/// A few values in the order they came; the occupied slots come first.
+/// A queue of few values, oldest first; occupied slots come first.
 #[derive(Clone, Debug)]
 struct Queue<T> {
     slots: [Option<T>; QUEUE],

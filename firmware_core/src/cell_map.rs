@@ -1,4 +1,4 @@
-//! An occupancy map of whole cells that grows no further than it has to. For the part of a robot's
+//! An occupancy map of whole cells that grows only as far as needed. For the part of a robot's
 //! program that runs on a PC; feature `host`.
 
 use alloc::vec::Vec;
@@ -58,7 +58,7 @@ pub struct CellMap {
     low: Cell,
     width: i32,
     height: i32,
-    /// Cells that are added beyond the one that made the map grow.
+    /// Cells added beyond the one that caused the growth.
     margin: i32,
     cells_max: usize,
 }
@@ -97,7 +97,7 @@ impl CellMap {
         (self.width, self.height)
     }
 
-    /// A cell's value; never seen outside.
+    /// A cell's value; unknown outside the map.
     pub fn get(&self, cell: Cell) -> u8 {
         self.index(cell).map_or(UNKNOWN, |index| self.cells[index])
     }
@@ -107,10 +107,10 @@ impl CellMap {
         self.get(cell) == FREE
     }
 
-    /// Writes a cell; the map grows until it has it.
+    /// Writes a cell; the map grows to contain the cell.
     ///
     /// # Errors
-    /// If the map would become too large: it stays as it was.
+    /// If the map would become too large: it stays unchanged.
     pub fn set(&mut self, cell: Cell, value: u8) -> Result<(), NotWritten> {
         if self.index(cell).is_none() {
             self.grow(cell)?;
@@ -124,7 +124,7 @@ impl CellMap {
     /// The cell that holds `place`.
     ///
     /// # Errors
-    /// If there is no such place.
+    /// If the coordinates are not finite.
     pub fn cell_of(&self, place: Point) -> Result<Cell, NotWritten> {
         let [x, y] = [place.x_mm, place.y_mm].map(|mm| libm::floorf(mm / self.cell_mm));
         let is_sound = |along: f32| along.abs() < (1 << 24) as f32;
@@ -192,11 +192,11 @@ impl CellMap {
         Ok(())
     }
 
-    /// Calls `visit` for each cell that the straight way from `from` to `to` touches, in order,
-    /// until it says no. The method of Amanatides and Woo.
+    /// Calls `visit` for each cell that the straight line from `from` to `to` touches, in order,
+    /// until `visit` returns false. The method of Amanatides and Woo.
     ///
     /// # Errors
-    /// If an end is no place.
+    /// If the coordinates of an end are not finite.
     pub fn walk(
         &self,
         from: Point,
@@ -207,7 +207,7 @@ impl CellMap {
         let axis = |from: f32, to: f32, cell: i32| {
             let (from, length) = (from / self.cell_mm, (to - from) / self.cell_mm);
             let edge = if length > 0.0 { cell + 1 } else { cell };
-            // Behind the end where nothing is to be crossed.
+            // Beyond the end if the line crosses no border on this axis.
             match length == 0.0 {
                 true => (f32::MAX, 0.0),
                 false => ((edge as f32 - from) / length, 1.0 / length.abs()),

@@ -17,13 +17,13 @@ use alloc::vec::Vec;
 
 /// Cost of an obstacle.
 pub const LETHAL: u8 = 20;
-/// Cost of the reference point's place from which on the outline touches an obstacle.
+/// Cost of a position of the reference point at which the outline touches an obstacle.
 pub const INSCRIBED: u8 = 19;
 /// How fast the cost falls beyond the inscribed radius, per metre: the default of the costmap that
 /// seed 003 used.
 const FALL_PER_M: f64 = 10.0;
 
-/// How far around an obstacle it costs something, metres.
+/// Radii around an obstacle within which cells have a cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inflation {
     /// Radius of the largest circle inside the robot's outline.
@@ -45,7 +45,7 @@ pub struct Costmap {
     stamp: Vec<Stripe>,
 }
 
-/// Costs of neighbouring cells in a row, and where the first lies from the obstacle.
+/// Costs of neighbouring cells in a row, and the position of the first relative to the obstacle.
 #[derive(Clone, Debug, PartialEq)]
 struct Stripe {
     from: [isize; 2],
@@ -80,7 +80,8 @@ impl Costmap {
         for at in 0..map.obstacles.len() {
             if map.obstacles[at] {
                 map.costs[at] = LETHAL;
-                // Inside a solid wall nothing is new: all its neighbours are obstacles too.
+                // Skip cells inside a solid wall: all their neighbours are obstacles, so they add
+                // nothing.
                 if !map.is_inner(at) {
                     map.press(at);
                 }
@@ -89,7 +90,7 @@ impl Costmap {
         map
     }
 
-    /// One more obstacle, at this place in the rows; beyond them nothing happens.
+    /// Adds an obstacle at this index of the rows; an index beyond them has no effect.
     pub fn add(&mut self, at: usize) {
         if let Some(is) = self.obstacles.get_mut(at) {
             *is = true;
@@ -123,7 +124,7 @@ impl Costmap {
         &self.costs
     }
 
-    /// Cost of a cell; outside is as an obstacle.
+    /// Cost of a cell; a cell outside the map costs as much as an obstacle.
     pub fn cost(&self, [x, y]: [i32; 2]) -> u8 {
         self.index([x, y]).map_or(LETHAL, |index| self.costs[index])
     }
@@ -133,7 +134,8 @@ impl Costmap {
         self.index(cell).is_none_or(|index| self.obstacles[index])
     }
 
-    /// The cell at a place, metres, inside or not; `None` if there is no such place.
+    /// The cell at a position, metres, inside or outside the map; `None` if the position is not
+    /// finite.
     pub fn cell(&self, [x_m, y_m]: [f64; 2]) -> Option<[i32; 2]> {
         let along = |m: f64, origin_m: f64| libm::floor((m - origin_m) / self.cell_m);
         let cell = [along(x_m, self.origin_m[0]), along(y_m, self.origin_m[1])];
@@ -157,7 +159,7 @@ impl Costmap {
         (x < self.width && y < self.height).then_some(y * self.width + x)
     }
 
-    /// Whether all that touch its edges are obstacles.
+    /// Whether all cells that share an edge with this one are obstacles.
     fn is_inner(&self, at: usize) -> bool {
         let (x, y) = (at % self.width, at / self.width);
         let is_rim = x == 0 || y == 0 || x + 1 == self.width || y + 1 == self.height();
@@ -202,7 +204,7 @@ fn stamp(cell_m: f64, inflation: Inflation) -> Vec<Stripe> {
         cost_at(cells * cell_m, inflation)
     };
     let stripe = |dy: isize| {
-        // Symmetric, and without a gap: the cost falls with the distance.
+        // The row is symmetric and has no gap, because the cost falls with the distance.
         let reach = (0..=reach).rev().find(|dx| cost(*dx, dy) > 0)?;
         Some(Stripe {
             from: [-reach, dy],

@@ -29,7 +29,7 @@ use crate::fifo::Fifo;
 pub const WIDTH: u16 = 480;
 /// Rows of the display.
 pub const HEIGHT: u16 = 272;
-/// Where the widest column of tiles begins: what changes often is left of it.
+/// First column of the widest tiles; content that changes often is left of it.
 pub const RIGHT: u16 = 212;
 
 /// Rows of a tile.
@@ -42,7 +42,7 @@ const ALL_BANDS: u64 = (1 << BANDS) - 1;
 const TILE_PIXELS: usize = (WIDTH - RIGHT) as usize * BAND as usize;
 /// Longest frame of one row of a tile.
 const ROW_FRAME_MAX: usize = FRAME_MAX - 2 * RIGHT as usize;
-/// Room for two such rows, or a tile as it usually is.
+/// Room for two such rows, or for a typical tile.
 const TX_LEN: usize = 1536;
 const TX_ENOUGH: usize = 1280;
 const _: () = assert!(
@@ -165,7 +165,7 @@ pub struct Counters {
     pub rows: u32,
     /// Taps.
     pub taps: u32,
-    /// Reports that were damaged or meant nothing.
+    /// Reports that were damaged or invalid.
     pub bad_reports: u32,
 }
 
@@ -173,7 +173,7 @@ pub struct Counters {
 #[derive(Clone, Debug)]
 pub struct Display {
     tx: Fifo<TX_LEN>,
-    /// Of each row of each column as it was sent.
+    /// Sum of each row of each column as last sent.
     sums: [[u16; ROWS]; COLUMNS.len()],
     /// Tiles of each column that may have changed, one bit a band.
     dirty: [u64; COLUMNS.len()],
@@ -189,7 +189,7 @@ pub struct Display {
 }
 
 impl Display {
-    /// A display that shows nothing yet.
+    /// A display that has shown nothing yet.
     pub const fn new() -> Self {
         Self {
             tx: Fifo::new(),
@@ -214,7 +214,7 @@ impl Display {
         &self.counters
     }
 
-    /// Says that something in `area` may look different now.
+    /// Notes that the picture in `area` may have changed.
     pub fn mark(&mut self, area: &Rectangle) {
         let Some(last) = area.bottom_right() else {
             return;
@@ -230,16 +230,17 @@ impl Display {
         }
     }
 
-    /// Whether [`paint`](Self::paint) would draw something, or send something again.
+    /// Whether [`paint`](Self::paint) would draw or resend a tile.
     pub fn has_work(&self, now: Instant) -> bool {
         let is_dirty = self.dirty.iter().any(|&bands| bands != 0);
         self.tx.room() >= TX_ENOUGH && (is_dirty || now >= self.heal_at)
     }
 
-    /// Draws one tile that may have changed, if there is one and room to send it. `draw` draws all
-    /// there is to see, or at least what touches the tile.
+    /// Draws one tile that may have changed, if there is room to send it. `draw` must draw
+    /// everything visible, or at least everything that touches the tile.
     pub fn paint(&mut self, now: Instant, draw: impl FnOnce(&mut Tile)) {
-        // A tile that does not fit is drawn again, so it waits until there is room for most.
+        // A tile that does not fit is drawn again, so drawing waits until there is room for most
+        // tiles.
         if self.tx.room() < TX_ENOUGH {
             return;
         }
@@ -257,7 +258,7 @@ impl Display {
         }
     }
 
-    /// Takes the pen's reports; where a tap began.
+    /// Takes reports of the pen; returns the position at which a tap began.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> Option<[u16; 2]> {
         if now - self.received_at >= IDLE_GAP {
             self.decoder.idle();
@@ -294,7 +295,7 @@ impl Display {
     /// The next tile that may have changed, from where the last one was.
     fn next_tile(&mut self) -> Option<(usize, usize)> {
         let first = self.next % TILES;
-        // Once round, and what the first column has before the place where it was begun.
+        // Search one full round, including the part of the first column before the start.
         for step in 0..=COLUMNS.len() {
             let column = (first / BANDS + step) % COLUMNS.len();
             let from = if step == 0 { first % BANDS } else { 0 };
@@ -320,7 +321,7 @@ impl Display {
         }
     }
 
-    /// Queues the rows that changed; whether there was room for all of them.
+    /// Queues the changed rows; returns whether there was room for all of them.
     fn send(&mut self, tile: &Tile, column: usize) -> bool {
         let mut frame = [0; ROW_FRAME_MAX];
         for row in 0..BAND {
@@ -358,7 +359,7 @@ fn rows_of(band: usize) -> RangeInclusive<u16> {
     top..=top + BAND - 1
 }
 
-/// Sixteen bits that tell a row from another, never 0: that is a row that was not sent.
+/// A sum of 16 bits over a row's pixels, never 0: 0 marks a row that was not sent.
 fn sum_of(pixels: &[u16]) -> u16 {
     let mixed = pixels.iter().fold(0x811C_9DC5_u32, |sum, &pixel| {
         (sum ^ u32::from(pixel)).wrapping_mul(0x0100_0193)
@@ -367,7 +368,7 @@ fn sum_of(pixels: &[u16]) -> u16 {
     u16::try_from(folded).expect("sixteen bits").max(1)
 }
 
-/// The pixel that a reading lies in: 0 to 4095 is the whole panel.
+/// The pixel of a touch reading: 0 to 4095 covers the whole panel.
 fn scaled(reading: u16, pixels: u16) -> u16 {
     let place = u32::from(reading) * u32::from(pixels) / (u32::from(READING_MAX) + 1);
     u16::try_from(place).expect("less than the pixels")

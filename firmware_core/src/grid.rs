@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Cell (ix, iy) covers `ix * resolution <= x < (ix + 1) * resolution`, and y likewise. (The seed
-//! report rounds to the nearest multiple of the resolution instead, which moves its whole map by
-//! half a cell and nothing else.) 300 x 300 is the seed report's size.
+//! report rounds to the nearest multiple of the resolution instead, which only moves its whole map
+//! by half a cell.) 300 x 300 is the seed report's size.
 
 use crate::map_view::MapView;
 use crate::pose::Point;
@@ -72,7 +72,7 @@ impl<const W: usize, const H: usize> Grid<W, H> {
         self.resolution_mm
     }
 
-    /// Forgets everything.
+    /// Sets all cells to unknown.
     pub fn clear(&mut self) {
         self.cells = [[UNKNOWN; W]; H];
     }
@@ -101,7 +101,7 @@ impl<const W: usize, const H: usize> Grid<W, H> {
         self.cells.get(iy)?.get(ix).copied()
     }
 
-    /// Writes a cell; outside the map nothing happens.
+    /// Writes a cell; ignores cells outside the map.
     pub fn set(&mut self, ix: usize, iy: usize, value: u8) {
         if let Some(cell) = self.cells.get_mut(iy).and_then(|row| row.get_mut(ix)) {
             *cell = value;

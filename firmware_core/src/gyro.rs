@@ -8,8 +8,8 @@ use protocols::Instant;
 /// Rest time after which the offset is known well enough, and the longest averaging time.
 const KNOWN_AFTER_S: f32 = 0.4;
 const AVERAGED_S: f32 = 10.0;
-/// A robot that turns faster than this at rest, degrees a second, is turned by a person; no
-/// calibrated sensor is off by so much.
+/// Maximum plausible offset, degrees a second. A robot that turns faster at rest is being turned by
+/// a person.
 const OFFSET_MAX_DEG_S: f32 = 3.0;
 /// Longest time between two readings; the turn between readings farther apart is unknown.
 const APART_MAX: Duration = Duration::from_millis(500);
@@ -17,10 +17,10 @@ const APART_MAX: Duration = Duration::from_millis(500);
 /// A gyroscope and its offset.
 #[derive(Clone, Copy, Debug)]
 pub struct Gyro {
-    /// When it was read last, and the sum then, hundredths of a degree.
+    /// Time of the last reading, and its sum, hundredths of a degree.
     last: Option<(Instant, i32)>,
     offset_deg_s: f32,
-    /// Rest that the offset is the mean of.
+    /// Rest time over which the offset is averaged.
     rest_s: f32,
 }
 
@@ -34,7 +34,7 @@ pub enum Wheels {
 }
 
 impl Gyro {
-    /// One that was not read yet.
+    /// A gyroscope without readings.
     pub const fn new() -> Self {
         Self {
             last: None,
@@ -43,13 +43,14 @@ impl Gyro {
         }
     }
 
-    /// A reading failed: the next one has none before it.
+    /// Discards the last reading after a failed one.
     pub const fn forget(&mut self) {
         self.last = None;
     }
 
-    /// Takes the sum at `now`, hundredths of a degree, counter-clockwise; the turn since the
-    /// reading before, radians. `None` without one, or while the offset is not known.
+    /// Takes the sum at `now`, hundredths of a degree, counter-clockwise; returns the turn since
+    /// the previous reading, radians. `None` for the first reading, or while the offset is not
+    /// known.
     pub fn turned(&mut self, now: Instant, sum: i32, wheels: Wheels) -> Option<f32> {
         let (at, before) = self.last.replace((now, sum))?;
         let apart = now - at;
@@ -62,7 +63,7 @@ impl Gyro {
         if wheels == Wheels::AtRest && rate.abs() <= OFFSET_MAX_DEG_S {
             self.rest_s = (self.rest_s + time_s).min(AVERAGED_S);
             self.offset_deg_s += (rate - self.offset_deg_s) * time_s / self.rest_s;
-            // A robot that rests does not turn, whatever the last digit does.
+            // A resting robot does not turn, even if the last digit changes.
             return self.is_known().then_some(0.0);
         }
         let turn_deg = turned_deg - self.offset_deg_s * time_s;

@@ -15,15 +15,15 @@ use protocols::Instant;
 
 /// Duty with which a standing motor is started.
 pub const DUTY_START: u8 = 180;
-/// Minimum duty while running.
+/// Minimum duty of a running motor.
 pub const DUTY_MIN: u8 = 50;
 
 /// Silence after which the motor is restarted.
 const RESTART_AFTER: Duration = Duration::from_secs(1);
-/// Duties with which a lidar that stays silent is started, one after the other and again. 180 is
-/// the fielded one; with a drive of 3.3 V it gives 166 rpm, at which nothing is measured.
+/// Duties for starting a silent lidar, tried in this order, in a cycle. 180 is the fielded one;
+/// with a drive of 3.3 V it gives 166 rpm, too slow for any measurement.
 const STARTS: [u8; 5] = [DUTY_START, 220, 255, 130, 80];
-/// Starts with each of them: a sensor boots, spins up and locks in less than three seconds.
+/// Starts with each duty: a sensor boots, spins up and locks in less than three seconds.
 const TRIES: u16 = 3;
 /// Packets in a row, some two seconds of them, with the drive at its limit and the speed below the
 /// target, after which the drive counts as too weak.
@@ -32,10 +32,10 @@ const WEAK_AFTER: u16 = 900;
 const INTEGRAL: f32 = 1.0 / 64.0;
 /// Duty per rpm of error.
 const PROPORTIONAL: f32 = 0.5;
-/// Errors beyond this are glitches of the speed word (a lost tooth reads as half the speed, a
-/// false one as twice): they count as this much.
+/// Errors beyond this are glitches of the speed word (a lost tooth reads as half the speed, a false
+/// one as twice); they are clamped to this value.
 const ERROR_MAX_RPM: f32 = 100.0;
-/// Farthest from the target that counts as running.
+/// Maximum deviation from the target speed of a running motor.
 const TOLERANCE_RPM: f32 = 20.0;
 /// Good packets in a row after which the speed counts as stable, as in the fielded program.
 const STABLE_AFTER: u16 = 251;
@@ -47,7 +47,7 @@ pub struct LidarMotor {
     integral: f32,
     duty: u8,
     is_off: bool,
-    /// Duty that was handed out last.
+    /// The last duty returned.
     told: Option<u8>,
     packet_at: Instant,
     good_in_a_row: u16,
@@ -57,7 +57,7 @@ pub struct LidarMotor {
 }
 
 impl LidarMotor {
-    /// A standing motor that is to turn at `target_rpm`.
+    /// A standing motor with the target speed `target_rpm`.
     pub const fn new(target_rpm: f32) -> Self {
         Self {
             target_rpm,
@@ -89,13 +89,13 @@ impl LidarMotor {
         self.slow_in_a_row = count(self.slow_in_a_row, is_slow);
     }
 
-    /// Sets the duty to that of the start, as the fielded program did whenever it lost its place in
-    /// the stream (XV-09).
+    /// Sets the duty to that of the start, as the fielded program did whenever it lost its position
+    /// in the stream (XV-09).
     pub const fn kick(&mut self) {
         self.duty = DUTY_START;
     }
 
-    /// Looks for silence.
+    /// Restarts the motor after a silence.
     pub fn tick(&mut self, now: Instant) {
         if now - self.packet_at >= RESTART_AFTER {
             self.packet_at = now;
@@ -120,7 +120,7 @@ impl LidarMotor {
         })
     }
 
-    /// Lets the motor run out.
+    /// Switches the drive off.
     pub const fn switch_off(&mut self) {
         self.is_off = true;
     }
@@ -141,7 +141,8 @@ impl LidarMotor {
         self.good_in_a_row >= STABLE_AFTER
     }
 
-    /// Whether full drive does not bring the motor near its target: too few volts, or dust.
+    /// Whether full drive does not bring the motor near its target speed, because of low voltage or
+    /// dust.
     pub const fn is_too_weak(&self) -> bool {
         self.slow_in_a_row >= WEAK_AFTER
     }

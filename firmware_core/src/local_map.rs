@@ -28,7 +28,7 @@ impl Segment {
         self.start.distance_mm(self.end)
     }
 
-    /// The piece of wall in the world, that a robot at `robot` sees so.
+    /// The piece of wall in the world, as observed by a robot at `robot`.
     pub fn to_world(self, robot: Pose) -> Self {
         Self::new(robot.to_world(self.start), robot.to_world(self.end))
     }
@@ -54,19 +54,19 @@ impl Segment {
 pub const CELL_MM: f32 = 100.0;
 /// Margin around the observed area, in cells, as in the fielded program.
 const MARGIN: u8 = 5;
-/// 51.2 m square: ten times as far as lidars of this kind see.
+/// 51.2 m square: ten times the range of lidars of this kind.
 const CELLS_MAX: usize = 512 * 512;
-/// A gap that is narrower is none: line ends lie up to their tolerance from the corner that they
-/// meet in, and no robot fits through.
+/// Narrower gaps are closed: line ends lie up to their tolerance from their common corner, and no
+/// robot fits through.
 const GAP_MM: f32 = 150.0;
-/// Rays end this close to each other on a wall, so that no cell on the way is missed.
+/// Distance between the ends of rays on a wall, small enough that no cell between is missed.
 const RAY_STEP_MM: f32 = 25.0;
 
-/// The map of what a robot at `robot` sees as these `lines`, which are in its own frame; the map is
-/// in the frame of `robot`.
+/// The map of `lines`, observed by a robot at `robot` in its own frame; the map is in the frame of
+/// the pose `robot`.
 ///
 /// # Errors
-/// If an end of a line is no place, or farther than any lidar sees.
+/// If an end of a line is not finite, or farther than the range of any lidar.
 pub fn local_map(robot: Pose, lines: &[Segment]) -> Result<CellMap, NotWritten> {
     let mut map = CellMap::new(CELL_MM, MARGIN, CELLS_MAX);
     let mut walls: Vec<Segment> = lines.iter().map(|line| line.to_world(robot)).collect();
@@ -84,7 +84,7 @@ pub fn local_map(robot: Pose, lines: &[Segment]) -> Result<CellMap, NotWritten> 
     Ok(map)
 }
 
-/// Adds what joins ends that are near each other.
+/// Closes short gaps between wall ends.
 fn close_gaps(walls: &mut Vec<Segment>) {
     let ends: Vec<(usize, Point)> = walls
         .iter()
@@ -111,8 +111,8 @@ fn draw(map: &mut CellMap, wall: Segment) -> Result<(), NotWritten> {
         .try_for_each(|cell| map.set(cell, OBSTACLE))
 }
 
-/// Frees what lies before the first obstacle on the way from `eye` to `target`. The fielded program
-/// goes the other way and on to the end, and so frees cells behind walls.
+/// Frees the cells before the first obstacle on the line from `eye` to `target`. The fielded
+/// program goes in the other direction and on to the end, and so frees cells behind walls.
 fn free(map: &mut CellMap, eye: Point, target: Point) -> Result<(), NotWritten> {
     let mut cells = Vec::new();
     map.walk(eye, target, |cell| {
@@ -125,7 +125,7 @@ fn free(map: &mut CellMap, eye: Point, target: Point) -> Result<(), NotWritten> 
     cells.into_iter().try_for_each(|cell| map.set(cell, FREE))
 }
 
-/// Free cells beside which nothing is free were seen through a crack.
+/// Removes free cells without a free neighbour: they were seen through a crack.
 fn remove_islands(map: &mut CellMap) -> Result<(), NotWritten> {
     let is_island = |cell: Cell| !cell.edge_neighbours().iter().any(|near| map.is_free(*near));
     let islands: Vec<Cell> = map

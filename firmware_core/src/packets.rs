@@ -17,10 +17,10 @@ pub struct Defects {
     pub sum_is_never_cleared: bool,
     /// No checksum is compared (XV-02).
     pub unchecked: bool,
-    /// The index is not checked before it selects a place in memory (XV-03).
+    /// The index selects an array element without a check (XV-03).
     pub any_index: bool,
-    /// 22 bytes are used up whatever they are, so that a false start byte that repeats is kept for
-    /// ever (XV-04), and one lost byte costs packets with wrong places (XV-05).
+    /// All 22 bytes are consumed in any case. A repeating false start byte is therefore kept
+    /// forever (XV-04), and one lost byte costs packets with wrong indices (XV-05).
     pub keeps_alignment: bool,
 }
 
@@ -33,7 +33,7 @@ impl Defects {
         keeps_alignment: false,
     };
 
-    /// As the fielded program was in the end.
+    /// Defects of the final fielded program.
     pub const FIELDED: Self = Self {
         sum_is_never_cleared: false,
         unchecked: true,
@@ -42,7 +42,7 @@ impl Defects {
     };
 }
 
-/// Takes packets out of the stream.
+/// Extracts packets from the stream.
 #[derive(Clone, Debug)]
 pub struct Packets {
     decoder: xv11::Decoder,
@@ -51,12 +51,12 @@ pub struct Packets {
 }
 
 impl Packets {
-    /// Of a sound program.
+    /// Packets of a correct program.
     pub const fn new() -> Self {
         Self::with_defects(Defects::NONE)
     }
 
-    /// Of a program with some of the fielded one's faults.
+    /// Packets of a program with the given defects.
     pub const fn with_defects(defects: Defects) -> Self {
         Self {
             decoder: xv11::Decoder::with_format(xv11::Packets),
@@ -79,12 +79,12 @@ impl Packets {
         None
     }
 
-    /// Says that the line went quiet. The fielded program did not notice.
+    /// Notes that the line is quiet, which the fielded program did not notice.
     pub fn idle(&mut self) {
         self.decoder.idle();
     }
 
-    /// Bytes taken but not yet judged.
+    /// Bytes taken but not yet checked.
     pub fn pending(&self) -> usize {
         if self.defects == Defects::NONE {
             self.decoder.pending()
@@ -142,7 +142,7 @@ impl Hunter {
         outcome
     }
 
-    /// Goes on at the next start byte within the rejected ones.
+    /// Continues at the next start byte within the rejected bytes.
     fn rescan(&mut self) {
         let next = self.bytes[1..].iter().position(|byte| *byte == START);
         let from = next.map_or(FRAME_LEN, |at| at + 1);
@@ -163,7 +163,7 @@ impl Hunter {
                 let (max, found) = (89, u32::from(index));
                 return Some(Err(FrameError::Length { max, found }));
             }
-            // The place in the array is kept in 16 bits without sign.
+            // The array index is kept in 16 bits without sign.
             let place = (i32::from(self.bytes[1]) - i32::from(FIRST_INDEX)) * 4;
             self.stray.note(place.rem_euclid(0x1_0000));
             return None;

@@ -1,8 +1,8 @@
-//! Where the robot is: position in millimetres, heading in radians, and changes of both.
+//! Poses: position in millimetres, heading in radians, and changes of both.
 //!
-//! Heading 0 looks along +x and grows counter-clockwise, as everywhere in the project. The PC link
-//! speaks whole millimetres and clockwise degrees instead, with `psi = 180 - heading`: psi 90
-//! drives to +y, psi 0 to -x, psi 180 to +x. That conversion happens here and nowhere else.
+//! Heading 0 points along +x and grows counter-clockwise, as everywhere in the project. The PC link
+//! uses whole millimetres and clockwise degrees instead, with `psi = 180 - heading`: psi 90 drives
+//! to +y, psi 0 to -x, psi 180 to +x. That conversion happens here and nowhere else.
 
 use core::f32::consts::{PI, TAU};
 
@@ -53,7 +53,7 @@ pub struct Pose {
     pub heading: f32,
 }
 
-/// A change of pose, seen from the pose before it: first the shift, then the turn.
+/// A change of pose, relative to the pose before: first the shift, then the turn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseChange {
     /// Along the heading before the change.
@@ -83,7 +83,7 @@ impl PoseChange {
         turn: 0.0,
     };
 
-    /// How far the position moves.
+    /// Length of the shift.
     pub fn distance_mm(self) -> f32 {
         libm::hypotf(self.forward_mm, self.left_mm)
     }
@@ -141,7 +141,7 @@ impl Pose {
         }
     }
 
-    /// A point of the robot's frame, in the world.
+    /// Converts a point of the robot's frame to the world's.
     pub fn to_world(self, point: Point) -> Point {
         let (sin, cos) = sin_cos(self.heading);
         Point {
@@ -150,7 +150,7 @@ impl Pose {
         }
     }
 
-    /// Where the robot is, without its heading.
+    /// The position without the heading.
     pub const fn position(self) -> Point {
         Point {
             x_mm: self.x_mm,

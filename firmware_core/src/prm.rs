@@ -1,9 +1,10 @@
-//! Ways over a map by a probabilistic roadmap. For the part of a robot's program that runs on a PC;
-//! feature `host`.
+//! Paths over a map by a probabilistic roadmap. For the part of a robot's program that runs on a
+//! PC; feature `host`.
 //!
 //! Vertices are drawn evenly over the cells that are open, and each is joined to all earlier ones
-//! within reach to which the straight way is open (as in P. Corke's Robotics Toolbox, which the
-//! makers of the robot used). The map is eroded before, so that a robot has room around its middle.
+//! within reach if the straight line between them is open (as in P. Corke's Robotics Toolbox, which
+//! the robot's developers used). The map is eroded before, so that a robot has room around its
+//! middle.
 
 use alloc::vec::Vec;
 
@@ -16,19 +17,19 @@ use crate::random::Pcg32;
 pub const VERTICES: usize = 100;
 /// Maximum number of vertices before the search from cell to cell.
 pub const VERTICES_MAX: usize = 800;
-/// Farthest that vertices are joined, cells.
+/// Maximum length of an edge, cells.
 pub const REACH_CELLS: f32 = 30.0;
-/// How far the start may lie from the open cells, steps from cell to cell.
+/// Maximum distance of the start from the open cells, in steps from cell to cell.
 const ESCAPE_STEPS: usize = 4;
-/// How far a place on a way is moved to have more room, cells.
+/// Maximum shift of a path point towards more room, cells.
 const SHIFT_CELLS: i32 = 3;
-/// More room than this is not needed, cells.
+/// Distance from walls beyond which more room has no value, cells.
 const ROOM_CELLS: i32 = 4;
 
-/// Vertices and which of them are joined.
+/// Vertices and their edges.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Roadmap {
-    /// Where they lie.
+    /// Positions of the vertices.
     pub vertices: Vec<Cell>,
     /// Pairs of vertices, the later one first.
     pub edges: Vec<(usize, usize)>,
@@ -39,12 +40,12 @@ pub struct Roadmap {
 pub struct Dice(Pcg32);
 
 impl Dice {
-    /// The numbers of this seed.
+    /// The random numbers of this seed.
     pub const fn new(seed: u64) -> Self {
         Self(Pcg32::new(seed))
     }
 
-    /// One of `count`, 0 if there is none.
+    /// A random index below `count`, 0 if `count` is 0.
     pub fn index(&mut self, count: usize) -> usize {
         let limit = u32::try_from(count).unwrap_or(u32::MAX).max(1);
         usize::try_from(self.0.below(limit)).unwrap_or(0)
@@ -52,7 +53,7 @@ impl Dice {
 }
 
 impl Roadmap {
-    /// A roadmap of `count` vertices on the free cells of `open`; none where nothing is free.
+    /// A roadmap of `count` vertices on the free cells of `open`; empty if no cell is free.
     pub fn new(open: &CellMap, count: usize, dice: &mut Dice) -> Self {
         let free = open.iter().filter(|(_, value)| *value == FREE);
         let free: Vec<Cell> = free.map(|(cell, _)| cell).collect();
@@ -70,8 +71,8 @@ impl Roadmap {
         roadmap
     }
 
-    /// The shortest way over the roadmap, from the vertex nearest to `start` to the one nearest to
-    /// `goal` of those that are in sight; `None` without one.
+    /// The shortest path over the roadmap, from the visible vertex nearest to `start` to the
+    /// visible one nearest to `goal`; `None` without one.
     pub fn way(&self, open: &CellMap, start: Cell, goal: Cell) -> Option<Vec<Cell>> {
         let (from, to) = (self.nearest(open, start)?, self.nearest(open, goal)?);
         let mut near = alloc::vec![Vec::new(); self.vertices.len()];
@@ -132,7 +133,7 @@ pub fn is_clear(open: &CellMap, from: Cell, to: Cell) -> bool {
     open.is_free(to) || from == to
 }
 
-/// The shortest way from cell to cell, corners not cut; `None` without one.
+/// The shortest path from cell to cell, without cutting corners; `None` without one.
 pub fn grid_way(open: &CellMap, start: Cell, goal: Cell) -> Option<Vec<Cell>> {
     let (width, height) = open.size();
     let low = open.low();
@@ -161,7 +162,7 @@ pub fn grid_way(open: &CellMap, start: Cell, goal: Cell) -> Option<Vec<Cell>> {
     Some(way.into_iter().map(cell).collect())
 }
 
-/// Whether all cells that the straight way touches are free, but perhaps the first.
+/// Whether all cells that the straight line touches are free, except perhaps the first.
 fn is_wide(open: &CellMap, from: Cell, to: Cell) -> bool {
     let mut is_wide = true;
     let walk = open.walk(open.centre_of(from), open.centre_of(to), |cell| {
@@ -171,8 +172,8 @@ fn is_wide(open: &CellMap, from: Cell, to: Cell) -> bool {
     walk.is_ok() && is_wide
 }
 
-/// Leaves out what need not be visited: corners are cut where all cells that the straight way
-/// touches are free.
+/// Removes unnecessary points: corners are cut if all cells that the straight line touches are
+/// free.
 pub fn smoothed(open: &CellMap, way: &[Cell]) -> Vec<Cell> {
     let mut kept: Vec<Cell> = way.first().copied().into_iter().collect();
     let mut at = 0;
@@ -188,8 +189,8 @@ pub fn smoothed(open: &CellMap, way: &[Cell]) -> Vec<Cell> {
     kept
 }
 
-/// Moves what lies between the ends of a way away from walls, as odometry is not exact: each to the
-/// cell nearby with most room from which its neighbours are in sight.
+/// Moves the inner points of a path away from walls, because odometry is not exact. Each point
+/// moves to the nearby cell with the most room that has both its neighbours in sight.
 pub fn centred(map: &CellMap, open: &CellMap, way: &[Cell]) -> Vec<Cell> {
     let mut way = way.to_vec();
     for at in 1..way.len().saturating_sub(1) {
@@ -204,7 +205,7 @@ pub fn centred(map: &CellMap, open: &CellMap, way: &[Cell]) -> Vec<Cell> {
     way
 }
 
-/// Squared distance to the nearest cell that is not free, as far as it matters.
+/// Squared distance to the nearest cell that is not free, within `ROOM_CELLS`.
 fn room(map: &CellMap, cell: Cell) -> i32 {
     let apart = |near: Cell| (near.x - cell.x).pow(2) + (near.y - cell.y).pow(2);
     let walls = square(cell, ROOM_CELLS).filter(|near| !map.is_free(*near));
@@ -216,8 +217,8 @@ fn square(cell: Cell, reach: i32) -> impl Iterator<Item = Cell> {
         .flat_map(move |y| (-reach..=reach).map(move |x| Cell::new(cell.x + x, cell.y + y)))
 }
 
-/// The way from `start`, which a robot may have come to though it is not open, to the nearest open
-/// cell: `start` alone if it is open, `None` if there is none nearby.
+/// The path from `start`, which may not be open, to the nearest open cell: `start` alone if it is
+/// open, `None` if there is no open cell nearby.
 pub fn escape(map: &CellMap, open: &CellMap, start: Cell) -> Option<Vec<Cell>> {
     let mut reached = alloc::vec![(start, 0)];
     let mut from = 0;
@@ -248,8 +249,8 @@ pub fn escape(map: &CellMap, open: &CellMap, start: Cell) -> Option<Vec<Cell>> {
     None
 }
 
-/// A way over `map` for a robot that needs the room of 3 x 3 cells: by roadmaps of more and more
-/// vertices, in the end from cell to cell. Also the last roadmap.
+/// Plans a path over `map` for a robot that needs the room of 3 x 3 cells: by roadmaps of more and
+/// more vertices, finally from cell to cell. Also returns the last roadmap.
 pub fn plan(
     map: &CellMap,
     start: Cell,

@@ -6,8 +6,9 @@
 //! ```
 //!
 //! Modules of the linvor family and of hc01.com take a command when a second of silence follows it,
-//! and none at all during a connection (module guides, see [`protocols::hc06`]). A module that
-//! answers at no rate is given up: it may be connected already, or speak the other language.
+//! and none at all during a connection (module guides, see [`protocols::hc06`]). The setup gives up
+//! a module that answers at no rate: the module may be connected already, or use the other command
+//! set.
 
 use core::time::Duration;
 
@@ -17,7 +18,7 @@ use protocols::{Instant, LineConfig};
 use crate::fifo::Fifo;
 
 /// Longest wait for an answer: a second of silence, the longest command and reply at 1200 baud, and
-/// some.
+/// a margin.
 const REPLY_WAIT: Duration = Duration::from_millis(1_600);
 /// Quiet time after which a reply counts as complete, and the module as ready for a command.
 const QUIET: Duration = Duration::from_millis(100);
@@ -29,9 +30,9 @@ const OK: [u8; 2] = *b"OK";
 /// Wanted settings of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Rate at which it is thought to be, bit/s: tried first.
+    /// Expected current rate, bit/s: tried first.
     pub found_baud: u32,
-    /// Rate that it is to have, one of [`BAUD_RATES`].
+    /// Wanted rate, one of [`BAUD_RATES`].
     pub baud: u32,
     /// Its name on the air, 1 to 20 characters.
     pub name: &'static str,
@@ -46,32 +47,32 @@ enum Step {
     Name,
     Pin,
     Rate,
-    /// Nothing any more; whether the module is as it is to be.
+    /// The setup has ended; whether the module has the wanted settings.
     Over {
         is_set_up: bool,
     },
 }
 
-/// A module being set up.
+/// The setup of a module.
 #[derive(Clone, Debug)]
 pub struct RadioSetup {
     settings: Settings,
     step: Step,
-    /// Rate at which it is spoken to.
+    /// Rate of the current command.
     baud: u32,
-    /// Rates of [`BAUD_RATES`] that were tried, after the one thought to be right.
+    /// Number of [`BAUD_RATES`] tried after the expected one.
     tried: usize,
     tx: Fifo<COMMAND_MAX>,
-    /// First bytes of the reply, and how many came.
+    /// First bytes of the reply, and the number received.
     reply: [u8; OK.len()],
     reply_len: usize,
     heard_at: Instant,
-    /// When the present command is given up; `None` before the first.
+    /// Timeout of the current command; `None` before the first.
     until: Option<Instant>,
 }
 
 impl RadioSetup {
-    /// Begins with its first [`tick`](Self::tick).
+    /// A setup that begins with its first [`tick`](Self::tick).
     pub const fn new(settings: Settings) -> Self {
         Self {
             settings,
@@ -91,17 +92,17 @@ impl RadioSetup {
         matches!(self.step, Step::Over { .. })
     }
 
-    /// Whether no module answered, or not as it should.
+    /// Whether no module answered, or the reply was wrong.
     pub const fn has_failed(&self) -> bool {
         matches!(self.step, Step::Over { is_set_up: false })
     }
 
-    /// Coding at which the module is spoken to.
+    /// Line coding of the current command.
     pub const fn line(&self) -> LineConfig {
         LineConfig::new_8n1(self.baud)
     }
 
-    /// Takes what the module says.
+    /// Takes the module's reply.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) {
         for &byte in bytes {
             if let Some(slot) = self.reply.get_mut(self.reply_len) {
@@ -112,7 +113,7 @@ impl RadioSetup {
         self.heard_at = now;
     }
 
-    /// Goes on if a reply is complete or did not come.
+    /// Continues if a reply is complete or did not arrive in time.
     pub fn tick(&mut self, now: Instant) {
         if now < self.next_at() {
             return;

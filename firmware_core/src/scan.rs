@@ -1,15 +1,15 @@
-//! One revolution of the lidar: from packets to points in the robot's frame.
+//! Scans: packets of one lidar revolution, converted to points in the robot's frame.
 //!
 //! ```text
 //! packets -> TurnAssembler -> Turn: 360 distances, start, end
 //!                              Turn + odometry -> Scan: points as if all were measured at the end
 //! ```
 //!
-//! A turn ends when the packet index goes down (or at the last packet), so a lost first packet
-//! does not lose the turn; packets that did not arrive leave "no data", never the distances of an
+//! A turn ends when the packet index goes down (or at the last packet), so a lost first packet does
+//! not lose the turn; packets that did not arrive leave "no data", never the distances of an
 //! earlier turn. While the sensor turns once, the robot drives on: at 0.3 m/s and 5 turns a second
-//! 60 mm (seed report, chapter on the lidar), so every beam is moved by what the odometry says has
-//! happened between it and the end of the turn.
+//! 60 mm (seed report, chapter on the lidar), so every beam is moved by the odometry's motion
+//! between the beam and the end of the turn.
 
 use core::f32::consts::TAU;
 use core::time::Duration;
@@ -26,33 +26,32 @@ pub const BEAMS: usize = 360;
 const PACKETS: u8 = 90;
 const READINGS: usize = BEAMS / PACKETS as usize;
 
-/// Packets with which a turn tells anything, a tenth: a lidar that is stuck says one or two of them
-/// over and over.
+/// Minimum number of packets of a turn, a tenth: a stuck lidar repeats one or two of them.
 const PACKETS_MIN: u8 = 9;
 
-/// Longest turn that is waited for: 120 turns a minute.
+/// Maximum duration of a turn: 120 turns a minute.
 const TURN_MAX: Duration = Duration::from_millis(500);
 
 /// Treatment of readings with the sensor's strength warning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WeakReadings {
-    /// They are as good as others.
+    /// They count like other readings.
     #[default]
     Use,
     /// They count as no data, as in the fielded code; that is about 28 % of near readings.
     Discard,
 }
 
-/// Where and how the lidar sits on the robot, and which of its readings are believed.
+/// Position of the lidar on the robot, and the limits of valid readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mounting {
     /// Position of the lidar's axis in the robot's frame.
     pub position: Point,
     /// Direction of beam 0 in the robot's frame, radians.
     pub first_bearing: f32,
-    /// Nearest distance that is believed.
+    /// Minimum valid distance.
     pub distance_min_mm: u16,
-    /// Farthest distance that is believed.
+    /// Maximum valid distance.
     pub distance_max_mm: u16,
     /// Readings with the strength warning.
     pub weak: WeakReadings,
@@ -82,13 +81,13 @@ impl Defects {
 pub struct Turn {
     /// By sensor degree; 0 is no data.
     pub distances_mm: [u16; BEAMS],
-    /// When beam 0 was, or would have been, measured.
+    /// Time of beam 0, measured or calculated.
     pub start: Instant,
-    /// When the turn was over.
+    /// End of the turn.
     pub end: Instant,
     /// Packets that arrived.
     pub packets: u8,
-    /// The most packets in a row that did not: a direction that was not looked at.
+    /// Maximum number of missing packets in a row: a direction without data.
     pub gap: u8,
 }
 
@@ -122,12 +121,12 @@ pub struct TurnAssembler {
 }
 
 impl TurnAssembler {
-    /// An assembler that has seen nothing.
+    /// An assembler without packets.
     pub const fn new(mounting: Mounting) -> Self {
         Self::with_defects(mounting, Defects::NONE)
     }
 
-    /// An assembler with some of the fielded program's faults.
+    /// An assembler with the given defects of the fielded program.
     pub const fn with_defects(mounting: Mounting, defects: Defects) -> Self {
         Self {
             mounting,
@@ -141,8 +140,8 @@ impl TurnAssembler {
         }
     }
 
-    /// Takes a packet that arrived at `at`; returns the turn that it ends, if it ends one. The
-    /// turn stays readable as [`turn`](Self::turn) until the next one ends.
+    /// Takes a packet that arrived at `at`; returns the turn that it completes, if any.
+    /// [`turn`](Self::turn) returns the same turn until the next one is complete.
     pub fn push(&mut self, at: Instant, packet: &xv11::Frame) -> Option<&Turn> {
         let index = packet.index();
         let mut ended = false;
@@ -169,7 +168,7 @@ impl TurnAssembler {
         &self.finished
     }
 
-    /// Turns given up because their packets stopped arriving, or hardly any of them arrived.
+    /// Turns discarded because their packets stopped arriving, or too few of them arrived.
     pub const fn abandoned(&self) -> u32 {
         self.abandoned
     }
@@ -188,7 +187,7 @@ impl TurnAssembler {
         self.building.packets = self.building.packets.saturating_add(1);
     }
 
-    /// Ends the turn that is being built; false if it was given up.
+    /// Ends the current turn; returns false if the turn was discarded.
     fn close(&mut self, now: Instant) -> bool {
         let (Some(first), Some(last)) = (self.first.take(), self.last.take()) else {
             return false;
@@ -233,7 +232,7 @@ impl TurnAssembler {
     }
 }
 
-/// Time of a turn at the speed that the sensor reports; 200 ms if it reports none or nonsense.
+/// Time of a turn at the speed that the sensor reports; 200 ms if the report is missing or invalid.
 fn reported_period(speed: SpeedWord) -> Duration {
     const SECOND_AS_64THS_OF_RPM: u64 = 60 * 64 * 1_000_000_000;
     let nanos = SECOND_AS_64THS_OF_RPM
@@ -249,7 +248,7 @@ fn reported_period(speed: SpeedWord) -> Duration {
 }
 
 impl Mounting {
-    /// The distance that counts for a reading; 0 is no data.
+    /// The valid distance of a reading; 0 is no data.
     fn believed_mm(&self, reading: xv11::Reading) -> u16 {
         match reading {
             xv11::Reading::Range { weak: true, .. } if self.weak == WeakReadings::Discard => 0,
@@ -268,22 +267,21 @@ impl Mounting {
     }
 }
 
-/// End points of a turn's beams in the robot's frame, as if all had been measured at the end of
-/// the turn.
+/// End points of a turn's beams in the robot's frame, as measured at the end of the turn.
 #[derive(Clone, Debug)]
 pub struct Scan {
     points: [Point; BEAMS],
     beams: [u16; BEAMS],
     count: usize,
-    /// The lidar at the turn's knots, in the robot's frame at the turn's end.
+    /// Positions of the lidar at the turn's knots, in the robot's frame at the turn's end.
     origins: [Point; KNOTS + 1],
-    /// When the turn began.
+    /// Start of the turn.
     pub start: Instant,
-    /// When the turn ended: the time of the pose that matches the points.
+    /// End of the turn: the time of the pose that matches the points.
     pub end: Instant,
 }
 
-/// Parts of a turn within which the robot's motion is taken as even: 25 ms each at 5 turns a
+/// Parts of a turn within which the robot's motion is taken as uniform: 25 ms each at 5 turns a
 /// second.
 const KNOTS: usize = KNOTS_U32 as usize;
 const KNOTS_U32: u32 = 8;
@@ -311,12 +309,12 @@ impl Scan {
         Self::projected(turn, mounting, &knots)
     }
 
-    /// Points of `turn` as a robot at rest would see them: the motion smear stays in.
+    /// Points of `turn` without motion correction.
     pub fn raw(turn: &Turn, mounting: &Mounting) -> Self {
         Self::projected(turn, mounting, &[PoseChange::NONE; KNOTS + 1])
     }
 
-    /// A scan from given points; more than [`BEAMS`] are left out. The points keep their order as
+    /// A scan of given points; points beyond [`BEAMS`] are ignored. The points keep their order as
     /// beams.
     pub fn from_points(points: &[Point], start: Instant, end: Instant) -> Self {
         let mut scan = Self {
@@ -340,8 +338,8 @@ impl Scan {
         &self.beams[..self.count]
     }
 
-    /// Where the lidar was when beam `beam` was measured, in the robot's frame at the scan's end:
-    /// the place from which the beam's free way is drawn.
+    /// Position of the lidar when beam `beam` was measured, in the robot's frame at the scan's end.
+    /// The beam's free path starts there.
     pub fn origin(&self, beam: u16) -> Point {
         let (knot, share) = knot_of(beam);
         let (a, b) = (self.origins[knot], self.origins[knot + 1]);
@@ -386,7 +384,7 @@ impl Scan {
     }
 }
 
-/// The part of the turn in which a beam lies, and how far into it.
+/// The part of the turn that contains a beam, and the beam's fraction within it.
 fn knot_of(beam: u16) -> (usize, f32) {
     let beam = usize::from(beam).min(BEAMS - 1);
     let (knot, rest) = (beam / BEAMS_PER_KNOT, beam % BEAMS_PER_KNOT);
