@@ -8,19 +8,19 @@ use crate::memory::StrayWrites;
 pub struct Defects {
     /// The checksum's first byte is stored behind the data, outside the buffer (MA-01).
     pub stores_checksum: bool,
-    /// As many bytes are stored as the reply announces, not as were asked for (MA-02).
+    /// The reply's announced number of bytes is stored instead of the requested one (MA-02).
     pub unbounded_store: bool,
-    /// The counter of stored bytes has eight bits and a sign (MA-03).
+    /// The counter of stored bytes is a signed 8-bit number (MA-03).
     pub signed_counter: bool,
-    /// A reply with fewer bytes than asked for is taken; the rest is what lay there (MA-04).
+    /// A reply with fewer bytes than requested is accepted; the rest is stale data (MA-04).
     pub takes_short_replies: bool,
-    /// An acknowledgement is taken for data; all of them are what lay there (MA-05).
+    /// An acknowledgement is accepted as data; all bytes are stale (MA-05).
     pub takes_acknowledgements: bool,
     /// A frame without a waiting reader is stored where the last reader's buffer was (MA-06).
     pub writes_when_nobody_waits: bool,
     /// Failures are not counted, so the slave never counts as silent (MA-07).
     pub ignores_failures: bool,
-    /// A request is sent although another one is waiting for its answer (MA-08).
+    /// A request is sent while another one waits for its answer (MA-08).
     pub preempts_itself: bool,
 }
 
@@ -38,9 +38,9 @@ impl Defects {
     };
 }
 
-/// The fielded program's receive interrupt, as far as it stores: each data byte goes straight into
-/// the caller's buffer, before anything is checked. It also stores what follows the data and only
-/// then compares its counter, so the first byte of the checksum goes one past the data.
+/// The fielded program's receive interrupt, as far as it stores data. Each data byte goes straight
+/// into the caller's buffer, before any check. The counter is compared only after the next byte is
+/// stored, so the first byte of the checksum goes one past the data.
 #[derive(Clone, Debug)]
 pub(super) struct Listener {
     state: State,
@@ -55,7 +55,7 @@ enum State {
     Register,
     Count,
     Data,
-    /// So many bytes of the checksum are still to come.
+    /// Number of checksum bytes still to come.
     Checksum(u8),
 }
 
@@ -69,13 +69,13 @@ impl Listener {
         }
     }
 
-    /// A new listener is armed with each request.
+    /// Prepares the listener for a new request.
     pub(super) const fn arm(&mut self) {
         self.state = State::Start;
     }
 
-    /// A byte comes in while a reply of `wanted` bytes is expected; `None`: no reader waits, and
-    /// its former buffer holds other data by now.
+    /// Takes a byte while a reply of `wanted` bytes is expected; `None`: no reader waits, and its
+    /// former buffer holds other data by now.
     pub(super) fn take(&mut self, byte: u8, wanted: Option<u8>, defects: &Defects) {
         self.state = match self.state {
             State::Start if byte == START => State::Register,

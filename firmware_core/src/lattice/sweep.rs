@@ -1,4 +1,4 @@
-//! Which cells a primitive passes: those of the reference point and those that the outline sweeps.
+//! Cells that a primitive passes: those of the reference point and those that the outline sweeps.
 
 use alloc::vec::Vec;
 
@@ -12,7 +12,7 @@ use crate::costmap::{Costmap, INSCRIBED, LETHAL};
 pub struct Outline(Vec<[f64; 2]>);
 
 impl Outline {
-    /// A rectangle that reaches this far ahead, behind and to each side of the reference point.
+    /// A rectangle with these distances from the reference point ahead, behind and to each side.
     pub fn rectangle(ahead_m: f64, behind_m: f64, side_m: f64) -> Self {
         Self(alloc::vec![
             [ahead_m, side_m],
@@ -53,7 +53,7 @@ impl Outline {
         cells.filter(move |cell| !known(*cell) && overlaps(*cell))
     }
 
-    /// How far it reaches from the reference point, in cells, rounded up.
+    /// Largest distance of the outline from the reference point, in cells, rounded up.
     fn reach(&self, cell_m: f64) -> i32 {
         let far = |[ahead, left]: &[f64; 2]| libm::hypot(*ahead, *left);
         let farthest = self.0.iter().map(far).fold(0.0, f64::max);
@@ -63,8 +63,8 @@ impl Outline {
     }
 }
 
-/// Cells around a motion, and which of them the outline has been found to sweep: most it sweeps at
-/// many of the poses.
+/// Cells around a motion, and the cells that the outline sweeps. Most cells are swept at many of
+/// the poses, so they are marked.
 struct Swept {
     low: [i32; 2],
     /// Cells along y.
@@ -76,7 +76,7 @@ struct Swept {
 #[derive(Clone, Copy, PartialEq)]
 enum Cell {
     Open,
-    /// Swept, and not covered at the beginning.
+    /// Swept, and not covered at the start.
     Swept,
     Covered,
 }
@@ -86,7 +86,7 @@ impl Swept {
     /// those `covered` at the first pose.
     fn new(poses: &[[f64; 3]], cell_m: f64, reach: i32, covered: &[[i32; 2]]) -> Self {
         let along = |axis: usize| poses.iter().map(move |pose| pose[axis] / cell_m);
-        // One more on either side for the rounding of the reach and of the cells.
+        // One more cell on either side for the rounding of the reach and of the cells.
         let [low, high] = [
             [0, 1].map(|axis| along(axis).fold(0.0, f64::min)),
             [0, 1].map(|axis| along(axis).fold(0.0, f64::max)),
@@ -139,8 +139,8 @@ impl Swept {
     }
 }
 
-/// An outline at a pose, and a square of one size that may be anywhere: two convex shapes are apart
-/// if a side of one has the other beyond it.
+/// An outline at a pose, and a square of fixed size at any position. Two convex shapes are apart if
+/// one side of one has the other completely beyond it.
 struct Placed {
     /// Along the normals of the outline's sides, then x and y.
     spans: Vec<Span>,
@@ -148,9 +148,9 @@ struct Placed {
 
 struct Span {
     normal: [f64; 2],
-    /// From where to where the outline lies.
+    /// Interval of the outline.
     outline: [f64; 2],
-    /// Half of the square, but for what counts as a touch.
+    /// Half of the square, less the tolerance of a touch.
     half: f64,
 }
 
@@ -191,29 +191,29 @@ impl Placed {
     }
 }
 
-/// A primitive with all that the search asks of it.
+/// A primitive with the data that the search needs.
 #[derive(Clone, Debug)]
 pub(super) struct Action {
-    /// Its place in [`PrimitiveSet::all`].
+    /// Its index in [`PrimitiveSet::all`].
     pub(super) primitive: usize,
     pub(super) end: [i32; 2],
     pub(super) end_angle: u32,
     pub(super) base_cost: u32,
     /// Cells of the reference point after the first one.
     middle: Vec<[i32; 2]>,
-    /// Cells of the outline that are not among those it covers at the beginning.
+    /// Cells that the outline sweeps beyond those it covers at the start.
     swept: Vec<[i32; 2]>,
 }
 
-/// Primitives and an outline: what plans are made with.
+/// Primitives and an outline: the basis of plans.
 #[derive(Clone, Debug)]
 pub struct Lattice {
     set: PrimitiveSet,
-    /// By heading; what does the same as another is left out.
+    /// By heading; primitives equal to another one are left out.
     actions: Vec<Vec<Action>>,
     /// Cells of the outline at rest, by heading.
     at_rest: Vec<Vec<[i32; 2]>>,
-    /// By how much the way through cells is longer than the way itself, at most.
+    /// Maximum ratio of the path through cells to the path itself.
     detour: f64,
 }
 
@@ -292,7 +292,7 @@ impl Action {
             }
             dearest = dearest.max(cost);
         }
-        // Far from everything the outline is free with its middle.
+        // Far from all obstacles the outline is free if its middle is.
         if dearest > 0 {
             for cell in &self.swept {
                 let cost = map.cost(at(*cell));
@@ -337,7 +337,7 @@ fn action(
     }
 }
 
-/// The poses and enough between them that neighbours are not farther apart than `step_m`.
+/// The poses, with others in between so that neighbours are at most `step_m` apart.
 fn on_the_way(poses: &[[f64; 3]], step_m: f64) -> Vec<[f64; 3]> {
     let mut all: Vec<[f64; 3]> = poses.first().copied().into_iter().collect();
     for pair in poses.windows(2) {
@@ -358,7 +358,7 @@ fn on_the_way(poses: &[[f64; 3]], step_m: f64) -> Vec<[f64; 3]> {
     all
 }
 
-/// Length of the way from the cell 0, 0 through these cells, in cells.
+/// Length of the path from the cell 0, 0 through these cells, in cells.
 fn octile(cells: &[[i32; 2]]) -> f64 {
     let (mut from, mut length) = ([0, 0], 0.0);
     for cell in cells {

@@ -24,7 +24,7 @@ impl Fit {
         if settings.defects.draws_chords {
             return chord;
         }
-        // Seen from the first point, so that the squares of far points do not eat the digits.
+        // Relative to the first point, so that the squares of distant points do not lose digits.
         let local = points.map(|point| [point.x_mm - first.x_mm, point.y_mm - first.y_mm]);
         let (mut count, mut sum) = (0.0, [0.0_f32; 2]);
         for [x, y] in local.clone() {
@@ -62,7 +62,7 @@ impl Fit {
         }
     }
 
-    /// From point to point.
+    /// The line from point to point.
     fn chord(start: Point, end: Point) -> Self {
         let length = start.distance_mm(end);
         let direction = match length > 0.0 {
@@ -91,7 +91,7 @@ impl Fit {
         self.direction[0] * next.direction[0] + self.direction[1] * next.direction[1]
     }
 
-    /// Where both lines, made longer, meet; `None` if they are nearly parallel.
+    /// Intersection of both lines, extended; `None` if they are nearly parallel.
     pub(super) fn crossing(&self, other: &Self) -> Option<Point> {
         let [[ax, ay], [bx, by]] = [self.direction, other.direction];
         let sin = ax * by - ay * bx;

@@ -1,4 +1,4 @@
-//! Regions, and what becomes of them.
+//! Regions, and their split into segments.
 
 use super::fit::Fit;
 use super::{Circle, SEGMENTS_MAX, Segment, Segments, Settings};
@@ -10,7 +10,7 @@ pub(super) struct Splitter<'a> {
     circle: &'a Circle<'a>,
     settings: &'a Settings,
     segments: Segments,
-    /// The segment before was erased, and the fielded loop does not look at this one.
+    /// The segment before was erased, so the fielded loop skips this one.
     skips: bool,
 }
 
@@ -48,8 +48,8 @@ impl<'a> Splitter<'a> {
         self.segments
     }
 
-    /// Splits a region where it bends. The ends still to be reached wait on a stack; one without
-    /// room is as far as the splitting goes.
+    /// Splits a region at its bends. The remaining ends wait on a stack; when the stack is full,
+    /// the splitting stops.
     fn split(&mut self, first: usize, last: usize) {
         let mut ends = [0; SEGMENTS_MAX];
         ends[0] = last;
@@ -70,7 +70,7 @@ impl<'a> Splitter<'a> {
         }
     }
 
-    /// The place of the point that lies farthest beside the chord, if that is too far.
+    /// The index of the point farthest from the chord, if that is too far.
     fn farthest(&self, first: usize, last: usize) -> Option<usize> {
         let [from, to] = [self.circle.at(first), self.circle.at(last)];
         let mut farthest = (self.settings.tolerance_mm, None);
@@ -98,10 +98,10 @@ impl<'a> Splitter<'a> {
     }
 }
 
-/// Distance of a point from the chord, or from the one point that a closed chord is.
+/// Distance of a point from the chord; a closed chord is a single point.
 fn beside_mm(from: Point, to: Point, point: Point) -> f32 {
     let length = from.distance_mm(to);
-    // Less than a lidar can tell apart: such a chord has no direction.
+    // Below the resolution of a lidar: such a chord has no direction.
     if length < 1.0 {
         return from.distance_mm(point);
     }

@@ -4,23 +4,23 @@ use crate::pose::{Point, Pose, normalised};
 
 use super::{STEP, Settings, Surroundings};
 
-/// Scans without moving after which the robot is stuck: eight seconds.
+/// Scans without motion after which the robot is stuck: eight seconds.
 const STUCK_SCANS: u8 = 40;
-/// Moving less than this is not moving.
+/// Minimum distance of a motion.
 const MOVED_MM: f32 = 60.0;
-/// The way out is taken until the robot is this far from where it was stuck, or for this many
-/// scans: turning round takes twenty.
+/// The escape ends when the robot is this far from where it was stuck, or after this many scans:
+/// turning round takes twenty.
 const ESCAPED_MM: f32 = 200.0;
 const ESCAPE_SCANS: u8 = 35;
-/// More free way than this is not better.
+/// Limit beyond which more free path has no value.
 const FREE_MAX_MM: f32 = 1000.0;
 
-/// Gets the robot out of a place where it only turns to and fro: towards where most is free.
+/// Frees a robot that only turns to and fro: drives it in the direction with the most free path.
 #[derive(Clone, Debug)]
 pub(super) struct Escape {
     at: Option<Point>,
     still: u8,
-    /// Heading of the way out, where it begins, and for how many scans it is still taken.
+    /// Heading of the escape, its start, and the remaining scans.
     heading: f32,
     from: Point,
     left: u8,
@@ -42,12 +42,12 @@ impl Escape {
         self.still
     }
 
-    /// Whether the newest step was the first of a way out.
+    /// Whether the newest step was the first of an escape.
     pub(super) const fn has_begun(&self) -> bool {
         self.left == ESCAPE_SCANS - 1
     }
 
-    /// The bearing of the way out, if the robot is stuck. Called once per scan while the robot is
+    /// The bearing of the escape, if the robot is stuck. Call it once per scan while the robot is
     /// to move.
     pub(super) fn step(
         &mut self,
@@ -76,9 +76,9 @@ impl Escape {
     }
 }
 
-/// Bearing along which most is free for a body that keeps its whole distance: what only just passes
-/// the thing that it is stuck at is no way out. If there is none, the nearest things may be passed
-/// as close as they are.
+/// Bearing with the most free path for a body at its full clearance: a path that only just passes
+/// the blocking obstacle is no escape. If there is none, the nearest obstacles may be passed at
+/// their current distance.
 fn freest(settings: &Settings, around: &Surroundings) -> f32 {
     let body = &settings.body;
     let strict = most(|bearing| around.free_by_mm(body.keep_mm(), bearing));
@@ -89,8 +89,7 @@ fn freest(settings: &Settings, around: &Surroundings) -> f32 {
     if free > 0.0 { bearing } else { 0.0 }
 }
 
-/// The bearing with the most free way, and the way; of equally free ones, the one that needs the
-/// least turn.
+/// The bearing with the most free path, and that path; of equal ones, the one with the least turn.
 fn most(free: impl Fn(f32) -> f32) -> (f32, f32) {
     let mut best = (0.0, 0.0, f32::NEG_INFINITY);
     for step in -36..36_i8 {

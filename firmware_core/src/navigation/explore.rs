@@ -2,25 +2,25 @@ use core::f32::consts::FRAC_PI_2;
 
 use super::{Settings, Surroundings, ticks};
 
-/// How a wall is followed.
+/// Law of the wall follower.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WallLaw {
-    /// The seed report's: the beam 50 degrees left of ahead is kept at a fixed length. It needs a
-    /// wall to start with: without one the robot runs in circles.
+    /// The seed report's law: keeps the beam 50 degrees left of ahead at a fixed length. The law
+    /// needs a wall at the start: without one the robot drives in circles.
     Beam,
-    /// The nearest point ahead or on the left is kept abeam and at a fixed distance, which also
-    /// leads around corners of both kinds.
+    /// Keeps the nearest point ahead or on the left abeam and at a fixed distance, which also leads
+    /// around corners of both kinds.
     Nearest,
 }
 
 /// Settings of the wall follower.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallFollowing {
-    /// How a wall is followed.
+    /// Law of the wall follower.
     pub law: WallLaw,
-    /// Distance that is kept.
+    /// Target distance to the wall.
     pub distance_mm: f32,
-    /// A wall farther than this is not followed.
+    /// Maximum distance of a followed wall.
     pub lost_mm: f32,
     /// Distance ahead below which the robot turns away; only for the beam's law, which does not
     /// check ahead itself.
@@ -65,25 +65,25 @@ impl WallFollowing {
 const TOWARDS_PER_MM: f32 = DEGREE / 2.0;
 const TOWARDS_MAX: f32 = 40.0 * DEGREE;
 
-/// Where the followed wall is looked for.
+/// Bearings in which the followed wall is searched.
 const LEFT: core::ops::RangeInclusive<f32> = -45.0 * DEGREE..=150.0 * DEGREE;
 
 /// Direction of the beam that measures the wall.
 const WALL_BEARING: f32 = 50.0 * DEGREE;
-/// Beams this far beside it help if it has no reading.
+/// Spread of neighbouring beams, which replace a missing reading.
 const WALL_SPREAD: f32 = 3.0 * DEGREE;
 /// A turn away from an obstacle continues until this much more is free.
 const HYSTERESIS_MM: f32 = 60.0;
 
 const DEGREE: f32 = core::f32::consts::PI / 180.0;
 
-/// Turns on the spot, as the fielded robot's avoider did.
+/// Turning speed on the spot, as of the fielded robot's avoider.
 const TURN: i8 = 10;
 
 /// Follows walls on the left.
 #[derive(Clone, Debug)]
 pub struct Explorer {
-    /// Direction of a turn that is not finished: 1 left, -1 right, 0 none.
+    /// Direction of an unfinished turn: 1 left, -1 right, 0 none.
     turning: i8,
 }
 

@@ -1,9 +1,9 @@
-//! The heading as the fielded program kept it: degrees, clockwise, never brought back to one turn.
+//! The fielded program's heading: degrees, clockwise, never normalised to one turn.
 
 use super::{Defects, Steering};
 use crate::pose::{Pose, normalised};
 
-/// psi with all turns that the robot has made.
+/// The heading psi with all turns that the robot has made.
 #[derive(Clone, Debug)]
 pub(super) struct Psi {
     last: Option<f32>,
@@ -18,7 +18,7 @@ impl Psi {
         }
     }
 
-    /// The robot has come to `pose`.
+    /// Updates psi to the robot's new `pose`.
     pub(super) fn turned(&mut self, pose: Pose) {
         self.psi_deg = match self.last {
             Some(last) => self.psi_deg - normalised(pose.heading - last).to_degrees(),

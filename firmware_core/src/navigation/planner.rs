@@ -15,32 +15,32 @@ use super::cells::{Cell, Cells, SIDE, neighbour};
 use super::raster::{Front, OPENED_MM, Raster};
 use super::{Body, Surroundings};
 
-/// The robot steers for a cell of its way at most so far ahead.
+/// Maximum distance along the path, in cells, of the cell that the robot steers for.
 const AHEAD_CELLS: usize = 20;
-/// The robot finds back to its way from so far beside it.
+/// Maximum distance beside the path, in cells, from which the robot returns to it.
 const STRAY_CELLS: i8 = 4;
-/// Places at which ways were found blocked: so many are remembered.
+/// Maximum number of remembered cells that blocked a path.
 const REFUSED_MAX: usize = 8;
 
 /// Not reached by the wave.
 const UNREACHED: u8 = 0;
 /// Two cells that no wave has reached.
 const NOWHERE: u8 = UNREACHED * 0x11;
-/// The goal itself; the wave came to other cells from a neighbour: number in [`NEIGHBOURS`] plus
-/// one, 1 to 8.
+/// The goal itself; other cells hold the direction from which the wave came: number in
+/// [`NEIGHBOURS`] plus one, 1 to 8.
 const GOAL: u8 = 9;
 
 /// The newest plan.
 #[derive(Clone, Debug)]
 pub(super) struct Planner {
-    /// Two cells a byte.
+    /// Two cells per byte.
     field: [[u8; SIDE.div_ceil(2)]; SIDE],
     /// Cells too near to an obstacle.
     near: Cells,
     raster: Raster,
-    /// Where the ways lead, if they may be kept.
+    /// Goal of the paths, if they may be kept.
     kept: Option<Cell>,
-    /// Places that blocked ways to the goal, the newest at `refusals` - 1.
+    /// Cells that blocked paths to the goal, the newest at `refusals` - 1.
     refused: [Cell; REFUSED_MAX],
     refusals: usize,
 }
@@ -57,7 +57,7 @@ impl Planner {
         }
     }
 
-    /// Forgets which way was chosen and what blocked others.
+    /// Discards the chosen path and the remembered obstacles.
     pub(super) const fn forget(&mut self) {
         self.kept = None;
         self.refusals = 0;
@@ -110,7 +110,7 @@ impl Planner {
             every_way_was_blocked = true;
         }
         if !self.reaches(&obstacles, reach, ends, goal) {
-            // A narrow way is the last resort, and taken for no longer than there is no other.
+            // A narrow path is the last resort, and used only while there is no other.
             self.kept = None;
             let reach = self.raster.reach(thin_mm - 25.0);
             self.reaches(&obstacles, reach, ends, goal);
@@ -118,7 +118,7 @@ impl Planner {
         every_way_was_blocked
     }
 
-    /// The way from `from` turned out to be none: another one is taken, if there is one.
+    /// Marks the path from `from` as blocked; the next plan takes another one, if there is one.
     pub(super) fn refuse_way_from(&mut self, from: Point) {
         let far = f32::from(self.raster.reach(OPENED_MM)) + 2.0;
         let mut ahead = self.way_from(from);
@@ -157,8 +157,8 @@ impl Planner {
         self.refusals += 1;
     }
 
-    /// The point to steer for from `from`: the farthest one of the way that can be seen from there.
-    /// `None` if no way leads to the goal, or if it has been reached.
+    /// The point to steer for from `from`: the farthest visible point of the path. `None` if no
+    /// path leads to the goal, or if the goal has been reached.
     pub(super) fn way_from(&self, from: Point) -> Option<Point> {
         let start = self.nearest_reached(self.raster.cell_of(from)?)?;
         let (mut here, mut best) = (start, None);
@@ -175,15 +175,15 @@ impl Planner {
         best.map(|cell| self.raster.middle(cell))
     }
 
-    /// Cells of the way from `from`, if there is one.
+    /// Length of the path from `from` in cells, if there is one.
     pub(super) fn way_cells(&self, from: Point) -> Option<u16> {
         let start = self.nearest_reached(self.raster.cell_of(from)?)?;
         let way = core::iter::successors(Some(start), |&cell| self.next(cell));
         Some(way.skip(1).fold(0, |cells: u16, _| cells.saturating_add(1)))
     }
 
-    /// The middle of the first stretch of the way from `from` that leads over `cells`: `None` if
-    /// there is no way, `Some(None)` if it leads over none of them.
+    /// The middle of the first stretch of the path from `from` that crosses `cells`: `None` if
+    /// there is no path, `Some(None)` if it crosses none of them.
     fn stretch_on_way(&self, from: Point, cells: &Cells) -> Option<Option<Cell>> {
         let mut here = self.nearest_reached(self.raster.cell_of(from)?)?;
         let (mut middle, mut length) = (None, 0_u16);
@@ -206,7 +206,7 @@ impl Planner {
         Some(middle)
     }
 
-    /// The cell behind `cell` on the way to the goal.
+    /// The next cell behind `cell` on the path to the goal.
     fn next(&self, cell: Cell) -> Option<Cell> {
         match self.get(cell) {
             direction @ 1..=8 => neighbour(cell, usize::from(direction) - 1),
@@ -236,7 +236,7 @@ impl Planner {
         start.and_then(|cell| self.nearest_reached(cell)).is_some()
     }
 
-    /// The wave, breadth first.
+    /// Spreads the wave, breadth first.
     fn spread(&mut self, goal: Cell) {
         let mut front = Front::new();
         self.set(goal, GOAL);

@@ -6,22 +6,22 @@ use crate::pose::{Point, Pose};
 use super::Surroundings;
 use super::cells::{COARSE, Cell, Cells, EDGE, SIDE};
 
-/// Map value from which a cell counts as an obstacle. A beam's end is drawn as a ramp; this much of
-/// it lies within 25 mm of the end.
+/// Map value from which a cell counts as an obstacle. A beam's end is drawn as a ramp; cells with
+/// this value lie within 25 mm of the end.
 pub(super) const OBSTACLE_FROM: u8 = 215;
 /// Radius around start and goal in which cells blocked only by nearness are opened.
 pub(super) const OPENED_MM: f32 = 120.0;
-/// A wave front cannot be longer than the map's rim.
+/// Maximum length of a wave front, limited by the map's edge.
 const FRONT_MAX: usize = 4 * SIDE + 112;
 
-/// How the planner's cells lie on the map.
+/// Position of the planner's cells on the map.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Raster {
     cell_mm: f32,
 }
 
 impl Raster {
-    /// Of no map.
+    /// A raster without a map.
     pub(super) const NONE: Self = Self { cell_mm: 1.0 };
 
     pub(super) const fn of(map: &Grid) -> Self {
@@ -92,7 +92,7 @@ impl Raster {
     }
 }
 
-/// Cells that the wave has reached but not yet left.
+/// Cells that the wave has reached but not yet expanded.
 pub(super) struct Front {
     cells: [Cell; FRONT_MAX],
     head: usize,
@@ -112,7 +112,7 @@ impl Front {
         self.len
     }
 
-    /// A front that is full loses the cell: the way may then lead around it.
+    /// Appends a cell. A full front loses the cell: the path may then lead around it.
     pub(super) const fn push(&mut self, cell: Cell) {
         if self.len < FRONT_MAX {
             self.cells[(self.head + self.len) % FRONT_MAX] = cell;

@@ -1,12 +1,13 @@
-//! Closer to things than usual, and slower: through a narrow door.
+//! Drives closer to obstacles than usual, and slower: through a narrow door.
 //!
-//! A robot that stands still makes itself thin; one that drives to and fro before a door is never
-//! still, but the way to its goal becomes no shorter. It then goes wherever its body fits.
+//! A robot that stands still reduces its clearance (thin). A robot that drives to and fro before a
+//! door never stands still, but the path to its goal becomes no shorter. It then goes wherever its
+//! body fits (tight).
 
 use super::{Body, Surroundings};
 
-/// Scans without moving after which the robot makes itself thin: longer than any turn; for how many
-/// scans it does; and how thin and slow it gets.
+/// Limits of thin driving: scans without motion before it starts, longer than any turn; duration in
+/// scans; clearance; and cruise speed.
 const THIN_AFTER: u8 = 22;
 const THIN_SCANS: u8 = 40;
 const THIN_CLEARANCE_MM: f32 = 15.0;
@@ -18,12 +19,12 @@ const TIGHT_AFTER_PLANS: u8 = 30;
 const TIGHT_SCANS: u8 = 200;
 const TIGHT_CLEARANCE_MM: f32 = 5.0;
 const TIGHT_CRUISE: i8 = 4;
-/// Free way that is enough then: to ask for more leads away from a narrow door.
+/// Free path that is enough then: requiring more leads away from a narrow door.
 const TIGHT_WAY_MM: f32 = 120.0;
-/// A way that is shorter by so many cells is shorter.
+/// Minimum number of cells by which a path is shorter.
 const SHORTER_CELLS: u16 = 3;
 
-/// `body`, keeping less distance.
+/// `body` with less clearance.
 pub(super) const fn thin(body: &Body) -> Body {
     closer(body, THIN_CLEARANCE_MM)
 }
@@ -35,14 +36,14 @@ const fn closer(body: &Body, clearance_mm: f32) -> Body {
     }
 }
 
-/// How close the robot goes, and for how long.
+/// State of thin and tight driving.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Squeeze {
-    /// For how many scans the robot still makes itself thin.
+    /// Remaining scans of thin driving.
     thin: u8,
-    /// For how many it still goes wherever it fits.
+    /// Remaining scans of tight driving.
     tight: u8,
-    /// Cells of the shortest way to the goal so far, and plans since.
+    /// Length of the shortest path to the goal so far, in cells, and plans since.
     shortest: u16,
     late_plans: u8,
 }
@@ -55,8 +56,8 @@ impl Squeeze {
         late_plans: 0,
     };
 
-    /// The body to drive with in this scan instead of `body`, and how fast at most, ticks per
-    /// 40 ms. The robot has not moved for `still_scans`.
+    /// The body for this scan instead of `body`, and the maximum speed, ticks per 40 ms. The robot
+    /// has not moved for `still_scans`.
     pub(super) fn step(
         &mut self,
         body: &Body,
@@ -84,7 +85,7 @@ impl Squeeze {
         self.tight > 0
     }
 
-    /// Free way that need not be longer to be taken, millimetres.
+    /// Free path that is enough for any direction, millimetres.
     pub(super) const fn way_max_mm(&self) -> f32 {
         if self.is_tight() {
             TIGHT_WAY_MM
@@ -93,7 +94,7 @@ impl Squeeze {
         }
     }
 
-    /// There is another goal.
+    /// Resets the path length for a new goal.
     pub(super) const fn forget_way(&mut self) {
         *self = Self {
             thin: self.thin,
@@ -101,7 +102,8 @@ impl Squeeze {
         };
     }
 
-    /// The newest plan's way has so many cells. A goal that never had a way is not waited for.
+    /// Takes the length of the newest plan's path in cells. A goal that never had a path does not
+    /// start tight driving.
     pub(super) fn watch_way(&mut self, cells: Option<u16>) {
         let cells = cells.unwrap_or(u16::MAX);
         if cells.saturating_add(SHORTER_CELLS) <= self.shortest {

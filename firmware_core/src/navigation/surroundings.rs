@@ -5,17 +5,16 @@ use crate::scan::{BEAMS, Scan};
 
 use super::{Body, HALT, arc_end, ticks};
 
-/// Fewer points than this say nothing: the robot sees nothing at all, or stands so close to
-/// something that every beam fails.
+/// Minimum number of points. With fewer, the robot sees nothing at all, or stands so close to an
+/// obstacle that every beam fails.
 const POINTS_MIN: usize = 10;
 
-/// How far ahead an arc is looked along: stopping takes one scan and the motors' lag.
+/// Times at which an arc is checked: stopping takes one scan and the motors' lag.
 const LOOK_AHEAD_S: [f32; 5] = [0.15, 0.3, 0.5, 0.7, 0.9];
-/// Coming nearer by less than this does not count.
+/// Approaches below this do not count.
 const APPROACH_MM: f32 = 4.0;
 
-/// Maximum number of points: those of a scan, and as many places again that other sensors tell of
-/// as there is use for.
+/// Maximum number of points: those of a scan, and 80 positions of other sensors.
 const POINTS_MAX: usize = BEAMS + 80;
 
 /// The last scan of the lidar, relative to the robot's current pose.
@@ -29,7 +28,7 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// Nothing seen.
+    /// Surroundings without points.
     pub const EMPTY: Self = Self {
         points: [Point::new(0.0, 0.0); POINTS_MAX],
         ranges_mm: [0.0; POINTS_MAX],
@@ -47,7 +46,7 @@ impl Surroundings {
         Self::of(moved)
     }
 
-    /// These points, at most [`BEAMS`].
+    /// Surroundings of these points, at most [`BEAMS`].
     pub fn of(points: impl Iterator<Item = Point>) -> Self {
         let mut around = Self::EMPTY;
         around.put(points.take(BEAMS));
@@ -71,7 +70,7 @@ impl Surroundings {
         }
     }
 
-    /// Whether too little was seen to move at all.
+    /// Whether there are too few points for any motion.
     pub const fn is_blind(&self) -> bool {
         self.count < POINTS_MIN
     }
@@ -98,12 +97,12 @@ impl Surroundings {
             .reduce(|nearest, other| if other.1 < nearest.1 { other } else { nearest })
     }
 
-    /// How far the body can move along `bearing` before something comes too near.
+    /// Distance that the body can move along `bearing` before an obstacle comes too near.
     pub fn free_mm(&self, body: &Body, bearing: f32) -> f32 {
         self.free_by_mm(self.keep_mm(body), bearing)
     }
 
-    /// How far a body can move along `bearing` before something comes nearer than `keep`.
+    /// Distance that a body can move along `bearing` before an obstacle comes nearer than `keep`.
     pub(super) fn free_by_mm(&self, keep: f32, bearing: f32) -> f32 {
         let (sin, cos) = sin_cos(bearing);
         let mut free = f32::INFINITY;
@@ -120,7 +119,7 @@ impl Surroundings {
     /// `wanted`, slowed down as far as needed to keep away from seen obstacles; in the limit only
     /// the turn is left. A blind robot stops.
     pub fn guarded(&self, body: &Body, wanted: [i8; 2]) -> [i8; 2] {
-        // Field defect XV-11: with every beam invalid the fielded robot drove straight ahead.
+        // Field defect XV-11: the fielded robot drove straight ahead when every beam was invalid.
         if self.is_blind() {
             return HALT;
         }
@@ -134,8 +133,8 @@ impl Surroundings {
         [-turn, turn].map(ticks)
     }
 
-    /// The distance to keep. A robot that something is nearer to already may move along it, but
-    /// not nearer still.
+    /// The distance to keep. A robot with an obstacle nearer than that may move along it, but not
+    /// nearer.
     fn keep_mm(&self, body: &Body) -> f32 {
         body.keep_mm().min(self.nearest_mm - APPROACH_MM).max(0.0)
     }

@@ -1,26 +1,26 @@
-//! How a guess moves: as the odometry says, with noise.
+//! Motion of a guess: that of the odometry, with noise.
 
 use core::f64::consts::PI;
 
 use crate::ackermann::{CarPose, Motion, wrapped};
 use crate::random::Pcg32;
 
-/// Noise of a motion that is taken as a turn, a way and another turn; the roots of these figures
-/// are the standard deviations.
+/// Noise of a motion, taken as a turn, a distance and another turn; the square roots of these
+/// figures are the standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Of a turn by turning, per square radian.
+    /// Variance of a turn from turning, per square radian.
     pub turn_by_turn: f64,
-    /// Of a turn by the way, square radians per square metre.
+    /// Variance of a turn from the distance, square radians per square metre.
     pub turn_by_way: f64,
-    /// Of the way by the way.
+    /// Variance of the distance from the distance.
     pub way_by_way: f64,
-    /// Of the way by turning, square metres per square radian.
+    /// Variance of the distance from turning, square metres per square radian.
     pub way_by_turn: f64,
 }
 
 impl Default for Noise {
-    /// As seed 003 set `amcl` up.
+    /// The noise of `amcl` in seed 003.
     fn default() -> Self {
         Self {
             turn_by_turn: 2.0,
@@ -43,13 +43,13 @@ impl Noise {
     /// Parts of a motion and their noise, equal for all guesses.
     pub(super) fn of(self, motion: Motion) -> Noisy {
         let way = libm::hypot(motion.ahead_m, motion.left_m);
-        // The direction of a short way is nothing but noise.
+        // The direction of a short motion is only noise.
         let first = match way < 0.01 {
             true => 0.0,
             false => libm::atan2(motion.left_m, motion.ahead_m),
         };
         let last = wrapped(motion.turn_rad - first);
-        // Backwards is no turn round.
+        // Driving backwards is not a turn by pi.
         let size = |turn: f64| turn.abs().min(PI - turn.abs());
         let (first_size, last_size) = (size(first), size(last));
         let by_way = way * way;
@@ -69,7 +69,7 @@ impl Noise {
     }
 }
 
-/// A motion as a turn, a way and another turn, and the standard deviation of each.
+/// A motion as a turn, a distance and another turn, and the standard deviation of each.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Noisy {
     first: f64,

@@ -11,15 +11,16 @@ use super::{PcLink, READY_AFTER, SHORT_QUEUE, View, WAITING_MAX, next_period, pr
 /// Defects of the fielded program on the PC link; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// A byte that breaks the start word off cannot begin it again (PU-01).
+    /// A byte that interrupts the start word cannot begin a new one (PU-01).
     pub forgets_to_restart: bool,
-    /// The low half of the checksum is put together with its sign (PU-02).
+    /// The low half of the checksum is sign-extended before the halves are combined (PU-02).
     pub signed_checksum: bool,
-    /// A length is compared with its sign; a negative one is waited for forever (PU-03).
+    /// A length is compared as a signed number; the program waits for a negative one forever
+    /// (PU-03).
     pub signed_length: bool,
     /// A frame without payload takes a byte of the next one (PU-04).
     pub wants_a_byte: bool,
-    /// A list of waypoints is read as long as it says, beyond its payload (PU-05).
+    /// A list of waypoints is read by its own count, beyond its payload (PU-05).
     pub believes_the_count: bool,
     /// Poses are written into the middle of a row that is being sent (PU-06).
     pub unlocked: bool,
@@ -33,11 +34,11 @@ pub struct Defects {
     pub not_ready_at_first: bool,
     /// Once the send queue was full, every byte is sent twice (PU-17).
     pub sends_twice: bool,
-    /// Text for people is written into rows (PU-18).
+    /// Debug text is written into rows (PU-18).
     pub prints_text: bool,
     /// The lidar's bytes are passed on, between the frames (XV-12).
     pub raw_lidar: bool,
-    /// The heading is counted on over full turns until 16 bits are full (SL-13).
+    /// The heading counts full turns until 16 bits overflow (SL-13).
     pub counts_psi: bool,
 }
 
@@ -60,7 +61,7 @@ impl Defects {
         counts_psi: false,
     };
 
-    /// Whether frames are received in the fielded way.
+    /// Whether frames are received by the fielded receiver.
     pub(super) const fn of_receiver(&self) -> bool {
         self.forgets_to_restart
             || self.signed_checksum
@@ -75,17 +76,18 @@ impl Defects {
     }
 }
 
-/// The heading on the wire as the fielded code counts it: on and on, then cut to 16 bits (SL-13).
+/// The heading on the wire as the fielded code counts it: not normalised, then cut to 16 bits
+/// (SL-13).
 #[derive(Clone, Debug)]
 pub(super) struct CountedPsi(i32);
 
 impl CountedPsi {
-    /// At the start, psi 90.
+    /// The initial heading, psi 90.
     pub(super) const fn new() -> Self {
         Self(90)
     }
 
-    /// The next one, less than half a turn from the last.
+    /// The next heading, less than half a turn from the last.
     #[expect(clippy::cast_possible_truncation, reason = "that is the fault")]
     pub(super) const fn count(&mut self, psi_deg: i16) -> i16 {
         self.0 += (psi_deg as i32 - self.0 + 180).rem_euclid(360) - 180;
@@ -93,13 +95,13 @@ impl CountedPsi {
     }
 }
 
-/// The fielded receiver: one byte after the other, nothing looked at twice.
+/// The fielded receiver: takes one byte after the other and reads none twice.
 #[derive(Clone, Debug)]
 pub(super) struct Receiver {
-    /// Header, then payload; the payload of earlier frames lies where no later one has come.
+    /// Header, then payload; bytes of earlier payloads stay until they are overwritten.
     bytes: [u8; FRAME_MAX],
     len: usize,
-    /// Waits for a payload that is longer than can be.
+    /// The receiver waits for a payload longer than possible.
     is_deaf: bool,
 }
 
@@ -190,13 +192,13 @@ impl Receiver {
         self.frame(len).map(Ok)
     }
 
-    /// Bytes of a list with as many waypoints as it says, as far as the buffer goes.
+    /// Length of a list with its announced number of waypoints, limited by the buffer.
     fn announced_list(&self) -> usize {
         let count = u16::from_le_bytes([self.bytes[HEADER_LEN], self.bytes[HEADER_LEN + 1]]);
         (2 + 9 * usize::from(count)).min(FIELDED_PAYLOAD_MAX)
     }
 
-    /// The frame of what the buffer holds now.
+    /// The frame in the buffer.
     fn frame(&self, len: usize) -> Option<Frame> {
         let mut bytes = self.bytes;
         let id = *self.bytes[14..].first_chunk().expect("a header");
@@ -208,7 +210,7 @@ impl Receiver {
 
 /// Behaviour of the fielded program where it differs from [`PcLink`].
 impl PcLink {
-    /// Takes received bytes as the fielded program did, where it differed.
+    /// Takes received bytes as the fielded program did, where its receiver differed.
     pub(super) fn stumble(&mut self, now: Instant, input: &mut &[u8]) {
         let defects = &self.settings.defects;
         if defects.not_ready_at_first && now < Instant::ZERO + READY_AFTER {
@@ -236,7 +238,8 @@ impl PcLink {
         }
     }
 
-    /// Bytes that come while the link is switched off: the fielded queue keeps the first 200.
+    /// Takes bytes that arrive while the link is switched off: the fielded queue keeps the first
+    /// 200.
     pub fn receive_while_off(&mut self, bytes: &[u8]) {
         if self.settings.defects.keeps_while_off {
             let room = SHORT_QUEUE.saturating_sub(self.fielded.waiting.len());
@@ -270,7 +273,7 @@ impl PcLink {
         count
     }
 
-    /// Whether something else is written while a row of `len` bytes is queued at `now`.
+    /// Whether a pose or text is written while a row of `len` bytes is queued at `now`.
     pub(super) fn is_interrupted(&self, now: Instant, len: usize) -> bool {
         let defects = &self.settings.defects;
         let meets_pose = self.pose_at < now + self.time_of(len);
@@ -297,7 +300,7 @@ impl PcLink {
         self.row_at = self.row_at.max(self.passed_at);
     }
 
-    /// Time that so many bytes take to pass on.
+    /// Time to forward `len` bytes.
     fn time_of(&self, len: usize) -> Duration {
         let line = pcui::BAUD / 10;
         let pace = self.settings.pace_bytes_per_s.unwrap_or(line).max(1);

@@ -2,26 +2,26 @@ use super::matching::Placement;
 use crate::grid::{Grid, UNKNOWN};
 use crate::pose::Pose;
 
-/// How a scan agrees with what the map already knows. Points on cells that were never drawn say
-/// nothing, unless their beam runs through a known wall: a robot that looks into a new room is not
-/// lost, one that looks through walls is.
+/// Agreement of a scan with the known map. Points on cells that were never drawn count as unknown,
+/// unless their beam crosses a known wall. A robot that looks into a new room is not lost; one that
+/// seems to look through walls is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Evidence {
     /// Points on cells that look like wall.
     hits: u32,
-    /// Points on cells that were seen free, or behind walls.
+    /// Points on cells that were seen free, or that lie behind walls.
     misses: u32,
     /// All points.
     of: u32,
 }
 
-/// How much darker than unknown a cell is that was seen free.
+/// Minimum difference to unknown of a cell that was seen free.
 const FREE_MARGIN: u8 = 20;
-/// A cell that is surely wall.
+/// Minimum value of a certain wall.
 const WALL: u8 = 200;
 /// Points of the document's search.
 const ENOUGH: u32 = 36;
-/// Parts of a beam's length at which it is looked for walls: walls are a few cells thick.
+/// Number of positions along a beam at which walls are searched: walls are a few cells thick.
 const WAY_PARTS: i16 = 32;
 const WAY: core::ops::Range<i16> = 14..31;
 
@@ -64,7 +64,8 @@ impl Evidence {
         evidence
     }
 
-    /// Part of the telling points that agree, 0 to 1; 1 if less than a quarter tell anything.
+    /// Share of the known points that agree, 0 to 1; 1 if less than a quarter of the points are
+    /// known.
     pub(super) fn agreement(&self) -> f32 {
         let telling = self.hits + self.misses;
         if telling * 4 < self.of {
@@ -74,16 +75,16 @@ impl Evidence {
         }
     }
 
-    /// Whether it speaks for the place so much more than `other` for its own that it is hardly
-    /// chance: by an eighth of all points, those that agree less those that do not.
+    /// Whether the evidence for its pose exceeds that of `other` by more than chance: agreeing
+    /// minus disagreeing points, by an eighth of all points.
     pub(super) const fn exceeds(&self, other: &Self) -> bool {
         self.hits + other.misses >= other.hits + self.misses + self.of / 8
     }
 
-    /// Whether it speaks for the place so much more than `other` for its own that the scan belongs
-    /// there: with no more than `remains` of the disagreement. A place that shows nothing
-    /// contradicts nothing either; it is no better for that. Nor is one that a handful of points
-    /// fit: they fit many.
+    /// Whether the evidence for its pose is so much better than `other` that the scan belongs
+    /// there: at most the share `remains` of the disagreement is left. A pose without known points
+    /// has no disagreement either, but is not better for that. Nor is a pose with only a handful of
+    /// known points, because they fit many poses.
     pub(super) fn outweighs(&self, other: &Self, remains: f32) -> bool {
         self.tells_something()
             && self.is_enough()
@@ -91,8 +92,8 @@ impl Evidence {
             && 1.0 - self.agreement() < (1.0 - other.agreement()) * remains
     }
 
-    /// Whether three points of eight tell something: in a room that was seen from one place only,
-    /// its far walls have gaps.
+    /// Whether three points of eight are known: in a room that was seen from one position only, its
+    /// far walls have gaps.
     pub(super) const fn tells_something(&self) -> bool {
         (self.hits + self.misses) * 8 >= self.of * 3
     }
@@ -103,12 +104,12 @@ impl Evidence {
         self.of >= ENOUGH
     }
 
-    /// Whether there are enough points and most of them tell something.
+    /// Whether there are enough points and most of them are known.
     pub(super) const fn is_plain(&self) -> bool {
         self.is_enough() && self.is_broad()
     }
 
-    /// Whether most points tell something.
+    /// Whether most points are known.
     pub(super) const fn is_broad(&self) -> bool {
         (self.hits + self.misses) * 2 >= self.of
     }

@@ -1,6 +1,6 @@
-//! From the best cell to the pose between the cells: Newton steps on the interpolated score, less
-//! the odometry's cost. Along a direction in which the scan says nothing, a corridor's axis, the
-//! score is flat and only the odometry's cost is curved, so the odometry stands.
+//! Refines the best cell to a pose between the cells: Newton steps on the interpolated score, less
+//! the odometry's cost. Along a corridor's axis, which the scan cannot measure, the score is flat
+//! and only the odometry's cost is curved, so the odometry decides.
 
 use super::effort::Effort;
 use super::matching::{CELL_BITS, Placement};
@@ -11,7 +11,7 @@ use crate::pose::Pose;
 
 /// Newton steps, each on a narrower stencil.
 const STEPS: u32 = 3;
-/// Scores that a step looks at: the middle, both ways along three axes, three corners.
+/// Scores needed for a step: the middle, both directions along three axes, three corners.
 const SCORES_PER_STEP: u32 = 10;
 /// Half-width of the first stencil, in cells.
 const STENCIL_CELLS: f32 = 1.0;
@@ -22,7 +22,7 @@ const STEP_MAX: f32 = 1.5;
 const FRACTION_BITS: u32 = 6;
 const ONE: u32 = 1 << FRACTION_BITS;
 
-/// The best pose near `start`, and how curved the score is there: per square stencil, along its
+/// The best pose near `start`, and the curvature of the score there: per square stencil, along its
 /// least and most certain direction.
 pub(super) fn refine<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
@@ -56,8 +56,8 @@ pub(super) fn refine<const W: usize, const H: usize>(
     pose
 }
 
-/// One Newton step towards the maximum of `f`, in units of the stencil; `None` where `f` is not
-/// curved like a summit.
+/// One Newton step towards the maximum of `f`, in units of the stencil; `None` where `f` has no
+/// maximum by its curvature.
 fn newton_step(f: impl Fn([f32; 3]) -> f32) -> Option<[f32; 3]> {
     let here = f([0.0; 3]);
     let axis = |index: usize, by: f32| {
@@ -120,9 +120,9 @@ fn smooth_mean<const W: usize, const H: usize>(
     sum as f32 / ((ONE * ONE) as f32 * points.len().max(1) as f32)
 }
 
-/// Nine neighbouring cells under a quadratic B-spline; 64 times 64 times the value. Straight lines
-/// between four cells would be flat between two equal ones, and a wall on the border of two cells
-/// could be anywhere between their middles.
+/// Nine neighbouring cells under a quadratic B-spline; 64 times 64 times the value. Linear
+/// interpolation of four cells would be flat between two equal ones, and the position of a wall on
+/// the border of two cells would be undefined between their middles.
 #[inline]
 fn smooth_value<const W: usize, const H: usize>(
     grid: &Grid<W, H>,

@@ -1,7 +1,7 @@
-//! Where in the whole map a scan belongs: for a robot that was carried away. Blocks of cells are
-//! rated by a bound that no pose inside them exceeds (Olson 2009; Hess et al. 2016), the best of
-//! them, apart from each other, are searched whole. If a second place fits nearly as well as the
-//! first, the answer is that it cannot be known.
+//! Search of the whole map for a scan's pose, for a robot that was carried away. Blocks of cells
+//! are rated by an upper bound of the score of all poses inside them (Olson 2009; Hess et al.
+//! 2016). The best blocks that lie apart from each other are searched completely. If a second pose
+//! fits nearly as well as the first, the answer is ambiguous.
 
 use core::f32::consts::TAU;
 
@@ -18,13 +18,13 @@ use crate::pose::{Pose, normalised};
 /// Result of a search for the position of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Answer {
-    /// One place fits best.
+    /// One pose fits best.
     Here(Best),
-    /// Several places fit about equally well; this is one of them.
+    /// Several poses fit about equally well; this is one of them.
     Ambiguous(Best),
 }
 
-/// Blocks of the coarse map at most, and along an edge.
+/// Maximum number of blocks of the coarse map, in total and along an edge.
 const BLOCKS_MAX: usize = 6144;
 const EDGE_MAX: usize = 128;
 /// Headings of the coarse search.
@@ -32,23 +32,23 @@ const HEADINGS: u16 = 180;
 const HEADING_STEP: f32 = TAU / 180.0;
 /// Points of the coarse search.
 const COARSE_POINTS: usize = 48;
-/// Places that are checked closely.
+/// Number of candidates that are searched closely.
 const PLACES: usize = 24;
-/// Places nearer than this, in blocks and headings, are one.
+/// Candidates nearer than this, in blocks and headings, are the same.
 const APART_BLOCKS: i32 = 4;
 const APART_HEADINGS: i32 = 8;
-/// A second place at which the points agree to this part of the first's makes the answer ambiguous.
-/// The sums do not tell: a map is drawn better where the robot was nearer.
+/// Ratio of the agreements of the second and the first pose from which the answer is ambiguous. The
+/// sums are no measure, because the map is drawn better where the robot was nearer.
 const AMBIGUOUS: f32 = 0.92;
 
-/// Where a robot is that was lost on a way of which only the length is known.
+/// Area of a robot that was lost on a path of known length.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bound {
-    /// Where it was lost.
+    /// Pose at which the robot was lost.
     pub(super) centre: Pose,
-    /// How far from there it is at most.
+    /// Maximum distance from there.
     pub(super) mm: f32,
-    /// How far it has turned at most.
+    /// Maximum turn.
     pub(super) rad: f32,
 }
 
@@ -66,8 +66,8 @@ impl Bound {
     }
 }
 
-/// Block maxima of a grid: each the greatest value of its block and its three neighbours to the
-/// right and above, so that it bounds every cell that a point can reach from within a block.
+/// Block maxima of a grid: each is the greatest value of its block and its three neighbours to the
+/// right and above. It therefore bounds every cell that a point can reach from within a block.
 struct Coarse {
     cells: [u8; BLOCKS_MAX],
     block: usize,
@@ -165,7 +165,7 @@ impl Candidate {
     }
 }
 
-/// The best candidates that lie apart from each other.
+/// The best candidates, apart from each other.
 #[derive(Default)]
 struct Shortlist {
     best: [Candidate; PLACES],
@@ -243,7 +243,7 @@ pub(super) fn relocate<const W: usize, const H: usize>(
     })
 }
 
-/// The candidates within `bound`, a block and a heading around it included.
+/// The candidates within `bound`, with a margin of a block and a heading.
 fn shortlist(
     coarse: &Coarse,
     block_mm: f32,

@@ -1,5 +1,5 @@
-//! The seed report's Monte-Carlo search: random candidates around a base pose; in the last two
-//! thirds of the tries a better one becomes the base and halves the spread.
+//! The seed report's Monte-Carlo search: random candidates around a base pose. In the last two
+//! thirds of the tries a better candidate becomes the base and halves the spread.
 
 use super::matching::{Placement, Tally, tally, whole};
 use super::settings::{Defects, Settings};
@@ -11,14 +11,14 @@ use crate::random::Pcg32;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
     pub(super) pose: Pose,
-    /// Over all points.
+    /// Sums over all points.
     pub(super) tally: Tally,
     pub(super) tries: u32,
-    /// Tries of which a point lay on the map.
+    /// Tries with a point on the map.
     pub(super) on_map: u32,
 }
 
-/// A try that was better than all before it.
+/// A try that was better than all earlier ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Improvement {
     /// Its number in the search.
@@ -29,10 +29,10 @@ pub struct Improvement {
     pub value: f32,
 }
 
-/// Improvements that are kept; the seed report shows a search of 32.
+/// Maximum number of stored improvements; the seed report shows a search with 32.
 pub const IMPROVEMENTS_MAX: usize = 48;
 
-/// The improvements of a search, the first of them.
+/// The first improvements of a search.
 #[derive(Clone, Debug)]
 pub(super) struct Improvements {
     list: [Improvement; IMPROVEMENTS_MAX],
@@ -65,7 +65,7 @@ impl Improvements {
     }
 }
 
-/// The pose that candidates are drawn around, with its trigonometry done.
+/// The centre of the candidates, with precomputed sine and cosine.
 struct Base {
     pose: Pose,
     x_cells: f32,
@@ -95,7 +95,7 @@ struct Shift {
     turn: Turn,
 }
 
-/// A turn, with its trigonometry done.
+/// A turn, with precomputed sine and cosine.
 #[derive(Clone, Copy)]
 struct Turn {
     angle: f32,
@@ -112,7 +112,7 @@ impl Turn {
     }
 }
 
-/// The turns that candidates are drawn from: whole degrees, few enough to know them all.
+/// The turns of candidates: whole degrees, few enough for a table.
 struct Turns([Turn; 2 * Self::REACH]);
 
 impl Turns {
@@ -124,7 +124,7 @@ impl Turns {
         Self(core::array::from_fn(|index| Turn::by(degrees(index))))
     }
 
-    /// One of them, or any other where the spread is wider or none.
+    /// A random turn: from the table, or computed if the spread is wider or 0.
     #[inline]
     fn drawn(&self, random: &mut Pcg32, spread_deg: u32) -> Turn {
         let degrees = offset(random, spread_deg);
@@ -243,8 +243,8 @@ const fn halved(spread: u32, reaches_zero: bool) -> u32 {
     }
 }
 
-/// A whole number from `-spread` to `spread - 1`. With a spread of 0 the processor's remainder
-/// gives the random number itself.
+/// A whole number from `-spread` to `spread - 1`. With a spread of 0 the processor's remainder is
+/// the random number itself.
 #[inline]
 fn offset(random: &mut Pcg32, spread: u32) -> f32 {
     (i64::from(random.below(2 * spread)) - i64::from(spread)) as f32

@@ -4,19 +4,19 @@
 
 use crate::pose::Pose;
 
-/// Points from one to the next of a pair: nearer ones tell more of the lidar's noise than of the
-/// wall.
+/// Distance in points between the two of a pair: nearer pairs measure more of the lidar's noise
+/// than of the wall.
 const APART: usize = 4;
-/// Farthest two such points of one wall, as a part of their distance from the robot: 24 degrees, or
-/// fewer on a wall that runs away from it.
+/// Maximum distance of two such points of one wall, divided by their distance from the robot: 24
+/// degrees, or fewer on a wall that recedes from it.
 const GAP_MAX: f32 = 0.4;
 /// Share of the walls that must stand across a direction before the scan counts for it: below the
 /// first the scan has no weight, from the second on it has full weight.
 const DEAF: f32 = 0.01;
 const HEARS: f32 = 0.03;
 
-/// `found` with the scan's word for what its `points`, in the robot's own frame, can tell, and
-/// that of the odometry, `predicted`, for the rest.
+/// Combines `found` in the directions that the scan's `points`, in the robot's own frame, can
+/// measure, with the odometry's `predicted` in the rest.
 pub(super) fn as_far_as_seen(points: &[[i16; 2]], predicted: Pose, found: Pose) -> Pose {
     let Some((axis, share)) = least_seen(points) else {
         return found;
@@ -33,8 +33,8 @@ pub(super) fn as_far_as_seen(points: &[[i16; 2]], predicted: Pose, found: Pose) 
     )
 }
 
-/// The direction, a unit vector in the robot's frame, that the fewest walls stand across, and how
-/// many of them do, as a part of those across the other direction.
+/// The direction, a unit vector in the robot's frame, with the fewest walls across it, and their
+/// number divided by that of the walls across the other direction.
 fn least_seen(points: &[[i16; 2]]) -> Option<([f32; 2], f32)> {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     for (a, b) in points.iter().zip(points.get(APART..)?) {

@@ -24,13 +24,13 @@ pub(super) struct Ray {
     pub(super) end: (i32, i32),
 }
 
-/// How strongly a ray is drawn.
+/// Weight and shape of a drawn ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Ink {
-    /// Part of the new value, of 256.
+    /// Weight of the new value, of 256.
     pub(super) weight: u16,
     pub(super) rounding: Rounding,
-    /// Draw holes shorter than two cells as the fielded code on its processor would: not at all.
+    /// Skip holes shorter than two cells, as the fielded code on its processor does.
     pub(super) loses_short_holes: bool,
 }
 
@@ -49,7 +49,7 @@ impl Ink {
     }
 }
 
-/// Draws all beams of a scan that was taken at `pose`.
+/// Draws all beams of a scan taken at `pose`.
 pub(super) fn draw_scan<const W: usize, const H: usize>(
     grid: &mut Grid<W, H>,
     pose: Pose,
@@ -77,7 +77,7 @@ pub(super) fn draw_scan<const W: usize, const H: usize>(
     }
 }
 
-/// The cell of a place; places far off the map are brought nearer.
+/// The cell of a position; positions far off the map are moved nearer.
 fn cell((x, y): (f32, f32)) -> (i32, i32) {
     let index = |cells: f32| {
         let cells = cells.clamp(-9e3, 9e3);
@@ -87,12 +87,13 @@ fn cell((x, y): (f32, f32)) -> (i32, i32) {
     (index(x), index(y))
 }
 
-/// The walk from `at` of `long` steps along the long axis and `short` along the other, each of
-/// which changes the index by so much.
+/// The walk from `at` of `long` steps along the long axis and `short` steps along the other; each
+/// step changes the index by the given amount.
 fn walk(at: usize, (long, ahead): (i32, isize), (short, aside): (i32, isize)) -> Walk {
     // After i steps floor((2 i short + long - 1) / (2 long)) cells have been crossed. Rounded up,
-    // the place is too large by at most 2^-18 within the 8191 steps of a map, and the next border
-    // is 2^-16 away or farther. At the start it is a half less half a step's share.
+    // the position is too large by at most 2^-18 within the 8191 steps of a map, and the next
+    // border is 2^-16 away or farther. At the start the position is a half less half a step's
+    // share.
     let (long, short) = (long.unsigned_abs().max(1), short.unsigned_abs());
     let diagonal = (ahead + aside).cast_unsigned();
     if long == short {
@@ -112,9 +113,9 @@ fn walk(at: usize, (long, ahead): (i32, isize), (short, aside): (i32, isize)) ->
 #[expect(clippy::cast_sign_loss, reason = "of positive numbers")]
 fn parts(part: u32, whole: u32) -> u32 {
     if WIDE {
-        // In double precision, where a division takes half as long as one of 64-bit numbers. It is
-        // right to 2^-20, and no quotient is nearer to a whole number than 2^-16 but those that are
-        // one.
+        // Double precision, because its division takes half as long as one of 64-bit numbers. The
+        // result is accurate to 2^-20, and quotients that are not whole differ from a whole number
+        // by at least 2^-16.
         let quotient = f64::from(part) * (1_u64 << 32) as f64 / f64::from(whole);
         let down = quotient as u64 as u32;
         return down + u32::from(f64::from(down) < quotient);
@@ -128,7 +129,7 @@ const fn narrow_parts(part: u32, whole: u32) -> u32 {
     (high << 16) + (rest << 16).div_ceil(whole)
 }
 
-/// Draws `ray` from its start up to its end or the map's edge; nothing if it starts outside.
+/// Draws `ray` from its start up to its end or the map's edge; draws nothing if it starts outside.
 #[expect(clippy::cast_possible_truncation, reason = "sizes <= 8191")]
 pub(super) fn draw<const W: usize, const H: usize>(
     cells: &mut [[u8; W]; H],
@@ -157,7 +158,7 @@ pub(super) fn draw<const W: usize, const H: usize>(
     } else {
         (ray.end.0 - ray.hit.0).abs()
     };
-    // Room before the edge on each axis; along the short one, cells are left after `short_room`.
+    // Cells before the edge on each axis; on the short one, the ray leaves after `short_room`.
     let room = |at: i32, step: i32, size: i32| if step > 0 { size - 1 - at } else { at };
     let (x_room, y_room) = (room(x, dx, width), room(y, dy, height));
     let (long_room, short_room) = if steep {
@@ -184,7 +185,7 @@ pub(super) struct Brush {
     /// Step added to a cell, modulo 256, indexed by the drawn value minus the cell's value, modulo
     /// 512.
     step: [u8; 512],
-    /// Those of the hole drawn last.
+    /// Slopes of the hole drawn last.
     slopes: Slopes,
 }
 
@@ -218,7 +219,7 @@ struct Slopes {
 }
 
 impl Slopes {
-    /// Those of a hole of `half` cells to each side, at least one.
+    /// Slopes of a hole of `half` cells to each side, at least one.
     fn new(half: u32) -> Self {
         let peak = u32::from(OBSTACLE);
         Self {
@@ -232,13 +233,13 @@ impl Slopes {
 /// The hole at the end of a ray, along its long axis.
 #[derive(Clone, Copy)]
 struct Hole {
-    /// Last step that is still free; negative if the hole begins at the robot.
+    /// Last free step; negative if the hole begins at the robot.
     begins_after: i32,
     /// Steps from the hole's begin to the hit, and from the hit to its end.
     half: i32,
 }
 
-/// One side of the hole, as far as it is drawn.
+/// The drawn part of one side of the hole.
 struct Flank {
     cells: i32,
     /// Value of the first cell and its change, with 32 binary places.
@@ -260,11 +261,11 @@ impl Hole {
         }
     }
 
-    /// Up to 255 at the hit and down again, for the last of `steps` steps. The remainder of the
-    /// division is spread as the field code's line-drawing error does: after i steps up
-    /// floor((255 i + half / 2 - 1) / half), after i steps down 255 less
-    /// ceil((255 i - half / 2) / half). Both are kept too large by less than 2^-15, and the next
-    /// whole number is 2^-15 away or farther.
+    /// The flanks up to 255 at the hit and down again, for the last of `steps` steps. The remainder
+    /// of the division is spread as the field code's line-drawing error does: after i steps up
+    /// floor((255 i + half / 2 - 1) / half), after i steps down 255 less ceil((255 i - half / 2) /
+    /// half). Both values are too large by less than 2^-15, and the next whole number is 2^-15 away
+    /// or farther.
     fn flanks(self, steps: i32, slopes: &mut Slopes) -> [Flank; 2] {
         let half = self.half.unsigned_abs().max(1);
         if slopes.half != half {
