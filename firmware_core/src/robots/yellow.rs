@@ -52,10 +52,10 @@ use reactive::Reactive;
 use state::Machine;
 use wheels::Wheels;
 
-/// Rate of the wires that are none on a board: PWM of the lidar's motor, the chip's own hardware.
+/// Rate of the internal wires of the board: PWM of the lidar's motor, the chip's own hardware.
 const BOARD_BAUD: u32 = 10_000_000;
 
-/// Longest gap between samples: after a longer one the robot may have rolled 5 mm at the speed of a
+/// Longest gap between samples: in a longer one the robot may have rolled 5 mm at the speed of a
 /// manoeuvre.
 const GAP: Duration = Duration::from_millis(10);
 
@@ -73,12 +73,12 @@ pub struct Yellow {
     radio: Radio,
     samples: SampleDecoder,
     outputs: Fifo<64>,
-    /// Speeds that the PC wants in MANUAL.
+    /// Speeds that the PC orders in MANUAL.
     by_hand: Velocity,
     /// Target velocity of the state machine.
     target: Velocity,
     step_at: Instant,
-    /// When the pose was true.
+    /// Time of the pose.
     posed_at: Option<Instant>,
     counters: Counters,
 }
@@ -104,7 +104,7 @@ impl Yellow {
     /// The WiFi radio, 38400 baud.
     pub const TELEMETRY: Port = Port(3);
 
-    /// A robot that has just been switched on.
+    /// A robot just after power-on.
     pub const fn new(config: Config) -> Self {
         let defects = &config.defects;
         Self {
@@ -137,7 +137,7 @@ impl Yellow {
         self.machine.mode()
     }
 
-    /// Where it believes to be.
+    /// Believed pose.
     pub const fn pose(&self) -> Pose {
         self.wheels.pose()
     }
@@ -147,7 +147,7 @@ impl Yellow {
         self.infrared.distances_m()
     }
 
-    /// Speeds that the activity wants; the wheels follow as fast as they can.
+    /// Target speeds of the activity; the wheels follow as fast as they can.
     pub const fn target(&self) -> Velocity {
         self.target
     }
@@ -174,13 +174,13 @@ impl Yellow {
             channel,
             enable,
         };
-        // The board takes no outputs: old duties are of no use.
+        // The board does not take the outputs: discard old duties.
         if !self.outputs.push(&outputs.encode()) {
             self.outputs.clear();
         }
     }
 
-    /// Everything that is due by `now`.
+    /// Runs all work due by `now`.
     fn attend(&mut self, now: Instant) {
         self.lidar.tick(now);
         if now >= self.step_at {
@@ -258,7 +258,7 @@ impl Yellow {
             });
         }
         match command.state {
-            // Without a goal there is nowhere to go.
+            // Refuse the mode without a goal.
             Some(State::AutoPosition) if goal.is_none() => self.refuse(),
             Some(state) => self.machine.order(state),
             None => {}
@@ -270,12 +270,12 @@ impl Yellow {
     }
 }
 
-/// Whether all of it are numbers.
+/// Whether all values are finite.
 fn is_finite(pose: message::Pose) -> bool {
     pose.x.is_finite() && pose.y.is_finite() && pose.alpha.is_finite()
 }
 
-/// Millimetres instead of metres.
+/// Converts metres to millimetres.
 fn to_pose(pose: message::Pose) -> Pose {
     Pose::new(pose.x * 1_000.0, pose.y * 1_000.0, pose.alpha)
 }

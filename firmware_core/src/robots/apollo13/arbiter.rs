@@ -1,9 +1,9 @@
 //! Choice of the driver: the phone, the planner, or none.
 //!
 //! Facts: seed 003 and its published code: a loop of 20 Hz, toggles for autonomous driving and for
-//! gates, a kill switch that comes after all else. With both toggles on, the fielded loop has no
-//! branch and the last command persists; here the car stops. A phone that falls silent for a second
-//! stops it too, which is ours.
+//! gates, and a kill switch that overrides everything. With both toggles on, the fielded loop has
+//! no branch and the last command persists; here the car stops. The car also stops if the phone is
+//! silent for a second, which is our own addition.
 
 use core::time::Duration;
 
@@ -13,7 +13,7 @@ use super::steering::STRAIGHT;
 
 /// Period of the fielded loop.
 pub const PERIOD: Duration = Duration::from_millis(50);
-/// Silence of the phone after which the car stops, when the phone drives.
+/// Maximum silence of the phone while it drives; then the car stops.
 pub const SILENCE_MAX: Duration = Duration::from_secs(1);
 
 /// Defects of the fielded arbiter; none by default.
@@ -21,7 +21,7 @@ pub const SILENCE_MAX: Duration = Duration::from_secs(1);
 pub struct Defects {
     /// With both toggles on, the last command persists.
     pub both_persist: bool,
-    /// A phone that is gone continues driving.
+    /// The car continues driving without a phone.
     pub never_silent: bool,
 }
 
@@ -51,7 +51,7 @@ pub enum Mode {
     Autonomous,
     /// The planner drives through gates.
     Gates,
-    /// The planner drives to unseen places.
+    /// The planner drives to unseen areas.
     Mapping,
     /// More than one toggle is on.
     Contradiction,
@@ -73,7 +73,7 @@ pub struct Arbiter {
 }
 
 impl Arbiter {
-    /// The state before the first message.
+    /// An arbiter before the first message.
     pub const fn new(defects: Defects) -> Self {
         Self {
             defects,
@@ -87,8 +87,8 @@ impl Arbiter {
         }
     }
 
-    /// A control of the phone has changed: its address and its value. Whether it has such a
-    /// control.
+    /// Takes a change of a phone's control: its address and value. Returns whether the address is
+    /// known.
     pub fn hear(&mut self, now: Instant, address: &str, value: f32) -> bool {
         let is_on = value != 0.0;
         #[expect(
@@ -100,10 +100,10 @@ impl Arbiter {
             "/1/speed" => self.remote.level = whole.clamp(-10, 10),
             "/1/direction" => self.remote.steering = whole.clamp(-50, 50),
             "/1/kill" => self.is_killed = is_on,
-            // The layout says one thing, the code that listens another.
+            // The layout and the receiving code of the seed use different addresses.
             "/modes/toggle4" | "/modes/autonomous" => self.is_autonomous = is_on,
             "/modes/follow_aruco" => self.is_gates = is_on,
-            // Ours: in the seed a drive for a map is started on the PC.
+            // Our addition: in the seed an operator starts a mapping drive on the PC.
             "/modes/mapping" => self.is_mapping = is_on,
             "/1" | "/modes" | "/about" | "/accxyz" | "/ping" => {}
             _ => return false,

@@ -15,9 +15,9 @@ use crate::ackermann::{CarGeometry, CarPose, Motion};
 
 /// Travel of the wheel from pulse to pulse.
 const PULSE_M: f64 = TAU * 0.032 / 8.0;
-/// More pulses from frame to frame are those of a board that was reset: 1 m.
+/// Maximum number of pulses between two frames, 1 m; more mean a reset of the board.
 const PULSES_MAX: u16 = 40;
-/// The motor's lag: how fast a car gets its speed, and loses it without a drive, seconds.
+/// Time constant of the motor's speed with and without a drive, seconds.
 const LAG_S: f64 = 0.3;
 /// The car as the program knows it.
 const CAR: CarGeometry = CarGeometry {
@@ -25,11 +25,11 @@ const CAR: CarGeometry = CarGeometry {
     track_m: 0.155,
 };
 
-/// Adds up pulses.
+/// Odometry from pulses.
 #[derive(Clone, Debug, Default)]
 pub struct BoardOdometry {
     pose: CarPose,
-    /// The last frame's, and when it came.
+    /// Time and pulses of the last frame.
     heard: Option<(Instant, u16)>,
     /// Speed of the wheel by its pulses, m/s.
     speed_m_s: f64,
@@ -38,13 +38,13 @@ pub struct BoardOdometry {
 }
 
 impl BoardOdometry {
-    /// Where the car is, seen from where it began.
+    /// The car's pose relative to its start.
     pub const fn pose(&self) -> CarPose {
         self.pose
     }
 
-    /// Where it is now, if the motor has stood since the last frame: a board that is silent may be
-    /// starting again.
+    /// The car's pose at `now` if the motor has been off since the last frame: a silent board may
+    /// be restarting.
     pub fn pose_at(&self, now: Instant) -> CarPose {
         let rolled_m = self
             .heard
@@ -53,7 +53,7 @@ impl BoardOdometry {
         self.pose.then(self.arc(path_m))
     }
 
-    /// How far the wheel rolls without a drive.
+    /// Distance that the wheel rolls without a drive.
     fn rolled_m(&self, passed: Duration) -> f64 {
         self.speed_m_s * LAG_S * (1.0 - libm::exp(-passed.as_secs_f64() / LAG_S))
     }
@@ -77,9 +77,9 @@ impl BoardOdometry {
         }
     }
 
-    /// A frame of the board with its pulses since the start, which wrap; whether the wheel turned.
-    /// The magnets do not tell forth from back. A board that was reset stopped its motor some time
-    /// since the frame before, and did not count while the car rolled out.
+    /// Takes a frame of the board with its pulses since the start, which wrap; returns whether the
+    /// wheel turned. The magnets do not show the direction. A board that was reset stopped its
+    /// motor at an unknown time since the frame before, and did not count while the car rolled out.
     pub fn hear(&mut self, now: Instant, pulses: u16) -> bool {
         let Some((heard, before)) = self.heard.replace((now, pulses)) else {
             return false;
@@ -100,7 +100,7 @@ impl BoardOdometry {
         true
     }
 
-    /// Where the steering that is commanded leads over `path_m` of the rear axle's middle.
+    /// Motion with the commanded steering over `path_m` of the rear axle's middle.
     pub fn arc(&self, path_m: f64) -> Motion {
         CAR.rear_arc(self.angle_rad, path_m)
     }

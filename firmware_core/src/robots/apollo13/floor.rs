@@ -10,31 +10,33 @@ use crate::ackermann::CarPose;
 use crate::costmap::{Costmap, Inflation};
 use crate::particles::Beam;
 
-/// Obstacles nearer than this are entered, metres: the obstacle range of the fielded costmap.
+/// Maximum distance of obstacles that are entered, metres: the obstacle range of the fielded
+/// costmap.
 const ENTER_M: f64 = 2.5;
 /// Range up to which beams clear the cells they cross: the fielded ray-trace range.
 const CLEAR_M: f64 = 3.0;
-/// Beams that clear lie about so far apart where they end, in cells.
+/// Spacing of clearing beams at their ends, in cells.
 const CLEAR_CELLS: f64 = 0.8;
-/// Nearer than this the camera may be blind: a beam that meets nothing clears only beyond, metres.
+/// Range below which the camera may be blind, metres: a beam that meets nothing clears only beyond
+/// it.
 const BLIND_M: f64 = 0.55;
-/// How often an obstacle must have been seen more than seen through to be one.
+/// Minimum excess of sightings over clearings that makes a cell an obstacle.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 6;
-/// Half of the middle of an ultrasonic cone, which is open as far as it receives nothing.
+/// Half angle of the inner ultrasonic cone, which counts as open up to the echo.
 const CONE_RAD: f64 = 0.1;
 /// Ultrasonic ranges nearer than this are entered across the whole cone, metres: there the cone is
 /// narrower than the car. A farther echo may come from a post beside the path.
 const HEARD_M: f64 = 0.27;
 /// Half of the whole cone.
 const WHOLE_CONE_RAD: f64 = 0.38;
-/// How long it stays: the camera may see over it.
+/// Lifetime of an ultrasonic obstacle: the camera may see over it.
 const HEARD_FOR: Duration = Duration::from_secs(20);
 
 /// A map of obstacles: cells in rows of equal y, lowest y first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FloorPlan {
-    /// Cells along x; 0 is no map.
+    /// Cells along x; 0 means no map.
     pub width: usize,
     /// Edge of a cell, metres.
     pub cell_m: f64,
@@ -52,23 +54,23 @@ pub struct Floor {
     rows: usize,
     /// Costs of the plan alone; `None` without a map.
     plain: Option<Costmap>,
-    /// With all that was seen; `None` when that has changed since.
+    /// Costs with all observations; `None` after a change of the observations.
     costs: Option<Costmap>,
-    /// In how many scans each cell was an obstacle, less in how many it was seen through.
+    /// Number of scans in which each cell was an obstacle, minus those in which it was cleared.
     seen: Vec<i8>,
     /// The scan in which each cell was counted last.
     counted: Vec<u32>,
     scans: u32,
-    /// Cells that an ultrasonic echo came from, and until when that counts.
+    /// Cells with an ultrasonic echo, and the time until which each counts.
     heard: BTreeMap<usize, Instant>,
-    /// Cells on which a marker stands.
+    /// Cells with a marker.
     posts: BTreeSet<usize>,
     /// All obstacles, one byte a cell as in [`grid`](crate::grid).
     view: Vec<u8>,
 }
 
 impl Floor {
-    /// The floor of this map.
+    /// The floor of this map, without observations.
     pub fn new(plan: FloorPlan, inflation: Inflation) -> Self {
         let seen = alloc::vec![0; plan.obstacles.len()];
         let byte = |is: &bool| {
@@ -112,12 +114,12 @@ impl Floor {
         }
     }
 
-    /// Whether there is a map at all.
+    /// Whether there is a map.
     pub fn is_known(&self) -> bool {
         self.plan.width > 0 && !self.plan.obstacles.is_empty()
     }
 
-    /// The map that the car was given.
+    /// The configured map.
     pub const fn plan(&self) -> &FloorPlan {
         &self.plan
     }
@@ -249,7 +251,7 @@ impl Floor {
         }
     }
 
-    /// Something low stands at each of these places, metres, and nowhere else.
+    /// Sets the positions of low obstacles (markers), metres; earlier ones are removed.
     pub fn stand(&mut self, places: impl Iterator<Item = [f64; 2]>) {
         if !self.is_known() {
             return;
@@ -292,13 +294,13 @@ impl Floor {
         [x0 + middle(column), y0 + middle(row)]
     }
 
-    /// The cell at a place, metres.
+    /// The cell at a position, metres.
     fn cell(&self, place_m: [f64; 2]) -> Option<usize> {
         let off = |axis: usize| (place_m[axis] - self.plan.origin_m[axis]) / self.plan.cell_m;
         self.index([0, 1].map(off))
     }
 
-    /// The cell at a place in cells from the corner.
+    /// The cell at a position in cells from the corner.
     fn index(&self, [x, y]: [f64; 2]) -> Option<usize> {
         if !(x >= 0.0 && y >= 0.0) {
             return None;
@@ -308,13 +310,14 @@ impl Floor {
             clippy::cast_sign_loss,
             reason = "not below 0, saturates"
         )]
-        // By way of 32 bits, which a processor converts at once; 64 without a sign it does not.
+        // Through 32 bits, which a processor converts in one instruction; unsigned 64 bits it does
+        // not.
         let (x, y) = (x as u32 as usize, y as u32 as usize);
         (x < self.plan.width && y < self.rows).then(|| y * self.plan.width + x)
     }
 }
 
-/// The cells that have been seen to be obstacles. There are few, and most pieces have none.
+/// The cells that count as obstacles. They are few, and most chunks have none.
 fn sure(seen: &[i8]) -> impl Iterator<Item = usize> {
     const PIECE: usize = 64;
     let pieces = (0..).step_by(PIECE).zip(seen.chunks(PIECE));

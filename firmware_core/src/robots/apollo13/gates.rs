@@ -1,9 +1,10 @@
 //! Drives through gates: pairs of markers that the camera recognises.
 //!
 //! Facts: seed 003, mission II, and its published code, which sends the car to the middle between
-//! the nearest two markers that are 0.3 m apart or more, with the heading that it happens to have;
-//! narrower than the car, and also to gates behind it. Here a gate is wide enough for the car, lies
-//! ahead, is driven at along its normal, and is passed when the car has crossed it.
+//! the nearest two markers that are 0.3 m apart or more, with its current heading. That accepts
+//! gates narrower than the car, and gates behind it. Here a gate must be wide enough for the car
+//! and lie ahead. The car approaches it along its normal, and the gate is passed when the car has
+//! crossed it.
 
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
@@ -15,14 +16,14 @@ use crate::ackermann::{CarPose, wrapped};
 pub struct Settings {
     /// Minimum width: 0.33 m of the car and 5 cm to each side.
     pub width_min_m: f64,
-    /// Greatest width: farther apart two markers are of different gates.
+    /// Maximum width: markers farther apart belong to different gates.
     pub width_max_m: f64,
-    /// How far before the gate the car is to stand on its normal.
+    /// Distance of the approach pose before the gate on its normal.
     pub approach_m: f64,
-    /// How far behind it to go.
+    /// Distance of the pose behind the gate.
     pub beyond_m: f64,
-    /// As fielded: the heading of the goal is that of the car, behind is ahead, and markers stay
-    /// where they were seen first.
+    /// Fielded rule: the goal has the car's heading, gates behind the car count as ahead, and
+    /// markers stay at their first position.
     pub as_fielded: bool,
 }
 
@@ -39,7 +40,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The published code's.
+    /// The settings of the published code.
     pub const fn fielded() -> Self {
         Self {
             width_min_m: 0.30,
@@ -54,16 +55,16 @@ impl Settings {
 /// Numbers of a gate's two markers, the smaller first.
 pub type Gate = [u32; 2];
 
-/// The way through a gate.
+/// The path through a gate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage {
     /// Its markers.
     pub gate: Gate,
-    /// Where to be before it.
+    /// Pose before the gate.
     pub before: CarPose,
     /// The middle of the gate.
     pub middle: CarPose,
-    /// Where to be behind it.
+    /// Pose behind the gate.
     pub behind: CarPose,
 }
 
@@ -75,7 +76,7 @@ const SIGHTINGS: u32 = 30;
 /// see them again.
 const NEAR_M: f64 = 1.5;
 
-/// Mean of where a marker was seen lately.
+/// Mean of a marker's recent positions.
 #[derive(Clone, Copy, Debug, Default)]
 struct Marker {
     mean_m: [f64; 2],
@@ -83,7 +84,7 @@ struct Marker {
 }
 
 impl Marker {
-    /// The plain mean of the first sightings, a sliding one of all that come after them.
+    /// Adds a sighting: a plain mean of the first ones, a sliding mean after them.
     fn see(&mut self, place_m: [f64; 2]) {
         self.seen = (self.seen + 1).min(SIGHTINGS);
         let part = 1.0 / f64::from(self.seen);
@@ -93,7 +94,7 @@ impl Marker {
     }
 }
 
-/// Markers that were seen and gates that were passed.
+/// Seen markers and passed gates.
 #[derive(Clone, Debug)]
 pub struct Gates {
     settings: Settings,
@@ -102,7 +103,7 @@ pub struct Gates {
 }
 
 impl Gates {
-    /// Nothing was seen.
+    /// Gates without any sighting.
     pub const fn new(settings: Settings) -> Self {
         Self {
             settings,
@@ -111,7 +112,8 @@ impl Gates {
         }
     }
 
-    /// The camera saw the marker `id` at this place of the map, metres. Whether it is a new one.
+    /// Takes a sighting of the marker `id` at this position of the map, metres; returns whether the
+    /// marker is new.
     pub fn see(&mut self, id: u32, [x_m, y_m]: [f64; 2]) -> bool {
         if !x_m.is_finite() || !y_m.is_finite() {
             return false;
@@ -124,9 +126,9 @@ impl Gates {
         is_new
     }
 
-    /// The car is not at `from`, where it believed to be, but at `to`: what stands near it goes
-    /// along until it is seen again, once. Where the other markers were seen is forgotten, but not
-    /// which gates were passed.
+    /// Corrects the car's pose from `from` to `to`. Markers near the car keep their position
+    /// relative to it until the next sighting, once. The positions of other markers are discarded;
+    /// passed gates are kept.
     pub fn carry(&mut self, from: CarPose, to: CarPose) {
         self.markers.retain(|_, Marker { mean_m, seen }| {
             let is_kept = *seen > 1 && from.distance_to(*mean_m) <= NEAR_M;
@@ -135,12 +137,12 @@ impl Gates {
         });
     }
 
-    /// Gates that were passed, in their order.
+    /// Passed gates, in their order.
     pub fn passed(&self) -> &[Gate] {
         &self.passed
     }
 
-    /// All gates that were found, each by the places of its two markers, metres.
+    /// All found gates, each by the positions of its two markers, metres.
     pub fn found(&self) -> Vec<[[f64; 2]; 2]> {
         let pairs = self.pairs().into_iter();
         let places = pairs.map(|[one, other]| [one.1, other.1]);
@@ -148,13 +150,13 @@ impl Gates {
         places.filter(wide).collect()
     }
 
-    /// Where the markers are, metres.
+    /// Positions of the markers, metres.
     pub fn markers(&self) -> impl Iterator<Item = (u32, [f64; 2])> {
         self.markers.iter().map(|(id, marker)| (*id, marker.mean_m))
     }
 
-    /// The next gate to drive through from `pose`: the nearest that fits and was not passed.
-    /// `is_free` says whether the car can be somewhere.
+    /// The next gate to drive through from `pose`: the nearest suitable one that was not passed.
+    /// `is_free` tests whether the car can be at a pose.
     pub fn next(&self, pose: CarPose, is_free: impl Fn(CarPose) -> bool) -> Option<Passage> {
         let pairs = self.pairs().into_iter();
         let passages = pairs.filter_map(|[one, other]| self.passage(pose, one, other));
@@ -169,7 +171,7 @@ impl Gates {
         possible.min_by(|one, other| far(one).total_cmp(&far(other)))
     }
 
-    /// The car has moved; the gate that it crossed on the way, which is passed now.
+    /// Takes a motion of the car; returns the gate that it crossed, which counts as passed now.
     pub fn moved(&mut self, from: CarPose, to: CarPose) -> Option<Gate> {
         let (a, b) = ([from.x_m, from.y_m], [to.x_m, to.y_m]);
         for [(id, one), (other_id, other)] in self.pairs() {
@@ -183,7 +185,7 @@ impl Gates {
         None
     }
 
-    /// Markers that belong together: each is the other's nearest. As fielded, any two.
+    /// Pairs of markers of which each is the other's nearest. As fielded, any two.
     fn pairs(&self) -> Vec<[(u32, [f64; 2]); 2]> {
         let markers: Vec<(u32, [f64; 2])> = self.markers().collect();
         let nearest = |one: &(u32, [f64; 2])| {
@@ -229,7 +231,7 @@ impl Gates {
         let heading_rad = match self.settings.as_fielded {
             true => pose.heading_rad,
             false => {
-                // The normal that leads away from the side on which the car is.
+                // The normal that points away from the car's side.
                 let normal = libm::atan2(x1 - x0, y0 - y1);
                 let bearing = libm::atan2(y_m - pose.y_m, x_m - pose.x_m);
                 match libm::cos(normal - bearing) >= 0.0 {

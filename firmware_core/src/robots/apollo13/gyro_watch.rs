@@ -11,7 +11,7 @@ use protocols::odometer::Reading;
 
 use crate::ackermann::{CarGeometry, wrapped};
 
-/// So many lines in a row that tell the same rate, 0.3 s, come from a stuck chip.
+/// Number of lines in a row with the same rate, 0.3 s, that mean a stuck chip.
 const SAME_MAX: u32 = 30;
 /// The car as the program knows it.
 const CAR: CarGeometry = CarGeometry {
@@ -42,9 +42,9 @@ impl GyroWatch {
         self.same >= SAME_MAX
     }
 
-    /// A line, and how the wheels were steered, radians; what to add to the heading that it
-    /// reports, radians: 0 while the chip measures. It was stuck from the first of the same lines
-    /// on, so the turn of all of them is set right at once.
+    /// Takes a line, and the steering angle of the wheels, radians. Returns the correction of the
+    /// reported heading, radians: 0 while the chip works. The chip was stuck from the first of the
+    /// equal lines on, so the turn of all of them is corrected at once.
     pub fn hear(&mut self, reading: Reading, steering_rad: f64) -> f64 {
         let Some(before) = self.before.replace(reading) else {
             return 0.0;

@@ -9,34 +9,34 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-/// Lines come each 10 ms; longer silence is none that a scheduler makes.
+/// Lines come each 10 ms; no scheduler causes a longer silence than this.
 const SILENT: Duration = Duration::from_millis(250);
 /// The car counts as resting if it had no motor command and no wheel pulse for this long: its motor
 /// has a lag of 0.3 s.
 const AT_REST: Duration = Duration::from_millis(1_200);
-/// How long before the first line the offset was taken.
+/// Time between the measurement of the offset and the first line.
 const CALIBRATED_BEFORE: Duration = Duration::from_millis(200);
 /// A silent odometer is started even if the car does not come to rest within this time, because an
 /// operator drives it by hand. Then it is started again at rest.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// The first line comes 1.10 s after the port was opened, that of the later sketch 2.24 s.
 const ANSWERS: Duration = Duration::from_millis(2_800);
-/// Attempts until the car continues without.
+/// Attempts before the car continues without the odometer.
 const ATTEMPTS: u8 = 3;
-/// After so long without it, one attempt more.
+/// Time without the odometer before another attempt.
 const ONCE_MORE: Duration = Duration::from_secs(30);
 
 /// State of the odometer's restart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
-    /// Nothing: it can be believed.
+    /// The odometer is valid; nothing to do.
     #[default]
     Fine,
-    /// The car comes to rest, from then on.
+    /// The car comes to rest, since this time.
     Resting(Instant),
-    /// Its port was opened then.
+    /// The port was opened at this time.
     Opened(Instant),
-    /// It is gone, since then.
+    /// The odometer is lost, since this time.
     Gone(Instant),
 }
 
@@ -47,7 +47,7 @@ pub struct OdometerWatch {
     heard: Option<Instant>,
     /// Time of the last motor command or wheel pulse.
     rolled: Option<Instant>,
-    /// Whether its offset was taken while the car was rolling.
+    /// Whether the offset was measured while the car was rolling.
     is_misled: bool,
     attempts: u8,
     is_to_be_opened: bool,
@@ -55,7 +55,8 @@ pub struct OdometerWatch {
 }
 
 impl OdometerWatch {
-    /// A line came; `is_first` after a start of the microcontroller, as the first of all is.
+    /// Takes the arrival of a line; `is_first` marks the first one after a start of the
+    /// microcontroller.
     pub fn hear(&mut self, now: Instant, is_first: bool) {
         let is_first = self.heard.replace(now).is_none() || is_first;
         let was_rolling = |rolled| now - rolled < AT_REST + CALIBRATED_BEFORE;
@@ -79,7 +80,7 @@ impl OdometerWatch {
         self.rolled = Some(now);
     }
 
-    /// Goes on in time.
+    /// Advances the state in time.
     pub fn poll(&mut self, now: Instant) {
         let is_silent = self.is_silent(now);
         match self.state {
@@ -115,14 +116,14 @@ impl OdometerWatch {
         now - self.heard.unwrap_or(Instant::ZERO) > SILENT
     }
 
-    /// Whether its gyroscope's offset was taken while the car was rolling: until it is started once
-    /// more at rest, its heading turns by itself.
+    /// Whether the gyroscope's offset was measured while the car was rolling. Until the odometer is
+    /// started again at rest, its heading drifts.
     pub const fn is_misled(&self) -> bool {
         self.is_misled
     }
 
-    /// Whether the car must not drive where it has to know its place: not before the first line
-    /// either, while the offset is being taken.
+    /// Whether the car must not drive to positions: its pose is unknown. This includes the time
+    /// before the first line, while the offset is measured.
     pub const fn wants_rest(&self) -> bool {
         match self.state {
             State::Fine => self.heard.is_none(),

@@ -44,54 +44,54 @@ use crate::particles::Localiser;
 use crate::pose::Point;
 use crate::{Master, Work};
 
-/// How often commands are sent.
+/// Period of commands.
 const SEND_EVERY: Duration = Duration::from_millis(20);
 /// The fielded program sends both bytes each millisecond.
 const FIELDED_SEND_EVERY: Duration = Duration::from_millis(1);
-/// Nearer ahead than this the car does not drive on, metres.
+/// Minimum distance ahead for driving on, metres.
 const TOO_NEAR_M: f64 = 0.25;
-/// Longer without a distance from it, a wall is not followed: 11 cm of way.
+/// Longest time without a wall distance in which the wall is still followed: 11 cm of path.
 const WALL_SILENT_MAX: Duration = Duration::from_millis(500);
-/// After so many scans that do not fit, 2 m of way, the car is lost.
+/// Number of unfitting scans, 2 m of path, after which the car is lost.
 const MISFITS_MAX: u8 = 40;
-/// Where the camera sits before the rear axle's middle, metres.
+/// Distance of the camera before the rear axle's middle, metres.
 pub(super) const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
-/// Where the ultrasonic sensor ahead sits before the rear axle's middle.
+/// Distance of the front ultrasonic sensor before the rear axle's middle.
 const FRONT_AHEAD_M: f64 = 0.175 + 0.129;
 
 /// Defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Of the arbiter between phone and planner.
+    /// Defects of the arbiter between phone and planner.
     pub arbiter: arbiter::Defects,
-    /// Of the odometry.
+    /// Defects of the odometry.
     pub odometry: gyro_odometry::Defects,
-    /// Frames of the board by the fielded parser, which loses `00 00 0F`.
+    /// Frames of the board are read by the fielded parser, which loses `00 00 0F`.
     pub loses_frames: bool,
     /// Carriage returns are read as newlines on the board's port.
     pub reads_cr_as_nl: bool,
-    /// Lines of the odometer count only if their sum holds exactly, in 32-bit floats.
+    /// Lines of the odometer count only if their sum is exact in 32-bit floats.
     pub sums_exactly: bool,
     /// Both bytes are sent each millisecond.
     pub floods: bool,
-    /// Gates by the fielded rule.
+    /// Gates are chosen by the fielded rule.
     pub gates_as_fielded: bool,
 }
 
-/// How the program is set up.
+/// Settings of the program.
 #[derive(Clone, Debug)]
 pub struct Config {
     /// Initial pose of the car: the rear axle's middle.
     pub start: CarPose,
-    /// The map that it has; without one it drives by odometry and cannot plan.
+    /// The car's map; without one the car drives by odometry and cannot plan.
     pub floor: FloorPlan,
     /// Format of the odometer's lines; `None`: those of the later sketch, [`odometer::Raw`].
     pub dialect: Option<odometer::Dialect>,
-    /// The wall that is followed in autonomous driving without a goal, and the distance, metres.
+    /// The wall to follow in autonomous driving without a goal, and its distance, metres.
     pub wall: Option<(Side, f64)>,
-    /// Of the localisation's dice.
+    /// Seed of the localisation's random numbers.
     pub seed: u64,
-    /// The error.
+    /// Enabled defects of the fielded program.
     pub defects: Defects,
 }
 
@@ -139,26 +139,26 @@ pub struct Apollo13 {
     by_board: BoardOdometry,
     /// Odometry from encoder and steering table.
     steered: CarPose,
-    /// The odometry at the last line, and the board's then.
+    /// The odometry at the last line, and the board's pose then.
     at_line: (GyroOdometry, CarPose),
     witness: Witness,
     /// Time of the odometer's last line by its own clock, seconds.
     odometer_s: f64,
     localiser: Option<Localiser>,
-    /// Where the odometry's origin lies on the map.
+    /// Pose of the odometry's origin on the map.
     origin: CarPose,
     floor: Floor,
-    /// The map under way, from when mapping is ordered until something else is.
+    /// The map under construction, from the order to map until another order.
     survey: Option<Survey>,
-    /// When a place to look from was chosen last.
+    /// Time of the last choice of a view.
     chosen: Option<Instant>,
-    /// Since when it has not got on while it maps, and where.
+    /// Time and pose since which the car has made no progress while it maps.
     got_on: Option<(Instant, CarPose)>,
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
     search: search::Search,
-    /// Scans in a row, more or less, that do not fit where the car believes to be.
+    /// Balance of scans that do not fit at the believed pose.
     misfits: u8,
     wall: Option<WallDistance>,
     wall_heard: Option<Instant>,
@@ -176,7 +176,7 @@ pub struct Apollo13 {
     counters: Counters,
 }
 
-/// Finds the board's frames.
+/// Parser of the board's frames.
 #[derive(Clone, Debug)]
 enum Board {
     Sound(car_board::Decoder),
@@ -204,7 +204,7 @@ impl Apollo13 {
     /// The phone.
     pub const REMOTE: Port = Port(4);
 
-    /// A program that begins now.
+    /// A program in its initial state.
     pub fn new(config: Config) -> Self {
         let defects = config.defects;
         let floor = Floor::new(config.floor.clone(), INFLATION);
@@ -261,26 +261,27 @@ impl Apollo13 {
         }
     }
 
-    /// Where the car believes to be on its map: the rear axle's middle.
+    /// The car's believed pose on its map: the rear axle's middle.
     pub fn pose(&self) -> CarPose {
         let moved = CarPose::default().motion_to(self.odometry.pose());
         self.origin.then(moved)
     }
 
-    /// A goal on the map, or none.
+    /// Sets a goal on the map, or none.
     pub fn set_goal(&mut self, goal: Option<CarPose>) {
         self.pilot.set_goal(goal);
     }
 
-    /// Follows its wall with these gains from now on.
+    /// Sets the gains of the wall follower.
     pub fn set_wall_gains(&mut self, gains: Gains) {
         let wall = self.config.wall;
         self.wall = wall.map(|(side, wanted_m)| WallDistance::new(side, wanted_m, gains));
     }
 
-    /// Takes the car's pose from the operator, except while the car draws a map and knows better.
+    /// Takes the car's pose from the operator, except while the car draws a map: then its own pose
+    /// is better.
     pub fn set_pose(&mut self, pose: CarPose) {
-        // A map under way is drawn where the car found itself to be.
+        // A map under construction is drawn from the car's own pose.
         if self.survey.is_some() {
             return;
         }
@@ -302,7 +303,7 @@ impl Apollo13 {
         self.move_origin(pose);
     }
 
-    /// The way to the goal.
+    /// The pilot with the path to the goal.
     pub const fn pilot(&self) -> &Pilot {
         &self.pilot
     }
@@ -317,7 +318,7 @@ impl Apollo13 {
         self.floor.in_the_way()
     }
 
-    /// The guesses of where the car is.
+    /// The guesses of the car's pose.
     pub fn particles(&self) -> &[crate::particles::Particle] {
         self.localiser.as_ref().map_or(&[], Localiser::particles)
     }
@@ -337,7 +338,7 @@ impl Apollo13 {
         self.battery_mv
     }
 
-    /// Puts the odometry's origin where the car is at `pose`.
+    /// Sets the odometry's origin such that the car is at `pose`.
     fn move_origin(&mut self, pose: CarPose) {
         let back = self.odometry.pose().motion_to(CarPose::default());
         self.origin = pose.then(back);
@@ -353,7 +354,8 @@ impl Apollo13 {
             Mode::Autonomous => {}
             _ => return None,
         }
-        // Without an odometer it does not know where it is; one that is gone is done without.
+        // The car stops while its odometer restarts, because its pose is unknown then. It continues
+        // without a lost odometer.
         if self.watch.wants_rest() {
             return Some(Drive::STOP);
         }
@@ -385,7 +387,8 @@ impl Apollo13 {
         })
     }
 
-    /// Whether the camera has not fitted the map for long: an operator must give the car's pose.
+    /// Whether the camera has not fitted the map for a long time: an operator must give the car's
+    /// pose.
     const fn is_lost(&self) -> bool {
         self.misfits >= MISFITS_MAX
     }
@@ -429,7 +432,7 @@ impl Apollo13 {
     }
 }
 
-/// Room that plans keep around the car, metres: what following may be off.
+/// Margin of plans around the car, metres: the error of following.
 const ROOM_M: f64 = 0.03;
 /// The rear end is the outline's nearest side, as its reference point is the rear axle's middle.
 const INFLATION: Inflation = Inflation {
@@ -493,7 +496,7 @@ impl Master for Apollo13 {
         LineConfig::new_8n1(match port {
             Self::CAR => car_board::BAUD,
             Self::ODOMETER => odometer::BAUD,
-            // Wireless, in the seed: 54 Mbit/s at best.
+            // Wireless in the seed: at most 54 Mbit/s.
             _ => 20_000_000,
         })
     }

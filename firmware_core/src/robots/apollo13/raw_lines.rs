@@ -1,16 +1,17 @@
-//! Makes readings of the later sketch's lines, which tell what its sensors do and no more: the
-//! heading is added up here, and a way that the accelerometer did not feel is none.
+//! Converts the later sketch's lines, which contain only raw sensor values, to readings. The
+//! heading is summed here, and a distance without a matching acceleration does not count.
 
 use protocols::odometer::{Raw, Reading};
 
 use super::slip::SlipWatch;
 
-/// Lines come with the sketch's loop, and tell no time.
+/// Period of the sketch's lines, which contain no time.
 const LINE_S: f64 = 0.010_03;
-/// So long the encoder stands before the gyroscope's offset is learned, and how fast, seconds.
+/// Time that the encoder stands before the gyroscope's offset is measured, and the time constant of
+/// the measurement, seconds.
 const STANDS_S: f64 = 0.5;
 const LEARNED_S: f64 = 0.5;
-/// A way that falls back to nothing from farther than this is that of a board that was reset.
+/// A distance that falls back to 0 from more than this means a reset of the board.
 const RESET_M: f64 = 0.05;
 
 /// State of the conversion.

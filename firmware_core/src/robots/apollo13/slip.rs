@@ -6,47 +6,48 @@
 //! During a contradiction the accelerometer gives the car's motion, for two seconds at most: after
 //! that an offset of a hundredth of gravity has added up to 0.2 m/s.
 
-/// Ways are compared over so long, seconds: the encoder's are printed in centimetres.
+/// Time over which distances are compared, seconds: the encoder prints centimetres.
 const OVER_S: f64 = 0.3;
-/// Lines that fit into it at least.
+/// Maximum number of lines within that time.
 const LINES_MAX: usize = 32;
-/// Ways that are farther apart contradict each other, metres: 0.13 m/s. And when no more.
+/// Difference of distances from which they contradict each other, metres (0.13 m/s), and below
+/// which they agree again.
 const APART_M: [f64; 2] = [0.04, 0.015];
-/// How fast the speed is drawn to the encoder's, seconds.
+/// Time constant with which the speed is drawn to the encoder's, seconds.
 const DRAWN_S: f64 = 0.5;
-/// So long the encoder stands before the offset is learned, and how fast it is, seconds: a car that
-/// starts goes a centimetre before the encoder tells of it.
+/// Time that the encoder stands before the offset is measured, and the time constant of the
+/// measurement, seconds: a starting car moves a centimetre before the encoder reports it.
 const STANDS_S: f64 = 0.5;
 const LEARNED_S: f64 = 5.0;
-/// How fast the speed of a car that stands is forgotten, seconds.
+/// Time constant with which the speed of a standing car decays, seconds.
 const FORGOTTEN_S: f64 = 0.2;
-/// Longest time for which the accelerometer is believed, seconds.
+/// Longest time for which the accelerometer is trusted, seconds.
 const BELIEVED_S: f64 = 2.0;
 
-/// A line's part in the comparison: time, way by the encoder, way by the accelerometer.
+/// A line's part in the comparison: time, distance by the encoder, distance by the accelerometer.
 type Line = [f64; 3];
 
-/// Encoder and accelerometer beside each other.
+/// Comparison of encoder and accelerometer.
 #[derive(Clone, Debug, Default)]
 pub struct SlipWatch {
     lines: [Line; LINES_MAX],
     next: usize,
-    /// By the accelerometer, m/s.
+    /// Speed by the accelerometer, m/s.
     speed_m_s: f64,
     /// Acceleration measured at rest, m/s².
     offset_m_s2: Option<f64>,
-    /// For how long that was learned.
+    /// Duration of that measurement.
     learned_s: f64,
-    /// Since the encoder counted last.
+    /// Time since the last count of the encoder.
     stands_s: f64,
-    /// Since a slip was found; `None`: there is none.
+    /// Time since a slip was found; `None`: no slip.
     slips_s: Option<f64>,
     found: u64,
 }
 
 impl SlipWatch {
-    /// The encoder has gone `way_m` in `passed_s`, and the car is accelerated ahead by
-    /// `ahead_m_s2`: how far the car went.
+    /// Takes the encoder's distance `way_m` in `passed_s`, and the car's acceleration `ahead_m_s2`;
+    /// returns the car's true distance.
     pub fn update(&mut self, passed_s: f64, way_m: f64, ahead_m_s2: f64) -> f64 {
         if !(passed_s > 0.0 && passed_s <= OVER_S && way_m.is_finite() && ahead_m_s2.is_finite()) {
             return way_m;
@@ -63,7 +64,7 @@ impl SlipWatch {
             Some(since_s) => {
                 *since_s += passed_s;
                 if apart_m <= APART_M[1] || *since_s >= BELIEVED_S {
-                    // The wheels hold again, or no other source is better than the wheels.
+                    // The wheels grip again, or no other source is better than the wheels.
                     self.slips_s = None;
                     self.begin_anew(told_m / over_s);
                     return way_m;
@@ -88,12 +89,12 @@ impl SlipWatch {
         self.slips_s.is_some()
     }
 
-    /// How often they began to.
+    /// Number of slips found.
     pub const fn found(&self) -> u64 {
         self.found
     }
 
-    /// Learns what the accelerometer tells of a car that stands.
+    /// Measures the accelerometer's offset on a standing car.
     fn rest(&mut self, passed_s: f64, way_m: f64, ahead_m_s2: f64) {
         self.stands_s = if way_m == 0.0 {
             self.stands_s + passed_s
@@ -109,7 +110,7 @@ impl SlipWatch {
         }
     }
 
-    /// Time and ways of the last [`OVER_S`].
+    /// Time and distances of the last [`OVER_S`].
     fn over(&self) -> Line {
         let mut sum = [0.0; 3];
         for back in 1..=LINES_MAX {

@@ -12,50 +12,50 @@ use protocols::Instant;
 
 use crate::ackermann::{CarPose, Motion, wrapped};
 
-/// Travel by the board after which travels are compared, metres: six pulses; and after which a
-/// comparison ends: an encoder that loses an eighth of its counts is found until then.
+/// Travel by the board after which distances are compared, metres: six pulses; and the travel that
+/// ends a comparison: it is long enough to detect an encoder that loses an eighth of its counts.
 const WAY_M: [f64; 2] = [0.15, 0.60];
 /// The same for turns.
 const TURN_M: f64 = 0.30;
-/// Travels that agree are no farther apart than this: two pulses and the time of a frame.
+/// Maximum difference of distances that agree: two pulses and the time of a frame.
 const WAY_OFF_M: f64 = 0.08;
-/// Turns that agree over [`TURN_M`] are no farther apart than this: 8 degrees of steering, and
-/// what the servo takes to get there.
+/// Maximum difference of turns that agree over [`TURN_M`]: 8 degrees of steering, and the delay of
+/// the servo.
 const TURN_OFF_RAD: f64 = 0.25;
-/// A gyroscope that tells no more than the first while the steering should have turned the car by
-/// the second may be dead.
+/// A gyroscope may be dead if it reports at most the first figure while the steering should have
+/// turned the car by the second.
 const STILL_RAD: f64 = 0.01;
 const TURNED_RAD: f64 = 0.10;
-/// The board's frames come each 67 ms. What comes later was held up on the line, and what comes
-/// sooner is behind it.
+/// Period of the board's frames that are in time. Nominal are 67 ms; a later frame was delayed on
+/// the line, and an earlier one follows a delayed one.
 const IN_TIME: RangeInclusive<Duration> = Duration::from_millis(30)..=Duration::from_millis(150);
 
 /// A contradiction, over the motion since the last one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
-    /// The car went as the second motion says, not as the odometer, the first.
+    /// The car moved as the second motion shows, not as the odometer, the first.
     Way(Motion, Motion),
-    /// It turned as one of them says.
+    /// The car turned as one of them shows.
     Turn(Motion, Motion),
 }
 
 /// Poses of all sources at a frame of the board, each in its own frame of reference.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Told {
-    /// When the board's frame came.
+    /// Time of the board's frame.
     pub now: Instant,
-    /// By encoder and gyroscope.
+    /// Pose by encoder and gyroscope.
     pub odometer: CarPose,
-    /// By the board's pulses and the steering that was commanded.
+    /// Pose by the board's pulses and the commanded steering.
     pub board: CarPose,
-    /// By the encoder and the steering that was commanded.
+    /// Pose by the encoder and the commanded steering.
     pub steered: CarPose,
     /// Whether the last motor command was backwards.
     pub is_backwards: bool,
 }
 
 impl Told {
-    /// Motions by the odometer, the board, and encoder with steering, from here on.
+    /// Motions by the odometer, the board, and encoder with steering, from `self` to `to`.
     fn motions(&self, to: &Self) -> [Motion; 3] {
         [
             self.odometer.motion_to(to.odometer),
@@ -64,7 +64,7 @@ impl Told {
         ]
     }
 
-    /// The ways from here on, if the odometer's is opposite to the board's.
+    /// The motions from `self` to `to`, if the odometer's direction is opposite to the board's.
     fn other_way(&self, to: &Self) -> Option<Finding> {
         let [odometer, board, _] = self.motions(to);
         let is_other_way = odometer.ahead_m * board.ahead_m < 0.0;
@@ -91,7 +91,7 @@ impl Witness {
         (self.way, self.turn, self.heard) = (told, told, told.now);
     }
 
-    /// The car is ordered to drive the other way from here on.
+    /// Notes the order to drive in the other direction.
     pub const fn turn_round(&mut self, told: Told) {
         self.turned = Some(told);
     }
@@ -137,7 +137,7 @@ impl Witness {
 
     fn compare_turns(&mut self, told: Told) -> Option<Finding> {
         let [odometer, board, steered] = self.turn.motions(&told);
-        // A board that is reset again and again counts less than the encoder, and never more.
+        // A board with repeated resets counts less than the encoder, and never more.
         let other = match length(&steered) > length(&board) {
             true => steered,
             false => board,

@@ -12,14 +12,15 @@ use crate::robots::apollo13::floor::{Floor, FloorPlan};
 use crate::robots::apollo13::pilot::GoalState;
 use crate::robots::apollo13::survey::{Choice, Survey};
 
-/// How often the map under way becomes the floor to drive by.
+/// Period at which the drawn map becomes the floor to drive by.
 const FLOOR_EVERY: Duration = Duration::from_secs(1);
 
-/// So near a goal the next one is chosen, metres, and no oftener than this.
+/// Distance to a goal at which the next one is chosen, metres, and the minimum time between two
+/// choices.
 const NEAR_M: f64 = 1.2;
 const CHOOSES_EVERY: Duration = Duration::from_secs(2);
-/// A car that gets on by less than this, metres, in so long shuffles before something that only
-/// shows from where it stands: that place is not for it.
+/// Minimum progress, metres, within this time. A car below it is stuck before an obstacle that only
+/// shows from its own position: it gives the goal up.
 const GOT_ON_M: f64 = 0.3;
 const GETS_ON_WITHIN: Duration = Duration::from_secs(15);
 
@@ -36,7 +37,7 @@ impl Apollo13 {
                 self.pilot.set_goal(None);
                 self.survey = Some(Survey::new(pose.shifted(CAMERA_AHEAD_M)));
             }
-            // Killed, or two orders at once: that passes.
+            // Kill switch, or two orders at once: these are temporary.
             (false, Some(survey)) if !self.is_ordered() => self.survey = Some(survey),
             (false, Some(survey)) => {
                 self.config.floor = survey.plan();
@@ -50,7 +51,7 @@ impl Apollo13 {
         }
     }
 
-    /// Whether one driver is ordered.
+    /// Whether exactly one driver is ordered.
     fn is_ordered(&self) -> bool {
         !matches!(self.arbiter.mode(), Mode::Killed | Mode::Contradiction)
     }
@@ -71,8 +72,8 @@ impl Apollo13 {
         self.move_origin(found.shifted(-CAMERA_AHEAD_M));
     }
 
-    /// Whether the car has got on within the last while, at least by what counts as such; a car
-    /// that has not starts to count again.
+    /// Whether the car has made enough progress within the last period; if not, the period
+    /// restarts.
     fn gets_on(&mut self, pose: CarPose) -> bool {
         let (since, at) = *self.got_on.get_or_insert((self.now, pose));
         let has_moved = at.distance_m(pose) > GOT_ON_M;
@@ -83,7 +84,7 @@ impl Apollo13 {
         has_moved || !is_late
     }
 
-    /// The next place to look from, when the car is near the last one: it need not stop there.
+    /// Chooses the next view when the car is near the last one; the car need not stop there.
     pub(super) fn explore(&mut self, pose: CarPose) {
         let is_under_way = matches!(self.pilot.state(), GoalState::Driving | GoalState::Planning);
         let is_far = |goal: CarPose| goal.distance_m(pose) > NEAR_M;

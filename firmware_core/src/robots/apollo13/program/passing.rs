@@ -11,21 +11,21 @@ use crate::robots::apollo13::floor::FloorPlan;
 use crate::robots::apollo13::gates::Passage;
 use crate::robots::apollo13::pilot::GoalState;
 
-/// How near the car must be to its place before a gate, metres and radians: half a heading of the
-/// lattice, and what following adds.
+/// Tolerance at the pose before a gate, metres and radians: half a heading step of the lattice, and
+/// the error of following.
 const BEFORE_GATE: [f64; 2] = [0.15, 0.30];
-/// Without a gate to drive through for so long, the car looks for one elsewhere.
+/// Time without a gate after which the car searches elsewhere.
 const SEARCHES_AFTER: Duration = Duration::from_secs(2);
-/// How often it looks whether one has come into sight.
+/// Interval of the checks for a gate in sight.
 const LOOKS_EVERY: Duration = Duration::from_secs(1);
-/// Places to look from, as parts of the map's width and height, and whichever way from each.
+/// Lookouts, as shares of the map's width and height, with several headings each.
 const LOOKOUTS: [[f64; 2]; 3] = [[0.5, 0.5], [0.25, 0.5], [0.75, 0.5]];
 const HEADINGS: u32 = 4;
-/// So many places without a gate are enough.
+/// Maximum number of lookouts without a gate.
 const LOOKOUTS_MAX: u32 = 3 * HEADINGS;
 
 impl Apollo13 {
-    /// Goes on to the next part of a passage, or to the next gate.
+    /// Continues with the next part of a passage, or with the next gate.
     pub(super) fn choose_gate(&mut self, pose: CarPose) {
         let is_done = match self.pilot.state() {
             GoalState::None | GoalState::Reached => true,
@@ -35,7 +35,7 @@ impl Apollo13 {
             }
             _ => false,
         };
-        // A gate is worth more than a place to look from.
+        // A gate takes precedence over a lookout.
         let is_search = self.passage.is_none() && self.search.places > 0;
         let is_old = |looked: Instant| self.now - looked >= LOOKS_EVERY;
         let is_due = is_search && self.search.looked.is_none_or(is_old);
@@ -64,7 +64,7 @@ impl Apollo13 {
         }
     }
 
-    /// There is no gate in sight; `is_there`: nor on the way to another place.
+    /// Handles the case of no gate in sight; `is_there`: the car has also reached its lookout.
     fn look_elsewhere(&mut self, is_there: bool) {
         let now = self.now;
         self.search.looked = Some(now);
@@ -87,7 +87,7 @@ impl Apollo13 {
     }
 }
 
-/// The place to look from of this number.
+/// The lookout with this number.
 fn lookout(plan: &FloorPlan, number: u32) -> CarPose {
     let index = usize::try_from(number / HEADINGS).unwrap_or_default();
     let [across, along] = LOOKOUTS[index % LOOKOUTS.len()];
@@ -100,7 +100,7 @@ fn lookout(plan: &FloorPlan, number: u32) -> CarPose {
     }
 }
 
-/// The straight way through a gate, a pose each 5 cm.
+/// The straight path through a gate, a pose each 5 cm.
 fn through(passage: Passage) -> alloc::vec::Vec<CarPose> {
     let length = passage.before.distance_m(passage.behind);
     let steps = libm::ceil(length / 0.05).clamp(1.0, 1_000.0);

@@ -1,4 +1,4 @@
-//! Where the car is on its map, by guesses.
+//! Localisation of the car on its map by guesses.
 
 use super::{CAMERA_AHEAD_M, Config};
 use crate::ackermann::CarPose;
@@ -13,7 +13,7 @@ const NOISE: Noise = Noise {
     way_by_turn: 0.04,
 };
 
-/// Guesses about `start` on the map that the car has.
+/// Guesses around `start` on the car's map.
 pub(super) fn localiser(config: &Config, start: CarPose) -> Localiser {
     let floor = &config.floor;
     let field = LikelihoodField::new(

@@ -9,7 +9,7 @@ use crate::pose::Point;
 
 /// Ranges that the camera can measure, metres: defaults of the fielded conversion.
 const RANGE_M: [f64; 2] = [0.45, 10.0];
-/// So many columns side by side without a depth are no gaps: nothing is there in range.
+/// Number of adjacent columns without a depth that are no gap: there is no object in range.
 const NOTHING_COLUMNS: usize = 12;
 /// Maximum share of gaps among the columns with an object. With more gaps the camera counts as
 /// blind, and unseen space may hold obstacles.
@@ -22,7 +22,7 @@ struct Direction {
     /// Ahead and to the left of a point one unit away; in a row, one unit of depth.
     ahead: f64,
     left: f64,
-    /// Range of that unit, metres.
+    /// Range of that point, metres.
     range: f64,
 }
 
@@ -83,7 +83,7 @@ impl Sight {
         });
     }
 
-    /// The directions of `lens`, unless it is the last one's.
+    /// Computes the directions of `lens`, unless they are already those of the last one.
     fn fit(&mut self, lens: Lens, direction: impl Fn(f64) -> Direction) {
         if self.lens != lens {
             self.lens = lens;
@@ -92,7 +92,7 @@ impl Sight {
         }
     }
 
-    /// All that is in range, each with its direction, metres.
+    /// All readings in range, each with its direction, metres.
     fn readings(&self) -> impl Iterator<Item = (&Direction, f64)> {
         let all = self.directions.iter().zip(&self.values_mm);
         let read = all.filter(|(_, mm)| **mm > 0);
@@ -102,7 +102,7 @@ impl Sight {
         })
     }
 
-    /// The places of all that is in range, for a camera so far ahead on the car.
+    /// Positions of all readings in range, for a camera `camera_ahead_m` ahead on the car.
     pub(super) fn put_points(&self, camera_ahead_m: f64, points: &mut Vec<Point>) {
         points.clear();
         points.extend(self.readings().map(|(direction, metres)| {
@@ -116,7 +116,8 @@ impl Sight {
         }));
     }
 
-    /// All that is in range as beams; where nothing is, beams of infinite range, if that `is_open`.
+    /// All readings in range as beams; directions without an object become beams of infinite range,
+    /// if the floor `is_open`.
     pub(super) fn beams(&self, is_open: bool) -> Vec<Beam> {
         let beam = |(direction, metres): (&Direction, f64)| Beam {
             bearing_rad: direction.bearing_rad,
@@ -129,7 +130,7 @@ impl Sight {
         beams
     }
 
-    /// Beams where a whole piece of the row has no depth.
+    /// Beams for pieces of the row that have no depth at all.
     fn nothing(&self) -> Vec<Beam> {
         let (mut beams, mut gaps, mut at) = (Vec::new(), 0, 0);
         for run in self
@@ -148,7 +149,7 @@ impl Sight {
             }
             at += run.len();
         }
-        // A row without any depth may as well come from a lens that is covered.
+        // A row without any depth may also come from a covered lens.
         let seen = self.values_mm.len() - beams.len();
         match gaps as f64 > GAPS_MAX * seen as f64 || seen == 0 {
             true => Vec::new(),

@@ -17,31 +17,30 @@ const SQUARE_M: f64 = 0.20;
 const SIDE: usize = 160;
 /// Standard deviation of the best point, metres.
 const SIGMA_M: f64 = 0.004;
-/// Points that a line needs, by number and by weight; at a weight of 1 a point is as good as can
-/// be.
+/// Minimum number and weight of a line's points; a weight of 1 is that of an ideal point.
 const POINTS_MIN: f64 = 8.0;
 const WEIGHT_MIN: f64 = 0.2;
-/// Standard deviations of a line's points, metres: across it at most, along it at least.
+/// Standard deviations of a line's points, metres: maximum across it, minimum along it.
 const ACROSS_MAX_M: f64 = 0.02;
 const ALONG_MIN_M: f64 = 0.025;
-/// At this weight a piece stays as it is. Points of one scan are wrong together, as the camera's
-/// pose is: some dozen scans, from near and far, are to have a say.
+/// Weight at which a piece stays fixed. Points of one scan share the error of the camera's pose, so
+/// some dozen scans, from near and far, should contribute.
 const WEIGHT_MAX: f64 = 400.0;
 /// After so many scans, one minute, an old piece takes precedence over newer ones.
 const OLD_AFTER: u32 = 300;
-/// Points of a scan that are laid onto lines at most.
+/// Maximum number of points of a scan that are fitted to lines.
 const LAID_MAX: usize = 160;
-/// Farther points are neither laid nor drawn, metres: the camera's own end is near.
+/// Maximum distance of points that are fitted or drawn, metres: it is near the camera's own limit.
 const REACH_M: f64 = 9.0;
-/// Rounds of one search, and how far a point may lie from its line in the first half of them and in
-/// the rest, metres.
+/// Rounds of one search, and the maximum distance of a point from its line in the first half of
+/// them and in the rest, metres.
 const ROUNDS: u8 = 8;
 const OFF_MAX_M: [f64; 2] = [0.25, 0.12];
-/// From here on a point that is off counts less, metres.
+/// Distance from the line above which a point counts less, metres.
 const HUBER_M: f64 = 0.03;
-/// Points beside each other are wrong together: what one counts for.
+/// Weight of one point: neighbouring points share their error.
 const POINT: f64 = 0.15;
-/// Part of the direction in which points lie that may lie across a line.
+/// Maximum width of a line's points relative to their length.
 const ASKEW_MAX: f64 = 0.35;
 /// Standard deviation of the odometry: share of the motion, and a constant for each step, metres
 /// and radians.
@@ -52,11 +51,11 @@ const TURN: [f64; 2] = [0.01, 0.002];
 /// radians from one scan to the next.
 const BIASED: f64 = 0.03;
 const BIAS_MAX_RAD: f64 = 0.005;
-/// The scan is drawn when the camera has moved so far, metres and radians.
+/// Minimum motion of the camera before a scan is drawn, metres and radians.
 const MOVED: [f64; 2] = [0.02, 0.01];
-/// So many scans are drawn first, wherever the camera is: a line needs [`POINTS_MIN`].
+/// Number of first scans that are always drawn: a line needs [`POINTS_MIN`].
 const AT_REST: u32 = 8;
-/// Of the points that had a line near, so many must lie on it for a scan to be believed.
+/// Minimum share of the points with a line nearby that must lie on it for a valid scan.
 const FIT_MIN: f64 = 0.4;
 
 /// A piece of line.
@@ -69,12 +68,12 @@ struct Line {
 /// Points seen in a square.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    /// Scan in which it was begun.
+    /// Scan in which the piece was started.
     began: u32,
     points: f64,
     weight: f64,
     sum: [f64; 2],
-    /// Of x x, x y and y y.
+    /// Sums of x x, x y and y y.
     squares: [f64; 3],
     line: Option<Line>,
 }
@@ -124,7 +123,7 @@ impl Piece {
     }
 }
 
-/// Lines, and where the camera is among them.
+/// Lines, and the camera's pose among them.
 #[derive(Clone, Debug)]
 pub(super) struct Tracker {
     /// The corner of the squares, metres.
@@ -133,16 +132,16 @@ pub(super) struct Tracker {
     squares: Vec<u32>,
     pieces: Vec<Piece>,
     pose: CarPose,
-    /// Where the camera was when a scan was drawn last.
+    /// Pose of the camera at the last drawn scan.
     drawn: Option<CarPose>,
     scans: u32,
     is_fitting: bool,
-    /// By how much the odometry turns by itself from one scan to the next.
+    /// Turn by which the odometry drifts from one scan to the next.
     bias_rad: f64,
 }
 
 impl Tracker {
-    /// Nothing was seen; the camera is at `pose`.
+    /// A tracker without lines; the camera is at `pose`.
     pub(super) fn new(pose: CarPose) -> Self {
         let half = SIDE as f64 / 2.0 * SQUARE_M;
         Self {
@@ -157,7 +156,7 @@ impl Tracker {
         }
     }
 
-    /// A car that stands: what the odometry turns is its own.
+    /// Measures the odometry's drift on a standing car.
     pub(super) fn rest(&mut self, motion: Motion) -> CarPose {
         self.learn(motion.turn_rad - self.bias_rad);
         self.pose
@@ -168,13 +167,13 @@ impl Tracker {
         self.bias_rad = bias_rad.clamp(-BIAS_MAX_RAD, BIAS_MAX_RAD);
     }
 
-    /// Whether the last scan lay where the lines are, as far as there were any.
+    /// Whether the last scan fitted the lines, as far as there were any.
     pub(super) const fn is_fitting(&self) -> bool {
         self.is_fitting
     }
 
-    /// The camera moved so by the odometry, and sees these places: bearing and range, radians and
-    /// metres. Where it is now.
+    /// Takes the camera's motion by odometry, and its view: bearing and range, radians and metres.
+    /// Returns the camera's pose.
     pub(super) fn track(
         &mut self,
         motion: Motion,
@@ -197,7 +196,7 @@ impl Tracker {
     }
 
     fn has_moved(&self) -> bool {
-        // The first scans are drawn at rest, or there would be no lines to begin with.
+        // The first scans are drawn at rest, or there would be no lines to start with.
         self.scans <= AT_REST
             || self.drawn.is_none_or(|drawn| {
                 let turned = wrapped(self.pose.heading_rad - drawn.heading_rad).abs();
@@ -248,7 +247,8 @@ impl Tracker {
         if self.is_fitting { pose } else { told }
     }
 
-    /// The line that a point most likely lies on, how far it is off, and how exactly that is known.
+    /// The most likely line of a point, the point's distance from it, and the accuracy of that
+    /// distance.
     fn line_near(&self, [x, y]: [f64; 2]) -> Option<(Line, f64, f64)> {
         let mut best: Option<(bool, f64, Line, f64, f64)> = None;
         let [column, row] = self.square([x, y])?;
@@ -356,7 +356,7 @@ impl Sum {
         sum
     }
 
-    /// Something is off by so much, and would be less so along `slope`.
+    /// Adds an error of this size, which falls along `slope`.
     fn add(&mut self, [a, b, c]: [f64; 3], off: f64, weight: f64) {
         let products = [a * a, a * b, a * c, b * b, b * c, c * c];
         for (sum, product) in self.matrix.iter_mut().zip(products) {
@@ -367,7 +367,7 @@ impl Sum {
         }
     }
 
-    /// By Cramer's rule; no change if there is no one answer.
+    /// The solution by Cramer's rule; no change if the solution is not unique.
     fn solved(&self) -> [f64; 3] {
         let [a, b, c, d, e, f] = self.matrix;
         let [x, y, z] = self.right;
