@@ -12,33 +12,34 @@ use crate::pose::{Point, Pose, sin_cos};
 
 /// Infrared sensors of the base.
 pub(super) const SENSORS: usize = 10;
-/// Places that are kept; then the oldest is forgotten. Five doors of 90 cm.
+/// Maximum number of stored positions; a new one then replaces the oldest. They cover five doors of
+/// 90 cm.
 const PLACES_MAX: usize = 80;
-/// Two of them lie no nearer to each other.
+/// Minimum distance between stored positions.
 const APART_MM: f32 = 60.0;
-/// As far as a sensor is believed when the robot drives straight on, and when it turns: a reading
-/// is up to 0.25 s old, in which a robot that steers for a goal turns by 11 degrees.
+/// Maximum valid range of a sensor when the robot drives straight, and when it turns. A reading is
+/// up to 0.25 s old; in that time a robot that steers for a goal turns by 11 degrees.
 const BELIEVED_MM: f32 = 700.0;
 const BELIEVED_TURNING_MM: f32 = 350.0;
-/// Difference of the wheels' speeds, ticks per 40 ms, from which on it turns.
+/// Difference of the wheels' speeds, ticks per 40 ms, from which the robot turns.
 const TURNING: u8 = 4;
 /// A lidar point nearer than this to the sensor's echo is the same obstacle.
 const SAME_MM: f32 = 130.0;
-/// So far before what a sensor sees there is nothing, and so far beside its line.
+/// Margin before a sensor's echo, and half width of its line, within which positions are cleared.
 const BEFORE_MM: f32 = 150.0;
 const BESIDE_MM: f32 = 40.0;
-/// Readings in a row that look through a place until it is forgotten.
+/// Number of readings through a position that delete it.
 const THROUGH: u8 = 3;
 
 /// Reading of a base after its reset until the sensor is measured, up to 0.15 s. A real reading has
 /// this value only by chance.
 const UNMEASURED: i16 = 0;
 
-/// Where a sensor sits and looks: ahead and to the left, mm, and its bearing.
+/// Mount of a sensor: ahead and to the left, mm, and its bearing.
 type Mount = [f32; 3];
 
-/// In the order of the base's registers, 1 to 11 and 21 to 31. The emulated base has them there:
-/// a guess, as the report shows pairs on four sides and no figures.
+/// Mounts in the order of the base's registers, 1 to 11 and 21 to 31. These are the mounts of the
+/// emulated base. They are a guess, because the report shows pairs on four sides and no figures.
 const MOUNTS: [Mount; SENSORS] = [
     [-130.0, -60.0, PI],
     [-60.0, -130.0, -FRAC_PI_2],
@@ -52,15 +53,15 @@ const MOUNTS: [Mount; SENSORS] = [
     [130.0, -60.0, 0.0],
 ];
 
-/// A place in the map's frame.
+/// A position in the map's frame.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     at: Point,
-    /// How often it was looked through since it was seen.
+    /// Number of readings through the position since the last echo there.
     through: u8,
 }
 
-/// The list of places.
+/// The list of positions.
 #[derive(Clone, Debug)]
 pub(super) struct Blind {
     places: [Place; PLACES_MAX],
@@ -84,7 +85,7 @@ impl Blind {
         }
     }
 
-    /// Takes what the sensors read, mm, at `pose`, where the lidar shows `around`; `speed` of the
+    /// Takes the sensors' readings, mm, at `pose`, with the lidar's points `around`; `speed` of the
     /// wheels in ticks per 40 ms.
     pub(super) fn take(
         &mut self,
@@ -117,7 +118,7 @@ impl Blind {
         }
     }
 
-    /// All places, and what the sensors meet now, as seen from `pose`.
+    /// All stored positions and current echoes, relative to `pose`.
     pub(super) fn seen_from(&self, pose: Pose) -> impl Iterator<Item = Point> + '_ {
         let (sin, cos) = sin_cos(pose.heading);
         let kept = self.places[..self.count].iter().map(|place| place.at);
@@ -144,7 +145,7 @@ impl Blind {
         }
     }
 
-    /// Forgets places that a sensor has looked through often enough.
+    /// Deletes positions that a sensor has measured through often enough.
     fn look_through(&mut self, [ahead, left, bearing]: Mount, range_mm: f32, pose: Pose) {
         let from = pose.to_world(Point::new(ahead, left));
         let (sin, cos) = sin_cos(pose.heading + bearing);

@@ -24,14 +24,14 @@ const JUDGE_SCANS: u8 = 5;
 /// noise of the map, not floor.
 const VAIN_VIEWS: u8 = 6;
 const NEWS_CELLS: u32 = 25;
-/// Fewer known cells than the floor that the robot stands on, 0.08 m2, are no map.
+/// Minimum number of known cells of a map: the floor under the robot, 0.08 m2.
 const FOOTPRINT_CELLS: u32 = 90;
-/// A view that showed fewer cells showed nothing.
+/// Minimum number of new cells of a view that showed something.
 const NOTHING_CELLS: u32 = 3;
 /// Scans for which the robot stays at a view.
 const LOOK_SCANS: u8 = 4;
-/// Scans that a path may take: 20 s, and 13 cm/s; and ten seconds more if the robot is nearly
-/// there.
+/// Maximum number of scans for a path: 20 s, plus a share for 13 cm/s; and ten seconds more if the
+/// robot is nearly there.
 const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
 const NEARLY_SCANS: u16 = 50;
@@ -46,25 +46,25 @@ const SAME_WALLS_MM: f32 = 500.0;
 /// Speed of the wheels in a turn on the spot that shows the walls to the heat sensors: 45 degrees a
 /// second.
 const TURN: i8 = 9;
-/// Both sides together see everything in half a turn.
+/// Turn on the spot, radians: both sides together see everything in half a turn.
 const TURN_RAD: f32 = 3.4;
 
 /// Angle from the middle of a heat sensor's view, seen from the robot's middle, within which a wall
 /// counts as felt: a plate of 10 cm there fills a fifth of the view.
 const FELT_RAD: f32 = 0.16;
 
-/// How far the robot has got with its search.
+/// Progress of the search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// It searches unknown areas.
     Seeks,
-    /// Nothing that it can reach is unknown: it goes home.
+    /// No reachable area is unknown: the robot drives home.
     GoesHome,
     /// The robot is home.
     IsHome,
 }
 
-/// Where the robot has stayed on its way, and for how many scans.
+/// Position near which the robot has stayed, and for how many scans.
 #[derive(Clone, Copy, Debug)]
 struct Shuffle {
     about: Point,
@@ -88,14 +88,14 @@ impl Shuffle {
 /// Current action at a view.
 #[derive(Clone, Copy, Debug)]
 enum At {
-    /// On the way there.
+    /// Driving to the view.
     Way {
         view: View,
         scans: u16,
         age: u8,
         shuffle: Shuffle,
     },
-    /// Standing there and looking.
+    /// Standing and looking.
     Look { place: Point, scans: u8 },
     /// Turning on the spot; `turned` radians of it are done since `heading`.
     Turn {
@@ -126,12 +126,12 @@ pub(super) struct Explore {
     /// Whether the given-up views got their second chance.
     is_second: bool,
     views: u16,
-    /// Cells known at the last view that showed something, and views since.
+    /// Cells known at the last view that added some, and views since.
     known: u32,
     vain: u8,
-    /// The last view, and the cells known when it was chosen.
+    /// The last view, and the number of cells known at its choice.
     last: Option<(Point, u32)>,
-    /// The last view that it did not get to.
+    /// The last view that the robot did not reach.
     unreached: Option<Point>,
 }
 
@@ -152,7 +152,7 @@ impl Explore {
         }
     }
 
-    /// Whether it was ever asked for.
+    /// Whether a search was ever ordered.
     pub(super) const fn has_begun(&self) -> bool {
         self.home.is_some()
     }
@@ -161,12 +161,13 @@ impl Explore {
         self.progress
     }
 
-    /// Places that the robot has looked from.
+    /// Number of views that the robot has looked from.
     pub(super) const fn views(&self) -> u16 {
         self.views
     }
 
-    /// Goes on from here: what lies behind the robot's back may have changed.
+    /// Interrupts the search, which continues from the robot's later position, because the
+    /// surroundings may have changed. A finished search starts again.
     pub(super) const fn pause(&mut self) {
         self.at = None;
         if matches!(self.progress, Progress::IsHome) {
@@ -190,7 +191,7 @@ impl Explore {
         self.frontiers.take_points()
     }
 
-    /// Updates the felt walls with the heat sensors' readings at `pose`; a warm place beside the
+    /// Updates the felt walls with the heat sensors' readings at `pose`; a warm wall beside the
     /// robot without a known victim stays unfelt.
     fn feel(
         &mut self,
@@ -207,7 +208,7 @@ impl Explore {
         self.frontiers.feel(map, pose.position(), bearings);
     }
 
-    /// One step of the search, once a scan.
+    /// Runs one step of the search, once a scan.
     pub(super) fn step(&mut self, navigator: &mut Navigator, sight: Sight<'_>) -> [i8; 2] {
         if self.sought == Sought::FloorAndHeat {
             self.feel(sight);
@@ -253,7 +254,8 @@ impl Explore {
         }
     }
 
-    /// Unknown cells that are worth a way after so many views in vain; `None` if nothing is.
+    /// Minimum number of unknown cells that justify a path after so many views in vain; `None`
+    /// after too many.
     const fn least(&self) -> Option<u16> {
         if self.vain <= VAIN_VIEWS {
             Some(Outlook::SMALL)
@@ -282,7 +284,7 @@ impl Explore {
             self.frontiers.showed_nothing(map, place);
         }
         if known < FOOTPRINT_CELLS {
-            // Where nothing is known, nothing can be chosen: the lidar has yet to see something.
+            // In an unknown map no view can be chosen: the lidar must see something first.
             (self.vain, self.is_second) = (0, false);
             return HALT;
         }

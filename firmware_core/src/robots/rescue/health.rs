@@ -10,13 +10,13 @@ use super::{Progress, Rescue};
 use crate::pose::Pose;
 use crate::slam::Improvement;
 
-/// Charge at which the robot goes home, in percent, and from which on a battery counts as another
-/// one.
+/// Charge at which the robot drives home, in percent, and from which a battery counts as a new one.
 const LOW_PERCENT: i8 = 10;
 const FULL_PERCENT: i8 = 30;
-/// Readings in a row that say so, one a second: a motor that starts costs a little as well.
+/// Number of low readings in a row, one a second: the start of a motor also lowers the charge for a
+/// moment.
 const LOW_READINGS: u8 = 5;
-/// How fast it drives then: 136 mm/s.
+/// Speed of the drive home: 136 mm/s.
 const SLOW_CRUISE: i8 = 12;
 /// A robot so near to the map's edge may be beyond it.
 const RIM_MM: f32 = 50.0;
@@ -46,7 +46,7 @@ impl Health {
         self.is_stopped = false;
     }
 
-    /// Takes a reading of the battery; whether it has just become low.
+    /// Takes a reading of the battery; returns whether the battery has just become low.
     const fn take_battery(&mut self, battery: Battery) -> bool {
         if battery.percent > LOW_PERCENT {
             self.low_readings = 0;
@@ -61,7 +61,7 @@ impl Health {
 }
 
 impl Rescue {
-    /// Goes on with setting the radio up, and tells if that could not be done.
+    /// Continues the setup of the radio, and reports a failure.
     pub(super) fn set_radio_up(&mut self, now: Instant) {
         let Some(setup) = &mut self.radio_setup else {
             return;
@@ -75,7 +75,7 @@ impl Rescue {
         }
     }
 
-    /// Whether the radio is there for the PC.
+    /// Whether the radio is available for the PC.
     pub(super) const fn uses_radio(&self) -> bool {
         self.switches.pc_link && self.radio_setup.is_none()
     }
@@ -115,7 +115,7 @@ impl Rescue {
         self.health.is_off_map = is_off_map;
     }
 
-    /// Whether the robot is where its map ends.
+    /// Whether the robot is at the edge of its map.
     pub const fn is_off_map(&self) -> bool {
         self.health.is_off_map
     }
@@ -125,14 +125,14 @@ impl Rescue {
         self.mapper.improvements()
     }
 
-    /// Where the wheels alone, or the gyroscope with them, put the robot, which began at the
-    /// origin, and when; `None` before their first reading.
+    /// Pose by the wheels alone, or with the gyroscope, relative to the origin, and its time;
+    /// `None` before the first reading.
     pub fn dead_reckoned(&self) -> Option<(Instant, Pose)> {
         let odometry = &self.drive.odometry;
         Some((odometry.updated_at()?, odometry.pose()))
     }
 
-    /// Whether the lidar turns at its speed.
+    /// Whether the lidar's speed is stable.
     pub const fn lidar_speed_is_stable(&self) -> bool {
         self.lidar.speed_is_stable()
     }

@@ -18,13 +18,13 @@ impl Kits {
         target: None,
     };
 
-    /// One more.
+    /// Adds a kit.
     pub(super) fn add(&mut self) {
         self.waiting = self.waiting.saturating_add(1);
         self.target = self.target.map(|target| target.saturating_add(1));
     }
 
-    /// Whether the base is to be asked for its count.
+    /// Whether kits are waiting, so the base's count is needed.
     pub(super) const fn is_waiting(&self) -> bool {
         self.waiting > 0
     }

@@ -10,7 +10,7 @@ use crate::scan::{Turn, TurnAssembler};
 
 /// Silence after which the robot counts as blind: more than a whole turn.
 const SILENCE_MAX: Duration = Duration::from_millis(300);
-/// Time without a complete turn after which it does.
+/// Time without a complete turn after which the robot counts as blind.
 const TURNLESS_MAX: Duration = Duration::from_millis(700);
 /// Turns after the first one behind a silence before the robot drives again: the lidar may fail
 /// again.
@@ -18,13 +18,13 @@ const STEADY_TURNS: u8 = 2;
 /// Maximum number of missing packets in a row, of 90 a turn, with which the robot still drives. An
 /// obstacle narrower than these 40 degrees at the robot's clearance was visible a scan or two ago.
 const GAP_MAX: u8 = 10;
-/// Quiet time after which a half-received packet is given up. Nothing depends on it: a packet that
+/// Idle time after which a partial packet is discarded. The value is uncritical: a packet that
 /// begins inside a broken one is found anyway.
 const IDLE_GAP: Duration = Duration::from_millis(20);
 const TARGET_RPM: f32 = 300.0;
 const PACKETS: u32 = 90;
 
-/// From the lidar's bytes to turns, and the motor that turns it.
+/// The lidar's parser, turn assembler and motor regulator.
 #[derive(Clone, Debug)]
 pub(super) struct Lidar {
     line: LineConfig,
@@ -39,10 +39,10 @@ pub(super) struct Lidar {
     sees: bool,
     /// Turns still to come before the lidar counts as steady.
     unsteady: u8,
-    /// The fielded program waits for the lidar with everything else (XV-08).
+    /// Defect: the whole program waits for the lidar (XV-08).
     waits: bool,
     is_blocked: bool,
-    /// It kicks the motor whenever it loses the stream (XV-09).
+    /// Defect: the motor gets its start duty whenever the stream is lost (XV-09).
     kicks: bool,
     pub(super) counters: Counters,
 }
@@ -115,7 +115,7 @@ impl Lidar {
         self.decoder.idle();
     }
 
-    /// Looks for silence.
+    /// Checks for silence.
     pub(super) fn tick(&mut self, now: Instant) {
         self.motor.tick(now);
         let is_silent = now - self.packet_at >= SILENCE_MAX || now - self.turn_at >= TURNLESS_MAX;
@@ -144,12 +144,12 @@ impl Lidar {
         self.sees
     }
 
-    /// Whether the lidar has been there for a turn or two, and has looked everywhere.
+    /// Whether the lidar has worked for a turn or two, without a large gap.
     pub(super) const fn is_steady(&self) -> bool {
         self.unsteady == 0 && self.assembler.turn().gap <= GAP_MAX
     }
 
-    /// Whether the program stands still because no packet comes.
+    /// Whether the program is blocked because no packet arrives.
     pub(super) const fn is_blocked(&self) -> bool {
         self.is_blocked
     }
@@ -162,7 +162,7 @@ impl Lidar {
         self.has_turn
     }
 
-    /// The turn that has not been looked at yet.
+    /// The newest unprocessed turn.
     pub(super) fn take_turn(&mut self) -> &Turn {
         self.has_turn = false;
         self.assembler.turn()

@@ -1,62 +1,63 @@
-//! Victims: places on the walls where the heat sensors felt one.
+//! Victims: warm positions on the walls found by the heat sensors.
 //!
-//! A sensor looks to the side. While it passes a warm object, the places on the wall right beside
-//! it are averaged, each by the square of how warm it is there: the middle of the object. A reading
-//! counts if the wall is as warm as a victim on it would make it; a victim farther away, seen past
-//! the wall's end, does not count.
+//! A sensor looks to the side. While it passes a warm object, the program averages the wall's
+//! positions right beside the sensor, weighted by the square of the excess temperature. The mean is
+//! the middle of the object. A reading counts if it is as warm as a victim on that wall would make
+//! it; a victim farther away, seen past the wall's end, does not count.
 
 use crate::pose::{Point, Pose};
 
 use super::Surroundings;
 
-/// Victims that are kept.
+/// Maximum number of stored victims.
 pub const VICTIMS_MAX: usize = 16;
-/// Warmer than its surroundings by so much, in tenths of a degree: 37 degrees on a third of what
-/// the sensor sees, in a hall of 22.
+/// Minimum excess over the ambient temperature, in tenths of a degree: 37 degrees on a third of the
+/// sensor's view, in a hall of 22.
 const WARM: i16 = 45;
 /// Excess of a victim that fills the sensor's view: 37 degrees in a hall of 22.
 const FULL: f32 = 150.0;
 /// Share of the old estimate of the ambient temperature kept at each reading, in 64ths.
 const KEEP_64: i32 = 62;
-/// Largest drop of the estimated surroundings' temperature at once, tenths of a degree: a victim
-/// may have stood where they were first felt.
+/// Largest drop of the estimated ambient temperature at once, tenths of a degree: at the first
+/// reading a victim may have been in view.
 const COLDER_MAX: i32 = 150;
-/// From a sensor to the middle of the robot, millimetres.
+/// Distance of a sensor from the robot's middle, millimetres.
 const MOUNT_MM: f32 = 100.0;
 /// Half of a sensor's field of view, radians, and its tangent.
 const HALF_VIEW_RAD: f32 = 0.305;
 const HALF_VIEW_TAN: f32 = 0.315;
-/// A victim beyond the rim of the field of view still warms a delayed reading.
+/// Margin around the field of view in which a victim still warms a delayed reading.
 const RIM_RAD: f32 = 0.15;
 /// Half of a warm plate, millimetres.
 const HALF_PLATE_MM: f32 = 50.0;
-/// Farther from the sensor than this the place on the wall is not sure, millimetres. What a search
-/// takes for felt lies nearer: 0.42 m from the middle, and the flank of 60 mm that the map draws
-/// before a wall.
+/// Distance from the sensor above which the position on the wall is uncertain, millimetres. Walls
+/// that the search counts as felt are nearer: 0.42 m from the middle, less the flank of 60 mm that
+/// the map draws before a wall.
 const FAR_MM: f32 = 450.0;
-/// A victim farther away than this is not felt at all.
+/// Maximum distance at which a victim is felt at all.
 const FELT_MM: f32 = 1500.0;
-/// An excess over the surroundings from which a reading may be the rim of a victim, tenths of a
-/// degree.
+/// Excess over the ambient temperature from which a reading may be the edge of a victim, tenths of
+/// a degree.
 const CALM: i16 = 15;
-/// Beside the middle of the field of view a wall is looked for so far: tangent, and millimetres.
+/// Half width beside the middle of the field of view in which the wall is searched: tangent, and
+/// millimetres.
 const BESIDE_TAN: f32 = 0.1;
 const BESIDE_MM: f32 = 8.0;
-/// Cosine of the angle to a wall below which a victim's place on it is not sure.
+/// Cosine of the angle to a wall below which a victim's position on it is uncertain.
 const OBLIQUE_COS: f32 = 0.5;
-/// So far around a point of a wall others tell how it runs, millimetres.
+/// Radius around a point of a wall whose points give the wall's direction, millimetres.
 const AROUND_MM: f32 = 60.0;
-/// An object farther away than the wall by so much, millimetres, may be the source of the warmth,
-/// unless the reading exceeds that of a victim there by this factor.
+/// An object farther away than the wall by this distance, millimetres, may be the source of the
+/// warmth, unless the reading exceeds that of a victim there by this factor.
 const BEHIND_MM: f32 = 120.0;
 const NOT_BEHIND: f32 = 1.25;
-/// A victim on the wall reaches at least this share of the expected reading, and is felt so many
-/// times.
+/// Minimum share of the expected reading that a victim on the wall reaches, and minimum number of
+/// readings.
 const SHARE_MIN: f32 = 0.6;
 const READINGS_MIN: u8 = 2;
-/// Nearer to a victim than this it is the same one.
+/// Radius within which two victims are the same.
 const SAME_MM: f32 = 250.0;
-/// Candidates that were felt too little to be a victim, of which the last ones are kept.
+/// Maximum number of stored candidates with too few readings; the newest are kept.
 const DOUBTS_MAX: usize = 4;
 /// Two doubtful objects nearer together than this are the same, millimetres: a robot that passes a
 /// plate at 0.2 m/s measures it once each time, at positions this close.
@@ -65,9 +66,9 @@ const SAME_DOUBT_MM: f32 = 150.0;
 /// A victim.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Victim {
-    /// Where, in the map.
+    /// Position in the map.
     pub place: Point,
-    /// Sum of the weights of the readings that it is the mean of.
+    /// Sum of the weights of the averaged readings.
     weight: f32,
 }
 
@@ -92,7 +93,7 @@ impl Passing {
         self.readings >= READINGS_MIN && self.share >= SHARE_MIN
     }
 
-    /// Both, if they are of one place.
+    /// Combines both, if they have the same position.
     fn with(mut self, other: &Self) -> Option<Self> {
         let [here, there] = [self.victim.place, other.victim.place];
         if other.readings == 0 || here.distance_mm(there) >= SAME_DOUBT_MM {
@@ -105,7 +106,7 @@ impl Passing {
     }
 }
 
-/// All of them.
+/// All victims and candidates.
 #[derive(Clone, Debug)]
 pub(super) struct Victims {
     list: [Victim; VICTIMS_MAX],
@@ -116,7 +117,7 @@ pub(super) struct Victims {
     doubts: [Passing; DOUBTS_MAX],
     /// The newest readings are warmer than the surroundings.
     is_warm: [bool; 2],
-    /// Temperature of the surroundings, 64ths of a tenth of a degree; 0: not known yet.
+    /// Ambient temperature, 64ths of a tenth of a degree; 0: not known yet.
     ambient_64: [i32; 2],
 }
 
@@ -170,8 +171,8 @@ impl Victims {
     /// a new victim.
     pub(super) fn take(&mut self, readings: [i16; 2], pose: Pose, around: &Surroundings) -> bool {
         let mut is_new = false;
-        // A base that has just started has not measured yet and tells 0: that is no cold hall, in
-        // which all others would be warm.
+        // A base that has just started has not measured yet and reports 0. This is not a cold hall,
+        // in which all other readings would count as warm.
         let measured = readings.into_iter().enumerate();
         for (index, reading) in measured.filter(|(_, reading)| *reading != 0) {
             let excess = self.excess(index, reading);
@@ -192,7 +193,7 @@ impl Victims {
         is_new
     }
 
-    /// How much warmer than its surroundings.
+    /// Excess over the ambient temperature.
     fn excess(&mut self, index: usize, reading: i16) -> i16 {
         let ambient = &mut self.ambient_64[index];
         let reading_64 = i32::from(reading) * 64;
@@ -210,8 +211,8 @@ impl Victims {
         i16::try_from(excess).unwrap_or(0)
     }
 
-    /// Nothing warm passes this side any more: the object that passed is a victim if it was felt
-    /// enough, now or together with earlier readings there.
+    /// Ends the passage of a warm object on this side: it is a victim if it had enough readings,
+    /// now or together with earlier ones there.
     fn passed(&mut self, index: usize) -> bool {
         let mut passed = core::mem::replace(&mut self.passing[index], Passing::NOBODY);
         if passed.readings == 0 {
@@ -259,8 +260,8 @@ fn mix(victim: &mut Victim, place: Point, weight: f32) {
     victim.place.y_mm += (place.y_mm - victim.place.y_mm) * share;
 }
 
-/// The wall beside the sensor on that side (1 left, -1 right), seen from the robot, if the warmth
-/// is on it, and its share of the reading that a victim there would cause.
+/// The wall beside the sensor on that side (1 left, -1 right), relative to the robot, if the warmth
+/// comes from it, and its share of the reading that a victim there would cause.
 fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f32)> {
     let seen_by = |point: Point| {
         let seen = Point::new(point.x_mm, side * point.y_mm - MOUNT_MM);
@@ -271,7 +272,7 @@ fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f3
         (ahead > 0.0 && aside.abs() <= ahead * HALF_VIEW_TAN).then_some(seen)
     };
     let seen = || around.points().filter_map(|(point, _)| seen_by(point));
-    // Of a wall that runs along the robot, the point right beside the sensor.
+    // For a wall parallel to the robot, the point right beside the sensor.
     let (mut wall, mut near) = (None, FAR_MM);
     for point in seen() {
         let Point {
@@ -300,7 +301,7 @@ fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f3
     is_there.then(|| (place, excess / plate_there(wall, along)))
 }
 
-/// Where the wall runs around a point of it: a unit vector, forward or straight away.
+/// Direction of the wall around a point of it: a unit vector, forward or straight away.
 fn direction(at: Point, seen: impl Iterator<Item = Point>) -> [f32; 2] {
     let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
     for point in seen.filter(|point| point.distance_mm(at) <= AROUND_MM) {
@@ -311,7 +312,7 @@ fn direction(at: Point, seen: impl Iterator<Item = Point>) -> [f32; 2] {
     [cos, sin]
 }
 
-/// Reading above the surroundings for a victim at that place on a wall that runs so.
+/// Excess of a victim at that position on a wall with direction `along`.
 fn plate_there(wall: Point, along: [f32; 2]) -> f32 {
     let bearing = |half: f32| {
         let [x, y] = [wall.x_mm + half * along[0], wall.y_mm + half * along[1]];
@@ -321,7 +322,7 @@ fn plate_there(wall: Point, along: [f32; 2]) -> f32 {
     FULL * seen / (2.0 * HALF_VIEW_RAD)
 }
 
-/// Reading above the surroundings for a victim straight ahead of the sensor.
+/// Excess of a victim straight ahead of the sensor.
 fn expected(far_mm: f32) -> f32 {
     let seen = libm::atan2f(HALF_PLATE_MM, far_mm) / HALF_VIEW_RAD;
     FULL * seen.min(1.0)

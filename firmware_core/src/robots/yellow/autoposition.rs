@@ -12,9 +12,9 @@
 use super::motion::Velocity;
 use crate::pose::{Point, Pose, normalised};
 
-/// Distance, in metres, and angle at which the robot is there.
+/// Tolerance at the goal: distance, in metres, and angle.
 const TOLERANCE: f32 = 0.02;
-/// How far the heading may be off when the robot stands: braking takes it a little farther.
+/// Maximum heading error of the standing robot: braking adds a little.
 const SETTLED_RAD: f32 = 0.015;
 /// Turning speed per angle.
 const TURN_GAIN: f32 = 10.0;
@@ -22,18 +22,18 @@ const STEER_GAIN: f32 = 8.0;
 const TURN_MAX_RAD_S: f32 = 4.0;
 /// Minimum turning speed until the heading is right.
 const TURN_MIN_RAD_S: f32 = 0.5;
-/// Speed per distance, and the highest.
+/// Speed per distance, and the maximum speed.
 const SPEED_GAIN: f32 = 2.0;
 const SPEED_MAX_M_S: f32 = 0.5;
-/// A goal farther aside than this is not driven to.
+/// Maximum bearing of a goal that the robot drives to.
 const ASIDE_RAD: f32 = 0.5;
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// The last turn may go the long way round.
+    /// The last turn may take the longer direction.
     pub turns_the_long_way: bool,
-    /// A new goal on the way is begun in the step of the old one.
+    /// A new goal during a manoeuvre starts in the step of the old one.
     pub keeps_the_step: bool,
 }
 
@@ -49,7 +49,7 @@ impl Defects {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Goal {
     pub(super) position: Point,
-    /// `None`: any.
+    /// `None`: any heading.
     pub(super) heading: Option<f32>,
 }
 
@@ -81,7 +81,7 @@ impl Autoposition {
         }
     }
 
-    /// A goal, perhaps on the way to another one.
+    /// Sets a goal, possibly during the drive to another one.
     pub(super) const fn set_goal(&mut self, goal: Goal) {
         self.goal = goal;
         if !self.defects.keeps_the_step {
@@ -89,16 +89,16 @@ impl Autoposition {
         }
     }
 
-    /// The manoeuvre begins.
+    /// Starts the manoeuvre.
     pub(super) const fn begin(&mut self) {
         self.step = Step::Turn;
     }
 
-    /// How to move from `pose`, which does not change where `is_at_rest`; `None`: the robot is
-    /// there.
+    /// Velocity at `pose`, which does not change while the robot `is_at_rest`; `None`: the robot
+    /// has arrived.
     pub(super) fn step(&mut self, pose: Pose, is_at_rest: bool) -> Option<Velocity> {
         let aim = Aim::new(pose, self.goal.position);
-        // Each step may be done at once, in this order.
+        // Steps may end at once, so check them in this order.
         if self.step == Step::Turn {
             if aim.distance_m < TOLERANCE {
                 self.step = Step::Align;
@@ -151,7 +151,7 @@ impl Autoposition {
     }
 }
 
-/// Where a position is, as the robot sees it.
+/// Position relative to the robot.
 struct Aim {
     distance_m: f32,
     /// To the left.

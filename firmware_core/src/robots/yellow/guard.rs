@@ -1,5 +1,5 @@
-//! Protection of manoeuvres against walls. A pose may be wrong without a sign of it: a goal then
-//! lies behind a wall that the IR sensor ahead sees.
+//! Protection of manoeuvres against walls. A pose may be wrong without notice: then a goal may lie
+//! behind a wall that the IR sensor ahead sees.
 
 use core::time::Duration;
 
@@ -7,14 +7,14 @@ use protocols::Instant;
 
 use super::motion::Velocity;
 
-/// Speed per room ahead, 1/s: from 0.5 m/s the robot stops within 9 cm, most of it the time until
-/// the sensor tells.
+/// Speed per room ahead, 1/s: from 0.5 m/s the robot stops within 9 cm, mostly because of the
+/// sensor's delay.
 const GAIN: f32 = 3.0;
-/// Room that is none: below 7 cm the sensor tells more than there is.
+/// Distance that counts as no room: below 7 cm the sensor reads too far.
 const NEAR_M: f32 = 0.1;
 /// Time for which a near wall counts after its last reading.
 const HELD: Duration = Duration::from_secs(1);
-/// A touch so slow does no harm; goals beside a wall are reached all the same.
+/// Speed at which a touch does no harm, so that goals beside a wall can be reached.
 const CREEP_M_S: f32 = 0.04;
 
 /// Time until which a wall ahead counts as near.
@@ -28,7 +28,7 @@ impl Guard {
         near_until: Instant::ZERO,
     };
 
-    /// `wanted`, no faster ahead than the room of `ahead_m` allows.
+    /// `wanted`, with its forward speed limited by the room of `ahead_m`.
     pub(super) fn limited(&mut self, now: Instant, ahead_m: f32, wanted: Velocity) -> Velocity {
         if ahead_m <= NEAR_M {
             self.near_until = now + HELD;

@@ -1,4 +1,4 @@
-//! The driver of the RPLIDAR A1: starts it, takes its nodes, and notices when none come.
+//! The driver of the RPLIDAR A1: starts the lidar, takes its nodes, and detects silence.
 //!
 //! ```text
 //! motor on --1 s--> SCAN --nodes--> ... --1 s of silence--> HEALTH? --good--> SCAN
@@ -6,8 +6,8 @@
 //!                    +-------------------1 s----- RESET <------+
 //! ```
 //!
-//! A lidar in Protection Stop takes scan requests without a word (protocol document LR001), so
-//! silence is all that tells. Duty and waiting time: public code of the robot, `LIDAR`.
+//! A lidar in Protection Stop ignores scan requests silently (protocol document LR001), so silence
+//! is the only sign. Duty and waiting time: public code of the robot, `LIDAR`.
 
 use core::time::Duration;
 
@@ -22,31 +22,31 @@ use crate::fifo::Fifo;
 const MOTOR_DUTY: u8 = 153;
 /// From the motor's start, or a reset, to the first request.
 const START: Duration = Duration::from_secs(1);
-/// Without nodes for so long the lidar is asked how it is.
+/// Time without nodes after which the driver requests the lidar's health.
 const SILENCE: Duration = Duration::from_secs(1);
-/// The same before the first node: it comes when the head turns evenly.
+/// The same before the first node: it arrives only when the head turns evenly.
 const SPIN_UP: Duration = Duration::from_secs(3);
-/// Time for its answer.
+/// Timeout for the answer.
 const ANSWER: Duration = Duration::from_millis(100);
-/// Quiet time after which a half-received node is given up: forty of them.
+/// Idle time after which a partial node is discarded: the time of forty nodes.
 const IDLE_GAP: Duration = Duration::from_millis(20);
-/// A turn takes 0.1 s to 1 s: a shorter one has two beginnings, a longer one none.
+/// A turn takes 0.1 s to 1 s: a shorter one has two start marks, a longer one has lost its mark.
 const TURN_MIN: Duration = Duration::from_millis(80);
 const TURN_MAX: Duration = Duration::from_millis(1_500);
-/// Behind three quarters of a turn its first quarter is the next one's.
+/// After three quarters of a turn, angles of the first quarter belong to the next turn.
 const THREE_QUARTERS_Q6: u16 = 270 * 64;
 const QUARTER_Q6: u16 = 90 * 64;
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Seven bytes are skipped, then five are a node whatever they are.
+    /// Seven bytes are skipped, then every five bytes count as a node, whatever their content.
     pub unchecked: bool,
-    /// The seven are skipped once, not after each start.
+    /// The seven bytes are skipped once, not after each start.
     pub skips_once: bool,
     /// Silence is not noticed.
     pub notices_no_silence: bool,
-    /// Of the set.
+    /// Defects of the set of turns.
     pub scans: scans::Defects,
 }
 
@@ -60,16 +60,16 @@ impl Defects {
     };
 }
 
-/// Where the driver is.
+/// State of the driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// Nothing was done yet.
+    /// The motor is off; initial state.
     Off,
     /// The motor speeds up, or the lidar starts again.
     Starting { until: Instant },
-    /// A scan was asked for.
+    /// A scan was requested.
     Scanning,
-    /// The health was asked for.
+    /// The health was requested.
     Asking { until: Instant },
 }
 
@@ -81,15 +81,15 @@ pub(super) struct Lidar {
     decoder: Decoder,
     groups: Groups,
     order: Order,
-    /// Of the last node that was believed.
+    /// Angle of the last accepted node.
     angle_q6: u16,
     pub(super) scans: Scans,
     requests: Fifo<16>,
     duty: Option<u8>,
     received_at: Instant,
-    /// When a node came last, or a scan was asked for.
+    /// Time of the last node, or of the scan request.
     node_at: Instant,
-    /// How long the next one may take.
+    /// Maximum time until the next node.
     patience: Duration,
     turn_at: Instant,
     pub(super) counters: Counters,
@@ -223,7 +223,7 @@ impl Lidar {
         self.requests.pop(buf)
     }
 
-    /// Groups of five bytes that were no node.
+    /// Groups of five bytes that were not a node.
     pub(super) const fn bad_groups(&self) -> u32 {
         self.groups.bad
     }
@@ -264,7 +264,7 @@ impl Lidar {
     }
 
     fn send(&mut self, command: Command) {
-        // A request that does not fit is asked for again by the silence that follows.
+        // A request that does not fit is repeated after the following silence.
         self.requests.push(command.request().as_bytes());
     }
 
@@ -273,7 +273,7 @@ impl Lidar {
         (self.node_at, self.patience) = (now, SILENCE);
     }
 
-    /// The node with which a turn begins may have been lost.
+    /// Processes an accepted node. The node with a turn's start mark may have been lost.
     fn believe(&mut self, now: Instant, group: Group) {
         let is_behind = self.angle_q6 > THREE_QUARTERS_Q6 && group.angle_q6 < QUARTER_Q6;
         self.angle_q6 = group.angle_q6;
@@ -295,10 +295,10 @@ impl Lidar {
     }
 }
 
-/// The fielded parser: bytes by their number.
+/// The fielded parser: groups bytes by their count.
 #[derive(Clone, Debug)]
 struct Groups {
-    /// Bytes of the descriptor that are still to be skipped.
+    /// Bytes of the descriptor still to skip.
     skips: u8,
     bytes: [u8; 5],
     len: usize,

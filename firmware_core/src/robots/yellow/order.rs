@@ -8,10 +8,11 @@
 
 use protocols::rplidar::Node;
 
-/// Neighbours differ by 1.8 degrees at most, 10 turns a second of 2,000 samples; an invalid one is
-/// up to 7 degrees ahead of where it belongs. 64ths of a degree.
+/// Maximum angle between neighbouring nodes, 64ths of a degree. Neighbours differ by 1.8 degrees at
+/// most (10 turns a second of 2,000 samples); an invalid node is up to 7 degrees ahead of its true
+/// angle.
 const APART_Q6: u16 = 10 * 64;
-/// As far as the head turns from one node to the next, rounded up.
+/// Maximum turn of the head from one node to the next, rounded up.
 const STEP_Q6: u32 = 116;
 const TURN_Q6: u16 = 360 * 64;
 
@@ -35,12 +36,12 @@ impl Group {
     }
 }
 
-/// The order of the nodes.
+/// Order of the nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Order {
-    /// The last node, if nothing came since.
+    /// The last node, if no other bytes came since.
     last: Option<Group>,
-    /// Where the last one that was believed lies.
+    /// Angle of the last accepted node.
     believed_q6: Option<u16>,
     /// Nodes since.
     since: u32,
@@ -53,12 +54,12 @@ impl Order {
         since: 0,
     };
 
-    /// Something came that is no node.
+    /// Notes bytes that are no node.
     pub(super) const fn gap(&mut self) {
         self.last = None;
     }
 
-    /// A node came; the one before it, if it is to be believed.
+    /// Takes a node; returns the one before it, if that is accepted.
     pub(super) fn take(&mut self, group: Group) -> Option<Group> {
         self.since = self.since.saturating_add(1);
         let before = self.last.replace(group)?;
@@ -77,12 +78,12 @@ impl Order {
     }
 }
 
-/// How far `to` lies ahead of `from`, less than a turn.
+/// Angle from `from` to `to`, less than a turn.
 const fn ahead(from: u16, to: u16) -> u16 {
     (to % TURN_Q6 + TURN_Q6 - from % TURN_Q6) % TURN_Q6
 }
 
-/// Whether that is at most `most`, or as little back as neighbours may lie.
+/// Whether the angle is at most `most`, or backwards by no more than neighbours differ.
 const fn is_near(ahead_q6: u16, most: u16) -> bool {
     ahead_q6 <= most || ahead_q6 >= TURN_Q6 - APART_Q6
 }

@@ -1,7 +1,7 @@
 //! Driving by three IR sensors alone, without a map.
 //!
-//! Speed follows the room ahead, turning the difference between left and right (course law); the
-//! fielded formula is the one that turned back at corners in the demonstration.
+//! The speed depends on the room ahead, the turn on the difference between left and right (course
+//! law). With the fielded formula the robot turned back at corners in the demonstration.
 
 use core::time::Duration;
 
@@ -10,21 +10,21 @@ use protocols::telemetry::message;
 
 use super::motion::Velocity;
 
-/// How long the robot backs away.
+/// Duration of backing away.
 const BACK: Duration = Duration::from_millis(300);
-/// Speed of backing away, of the nominal one.
+/// Speed of backing away, relative to the nominal speed.
 const BACK_PART: f32 = -0.1;
 /// Fastest turn.
 const TURN_RAD_S: f32 = 2.0;
-/// Differences between left and right below this are none.
+/// Differences between left and right below this count as 0.
 const SAME_M: f32 = 0.02;
-/// Room ahead behind which an escape has ended.
+/// Room ahead at which an escape ends.
 const ROOM_M: f32 = 0.2;
-/// More than the nearest distance by this: the robot is not about to touch.
+/// Margin above the nearest distance: the robot is not about to touch.
 const MARGIN_M: f32 = 0.03;
-/// Longest turn of an escape: a whole one at its speed.
+/// Maximum duration of an escape: a whole turn at its speed.
 const ESCAPE_MAX: Duration = Duration::from_millis(3_200);
-/// The fielded program's fastest turn in its formula.
+/// The fastest turn in the fielded program's formula.
 const FIELDED_TURN: f32 = 4.0;
 
 /// Enabled defects of the fielded program; none by default.
@@ -47,7 +47,7 @@ struct Figures {
     distance_min_m: f32,
     distance_max_m: f32,
     speed_m_s: f32,
-    /// rad/s a metre.
+    /// Turn rate per metre of difference, rad/s.
     turn_gain: f32,
 }
 
@@ -55,18 +55,18 @@ struct Figures {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     Drive,
-    /// Too near.
+    /// Backs away from an obstacle that is too near.
     Back {
         until: Instant,
     },
-    /// Turns to where there is more room: +1 to the left.
+    /// Turns to the side with more room: +1 to the left.
     Escape {
         sign: f32,
         until: Instant,
     },
 }
 
-/// The law, and where it is.
+/// The law and its state.
 #[derive(Clone, Debug)]
 pub(super) struct Reactive {
     defects: Defects,
@@ -113,7 +113,7 @@ impl Reactive {
         };
     }
 
-    /// Begins again.
+    /// Restarts the law.
     pub(super) const fn begin(&mut self) {
         self.phase = Phase::Drive;
     }
@@ -140,7 +140,7 @@ impl Reactive {
             Phase::Drive if is_near => {
                 self.phase = Phase::Back { until: now + BACK };
             }
-            // Straight ahead of a wall with as much room left as right, the law would wait.
+            // Straight ahead of a wall with equal room on both sides the law would stop forever.
             Phase::Drive if self.is_stuck(distances_m) => {
                 self.phase = self.escape(now, left - right);
             }

@@ -12,16 +12,16 @@ use crate::pose::{Point, sin_cos};
 pub(super) const BINS: usize = 720;
 /// Turns of a set.
 const TURNS: usize = 5;
-/// A direction with fewer samples has no distance.
+/// Minimum number of samples for a distance.
 const SAMPLES_MIN: usize = 3;
 /// Range of the sensor, and the distance beyond which readings are ignored.
 const NEAREST_MM: f32 = 150.0;
 const FARTHEST_MM: f32 = 5_000.0;
-/// Samples of one direction that differ more are of two surfaces.
+/// Minimum difference of two samples of one direction that belong to two surfaces.
 const SURFACE_MM: u16 = 100;
 /// Sent for a direction without a measurement.
 pub(super) const NOTHING_MM: i32 = 10_000;
-/// Weaker readings the fielded program takes for none.
+/// The fielded program ignores weaker readings.
 const FIELDED_QUALITY_MIN: u8 = 10;
 
 /// Enabled defects of the fielded program; none by default.
@@ -29,9 +29,9 @@ const FIELDED_QUALITY_MIN: u8 = 10;
 pub struct Defects {
     /// A set is five copies of the newest distances, one a degree.
     pub copies: bool,
-    /// Angles are whole degrees, cut off.
+    /// Angles are truncated to whole degrees.
     pub whole_degrees: bool,
-    /// Distances stay until others come.
+    /// Distances stay until new ones arrive.
     pub never_ages: bool,
 }
 
@@ -48,16 +48,16 @@ impl Defects {
 #[derive(Clone, Debug)]
 pub(super) struct Scans {
     defects: Defects,
-    /// Millimetres by turn and direction; 0: nothing.
+    /// Millimetres by turn and direction; 0: no measurement.
     turns: [[u16; BINS]; TURNS],
-    /// The turn that is being filled.
+    /// Index of the turn that is being filled.
     turn: usize,
     quality: [u8; BINS],
     /// The newest set.
     set_mm: [u16; BINS],
     points: [Point; BINS],
     point_count: usize,
-    /// Writes beside the fielded program's array.
+    /// Writes outside the fielded program's array.
     pub(super) stray: u32,
     pub(super) sets: u32,
 }
@@ -77,7 +77,7 @@ impl Scans {
         }
     }
 
-    /// A sample at `angle_q6`, 64ths of a degree clockwise; `None`: nothing was measured.
+    /// Takes a sample at `angle_q6`, 64ths of a degree clockwise; `None`: no measurement.
     pub(super) fn sample(&mut self, angle_q6: u16, distance_mm: Option<f32>, quality: u8) {
         let Some(bin) = self.bin(angle_q6) else {
             self.stray = self.stray.saturating_add(1);
@@ -88,7 +88,7 @@ impl Scans {
             false => (NEAREST_MM..=FARTHEST_MM).contains(it),
         };
         let distance_mm = distance_mm.filter(is_valid).map_or(0, to_u16);
-        // Two samples of a turn may share a direction: one that failed does not undo the other.
+        // Two samples of a turn may share a direction: a failed one does not replace a valid one.
         if distance_mm > 0 || self.defects.copies {
             self.quality[bin] = quality;
             self.turns[self.turn][bin] = distance_mm;
@@ -102,14 +102,14 @@ impl Scans {
         }
         self.sets = self.sets.saturating_add(1);
         self.draw();
-        // The median of five copies is the copy, so one place for it is enough.
+        // The median of five copies is the copy, so storing one turn is enough.
         if !self.defects.copies {
             self.turn = (self.turn + 1) % TURNS;
             self.turns[self.turn] = [0; BINS];
         }
     }
 
-    /// The sensor is silent: nothing is known any more.
+    /// Discards all distances of a silent sensor.
     pub(super) fn forget(&mut self) {
         if self.defects.never_ages {
             return;
@@ -124,7 +124,7 @@ impl Scans {
         &self.points[..self.point_count]
     }
 
-    /// Distance in whole millimetres and quality in that direction, counter-clockwise from ahead.
+    /// Distance in whole millimetres, and quality, in that direction, counter-clockwise from ahead.
     pub(super) fn reading(&self, degrees: usize) -> (i32, i32) {
         let bin = degrees * 2 % BINS;
         let distance_mm = match self.set_mm[bin] {
@@ -138,12 +138,13 @@ impl Scans {
         self.defects.whole_degrees || self.defects.copies
     }
 
-    /// The direction of an angle, counter-clockwise; the fielded program leaves its array.
+    /// Index of the direction of an angle, counter-clockwise; the fielded program can leave its
+    /// array.
     fn bin(&self, angle_q6: u16) -> Option<usize> {
         if self.has_whole_degrees() {
             let degrees = usize::from(angle_q6 / 64);
             return match self.defects.whole_degrees {
-                // Ahead is 360, the array ends before.
+                // Ahead gives index 360, beyond the array's end.
                 true => 360_usize.checked_sub(degrees).filter(|it| *it < 360),
                 false => Some((720 - degrees % 360) % 360),
             }
@@ -203,8 +204,8 @@ impl Samples {
     }
 
     /// The mean without a quarter of the samples at each end, but at least one: the median of three
-    /// or four. Of two surfaces, as at the end of a wall, the nearer the median: between them
-    /// nothing was measured. 0 if there are too few.
+    /// or four. If the samples are of two surfaces, as at the end of a wall, the surface nearer to
+    /// the median counts: no point between them was measured. 0 if there are too few samples.
     fn middle(&mut self) -> u16 {
         if self.len < SAMPLES_MIN {
             return 0;

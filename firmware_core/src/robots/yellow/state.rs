@@ -14,20 +14,20 @@ use core::time::Duration;
 use protocols::Instant;
 use protocols::telemetry::message::State;
 
-/// How long the drivers take to switch on or off.
+/// Time that the drivers take to switch on or off.
 const SWITCHING: Duration = Duration::from_millis(500);
-/// Silence of the PC after which driving by hand ends.
+/// Silence of the PC after which manual driving ends.
 const MANUAL_HOLDS: Duration = Duration::from_secs(2);
-/// A manoeuvre that is interrupted stands for so long before it ends: two messages, so that the PC
-/// sees that it had begun.
+/// Time that an interrupted manoeuvre stands before it ends: two messages, so that the PC sees that
+/// the manoeuvre had started.
 const INTERRUPTED: Duration = Duration::from_millis(400);
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// The watchdog of MANUAL is declared and never looked at.
+    /// The watchdog of MANUAL is declared but never checked.
     pub manual_never_ends: bool,
-    /// The end of a manoeuvre wants OFF, whatever was ordered meanwhile.
+    /// The end of a manoeuvre requests OFF, even if another order came meanwhile.
     pub end_erases_order: bool,
     /// The machine runs each 10 ms instead of each 1 ms.
     pub is_slow: bool,
@@ -47,15 +47,15 @@ impl Defects {
 pub enum Mode {
     /// The motors' drivers are off.
     Off,
-    /// They are being switched on.
+    /// The drivers are being switched on.
     SwitchOn,
-    /// They are on, and the robot stands.
+    /// The drivers are on, and the robot stands.
     On,
-    /// Speeds of the PC.
+    /// Driving with speeds of the PC.
     Manual,
-    /// By the IR sensors.
+    /// Driving by the IR sensors.
     AutoReactive,
-    /// To a pose.
+    /// Driving to a pose.
     AutoPosition,
     /// The drivers are being switched off.
     SwitchOff,
@@ -72,7 +72,7 @@ impl Mode {
         }
     }
 
-    /// Name as in messages to people.
+    /// Name in messages for operators.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Off => "off",
@@ -95,7 +95,7 @@ impl Mode {
     }
 }
 
-/// The robot's order.
+/// Requested mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Desired {
     Off,
@@ -114,9 +114,9 @@ pub(super) struct Machine {
     button: bool,
     /// Time of the PC's last message.
     heard_at: Instant,
-    /// A manoeuvre has ended, and this has not been dealt with.
+    /// A manoeuvre has ended, and the machine has not reacted yet.
     has_arrived: bool,
-    /// A manoeuvre was interrupted, and ends then.
+    /// Time at which an interrupted manoeuvre ends.
     ends_at: Option<Instant>,
     pub(super) time_outs: u32,
     pub(super) arrivals: u32,
@@ -174,7 +174,7 @@ impl Machine {
         self.ends_at = None;
     }
 
-    /// The manoeuvre has come to its end: the next step deals with it.
+    /// Notes the end of the manoeuvre: the next step handles it.
     pub(super) const fn arrived(&mut self) {
         if !self.has_arrived {
             self.arrivals = self.arrivals.saturating_add(1);
@@ -182,7 +182,7 @@ impl Machine {
         self.has_arrived = true;
     }
 
-    /// The way was lost for a while: a manoeuvre that goes by it ends where it is.
+    /// Notes a loss of odometry: a manoeuvre that depends on it ends at the current pose.
     pub(super) fn interrupt(&mut self, now: Instant) {
         if self.mode == Mode::AutoPosition && !self.has_arrived && self.ends_at.is_none() {
             self.interruptions = self.interruptions.saturating_add(1);
@@ -190,12 +190,12 @@ impl Machine {
         }
     }
 
-    /// Whether the manoeuvre only stands until it ends.
+    /// Whether the manoeuvre is interrupted and waits for its end.
     pub(super) const fn is_interrupted(&self) -> bool {
         self.ends_at.is_some()
     }
 
-    /// The button's state; only its going down counts.
+    /// Takes the button's state; only a press counts.
     pub(super) const fn button(&mut self, is_down: bool) {
         if is_down && !self.button {
             self.desired = match self.mode {
@@ -206,7 +206,7 @@ impl Machine {
         self.button = is_down;
     }
 
-    /// One step; true if the robot does something else now.
+    /// Runs one step; returns true if the mode has changed.
     pub(super) fn step(&mut self, now: Instant) -> bool {
         let is_over = self.ends_at.is_some_and(|at| now >= at);
         if core::mem::take(&mut self.has_arrived) || is_over {

@@ -1,4 +1,4 @@
-//! Where everything is: the same table draws the buttons and finds the one that was touched.
+//! Layout of the screen: the same table draws the buttons and finds the touched one.
 
 use embedded_graphics::geometry::{Point, Size};
 use embedded_graphics::primitives::Rectangle;
@@ -45,7 +45,7 @@ pub(in super::super) enum Action {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in super::super) enum Hit {
     Button(Action),
-    /// A place on the map, in cells from its lower left corner; and whether by a double tap.
+    /// A position on the map, in cells from its lower left corner, and whether it was a double tap.
     Map([f32; 2], bool),
 }
 
@@ -95,7 +95,7 @@ const SETTINGS_BUTTONS: [Button; 3] = [
     button(218, 112, "RESET: tap twice", Action::Reset),
 ];
 
-/// The fields that can be touched besides map and status bar.
+/// The touchable fields besides map and status bar.
 pub(super) fn buttons(page: Page, messages: bool) -> impl Iterator<Item = &'static Button> {
     let own: &[Button] = match page {
         _ if messages => &[],
@@ -106,7 +106,7 @@ pub(super) fn buttons(page: Page, messages: bool) -> impl Iterator<Item = &'stat
     TAB_BUTTONS.iter().chain(own)
 }
 
-/// Whether a button is a switch that is on, or the choice in force.
+/// Whether a button is an active switch or the current choice.
 pub(super) fn is_lit(action: Action, page: Page, mode: Mode, switches: Switches) -> bool {
     match action {
         Action::Show(shown) => shown == page,

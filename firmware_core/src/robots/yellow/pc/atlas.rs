@@ -20,11 +20,11 @@ use crate::walls::Walls;
 
 /// Margin around the known cells.
 const MARGIN: u8 = 2;
-/// The fielded program's: five around each local map, and five each time the map grows.
+/// The fielded program's margin: five around each local map, and five each time the map grows.
 const MARGIN_WIDE: u8 = 10;
-/// 102.4 m square.
+/// Maximum size, 102.4 m square.
 const CELLS_MAX: usize = 1_024 * 1_024;
-/// The farthest that a whole number of 10 cm in 8 bits tells, mm.
+/// Maximum distance in whole 10 cm in 8 bits, mm.
 const EIGHT_BITS_MM: f32 = 12_700.0;
 
 impl From<NotWritten> for Failure {
@@ -33,10 +33,10 @@ impl From<NotWritten> for Failure {
     }
 }
 
-/// An obstacle that is looked through more often than it was seen, times this, is none.
+/// Maximum ratio of clearings to sightings of an obstacle.
 const DOUBTS: u8 = 2;
 
-/// How often a cell was seen to be an obstacle, and to be free.
+/// Number of sightings of a cell as an obstacle, and as free.
 #[derive(Clone, Copy, Debug, Default)]
 struct Evidence {
     wall: u8,
@@ -44,7 +44,7 @@ struct Evidence {
 }
 
 impl Evidence {
-    /// The value of a cell, after another look at it.
+    /// The value of a cell after another look.
     fn after(&mut self, value: u8) -> u8 {
         match value {
             OBSTACLE => self.wall = self.wall.saturating_add(1),
@@ -57,7 +57,7 @@ impl Evidence {
     }
 }
 
-/// Maps, walls and ways.
+/// Maps, walls and paths.
 #[derive(Clone, Debug)]
 pub(super) struct Atlas {
     mapping: Mapping,
@@ -105,7 +105,7 @@ impl Atlas {
         }
     }
 
-    /// Forgets the place.
+    /// Clears all maps, walls and paths.
     pub(super) fn clear(&mut self) {
         let margin = if self.mapping.wide_margin {
             MARGIN_WIDE
@@ -121,7 +121,7 @@ impl Atlas {
         self.way.clear();
     }
 
-    /// Takes over a map that was saved; its walls are known no closer than its cells.
+    /// Loads a saved map; its walls are only as accurate as its cells.
     pub(super) fn load(&mut self, map: &MapView<'_>) -> Result<(), NotWritten> {
         self.clear();
         let [x, y] = map.origin_mm();
@@ -139,7 +139,7 @@ impl Atlas {
         Ok(())
     }
 
-    /// Where the robot stands, by the walls that are known.
+    /// Pose of the robot by the known walls.
     pub(super) fn corrected(&self, sight: &Sight) -> Pose {
         match self.mapping.odometry_alone {
             true => sight.pose,
@@ -173,8 +173,8 @@ impl Atlas {
         Ok(())
     }
 
-    /// Cells of a look, each by all that was ever seen of it: a wall that a bad look has put
-    /// somewhere must not bar the way forever.
+    /// Enters the cells of a look, each weighted by all earlier looks: a wall from one bad look
+    /// must not block the path forever.
     fn weigh(&mut self, local: &CellMap) -> Result<(), NotWritten> {
         let known = local.iter().filter(|(_, value)| *value != UNKNOWN);
         for (cell, value) in known {
@@ -184,7 +184,7 @@ impl Atlas {
         Ok(())
     }
 
-    /// The course's choice of where to look next.
+    /// The course's choice of the next view.
     pub(super) fn random_view(&mut self) -> Option<Cell> {
         frontier::random_view(&self.global, &self.global.eroded(), &mut self.dice)
     }
@@ -194,8 +194,8 @@ impl Atlas {
         !self.mapping.odometry_alone && !self.walls.is_empty()
     }
 
-    /// The places of a way over `map`, without the beginning; `None` if no way leads there. The
-    /// roadmap can be checked afterwards.
+    /// The points of a path over `map`, without the start; `None` if no path leads there. The
+    /// roadmap can be read afterwards.
     pub(super) fn plan(&mut self, map: &CellMap, from: Pose, to: Point) -> Option<VecDeque<Point>> {
         let start = map.cell_of(from.position()).ok()?;
         let end = map.cell_of(to).ok()?;

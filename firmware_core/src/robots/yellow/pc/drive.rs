@@ -1,4 +1,4 @@
-//! Driving from place to place, each the goal of one drive of the robot's own.
+//! Driving from point to point, each the goal of one manoeuvre of the robot.
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -12,17 +12,17 @@ use super::config::Following;
 use super::link::{Kind, Link};
 use crate::pose::{Point, Pose, normalised};
 
-/// How often the robot is checked: the fielded program.
+/// Interval of the checks of the robot, as in the fielded program.
 const POLL: Duration = Duration::from_millis(500);
-/// The robot is there if it rests and is nowhere farther off, mm: the fielded program.
+/// Tolerance per axis of a robot that rests at its goal, mm, as in the fielded program.
 const ARRIVED_MM: f32 = 50.0;
-/// And looks so, if that was asked for: twice what the robot allows itself.
+/// Tolerance of the heading, if one was requested: twice the robot's own.
 const ARRIVED_RAD: f32 = 0.06;
 /// Checks of a robot that rests elsewhere before the goal is sent again.
 const POLLS_RESTING: u32 = 3;
-/// Looks at a robot that drives but does not get on: 10 s.
+/// Checks of a robot that drives without progress: 10 s.
 const POLLS_STUCK: u32 = 20;
-/// Less than this is no motion: the fielded program.
+/// Minimum motion, as in the fielded program.
 const MOVED_MM: f32 = 10.0;
 const MOVED_RAD: f32 = 0.05;
 /// Maximum number of times that a goal is sent again.
@@ -34,7 +34,7 @@ const ON_ITS_WAY_MM: f32 = 50.0;
 const BESIDE_MM: f32 = 250.0;
 const ASTRAY_RAD: f32 = 0.33;
 
-/// Where to go, and where to look there.
+/// Position of the goal, and the heading there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Goal {
     pub(super) place: Point,
@@ -42,7 +42,7 @@ pub(super) struct Goal {
 }
 
 impl Goal {
-    /// Come by at `place`.
+    /// A goal to pass at `place`, with any heading.
     pub(super) const fn passed(place: Point) -> Self {
         Self {
             place,
@@ -50,7 +50,7 @@ impl Goal {
         }
     }
 
-    /// Whether `pose` is no farther off, also in its heading if that was asked for.
+    /// Whether `pose` is within these limits, including its heading if one was requested.
     pub(super) fn is_near(self, pose: Pose, most_mm: f32, most_rad: f32) -> bool {
         let is_near = |one: f32, other: f32| (one - other).abs() < most_mm;
         let looks = |heading: f32| normalised(pose.heading - heading).abs() < most_rad;
@@ -60,22 +60,22 @@ impl Goal {
     }
 }
 
-/// As far as the robot drives before it looks around again, mm. On a floor on which a wheel errs by
-/// 2 mm a metre its middle is then 7 mm beside the way, and seldom 20.
+/// Distance between two looks around, mm. On a floor on which a wheel errs by 2 mm a metre the
+/// robot's middle is then 7 mm beside the path, and seldom 20.
 const STRETCH_MM: f32 = 800.0;
-/// A rest of the way that is no stretch of its own.
+/// Maximum rest of a path that is added to the last stretch.
 const REST_MM: f32 = 250.0;
 
-/// The part of a way up to the next look.
+/// The part of a path up to the next look.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
     pub(super) drive: Drive,
-    /// Whether it ends where the way ends.
+    /// Whether the stretch ends where the path ends.
     pub(super) is_last: bool,
 }
 
 impl Stretch {
-    /// All of `way`.
+    /// A stretch of all of `way`.
     pub(super) fn whole(
         following: Following,
         way: &mut VecDeque<Point>,
@@ -122,22 +122,22 @@ impl Stretch {
     }
 }
 
-/// How far a drive is.
+/// Progress of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
     Driving,
     /// The robot rests at the last goal.
     Arrived,
-    /// It drove, and rests elsewhere: it does not know the way any more.
+    /// The robot drove, and rests elsewhere: its odometry failed.
     Interrupted,
 }
 
-/// A way that is driven.
+/// A path being driven.
 #[derive(Clone, Debug)]
 pub(super) struct Drive {
     following: Following,
     goals: VecDeque<Goal>,
-    /// How near counts as there, mm and radians.
+    /// Tolerance at the goal, mm and radians.
     within: (f32, f32),
     sent: Option<Sent>,
 }
@@ -150,9 +150,9 @@ struct Sent {
     number: u64,
     /// The robot's pose when the goal was sent.
     told_at: Pose,
-    /// Where it was last known to move.
+    /// Pose at which the robot was last known to move.
     from: Pose,
-    /// It was seen to obey.
+    /// Whether the robot was seen to obey.
     drove: bool,
     resting: u32,
     stuck: u32,
@@ -169,7 +169,7 @@ impl Drive {
         }
     }
 
-    /// The same, but nearer than usual: a robot that is nearly there has to move first.
+    /// Reduces the tolerance: a robot that is nearly there must move first.
     pub(super) const fn nearer(&mut self, within_mm: f32, within_rad: f32) {
         self.within = (within_mm, within_rad);
     }
@@ -193,7 +193,7 @@ impl Drive {
         // All messages that the robot sends while it drives may be lost.
         let obeys = state == State::AutoPosition || sent.has_moved(pose);
         sent.drove |= number > sent.number && obeys;
-        // A sum does not tell that two bytes have changed places: an order may arrive as another.
+        // A sum does not detect two exchanged bytes, so an order may arrive changed.
         let is_watched = self.following == Following::Rested && state == State::AutoPosition;
         if is_watched && sent.is_astray(pose, goal) {
             sent.told_at = pose;
@@ -218,7 +218,7 @@ impl Drive {
             if self.following == Following::Rested && sent.resends == RESENDS_MAX {
                 return Err(Failure::NoAnswer);
             }
-            // Off, or on the way there: it takes half a second.
+            // The state is Off, or on the way to it, which takes half a second.
             let has_ended = sent.drove && state != State::AutoPosition;
             if self.following == Following::Rested && has_ended {
                 return Ok(Progress::Interrupted);
@@ -245,13 +245,13 @@ impl Sent {
         }
     }
 
-    /// Whether the robot is elsewhere than it was last known to move.
+    /// Whether the robot has left the pose at which it was last known to move.
     fn has_moved(&self, pose: Pose) -> bool {
         let turned = normalised(pose.heading - self.from.heading).abs();
         pose.position().distance_mm(self.from.position()) > MOVED_MM || turned > MOVED_RAD
     }
 
-    /// Whether the robot drives elsewhere.
+    /// Whether the robot drives in a wrong direction.
     fn is_astray(&self, pose: Pose, goal: Goal) -> bool {
         let at = pose.position();
         let (dx, dy) = (goal.place.x_mm - at.x_mm, goal.place.y_mm - at.y_mm);
@@ -260,7 +260,7 @@ impl Sent {
             && normalised(libm::atan2f(dy, dx) - pose.heading).abs() > ASTRAY_RAD
     }
 
-    /// Whether the robot rests, or drives without getting on.
+    /// Whether the robot rests, or drives without progress.
     fn is_off(&mut self, state: State, pose: Pose) -> bool {
         if self.has_moved(pose) {
             self.from = pose;

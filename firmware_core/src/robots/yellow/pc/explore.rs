@@ -1,5 +1,5 @@
-//! Making the map: look, put it on the map, choose where to look next, drive a stretch of the way
-//! there, until nothing is left.
+//! Exploration: look, enter the scan into the map, choose the next view, drive a stretch of the
+//! path there, until no view is left.
 
 use alloc::collections::{BTreeMap, BTreeSet};
 
@@ -20,26 +20,27 @@ const VIEW_COSTS: u8 = 4;
 const DRIVE_COSTS: u8 = 1;
 /// Maximum cost of an open edge before it is given up: the lidar cannot see the area behind it.
 const COSTS_MAX: u8 = 12;
-/// Ways that are looked for before the next view counts as unreachable.
+/// Paths planned before the next view counts as unreachable.
 const PLANS_MAX: usize = 50;
-/// Times that the robot may turn to another view on its way to one.
+/// Maximum number of changes to another view during a drive.
 const TURNS_MAX: u8 = 2;
-/// Drives in sequence that may fail: the robot is asked where it is, and another one begins.
+/// Maximum number of failed drives in a row: after each, the program requests the robot's pose and
+/// starts another one.
 const FAILURES_MAX: u32 = 5;
 
-/// How far the mapping is.
+/// Progress of the exploration.
 #[derive(Clone, Debug)]
 pub(super) struct Explore {
     phase: Phase,
     costs: BTreeMap<Cell, u8>,
     given_up: BTreeSet<Cell>,
-    /// Where the robot is on its way to, to look around; and the open edges to be seen from there.
+    /// The current view, and the open edges visible from there.
     place: Option<Cell>,
     edges: BTreeSet<Cell>,
-    /// How often it turned to others on the way, while these were still worth it.
+    /// Number of changes to another view while the current one still showed some.
     turns: u8,
     failures: u32,
-    /// The robot does not know how far it has rolled.
+    /// The distance that the robot has rolled is unknown.
     is_lost: bool,
 }
 
@@ -65,7 +66,7 @@ impl Explore {
         }
     }
 
-    /// Whether the map is complete.
+    /// Runs one step; returns whether the map is complete.
     pub(super) fn step(
         &mut self,
         now: Instant,
@@ -124,7 +125,7 @@ impl Explore {
         Ok(false)
     }
 
-    /// Chooses the next view and the way there; true if there is nothing more to see.
+    /// Chooses the next view and the path there; true if no view is left.
     fn go_on(&mut self, atlas: &mut Atlas, pose: Pose) -> Result<bool, Failure> {
         let map = atlas.global.clone();
         for _ in 0..PLANS_MAX {
@@ -160,8 +161,8 @@ impl Explore {
         let Some(View { place, edges }) = next_view(map, start, &open) else {
             return Ok(None);
         };
-        // On the way now this place looks better, now that one, as a wall that is seen obliquely
-        // comes and goes: a robot that always takes the best one goes to and fro.
+        // During a drive the best view changes, because walls seen obliquely appear and disappear:
+        // a robot that always takes the best view drives to and fro.
         let goes_on = self.place.filter(|place| reach.contains_key(place));
         let is_worth = self.edges.intersection(&open).count() * 2 >= self.edges.len();
         if goes_on.is_some() && is_worth && self.edges.is_disjoint(&edges) {
@@ -174,7 +175,7 @@ impl Explore {
         Ok(Some(place))
     }
 
-    /// The open edges that are driven to have cost so much more.
+    /// Adds to the cost of the current open edges.
     fn spend(&mut self, more: u8) {
         for edge in &self.edges {
             let costs = self.costs.entry(*edge).or_default();

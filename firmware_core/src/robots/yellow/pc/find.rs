@@ -1,5 +1,5 @@
-//! Finding the robot on the map: look, compare; if places look alike, continue a little and look
-//! again.
+//! Localisation of the robot on the map: look, compare; if positions look alike, drive on a little
+//! and look again.
 
 use alloc::collections::BTreeSet;
 
@@ -16,14 +16,13 @@ use crate::localise::{Estimate, Matches, Votes};
 use crate::pose::Pose;
 use crate::walls::Walls;
 
-/// Maximum number of looks: places that still look alike then are alike.
+/// Maximum number of looks: positions that still look alike then cannot be distinguished.
 const LOOKS_MAX: u32 = 8;
-/// A second place that scores so well beside the first, of 1, may be the place all the same: scores
-/// are those of cells of 10 cm, and the wrong one of two rooms alike has come to 0.89 to 1. The
-/// walls themselves decide.
+/// Ratio of scores from which a second pose may be the true one. Scores are of cells of 10 cm, and
+/// the wrong one of two similar rooms has reached 0.89 to 1. The exact walls decide.
 const CLOSE: f32 = 0.8;
-/// So much of what fits at the first place fits there, too: a wall that was mapped skewed may be
-/// missing.
+/// Minimum share of the first pose's fit that the second one needs: a wall that was mapped skewed
+/// may be missing.
 const AS_MANY: f32 = 0.75;
 
 /// The progress.
@@ -51,7 +50,7 @@ impl Find {
         }
     }
 
-    /// Whether the robot knows where it is.
+    /// Runs one step; returns whether the robot knows its pose.
     pub(super) fn step(
         &mut self,
         now: Instant,
@@ -69,7 +68,7 @@ impl Find {
                 match stretch.drive.step(now, link)? {
                     Progress::Driving => return Ok(false),
                     Progress::Arrived => {}
-                    // The distance from the last place of a look is unknown.
+                    // The distance since the last look is unknown.
                     Progress::Interrupted => self.known = None,
                 }
                 self.phase = Phase::Look(Look::new(link));

@@ -20,35 +20,35 @@ use crate::pose::{Point, Pose};
 /// Accuracy of one drive: the robot's own 20 mm, and its rolling on.
 const NEAR_MM: f32 = 30.0;
 const NEAR_RAD: f32 = 0.04;
-/// Maximum number of drives from beside the goal to the goal.
+/// Maximum number of corrections beside the goal.
 const AGAIN_MAX: u32 = 4;
-/// Drives that the robot may end by itself before they are over.
+/// Maximum number of drives that the robot ends early.
 const INTERRUPTIONS_MAX: u32 = 5;
-/// Maximum number of looks for a way where none is known.
+/// Maximum number of searches for a path where none is known.
 const SEARCHES_MAX: u32 = 4;
 
 /// A drive to a goal.
 #[derive(Clone, Debug)]
 pub(super) struct Journey {
     goal: Goal,
-    /// The places that are still to be driven to, the goal's last.
+    /// Remaining points of the path, the goal's last.
     way: VecDeque<Point>,
     phase: Phase,
     again: u32,
-    /// The way does not lead to the goal, but to where more is to be seen of it.
+    /// The path does not lead to the goal, but to a view that may show a path.
     searches: bool,
     searched: u32,
     interruptions: u32,
-    /// The robot does not know how far it has rolled.
+    /// The distance that the robot has rolled is unknown.
     is_lost: bool,
 }
 
 #[derive(Clone, Debug)]
 enum Phase {
-    /// Nothing was done yet.
+    /// Initial phase.
     Begin,
     Drive(Stretch),
-    /// At the end of a stretch, perhaps the last one.
+    /// A look at the end of a stretch, which may be the last one.
     Look(Look, bool),
     Tell(Tell, Pose, bool),
 }
@@ -67,7 +67,7 @@ impl Journey {
         }
     }
 
-    /// Whether the robot is there.
+    /// Runs one step; returns whether the robot has arrived.
     pub(super) fn step(
         &mut self,
         now: Instant,
@@ -122,7 +122,7 @@ impl Journey {
         }
     }
 
-    /// Another way is chosen from wherever the robot is.
+    /// Requests another path from the robot's current pose.
     fn interrupt(&mut self) -> Result<(), Failure> {
         self.interruptions += 1;
         if self.interruptions > INTERRUPTIONS_MAX {
@@ -160,7 +160,7 @@ impl Journey {
         Ok(())
     }
 
-    /// The way to the goal, or to where it may be found.
+    /// The path to the goal, or to a view that may show one.
     fn choose(&mut self, atlas: &mut Atlas, pose: Pose) -> Result<VecDeque<Point>, Failure> {
         let map = atlas.global.clone();
         let way = atlas.plan(&map, pose, self.goal.place);

@@ -14,9 +14,10 @@ use super::config::{PcConfig, Sending};
 use crate::local_map::Segment;
 use crate::pose::{Point, Pose, normalised};
 
-/// Without a frame for so long the robot is silent; it tells each 200 ms. YE13: known within 1 s.
+/// Time without a frame after which the robot counts as silent; it sends each 200 ms. YE13: known
+/// within 1 s.
 const SILENT: Duration = Duration::from_millis(900);
-/// A quiet line: no byte of a frame comes so late.
+/// Idle time after which a partial frame is discarded: no byte of a frame comes so late.
 const QUIET: Duration = Duration::from_millis(100);
 /// Longest telecommand with all its fields, and the frame around it.
 const COMMAND_MAX: usize = 256;
@@ -25,14 +26,14 @@ const FRAME_MAX: usize = 2 * COMMAND_MAX + 8;
 const OUT_MAX: usize = 16_384;
 /// Maximum number of commands that wait for a frame.
 const QUEUE_MAX: usize = 64;
-/// A byte's time of the fielded program.
+/// Time per byte in the fielded program.
 const BYTE_PAUSE: Duration = Duration::from_millis(1);
 
 /// A message of the robot.
 #[derive(Clone, Debug)]
 pub(super) struct Heard {
     pub(super) at: Instant,
-    /// Counted from 1.
+    /// Number of the message, from 1.
     pub(super) number: u64,
     pub(super) message: Box<Telemetry>,
 }
@@ -43,7 +44,7 @@ impl Heard {
         self.message.state
     }
 
-    /// Where it says to be.
+    /// The robot's reported pose.
     pub(super) fn pose(&self) -> Option<Pose> {
         pose_of(&self.message)
     }
@@ -74,7 +75,7 @@ pub(super) struct Sight {
     pub(super) lines: Vec<Segment>,
 }
 
-/// Smaller corrections are not worth a message.
+/// Minimum correction that is sent.
 const CORRECTION_MM: f32 = 5.0;
 const CORRECTION_RAD: f32 = 0.005;
 
@@ -89,8 +90,7 @@ impl Sight {
         }
     }
 
-    /// Whether the robot truly is at `pose`, and so far from where it believes to be that it is
-    /// worth telling.
+    /// Whether the robot's true `pose` differs enough from its believed one to be sent.
     pub(super) fn is_off(&self, pose: Pose) -> bool {
         let shift = pose.position().distance_mm(self.pose.position());
         let turn = normalised(pose.heading - self.pose.heading).abs();
@@ -131,7 +131,7 @@ pub(super) struct Link {
     is_silent: bool,
     queue: VecDeque<Telecommand>,
     out: VecDeque<u8>,
-    /// Bytes of `out` that may go.
+    /// Number of bytes of `out` that may be sent.
     released: usize,
     next_byte: Instant,
     pub(super) counts: Counts,
@@ -184,7 +184,7 @@ impl Link {
         self.is_silent
     }
 
-    /// Whether nothing is asked twice.
+    /// Whether requests are sent only once.
     pub(super) const fn asks_once(&self) -> bool {
         self.sending.ask_once
     }
@@ -261,7 +261,7 @@ impl Link {
         silence.into_iter().chain(byte).min()
     }
 
-    /// Sends a command, or lets it wait as the fielded program does.
+    /// Sends a command, or queues it as the fielded program does.
     pub(super) fn send(&mut self, now: Instant, kind: Kind, command: Telecommand) {
         self.counts.commands += 1;
         if self.sending.requests_clear_queue && kind == Kind::Request {
@@ -300,11 +300,11 @@ impl Link {
     }
 }
 
-/// A command that is sent until its effect is seen.
+/// A command that is repeated until its effect is seen.
 #[derive(Clone, Debug)]
 pub(super) struct Request {
     command: Telecommand,
-    /// The last message when it was sent first.
+    /// Number of the last message before the first sending.
     since: u64,
     wait: Duration,
     due: Option<Instant>,
@@ -314,9 +314,10 @@ pub(super) struct Request {
 /// Maximum number of times that a request is sent: with 30 % of commands lost, one in 17 millions
 /// fails.
 const SENT_MAX: u32 = 14;
-/// An answer comes with the next message, within 200 ms and the time of its bytes.
+/// Timeout of an answer: it comes with the next message, within 200 ms and the time of its bytes.
 const ANSWER: Duration = Duration::from_millis(700);
-/// Drivers take 500 ms to be on or off, and the next message tells.
+/// Timeout of a change of state: drivers take 500 ms to switch on or off, and the next message
+/// reports it.
 const SWITCHED: Duration = Duration::from_millis(1_200);
 
 impl Request {
@@ -338,7 +339,7 @@ impl Request {
         request
     }
 
-    /// Asks to rest.
+    /// A request to rest.
     pub(super) fn to_rest(link: &Link) -> Self {
         let state = Some(State::Off);
         let command = Telecommand {
@@ -348,17 +349,17 @@ impl Request {
         Self::of_state(link.number(), command)
     }
 
-    /// The number of the last message before it was sent first.
+    /// The number of the last message before the first sending.
     pub(super) const fn since(&self) -> u64 {
         self.since
     }
 
-    /// Whether it was sent.
+    /// Whether the request was sent.
     pub(super) const fn is_sent(&self) -> bool {
         self.sent > 0
     }
 
-    /// Sends it, and again when no answer came in time.
+    /// Sends the request, and repeats it when no answer came in time.
     pub(super) fn poll(&mut self, now: Instant, link: &mut Link) -> Result<(), Failure> {
         if self.due.is_some_and(|due| now < due || link.asks_once()) {
             return Ok(());
@@ -375,7 +376,7 @@ impl Request {
     }
 }
 
-/// Telling the robot where it is.
+/// A request that sets the robot's pose.
 #[derive(Clone, Debug)]
 pub(super) struct Tell {
     pose: Pose,
@@ -399,7 +400,7 @@ impl Tell {
         }
     }
 
-    /// Whether the robot says so itself.
+    /// Runs one step; returns whether the robot has confirmed the pose.
     pub(super) fn step(&mut self, now: Instant, link: &mut Link) -> Result<bool, Failure> {
         let heard = link.heard_since(self.request.since());
         let told = heard.and_then(Heard::pose).is_some_and(|pose| {

@@ -17,7 +17,7 @@ use crate::pose::{Point, Pose};
 /// Period at which manual speeds are sent again; the robot stops by itself after 2 s.
 const BY_HAND: Duration = Duration::from_millis(500);
 
-/// A task and how far it is.
+/// A task and its progress.
 #[derive(Clone, Debug)]
 pub(super) enum Run {
     /// The request, and whether it was obeyed.
