@@ -259,7 +259,7 @@ mod tests {
             prop_assert!(rear.shifted(CAR.wheelbase_m).distance_m(expected) < 1e-6);
         }
 
-        /// AP6: back again, for less than half a circle.
+        /// AP6: the inverse undoes the forward equations for less than half a circle.
         #[test]
         fn ap6_the_inverse_undoes_the_forward_equations(
             steering_deg in prop_oneof![2.0..25.0, -25.0..-2.0], way in 0.01..3.1_f64,
@@ -315,8 +315,8 @@ mod tests {
         assert!(right_off * 10 > count * 4, "{right_off} of {count}");
     }
 
-    /// Specification A3: 9.4 % from the rear axle to the front axle at 25 degrees to the left, the
-    /// left wheel 14 % less than the axle it sits on.
+    /// Specification A3: the front axle travels 9.4 % more than the rear axle at 25 degrees to the
+    /// left, the left rear wheel 14 % less than its axle.
     #[test]
     fn the_left_rear_wheel_goes_less_in_a_left_turn() {
         let steering = 25_f64.to_radians();
@@ -349,9 +349,10 @@ mod tests {
         assert!((steering.to_degrees() - 25.0).abs() < 0.01, "{steering}");
     }
 
-    /// Of a turn of t radians the chord is sin(t / 2) / (t / 2) of the arc and leaves at t / 2, so
-    /// it goes sin(t) / t ahead and (1 - cos(t)) / t aside: for 1.98e-4 rad, by their series, 1 -
-    /// t^2 / 6 = 1 - 6.534e-9 and t / 2 = 9.9e-5. Short arcs and long ones meet at 2e-4 rad.
+    /// Of a turn of t radians the chord is sin(t / 2) / (t / 2) of the arc and starts at t / 2. It
+    /// therefore leads sin(t) / t ahead and (1 - cos(t)) / t aside: for 1.98e-4 rad, by their
+    /// series, 1 - t^2 / 6 = 1 - 6.534e-9 and t / 2 = 9.9e-5. Short arcs and long ones meet at 2e-4
+    /// rad.
     #[test]
     fn a_short_arc_keeps_its_digits() {
         let short = arc(3.0, 1.98e-4);

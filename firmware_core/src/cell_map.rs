@@ -351,7 +351,7 @@ mod tests {
         assert_eq!(row, [OBSTACLE, OBSTACLE, FREE, FREE]);
     }
 
-    /// Five by five free cells leave nine open ones; the unknown counts as a wall.
+    /// Five by five free cells leave nine open ones; an unknown cell counts as a wall.
     #[test]
     fn erosion_takes_one_cell_all_around() {
         let cells: Vec<_> = (0..25).map(|at| (at % 5, at / 5, FREE)).collect();
@@ -362,7 +362,8 @@ mod tests {
         assert_eq!(free.len(), 9);
     }
 
-    /// Row by row from below, each from left to right; without the middle for the neighbours.
+    /// Row by row from below, each from left to right; the neighbours are the same without the
+    /// middle.
     #[test]
     fn a_block_is_told_row_by_row() {
         let places = |cells: Vec<Cell>| cells.iter().map(|it| (it.x, it.y)).collect::<Vec<_>>();

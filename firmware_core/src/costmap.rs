@@ -263,7 +263,7 @@ mod tests {
         assert!((x + 0.975).abs() < 1e-12 && (y - 2.075).abs() < 1e-12);
     }
 
-    /// Solid walls are stamped by their rim only; the costs are those of all their cells.
+    /// Solid walls are stamped only along their edge; the costs equal those of all their cells.
     #[test]
     fn a_solid_block_costs_what_all_its_cells_cost() {
         let is_block = |x: usize, y: usize| (8..14).contains(&x) && (9..13).contains(&y);
@@ -320,8 +320,8 @@ mod tests {
         }
     }
 
-    /// Cells are counted up to 2^30 to each side; farther away, and where there is no place, is
-    /// none.
+    /// Cells are counted up to 2^30 to each side; a position farther away or not finite has no
+    /// cell.
     #[test]
     fn a_place_too_far_away_has_no_cell() {
         let map = Costmap::new(1, 1.0, [0.0; 2], alloc::vec![false], CAR);

@@ -390,7 +390,7 @@ mod tests {
     const EVERYTHING: Rectangle =
         Rectangle::new(Point::zero(), Size::new(WIDTH as u32, HEIGHT as u32));
 
-    /// The picture at the other end, from commands of whole rows.
+    /// The picture on the display, from commands of whole rows.
     struct Far {
         decoder: panel::Decoder,
         pixels: Vec<u16>,
@@ -434,7 +434,7 @@ mod tests {
         }
     }
 
-    /// Paints until nothing is left, all at `now`.
+    /// Paints until no work is left, all at `now`.
     fn paint(display: &mut Display, far: &mut Far, now: Instant, area: Rectangle) {
         display.mark(&EVERYTHING);
         for _ in 0..1000 {
@@ -446,8 +446,8 @@ mod tests {
         }
     }
 
-    /// A rectangle across all tiles' seams; then it moves by one column, and only its 100 rows, in
-    /// two columns of tiles, are sent again.
+    /// A rectangle across all tiles' borders; then it moves by one column, and only its 100 rows,
+    /// in two columns of tiles, are sent again.
     #[test]
     fn what_is_drawn_arrives_and_only_changed_rows_are_sent() {
         let (mut display, mut far) = (Display::new(), far());
@@ -464,8 +464,8 @@ mod tests {
         assert_eq!(far.rows, 200);
     }
 
-    /// All is sent and the line is free: nothing is to be done before the next tile is sent again,
-    /// a third of a second after the last, or something changes.
+    /// Everything is sent and the line is free: there is no work until the next tile is resent, a
+    /// third of a second after the last, or until a change.
     #[test]
     fn a_display_that_shows_all_has_no_work() {
         let (mut display, mut far) = (Display::new(), far());
@@ -478,7 +478,7 @@ mod tests {
         assert!(display.has_work(Instant::from_millis(1)));
     }
 
-    /// The other end forgot everything; each of the 102 tiles comes again, three a second.
+    /// The display lost its picture; each of the 102 tiles is resent, three a second.
     #[test]
     fn a_damaged_picture_is_mended_within_half_a_minute() {
         let (mut display, mut far) = (Display::new(), far());
@@ -582,7 +582,8 @@ mod tests {
         );
     }
 
-    /// Pixels of a row by their columns on the display; none if any of them is another tile's.
+    /// Pixels of a row by their columns on the display; none if one of them belongs to another
+    /// tile.
     #[test]
     fn pixels_of_a_tile_are_found_by_their_place() {
         let mut tile = Tile::new(1, 1);
@@ -597,8 +598,8 @@ mod tests {
         assert_eq!([len(7, 106..212), len(16, 106..212)], [0; 2]);
     }
 
-    /// From the third band of the second column on: the rest of that column, the next two, and the
-    /// begin of its own last.
+    /// From the third band of the second column on: the rest of that column, the next two columns,
+    /// and at last the start of the second column.
     #[test]
     fn tiles_take_turns() {
         let mut display = Display::new();
@@ -625,7 +626,7 @@ mod tests {
         assert_eq!([rows_of(0), rows_of(33)], [0..=7, 264..=271]);
     }
 
-    /// 4096 readings across: 4095 is the last pixel, 8 of 480 the first yet, 9 the second.
+    /// 4096 readings across: 4095 is the last pixel, 8 of 480 is still the first, 9 the second.
     #[test]
     fn a_reading_lies_in_a_pixel() {
         let across = [0, 8, 9, 2047, 2048, 4095].map(|reading| scaled(reading, WIDTH));
@@ -633,8 +634,8 @@ mod tests {
         assert_eq!(scaled(4095, HEIGHT), 271);
     }
 
-    /// Up to a tenth of a second without word from the pen it is down; half a report is waited for
-    /// for less than 10 ms. Taps, and rows that were sent, are counted.
+    /// A pen is down for up to a tenth of a second without a message; half a report is kept for
+    /// less than 10 ms. Taps and sent rows are counted.
     #[test]
     fn a_pen_and_a_report_are_given_up_when_nothing_comes() {
         let down = report(Contact::Down, [0, 0]);
@@ -654,8 +655,8 @@ mod tests {
         assert_eq!([halves(9), halves(10)], [1, 0]);
     }
 
-    /// A tile is sent again at once and each third of a second: the display is switched on again,
-    /// the tile's rows are forgotten, and the tile after the last of all is the first.
+    /// A tile is resent at once and each third of a second: the display is switched on again, the
+    /// tile's sums are cleared, and after the last tile the first one follows.
     #[test]
     fn tiles_are_sent_anew_in_turn() {
         let mut display = Display::new();
@@ -675,8 +676,8 @@ mod tests {
         assert_eq!((display.heal, display.dirty[2]), (0, 1 << 33));
     }
 
-    /// A tile of 8 rows of 268 pixels as noise takes 543 bytes a row: two fit at a time, and the
-    /// rows that did not go are sent with the next ones.
+    /// A tile of 8 rows of 268 pixels as noise takes 543 bytes a row: two rows fit at a time, and
+    /// the remaining rows are sent with the next ones.
     #[test]
     fn a_tile_that_does_not_fit_goes_on_where_it_stopped() {
         let (mut display, mut far) = (Display::new(), far());
@@ -700,7 +701,7 @@ mod tests {
         assert_eq!((display.dirty, display.has_output()), ([0; 3], false));
     }
 
-    /// A tile is drawn where 1280 of the 1536 bytes of the queue are free, and not where fewer are.
+    /// A tile is drawn if 1280 of the 1536 bytes of the queue are free, and not if fewer are.
     #[test]
     fn a_tile_waits_until_there_is_room_to_send_it() {
         let drawn = |queued: usize| {

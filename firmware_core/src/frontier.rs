@@ -207,8 +207,8 @@ mod tests {
         assert_eq!(open_edges(&room(3), MIDDLE, &door), BTreeSet::new());
     }
 
-    /// Free cells in the corner have two unknown neighbours at most: a crack. In the middle of a
-    /// wall three have one.
+    /// Free cells in the corner have at most two unknown neighbours: a crack. In the middle of a
+    /// wall three cells have one each.
     #[test]
     fn fewer_than_three_cells_are_a_crack() {
         let mut map = room(0);
@@ -221,7 +221,7 @@ mod tests {
         assert_eq!(edges(&map), edge);
     }
 
-    /// An open edge behind a wall that the robot cannot pass is none of its.
+    /// An open edge behind a wall that the robot cannot pass does not count.
     #[test]
     fn what_cannot_be_reached_does_not_count() {
         let mut map = room(3);

@@ -180,8 +180,8 @@ mod tests {
         assert_eq!(map.set(at(319.0, -320.0), 1), Ok(()));
     }
 
-    /// 64 cells from -32 on: one above the last adds 64 rows and no column, one left of the first
-    /// 64 columns and no row, one 100 above the last 101 rows.
+    /// 64 cells from -32 on: a cell above the last row adds 64 rows and no column, one left of the
+    /// first column adds 64 columns and no row, one 100 above the last row adds 101 rows.
     #[test]
     fn it_grows_only_where_it_has_to() {
         let grown = |x_mm: f32, y_mm: f32| {

@@ -87,7 +87,7 @@ mod tests {
 
     const STEP: Duration = Duration::from_millis(40);
 
-    /// Reads `count` times, with so many hundredths more each time; the sum of the turns, degrees.
+    /// Reads `count` times, with `more` hundredths added each time; the sum of the turns, degrees.
     fn run(gyro: &mut Gyro, from: (Instant, i32), count: u16, more: i32, wheels: Wheels) -> f32 {
         let mut turned = 0.0;
         for n in 1..=count {
@@ -132,8 +132,8 @@ mod tests {
         assert_eq!(gyro.turned(later + APART_MAX * 2, 0, Wheels::Turned), None);
     }
 
-    /// Six readings of a degree a second at rest and five of two: 16 / 11 are the offset; 1.04
-    /// degrees in 40 ms less that are 0.98182.
+    /// Six readings of a degree a second at rest and five of two degrees: the offset is 16 / 11;
+    /// 1.04 degrees in 40 ms less that are 0.98182.
     #[test]
     fn the_offset_is_the_mean_of_the_rest() {
         let mut gyro = Gyro::new();
@@ -149,7 +149,8 @@ mod tests {
         );
     }
 
-    /// Ten seconds are averaged at most: 2.5 degrees a second for 40 ms make a hundredth of one.
+    /// At most ten seconds are averaged: 2.5 degrees a second for 40 ms add a hundredth of a degree
+    /// a second.
     #[test]
     fn an_old_offset_changes_slowly() {
         let mut gyro = Gyro::new();
@@ -177,7 +178,7 @@ mod tests {
         assert!((gyro.offset_deg_s - 0.01).abs() < 1e-5);
     }
 
-    /// Half a second apart readings still tell a turn, more or nothing apart they do not.
+    /// Readings half a second apart still give a turn, readings farther apart do not.
     #[test]
     fn readings_too_far_apart_tell_no_turn() {
         let told = |apart| {

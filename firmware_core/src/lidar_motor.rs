@@ -177,7 +177,7 @@ mod tests {
         assert!(motor.is_stable());
     }
 
-    /// Fielded constants: duty starts at 180, and at the target it stays.
+    /// Fielded constants: the duty starts at 180 and stays there at the target speed.
     #[test]
     fn a_duty_is_told_once() {
         let mut motor = LidarMotor::new(300.0);
@@ -207,8 +207,8 @@ mod tests {
         assert_eq!(motor.take_duty(), Some(DUTY_START));
     }
 
-    /// With 3.3 V at full duty, 180 gives 166 rpm, and nothing is measured (seed report against
-    /// the sensor's reports). Each duty has three seconds; all of them come again.
+    /// With 3.3 V at full duty, 180 gives 166 rpm, too slow for any measurement (seed report
+    /// against the sensor's reports). Each duty gets three seconds; then all of them repeat.
     #[test]
     fn a_lidar_that_stays_silent_is_started_with_other_duties() {
         let mut motor = LidarMotor::new(300.0);
@@ -225,8 +225,8 @@ mod tests {
         assert_eq!(motor.duty, 180);
     }
 
-    /// 1.0 rpm per duty is 255 rpm at most: said after 900 packets, not while it spins up, and not
-    /// of a motor that comes within 20 rpm.
+    /// 1.0 rpm per duty is 255 rpm at most. The weakness is reported after 900 packets, not while
+    /// the motor spins up, and not if the motor comes within 20 rpm.
     #[test]
     fn a_drive_that_is_too_weak_is_told() {
         for (gain, is_weak) in [(1.0, true), (1.12, false)] {
@@ -238,7 +238,7 @@ mod tests {
         }
     }
 
-    /// The fielded fault: a lost place in the stream kicks the motor.
+    /// The fielded defect: a lost position in the stream sets the start duty.
     #[test]
     fn a_kick_is_the_duty_of_the_start() {
         let mut motor = LidarMotor::new(300.0);
@@ -248,7 +248,7 @@ mod tests {
         assert_eq!(motor.take_duty(), Some(180));
     }
 
-    /// Off and on again before the duty is read: the duty is the last one that was read.
+    /// Off and on again before the duty is read: the duty equals the last one read.
     #[test]
     fn a_motor_that_is_switched_on_again_tells_its_duty_only_if_it_changed() {
         let mut motor = LidarMotor::new(300.0);

@@ -313,7 +313,7 @@ mod tests {
 
     use super::*;
 
-    /// A segment from place to place.
+    /// A segment between two positions.
     fn segment(start: (f32, f32), end: (f32, f32)) -> Segment {
         let [start, end] = [start, end].map(|(x, y)| Point::new(x, y));
         let settings = Settings::default();
@@ -325,8 +325,8 @@ mod tests {
         }
     }
 
-    /// 60 mm apart and 10 degrees, of which the tangent is 0.1763. The fielded program continued
-    /// below 79.95 degrees, of which the tangent is 5.64.
+    /// 60 mm apart and 10 degrees, with a tangent of 0.1763. The fielded program merged below 79.95
+    /// degrees, with a tangent of 5.64.
     #[test]
     fn a_line_goes_on_nearly_straight_behind_a_small_gap() {
         let before = segment((0.0, 0.0), (400.0, 0.0));
@@ -351,7 +351,7 @@ mod tests {
         );
     }
 
-    /// Three points within 40 mm are a line, and all there is: it continues nowhere.
+    /// Three points within 40 mm are a line, and the only one: it continues nowhere.
     #[test]
     fn a_short_line_alone_stays() {
         let points = [0.0, 20.0, 40.0].map(|y| Point::new(1_000.0, y));
@@ -365,9 +365,9 @@ mod tests {
         );
     }
 
-    /// A spiral, each point twice as far as the one before and a quarter turn on: the farthest
-    /// point beside each chord is the last but one, so that each bend waits for the next. Splitting
-    /// goes as far as there is room, and the rest is one line more.
+    /// A spiral, each point twice as far as the one before and a quarter turn on. The farthest
+    /// point from each chord is the last but one, so that each bend waits for the next. Splitting
+    /// stops when the stack is full, and the rest becomes one more line.
     #[test]
     fn a_line_with_too_many_bends_is_split_as_far_as_there_is_room() {
         let place = |index: u8| {
@@ -390,8 +390,8 @@ mod tests {
         assert_eq!(found(82), 64);
     }
 
-    /// Eight points along x, places 0 to 7 of a turn. Two pieces that are one line end where the
-    /// second ends; from the turn's last piece to its first that is a turn later.
+    /// Eight points along x, indices 0 to 7 of a turn. Two merged pieces end where the second ends;
+    /// from the turn's last piece to its first that is a turn later.
     #[test]
     fn united_segments_end_where_the_second_ends() {
         let points: Vec<Point> = (0..8_u8)

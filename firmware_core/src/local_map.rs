@@ -151,8 +151,8 @@ mod tests {
         Pose::new(50.0, 50.0, 0.0)
     }
 
-    /// 300 and 400 mm make 500: in steps of 250 that are three points, of 499 three as well; of 500
-    /// the ends alone.
+    /// 300 and 400 mm make 500: in steps of 250 or 499 mm that are three points, in steps of 500 mm
+    /// only the ends.
     #[test]
     fn points_are_at_most_a_step_apart() {
         let line = segment((0.0, 0.0), (300.0, 400.0));
@@ -211,7 +211,7 @@ mod tests {
         assert_ne!(gap(80.0), OBSTACLE);
     }
 
-    /// Two that touch at a corner are two islands, two that share an edge are none.
+    /// Two cells that touch at a corner are two islands, two that share an edge are none.
     #[test]
     fn a_free_cell_alone_was_seen_through_a_crack() {
         let mut map = CellMap::new(CELL_MM, MARGIN, CELLS_MAX);

@@ -466,8 +466,8 @@ mod tests {
         assert!((truth.0 - 1_550.0).abs() <= 100.0 && (truth.1 - 1_550.0).abs() <= 100.0);
     }
 
-    /// A robot that knows to be in the left half goes half a metre ahead: of the two places that
-    /// fit then it takes the one that it can have come to.
+    /// A robot that knows to be in the left half drives half a metre ahead: of the two positions
+    /// that fit then, the one that it can have reached is chosen.
     #[test]
     fn what_was_seen_before_counts() {
         let mut map = CellMap::new(CELL_MM, 0, 10_000);
@@ -498,7 +498,8 @@ mod tests {
         );
     }
 
-    /// A second, smaller room is another place; nothing is seen without lines or free cells.
+    /// A second, smaller room is a different position; without lines or free cells there is no
+    /// result.
     #[test]
     fn nothing_is_found_where_nothing_is_to_be_seen() {
         let mut map = CellMap::new(CELL_MM, 0, 10_000);
@@ -533,7 +534,7 @@ mod tests {
         assert_eq!([at(2, 0), at(0, 2), at(-2, 1)], [0.0; 3]);
     }
 
-    /// Cells have their middles at whole 100 mm; those from 60 on, 6 m, are too far.
+    /// Cells have their middles at whole 100 mm; points from 60 cells on, 6 m, are too far.
     #[test]
     fn points_fall_into_the_cells_around_them() {
         let points = [
@@ -571,7 +572,7 @@ mod tests {
     }
 
     /// Cells of 100 mm from (-200, 700) on: the fifth has its middle at (250, 750). Scores of a
-    /// degree to either side count alike, by their fourth power.
+    /// degree to either side have equal weights, by their fourth power.
     #[test]
     fn the_best_score_is_the_place() {
         let matches = row(&[(4, 90, 204), (4, 88, 102), (4, 92, 102), (9, 300, 153)]);
@@ -593,8 +594,8 @@ mod tests {
     }
 
     /// 200 at the fifth cell and 150 beside it: 200 and three quarters of 150 are more than 240
-    /// alone. Weighed so their headings are 90.36 degrees. Multiplied, the heading is that of the
-    /// best score, wherever that was.
+    /// alone. The weighted mean of the headings is 90.36 degrees. Multiplied, the heading is that
+    /// of the best score, at any cell.
     #[test]
     fn d2_votes_are_added_or_multiplied() {
         let matches = row(&[(4, 90, 200), (5, 91, 150), (9, 200, 240)]);
@@ -619,7 +620,7 @@ mod tests {
         }
     }
 
-    /// Three cells or 30 degrees away it is the same place; four or 31 are another one.
+    /// Three cells or 30 degrees away it is the same position; four or 31 make a different one.
     #[test]
     fn another_place_is_more_than_three_cells_or_30_degrees_away() {
         let second = |scores: &[(usize, usize, u8)]| row(scores).second(0, 90);

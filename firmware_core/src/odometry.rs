@@ -432,8 +432,8 @@ mod tests {
         assert!(odometry.take_gap() && !odometry.take_gap());
     }
 
-    /// Restarted counters are no motion: from 300 to 0 would be 136 mm backwards. Nor is what no
-    /// wheel does that runs on for a second and a half, however long the silence.
+    /// Restarted counters are no motion: from 300 to 0 would be 136 mm backwards. Nor is a count
+    /// that no wheel reaches in a second and a half, even after a longer silence.
     #[test]
     fn counters_that_begin_anew_after_a_silence_are_no_motion() {
         let mut odometry = Odometry::new(DRIVE);
@@ -474,9 +474,9 @@ mod tests {
         })
     }
 
-    /// A heading that was multiplied by 57.3 once too often: 29,000 degrees are 1,661,578, of which
-    /// 32 bits keep eighths. A turn of half an eighth, 0.0573 rad or 15 mm of 262, is lost in it,
-    /// and the robot does not move.
+    /// A heading multiplied by 57.3 once too often: 29,000 degrees become 1,661,578, which 32 bits
+    /// resolve to eighths. A turn of half an eighth, 0.0573 rad or 15 mm of 262, is lost, and the
+    /// robot does not move.
     #[test]
     fn a_garbled_heading_swallows_a_small_turn() {
         let defects = Defects {
@@ -529,7 +529,7 @@ mod tests {
         assert!(near(fielded.x_mm, -2.97, 0.02) && near(sound.x_mm, 1.48, 0.01));
     }
 
-    /// The switches reach what the robot believes.
+    /// The enabled defects change the believed pose.
     #[test]
     fn an_odometry_with_defects_shows_them() {
         let defects = Defects {
@@ -566,7 +566,8 @@ mod tests {
         assert!(near(odometry.pose().heading, 0.0, 1e-6));
     }
 
-    /// A slave that was reset counts from zero again: two readings are lost, not the robot.
+    /// A slave that was reset counts from zero again: two readings are lost, but not the robot's
+    /// pose.
     #[test]
     fn restarted_counters_are_taken_over_at_the_third_reading() {
         let mut odometry = Odometry::new(DRIVE);
@@ -603,10 +604,10 @@ mod tests {
         assert_eq!(odometry.pose_at(at(450)), odometry.pose_at(at(9_000)));
     }
 
-    /// The wheels are read twice, a quarter of a millisecond apart, and one ticks in between.
-    /// Then the base falls silent. Found by a campaign: 4000 ticks a second, continued for 250 ms,
-    /// turned the robot by 90 degrees in its own eyes. By hand: 20 and 21 ticks in 40.25 ms are
-    /// 9.303 mm and 1.745 mrad, up to 290 ms 7.205 times as much.
+    /// The wheels are read twice, a quarter of a millisecond apart, and one ticks in between. Then
+    /// the base falls silent. Found by a campaign: 4000 ticks a second, continued for 250 ms,
+    /// turned the believed heading by 90 degrees. By hand: 20 and 21 ticks in 40.25 ms are 9.303 mm
+    /// and 1.745 mrad, up to 290 ms 7.205 times as much.
     #[test]
     fn two_readings_right_behind_one_another_tell_no_speed() {
         let mut odometry = Odometry::new(DRIVE);

@@ -213,7 +213,8 @@ mod tests {
         (good, bad, packets.stray_writes())
     }
 
-    /// Field defect XV-01: the first passes, of the second (3028 computed, 519B sent) nothing.
+    /// Field defect XV-01: the first packet passes, the second (3028 computed, 519B sent) and all
+    /// later ones do not.
     #[test]
     fn a_sum_that_is_never_cleared_passes_the_first_packet_only() {
         let defects = Defects {
@@ -251,8 +252,8 @@ mod tests {
         assert_eq!(outcomes(Defects::FIELDED, bytes.as_flattened()), sound);
     }
 
-    /// Three bytes from a false start on there is a packet, and all 22 that are rejected have no
-    /// other start: both times the packet is found that begins within, or behind them.
+    /// Two streams: a packet that starts three bytes behind a false start; and 22 rejected bytes
+    /// without another start, followed by a packet. Every packet is found.
     #[test]
     fn a_rejected_packet_costs_no_other() {
         let defects = Defects {

@@ -246,8 +246,8 @@ mod tests {
         );
     }
 
-    /// 100 mm ahead, 50 mm to the left and a quarter turn to the left. Seen from there the start is
-    /// 50 mm behind and 100 mm to the left; the same once more ends 50 mm ahead, 150 mm to the
+    /// 100 mm ahead, 50 mm to the left and a quarter turn to the left. The start is then 50 mm
+    /// behind and 100 mm to the left; the same change once more ends 50 mm ahead, 150 mm to the
     /// left.
     #[test]
     fn a_change_with_a_quarter_turn_is_undone_and_added_by_hand() {

@@ -301,7 +301,7 @@ mod tests {
     use crate::grid::OBSTACLE;
 
     /// Six corridors of five cells between walls of one, joined at alternating ends: 3.7 m square,
-    /// as the figures of the specification were made.
+    /// as in the specification's figures.
     fn serpentine() -> CellMap {
         let mut map = CellMap::new(100.0, 0, 10_000);
         for y in 0..37 {
@@ -325,8 +325,7 @@ mod tests {
         (0..100).filter(|seed| way(*seed).is_some()).count()
     }
 
-    /// The specification found 3, 50, 95 and 100 of 100; where its start and goal were it does not
-    /// say.
+    /// The specification found 3, 50, 95 and 100 of 100; it does not give the start and goal.
     #[test]
     fn more_vertices_find_a_way_through_a_serpentine() {
         let [few, course, more, many] = [50, 100, 200, 300].map(successes);
@@ -355,8 +354,8 @@ mod tests {
         assert_eq!(way, None);
     }
 
-    /// Two halls of 140 x 140 cells, joined by a passage with four corners that has one open cell
-    /// in each row: hardly a vertex falls into it.
+    /// Two halls of 140 x 140 cells, joined by a passage with four corners and one open cell in
+    /// each row: hardly any vertex falls into it.
     #[test]
     fn where_no_roadmap_helps_cells_do() {
         let mut map = CellMap::new(100.0, 0, 100_000);
@@ -380,7 +379,7 @@ mod tests {
         assert!(way.is_some());
     }
 
-    /// A robot that stands in a cell beside a wall first goes where it has room.
+    /// A robot in a cell beside a wall first drives to a cell with room.
     #[test]
     fn a_robot_beside_a_wall_gets_away() {
         let map = serpentine();
@@ -436,8 +435,8 @@ mod tests {
         assert!(is_clear(&drawn(ORIGIN, &["#"]), ORIGIN, ORIGIN));
     }
 
-    /// Around what stands in the middle of nine cells no corner is cut: four steps. Where nothing
-    /// stands, two across the diagonal.
+    /// Around an obstacle in the middle of nine cells no corner is cut: four steps. Without the
+    /// obstacle, two steps across the diagonal.
     #[test]
     fn the_way_from_cell_to_cell_cuts_no_corner() {
         let low = Cell::new(-5, 7);
@@ -462,8 +461,8 @@ mod tests {
     }
 
     /// By hand, around a wall at x = 2 that leaves the lowest row free: the line from 0, 4 to 1, 0
-    /// touches columns 0 and 1 only; that from 1, 0 to 5, 1 leaves row 0 at x = 3.5, behind the
-    /// wall; one to 5, 2 would touch its end.
+    /// touches columns 0 and 1 only; the line from 1, 0 to 5, 1 leaves row 0 at x = 3.5, behind the
+    /// wall; one to 5, 2 would touch the wall's end.
     #[test]
     fn a_way_goes_straight_where_it_can() {
         let map = drawn(ORIGIN, &["......", "..#...", "..#...", "..#...", "..#..."]);
@@ -477,9 +476,9 @@ mod tests {
         assert_eq!(smoothed(&map, &[]), []);
     }
 
-    /// In a corridor of nine cells only the middle one has more than four to both sides: two cells
-    /// beside the way, as near to it as can be; its ends stay. Beside a pillar 2 and 1 cells off
-    /// the room is 4 + 1.
+    /// In a corridor of nine cells only the middle one has more than four cells to both sides: the
+    /// point moves two cells sideways, to the nearest such cell; the ends stay. Beside a pillar 2
+    /// and 1 cells away the room is 4 + 1.
     #[test]
     fn a_way_is_moved_to_where_there_is_room() {
         let mut map = drawn(ORIGIN, &["........."; 21]);
@@ -501,7 +500,7 @@ mod tests {
         assert_eq!(room(&map, Cell::new(4, 10)), 5);
     }
 
-    /// On an open floor exactly those vertices are joined that are no more than 30 cells apart.
+    /// On an open floor exactly those vertices are joined that are at most 30 cells apart.
     #[test]
     fn vertices_within_reach_are_joined() {
         let open = drawn(
@@ -555,8 +554,8 @@ mod tests {
         assert_eq!(Roadmap::default().way(&open, ends.0, ends.1), None);
     }
 
-    /// From a cell beside the wall of a room the next open one is one step off, and four are not
-    /// too many; five are.
+    /// From a cell beside the wall of a room the next open cell is one step away, and four steps
+    /// are not too many; five are.
     #[test]
     fn the_next_open_cell_is_at_most_four_steps_away() {
         let map = drawn(ORIGIN, &["........"]);

@@ -245,7 +245,8 @@ mod tests {
         assert!((4 * 1_110..4 * 1_110 + 10).contains(&took), "{took}");
     }
 
-    /// One that has the rate is only named; 1382400 and 921600 are tried before it.
+    /// A module at the wanted rate only gets its name and PIN; 1382400 and 921600 are tried before
+    /// it.
     #[test]
     fn a_module_that_has_the_rate_is_found_at_it() {
         let (said, setup, _) = said_to(460_800, SETTINGS);

@@ -63,8 +63,8 @@ impl Pcg32 {
 mod tests {
     use super::*;
 
-    /// Reference output of PCG's demo program, seed 42, sequence 54, is another stream; here the
-    /// point is only that the numbers never change and fill their range.
+    /// The reference output of PCG's demo program, seed 42, sequence 54, is another stream; this
+    /// test only checks that the numbers never change and fill their range.
     #[test]
     fn numbers_stay_in_range_and_reach_both_ends() {
         let mut random = Pcg32::new(7);

@@ -440,7 +440,7 @@ mod tests {
         core::array::from_fn(|index| u8::try_from(index).unwrap())
     }
 
-    /// One turn without the packets in `lost`; the ends it reported.
+    /// Feeds one turn without the packets in `lost`; returns the reported ends.
     fn feed(assembler: &mut TurnAssembler, turn: u64, distance_mm: u16, lost: &[u8]) -> usize {
         let kept = (0..90).filter(|index| !lost.contains(index));
         kept.filter(|index| {
@@ -536,7 +536,7 @@ mod tests {
         );
     }
 
-    /// The sensor is unplugged in mid-turn and comes back a second later at a higher index.
+    /// The sensor is unplugged in mid-turn and returns a second later at a higher index.
     #[test]
     fn a_turn_whose_packets_stopped_is_given_up() {
         let mut assembler = TurnAssembler::new(MOUNTING);
@@ -549,8 +549,8 @@ mod tests {
         );
     }
 
-    /// A lidar that is stuck says a packet over and over, the last one among them: no turn is made
-    /// of that, and none of eight packets.
+    /// A stuck lidar repeats a packet, even the last one: no turn is made of that, and none of
+    /// eight packets.
     #[test]
     fn a_few_packets_are_no_turn() {
         let ends = |first: usize| {
@@ -561,7 +561,7 @@ mod tests {
         assert_eq!([81, 82, 89].map(ends), [(1, 0, 9), (0, 1, 0), (0, 1, 0)]);
     }
 
-    /// Packets that a busy program takes out of its queue all at once still span 200 ms.
+    /// Packets that a busy program takes out of its queue all at once still cover 200 ms.
     #[test]
     fn a_turn_taken_in_one_go_is_timed_by_the_reported_speed() {
         let mut assembler = TurnAssembler::new(MOUNTING);
@@ -664,7 +664,7 @@ mod tests {
         assert_eq!((scan.points().len(), scan.beams()[359]), (BEAMS, 359));
     }
 
-    /// Each half second without packets costs the turn that was begun, none the whole ones.
+    /// Each half second without packets discards the current turn, but no complete one.
     #[test]
     fn turns_that_were_given_up_are_counted() {
         let mut assembler = TurnAssembler::new(MOUNTING);
@@ -694,8 +694,8 @@ mod tests {
         assert_eq!(ends_after(half), (1, 1));
     }
 
-    /// 3,840,000,000,000 nanoseconds by 64 times the speed: 300 rpm are 200 ms, 240 rpm 250 ms, and
-    /// 120 rpm just half a second. Slower than that, or no speed at all, is taken for 300.
+    /// 3,840,000,000,000 nanoseconds divided by 64 times the speed: 300 rpm are 200 ms, 240 rpm 250
+    /// ms, and 120 rpm just half a second. A lower speed, or none, counts as 300.
     #[test]
     fn a_turn_lasts_as_long_as_the_reported_speed_says() {
         let ms = |word: u16| reported_period(SpeedWord(word)).as_micros();
@@ -750,8 +750,9 @@ mod tests {
         assert_eq!(lerp(10.0, 30.0, 0.25), 15.0);
     }
 
-    /// A lidar 100 mm before the axle of a robot that turns by 90 degrees to the left in a turn:
-    /// when it was begun the robot, as seen now, looked to the right, and the lidar was there.
+    /// A lidar 100 mm before the axle of a robot that turns by 90 degrees to the left in a turn: at
+    /// its start, relative to the current pose, the robot looked to the right, and the lidar was
+    /// there.
     #[test]
     fn a_turning_robot_s_lidar_swings_around_its_axle() {
         let mut odometry = Odometry::new(DRIVE);

@@ -574,7 +574,7 @@ mod tests {
         );
     }
 
-    /// F-02: a robot that spins in an unknown room must still draw it.
+    /// F-02: a robot that spins in an unknown room must still draw the room.
     #[test]
     fn a_spinning_robot_draws_new_cells_unless_it_has_the_fielded_faults() {
         let walls = |defects| {
@@ -597,8 +597,9 @@ mod tests {
         assert_eq!(walls(Defects::FIELDED), 0);
     }
 
-    /// SL-14: half a metre with the map switched off. The fielded code takes it up in one step when
-    /// it is switched on, wherever the search has brought the robot meanwhile.
+    /// SL-14: half a metre with the map switched off. The fielded code applies this motion in one
+    /// step when the map is switched on, regardless of the pose that the search has found
+    /// meanwhile.
     #[test]
     fn motion_without_mapping_is_not_saved_up() {
         let way = |saves_up_motion| {
@@ -664,7 +665,7 @@ mod tests {
         }
     }
 
-    /// A robot at rest in front of walls that it knows stays where it is, to a fifth of a cell.
+    /// A robot at rest in front of known walls stays, to a fifth of a cell.
     #[test]
     fn a_robot_at_rest_stays() {
         let mut mapper = mapper(Settings::default());
@@ -675,8 +676,8 @@ mod tests {
         assert!(off.distance_mm() < 2.0 && off.turn.abs() < 0.002, "{off:?}");
     }
 
-    /// A half turn drawn, and the other half seen next: nothing of it is known but where the walls
-    /// continue. That the wheels were not read is no reason to slide along them.
+    /// A half turn is drawn, and the other half is seen next: only the ends of the known walls
+    /// match it. Missing wheel readings are no reason to slide along them.
     #[test]
     fn a_scan_of_what_is_not_drawn_yet_does_not_move_the_robot() {
         let room = room();
@@ -693,7 +694,7 @@ mod tests {
         }
     }
 
-    /// 17 of 20 points on the wall are 0.85; 5 scans later the world has changed.
+    /// 17 of 20 points on the wall are 0.85; after 5 scans the world has changed.
     #[test]
     fn a_push_is_over_when_a_scan_fits_or_after_five() {
         let mut grid = Grid::<9, 1>::new(10.0);

@@ -262,8 +262,8 @@ mod tests {
     use super::*;
     use crate::pose::sin_cos;
 
-    /// A corridor's end at 1 m was first seen 12 cm too far, seven tenths of it: drawn there, the
-    /// robot has 34 of 40 points on known walls, where it is all 40.
+    /// A corridor's end at 1 m was first seen 12 cm too far, on seven tenths of its width. At that
+    /// position the robot has 34 of 40 points on known walls, at its own pose all 40.
     #[test]
     fn what_fits_is_not_drawn_to_where_less_does() {
         let wall = |from: [f32; 2], to: [f32; 2]| {
@@ -290,8 +290,8 @@ mod tests {
         assert!((15.0..21.0).contains(&corrected.x_mm), "{corrected:?}");
     }
 
-    /// A room of 3 by 2 m, seen from (1, 1.1) m by a robot that believes to be 10 cm and
-    /// 0.5 radians off: too far to be corrected, but nothing else fits so well.
+    /// A room of 3 by 2 m, seen from (1, 1.1) m by a robot that believes to be 10 cm and 0.5
+    /// radians away: too far for a correction, but no other pose fits as well.
     #[test]
     fn a_robot_that_rolled_without_knowing_is_found() {
         let corners = [
@@ -332,7 +332,7 @@ mod tests {
         assert!((found.heading - truth.heading).abs() < 0.01, "{found:?}");
     }
 
-    /// A corner seen from (1, 1) m by a robot that believes to be 5 cm and 3 degrees off.
+    /// A corner seen from (1, 1) m by a robot with an error of 5 cm and 3 degrees.
     #[test]
     fn two_walls_tell_the_pose() {
         let walls = [
@@ -377,7 +377,7 @@ mod tests {
         assert_eq!(known.segments, [line(-200.0, 200.0); 2]);
     }
 
-    /// Of a corner's two walls, of which one is known, each 1 m long: half.
+    /// One of a corner's two walls is known, each 1 m long: half.
     #[test]
     fn what_is_known_of_a_sight_is_a_share() {
         let far = Segment::new(Point::new(1_000.0, -500.0), Point::new(1_000.0, 500.0));
@@ -391,7 +391,7 @@ mod tests {
         assert!((share - 0.5).abs() < 0.05, "{share}");
     }
 
-    /// A turn of 0.2 rad is beyond what odometry errs by between two looks; one of 0.1 is not.
+    /// A turn of 0.2 rad exceeds the odometry's error between two looks; one of 0.1 does not.
     #[test]
     fn a_correction_that_is_too_large_is_none() {
         let corners = [

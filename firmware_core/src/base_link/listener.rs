@@ -128,7 +128,7 @@ mod tests {
 
     use super::*;
 
-    /// How often bytes are stored outside a buffer of `wanted`, and where last.
+    /// Number of bytes stored outside a buffer of `wanted`, and the offset of the last one.
     fn strays(defects: Defects, wanted: Option<u8>, bytes: &[u8]) -> (u32, i32) {
         let mut listener = Listener::new();
         for byte in bytes {
@@ -137,7 +137,7 @@ mod tests {
         (listener.stray.count, listener.stray.last)
     }
 
-    /// A write of so many bytes, its checksum, and noise before it.
+    /// Noise, then a write of `count` bytes with its checksum.
     fn frame(count: u8) -> Vec<u8> {
         let mut bytes = vec![0x55, START, 0x24, 0x80 | count];
         bytes.extend(vec![7; usize::from(count)]);
@@ -164,7 +164,8 @@ mod tests {
         assert_eq!(strays(CHECKSUM, Some(2), &read), (1, 2));
     }
 
-    /// MA-02: two bytes were asked for and four come: two of them, and the checksum, are too many.
+    /// MA-02: two bytes were requested and four arrive: two of them, and the checksum, are too
+    /// many.
     #[test]
     fn a_longer_reply_is_stored_whole() {
         let unbounded_store = Defects {
@@ -176,7 +177,7 @@ mod tests {
         assert_eq!(strays(CHECKSUM, Some(2), &frame(4)).0, 0);
     }
 
-    /// MA-03: behind the 128th byte of a frame of 127 comes place -128.
+    /// MA-03: after the 128th byte of a frame of 127 the offset becomes -128.
     #[test]
     fn the_counter_of_bytes_falls_below_zero() {
         let signed_counter = Defects {
@@ -192,7 +193,7 @@ mod tests {
         assert_eq!(strays(signed_counter, Some(10), &frame(2)).0, 0);
     }
 
-    /// MA-06: two bytes and the checksum go where the last reader's buffer was.
+    /// MA-06: two bytes and the checksum are stored where the last reader's buffer was.
     #[test]
     fn a_frame_that_nobody_waits_for_is_stored_as_well() {
         let unguarded = Defects {
@@ -204,7 +205,7 @@ mod tests {
         assert_eq!(strays(CHECKSUM, None, &frame(2)).0, 0);
     }
 
-    /// A listener that is armed waits for the start of a frame, whatever came before.
+    /// An armed listener waits for the start of a frame, independent of earlier bytes.
     #[test]
     fn an_armed_listener_begins_anew() {
         let mut listener = Listener::new();

@@ -465,9 +465,9 @@ mod tests {
         );
     }
 
-    /// Obstacles at random: the estimate is what relaxing all steps again and again comes to. A
-    /// step costs its length by the cheaper of its two cells; none leads into a cell where the
-    /// robot's middle cannot be.
+    /// Random obstacles: the estimate equals the result of relaxing all steps until nothing
+    /// changes. A step costs its length by the cheaper of its two cells; no step leads into a cell
+    /// where the robot's middle cannot be.
     #[test]
     fn an_estimate_is_the_least_way_over_cheap_cells() {
         let (width, height) = (12, 9);

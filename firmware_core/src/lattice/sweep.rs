@@ -407,8 +407,8 @@ mod tests {
         assert!(!overlaps(-0.61, 0.0) && !overlaps(0.0, 0.36) && !overlaps(0.0, -0.36));
     }
 
-    /// A rectangle of 0.3 m by 0.1 m around the middle of a cell of 0.1 m covers five by three of
-    /// them, of which the ones at the rim are cut half; at rest it reaches 0.158 m, two cells.
+    /// A rectangle of 0.3 m by 0.1 m around the middle of a cell of 0.1 m covers five by three
+    /// cells; the cells at its edge are cut in half. At rest it reaches 0.158 m, two cells.
     #[test]
     fn an_outline_covers_and_cuts_cells() {
         let outline = Outline::rectangle(0.16, 0.16, 0.06);
@@ -459,7 +459,7 @@ mod tests {
         assert!((way[1][2] - core::f64::consts::PI).abs() < 1e-9, "{way:?}");
     }
 
-    /// One ahead, one aslant, a knight's move: 1 + 1.4142 + 2.4142.
+    /// One step ahead, one diagonal, a knight's move: 1 + 1.4142 + 2.4142.
     #[test]
     fn ways_through_cells_go_ahead_and_aslant() {
         let length = octile(&cells(&[(1, 0), (2, 1), (3, -1)]));
@@ -470,8 +470,8 @@ mod tests {
         assert_eq!(octile(&[]), 0.0);
     }
 
-    /// Costs 1 + the dearest cell; in the outline a cell may be as dear as it likes but for an
-    /// obstacle, and is checked only where something is near at all.
+    /// The cost is 1 + the most expensive cell. Cells of the outline may have any cost except that
+    /// of an obstacle, and are checked only where an obstacle is near.
     #[test]
     fn an_action_costs_the_dearest_cell_that_it_passes() {
         let inflation = Inflation {
@@ -513,7 +513,7 @@ mod tests {
     }
 
     /// A metre straight on without a pose between: in steps of a quarter of a cell no cell of the
-    /// way is left out, whatever the cells' size.
+    /// path is left out, for any cell size.
     #[test]
     fn an_action_passes_every_cell_of_its_way() {
         for cell_m in [0.05, 0.2, 1.0] {

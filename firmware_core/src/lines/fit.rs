@@ -118,7 +118,7 @@ mod tests {
         Point::new(x_mm, y_mm)
     }
 
-    /// 3, 4, 5; between two points of one place no direction is better than another.
+    /// 3, 4, 5; between two equal points no direction is better than another.
     #[test]
     fn a_chord_runs_from_point_to_point() {
         let chord = Fit::chord(at(10.0, 20.0), at(40.0, -20.0));
@@ -156,8 +156,8 @@ mod tests {
         assert_eq!((fit.line().start, fit.line().end), (fit.start, fit.end));
     }
 
-    /// (0, 10) + s (4, 3) and (100, 0) + s (0, 1) meet at (100, 85). Less than 5.7 degrees apart
-    /// they meet nowhere.
+    /// (0, 10) + s (4, 3) and (100, 0) + s (0, 1) meet at (100, 85). Lines less than 5.7 degrees
+    /// apart have no intersection.
     #[test]
     fn two_lines_meet_where_both_would_go_on_to() {
         let (one, other) = (

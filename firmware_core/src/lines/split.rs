@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use crate::lines::Defects;
 
-    /// First and last place of each segment of these points.
+    /// First and last index of each segment of these points.
     fn segments(points: &[(f32, f32)], defects: Defects) -> Vec<(usize, usize)> {
         let points: Vec<Point> = points.iter().map(|(x, y)| Point::new(*x, *y)).collect();
         let circle = Circle {
@@ -136,8 +136,8 @@ mod tests {
         places.collect()
     }
 
-    /// Beside a line of 3, 4 and 5; beside one that is shorter than a millimetre, the distance from
-    /// its point is meant.
+    /// Distance from a line of 3, 4 and 5; for a line shorter than a millimetre, the distance from
+    /// its point.
     #[test]
     fn a_point_lies_beside_its_chord() {
         let beside = |(x, y), (px, py)| {
@@ -151,8 +151,8 @@ mod tests {
         assert_eq!(beside((1.5, 2.0), (4.0, 6.0)), 5.0);
     }
 
-    /// 300 mm are no gap yet. Three points are a segment; a program that drops the first of each
-    /// region, or counts the last one twice, sees one less or more.
+    /// 300 mm are no gap yet. Three points are a segment; a program that drops the first point of
+    /// each region, or counts the last one twice, counts one less or more.
     #[test]
     fn a_region_ends_at_a_gap() {
         let row = |xs: &[f32]| xs.iter().map(|x| (*x, 1_000.0)).collect::<Vec<_>>();
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(segments(&[], Defects::NONE), []);
     }
 
-    /// A roof of which the ridge lies 60 mm beside the chord is one line, and two if it is higher.
+    /// A roof with its ridge 60 mm from the chord is one line, and two if the ridge is higher.
     #[test]
     fn a_bend_is_more_than_60_mm_high() {
         let roof = |ridge: f32| {
@@ -192,8 +192,7 @@ mod tests {
         assert_eq!([roof(60.5), roof(-90.0)], [[(0, 2), (2, 4)]; 2]);
     }
 
-    /// Of three pairs, each too short, the fielded loop does not look at the one behind an erased
-    /// one.
+    /// Three pairs of points, each too short: the fielded loop skips the one behind an erased one.
     #[test]
     fn the_segment_behind_an_erased_one_may_be_kept() {
         let pairs = [0.0, 100.0, 1_000.0, 1_100.0, 2_000.0, 2_100.0].map(|x| (x, 0.0));

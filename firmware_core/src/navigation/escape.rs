@@ -115,7 +115,7 @@ mod tests {
         axle_mm: 260.0,
     });
 
-    /// A wall ahead and on both sides: the only way out is behind.
+    /// A wall ahead and on both sides: the only free direction is behind.
     fn niche() -> Surroundings {
         let side = |y: f32| (-20..=40_i8).map(move |n| Point::new(f32::from(n) * 10.0, y));
         let front = (-30..=30_i8).map(|n| Point::new(400.0, f32::from(n) * 10.0));
@@ -142,8 +142,8 @@ mod tests {
         assert!(step(-200.0).is_none());
     }
 
-    /// R4: the robot touches a corner at 35 degrees. A tangent to it passes by 1 mm, which the next
-    /// scan's noise takes away; the way out is one that gains distance.
+    /// R4: the robot touches a corner at 35 degrees. A tangent passes the corner by 1 mm, which the
+    /// next scan's noise removes; the escape must gain distance.
     #[test]
     fn a_robot_at_a_corner_leaves_it_behind() {
         let corner = Point::new(131.0, 92.0);
@@ -168,8 +168,8 @@ mod tests {
         assert!(is_quiet);
     }
 
-    /// A turn by 180 degrees has to be worth a millimetre, one by 90 degrees a half. More than a
-    /// metre is not better.
+    /// A turn by 180 degrees must gain a millimetre of free path, one by 90 degrees half a
+    /// millimetre. More than a metre has no value.
     #[test]
     fn of_equally_free_ways_the_nearest_is_taken() {
         let ahead_or = |more: f32, side: f32| {
@@ -193,8 +193,8 @@ mod tests {
         assert_eq!(far, (0.0, 1_000.0));
     }
 
-    /// Walls 190 mm to both sides, and one ahead: no way keeps the body's 205 mm. As close as the
-    /// walls are, the way back is free.
+    /// Walls 190 mm to both sides, and one ahead: no direction keeps the body's 205 mm. At the
+    /// distance of the walls, the direction back is free.
     #[test]
     fn where_it_is_too_narrow_everywhere_the_robot_leaves_along_the_walls() {
         let side = |y: f32| (-100..=30_i8).map(move |n| Point::new(f32::from(n) * 10.0, y));
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(freest(&SETTINGS, &around), -PI);
     }
 
-    /// Nothing is free to any side: straight on is as good as any.
+    /// No direction is free: straight on is as good as any.
     #[test]
     fn a_robot_that_is_walled_in_stays_as_it_looks() {
         let ring = (0..72_u8).map(|n| {

@@ -177,7 +177,7 @@ mod tests {
         front_mm(&SETTINGS, &seen(points))
     }
 
-    /// T5: 3-4-5 triangles. Beside the body's width and behind the robot nothing counts.
+    /// T5: 3-4-5 triangles. Points beside the body's width or behind the robot do not count.
     #[test]
     fn the_nearest_ahead_is_told_for_each_side() {
         const NONE: f32 = f32::INFINITY;
@@ -189,8 +189,8 @@ mod tests {
         assert_eq!(front(&[(0.0, 100.0), (0.0, -90.0)]), (100.0, 90.0));
     }
 
-    /// T5: from 300 mm on it turns, away from the nearer side, until 360 mm are free; meanwhile it
-    /// keeps to its side.
+    /// T5: from 300 mm on the robot turns away from the nearer side, until 360 mm are free;
+    /// meanwhile it keeps its direction.
     #[test]
     fn what_is_near_ahead_is_turned_away_from() {
         let mut explorer = Explorer::new();
@@ -216,7 +216,8 @@ mod tests {
     }
 
     /// T5: 360 mm along the beam at 50 degrees are 100 too many: left 10, right 20. Beams within
-    /// three degrees help, others do not, and without a wall it drives straight on.
+    /// three degrees replace a missing one, others do not, and without a wall the robot drives
+    /// straight on.
     #[test]
     fn the_beam_at_50_degrees_is_followed() {
         let step = |degrees: f32, length: f32| {

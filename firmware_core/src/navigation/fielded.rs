@@ -84,8 +84,8 @@ mod tests {
         assert!((told[5].abs() - 90.0).abs() < 0.02 || (told[5] + 450.0).abs() < 0.02);
     }
 
-    /// NV-01 and NV-02: a quarter turn to the left of a robot that looks along y is psi 0. One that
-    /// has turned once around before counts 450 degrees and turns on by 90.
+    /// NV-01 and NV-02: psi 0 is a quarter turn to the left for a robot that looks along y. A robot
+    /// that has turned once around before counts 450 degrees and turns on by 90.
     #[test]
     fn the_fielded_steering_compares_headings() {
         let settings = Settings::new(Body {

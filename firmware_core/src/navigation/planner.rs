@@ -328,7 +328,7 @@ mod tests {
         planner
     }
 
-    /// Follows the plan in steps of 50 mm; the number of steps to the goal, if it gets there.
+    /// Follows the plan in steps of 50 mm; the number of steps to the goal, if it is reached.
     fn walk(planner: &Planner, map: &Grid, mut at: Point, goal: Point) -> Option<usize> {
         for steps in 0..200 {
             if at.distance_mm(goal) < 60.0 {
@@ -359,8 +359,8 @@ mod tests {
         assert!(walk(&planner, &map, from, goal) < Some(55));
     }
 
-    /// A wall right through the room with a door of 600 mm at its other end: the goal lies straight
-    /// behind the wall.
+    /// A wall across the room with a door of 600 mm at its far end: the goal lies straight behind
+    /// the wall.
     #[test]
     fn the_way_to_the_other_side_of_a_wall_leads_through_the_door() {
         let map = map(&[[150, 0, 152, 220], [150, 281, 152, 299]]);
@@ -400,8 +400,8 @@ mod tests {
         assert!((aim.y_mm - 1500.0).abs() > 100.0, "{aim:?}");
     }
 
-    /// A wall of 60 cm across the straight way, shown by the scan and not by the map, and nearer to
-    /// its left end: the way leads around there.
+    /// A wall of 60 cm across the straight path, in the scan but not on the map, nearer to the
+    /// wall's left end: the path leads around that end.
     fn two_ways() -> (Planner, Box<Grid>, Pose, Point) {
         let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));
         let (mut planner, map) = (Planner::new(), map(&[]));
@@ -414,12 +414,12 @@ mod tests {
         Surroundings::of(across.map(|n| Point::new(1000.0, f32::from(n) * 10.0)))
     }
 
-    /// Where the way of `planner` crosses the wall's line: above it or below.
+    /// Whether the path of `planner` crosses the wall's line above the wall instead of below it.
     fn is_left(planner: &Planner, from: Pose) -> bool {
         planner.way_from(from.position()).expect("a way").y_mm > 1500.0
     }
 
-    /// Most of the wall's right half is not seen any more.
+    /// Most of the wall's right half is no longer seen.
     #[test]
     fn a_way_is_kept_while_nothing_is_in_it() {
         let (mut planner, map, pose, goal) = two_ways();
@@ -525,7 +525,7 @@ mod tests {
         assert_eq!(planner.way_from(Point::new(500.0, 500.0)), None);
     }
 
-    /// A robot that stands nearer to a wall than it should still finds its way.
+    /// A robot that stands nearer to a wall than it should still finds a path.
     #[test]
     fn a_start_beside_a_wall_is_open() {
         let map = map(&[[0, 100, 299, 101]]);
@@ -533,7 +533,8 @@ mod tests {
         assert!(planned(&map, from, goal).way_from(from).is_some());
     }
 
-    /// Cells of 30 mm: 120 mm are four of them, and two more beyond that, along the way.
+    /// Cells of 30 mm: 120 mm are four of them, and the refused cell is two more beyond, along the
+    /// path.
     #[test]
     fn a_way_that_is_none_is_refused_a_little_ahead() {
         let map = map(&[]);
@@ -566,7 +567,7 @@ mod tests {
         assert_eq!(planner.get(Cell { x: 4, y: 2 }), 0);
     }
 
-    /// A post at (20, 12): it is not seen through, beside it the line is free.
+    /// A post at (20, 12): a line through it is blocked, one beside it is free.
     #[test]
     fn what_is_near_something_is_not_seen_through() {
         let mut planner = Planner::new();
@@ -583,8 +584,8 @@ mod tests {
         assert!(sees((10, 12), (19, 12)) && sees((10, 8), (30, 18)));
     }
 
-    /// A straight way of 2 m leads over 4 columns of 30 mm and farther on over 10 more: the middle
-    /// is that of the first ones.
+    /// A straight path of 2 m crosses 4 columns of 30 mm and farther on 10 more: the result is the
+    /// middle of the first ones.
     #[test]
     fn the_first_stretch_of_a_way_is_told() {
         let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));

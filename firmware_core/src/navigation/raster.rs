@@ -178,7 +178,7 @@ mod tests {
         );
     }
 
-    /// The rim of an obstacle is opened 120 mm around both ends, the obstacle itself is not.
+    /// Cells near an obstacle are opened 120 mm around both ends, the obstacle itself is not.
     #[test]
     fn what_is_near_is_open_around_the_ends() {
         let raster = Raster { cell_mm: 30.0 };
@@ -195,7 +195,7 @@ mod tests {
         assert!(!is_blocked(&elsewhere, 16) && !is_blocked(&elsewhere, 24));
     }
 
-    /// First in, first out, round and round; what does not fit is lost.
+    /// First in, first out, in a ring; cells that do not fit are lost.
     #[test]
     fn a_front_is_a_queue() {
         let mut front = Front::new();

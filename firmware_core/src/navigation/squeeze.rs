@@ -130,12 +130,12 @@ mod tests {
         axle_mm: 260.0,
     };
 
-    /// Something 204 or 206 mm ahead: the body keeps 205.
+    /// An obstacle 204 or 206 mm ahead: the body keeps 205.
     fn ahead(mm: f32) -> Surroundings {
         Surroundings::of([Point::new(mm, 0.0)].into_iter())
     }
 
-    /// After 22 scans at rest, 15 mm and 8 ticks, until 40 scans after the last of them.
+    /// After 22 scans at rest 15 mm and 8 ticks apply, until 40 scans after the last of them.
     #[test]
     fn a_robot_at_rest_makes_itself_thin_for_a_while() {
         let mut squeeze = Squeeze::NONE;
@@ -154,8 +154,8 @@ mod tests {
         assert_eq!(super::thin(&slim), slim);
     }
 
-    /// Thirty plans of which none is 3 cells shorter than the shortest, then 5 mm for 199 scans: 4
-    /// ticks where something is nearer than usual, else 8.
+    /// Thirty plans, none of them 3 cells shorter than the shortest, then 5 mm for 199 scans: 4
+    /// ticks near an obstacle, else 8.
     #[test]
     fn a_way_that_becomes_no_shorter_is_driven_wherever_the_body_fits() {
         let mut squeeze = Squeeze::NONE;
@@ -174,8 +174,8 @@ mod tests {
         assert_eq!(squeeze.step(&BODY, 0, &ahead(206.0)), (BODY, i8::MAX));
     }
 
-    /// Each third cell less counts as getting on, and another goal begins again; a robot that never
-    /// had a path waits for none.
+    /// Each third cell less counts as progress, and another goal restarts the count; a robot that
+    /// never had a path does not count.
     #[test]
     fn a_way_that_becomes_shorter_is_none() {
         let mut squeeze = Squeeze::NONE;

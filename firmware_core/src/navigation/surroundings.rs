@@ -181,8 +181,8 @@ mod tests {
         assert_eq!((free(205.0), free(-205.0)), (f32::INFINITY, f32::INFINITY));
     }
 
-    /// T5: with the left wheel at rest the robot turns about it: 226.9 mm on a circle of 260 mm,
-    /// of which the middle does half: 130 sin 0.8727 and 130 (1 - cos 0.8727).
+    /// T5: with the left wheel at rest the robot turns about it: the right wheel moves 226.9 mm on
+    /// a circle of 260 mm, and the middle half of that: 130 sin 0.8727 and 130 (1 - cos 0.8727).
     #[test]
     fn an_arc_ends_on_its_circle() {
         let is_at = |set_point, seconds, [x, y]: [f32; 2]| {
@@ -199,8 +199,8 @@ mod tests {
         assert!(is_at([0, 20], 0.0, [0.0, 0.0]));
     }
 
-    /// Of two points as near, 3, 4 and 5, the first; one that is nearer outside the bearings is
-    /// none.
+    /// Of two equally near points (3, 4 and 5) the first counts; a nearer one outside the bearings
+    /// does not.
     #[test]
     fn the_nearest_point_between_two_bearings_is_told() {
         let places = [
@@ -239,7 +239,7 @@ mod tests {
         assert!((around.nearest_mm - 100.0).abs() < 0.01 && around.count == 2);
     }
 
-    /// Ten points are sight. Blind, nothing that others tell makes up for it.
+    /// Ten points are enough to see. Points of other sensors do not help a blind robot.
     #[test]
     fn ten_points_are_sight() {
         let points = |count| core::iter::repeat_n(Point::new(900.0, 0.0), count);
@@ -255,9 +255,9 @@ mod tests {
         assert_eq!(Surroundings::of(points(1_000)).count, BEAMS);
     }
 
-    /// 20 ticks are 226.9 mm/s, 204.2 mm in the 0.9 s that are looked ahead; 205 mm are kept. With
-    /// a post 400 mm ahead seven tenths of that, 142.9 mm, are clear; with one at 300 mm a quarter,
-    /// 51.1 mm; at 230 mm nothing. On the spot it may turn.
+    /// 20 ticks are 226.9 mm/s, 204.2 mm in the 0.9 s ahead; 205 mm are kept. With a post 400 mm
+    /// ahead seven tenths of that, 142.9 mm, are clear; with one at 300 mm a quarter, 51.1 mm; with
+    /// one at 230 mm nothing. The robot may turn on the spot.
     #[test]
     fn a_robot_slows_down_before_what_is_near() {
         let guarded = |x: f32, y: f32, wanted| {
@@ -276,7 +276,8 @@ mod tests {
         assert_eq!(guarded(200.0, 0.0, [4, 20]), [-8, 8]);
     }
 
-    /// 204.2 mm on, a post at 409.0 mm is 204.8 mm away, one at 409.4 mm 205.2: that is clear.
+    /// 204.2 mm on, a post at 409.0 mm is 204.8 mm away, one at 409.4 mm is 205.2 mm away: only the
+    /// latter is clear.
     #[test]
     fn a_post_just_within_what_is_kept_counts() {
         let guarded = |x: f32| {

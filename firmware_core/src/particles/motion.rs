@@ -115,9 +115,9 @@ mod tests {
         assert!(is_near, "{found:?}, expected {expected:?}");
     }
 
-    /// By hand: 3 ahead and 4 to the left are 5 in the direction 0.9273; turned by 1.0, of which
-    /// 0.0727 are left. Turns: sqrt(2 * 0.9273^2 + 25) = 5.169, sqrt(2 * 0.0727^2 + 25) = 5.001;
-    /// way: sqrt(0.5 * 25 + 0.5 * (0.8599 + 0.0053)) = 3.596.
+    /// By hand: 3 ahead and 4 to the left are 5 in the direction 0.9273; turned by 1.0, so 0.0727
+    /// remain. Turns: sqrt(2 * 0.9273^2 + 25) = 5.169, sqrt(2 * 0.0727^2 + 25) = 5.001; distance:
+    /// sqrt(0.5 * 25 + 0.5 * (0.8599 + 0.0053)) = 3.596.
     #[test]
     fn a_motion_is_a_turn_a_way_and_a_turn_with_noise() {
         let seed = Noise::default();
@@ -140,7 +140,7 @@ mod tests {
         assert_near(spot, [0.0, 0.0, 0.4, 0.0, 0.08_f64.sqrt(), 0.32_f64.sqrt()]);
     }
 
-    /// 1,000 guesses that go 1 m with a deviation of 0.5 m, and turn by 0.2 rad at its end only:
+    /// 1,000 guesses that move 1 m with a deviation of 0.5 m, and turn by 0.2 rad at the end only:
     /// mean and variance within four standard errors.
     #[test]
     fn guesses_spread_as_the_noise_says() {

@@ -41,7 +41,7 @@ fn scan(pose: CarPose, random: &mut Pcg32) -> Vec<Beam> {
     beams.collect()
 }
 
-/// Every cell of a random field by hand: the least over all obstacles.
+/// Every cell of a random field by hand: the least distance over all obstacles.
 #[test]
 fn distances_are_those_to_the_next_obstacle() {
     let mut random = Pcg32::new(5);
@@ -77,7 +77,7 @@ fn more_boxes_need_more_guesses() {
     assert_eq!(localiser.needed(40), 625);
 }
 
-/// A motion without noise is the motion; backwards too.
+/// A motion without noise moves exactly so; backwards too.
 #[test]
 fn a_guess_moves_as_the_odometry_says() {
     let mut random = Pcg32::new(1);
@@ -101,7 +101,7 @@ fn a_guess_moves_as_the_odometry_says() {
 /// A circle of 1 m: tan(0.245) = 0.25 / 1.
 const STEERING: f64 = 0.245;
 
-/// One drive of 5 m round a circle of 1 m; how far the estimate is off at its end, in metres and in
+/// One drive of 5 m round a circle of 1 m; error of the estimate at its end, in metres and in
 /// degrees.
 fn drive(seed: u64, weighs: bool) -> [f64; 2] {
     let car = CarGeometry {
@@ -188,7 +188,7 @@ fn pose(x_m: f64, y_m: f64, heading_rad: f64) -> CarPose {
     }
 }
 
-/// A localiser that has these guesses, in the hall.
+/// A localiser with these guesses, in the hall.
 fn guessing(guesses: &[(CarPose, f64)]) -> Localiser {
     let scanner = pose(0.2, 0.1, PI / 2.0);
     let settings = Settings {
@@ -234,8 +234,8 @@ fn guesses_are_counted_in_boxes() {
     }
 }
 
-/// By hand: of the first two the mean is 0.5 * 0.1 + 0.3 * 0.3 over 0.8, their deviations are
-/// 0.075 and 0.125; a guess in the box beside theirs is of their heap, one two boxes off is not.
+/// By hand: the mean of the first two is 0.5 * 0.1 + 0.3 * 0.3 over 0.8, their deviations are 0.075
+/// and 0.125; a guess in the neighbouring box is in their cluster, one two boxes away is not.
 #[test]
 fn the_estimate_is_the_mean_of_the_heaviest_heap() {
     let heap = [(pose(0.1, 0.1, 0.0), 0.5), (pose(0.3, 0.1, 0.1), 0.3)];
@@ -370,9 +370,9 @@ fn the_guess_whose_beams_end_on_an_obstacle_weighs_more() {
     assert_eq!(localiser.fit_at(below, &beside(-5.0)), 0.0);
 }
 
-/// A quarter and three quarters of the weight: of 500 drawn 375 are the second, give or take four
-/// standard deviations of 9.7; as many as the settings want at least, in one box; all where the
-/// guesses lie everywhere.
+/// A quarter and three quarters of the weight: of 500 drawn 375 are the second, within four
+/// standard deviations of 9.7. The number is the minimum of the settings for one box, and the
+/// maximum for guesses spread everywhere.
 #[test]
 fn the_heavier_guess_is_drawn_more_often() {
     let places = [pose(1.0, 1.0, 0.0), pose(1.1, 1.0, 0.0)];
@@ -397,7 +397,7 @@ fn the_heavier_guess_is_drawn_more_often() {
     assert_eq!(localiser.particles().len(), 2_000);
 }
 
-/// The odometry reports 1 m ahead, another source 0.5 m: every second guess is drawn back.
+/// The odometry reports 1 m ahead, another source 0.5 m: every second guess moves back.
 #[test]
 fn every_second_guess_believes_the_other() {
     let mut localiser = guessing(&[(pose(1.0, 2.0, 0.0), 0.25); 4]);
@@ -414,8 +414,8 @@ fn every_second_guess_believes_the_other() {
     assert_eq!(along, [0.5, 1.0, 0.5, 1.0]);
 }
 
-/// A third of 900 guesses is thrown about the estimate: 300, give or take four deviations of 14; by
-/// 1 m along x, nothing along y, 0.2 rad.
+/// A third of 900 guesses is scattered around the estimate: 300, within four deviations of 14; by 1
+/// m along x, 0 along y, 0.2 rad.
 #[test]
 fn a_search_throws_a_part_of_the_guesses() {
     let start = pose(2.0, 1.0, 0.5);

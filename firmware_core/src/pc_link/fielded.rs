@@ -320,8 +320,8 @@ mod tests {
     use crate::pose::Pose;
     use crate::waypoints::Waypoints;
 
-    /// SL-13: 91 turns of 360 degrees are 32760, and a little more is negative; turning the other
-    /// way psi is negative at once.
+    /// SL-13: 91 turns of 360 degrees are 32760, and a little more is negative; in the other
+    /// direction psi is negative at once.
     #[test]
     fn a_counted_psi_wraps_after_91_turns() {
         let turned = |degrees: i32| {
@@ -356,7 +356,7 @@ mod tests {
         buf[..count].to_vec()
     }
 
-    /// A robot in the middle of nowhere, with a row of 24 bytes.
+    /// A robot in an unknown map, with a row of 24 bytes.
     fn torn(link: &mut PcLink, now: Instant) -> std::vec::Vec<u8> {
         let map = std::boxed::Box::new(Grid::new(20.0));
         let waypoints = Waypoints::new();
@@ -394,8 +394,8 @@ mod tests {
         assert_eq!(is_torn, [false, true, false, false, false, true]);
     }
 
-    /// PU-06: 24 bytes take 2 ms; a pose that is due meanwhile goes into the middle, and the next
-    /// one comes 50 ms later.
+    /// PU-06: 24 bytes take 2 ms; a pose due meanwhile goes into the middle, and the next pose
+    /// comes 50 ms later.
     #[test]
     fn a_pose_is_written_into_a_row() {
         let mut link = fielded(Defects {
@@ -450,7 +450,7 @@ mod tests {
         assert_eq!(kept(Defects::NONE), (0, 0));
     }
 
-    /// PU-15: a frame that came while the link was off is taken with the next byte, if it fitted
+    /// PU-15: a frame received while the link was off is processed with the next byte, if it fitted
     /// into 200 bytes.
     #[test]
     fn what_came_while_the_link_was_off_is_taken_later() {
@@ -469,7 +469,7 @@ mod tests {
         assert!(!taken(182, keeps_while_off) && !taken(0, Defects::NONE));
     }
 
-    /// PU-17: pairs of each byte, and no half of one.
+    /// PU-17: each byte is sent twice, and no pair is split.
     #[test]
     fn bytes_are_sent_twice() {
         let mut link = fielded(Defects {
@@ -511,8 +511,8 @@ mod tests {
 
     const LIST: &[u8] = b"PCUI_MSG\x02\x00\x07\x00\x00\x00LWP\x03\x04";
 
-    /// PU-01: of "PPCUI_MSG" only a receiver that begins again finds the frame. A sum that is
-    /// wrong, and 512 bytes, are refused, and the next frame is found.
+    /// PU-01: in "PPCUI_MSG" only a receiver that restarts at the second P finds the frame. A wrong
+    /// sum and a length of 512 bytes are refused, and the next frame is found.
     #[test]
     fn a_start_word_that_breaks_off_may_begin_anew() {
         let forgets = Defects {
@@ -535,8 +535,8 @@ mod tests {
         assert_eq!(found, [None, Some(std::vec![3, 4])]);
     }
 
-    /// PU-02: 257 bytes of 0x80 add up to 0x8080, which is negative in 16 bits. PU-03: so is a
-    /// length of 0x8000, and nothing is received any more.
+    /// PU-02: 257 bytes of 0x80 add up to 0x8080, which is negative in 16 bits. PU-03: a length of
+    /// 0x8000 is negative as well, and the receiver takes no further frame.
     #[test]
     fn signs_deafen_the_fielded_receiver() {
         let mut frame = b"PCUI_MSG\x01\x01\x80\x80\x00\x00LWP".to_vec();
@@ -559,7 +559,7 @@ mod tests {
     }
 
     /// PU-04: a frame without payload waits for a byte, and takes it. PU-05: a list of two
-    /// waypoints that says three is read as three, 2 + 27 bytes, with what lay there before.
+    /// waypoints that announces three is read as three, 2 + 27 bytes, with stale bytes.
     #[test]
     fn lengths_are_believed_where_they_are_wrong() {
         let empty = b"PCUI_MSG\x00\x00\x00\x00\x00\x00STA";
@@ -582,7 +582,8 @@ mod tests {
         assert_eq!(found[0].as_ref().map(std::vec::Vec::len), Some(511));
     }
 
-    /// Each of the receiver's faults alone makes it the fielded one; those of the sender do not.
+    /// Each of the receiver's defects alone enables the fielded receiver; those of the sender do
+    /// not.
     #[test]
     fn each_fault_of_the_receiver_makes_it_the_fielded_one() {
         let with = |change: fn(&mut Defects)| {
@@ -622,8 +623,8 @@ mod tests {
         assert!(link.receive(at(500), &mut input).is_some());
     }
 
-    /// The shorter way round each time: from 90 to -89 by 179 back, but half a turn counts as back;
-    /// from 300 to 20 by 80 on.
+    /// Psi takes the shorter direction each time: from 90 to -89 by 179 back, and half a turn
+    /// counts as back; from 300 to 20 by 80 forward.
     #[test]
     fn a_counted_psi_takes_the_shorter_way_round() {
         let count = |told: &[i16]| {

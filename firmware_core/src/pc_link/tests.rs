@@ -74,7 +74,7 @@ fn the_first_frames_are_the_golden_ones() {
     assert_eq!(sent(&mut link), row);
 }
 
-/// A list of which the rest was lost, then 200 ms of silence and a whole one.
+/// A list with a lost rest, then 200 ms of silence and a whole list.
 #[test]
 fn silence_ends_a_frame_that_was_cut_off() {
     let mut link = link(None);
@@ -127,7 +127,7 @@ fn a_list_goes_out_before_the_next_row() {
     );
 }
 
-/// Each 50 ms from when it was due; a call that is late by more begins again.
+/// Each 50 ms from the due time; a call that is later than that starts a new period.
 #[test]
 fn a_late_period_is_not_made_up_for() {
     let period = Duration::from_millis(50);
@@ -139,7 +139,7 @@ fn a_late_period_is_not_made_up_for() {
     assert_eq!([next(0, 50), next(0, 51)], [100, 101].map(at));
 }
 
-/// 12,000 bytes a second: 12 are a millisecond. No pace at all is one byte a second.
+/// 12,000 bytes a second: 12 bytes take a millisecond. A pace of 0 counts as one byte a second.
 #[test]
 fn bytes_pass_at_their_pace() {
     assert_eq!(passing(12, 12_000), Duration::from_millis(1));
@@ -191,8 +191,7 @@ fn what_the_radio_has_no_room_for_waits() {
     assert_eq!((link.held, sent(&mut link).len()), (0, 720 - half.min(720)));
 }
 
-/// State five times a second, how the robot is each second and only if that is asked for; the
-/// pose each 50 ms.
+/// State five times a second, diagnosis each second and only if enabled; the pose each 50 ms.
 #[test]
 fn each_frame_has_its_period() {
     let count = |diagnosis| {
@@ -219,7 +218,7 @@ fn each_frame_has_its_period() {
     assert_eq!(count(Diagnose::EachSecond), (40, 10, 4));
 }
 
-/// A row too many is the first again; while too much waits none is added.
+/// After the last row the first follows; while too many bytes wait no row is added.
 #[test]
 fn rows_go_round_and_stop_while_the_queue_is_long() {
     let (mut link, robot) = (link(None), Robot::new());
@@ -249,8 +248,8 @@ fn rows_go_round_and_stop_while_the_queue_is_long() {
     assert_eq!(link.row_at, at(0));
 }
 
-/// Half a list, and the other half 60 ms later: the link that is asked meanwhile waits. After 100
-/// ms it does not.
+/// Half a list, and the other half 60 ms later: the link keeps the first half. After 100 ms it does
+/// not.
 #[test]
 fn half_a_frame_waits_for_its_rest() {
     let list = b"PCUI_MSG\x02\x00\x00\x00\x00\x00LWP\x00\x00";
@@ -282,7 +281,7 @@ fn a_line_that_broke_gives_up_what_it_had_begun() {
     assert_eq!([true, false].map(heard), [true, false]);
 }
 
-/// PU-17: from the first frame that did not fit on.
+/// PU-17: every byte is sent twice after the first frame that did not fit.
 #[test]
 fn bytes_are_sent_twice_once_the_queue_was_full() {
     let mut link = PcLink::new(Settings {

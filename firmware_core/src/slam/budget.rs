@@ -110,8 +110,8 @@ mod tests {
         assert_eq!(after_17(false), 65_486, "the fielded code's figure");
     }
 
-    /// SL-04: 60 s without a valid beam, each scan done in a moment. The fielded code's first real
-    /// search then takes 1.06 s by its own cost model, and 1.96 s after 120 s.
+    /// SL-04: 60 s without a valid beam, each scan done in a moment. By its own cost model, the
+    /// fielded code's first real search then takes 1.06 s, and 1.96 s after 120 s.
     #[test]
     fn a_blackout_does_not_wind_the_budget_up() {
         let first_search_after = |scans: u32, is_bounded| {
@@ -128,7 +128,7 @@ mod tests {
         assert!(first_search_after(600, false) > millis(1_950));
     }
 
-    /// A search at its target took too long; 16 bits with sign end at 32767.
+    /// A search of exactly the target time took too long; 16 bits with sign end at 32767.
     #[test]
     fn tries_go_up_by_20_and_down_by_60() {
         let budget = Budget::DOCUMENT;

@@ -225,7 +225,7 @@ mod tests {
 
     const CELL_MM: f32 = 10.0;
 
-    /// Pose after pose, each scored by itself.
+    /// The reference: scores pose after pose separately.
     fn naive(
         grid: &Grid<60, 50>,
         points: &[[i16; 2]],

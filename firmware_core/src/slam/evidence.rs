@@ -134,7 +134,7 @@ fn in_gap(value_at: impl Fn((i32, i32)) -> u8, (x, y): (i32, i32)) -> u8 {
 mod tests {
     use super::*;
 
-    /// A wall at cell 20 of a row that was seen free up to it; everything else unknown.
+    /// A wall at cell 20 of a row that was seen free up to there; everything else is unknown.
     fn wall() -> Grid<40, 3> {
         let mut grid = Grid::new(10.0);
         (0..20).for_each(|x| grid.set(x, 1, 0));
@@ -178,8 +178,8 @@ mod tests {
         assert!(is_enough(36) && !is_enough(35));
     }
 
-    /// A cell off a comb of beams: between two cells seen free, a point disagrees; between two of a
-    /// wall, it agrees; behind that, it disagrees.
+    /// A cell beside a comb of beams: between two free cells a point disagrees; between two cells
+    /// of a wall it agrees; behind the wall it disagrees.
     #[test]
     fn a_gap_between_two_beams_is_what_its_sides_are() {
         let mut grid = Grid::<40, 9>::new(10.0);
@@ -197,7 +197,7 @@ mod tests {
         Evidence { hits, misses, of }
     }
 
-    /// One of four points tells enough, one of five does not.
+    /// One known point of four is enough, one of five is not.
     #[test]
     fn a_quarter_of_the_points_tells_whether_a_scan_agrees() {
         let agreement = |hits, misses, of| evidence(hits, misses, of).agreement();
@@ -206,7 +206,7 @@ mod tests {
         assert_eq!(agreement(3, 1, 16), 0.75);
     }
 
-    /// Of 80 points, an eighth are 10: 20 less 5 is 15, and 10 more than 8 less 3, or 9 less 4.
+    /// Of 80 points, an eighth are 10: 20 less 5 is 15, 10 above 8 less 3 or 9 less 4.
     #[test]
     fn a_place_is_better_by_an_eighth_of_all_points() {
         let here = evidence(20, 5, 80);
@@ -216,7 +216,7 @@ mod tests {
         assert!(!evidence(1, 1, 8).exceeds(&evidence(0, 0, 8)));
     }
 
-    /// Three of eight tell something, four of eight are most.
+    /// Three known points of eight tell something, four of eight are most.
     #[test]
     fn points_that_hit_or_miss_tell_something() {
         assert!(evidence(2, 1, 8).tells_something() && !evidence(1, 1, 8).tells_something());
@@ -225,7 +225,7 @@ mod tests {
         assert!(evidence(8, 0, 16).is_broad() && !evidence(0, 7, 16).is_broad());
     }
 
-    /// 127 was never seen; darker by up to 20 is wall or its rim, brighter is free.
+    /// 127 was never seen; values darker by up to 20 are wall or its edge, lighter ones are free.
     #[test]
     fn a_cell_is_wall_from_a_little_below_unknown_on() {
         let seen = [0, 106, 107, 126, 128, 200].map(|value| {
@@ -265,8 +265,9 @@ mod tests {
         assert_eq!(gap([((11, 20), 0), ((9, 20), 0)]), UNKNOWN);
     }
 
-    /// Of 64 points, half of which agree here, a quarter may disagree there, but less: half of the
-    /// disagreement. 24 tell something, 23 do not; 35 points are a handful; 8 more must agree.
+    /// 64 points, half of which agree at the first pose: at the second less than a quarter may
+    /// disagree, half of the disagreement. 24 known points tell something, 23 do not; 35 points are
+    /// a handful; 8 more must agree.
     #[test]
     fn a_place_outweighs_another_by_half_of_its_disagreement() {
         let here = evidence(32, 32, 64);

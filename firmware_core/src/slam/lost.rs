@@ -108,8 +108,8 @@ impl Lost {
 mod tests {
     use super::*;
 
-    /// The whole map takes a second to search: a robot that stands gains nothing by doing so five
-    /// times a second.
+    /// A search of the whole map takes a second: a standing robot gains nothing from five searches
+    /// a second.
     #[test]
     fn the_whole_map_is_searched_ever_more_rarely() {
         let mut lost = Lost::NONE;

@@ -230,7 +230,8 @@ mod tests {
         refine(&grid, points.all(), start, &prior, &mut Effort::default())
     }
 
-    /// A cell off in both directions and half a degree turned: found to a fraction of a cell.
+    /// A pose wrong by a cell in both directions and half a degree is found to a fraction of a
+    /// cell.
     #[test]
     fn a_room_fixes_the_pose_between_the_cells() {
         let start = Pose::new(HERE.x_mm + 9.0, HERE.y_mm - 8.0, HERE.heading + 0.01);
@@ -238,7 +239,7 @@ mod tests {
         assert!(off.distance_mm() < 2.5 && off.turn.abs() < 0.004, "{off:?}");
     }
 
-    /// Two parallel walls tell nothing along them: there the odometry stands.
+    /// Two parallel walls give no position along them: there the odometry counts.
     #[test]
     fn a_corridor_fixes_the_pose_across_it_only() {
         let start = Pose::new(HERE.x_mm + 9.0, HERE.y_mm - 8.0, HERE.heading);
@@ -292,8 +293,8 @@ mod tests {
         assert!(is_near(solution, [1.0, 2.0, 3.0]), "{solution:?}");
     }
 
-    /// The summit of 7 - (x - 0.5)^2 - 2 (y + 0.25)^2 - 4 (z - 0.1)^2 is where it says; one that is
-    /// 9 away is gone to by 1.5; a valley has none.
+    /// The summit of 7 - (x - 0.5)^2 - 2 (y + 0.25)^2 - 4 (z - 0.1)^2 is at the calculated
+    /// position; for one 9 away the step is limited to 1.5; a valley has no summit.
     #[test]
     fn a_newton_step_leads_to_the_summit() {
         let hill = |[x, y, z]: [f32; 3]| {
@@ -307,8 +308,8 @@ mod tests {
         assert_eq!(newton_step(|[x, y, z]| x * x + y * y + z * z), None);
     }
 
-    /// x - x^2 - y^2 - z^2 + x y: of the cross term half is taken, so that 2 x - y / 2 = 1 and
-    /// 2 y = x / 2, which is 8/15 and 2/15. The same with the other two pairs.
+    /// x - x^2 - y^2 - z^2 + x y: half of the cross term counts, so that 2 x - y / 2 = 1 and 2 y =
+    /// x / 2, which is 8/15 and 2/15. The same with the other two pairs.
     #[test]
     fn half_of_a_cross_term_counts() {
         for (one, other) in [(0, 1), (0, 2), (1, 2)] {
@@ -322,7 +323,7 @@ mod tests {
         }
     }
 
-    /// A quarter into the cell: 48^2 / 128 = 18, 16^2 / 128 = 2, and the rest of 64. At its border
+    /// A quarter into the cell: 48^2 / 128 = 18, 16^2 / 128 = 2, and the rest of 64. At the border
     /// both cells have half.
     #[test]
     fn the_splines_weights_are_squares() {

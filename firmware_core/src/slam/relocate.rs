@@ -298,7 +298,7 @@ mod tests {
 
     use super::*;
 
-    /// Values that look like chance: Knuth's hash of the place.
+    /// Pseudo-random values: Knuth's hash of the position.
     fn value(x: usize, y: usize) -> u8 {
         let hash = (x * 31 + y * 1_009 + 7).wrapping_mul(2_654_435_761);
         u8::try_from(hash >> 8 & 0x7F).unwrap()
@@ -343,7 +343,7 @@ mod tests {
         is_bound::<160, 160>(4);
     }
 
-    /// The bound of a block is the sum of the blocks at the offsets; what lies outside is nothing.
+    /// The bound of a block is the sum of the blocks at the offsets; blocks outside count as 0.
     #[test]
     fn bounds_are_sums_over_the_points() {
         let coarse = Coarse::new(&grid::<20, 13>());
@@ -387,7 +387,7 @@ mod tests {
         [0, 1, 2].map(|at: usize| best[at].bound)
     }
 
-    /// Nearer than four blocks and eight headings they are one place, of which the best is kept;
+    /// Candidates nearer than four blocks and eight headings are the same, and the best is kept;
     /// headings close to a circle of 180.
     #[test]
     fn the_shortlist_keeps_the_best_of_each_place() {

@@ -341,7 +341,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Both forms of the kernel, and the target's choice, against one sum after the other.
+        /// Both variants of the kernel, and the target's choice, against one sum after the other.
         #[test]
         fn every_form_of_the_kernel_gives_the_naive_sums(
             cells in proptest::collection::vec(0_u8.., 400..800),
@@ -423,8 +423,8 @@ mod tests {
         );
     }
 
-    /// Row after row as [`Cut::has_end`] says, for windows all around a map that is as wide as the
-    /// lanes or wider; on a narrower one each row has ends.
+    /// Row after row as [`Cut::has_end`] gives, for windows all around a map at least as wide as
+    /// the lanes; on a narrower map each row has ends.
     #[test]
     fn the_rows_with_ends_are_those_that_hang_over() {
         let mut narrow = 0;
@@ -439,8 +439,8 @@ mod tests {
         assert_eq!(narrow, 0);
     }
 
-    /// Lanes 100, 101 up to 131; of lanes that a mask leaves out nothing counts, and of 131 without
-    /// its lowest two bits 128 is left.
+    /// Lanes 100, 101 up to 131; a lane without a mask does not count, and 131 without its lowest
+    /// two bits is 128.
     #[test]
     fn the_highest_lane_is_that_of_the_masks() {
         let sums = Sums::from_lanes(|lane| 100 + u16::try_from(lane).unwrap());

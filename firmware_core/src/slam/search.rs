@@ -257,7 +257,7 @@ mod tests {
     use crate::slam::matching::EndPoints;
     use proptest::prelude::*;
 
-    /// A pillar of one cell in the middle of free space: only the very pose scores.
+    /// A pillar of one cell in the middle of free space: only the exact pose scores.
     fn pillar() -> Grid<300, 300> {
         let mut grid = Grid::new(10.0);
         grid.rows_mut().as_flattened_mut().fill(0);
@@ -277,7 +277,7 @@ mod tests {
         heading: 0.0,
     };
 
-    /// How far candidates lie from the base for a spread, over many draws: the document's interval
+    /// Range of candidates around the base for a spread, over many draws: the document's interval
     /// is [-s, s - 1].
     fn reach(spread: u32) -> (f32, f32) {
         let mut random = Pcg32::new(3);
@@ -295,8 +295,8 @@ mod tests {
         assert_eq!(reach(1), (-1.0, 0.0));
     }
 
-    /// SL-01: seven halvings take 100 mm to 0, and the remainder by zero gives the random number
-    /// itself: candidates a million metres away. With the floor they stay at a millimetre.
+    /// SL-01: seven halvings reduce 100 mm to 0, and the remainder by zero is the random number
+    /// itself: candidates a million metres away. With the lower limit they stay at a millimetre.
     #[test]
     fn the_spread_never_reaches_zero() {
         let after = |halvings, reaches_zero| {
@@ -311,14 +311,15 @@ mod tests {
         assert!(low == 0.0 && high > 2e9, "{low} {high}");
     }
 
-    /// SL-02: four halvings take 10 degrees to 0, which turns the robot anywhere.
+    /// SL-02: four halvings reduce 10 degrees to 0, which turns the robot by any angle.
     #[test]
     fn the_headings_spread_never_reaches_zero() {
         let spread = |reaches_zero| (0..4).fold(10, |spread, _| halved(spread, reaches_zero));
         assert_eq!((spread(false), spread(true)), (1, 0));
     }
 
-    /// SL-10: near the map's edge one point inside on a wall beats a full match of mean 200.
+    /// SL-10: near the map's edge a single point on a wall inside scores higher than a full match
+    /// of mean 200.
     #[test]
     fn one_good_point_inside_does_not_beat_many() {
         let alone = Tally {
@@ -341,9 +342,9 @@ mod tests {
         );
     }
 
-    /// The map rises towards a wall 150 mm ahead. In the first third candidates reach 99 mm, and
-    /// around the old base no later one beats the best of those: the document's base moves with a
-    /// *new* best only. At 99 mm the point lies in column 195, 25 below the summit.
+    /// The map rises towards a wall 150 mm ahead. In the first third candidates reach 99 mm, and no
+    /// later one around the old base is better than the best of those: the document's base moves
+    /// only with a *new* best. At 99 mm the point lies in column 195, 25 below the summit.
     #[test]
     fn the_best_pose_within_the_spread_is_found() {
         let mut grid = pillar();
@@ -413,7 +414,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Whatever the map, the answer is never worse than staying.
+        /// For any map, the answer is never worse than staying.
         #[test]
         fn the_search_never_returns_a_worse_pose(seed: u64, tries in 0_u32..300, cell: u8) {
             let mut grid = pillar();

@@ -105,14 +105,14 @@ mod tests {
         }
     }
 
-    /// A wall along `(along, across)` / 5, 5 cells from point to point, `from` away.
+    /// A wall along `(along, across)` / 5, 5 cells from point to point, at `from`.
     fn wall(count: i16, from: [i16; 2], [along, across]: [i16; 2]) -> Vec<[i16; 2]> {
         let point = |n: i16| [from[0] + n * along, from[1] + n * across];
         (0..count).map(point).collect()
     }
 
-    /// 34 points of a wall are 30 pairs, 14 of the one across it 10: along the first stands a third
-    /// of what stands across. Where one wall ends and the other begins there is none.
+    /// 34 points of a wall are 30 pairs, 14 points of the wall across it are 10: along the first
+    /// wall stands a third of the walls across. No pair spans the corner of the two walls.
     #[test]
     fn the_direction_with_the_fewest_walls_across_is_the_least_seen() {
         let laid = [
@@ -133,8 +133,8 @@ mod tests {
         }
     }
 
-    /// Of 2 parts in 100 across, half of what lies between 1 and 3, half is believed: of 10 mm
-    /// along the wall 5, of 4 mm across it all.
+    /// With 2 parts in 100 across, half of the interval from 1 to 3, half of the scan counts: of 10
+    /// mm along the wall 5, of 4 mm across it all.
     #[test]
     fn between_deaf_and_hearing_the_scan_counts_for_its_part() {
         let points = [

@@ -321,9 +321,9 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2_000))]
-        /// Every cell against the plain rule in double precision: its middle along the long axis
-        /// lies on the beam, its row is the beam's there. Beams that pass a border of two rows
-        /// within a hundredth of a cell may choose either.
+        /// Every cell against the plain rule in double precision: the cell's middle along the long
+        /// axis lies on the beam, and its row is the beam's row there. Beams that pass a border of
+        /// two rows within a hundredth of a cell may choose either row.
         #[test]
         fn beams_draw_the_cells_that_they_cross(
             fx in -5.0_f32..45.0, fy in -5.0_f32..35.0,

@@ -365,8 +365,8 @@ mod tests {
         assert_eq!(cells[59..], [0; 11]);
     }
 
-    /// Where weight k comes to rest under endless 255: SL-06's figures with the fielded rounding,
-    /// the full 255 with ours. Weight 1 never rises there (SL-05).
+    /// Final value for weight k under endless 255: SL-06's figures with the fielded rounding, the
+    /// full 255 with ours. Weight 1 never raises the value (SL-05).
     #[test]
     fn only_the_fielded_rounding_makes_the_weight_a_ceiling() {
         let ceiling = |weight, rounding| {
@@ -421,7 +421,7 @@ mod tests {
         }
     }
 
-    /// One cell after the other along the same line, in the plainest words.
+    /// The reference: one cell after the other along the same line.
     fn naive<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray: &Ray, ink: Ink) {
         let inside = |x: i32, y: i32| x >= 0 && y >= 0 && (x as usize) < W && (y as usize) < H;
         let ((mut x, mut y), (ex, ey)) = (ray.from, ray.end);
@@ -511,7 +511,7 @@ mod tests {
     }
 
     /// A half is 2^31, a third of 2^32 is 1431655765.3, and 65535 less one part of 65535 is
-    /// 65537.00002 below 2^32: rounded up. Whatever the machine divides by.
+    /// 65537.00002 below 2^32: rounded up. This holds for any division of the machine.
     #[test]
     fn parts_are_rounded_up_to_32_places() {
         let expected = [
@@ -528,16 +528,16 @@ mod tests {
         }
     }
 
-    /// A cell holds the places from its number on, to both sides of 0; a place off the map is not
-    /// farther than any map.
+    /// A cell holds the positions from its number on, on both sides of 0; a position off the map is
+    /// limited to the range of any map.
     #[test]
     fn a_place_lies_in_the_cell_below() {
         let cells = [(1.5, -1.5), (-2.0, 3.0), (0.99, -0.01), (1e6, -1e6)].map(cell);
         assert_eq!(cells, [(1, -2), (-2, 3), (0, -1), (9_000, -9_000)]);
     }
 
-    /// Cells of 10 mm, a hole of four: a point ten cells ahead has two cells of hole behind it,
-    /// and two before. A point nearer than a tenth of a cell has no direction, and draws nothing.
+    /// Cells of 10 mm, a hole of four: a point ten cells ahead has two cells of hole behind it, and
+    /// two before. A point nearer than a tenth of a cell has no direction, and is not drawn.
     #[test]
     fn each_beam_of_a_scan_is_a_ray() {
         use crate::pose::Point;
@@ -569,7 +569,7 @@ mod tests {
         assert!(!is_alike(drawn(1.1, 0.0), Grid::new(10.0)));
     }
 
-    /// Step by step, for holes that begin before the robot, at it and behind it, drawn up to their
+    /// Step by step, for holes that start before the robot, at it and behind it, drawn up to their
     /// hit, their end and farther.
     #[test]
     fn both_sides_of_a_hole_are_its_steps_that_are_drawn() {
