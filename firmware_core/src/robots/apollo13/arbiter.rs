@@ -196,7 +196,7 @@ mod tests {
         assert!(!arbiter.hear(at(60), "/1/horn", 1.0));
     }
 
-    /// The kill switch comes last, and the planner continues without the phone.
+    /// The kill switch overrides everything, and the planner continues without the phone.
     #[test]
     fn ap9_the_kill_switch_stops_in_every_mode() {
         let mut arbiter = Arbiter::new(Defects::default());

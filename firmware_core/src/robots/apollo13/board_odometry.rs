@@ -120,13 +120,14 @@ mod tests {
         board
     }
 
-    /// Frames come 15 times a second.
+    /// Time of a frame; frames come 15 times a second.
     fn at_frame(frame: u64) -> Instant {
         Instant::from_nanos(frame * 66_666_667)
     }
 
-    /// 40 pulses of 25.13 mm are 1.0053 m of the left wheel; across the end of 16 bits, and back as
-    /// well. Value 8 is 0.4 degrees to the right, 0.0279 rad a metre: the middle goes 0.2 % less.
+    /// 40 pulses of 25.13 mm are 1.0053 m of the left wheel; across the end of 16 bits, and
+    /// backwards as well. Value 8 is 0.4 degrees to the right, 0.0279 rad a metre: the middle
+    /// travels 0.2 % less.
     #[test]
     fn pulses_are_travel() {
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 3e-3, "{found}");
@@ -136,15 +137,16 @@ mod tests {
         near(driven(0, 8, &[0, 20]).pose().x_m, 0.5027);
     }
 
-    /// -50 is 25 degrees to the left: tan is 0.4663, 1.865 rad a metre; the left wheel goes
-    /// 1 - 1.865 * 0.0775 = 0.8555 of the middle. 10 pulses are 0.2513 m of it and 0.2938 m.
+    /// -50 is 25 degrees to the left: tan is 0.4663, 1.865 rad a metre; the left wheel travels 1 -
+    /// 1.865 * 0.0775 = 0.8555 of the middle. 10 pulses are 0.2513 m of the wheel and 0.2938 m of
+    /// the middle.
     #[test]
     fn a_curve_turns_as_far_as_its_steering_says() {
         let turned = driven(2, -50, &[100, 110]).pose().heading_rad;
         assert!((turned - 0.5479).abs() < 1e-3, "{turned}");
     }
 
-    /// The first frame only sets the beginning, and that of a board that was reset while the car
+    /// The first frame only sets the start, as does the first frame after a reset while the car
     /// stood.
     #[test]
     fn a_board_that_was_reset_at_rest_has_not_moved() {
@@ -152,9 +154,9 @@ mod tests {
         assert!((board.pose().x_m - 3.0 * PULSE_M).abs() < 1e-3);
     }
 
-    /// At 0.22 m/s for 4 s, then 0.4 s without a frame, and a counter that begins again: the car
-    /// rolled 0.22 * 0.3 m * (1 - exp(-4/3)) = 48.6 mm; one that had stopped before did not. A
-    /// pulse is 25 mm of it.
+    /// At 0.22 m/s for 4 s, then 0.4 s without a frame, and a counter that restarts: the car rolled
+    /// 0.22 * 0.3 m * (1 - exp(-4/3)) = 48.6 mm; a car that had stopped before did not. A pulse is
+    /// 25 mm of that.
     #[test]
     fn a_car_rolls_out_while_its_board_starts() {
         for (stands, expected_m) in [(0, 0.0486), (40, 0.0)] {

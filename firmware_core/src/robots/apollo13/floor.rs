@@ -382,8 +382,8 @@ mod tests {
         }
     }
 
-    /// A box 1 m ahead, cell 20: two scans make it an obstacle, and as soon as it is gone two more
-    /// take it away.
+    /// A box 1 m ahead, cell 20: two scans make it an obstacle, and two scans without it remove the
+    /// obstacle.
     #[test]
     fn what_is_seen_twice_is_in_the_way_until_it_is_seen_through() {
         let mut floor = empty();
@@ -411,7 +411,7 @@ mod tests {
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
     }
 
-    /// A beam that meets nothing clears as well, but not where the camera is blind: 0.5 m ahead is
+    /// A beam without an echo clears as well, but not where the camera is blind: 0.5 m ahead is
     /// cell 10, 1 m is cell 20.
     #[test]
     fn a_beam_that_meets_nothing_clears_what_is_in_sight() {
@@ -478,7 +478,7 @@ mod tests {
         assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([16, 10]));
     }
 
-    /// Cells beside each other in one piece of 64, and at both ends of a piece.
+    /// Adjacent cells in one chunk of 64, and at both ends of a chunk.
     #[test]
     fn all_sure_cells_are_found() {
         let mut seen = alloc::vec![0; 200];
@@ -489,7 +489,7 @@ mod tests {
         assert!(sure(&seen).eq([3, 4, 63, 64, 199]));
     }
 
-    /// The cells of a row of the plan that were seen so often more than seen through.
+    /// The cells of a row of the plan whose sightings exceed their clearings by `times`.
     fn row(floor: &Floor, row: usize, times: i8) -> Vec<usize> {
         let cells = floor.seen[row * 60..][..60].iter().enumerate();
         cells
@@ -516,8 +516,8 @@ mod tests {
         assert!(cleared(f64::INFINITY).into_iter().eq(11..=58));
     }
 
-    /// Eight tenths of a cell at 3 m are 0.01333 rad: a beam 0.013 rad beside the last one that
-    /// cleared does not, one of 0.0134 rad to the other side does. From 0.53 m up, 2.9 m away, they
+    /// Eight tenths of a cell at 3 m are 0.01333 rad: a beam 0.013 rad beside the last clearing one
+    /// does not clear, one of 0.0134 rad on the other side does. From 0.53 m up, 2.9 m away, they
     /// are in the next rows.
     #[test]
     fn beams_that_clear_lie_apart_where_they_end() {
@@ -540,8 +540,8 @@ mod tests {
         assert!(row(&floor, 10, -1).contains(&30));
     }
 
-    /// 2.5 m away, in cell 50, an obstacle is entered, a step farther it is not. One that was seen
-    /// often disappears after five scans that see through it, one in a cell that was always open
+    /// 2.5 m away, in cell 50, an obstacle is entered, a step farther it is not. An obstacle with
+    /// many sightings disappears after five clearing scans, one in a cell that was always open
     /// after three.
     #[test]
     fn what_was_seen_often_is_believed_longer() {
@@ -624,7 +624,7 @@ mod tests {
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
     }
 
-    /// Two cells of a piece, four of another.
+    /// Two cells of one chunk, four of another.
     #[test]
     fn an_even_number_of_sure_cells_is_found() {
         let mut seen = alloc::vec![0; 200];

@@ -284,7 +284,7 @@ mod tests {
         gates
     }
 
-    /// A gate of 0.8 m at 45 degrees: through its middle, along its normal.
+    /// A gate of 0.8 m at 45 degrees: the car drives through its middle, along its normal.
     #[test]
     fn ap14_a_gate_is_driven_at_along_its_normal() {
         let gates = seen(Settings::default(), &[(10, [2.0, 0.4]), (11, [2.0, -0.4])]);
@@ -304,7 +304,8 @@ mod tests {
         assert!((passage.middle.heading_rad.abs() - core::f64::consts::PI).abs() < 1e-9);
     }
 
-    /// 0.35 m is wider than the car by a centimetre to each side: the fielded rule takes it.
+    /// 0.35 m is wider than the car by a centimetre on each side: only the fielded rule accepts
+    /// that.
     #[test]
     fn ap14_a_gate_that_is_too_narrow_is_refused() {
         let markers = [(10, [2.0, 0.175]), (11, [2.0, -0.175])];
@@ -361,7 +362,7 @@ mod tests {
         assert_eq!(gates.passed(), order);
     }
 
-    /// Of 200 sightings the first 100 were 1 m off: (29/30)^100 = 0.034 of that is left.
+    /// Of 200 sightings the first 100 were 1 m off: (29/30)^100 = 0.034 of that remains.
     #[test]
     fn what_was_seen_from_a_wrong_place_is_forgotten() {
         let mut gates = Gates::new(Settings::default());
@@ -371,7 +372,7 @@ mod tests {
         assert!((0.03..0.04).contains(&off), "{off}");
     }
 
-    /// Each marker is recognised once, and lies at the mean of where it was seen.
+    /// Each marker is recognised once, and its position is the mean of its sightings.
     #[test]
     fn d1_a_marker_is_recognised_once() {
         for (settings, mean) in [(Settings::default(), 1.5), (Settings::fielded(), 1.0)] {
@@ -417,7 +418,7 @@ mod tests {
         }
     }
 
-    /// From 0.43 m to 1.5 m, each a little to both sides.
+    /// Widths from 0.43 m to 1.5 m, each limit a little to both sides.
     #[test]
     fn a_gate_is_as_wide_as_it_may_be() {
         for (width, is_gate) in [(0.425, false), (0.435, true), (1.495, true), (1.505, false)] {
@@ -439,8 +440,8 @@ mod tests {
         }
     }
 
-    /// Of three markers in a row the nearest two are a gate; as fielded any two: 0.8, 1.1 and
-    /// 1.9 m.
+    /// Of three markers in a row the nearest two are a gate; by the fielded rule any two: 0.8, 1.1
+    /// and 1.9 m.
     #[test]
     fn markers_that_are_each_others_nearest_belong_together() {
         let markers = [(1, [2.0, 0.4]), (2, [2.0, -0.4]), (3, [2.0, 1.5])];
@@ -497,7 +498,7 @@ mod tests {
         }
     }
 
-    /// Where they stand is forgotten; that they were passed is not.
+    /// The markers' positions are discarded; the passed gates are not.
     #[test]
     fn a_gate_that_was_passed_is_not_driven_through_again() {
         let markers = [(1, [2.0, -0.4]), (2, [2.0, 0.4])];
@@ -516,7 +517,7 @@ mod tests {
         assert_eq!(gates.passed(), [[1, 2]]);
     }
 
-    /// A gate right beside the rear axle is not ahead, one a centimetre on is.
+    /// A gate right beside the rear axle is not ahead, one a centimetre farther is.
     #[test]
     fn a_gate_beside_the_car_is_not_ahead() {
         let gates = seen(Settings::default(), &[(10, [2.4, 1.0]), (11, [1.6, 1.0])]);
@@ -525,9 +526,8 @@ mod tests {
         assert!(gates.next(at(1.99), anywhere).is_some());
     }
 
-    /// By hand: the posts at -2, -2 and -1.4, -1.4 are 0.85 m apart. What lies where one of them
-    /// would be on the other side of an axis is 4 m away, what lies on an axis 2 m, but 1.5 m from
-    /// the other post.
+    /// By hand: the posts at -2, -2 and -1.4, -1.4 are 0.85 m apart. Mirrored at an axis one of
+    /// them would be 4 m away; on an axis it would be 2 m away, but 1.5 m from the other post.
     #[test]
     fn how_far_markers_are_apart_does_not_depend_on_where_the_map_begins() {
         let markers = [

@@ -124,7 +124,7 @@ mod tests {
         (truth, odometry.pose())
     }
 
-    /// AP7: within 1 % of the way and 1 degree.
+    /// AP7: within 1 % of the distance and 1 degree.
     #[test]
     fn ap7_a_course_of_ten_metres_ends_where_it_ends() {
         let (truth, found) = course();
@@ -138,8 +138,8 @@ mod tests {
         assert!(found.distance_m(truth) < 0.001);
     }
 
-    /// Half a circle at 15 degrees: each step of `ds` is laid `3/2 ds turn` to the wrong side, and
-    /// that adds up to three steps of 4.9 mm.
+    /// Half a circle at 15 degrees: each step of `ds` is moved by `3/2 ds turn` to the wrong side,
+    /// which adds up to three steps of 4.9 mm.
     #[test]
     fn ap7_the_fielded_signs_cost_a_centimetre_and_a_half() {
         let step = 0.22 / 45.0;

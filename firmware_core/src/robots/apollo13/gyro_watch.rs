@@ -86,7 +86,7 @@ mod tests {
     }
 
     /// Wheels at atan(0.25) turn a car of 0.25 m by a radian a metre: 0.22 m in 100 lines turn it
-    /// by 0.22 rad. A stuck chip says 0.5 rad/s, which is 0.50 rad.
+    /// by 0.22 rad. A stuck chip reports 0.5 rad/s, which is 0.50 rad.
     #[test]
     fn a_stuck_gyroscope_is_not_believed_from_its_first_stuck_line_on() {
         let mut watch = GyroWatch::default();
@@ -100,7 +100,7 @@ mod tests {
         assert!(watch.is_stuck());
     }
 
-    /// Noise of one step; and one that measures again is believed at once.
+    /// A noise of one step is normal; a chip that measures again is trusted at once.
     #[test]
     fn a_gyroscope_that_measures_is_believed() {
         let mut watch = GyroWatch::default();

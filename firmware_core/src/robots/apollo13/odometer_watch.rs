@@ -155,7 +155,7 @@ mod tests {
         Instant::ZERO + Duration::from_millis(ms)
     }
 
-    /// Polls each 10 ms; when the port was opened.
+    /// Polls each 10 ms; returns the times at which the port was opened.
     fn openings(watch: &mut OdometerWatch, from_ms: u64, until_ms: u64) -> Vec<u64> {
         let times = (from_ms..until_ms).step_by(10);
         let opened = |ms: &u64| {
@@ -178,7 +178,7 @@ mod tests {
         assert_eq!(openings(&mut watch, 13_300, 45_000), [44_460]);
     }
 
-    /// It answers: the car may drive again.
+    /// The odometer answers: the car may drive again.
     #[test]
     fn an_odometer_that_answers_is_believed() {
         let mut watch = OdometerWatch::default();
@@ -189,7 +189,7 @@ mod tests {
         assert!(!watch.wants_rest() && openings(&mut watch, 2_000, 2_200).is_empty());
     }
 
-    /// Silent from 0 on in a car that is driven by hand: opened after 3 s all the same.
+    /// Silent from 0 on in a car that an operator drives: opened after 3 s anyway.
     #[test]
     fn an_odometer_is_started_in_a_car_that_rolls_on() {
         let mut watch = OdometerWatch::default();
@@ -202,8 +202,8 @@ mod tests {
         assert_eq!(opened, [3_260]);
     }
 
-    /// A start at 2 s while the car rolls took a wrong offset: rest, and a start at rest. Lines
-    /// that are not the first after a start prove nothing.
+    /// A start at 2 s while the car rolls measured a wrong offset, so the car rests and restarts
+    /// the odometer. Only the first line after a start proves a good offset.
     #[test]
     fn an_odometer_that_started_while_the_car_rolled_is_started_at_rest() {
         let mut watch = OdometerWatch::default();
@@ -238,7 +238,8 @@ mod tests {
         assert_eq!(openings(&mut by_hand, 270, 1_480), [1_470]);
     }
 
-    /// A motor's lag of 1.2 s, and 0.2 s for the offset: 1.4 s after it rolled the car was at rest.
+    /// 1.2 s for the motor's lag, and 0.2 s for the offset: 1.4 s after it rolled the car was at
+    /// rest.
     #[test]
     fn a_start_is_at_rest_1400_ms_after_the_car_rolled() {
         let is_misled = |ms: u64| {
@@ -250,7 +251,7 @@ mod tests {
         assert_eq!([1_399, 1_400].map(is_misled), [true, false]);
     }
 
-    /// A line each 250 ms is none too few.
+    /// A line each 250 ms is often enough.
     #[test]
     fn silence_is_longer_than_a_quarter_of_a_second() {
         let mut watch = OdometerWatch::default();
@@ -279,7 +280,8 @@ mod tests {
         assert!(opened.is_empty() && watch.openings() == 0);
     }
 
-    /// Opened, it continues with lines that are not the first: its port had no reset line.
+    /// After the opening, lines continue that are not the first after a start: the port has no
+    /// reset line.
     #[test]
     fn an_odometer_that_goes_on_behind_its_opening_is_believed() {
         let mut watch = OdometerWatch::default();

@@ -114,9 +114,9 @@ mod tests {
         assert!(after.time_s < before.time_s && after.distance_m == 0.0);
     }
 
-    /// Lines of 10.03 ms: what turns in the fiftieth, after half a second, is learned with 10.03
-    /// of 500 parts; of 1 degree a second above the first line's there remain 0.97994. A count of
-    /// the encoder begins the half second again.
+    /// Lines of 10.03 ms: a turn in the fiftieth line, after half a second, is learned with 10.03
+    /// of 500 parts; of 1 degree a second above the first line's, 0.97994 remain. A count of the
+    /// encoder restarts the half second.
     #[test]
     fn an_offset_is_learned_after_half_a_second_at_rest() {
         let mut lines = RawLines::default();
@@ -139,8 +139,8 @@ mod tests {
         assert!((rests[49] - 0.979_94 * 0.979_94).abs() < 1e-9);
     }
 
-    /// Three lines: 3 cm, 30.09 ms, and turned by 2 degrees a second for two of them. A way that
-    /// falls back to nothing from 5 cm is a way; from more it is a board that was reset.
+    /// Three lines: 3 cm, 30.09 ms, and turned by 2 degrees a second for two of them. A distance
+    /// that falls back to 0 from 5 cm is a motion; from more it is a reset of the board.
     #[test]
     fn ways_times_and_turns_add_up_until_a_reset() {
         let mut lines = RawLines::default();
@@ -156,7 +156,7 @@ mod tests {
         assert!((reset.time_s - 0.010_03).abs() < 1e-12 && reset.distance_m == 0.0);
     }
 
-    /// Wheels that spin at 0.5 m/s while the accelerometer feels nothing slip, and that is counted.
+    /// Wheels that spin at 0.5 m/s without an acceleration slip, and the slip is counted.
     #[test]
     fn slips_are_counted() {
         let mut lines = RawLines::default();

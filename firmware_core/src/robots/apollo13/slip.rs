@@ -138,9 +138,10 @@ mod tests {
 
     const STEP_S: f64 = 0.01;
 
-    /// A car that stands for 2 s and then goes as the laws say: speed of the wheels and of the car
-    /// at a time since then. The encoder is read in centimetres, the accelerometer has an offset of
-    /// 0.3 m/s² and a noise of 0.04. The watch, the way that it believes and the true one.
+    /// A car that stands for 2 s and then moves by the given laws: speed of the wheels and of the
+    /// car over the time since then. The encoder is read in centimetres, the accelerometer has an
+    /// offset of 0.3 m/s² and a noise of 0.04. Returns the watch, its distance and the true
+    /// distance.
     fn driven(
         until_s: f64,
         wheels: impl Fn(f64) -> f64,
@@ -164,7 +165,7 @@ mod tests {
         (watch, believed, gone)
     }
 
-    /// Level 2, by a lag of 0.3 s.
+    /// Speed of level 2, with a lag of 0.3 s.
     fn starts(at_s: f64) -> f64 {
         0.22 * (1.0 - libm::exp(-at_s / 0.3))
     }
@@ -176,8 +177,8 @@ mod tests {
         assert!((believed - gone).abs() < 0.02, "{believed} {gone}");
     }
 
-    /// On ice: the wheels turn at 0.22 m/s for 1.5 s, the car stays where it is. Of the 0.26 m
-    /// that they went less than a tenth of a metre is believed.
+    /// On ice: the wheels turn at 0.22 m/s for 1.5 s, the car stays in position. Of the wheels'
+    /// 0.26 m less than a tenth of a metre counts.
     #[test]
     fn d1_wheels_that_spin_are_found_by_the_accelerometer() {
         let (watch, believed, _) = driven(1.5, starts, |_| 0.0);
@@ -185,7 +186,7 @@ mod tests {
         assert!(believed.abs() < 0.1, "{believed}");
     }
 
-    /// A box on the way stops the car at 3 s in 50 ms; the wheels turn on.
+    /// A box on the path stops the car at 3 s in 50 ms; the wheels turn on.
     #[test]
     fn d1_a_car_that_is_stopped_by_a_box_is_found_to_slip() {
         let car = |at_s: f64| starts(at_s) * (1.0 - (at_s - 3.0) / 0.05).clamp(0.0, 1.0);
@@ -194,7 +195,7 @@ mod tests {
         assert!((believed - gone).abs() < 0.1, "{believed} {gone}");
     }
 
-    /// After two seconds an offset may have made it all up: the wheels are believed again.
+    /// After two seconds an offset may explain the whole difference: the wheels are trusted again.
     #[test]
     fn the_accelerometer_is_believed_for_two_seconds() {
         let (watch, believed, _) = driven(5.0, starts, |_| 0.0);
@@ -216,9 +217,9 @@ mod tests {
         assert!(watch.found() == 0 && !watch.is_slipping());
     }
 
-    /// It stands for half a second: from then on the reading is the offset, then the mean of two
-    /// and of three, and the speed halves with each tenth of a second. One count, and it does not
-    /// stand.
+    /// The encoder stands for half a second: from then on the reading is the offset, then the mean
+    /// of two and of three, and the speed halves with each tenth of a second. After one count the
+    /// encoder no longer stands.
     #[test]
     fn the_offset_is_the_mean_of_what_is_felt_at_rest() {
         let mut watch = SlipWatch::default();

@@ -128,7 +128,7 @@ mod tests {
     }
 
     /// AP8: from 0.60 m and 0.25 m within 0.40 +- 0.03 m after 8 s (123 readings), 1 cm rms from
-    /// then on, and never at the wall; 20 seeds, both sides.
+    /// then on, and no touch of the wall; 20 seeds, both sides.
     #[test]
     fn ap8_the_distance_is_kept() {
         for seed in 0..20 {

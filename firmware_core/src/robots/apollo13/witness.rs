@@ -179,8 +179,8 @@ mod tests {
         }
     }
 
-    /// 0.15 m ahead by the board, as many back by the odometer; and 5 cm in place of 15. A board
-    /// that misses pulses finds nothing.
+    /// 0.15 m ahead by the board, the same distance back by the odometer; and 5 cm instead of 15. A
+    /// board that misses pulses causes no finding.
     #[test]
     fn an_encoder_that_counts_backwards_or_too_little_is_found() {
         for (told_m, is_found) in [
@@ -198,8 +198,8 @@ mod tests {
         }
     }
 
-    /// Of each 25 mm the encoder counts 18: 0.07 m are missing after 10 pulses, 0.084 after 12. Of
-    /// 23 mm nothing is missing that two pulses would not explain, however long the way.
+    /// Of each 25 mm the encoder counts 18: 0.07 m are missing after 10 pulses, 0.084 after 12. At
+    /// 23 mm the difference stays within two pulses over any distance.
     #[test]
     fn an_encoder_that_is_worn_is_found() {
         for (counted_m, found_at) in [(0.018, Some(12)), (0.023, None)] {
@@ -216,9 +216,9 @@ mod tests {
         }
     }
 
-    /// The car is turned round while the board's frames are lost for two seconds: it went 0.4 m
-    /// back, and the encoder says ahead. One that says back is believed, however far; and so is
-    /// either if no frame was lost, because the car rolled on.
+    /// The car changes its direction while the board's frames are lost for two seconds: it drove
+    /// 0.4 m back, and the encoder reports ahead. An encoder that reports back is trusted at any
+    /// distance. Without lost frames both are, because the car rolled on.
     #[test]
     fn an_encoder_that_counts_the_other_way_is_found_behind_a_gap() {
         for (told_m, gap_ms, is_found) in [
@@ -245,7 +245,7 @@ mod tests {
         }
     }
 
-    /// 0.3 rad over 0.31 m are found, 0.2 rad are not; and not when the direction changed.
+    /// 0.3 rad over 0.31 m are found, 0.2 rad are not; nor is a turn across a change of direction.
     #[test]
     fn a_turn_that_the_steering_did_not_make_is_doubted() {
         for (turned, is_backwards, is_found) in
@@ -264,9 +264,9 @@ mod tests {
         }
     }
 
-    /// Steered by 0.15 rad over 0.31 m: a gyroscope that tells nothing of it is doubted, one that
-    /// tells 0.05 rad is not, as the linkage may be off by so much. With a board that is reset on
-    /// the way, too.
+    /// Steered by 0.15 rad over 0.31 m: a gyroscope that reports no turn is doubted, one that
+    /// reports 0.05 rad is not, because the linkage may have that error. A board that is reset
+    /// meanwhile changes nothing.
     #[test]
     fn a_gyroscope_that_stands_still_in_a_turn_is_doubted() {
         for (turned, board_m, is_found) in [
@@ -313,7 +313,7 @@ mod tests {
         assert!(matches!(finding, Some(Finding::Way(..))));
     }
 
-    /// Both turn by half a radian on 2 m; one of them turns the other way.
+    /// Both turn by half a radian on 2 m; one of them in the other direction.
     #[test]
     fn turns_are_compared_with_their_signs() {
         let found = |odometer_rad: f64, board_rad: f64| {
@@ -336,8 +336,8 @@ mod tests {
         matches!(witness.compare(told), Some(Finding::Turn(..)))
     }
 
-    /// Each limit is the last that agrees: 0.25 rad apart; 0.10 rad that a gyroscope does not tell
-    /// at all, which is less than 0.01 rad; 0.30 m are long enough.
+    /// Each limit is the last value that agrees: a difference of 0.25 rad; 0.10 rad of steering
+    /// with less than 0.01 rad by the gyroscope; 0.30 m are long enough.
     #[test]
     fn turns_agree_up_to_their_limits() {
         assert_eq!(
@@ -372,9 +372,9 @@ mod tests {
         assert_eq!([29, 30, 150, 151].map(is_found), [false, true, true, false]);
     }
 
-    /// Sliding aside by 0.2 m, the board says 4 cm ahead and the encoder 4 or 5 cm back: 8 cm apart
-    /// are two pulses, 9 are an encoder that counts backwards. The same behind a gap, where 0.15 m
-    /// of way are enough and 0.14 m are not.
+    /// Sliding aside by 0.2 m, the board reports 4 cm ahead and the encoder 4 or 5 cm back: a
+    /// difference of 8 cm is two pulses, 9 mean an encoder that counts backwards. The same behind a
+    /// gap, where 0.15 m of path are enough and 0.14 m are not.
     #[test]
     fn an_encoder_counts_the_other_way_by_more_than_two_pulses() {
         let aside = |ahead_m: f64, left_m: f64| CarPose {
@@ -427,8 +427,9 @@ mod tests {
         assert_eq!([0.59, 0.60].map(second), [true, false]);
     }
 
-    /// Sliding aside, the board says 4 cm ahead and 25 cm to the left; the encoder says 25 cm
-    /// ahead: as much way, in the same direction. With 17 cm it has missed more than two pulses.
+    /// Sliding aside, the board reports 4 cm ahead and 25 cm to the left; the encoder reports 25 cm
+    /// ahead: the same distance, in the same direction. With 17 cm it has missed more than two
+    /// pulses.
     #[test]
     fn an_encoder_that_told_as_much_way_is_not_short() {
         let board = CarPose {
@@ -442,8 +443,8 @@ mod tests {
         assert_eq!([0.25, 0.18, 0.17].map(is_found), [false, false, true]);
     }
 
-    /// An odometer that tells of 25 cm to the left, and of nothing ahead or back, has not counted
-    /// the other way: as much way is no less.
+    /// An odometer that reports 25 cm to the left, and 0 ahead, has not counted in the other
+    /// direction, and its distance is not shorter.
     #[test]
     fn aside_is_not_the_other_way() {
         let aside = CarPose {

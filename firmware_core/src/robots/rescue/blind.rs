@@ -186,7 +186,7 @@ mod tests {
         assert_eq!(places(&blind).len(), SENSORS);
     }
 
-    /// Nothing within a metre but what the sensor in front reads.
+    /// Only the front sensor reads an obstacle within a metre.
     fn front(mm: i16) -> [i16; SENSORS] {
         let mut readings = [1_000; SENSORS];
         readings[FRONT] = mm;
@@ -222,8 +222,8 @@ mod tests {
         assert!(seen.iter().all(is_there), "{seen:?}");
     }
 
-    /// A pane that comes nearer by 40 mm is no other place, but it is met where it is; nothing is
-    /// met any more as soon as the sensor reads farther than it is believed, or nothing.
+    /// A pane that comes nearer by 40 mm is no new position, but the current echo follows it. The
+    /// echo ends as soon as the sensor reads beyond its valid range, or reads nothing.
     #[test]
     fn what_is_met_now_is_where_it_was_read() {
         let mut blind = Blind::new();
@@ -247,7 +247,7 @@ mod tests {
         assert_eq!(places(&blind), []);
     }
 
-    /// 400 mm are too far in a turn, 300 are not.
+    /// In a turn 400 mm are too far, 300 are not.
     #[test]
     fn in_a_turn_only_what_is_near_counts() {
         let mut blind = Blind::new();
@@ -315,7 +315,7 @@ mod tests {
         );
     }
 
-    /// Within 60 mm it is the same place; with no room left the oldest goes.
+    /// Within 60 mm it is the same position; in a full list the oldest is replaced.
     #[test]
     fn places_are_kept_apart_and_the_oldest_goes() {
         let mut blind = Blind::new();

@@ -464,8 +464,8 @@ mod tests {
         })
     }
 
-    /// Requests from `from` up to `to` ms, each answered at once: when, which register, whether it
-    /// was written.
+    /// Requests from `from` up to `to` ms, each answered at once: time, register, whether it was a
+    /// write.
     fn run(
         drive: &mut Drive,
         [from, to]: [u64; 2],
@@ -495,8 +495,8 @@ mod tests {
     }
 
     /// Wheels each 40 ms, set-points each 150, the battery each second; heat and infrared sensors
-    /// each 100 ms if they are fitted. The first of all at once, except for a set-point that the
-    /// program has not given yet.
+    /// each 100 ms if they are fitted. The first requests go out at once, except for a set-point
+    /// that the program has not given yet.
     #[test]
     fn each_register_is_asked_for_in_its_period() {
         let mut drive = Drive::new(&fitted());
@@ -522,7 +522,7 @@ mod tests {
         );
     }
 
-    /// A set-point is written at once, and once more when it runs out.
+    /// A set-point is written at once, and once more when it expires.
     #[test]
     fn a_set_point_holds_until_its_time() {
         let mut drive = Drive::new(&Config::default());
@@ -563,7 +563,7 @@ mod tests {
         assert_eq!((drive.speed(), drive.speed_mm_s()), ([44, 45], [499, 511]));
     }
 
-    /// Only the second half makes a whole.
+    /// A reading is complete only with its second half.
     #[test]
     fn half_of_the_infrared_sensors_is_no_reading() {
         let mut drive = Drive::new(&fitted());
@@ -609,7 +609,7 @@ mod tests {
         assert!(times(&asked, registers::KITS).is_empty());
     }
 
-    /// Bit 1 of a status that came unasked.
+    /// Bit 1 of an unsolicited status.
     #[test]
     fn the_stop_button_is_told_by_the_status() {
         let mut drive = Drive::new(&Config::default());
@@ -646,7 +646,7 @@ mod tests {
         assert_eq!(times(&asked, registers::SPEED_LEFT_TO), [2_300]);
     }
 
-    /// NV-04: nothing at all is said.
+    /// NV-04: the program sends nothing.
     #[test]
     fn a_mute_drive_asks_nothing() {
         let mut drive = Drive::new(&fitted());
@@ -658,8 +658,9 @@ mod tests {
     }
 
     /// The gyroscope's sum counts if it was read at most 10 ms before the wheels; 9000 hundredths
-    /// are a quarter. One that is older has no turn, and nor has the next: it has none before it.
-    /// Where a wheel has moved, 8 hundredths in 40 ms are a turn; at rest they would be a drift.
+    /// are a quarter turn. An older sum gives no turn, nor does the next one, because it has no
+    /// predecessor. While a wheel moves, 8 hundredths in 40 ms are a turn; at rest they would be a
+    /// drift.
     #[test]
     fn a_turn_is_of_the_gyroscope_that_was_just_read() {
         let mut drive = Drive::new(&Config::default());
@@ -681,7 +682,7 @@ mod tests {
         assert_eq!(turned(800, 9_008, 800, [9, 1]), Some(0.0));
     }
 
-    /// A tick is 11.345 mm/s: 20 are 227 mm/s. The fielded program took a hundredth of that.
+    /// A tick is 11.345 mm/s: 20 are 227 mm/s. The fielded program reported a hundredth of that.
     #[test]
     fn speeds_are_told_in_mm_per_second() {
         let told = |defects| {

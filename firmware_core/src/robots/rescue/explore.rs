@@ -430,8 +430,8 @@ mod tests {
     use super::*;
     use crate::navigation::Settings;
 
-    /// As long as the lidar has shown nothing, nothing can be sought; that is no reason to believe
-    /// that all is known. A known room without a way out is.
+    /// Until the lidar has shown something, the search waits; an empty map does not mean a complete
+    /// one. A known room without an exit does.
     #[test]
     fn a_search_without_a_map_waits() {
         let body = Body {
@@ -468,7 +468,7 @@ mod tests {
         axle_mm: 260.0,
     };
 
-    /// A known room from 0.3 m to 1.5 m; its right wall has a door of 0.6 m if that is open.
+    /// A known room from 0.3 m to 1.5 m; if `is_open`, its right wall has a door of 0.6 m.
     fn room(is_open: bool) -> std::boxed::Box<Grid> {
         let mut map = std::boxed::Box::new(Grid::new(10.0));
         for (x, y) in (27..=152).flat_map(|x| (27..=152).map(move |y| (x, y))) {
@@ -479,8 +479,8 @@ mod tests {
         map
     }
 
-    /// One step of a robot that stands there; the heat sensors feel nothing, and the lidar sees
-    /// something far away all around.
+    /// One step of a standing robot; the heat sensors feel nothing, and the lidar sees distant
+    /// walls all around.
     fn step(explore: &mut Explore, map: &Grid, pose: Pose) -> [i8; 2] {
         let seen = (0..60_u8).map(|index| {
             let (sin, cos) = crate::pose::sin_cos(f32::from(index) * 0.1);
@@ -522,7 +522,7 @@ mod tests {
         assert_eq!(least, expected);
     }
 
-    /// 25 cells of 30 mm more than at the last view that showed something are news.
+    /// 25 new cells of 30 mm since the last view that added some count as news.
     #[test]
     fn twenty_five_cells_are_news() {
         let map = room(false);
@@ -536,7 +536,7 @@ mod tests {
         assert_eq!([24, 25].map(vain), [(4, false), (0, true)]);
     }
 
-    /// Nine by ten cells are the floor that the robot stands on; with fewer there is no map yet.
+    /// Nine by ten cells are the floor under the robot; with fewer there is no map yet.
     #[test]
     fn ninety_cells_are_a_map() {
         let seconds = [90, 89].map(|cells: usize| {
@@ -589,8 +589,8 @@ mod tests {
         assert_eq!([stayed(75, 300.0), stayed(75, 301.0)], [None, Some(0)]);
     }
 
-    /// A way of 10 cells may take 100 scans and two for each cell, and 50 more as soon as less than
-    /// half a metre of it is left.
+    /// A path of 10 cells may take 100 scans and two for each cell, and 50 more as soon as less
+    /// than half a metre remains.
     #[test]
     fn a_way_that_takes_too_long_is_given_up() {
         let map = room(true);
@@ -611,8 +611,8 @@ mod tests {
         assert!(after(1_399.0, 170).is_some() && after(1_399.0, 171).is_none());
     }
 
-    /// Each fifth scan the view is judged again: behind an open door it still shows something, in a
-    /// closed room nothing.
+    /// Each fifth scan the view is judged again: behind an open door it still shows unknown cells,
+    /// in a closed room none.
     #[test]
     fn a_view_is_judged_again_each_second() {
         let after = |map: &Grid, age| {
@@ -646,8 +646,8 @@ mod tests {
         ));
     }
 
-    /// At its view the robot stands for four scans more as long as something is to be seen there,
-    /// then it gives that up.
+    /// At its view the robot stands for four scans while the view still shows something, then it
+    /// gives the view up.
     #[test]
     fn the_robot_looks_for_a_second_where_it_has_arrived() {
         let (open, closed) = (room(true), room(false));
@@ -767,7 +767,7 @@ mod tests {
         assert_eq!(explore.home, Some(MIDDLE.position()));
     }
 
-    /// Nearer than half a metre to a place that was not reached either, walls are given up, too.
+    /// Nearer than half a metre to another unreached view, walls are given up, too.
     #[test]
     fn walls_are_given_up_beside_a_place_that_was_not_reached() {
         let map = room(false);

@@ -184,7 +184,8 @@ mod tests {
         })
     }
 
-    /// 20 mm from the rim of a map of 3 m the robot is off it, in its middle it is not.
+    /// 20 mm from the edge of a map of 3 m the robot counts as off the map, in its middle it does
+    /// not.
     #[test]
     fn leaving_the_map_is_told() {
         let is_told = |x_mm| {
@@ -197,7 +198,7 @@ mod tests {
         assert_eq!([1_500.0, 2_980.0, 20.0].map(is_told), [false, true, true]);
     }
 
-    /// Five in a row; a full one makes it forget, one of 20 percent does not.
+    /// Five low readings in a row count; a full one resets the count, one of 20 percent does not.
     #[test]
     fn a_low_battery_is_believed_after_five_readings() {
         let mut health = Health::new();

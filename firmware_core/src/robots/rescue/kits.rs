@@ -70,7 +70,7 @@ mod tests {
         assert_eq!((kits.counted(2), kits), (None, Kits::NONE));
     }
 
-    /// A magazine of 255 is empty then.
+    /// A magazine of 255 kits is then empty.
     #[test]
     fn more_than_there_are_is_not_waited_for() {
         let mut kits = Kits::NONE;

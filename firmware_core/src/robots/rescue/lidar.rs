@@ -228,7 +228,7 @@ mod tests {
         Instant::from_millis(millis)
     }
 
-    /// Packets of a turn of 200 ms that begins at `start`, but those.
+    /// Packets of a turn of 200 ms that begins at `start`, without those in `lost`.
     fn turn(lidar: &mut Lidar, start: u64, lost: core::ops::Range<u8>) {
         for index in (0..90_u8).filter(|index| !lost.contains(index)) {
             let packet = Frame::new(index, SpeedWord(300 * 64), [RawReading([0; 4]); 4]);
@@ -237,7 +237,7 @@ mod tests {
         }
     }
 
-    /// Two turns; of the second, before the program asks for it, ten packets in a row are lost.
+    /// Two turns; ten packets in a row of the second one are lost before the program asks for it.
     #[test]
     fn turns_and_packets_are_counted() {
         let mut lidar = lidar();
@@ -285,7 +285,7 @@ mod tests {
         assert!(!lidar.sees());
     }
 
-    /// Behind a silence the third turn is the first to be trusted.
+    /// After a silence the third turn is the first to be trusted.
     #[test]
     fn a_lidar_that_comes_back_is_steady_after_two_turns() {
         let mut lidar = lidar();
@@ -298,7 +298,8 @@ mod tests {
         assert_eq!(steady, [(true, false), (true, false), (true, true)]);
     }
 
-    /// A byte of 86.8 us is still to come behind the packet; half a packet is given up after 20 ms.
+    /// The packet is complete when its last byte of 86.8 us has passed; half a packet is discarded
+    /// after 20 ms.
     #[test]
     fn a_packet_ends_with_its_last_byte() {
         let packet = Frame::new(3, SpeedWord(300 * 64), [RawReading([0; 4]); 4]);
@@ -323,7 +324,7 @@ mod tests {
         assert!(lidar.counters.bad_packets > 0 && lidar.counters.packets == 2);
     }
 
-    /// XV-08: the fielded program waits for its lidar, and continues as if nothing had been.
+    /// XV-08: the fielded program waits for its lidar, and then continues normally.
     #[test]
     fn the_fielded_program_waits_for_its_lidar() {
         let mut lidar = lidar();

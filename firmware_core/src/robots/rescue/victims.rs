@@ -408,7 +408,7 @@ mod tests {
         assert_eq!((found, victims.all().len()), (VICTIMS_MAX, VICTIMS_MAX));
     }
 
-    /// The robot's side passes the wall at 270 mm with these readings, standing.
+    /// Number of victims after the robot's side stood at the wall at 270 mm with these readings.
     fn told(readings: &[i16], around: &Surroundings) -> usize {
         let mut victims = Victims::new();
         for left in [&[220], readings, &[220]].concat() {
@@ -418,7 +418,7 @@ mod tests {
     }
 
     /// A robot that passes quickly feels a victim once, and once more on its way back; single
-    /// readings in two places are noise.
+    /// readings at two positions are noise.
     #[test]
     fn what_is_felt_once_and_once_more_is_somebody() {
         let found = |places: &[i16]| {
@@ -438,7 +438,7 @@ mod tests {
     }
 
     /// 170 mm before a sensor a victim fills 16.4 of 17.5 degrees: 14 degrees more than the hall. A
-    /// reading of 7 is its rim or another victim, a single reading is noise.
+    /// reading of 7 is its edge or another victim, a single reading is noise.
     #[test]
     fn what_is_too_cold_for_its_wall_or_read_once_is_nobody() {
         assert_eq!(told(&[320, 320], &wall()), 1);
@@ -447,7 +447,7 @@ mod tests {
     }
 
     /// A board that ends beside the robot at 270 mm, and another one behind it at 650 mm: a victim
-    /// there makes 4.5 degrees, and may make 5.5, but not 9.
+    /// on the farther one causes 4.5 degrees, and may cause 5.5, but not 9.
     #[test]
     fn somebody_past_the_end_of_a_board_is_not_on_it() {
         let near = (-40..=1_i16).map(|n| Point::new(f32::from(n) * 10.0, 370.0));
@@ -474,9 +474,8 @@ mod tests {
         assert_eq!(victims.are_explained(turned_away), [false, false]);
     }
 
-    /// A victim that reaches exactly six tenths of the expected reading, felt twice, counts; a
-    /// hand's breadth less does not, nor does a single reading. 250 mm from a victim is another
-    /// one.
+    /// A victim with exactly six tenths of the expected reading, felt twice, counts; one with a
+    /// little less does not, nor does a single reading. 250 mm from a victim a new one starts.
     #[test]
     fn a_victim_fills_six_tenths_twice_and_is_another_one_from_250_mm_on() {
         let passed = |victims: &mut Victims, x_mm: f32, readings: u8, share: f32| {
@@ -506,8 +505,8 @@ mod tests {
         assert_eq!(victims.told(&mut places), [[125, 0], [375, 0]]);
     }
 
-    /// 170 mm before the sensor a victim makes 14.07 degrees, six tenths of which are 8.44; 340 mm
-    /// away it makes 7.18, and at most 8.97 is believed to come from there. A reading of 8.7 may
+    /// 170 mm before the sensor a victim causes 14.07 degrees, six tenths of which are 8.44; 340 mm
+    /// away it causes 7.18, and at most 8.97 are attributed to that distance. A reading of 8.7 may
     /// come from there if there is a board behind in the field of view, but not beside it, 107 mm
     /// from its middle.
     #[test]
@@ -526,8 +525,8 @@ mod tests {
         assert_eq!(told(&[307, 307], &with(0, -440.0)), 1);
     }
 
-    /// 45 tenths are warm, 44 are not; 15 tenths are the rim of a victim, and do not count for the
-    /// surroundings.
+    /// 45 tenths are warm, 44 are not; 15 tenths are the edge of a victim, and do not count as
+    /// ambient.
     #[test]
     fn warmth_begins_at_its_limits() {
         let mut victims = Victims::new();
@@ -569,10 +568,10 @@ mod tests {
         assert_eq!(wall(&[[20.0, 270.0], [0.0, 271.0]]), Some([0.0, 271.0]));
     }
 
-    /// A wall that runs at 49 degrees to the robot, 228 mm before the sensor: of a victim there it
-    /// sees from 32.8 mm before its axis at 190.3 mm to 32.8 mm behind it at 265.7 mm, which is
-    /// (atan(0.1725) + atan(0.1235)) / 0.61 of 150 tenths, 72.2. A part of it that is farther away
-    /// is no other wall; at 61 degrees the sensor cannot tell.
+    /// A wall at 49 degrees to the robot, 228 mm before the sensor. The sensor sees a victim there
+    /// from 32.8 mm before its axis at 190.3 mm to 32.8 mm behind it at 265.7 mm, which is
+    /// (atan(0.1725) + atan(0.1235)) / 0.61 of 150 tenths, 72.2. A farther part of the same wall
+    /// does not count as another wall; at 61 degrees the result is uncertain.
     #[test]
     fn a_wall_seen_obliquely_shows_less_of_somebody() {
         let seen = |degrees: f32| {
@@ -590,9 +589,9 @@ mod tests {
         assert!(seen(-59.0).is_some() && seen(-61.0).is_none());
     }
 
-    /// Behind a board 100 mm away there may be something 120 mm farther off. One 121 mm behind it
-    /// makes 150 * atan(50 / 221) / 0.305 = 109.4 tenths, five quarters of which are 136.8; at the
-    /// rim of the field of view, 63 mm of 200, it counts as well.
+    /// Behind a board 100 mm away there may be an object 120 mm farther off. An object 121 mm
+    /// behind the board causes 150 * atan(50 / 221) / 0.305 = 109.4 tenths, five quarters of which
+    /// are 136.8; at the edge of the field of view, 63 mm of 200, it counts as well.
     #[test]
     fn what_is_behind_a_wall_counts_from_its_limits_on() {
         let is_there = |behind: [f32; 2], excess: f32| {

@@ -195,8 +195,9 @@ mod tests {
         })
     }
 
-    /// Ten times the angle, at most 4 rad/s; from 0.02 rad on it drives, twice the distance and at
-    /// most half a metre a second, and steers eight times the angle. Half a radian aside it turns.
+    /// Ten times the angle, at most 4 rad/s; from 0.02 rad on the robot drives, with twice the
+    /// distance and at most half a metre a second, and steers eight times the angle. At a bearing
+    /// of half a radian it turns.
     #[test]
     fn it_turns_towards_the_goal_and_drives_there() {
         let mut moves = moving(None, Defects::NONE);
@@ -227,8 +228,8 @@ mod tests {
         assert_eq!(moves.step(Pose::new(981.0, 0.0, 0.0), true), None);
     }
 
-    /// At the goal it turns to its heading, no slower than half a radian a second, until a
-    /// hundredth; then it stands, and is there within 0.015 rad once it is at rest.
+    /// At the goal the robot turns to its heading, at least with half a radian a second, until a
+    /// hundredth; then it stands, and has arrived within 0.015 rad once it is at rest.
     #[test]
     fn it_settles_as_it_was_told_to_look() {
         let mut moves = moving(Some(1.0), Defects::NONE);
@@ -243,7 +244,7 @@ mod tests {
         assert_eq!(moves.step(here(1.014), true), None);
     }
 
-    /// From -3 to 3 rad it is 0.283 rad the short way, and 6 the other.
+    /// From -3 to 3 rad it is 0.283 rad in the shorter direction, and 6 in the other.
     #[test]
     fn the_last_turn_may_go_the_long_way() {
         let turned = |turns_the_long_way| {
@@ -256,7 +257,7 @@ mod tests {
         assert!(is(turned(false), 0.0, -2.831_85) && is(turned(true), 0.0, 4.0));
     }
 
-    /// Another goal is turned to, unless the step is kept: then the robot steers for it.
+    /// The robot first turns to a new goal, unless the step is kept: then it steers for the goal.
     #[test]
     fn another_goal_begins_with_a_turn() {
         let next = |keeps_the_step, begins: bool| {
@@ -279,7 +280,8 @@ mod tests {
         assert!(is(next(true, false), 0.5, 2.966_37));
     }
 
-    /// From the limits on: a hundredth off it still turns, 0.015 rad off it is not there yet.
+    /// At the limits: with a hundredth left it still turns, with 0.015 rad left it has not arrived
+    /// yet.
     #[test]
     fn the_limits_themselves_are_still_too_far() {
         let mut moves = moving(Some(0.01), Defects::NONE);

@@ -64,7 +64,7 @@ mod tests {
         assert_eq!(guard.limited(now, 0.05, back), back);
     }
 
-    /// A wall at 3 cm looks as one at 17 cm: it is near for a second more.
+    /// A wall at 3 cm reads like one at 17 cm: it counts as near for a second more.
     #[test]
     fn a_wall_that_was_near_stays_so_for_a_second() {
         let mut guard = Guard::NEW;

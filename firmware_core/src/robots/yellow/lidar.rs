@@ -378,7 +378,8 @@ mod tests {
         assert_eq!((lidar.next_at(), lidar.counters.nodes), (at(2_500), 1));
     }
 
-    /// Silence is asked about; no answer within 100 ms is a reset, which takes a second.
+    /// After a silence the health is requested; without an answer within 100 ms the lidar is reset,
+    /// which takes a second.
     #[test]
     fn a_silent_lidar_is_asked_and_started_again() {
         let mut lidar = Lidar::new(Defects::NONE);
@@ -400,8 +401,9 @@ mod tests {
         assert_eq!(buf[..len], *Command::Reset.request().as_bytes());
     }
 
-    /// A turn begins where the node says so, or where three quarters are followed by a quarter; no
-    /// sooner than 80 ms after the one before, and one of more than 1.5 s is none.
+    /// A turn begins at a node's start mark, or where the fourth quarter is followed by the first.
+    /// It begins no sooner than 80 ms after the one before, and one of more than 1.5 s does not
+    /// count.
     #[test]
     fn a_turn_begins_behind_three_quarters() {
         let turns = |nodes: &[(u64, u16, bool)]| {
@@ -420,8 +422,8 @@ mod tests {
         assert_eq!(turns(&[(79, 5, true)]), 0);
     }
 
-    /// Seven bytes, then fives, whatever they are: 0x3E is quality 15 and no start; 0x2D01 halved
-    /// are 90 degrees of 64 parts, 0x0FA2 quarters are 1000.5 mm; 0 is none.
+    /// Seven bytes, then groups of five with any content: 0x3E is quality 15 and no start; 0x2D01
+    /// halved are 90 degrees of 64 parts, 0x0FA2 quarters are 1000.5 mm; 0 is no reading.
     #[test]
     fn the_fielded_parser_takes_five_bytes_for_a_node() {
         let mut groups = Groups::NEW;

@@ -103,7 +103,7 @@ mod tests {
         }
     }
 
-    /// Angles that are believed of these, in degrees.
+    /// Accepted angles of these, in degrees.
     fn believed(order: &mut Order, degrees: impl IntoIterator<Item = u16>) -> Vec<u16> {
         let nodes = degrees.into_iter();
         nodes

@@ -220,8 +220,8 @@ mod tests {
         Reactive::new(Defects::NONE)
     }
 
-    /// 0.3 m/s from 0.4 m on; from 0.4 to 0.1 m ahead it falls evenly. 10 rad/s a metre between
-    /// left and right, at most 2; less than 2 cm are none.
+    /// 0.3 m/s from 0.4 m on; from 0.4 to 0.1 m ahead the speed falls linearly. 10 rad/s for each
+    /// metre between left and right, at most 2; less than 2 cm count as 0.
     #[test]
     fn speed_follows_the_room_ahead_and_the_turn_the_difference() {
         let is = |distances_m, linear: f32, angular: f32| {
@@ -235,8 +235,8 @@ mod tests {
         assert!(is([0.7, 0.3, 0.35], 0.3, 0.5));
     }
 
-    /// At 0.1 m on any side it backs away with a tenth of its speed for 0.3 s, then turns to where
-    /// there is more room, at most 3.2 s.
+    /// At 0.1 m on any side the robot backs away with a tenth of its speed for 0.3 s, then turns to
+    /// the side with more room, for at most 3.2 s.
     #[test]
     fn what_is_too_near_is_left_backwards_and_turned_away_from() {
         for near in [[0.1, 0.3, 0.4], [0.3, 0.1, 0.4], [0.3, 0.4, 0.1]] {
@@ -268,8 +268,8 @@ mod tests {
         assert!(!ends([0.2, 0.14, 0.14]) && !ends([0.21, 0.12, 0.14]) && !ends([0.21, 0.14, 0.12]));
     }
 
-    /// Straight before a wall, nearer than 0.16 m, with as much room to both sides, the law would
-    /// stand: the robot turns at once, to the left.
+    /// Straight before a wall, nearer than 0.16 m, with equal room on both sides, the law would
+    /// stop: the robot turns at once, to the left.
     #[test]
     fn straight_before_a_wall_it_turns() {
         let mut law = law();
@@ -309,7 +309,7 @@ mod tests {
         assert!(is(told([1.2, 0.1, 1.2]), [-0.4, 0.0]));
     }
 
-    /// A law that begins again drives, whatever it did before.
+    /// A restarted law drives, independent of its earlier phase.
     #[test]
     fn a_law_that_begins_anew_drives() {
         let mut law = law();
@@ -319,8 +319,8 @@ mod tests {
         assert_eq!(law.step(at(1), [0.9; 3]), Velocity::new(0.3, 0.0));
     }
 
-    /// 0.3 and 8 times 4 m/s by the room ahead, 1.2 of 2.4 m, and by that to both sides, 0.5: 8.3;
-    /// and a little to the left with 40 / 2.4 rad/s a metre.
+    /// 0.3 and 8 times 4 m/s by the room ahead, 1.2 of 2.4 m, and by the room on both sides, 0.5:
+    /// 8.3; and a little to the left with 40 / 2.4 rad/s a metre.
     #[test]
     fn the_fielded_formula_runs_to_its_ends() {
         let mut law = Reactive::new(Defects {
@@ -340,7 +340,8 @@ mod tests {
         ));
     }
 
-    /// Less than 2 cm of difference, and less than 0.16 m ahead: each limit itself is not stuck.
+    /// Less than 2 cm of difference, and less than 0.16 m ahead: at each limit itself the robot is
+    /// not stuck.
     #[test]
     fn a_robot_is_stuck_straight_before_a_wall() {
         let law = law();

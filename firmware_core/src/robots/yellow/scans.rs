@@ -248,7 +248,7 @@ mod tests {
         samples.middle()
     }
 
-    /// By hand; a wild sample at either end does not count.
+    /// By hand; an outlier at either end does not count.
     #[test]
     fn the_middle_is_without_the_ends() {
         assert_eq!(middle(&[1_000, 1_010]), 0);
@@ -259,7 +259,7 @@ mod tests {
     }
 
     /// A wall ends at 1 m before one at 2 m. By hand: without the ends 1000, 1000, 2000, 2000, 2000
-    /// are left. Their median is 2000; nothing is at their mean of 1600.
+    /// are left. Their median is 2000; no surface is at their mean of 1600.
     #[test]
     fn nothing_is_seen_between_two_surfaces() {
         let items = [2_000, 1_000, 2_010, 1_000, 2_000, 1_000, 2_000];
@@ -269,7 +269,8 @@ mod tests {
         assert_eq!(middle(&[900, 1_000, 1_100, 1_100]), 1_050);
     }
 
-    /// 90 degrees to the right are 270 to the left; a sixteenth of a degree below ahead is ahead.
+    /// 90 degrees to the right are 270 to the left; a sixteenth of a degree below ahead counts as
+    /// ahead.
     #[test]
     fn angles_are_turned_round() {
         let scans = Scans::new(Defects::NONE);
@@ -287,7 +288,7 @@ mod tests {
         assert_eq!(scans.bin(u16::MAX >> 1), Some(416));
     }
 
-    /// Three samples of five turns are enough, two are not; those of the next half degree help.
+    /// Three samples of five turns are enough, two are not; samples of the next half degree help.
     #[test]
     fn three_samples_make_a_distance() {
         let mut scans = Scans::new(Defects::NONE);
@@ -346,7 +347,7 @@ mod tests {
         assert_eq!((scans.stray, scans.turns[0][718]), (1, 1_000));
     }
 
-    /// A copy is what came last, good or not; weak readings and far ones are none.
+    /// A copied set holds the last sample, good or not; weak and far readings do not count.
     #[test]
     fn a_copied_set_holds_what_came_last() {
         let copies = Defects {
@@ -370,8 +371,8 @@ mod tests {
         assert_eq!(scans.sets, 6);
     }
 
-    /// Points lie at half degrees counter-clockwise; forgotten, there are none, but for the program
-    /// that never forgets.
+    /// Points lie at half degrees counter-clockwise; after `forget` there are none, except in the
+    /// program that never forgets.
     #[test]
     fn a_set_is_drawn_counter_clockwise() {
         let seen = |never_ages| {

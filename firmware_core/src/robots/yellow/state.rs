@@ -285,8 +285,8 @@ mod tests {
         assert!(machine.step(at(9_511)) && !machine.drivers_are_on());
     }
 
-    /// Two seconds without a word of the PC end a drive by hand, and no other one; the fielded
-    /// watchdog is never looked at.
+    /// Two seconds without a message of the PC end a manual drive, and no other one; the fielded
+    /// watchdog is never checked.
     #[test]
     fn a_drive_by_hand_ends_after_two_seconds_of_silence() {
         let after = |state, defects, millis| {
@@ -309,8 +309,8 @@ mod tests {
         assert_eq!(after(State::Manual, fielded, 9_000), (Mode::Manual, 0));
     }
 
-    /// A manoeuvre that is interrupted stands for 400 ms; another order continues at once. What
-    /// goes by no pose is not interrupted.
+    /// An interrupted manoeuvre stands for 400 ms; another order continues at once. Modes without a
+    /// pose are not interrupted.
     #[test]
     fn an_interrupted_manoeuvre_stands_before_it_ends() {
         let mut machine = told(State::AutoPosition, Defects::NONE);
@@ -332,8 +332,8 @@ mod tests {
         );
     }
 
-    /// An end is counted once, and wants OFF; an order that came meanwhile is kept, but by the
-    /// fielded program.
+    /// An end is counted once, and requests OFF; an order that came meanwhile is kept, except by
+    /// the fielded program.
     #[test]
     fn the_end_of_a_manoeuvre_erases_no_order() {
         let after = |end_erases_order, order: Option<State>| {
@@ -358,7 +358,7 @@ mod tests {
         );
     }
 
-    /// The button's going down counts: on when all is off, off whatever continues.
+    /// A press of the button counts: it switches on if all is off, and off in any active mode.
     #[test]
     fn the_button_switches_on_and_off() {
         let mut machine = Machine::new(Defects::NONE);

@@ -289,8 +289,8 @@ mod tests {
         (found - expected).abs() < 2e-3 * expected.abs().max(0.01)
     }
 
-    /// Ten counts a sample are 500 rpm: 0.259182 of it in the first pole and the same of that in
-    /// the second; then 225.594 and 83.353. Across the end of the counter as well.
+    /// Ten counts a sample are 500 rpm: 0.259182 of it in the first pole and the same share of that
+    /// in the second; then 225.594 and 83.353. Across the end of the counter as well.
     #[test]
     fn counts_become_a_filtered_speed() {
         for start in [500_u16, u16::MAX - 4] {
@@ -303,8 +303,8 @@ mod tests {
         }
     }
 
-    /// A hundred counts in a sample are believed either way, one more are a counter that began
-    /// again. The fielded program takes the speed before for one above 1500 rpm, 30 counts.
+    /// A hundred counts in a sample are accepted in either direction, one more is a restarted
+    /// counter. The fielded program keeps the speed before for one above 1500 rpm, 30 counts.
     #[test]
     fn a_jump_is_no_motion() {
         let counts = |change: i16, defects| {
@@ -331,8 +331,8 @@ mod tests {
     }
 
     /// 20 rpm from rest: 0.2 V a rpm ahead and a volt for 40 are 4.5 of 24 V beside a half; each
-    /// sample 0.04 V more. Back it is 0.1 V a rpm, and begins again. 100 rpm are more than the
-    /// bridge is driven to.
+    /// sample adds 0.04 V. Backwards it is 0.1 V a rpm, and the integral restarts. 100 rpm need
+    /// more than the bridge's limit.
     #[test]
     fn a_duty_is_what_speed_and_error_take() {
         let mut wheel = Wheel::NEW;
@@ -388,7 +388,7 @@ mod tests {
     }
 
     /// 0.19635 mm a count: 100 ahead on both sides are 19.635 mm along x. 40 on the right alone are
-    /// 7.854 mm of 180, 0.043633 rad, and half of the way, 3.927 mm, along half of that.
+    /// 7.854 mm of 180, 0.043633 rad, and half of the distance, 3.927 mm, along half of that angle.
     #[test]
     fn the_pose_follows_the_middle_of_each_sample() {
         let after = |counters: [u16; 2], defects| {
@@ -412,8 +412,8 @@ mod tests {
         assert!(is(right.heading, -0.043_633) && is(right.y_mm, -0.085_66));
     }
 
-    /// From rest at 1.5 m/s2 and 15 rad/s2, a sample: 0.0015 m/s are 0.382 rpm, 0.015 rad/s half of
-    /// 180 mm beside that 0.00135 m/s, 0.3438 rpm. The right motor turns the other way.
+    /// From rest at 1.5 m/s2 and 15 rad/s2, a sample: 0.0015 m/s are 0.382 rpm; 0.015 rad/s at half
+    /// of 180 mm are 0.00135 m/s, 0.3438 rpm. The right motor turns in the other direction.
     #[test]
     fn wheels_share_speed_and_turn() {
         let targets = |target| {
@@ -433,7 +433,7 @@ mod tests {
         near(targets(Velocity::new(-1.0, -1.0)), [-0.038_2, 0.725_74]);
     }
 
-    /// One turn a minute is rest, also backwards; and only when nothing is asked for.
+    /// One turn a minute counts as rest, also backwards; and only without a target.
     #[test]
     fn a_drive_is_at_rest_below_one_turn_a_minute() {
         let mut wheels = Wheels::new(Pose::default(), Defects::NONE);

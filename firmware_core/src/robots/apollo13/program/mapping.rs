@@ -117,7 +117,7 @@ mod tests {
     use super::super::Config;
     use super::*;
 
-    /// Within 15 s it has to come farther than 0.3 m; either way it then counts again.
+    /// Within 15 s the car has to move farther than 0.3 m; in both cases the time restarts.
     #[test]
     fn a_car_gets_on_by_more_than_30_cm_in_15_seconds() {
         let mut car = Apollo13::new(Config::default());

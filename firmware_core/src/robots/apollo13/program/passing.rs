@@ -207,7 +207,7 @@ mod tests {
         }
     }
 
-    /// There is no way to the place before its gate: the gate is none of the car's any more.
+    /// There is no path to the pose before the gate: the car gives up the gate.
     #[test]
     fn a_gate_that_cannot_be_reached_is_given_up() {
         let mut car = car();
@@ -222,8 +222,8 @@ mod tests {
         assert_eq!(car.pilot.state(), GoalState::None);
     }
 
-    /// On the way to a gate, or to any other goal, no gate is looked for; on the way to a place to
-    /// look from, once a second.
+    /// On a drive to a gate, or to any other goal, no gate is searched; on a drive to a lookout,
+    /// once a second.
     #[test]
     fn gates_are_looked_for_on_the_way_to_a_place_to_look_from() {
         let looked = |passage, places, since_ms: Option<u64>| {
@@ -242,7 +242,7 @@ mod tests {
         assert!(!looked(None, 3, Some(999)));
     }
 
-    /// A gate of 0.8 m that comes into sight ends the search, but not what the car was asked for.
+    /// A gate of 0.8 m that comes into sight ends the search, but not the gate mode.
     #[test]
     fn a_gate_in_sight_ends_the_search() {
         let mut car = car();
@@ -268,8 +268,8 @@ mod tests {
         assert_eq!(car.pilot.path(), through(passage));
     }
 
-    /// After two seconds without a gate the car looks for one elsewhere if the operator asked for
-    /// more of them: in the middle of the map, 3 m by 2 m, the first of four ways.
+    /// After two seconds without a gate the car searches elsewhere if the operator asked for more
+    /// gates: in the middle of the map, 3 m by 2 m, at the first of four headings.
     #[test]
     fn after_two_seconds_a_gate_is_looked_for_elsewhere() {
         let goes = |is_asked: bool, after_ms: u64| {

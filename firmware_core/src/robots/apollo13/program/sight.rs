@@ -163,7 +163,7 @@ mod tests {
     use super::*;
     use protocols::perception::{MESSAGE_MAX, Message};
 
-    /// A row of 5 columns at a focal length of 2 pixels, and what follows from `depths_mm`.
+    /// A row of 5 columns at a focal length of 2 pixels, with the given `depths_mm`.
     fn sight(focal_tenths: u16, depths_mm: &[u16]) -> Sight {
         let mut bytes = [0; MESSAGE_MAX];
         let len = DepthRow::encode(focal_tenths, depths_mm, &mut bytes);
@@ -175,8 +175,8 @@ mod tests {
         sight
     }
 
-    /// Columns -2 to 2 over 2 pixels: 1 unit to the left at the first one, so 1 m of depth is 1.414
-    /// m away at 45 degrees. 300 mm is too near, 0 is nothing.
+    /// Columns -2 to 2 over 2 pixels: 1 unit to the left at the first column, so a depth of 1 m is
+    /// 1.414 m away at 45 degrees. 300 mm is too near, 0 is no reading.
     #[test]
     fn a_depth_is_ahead_and_a_range_is_along_its_column() {
         let sight = sight(20, &[1_000, 0, 2_000, 300, 1_000]);
@@ -197,8 +197,8 @@ mod tests {
         assert_eq!(points[0], Point::new(1_300.0, 1_000.0));
     }
 
-    /// Twelve columns side by side without a depth are open, eleven are gaps; of a camera that is
-    /// blind, or blinded here and there, nothing is known.
+    /// Twelve adjacent columns without a depth are open, eleven are gaps. A camera that is blind,
+    /// completely or in parts, shows no open floor.
     #[test]
     fn a_wide_piece_without_depths_is_open() {
         let open = |depths: &[u16]| {

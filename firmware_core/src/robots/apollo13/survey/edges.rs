@@ -281,7 +281,7 @@ mod tests {
 
     use super::*;
 
-    /// Three columns and two rows: neighbours end with the map.
+    /// Three columns and two rows: there are no neighbours beyond the map.
     #[test]
     fn neighbours_end_with_the_map() {
         let reach = Reach {

@@ -404,7 +404,7 @@ mod tests {
         assert_eq!(Sum::default().solved(), [0.0; 3]);
     }
 
-    /// Points along a line at 30 degrees, a centimetre to either side of it; a heap is none.
+    /// Points along a line at 30 degrees, a centimetre to either side of it; a cluster is no line.
     #[test]
     fn points_along_a_line_are_a_piece_of_it() {
         let (sin, cos) = libm::sincos(30_f64.to_radians());
@@ -454,8 +454,8 @@ mod tests {
         assert_eq!((sum.matrix[5], sum.right[2]), (5.5, -2.0));
     }
 
-    /// After 5 m ahead and half a radian: 0.252 m along, 0.051 m aside, 0.007 rad. Whatever its
-    /// heading, a pose that nothing else moves goes back to where the odometry says.
+    /// After 5 m ahead and half a radian: 0.252 m along, 0.051 m aside, 0.007 rad. At any heading,
+    /// a pose without other constraints returns to the odometry's pose.
     #[test]
     fn the_odometry_holds_along_aside_and_in_turn() {
         let motion = Motion {
@@ -502,8 +502,8 @@ mod tests {
         }
     }
 
-    /// Eight points on the corners of a rectangle around (3, -2), turned by atan(3/4): spreads are
-    /// its half sides.
+    /// Eight points on the corners of a rectangle around (3, -2), turned by atan(3/4): the standard
+    /// deviations are half its sides.
     fn rectangle(along: f64, across: f64, weight: f64) -> Piece {
         let mut piece = Piece::new(0);
         for (sign, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].repeat(2) {
@@ -553,7 +553,7 @@ mod tests {
         }
     }
 
-    /// A wall 2.1 m ahead, each 2 cm a point as good as can be: ten in each square.
+    /// A wall 2.1 m ahead, an ideal point each 2 cm: ten in each square.
     fn before_a_wall() -> Tracker {
         let mut tracker = Tracker::new(CarPose::default());
         let wall: Vec<Sighting> = (-50..50)
@@ -580,9 +580,9 @@ mod tests {
         );
     }
 
-    /// 5 cm behind the wall a point lies on it, off by that; sqrt(1 + 20 / 10) times 4 mm. In the
-    /// next row of squares the wall is still near, two rows on it is not. Beyond its end it
-    /// continues for a quarter of a metre from the middle of its last piece.
+    /// A point 5 cm behind the wall lies on its line, with that distance; sqrt(1 + 20 / 10) times 4
+    /// mm. In the next row of squares the wall is still near, two rows away it is not. Beyond its
+    /// end the wall continues for a quarter of a metre from the middle of its last piece.
     #[test]
     fn a_point_lies_on_the_line_beside_it() {
         let tracker = before_a_wall();
@@ -618,7 +618,7 @@ mod tests {
         assert!(x_m(&tracker).is_some_and(|x_m| (x_m - 2.1).abs() < 1e-9));
     }
 
-    /// The first eight scans are drawn anyway; then each 2 cm and each hundredth of a radian.
+    /// The first eight scans are always drawn; then each 2 cm and each hundredth of a radian.
     #[test]
     fn a_scan_is_drawn_where_the_camera_has_moved() {
         let mut tracker = Tracker::new(CarPose::default());
@@ -706,7 +706,7 @@ mod tests {
         );
     }
 
-    /// Of two lines as new the nearer one, where a step along counts a fifth.
+    /// Of two equally new lines the nearer one is taken; a distance along the line counts a fifth.
     #[test]
     fn of_two_lines_the_nearer_is_taken() {
         let mut tracker = before_a_wall();
@@ -738,7 +738,7 @@ mod tests {
         }
     }
 
-    /// Places on the wall before the camera, each 2 cm, so far behind it.
+    /// Points on the wall before the camera, each 2 cm, at a distance behind it.
     fn behind_the_wall(of: &[(core::ops::Range<i32>, f64)]) -> Vec<Sighting> {
         let one = |n: i32, behind_m: f64| Sighting {
             at: [2.1 + behind_m, f64::from(n) * 0.02 + 0.01],
@@ -756,8 +756,8 @@ mod tests {
         turn_rad: 0.0,
     };
 
-    /// In its first rounds a point may be 25 cm off its line, in the rest 12 cm: an odometry that
-    /// is 20 cm off is found, one that is 26 cm off is not.
+    /// In the first rounds a point may be 25 cm from its line, in the rest 12 cm: an odometry error
+    /// of 20 cm is corrected, one of 26 cm is not.
     #[test]
     fn a_line_is_sought_far_first_and_near_then() {
         let seen = behind_the_wall(&[(-40..40, 0.0)]);
@@ -775,8 +775,8 @@ mod tests {
         assert_eq!(laid(0.26), (0.26, false));
     }
 
-    /// Sixty points on the wall and twenty 10 cm behind it, which count for no more than at 3 cm:
-    /// sixty times x is twenty times 3 cm, so that the camera is drawn 1 cm.
+    /// Sixty points on the wall and twenty 10 cm behind it, which count no more than at 3 cm: sixty
+    /// times x is twenty times 3 cm, so the camera moves by 1 cm.
     #[test]
     fn what_is_far_off_its_line_draws_no_more() {
         let seen = behind_the_wall(&[(-40..-10, 0.0), (-10..10, 0.1), (10..40, 0.0)]);
@@ -785,8 +785,8 @@ mod tests {
         assert!((pose.x_m + 0.01).abs() < 0.002, "{pose:?}");
     }
 
-    /// Two walls of a room, 2.1 m along x and 1.5 m along y, seen from places and in directions at
-    /// random: laid from 3 cm, 2 cm and 0.015 rad beside it the camera is where it truly is.
+    /// Two walls of a room, 2.1 m along x and 1.5 m along y, seen from random positions and
+    /// directions: from an error of 3 cm, 2 cm and 0.015 rad the camera's true pose is found.
     #[test]
     fn a_scan_of_a_corner_is_laid_where_it_was_seen_from() {
         let walls = || {

@@ -236,8 +236,8 @@ mod tests {
     use super::*;
     use crate::local_map::Segment;
 
-    /// A cell of a wall that one look has put there is free after three looks through it, one that
-    /// two have seen after five; until a look more sees it.
+    /// A wall cell with one sighting is free after three clearings, one with two sightings after
+    /// five; another sighting makes it a wall again.
     #[test]
     fn what_is_looked_through_is_no_wall() {
         let mut seen = Evidence::default();
@@ -248,7 +248,7 @@ mod tests {
         assert_eq!(Evidence::default().after(FREE), FREE);
     }
 
-    /// A map that is forgotten leaves nothing: no cells, no evidence, no walls, no way.
+    /// A cleared map has no cells, no evidence, no walls and no path.
     #[test]
     fn a_place_that_is_forgotten_is_unknown() {
         let mut atlas = Atlas::new(&PcConfig::default());
@@ -286,8 +286,8 @@ mod tests {
         assert!(atlas.global.iter().all(|(_, value)| value == UNKNOWN));
     }
 
-    /// A wall a metre ahead, seen from 13 m to either side. A program with 8 bits believes to be no
-    /// farther away than 12.7 m.
+    /// A wall a metre ahead, seen from 13 m to either side. A program with 8 bits limits its own
+    /// position to 12.7 m.
     #[test]
     fn eight_bits_tell_no_more_than_12_7_m() {
         let wall = |eight_bits: bool, at: [f32; 2]| {

@@ -415,7 +415,8 @@ mod tests {
         assert!(has_moved(1_000.0, 0.051) && has_moved(1_000.0, -0.051));
     }
 
-    /// The fielded rule counts looks, whatever the robot does, and asks for 10 mm from the start.
+    /// The fielded rule counts checks, in any state of the robot, and requires 10 mm from the
+    /// start.
     #[test]
     fn the_fielded_rule_tells_again_what_has_not_moved() {
         let told = |x_mm: f32| {

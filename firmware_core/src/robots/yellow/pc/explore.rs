@@ -194,8 +194,8 @@ mod tests {
     use crate::grid::{FREE, OBSTACLE};
 
     /// A room of 70 by 9 cells, longer than a view, with a door of five cells at each end. From
-    /// near its left end the left door is the better view; a robot on its way to the right one
-    /// turns twice, and then continues as long as half of its goal is still open.
+    /// near its left end the left door is the better view. A robot that drives to the right one
+    /// turns twice, and then continues while half of its goal is still open.
     #[test]
     fn who_is_on_the_way_goes_on() {
         let mut atlas = Atlas::new(&PcConfig::default());

@@ -123,7 +123,7 @@ mod tests {
     use super::*;
     use crate::pose::Point;
 
-    /// Two rooms of 1.6 m, 2.4 m apart; of the second one a wall of four was not mapped, or two.
+    /// Two rooms of 1.6 m, 2.4 m apart; one or two of the second room's four walls were not mapped.
     #[test]
     fn what_fits_the_walls_of_another_room_is_not_certain() {
         let corners = [

@@ -195,7 +195,7 @@ mod tests {
         heading: None,
     };
 
-    /// Ten columns and twenty rows of free cells, beside which nothing is known.
+    /// Ten columns and twenty rows of free cells with unknown surroundings.
     fn known() -> Atlas {
         let cells = [[FREE; 10], [UNKNOWN; 10]].concat().repeat(20);
         let mut atlas = Atlas::new(&PcConfig::default());
@@ -204,7 +204,7 @@ mod tests {
         atlas
     }
 
-    /// Five interruptions are borne, each time from wherever the robot is by then.
+    /// Five interruptions are accepted; each time the drive continues from the robot's pose.
     #[test]
     fn a_drive_that_is_interrupted_too_often_is_given_up() {
         let mut journey = Journey::new(GOAL);
@@ -217,8 +217,8 @@ mod tests {
         assert_eq!(journey.interrupt(), Err(Failure::NoAnswer));
     }
 
-    /// 30 mm from the goal is not there yet, 29 are; four more drives, and no fifth. The end of a
-    /// stretch, or of a way to look for one, is no try.
+    /// 30 mm from the goal the robot has not arrived yet, at 29 it has; it gets four more drives,
+    /// and no fifth. The end of a stretch, or of a drive to a view, does not count.
     #[test]
     fn a_robot_beside_its_goal_tries_four_times_more() {
         let mut atlas = known();

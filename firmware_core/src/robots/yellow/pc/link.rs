@@ -476,7 +476,7 @@ mod tests {
         assert_eq!((told.x, told.y, told.alpha), (1.5, -0.25, 0.5));
     }
 
-    /// Nine tenths of a second behind its last message the robot is silent, once.
+    /// Nine tenths of a second after its last message the robot counts as silent, once.
     #[test]
     fn a_robot_is_silent_after_900_ms() {
         let mut link = link(Sending::default());
@@ -494,7 +494,7 @@ mod tests {
         );
     }
 
-    /// 5 mm or 5 mrad are worth a message, also across half a turn.
+    /// A correction of 5 mm or 5 mrad is sent, also across half a turn.
     #[test]
     fn small_corrections_are_not_told() {
         let half = core::f32::consts::PI - 0.001_6;
@@ -510,7 +510,7 @@ mod tests {
         assert!(is_off(100.0, 200.0, half - 0.006) && !is_off(100.0, 200.0, half - 0.004));
     }
 
-    /// As many commands as there is room for on the wire; each one more is lost and counted.
+    /// Commands beyond the room on the wire are lost and counted.
     #[test]
     fn commands_that_do_not_fit_are_counted() {
         let mut link = link(Sending::default());
@@ -580,7 +580,7 @@ mod tests {
         assert_eq!((link.transmit(&mut buf), link.released), (2, 0));
     }
 
-    /// A request goes out at once, again each 700 ms without an answer, and fourteen times at most.
+    /// A request goes out at once, again each 700 ms without an answer, and at most fourteen times.
     #[test]
     fn a_request_is_sent_until_it_is_answered() {
         let mut link = link(Sending::default());

@@ -134,8 +134,8 @@ mod tests {
     use crate::local_map::Segment;
     use crate::pose::{Point, Pose};
 
-    /// The first sight of all is believed from 2 m of walls on, another one from 300 mm on; each
-    /// when it was seen twice.
+    /// The very first scan is accepted from 2 m of walls on, another one from 300 mm on; each when
+    /// it was seen twice.
     #[test]
     fn little_is_not_believed_the_first_time() {
         let link = Link::new(&PcConfig::default());
