@@ -79,8 +79,8 @@ impl CarPose {
         }
     }
 
-    /// The pose of a point `ahead_m` before this one on the same body: from the rear axle to the
-    /// front axle by the wheelbase, back by its negative, to the middle by half of it.
+    /// The pose of a point `ahead_m` before this one on the same body. From the rear axle to the
+    /// front axle `ahead_m` is the wheelbase, back its negative, to the middle half of it.
     #[must_use]
     pub fn shifted(self, ahead_m: f64) -> Self {
         let along = Motion {
@@ -90,12 +90,12 @@ impl CarPose {
         self.then(along)
     }
 
-    /// Distance to `other`, whatever the headings.
+    /// Distance to `other`; the headings do not count.
     pub fn distance_m(self, other: Self) -> f64 {
         self.distance_to([other.x_m, other.y_m])
     }
 
-    /// Distance to a place, metres.
+    /// Distance to a position, metres.
     pub fn distance_to(self, [x_m, y_m]: [f64; 2]) -> f64 {
         libm::hypot(self.x_m - x_m, self.y_m - y_m)
     }
@@ -114,8 +114,8 @@ impl CarPose {
 }
 
 impl CarGeometry {
-    /// Motion of the middle of the rear axle when it has gone `path_m`, backwards below 0, at a
-    /// steering angle of less than a quarter turn.
+    /// Motion of the middle of the rear axle after `path_m`, backwards below 0, at a steering angle
+    /// of less than a quarter turn.
     pub fn rear_arc(&self, steering_rad: f64, path_m: f64) -> Motion {
         let turn_rad = path_m * libm::tan(steering_rad) / self.wheelbase_m;
         arc(path_m, turn_rad)
@@ -164,13 +164,13 @@ impl CarGeometry {
         Some((steering, wrapped(way) * radius))
     }
 
-    /// Travel of the rear axle's middle when its left wheel has gone `wheel_m`.
+    /// Travel of the rear axle's middle when its left wheel has moved `wheel_m`.
     pub fn rear_of_left_wheel(&self, steering_rad: f64, wheel_m: f64) -> f64 {
         let turn_per_m = libm::tan(steering_rad) / self.wheelbase_m;
         wheel_m / (1.0 - turn_per_m * self.track_m / 2.0)
     }
 
-    /// Travel of the front axle's middle when the rear axle's has gone `rear_m`.
+    /// Travel of the front axle's middle when the rear axle's has moved `rear_m`.
     pub fn front_of_rear(&self, steering_rad: f64, rear_m: f64) -> f64 {
         rear_m / libm::cos(steering_rad)
     }

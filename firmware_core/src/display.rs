@@ -88,7 +88,7 @@ impl Tile {
         (part.columns(), part.rows())
     }
 
-    /// The pixels of `columns` in row `y`; none if any of them is outside the tile.
+    /// The pixels of `columns` in row `y`; empty if any of them is outside the tile.
     pub fn pixels_mut(&mut self, y: i32, columns: core::ops::Range<i32>) -> &mut [u16] {
         let inside = |at: i32, from: u16| usize::try_from(at - i32::from(from)).ok();
         let place = |x: i32| {
@@ -116,7 +116,7 @@ impl Tile {
     }
 }
 
-/// Where the columns of tiles begin, and their widths.
+/// First column of each column of tiles, and its width.
 const COLUMNS: [(u16, u16); 3] = [
     (0, RIGHT / 2),
     (RIGHT / 2, RIGHT / 2),

@@ -13,8 +13,9 @@
 use crate::map_view::MapView;
 use crate::pose::Point;
 
-/// Cells along an edge of the default map: the seed report's 300, or, with the feature `large`, the
-/// 2828 of its outlook and one more, because the planner's cells are three by three of these.
+/// Cells along an edge of the default map: the seed report's 300. With the feature `large` it is
+/// the 2828 of the report's outlook and one more, because three by three of these cells make a
+/// planner's cell.
 pub const SIDE: usize = if cfg!(feature = "large") { 2829 } else { 300 };
 
 /// Value of a cell that no beam has touched.

@@ -27,9 +27,9 @@ pub struct Gyro {
 /// Whether the wheels have turned since the reading before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wheels {
-    /// Neither has.
+    /// Neither wheel has turned.
     AtRest,
-    /// One of them has.
+    /// One wheel or both have turned.
     Turned,
 }
 

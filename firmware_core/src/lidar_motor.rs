@@ -25,8 +25,8 @@ const RESTART_AFTER: Duration = Duration::from_secs(1);
 const STARTS: [u8; 5] = [DUTY_START, 220, 255, 130, 80];
 /// Starts with each duty: a sensor boots, spins up and locks in less than three seconds.
 const TRIES: u16 = 3;
-/// Packets in a row, some two seconds of them, with the drive at its limit and the speed below the
-/// target, after which the drive counts as too weak.
+/// Number of packets in a row, about two seconds, after which the drive counts as too weak: drive
+/// at its limit, speed below the target.
 const WEAK_AFTER: u16 = 900;
 /// Duty per rpm of error, and per packet.
 const INTEGRAL: f32 = 1.0 / 64.0;

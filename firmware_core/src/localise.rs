@@ -29,8 +29,8 @@ const THROUGH_MM: f32 = 200.0;
 const BEFORE_MM: f32 = 200.0;
 /// Maximum distance of a wall that is used: the lidar's range, in cells.
 const REACH: i32 = 60;
-/// A position with fewer than one wall in so many matched is already excluded, so its
-/// looked-through points need not be counted.
+/// Share of matched walls below which a position is excluded at once: one in so many. Its free line
+/// of sight is then not counted.
 const FEW_PARTS: i32 = 2;
 /// The same limit as a score: a position that fits again later has at least this score.
 const FEW: u8 = 100;
@@ -466,8 +466,8 @@ mod tests {
         assert!((truth.0 - 1_550.0).abs() <= 100.0 && (truth.1 - 1_550.0).abs() <= 100.0);
     }
 
-    /// A robot that knows to be in the left half drives half a metre ahead: of the two positions
-    /// that fit then, the one that it can have reached is chosen.
+    /// A robot that knows to be in the left half drives half a metre ahead. Two positions fit then;
+    /// the reachable one is chosen.
     #[test]
     fn what_was_seen_before_counts() {
         let mut map = CellMap::new(CELL_MM, 0, 10_000);

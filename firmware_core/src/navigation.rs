@@ -192,9 +192,9 @@ pub enum Step {
 const STALLED_SCANS: u8 = 15;
 /// Minimum progress.
 const PROGRESS_MM: f32 = 10.0;
-/// Free path required before the robot takes a direction. Directions within 12 steps of five
-/// degrees of the wanted bearing need only the shorter one: they lead to the goal gradually, while
-/// a longer free path may lead away from it.
+/// Free path required before the robot takes a direction. Near the wanted bearing, within 12 steps
+/// of five degrees, the shorter one is enough: such directions lead to the goal gradually. A longer
+/// free path elsewhere may lead away from the goal.
 const FREE_WAY_MM: f32 = 450.0;
 const NEARER_WAY_MM: f32 = 200.0;
 const NEARER_STEPS: i8 = 12;

@@ -12,7 +12,7 @@ use protocols::Instant;
 
 use crate::pose::{Pose, PoseChange, sin_cos};
 
-/// The drive, as far as odometry needs it.
+/// Dimensions of the drive for the odometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelGeometry {
     /// Radius of a wheel.
@@ -26,7 +26,7 @@ pub struct WheelGeometry {
 }
 
 impl WheelGeometry {
-    /// Travel of a wheel's rim per tick.
+    /// Travel of a wheel's circumference per tick.
     pub fn tick_mm(&self) -> f32 {
         TAU * self.wheel_radius_mm / f32::from(self.ticks_per_turn)
     }
@@ -150,8 +150,8 @@ impl Odometry {
         self.update_turning(now, ticks, None)
     }
 
-    /// Takes a reading of both counters, and the robot's turn since the previous one from a sensor
-    /// that does not slip (radians), if there is one; see [`update`](Self::update).
+    /// Takes a reading of both counters, and optionally the robot's turn since the previous one
+    /// (radians) from a sensor that does not slip; see [`update`](Self::update).
     pub fn update_turning(
         &mut self,
         now: Instant,
@@ -233,8 +233,8 @@ impl Odometry {
         self.newest().map(|sample| sample.at)
     }
 
-    /// The dead-reckoned pose at `at`. Between two readings it is interpolated; after the newest
-    /// one it continues at the last speed for at most 250 ms; before the oldest one it is that
+    /// The dead-reckoned pose at `at`. Between two readings it is interpolated. After the newest
+    /// one it continues at the last speed for at most 250 ms. Before the oldest one it is that
     /// one's pose.
     pub fn pose_at(&self, at: Instant) -> Pose {
         let samples = &self.samples[..self.len];

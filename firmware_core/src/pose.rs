@@ -6,8 +6,8 @@
 
 use core::f32::consts::{PI, TAU};
 
-/// Sine and cosine of `angle`, the only place of this crate that computes them: equal bits on
-/// every host.
+/// Sine and cosine of `angle`. All code of this crate uses this function, so that the bits are
+/// equal on every host.
 pub fn sin_cos(angle: f32) -> (f32, f32) {
     libm::sincosf(angle)
 }

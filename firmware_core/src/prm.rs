@@ -1,10 +1,9 @@
 //! Paths over a map by a probabilistic roadmap. For the part of a robot's program that runs on a
 //! PC; feature `host`.
 //!
-//! Vertices are drawn evenly over the cells that are open, and each is joined to all earlier ones
-//! within reach if the straight line between them is open (as in P. Corke's Robotics Toolbox, which
-//! the robot's developers used). The map is eroded before, so that a robot has room around its
-//! middle.
+//! Vertices are drawn at random from the open cells. Each is joined to all earlier ones within
+//! reach if the straight line between them is open (as in P. Corke's Robotics Toolbox, which the
+//! robot's developers used). The map is eroded before, so that a robot has room around its middle.
 
 use alloc::vec::Vec;
 

@@ -1,13 +1,13 @@
-//! Sets an HC-06 up before it is used: name, PIN and rate, by its commands.
+//! Setup of an HC-06 radio before its use: name, PIN and rate, by its commands.
 //!
 //! ```text
 //!   AT --OK--> AT+NAMEn --OK--> AT+PINnnnn --OK--> AT+BAUDn --OK--> ready, at the new rate
 //!    ^---- no answer: the next rate that a module may be set to ----'
 //! ```
 //!
-//! Modules of the linvor family and of hc01.com take a command when a second of silence follows it,
-//! and none at all during a connection (module guides, see [`protocols::hc06`]). The setup gives up
-//! a module that answers at no rate: the module may be connected already, or use the other command
+//! Modules of the linvor family and of hc01.com take a command only if a second of silence follows
+//! it, and never during a connection (module guides, see [`protocols::hc06`]). The setup gives up a
+//! module that answers at no rate: the module may be connected already, or use the other command
 //! set.
 
 use core::time::Duration;

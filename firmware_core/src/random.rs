@@ -30,8 +30,8 @@ impl Pcg32 {
         shifted.rotate_right((old >> 59) as u32)
     }
 
-    /// A number below `limit`, or any number if `limit` is 0: as a remainder by zero on the
-    /// microcontroller, whose division by zero yields 0.
+    /// A number below `limit`, or any number if `limit` is 0: the microcontroller's division by
+    /// zero yields 0, so its remainder is the number itself.
     #[inline]
     pub(crate) fn below(&mut self, limit: u32) -> u32 {
         let drawn = self.next_u32();

@@ -5,11 +5,11 @@
 //!                              Turn + odometry -> Scan: points as if all were measured at the end
 //! ```
 //!
-//! A turn ends when the packet index goes down (or at the last packet), so a lost first packet does
-//! not lose the turn; packets that did not arrive leave "no data", never the distances of an
-//! earlier turn. While the sensor turns once, the robot drives on: at 0.3 m/s and 5 turns a second
-//! 60 mm (seed report, chapter on the lidar), so every beam is moved by the odometry's motion
-//! between the beam and the end of the turn.
+//! A turn ends when the packet index decreases (or at the last packet), so a lost first packet does
+//! not lose the turn. Missing packets leave "no data", never the distances of an earlier turn.
+//! While the sensor turns once, the robot drives on: at 0.3 m/s and 5 turns a second 60 mm (seed
+//! report, chapter on the lidar). Every beam is therefore moved by the odometry's motion between
+//! the beam and the end of the turn.
 
 use core::f32::consts::TAU;
 use core::time::Duration;
@@ -750,9 +750,9 @@ mod tests {
         assert_eq!(lerp(10.0, 30.0, 0.25), 15.0);
     }
 
-    /// A lidar 100 mm before the axle of a robot that turns by 90 degrees to the left in a turn: at
-    /// its start, relative to the current pose, the robot looked to the right, and the lidar was
-    /// there.
+    /// A lidar 100 mm before the axle of a robot that turns by 90 degrees to the left in a turn. At
+    /// the turn's start, relative to the final pose, the robot looked to the right, and the lidar
+    /// was there.
     #[test]
     fn a_turning_robot_s_lidar_swings_around_its_axle() {
         let mut odometry = Odometry::new(DRIVE);

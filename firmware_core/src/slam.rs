@@ -206,7 +206,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
     }
 
     /// Notes that the robot may have moved by about so much unseen by the odometry, for instance
-    /// because the base did not answer: the next search trusts its prediction less accordingly.
+    /// because the base did not answer. The next search then trusts its prediction less.
     pub fn doubt(&mut self, unseen_mm: f32, unseen_rad: f32) {
         self.travel.doubt(unseen_mm, unseen_rad);
     }
@@ -458,8 +458,8 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
 }
 
 /// Updates the count of scans since the robot was found elsewhere, after one more scan with the
-/// result `place`; `None` if the robot is at its believed pose. A robot that keeps moving without
-/// its wheels is still being pushed.
+/// result `place`. Returns `None` if the robot is at its believed pose. A robot that keeps moving
+/// without its wheels is still being pushed.
 fn unsettled_by(place: &tracking::Place, is_at_rest: bool, before: Option<u8>) -> Option<u8> {
     if place.is_elsewhere || (before.is_some() && !is_at_rest) {
         return Some(0);

@@ -41,8 +41,8 @@ const SHIFTS_MM: [[f32; 2]; 5] = [
     [0.0, -150.0],
 ];
 /// Minimum share of the points fitting at the believed pose that must fit at the corrected pose.
-/// Without this limit, among walls that end in rows, the walls beside the right ones drew the pose
-/// 12 cm away from a pose where all points fitted.
+/// Without this limit, in rows of similar wall ends, wrong neighbouring walls drew the pose 12 cm
+/// away from a pose where all points fitted.
 const AS_MANY: (usize, usize) = (9, 10);
 /// Minimum ratio of fitting points for another pose.
 const BETTER: (usize, usize) = (6, 5);

@@ -1,4 +1,4 @@
-//! The robot's list of waypoints: 100 static slots, in the order in which they are visited.
+//! The robot's list of waypoints: 100 static slots, in the order of the visits.
 //!
 //! A waypoint keeps its number for its lifetime, and no number is used twice, even after
 //! insertions, removals and replacements (seed report, chapter on waypoints). The fielded program

@@ -111,12 +111,12 @@ impl PrimitiveSet {
         }
     }
 
-    /// The primitives of the car of seed 003: per heading one short and one long straight, or one
-    /// of them twice where the lattice has no short one, one straight back at ten times the cost,
-    /// and two curves at twice the cost. Cells of 5 cm, 16 headings.
+    /// The primitives of the car of seed 003: per heading one short and one long straight, one
+    /// straight back at ten times the cost, and two curves at twice the cost. Where the lattice has
+    /// no short straight, the long one occurs twice. Cells of 5 cm, 16 headings.
     ///
     /// # Panics
-    /// Never: the table is sound.
+    /// Never: the table is valid.
     pub fn car() -> Self {
         let mut primitives = Vec::new();
         for start in 0..16_u32 {

@@ -25,15 +25,15 @@ use scene::{NEAR_CELLS, Rays, Scene, Wall, direction};
 const VIEW_CELLS: u16 = 3;
 /// Radius around a position that showed nothing, in which other views are skipped.
 const STALE_CELLS: i8 = 4;
-/// Maximum distance of an edge from the reachable area of the robot's middle, 15 cm: cracks between
-/// boards lead to the flank that the map draws behind them, which looks like floor.
+/// Maximum distance of an edge from the reachable area of the robot's middle, 15 cm. The reason:
+/// cracks between boards lead to the flank that the map draws behind them, which looks like floor.
 const WITHIN_CELLS: i8 = 5;
 /// Cost of a cell of the path, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
 /// For each so many cells of the path, one more unknown cell is required, up to the number behind
 /// any door.
 const CRUMB_CELLS: u16 = 4;
-/// Worth of a ray to an unfelt wall, in unknown cells, and the minimum number of such rays: a wall
+/// Worth of a ray to an unfelt wall, in unknown cells, and the minimum number of such rays. A wall
 /// narrower than a plate of 10 cm was felt together with the walls beside it.
 const FEEL_WEIGHT: u16 = 4;
 const UNFELT_MIN: u16 = 3;
@@ -50,7 +50,8 @@ const STRAY_CELLS: i8 = 5;
 const STEPS_PER_POINT: u32 = 32;
 /// Cells of the planner's map.
 const CELLS: u32 = EDGE as u32 * EDGE as u32;
-/// Steps that sorting the map's cells costs, at 4 cycles each; nine of them are a planner's cell.
+/// Cost of sorting the map's cells, in steps, at 4 cycles each; nine map cells are a planner's
+/// cell.
 const SCENE_STEPS: u32 = 2 * CELLS;
 /// Maximum cost, in steps, of a wave over a free map and of growing the reached area by a disc.
 const WAVE_STEPS: u32 = 3 * CELLS;

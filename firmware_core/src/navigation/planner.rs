@@ -182,8 +182,8 @@ impl Planner {
         Some(way.skip(1).fold(0, |cells: u16, _| cells.saturating_add(1)))
     }
 
-    /// The middle of the first stretch of the path from `from` that crosses `cells`: `None` if
-    /// there is no path, `Some(None)` if it crosses none of them.
+    /// The middle of the first stretch of the path from `from` that crosses `cells`. `None` if
+    /// there is no path, `Some(None)` if the path crosses none of the cells.
     fn stretch_on_way(&self, from: Point, cells: &Cells) -> Option<Option<Cell>> {
         let mut here = self.nearest_reached(self.raster.cell_of(from)?)?;
         let (mut middle, mut length) = (None, 0_u16);

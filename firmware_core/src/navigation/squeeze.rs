@@ -12,9 +12,9 @@ const THIN_AFTER: u8 = 22;
 const THIN_SCANS: u8 = 40;
 const THIN_CLEARANCE_MM: f32 = 15.0;
 const THIN_CRUISE: i8 = 8;
-/// Limits of tight driving: plans in a row without a shorter path (half a minute) before the robot
-/// goes wherever its body fits; duration in scans; clearance; and cruise speed near obstacles. The
-/// speed is low so that a touched obstacle is not damaged.
+/// Limits of tight driving: plans in a row without a shorter path (half a minute) before it starts;
+/// duration in scans; clearance; and cruise speed near obstacles. A tight robot goes wherever its
+/// body fits. Its speed is low so that a touch does no damage.
 const TIGHT_AFTER_PLANS: u8 = 30;
 const TIGHT_SCANS: u8 = 200;
 const TIGHT_CLEARANCE_MM: f32 = 5.0;

@@ -14,8 +14,8 @@ const BODY: Body = Body {
     axle_mm: 260.0,
 };
 
-/// Wheel speeds by the seed report's law for a robot at the origin with heading psi and a
-/// waypoint one metre away in the direction in which psi would be `target_deg`.
+/// Wheel speeds by the seed report's law. The robot is at the origin with heading psi; the waypoint
+/// is one metre away, in the direction of psi `target_deg`.
 fn document(psi_deg: i16, target_deg: i16) -> [i8; 2] {
     let aim = |psi_deg| {
         Pose::from_wire(WirePose {
@@ -426,7 +426,7 @@ fn seen_by_lidar(walls: &Walls, pose: Pose, random: &mut crate::random::Pcg32) -
 }
 
 /// Number of scans until a robot that drives from `pose` for a goal beyond y = 2.7 m has passed y =
-/// 2.3 m, and its smallest distance to a wall; `None` if this takes more than two minutes.
+/// 2.3 m, and its smallest distance to a wall. `None` after two minutes.
 fn scans_to_leave(walls: &Walls, mut pose: Pose, seed: u64) -> Option<(u16, f32)> {
     let map = drawn(walls);
     let goal = Goal {

@@ -53,8 +53,8 @@ impl Robot {
     }
 }
 
-/// Golden frames of the fielded program: MPD at its start pose and 20 mm a cell, its state, and
-/// its row of unknown cells but for the last pixel, which it never counted.
+/// Golden frames of the fielded program: MPD at its start pose and 20 mm a cell, its state, and its
+/// row of unknown cells. The row lacks its last pixel, which the fielded program never counted.
 #[test]
 fn the_first_frames_are_the_golden_ones() {
     let (mut link, robot) = (link(Some(12_000)), Robot::new());

@@ -1,5 +1,6 @@
 //! Exhaustive search of a window of poses: every heading step, every cell up and down, all cells
-//! across at once (Olson, "Real-time correlative scan matching", 2009, with a row kernel of ours).
+//! across at once (Olson, "Real-time correlative scan matching", 2009). The kernel for rows is our
+//! own.
 
 use super::effort::Effort;
 use super::matching::{Placement, whole};

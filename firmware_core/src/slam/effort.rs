@@ -1,6 +1,6 @@
-/// Cost of a search on the robot's processor, in cycles of a Cortex-M4: instructions of the inner
-/// loops counted in the release build for thumbv7em-none-eabihf, two cycles for a load or a store
-/// and one for everything else. The figures assume memory without wait states.
+/// Cost of a search on the robot's processor, in cycles of a Cortex-M4: the instructions of the
+/// inner loops in the release build for thumbv7em-none-eabihf. A load or a store takes two cycles,
+/// everything else one. The figures assume memory without wait states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Effort {
     cycles: u64,

@@ -1,9 +1,9 @@
 //! Score of a scan at a pose: end points are looked up in the grid, in whole numbers, so that every
 //! host and every build gives the same score.
 //!
-//! Points are sixteenths of a cell in 16 bits, sine and cosine have 14 binary places, so one
-//! coordinate of a turned and shifted point is two 16-bit products and a sum with 18 binary places:
-//! one instruction on a Cortex-M4 (SMLAD) and in SSE2 (PMADDWD).
+//! Points are sixteenths of a cell in 16 bits, sine and cosine have 14 binary places. One
+//! coordinate of a turned and shifted point is therefore two 16-bit products and a sum with 18
+//! binary places. That is one instruction on a Cortex-M4 (SMLAD) and in SSE2 (PMADDWD).
 
 use super::WIDE;
 use crate::grid::Grid;
@@ -237,7 +237,7 @@ impl Factors {
     /// Indices of the points' cells in the map, and the number of points outside. Points outside
     /// get the last cell instead of a branch, because the branch would be hard to predict.
     ///
-    /// The function is not inlined: otherwise the compiler would see that all factors are equal,
+    /// The function is not inlined. Otherwise the compiler would see that all factors are equal,
     /// and would no longer use one instruction for two 16-bit products and their sum.
     #[inline(never)]
     fn indices<const W: usize, const H: usize>(

@@ -121,8 +121,8 @@ fn smooth_mean<const W: usize, const H: usize>(
 }
 
 /// Nine neighbouring cells under a quadratic B-spline; 64 times 64 times the value. Linear
-/// interpolation of four cells would be flat between two equal ones, and the position of a wall on
-/// the border of two cells would be undefined between their middles.
+/// interpolation of four cells would be flat between two equal ones: a wall on the border of two
+/// cells could lie anywhere between their middles.
 #[inline]
 fn smooth_value<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
@@ -181,8 +181,8 @@ mod tests {
         heading: 0.2,
     };
 
-    /// Where a beam from `HERE` ends: at walls y = 202 mm and y = 797 mm, and at x = 204 mm and x =
-    /// 801 mm; a corridor has only the first two, and walls beyond 480 mm are out of range.
+    /// End of a beam from `HERE`: at walls y = 202 mm and y = 797 mm, and at x = 204 mm and x = 801
+    /// mm. A corridor has only the first two, and walls beyond 480 mm are out of range.
     fn end(bearing: f32, in_corridor: bool) -> Option<Point> {
         let (sin, cos) = crate::pose::sin_cos(bearing + HERE.heading);
         let to_y = (if sin > 0.0 { 797.0 } else { 202.0 } - HERE.y_mm) / sin;

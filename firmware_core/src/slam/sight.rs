@@ -10,8 +10,8 @@ const APART: usize = 4;
 /// Maximum distance of two such points of one wall, divided by their distance from the robot: 24
 /// degrees, or fewer on a wall that recedes from it.
 const GAP_MAX: f32 = 0.4;
-/// Share of the walls that must stand across a direction before the scan counts for it: below the
-/// first the scan has no weight, from the second on it has full weight.
+/// Shares of the walls that must stand across a direction before the scan counts for it. Below the
+/// first share the scan has no weight, from the second on it has full weight.
 const DEAF: f32 = 0.01;
 const HEARS: f32 = 0.03;
 

@@ -1,6 +1,6 @@
-//! Drawing a scan into the map with accuracy below a cell: like [`super::update`], but the beam
-//! crosses the cells at its true position, and the hole's summit lies at the wall instead of in the
-//! middle of the nearest cell.
+//! Drawing a scan into the map with accuracy below a cell. In contrast to [`super::update`], the
+//! beam crosses the cells at its true position, and the hole's summit lies at the wall instead of
+//! in the middle of the nearest cell.
 
 use core::cmp::Ordering;
 

@@ -262,7 +262,7 @@ impl Hole {
     }
 
     /// The flanks up to 255 at the hit and down again, for the last of `steps` steps. The remainder
-    /// of the division is spread as the field code's line-drawing error does: after i steps up
+    /// of the division is spread as by the field code's line-drawing error: after i steps up
     /// floor((255 i + half / 2 - 1) / half), after i steps down 255 less ceil((255 i - half / 2) /
     /// half). Both values are too large by less than 2^-15, and the next whole number is 2^-15 away
     /// or farther.

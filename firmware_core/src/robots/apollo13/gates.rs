@@ -1,10 +1,10 @@
 //! Drives through gates: pairs of markers that the camera recognises.
 //!
-//! Facts: seed 003, mission II, and its published code, which sends the car to the middle between
-//! the nearest two markers that are 0.3 m apart or more, with its current heading. That accepts
-//! gates narrower than the car, and gates behind it. Here a gate must be wide enough for the car
-//! and lie ahead. The car approaches it along its normal, and the gate is passed when the car has
-//! crossed it.
+//! Facts: seed 003, mission II, and its published code. The published code sends the car, with its
+//! current heading, to the middle between the nearest two markers at least 0.3 m apart. That
+//! accepts gates narrower than the car, and gates behind it. Here a gate must be wide enough for
+//! the car and lie ahead. The car approaches it along its normal, and the gate is passed when the
+//! car has crossed it.
 
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
@@ -526,8 +526,9 @@ mod tests {
         assert!(gates.next(at(1.99), anywhere).is_some());
     }
 
-    /// By hand: the posts at -2, -2 and -1.4, -1.4 are 0.85 m apart. Mirrored at an axis one of
-    /// them would be 4 m away; on an axis it would be 2 m away, but 1.5 m from the other post.
+    /// By hand: the posts at -2, -2 and -1.4, -1.4 are 0.85 m apart. The markers mirrored at an
+    /// axis are 4 m from the first post; those on an axis are 2 m from it, and 1.5 m from the other
+    /// post.
     #[test]
     fn how_far_markers_are_apart_does_not_depend_on_where_the_map_begins() {
         let markers = [

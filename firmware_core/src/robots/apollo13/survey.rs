@@ -41,18 +41,18 @@ const LOOK_M: f64 = 4.0;
 /// Minimum excess of scans with a point in a cell over scans that clear it.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 10;
-/// Number of unseen cells beside a wall that may be wall, 30 cm: the camera misses that much of a
-/// wall that the car turns away from, up to its corner.
+/// Number of unseen cells beside a wall that may be wall, 30 cm. The camera misses that much of a
+/// wall when the car turns away from it, up to the wall's corner.
 const BESIDE_CELLS: usize = 6;
 /// Margin of unknown cells around a plan.
 const MARGIN: usize = 12;
-/// Maximum distance from the driven path of an edge that is only a corner the camera turned away
-/// from, metres: the car would have to turn round in a corridor to look there.
+/// Maximum distance from the driven path, metres, of an edge that is only a corner the camera
+/// turned away from. To look there, the car would have to turn round in a corridor.
 const BESIDE_M: f64 = 0.9;
 /// Spacing of the track's positions, metres.
 const TRACK_M: f64 = 0.2;
-/// Recent positions of the track within this distance of the car, metres, do not count as passed,
-/// even if the car moves to and fro there: an open area may lie ahead.
+/// Recent positions of the track within this distance of the car, metres, do not count as passed.
+/// This holds even if the car moves to and fro there, because an open area may lie ahead.
 const STILL_HERE_M: f64 = 1.0;
 /// Maximum motion between two scans of a standing car, metres, and the number of scans drawn while
 /// it stands.
@@ -222,8 +222,8 @@ impl Survey {
     }
 
     /// Whether the car keeps off a cell: it is an obstacle, or it is unseen and lies beside an
-    /// obstacle. A camera that looks ahead sees neither the continuation of a wall beside the car
-    /// nor the corner that the car turns around, and the path back is not checked at all.
+    /// obstacle. A camera that looks ahead does not see the continuation of a wall beside the car,
+    /// nor the corner that the car turns around. The path back is not checked at all.
     fn is_kept_off(&self, [x, y]: [usize; 2]) -> bool {
         let is_wall =
             |x: usize, y: usize| x < SIDE && self.cells.get(y * SIDE + x) == Some(&OBSTACLE);
@@ -287,7 +287,7 @@ impl Survey {
     }
 
     /// A pose on the path back from `pose`, if the car has given up an edge or is `barred` from
-    /// one: the car may try that edge once more.
+    /// one. From there the car may try that edge once more.
     fn back(
         &mut self,
         pose: CarPose,

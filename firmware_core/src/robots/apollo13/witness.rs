@@ -12,8 +12,8 @@ use protocols::Instant;
 
 use crate::ackermann::{CarPose, Motion, wrapped};
 
-/// Travel by the board after which distances are compared, metres: six pulses; and the travel that
-/// ends a comparison: it is long enough to detect an encoder that loses an eighth of its counts.
+/// Travel by the board after which distances are compared, metres: six pulses. Then the travel that
+/// ends a comparison: long enough to detect an encoder that loses an eighth of its counts.
 const WAY_M: [f64; 2] = [0.15, 0.60];
 /// The same for turns.
 const TURN_M: f64 = 0.30;
@@ -75,7 +75,7 @@ impl Told {
     }
 }
 
-/// The comparison: poses at its begin, for travel and for turns.
+/// The comparison: start poses, for travel and for turns.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Witness {
     way: Told,

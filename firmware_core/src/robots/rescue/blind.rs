@@ -282,7 +282,7 @@ mod tests {
         assert!(kept.iter().all(|place| place.x_mm > 50.0));
     }
 
-    /// A sensor at (150, 0) that looks ahead, from (1, 2) m: a reading clears positions more than
+    /// A sensor at (150, 0) that looks ahead, from (1, 2) m. A reading clears positions more than
     /// 150 mm before its echo and less than 40 mm beside its line; the third such reading deletes
     /// them.
     #[test]

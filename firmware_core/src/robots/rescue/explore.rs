@@ -49,8 +49,8 @@ const TURN: i8 = 9;
 /// Turn on the spot, radians: both sides together see everything in half a turn.
 const TURN_RAD: f32 = 3.4;
 
-/// Angle from the middle of a heat sensor's view, seen from the robot's middle, within which a wall
-/// counts as felt: a plate of 10 cm there fills a fifth of the view.
+/// Angle from the middle of a heat sensor's view, relative to the robot's middle, within which a
+/// wall counts as felt. A plate of 10 cm there fills a fifth of the view.
 const FELT_RAD: f32 = 0.16;
 
 /// Progress of the search.
@@ -123,7 +123,7 @@ pub(super) struct Explore {
     home: Option<Point>,
     frontiers: Frontiers,
     at: Option<At>,
-    /// Whether the given-up views got their second chance.
+    /// Whether the given-up views have had their second chance.
     is_second: bool,
     views: u16,
     /// Cells known at the last view that added some, and views since.

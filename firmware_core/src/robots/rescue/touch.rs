@@ -137,7 +137,7 @@ impl Rescue {
         self.waypoints_touched(now);
     }
 
-    /// Follows a list of waypoints from the display, as one from the PC: the robot starts, or stops
+    /// Follows a list of waypoints from the display, as one from the PC. The robot starts, or stops
     /// if the list is empty, and sends the list to the PC.
     fn waypoints_touched(&mut self, now: Instant) {
         self.pc.echo_waypoints();

@@ -47,8 +47,8 @@ const BESIDE_MM: f32 = 8.0;
 const OBLIQUE_COS: f32 = 0.5;
 /// Radius around a point of a wall whose points give the wall's direction, millimetres.
 const AROUND_MM: f32 = 60.0;
-/// An object farther away than the wall by this distance, millimetres, may be the source of the
-/// warmth, unless the reading exceeds that of a victim there by this factor.
+/// Distance behind the wall, millimetres, from which an object there may be the source of the
+/// warmth. It is not if the reading exceeds that of a victim there by this factor.
 const BEHIND_MM: f32 = 120.0;
 const NOT_BEHIND: f32 = 1.25;
 /// Minimum share of the expected reading that a victim on the wall reaches, and minimum number of
@@ -261,7 +261,7 @@ fn mix(victim: &mut Victim, place: Point, weight: f32) {
 }
 
 /// The wall beside the sensor on that side (1 left, -1 right), relative to the robot, if the warmth
-/// comes from it, and its share of the reading that a victim there would cause.
+/// comes from the wall. Also the reading as a share of that of a victim there.
 fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f32)> {
     let seen_by = |point: Point| {
         let seen = Point::new(point.x_mm, side * point.y_mm - MOUNT_MM);

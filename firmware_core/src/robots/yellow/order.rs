@@ -1,10 +1,10 @@
 //! Plausibility check of the lidar's nodes.
 //!
-//! A node has two check bits and no checksum: a quarter of all wrong offsets in the stream look
-//! like a node, and a node that lost a byte takes one of the next. But the head turns evenly. The
-//! program therefore accepts a node under two conditions. Another node follows without a byte in
-//! between, at about the next angle of the head. And the head can have reached the node's own angle
-//! since the last accepted node.
+//! A node has two check bits and no checksum. A quarter of all wrong offsets in the stream
+//! therefore look like a node, and a node that lost a byte takes one of the next. But the head
+//! turns evenly. The program therefore accepts a node under two conditions. Another node follows
+//! without a byte in between, at about the next angle of the head. And the head can have reached
+//! the node's own angle since the last accepted node.
 
 use protocols::rplidar::Node;
 

@@ -638,9 +638,10 @@ mod tests {
     }
 
     /// The odometry says 3 cm ahead, 1 cm left of the truth and turned: the wall gives the distance
-    /// to it and the heading, the odometry the position along it. 80 points of 0.15 by the squares
-    /// of 4 and of 6.928 mm, 2344, whose squares along the wall add up to 17.06 square metres, are
-    /// 39,990; a turn within 0.012 rad is 6,944: of 0.02 rad there remain 0.00296.
+    /// to it and the heading, the odometry the position along it. 80 points have a weight of 0.15
+    /// by the squares of 4 and of 6.928 mm, 2344 each. Their squared distances along the wall add
+    /// up to 17.06 square metres: 39,990. A turn within 0.012 rad weighs 6,944: of 0.02 rad there
+    /// remain 0.00296.
     #[test]
     fn a_scan_is_laid_onto_the_wall() {
         let mut tracker = before_a_wall();
@@ -775,8 +776,8 @@ mod tests {
         assert_eq!(laid(0.26), (0.26, false));
     }
 
-    /// Sixty points on the wall and twenty 10 cm behind it, which count no more than at 3 cm: sixty
-    /// times x is twenty times 3 cm, so the camera moves by 1 cm.
+    /// Sixty points on the wall and twenty 10 cm behind it, which count as if at 3 cm. Sixty times
+    /// x is twenty times 3 cm, so the camera moves by 1 cm.
     #[test]
     fn what_is_far_off_its_line_draws_no_more() {
         let seen = behind_the_wall(&[(-40..-10, 0.0), (-10..10, 0.1), (10..40, 0.0)]);

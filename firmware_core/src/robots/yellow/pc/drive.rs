@@ -392,7 +392,7 @@ mod tests {
     }
 
     /// At 1 m the robot gets a goal 1 m to the left and starts 19.5 degrees, 0.34 rad, beside that
-    /// direction: 51 mm later it gets the goal again, but not earlier and not near its goal.
+    /// direction. 51 mm later it gets the goal again, but not earlier and not near its goal.
     #[test]
     fn a_robot_that_drives_elsewhere_is_astray() {
         let goal = Goal::passed(Point::new(1_000.0, 1_000.0));

@@ -1,8 +1,8 @@
 //! A drive to a goal in stretches. Odometry drifts with the distance. After each stretch the robot
 //! therefore looks around, and the program sends it the pose that the walls give. This is also done
 //! at the goal, and the robot drives to the goal once more if it is beside it. Without a known path
-//! the robot goes as near as it can and enters its scan there into the map, because the obstacle on
-//! the path may be an error.
+//! the robot drives as near as it can. It enters its scan there into the map, because the blocking
+//! obstacle may be an error of the map.
 
 use alloc::collections::VecDeque;
 
