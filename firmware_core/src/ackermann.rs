@@ -20,9 +20,9 @@ use core::f64::consts::{PI, TAU};
 /// Dimensions of a car that its odometry needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CarGeometry {
-    /// Between the axles.
+    /// Distance between the axles.
     pub wheelbase_m: f64,
-    /// Between the wheels of an axle.
+    /// Distance between the wheels of an axle.
     pub track_m: f64,
 }
 

@@ -30,15 +30,15 @@ pub const READ_MAX: usize = 16;
 /// Maximum number of registers that a request writes.
 pub const WRITE_MAX: usize = 8;
 
-/// How often a request is sent before it is given up (seed report: repeated until answered; field
-/// program: three times in all).
+/// Number of times that a request is sent before it fails (seed report: repeated until answered;
+/// field program: three times in all).
 const TRIES: u8 = 3;
 /// Given-up transactions in a row after which the slave counts as silent.
 const SILENT_AFTER: u8 = 2;
 const QUEUE: usize = 8;
 const REQUEST_MAX: usize = WRITE_MAX + avr::OVERHEAD;
 
-/// How a request ended.
+/// Outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The registers' bytes; beyond the request's count they are 0.
@@ -54,7 +54,7 @@ pub enum Outcome {
 pub struct Completion {
     /// The request that this result answers.
     pub request: Request,
-    /// When the answer was complete, or the last try given up.
+    /// Time at which the answer was complete, or the last try failed.
     pub at: Instant,
     /// Outcome of the request.
     pub outcome: Outcome,

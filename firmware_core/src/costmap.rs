@@ -19,8 +19,8 @@ use alloc::vec::Vec;
 pub const LETHAL: u8 = 20;
 /// Cost of a position of the reference point at which the outline touches an obstacle.
 pub const INSCRIBED: u8 = 19;
-/// How fast the cost falls beyond the inscribed radius, per metre: the default of the costmap that
-/// seed 003 used.
+/// Rate at which the cost falls beyond the inscribed radius, per metre: the default of the costmap
+/// that seed 003 used.
 const FALL_PER_M: f64 = 10.0;
 
 /// Radii around an obstacle within which cells have a cost.
@@ -28,7 +28,7 @@ const FALL_PER_M: f64 = 10.0;
 pub struct Inflation {
     /// Radius of the largest circle inside the robot's outline.
     pub inscribed_m: f64,
-    /// Beyond this there is no cost.
+    /// Radius beyond which there is no cost.
     pub radius_m: f64,
 }
 

@@ -50,7 +50,7 @@ const _: () = assert!(
     "a row must fit to be sent at all"
 );
 
-/// How often a tile is sent again, changed or not.
+/// Period after which the next tile is sent again, changed or not.
 const HEAL_PERIOD: Duration = Duration::from_millis(333);
 /// Quiet time after which a half-received report is given up.
 const IDLE_GAP: Duration = Duration::from_millis(10);
@@ -183,7 +183,7 @@ pub struct Display {
     heal_at: Instant,
     decoder: panel::PenDecoder,
     received_at: Instant,
-    /// When the pen was last down; `None` once it was lifted.
+    /// Time at which the pen was last down; `None` once it was lifted.
     down_at: Option<Instant>,
     counters: Counters,
 }

@@ -83,7 +83,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         merges_below_80_deg: false,
         skips_behind_erased: false,
@@ -110,7 +110,7 @@ struct Segment {
 }
 
 impl Lines {
-    /// None.
+    /// No lines.
     pub const NONE: Self = Self {
         lines: [Line {
             start: Point::new(0.0, 0.0),

@@ -23,7 +23,7 @@ impl Segment {
         Self { start, end }
     }
 
-    /// From one end to the other, mm.
+    /// Length, mm.
     pub fn length_mm(self) -> f32 {
         self.start.distance_mm(self.end)
     }

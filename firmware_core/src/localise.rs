@@ -82,10 +82,10 @@ pub struct Matches {
     low: Cell,
     width: usize,
     height: usize,
-    /// For each cell its index in the scores, if the cell is free.
+    /// Index of each free cell in the scores.
     places: Vec<Option<u32>>,
     free: Vec<Cell>,
-    /// For each position the scores of all headings; 255 is 1.
+    /// Scores of all headings for each position; 255 is 1.
     scores: Vec<u8>,
 }
 

@@ -17,7 +17,7 @@ pub struct StrayWrites {
 }
 
 impl StrayWrites {
-    /// None so far.
+    /// No writes.
     pub const NONE: Self = Self {
         count: 0,
         first: 0,

@@ -140,14 +140,14 @@ pub struct Settings {
 pub struct Defects {
     /// Headings are compared as [`Steering::towards_psi`] does (NV-01).
     pub wraps_one_side: bool,
-    /// Besides, psi counts the turns that the robot has made (NV-02).
+    /// Psi also counts the turns that the robot has made (NV-02).
     pub counts_turns: bool,
     /// A blind robot drives straight ahead (XV-11).
     pub drives_blind: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         wraps_one_side: false,
         counts_turns: false,
@@ -156,8 +156,8 @@ impl Defects {
 }
 
 impl Settings {
-    /// For a robot with this body. The document's arrival radius is 200 mm; ours is smaller because
-    /// it is the true distance that counts and the pose has its error.
+    /// Settings for a robot with this body. The document's arrival radius is 200 mm. Ours is
+    /// smaller, because the true distance counts and the pose has an error.
     pub const fn new(body: Body) -> Self {
         Self {
             steering: Steering::CALM,

@@ -55,7 +55,7 @@ impl WheelGeometry {
 /// Defects of the fielded code, to show their effects; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Only the length of the motion is used: driving backwards moves forwards (SL-07).
+    /// The length of the motion is used without its sign: driving backwards moves forwards (SL-07).
     pub loses_the_sign: bool,
     /// The heading in degrees is multiplied by `180 / pi` before sine and cosine, beyond the
     /// accuracy of single precision (SL-08).
@@ -65,7 +65,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         loses_the_sign: false,
         garbles_the_heading: false,

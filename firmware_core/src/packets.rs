@@ -25,7 +25,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         sum_is_never_cleared: false,
         unchecked: false,

@@ -51,11 +51,11 @@ pub struct Settings {
     pub pose_period: Duration,
     /// Bytes per second that the radio forwards; `None` fills the line.
     pub pace_bytes_per_s: Option<u32>,
-    /// How rows are run-length coded.
+    /// Run-length coding of rows.
     pub dialect: rle::Dialect,
     /// Diagnosis sent besides pose, state and map.
     pub diagnosis: Diagnose,
-    /// Enabled faults of the fielded program.
+    /// Enabled defects of the fielded program.
     pub defects: Defects,
 }
 
@@ -96,7 +96,7 @@ pub struct View<'a> {
     pub pose: Pose,
     /// The state, for the state message.
     pub state: State,
-    /// Its waypoints.
+    /// Waypoints of the robot.
     pub waypoints: &'a Waypoints,
     /// Diagnosis of the robot.
     pub diagnosis: Diagnosis,
@@ -120,7 +120,7 @@ pub struct Counters {
 }
 
 impl Counters {
-    /// Nothing has happened yet.
+    /// All counters at 0.
     const NONE: Self = Self {
         received: 0,
         bad_frames: 0,
@@ -167,7 +167,7 @@ struct Fielded {
 const WAITING_MAX: usize = 512;
 /// The fielded one.
 const SHORT_QUEUE: usize = 200;
-/// Until then the fielded program has no queue (field defect PU-16).
+/// Time before which the fielded program has no queue (field defect PU-16).
 const READY_AFTER: Duration = Duration::from_millis(1);
 
 impl PcLink {

@@ -6,8 +6,7 @@
 
 use core::f32::consts::{PI, TAU};
 
-/// Sine and cosine of `angle`. All code of this crate uses this function, so that the bits are
-/// equal on every host.
+/// Sine and cosine of `angle` by `libm`, so that the bits are equal on every host.
 pub fn sin_cos(angle: f32) -> (f32, f32) {
     libm::sincosf(angle)
 }
@@ -158,8 +157,8 @@ impl Pose {
         }
     }
 
-    /// For the PC link: rounded, saturated, psi normalised to 0..360 (the fielded code let it
-    /// grow without bound, and its PC program reads it as unsigned).
+    /// The pose for the PC link: rounded, saturated, psi normalised to 0..360. (The fielded code
+    /// let psi grow without bound, and its PC program reads it as unsigned.)
     pub fn to_wire(self) -> WirePose {
         let psi_deg = round_to_i16(180.0 - self.heading.to_degrees()).rem_euclid(360);
         WirePose {
@@ -169,7 +168,7 @@ impl Pose {
         }
     }
 
-    /// From the PC link.
+    /// The pose of a message from the PC link.
     pub fn from_wire(wire: WirePose) -> Self {
         let heading = (180.0 - f32::from(wire.psi_deg)).to_radians();
         Self::new(f32::from(wire.x_mm), f32::from(wire.y_mm), heading)

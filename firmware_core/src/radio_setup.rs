@@ -34,9 +34,9 @@ pub struct Settings {
     pub found_baud: u32,
     /// Wanted rate, one of [`BAUD_RATES`].
     pub baud: u32,
-    /// Its name on the air, 1 to 20 characters.
+    /// Name of the module on the air, 1 to 20 characters.
     pub name: &'static str,
-    /// Its PIN, four digits.
+    /// PIN of the module, four digits.
     pub pin: [u8; 4],
 }
 

@@ -35,10 +35,10 @@ const TURN_MAX: Duration = Duration::from_millis(500);
 /// Treatment of readings with the sensor's strength warning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WeakReadings {
-    /// They count like other readings.
+    /// Weak readings count like other readings.
     #[default]
     Use,
-    /// They count as no data, as in the fielded code; that is about 28 % of near readings.
+    /// Weak readings count as no data, as in the fielded code; that is about 28 % of near readings.
     Discard,
 }
 
@@ -55,7 +55,7 @@ pub struct Mounting {
     pub distance_max_mm: u16,
     /// Readings with the strength warning.
     pub weak: WeakReadings,
-    /// From the measurement of a packet's last beam to the arrival of its last byte.
+    /// Time from the measurement of a packet's last beam to the arrival of its last byte.
     pub delay: Duration,
 }
 
@@ -64,12 +64,12 @@ pub struct Mounting {
 pub struct Defects {
     /// Distances of packets that did not arrive stay from earlier turns (XV-07).
     pub stale_distances: bool,
-    /// Only packet 0 ends a turn; without it the turn is lost (XV-06).
+    /// A turn ends only at packet 0; without that packet the turn is lost (XV-06).
     pub synchronised_by_packet_0: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         stale_distances: false,
         synchronised_by_packet_0: false,
@@ -79,7 +79,7 @@ impl Defects {
 /// Distances of one turn, still on the sensor's clock.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Turn {
-    /// By sensor degree; 0 is no data.
+    /// Distances by sensor degree; 0 is no data.
     pub distances_mm: [u16; BEAMS],
     /// Time of beam 0, measured or calculated.
     pub start: Instant,

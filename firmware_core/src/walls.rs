@@ -235,7 +235,7 @@ impl Sums {
         }
     }
 
-    /// By Cramer's rule.
+    /// Solution by Cramer's rule.
     fn solve(&self) -> Option<[f32; 3]> {
         let whole = determinant(self.matrix);
         let replaced = |column: usize| {

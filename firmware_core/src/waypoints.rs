@@ -15,7 +15,7 @@ pub const CAPACITY: usize = 100;
 /// A point to visit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Waypoint {
-    /// Its number, never given to another one.
+    /// Number of the waypoint, never used for another one.
     pub id: i16,
     /// Position in the map.
     pub position_mm: [i16; 2],
@@ -63,7 +63,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         follows_unknown_links: false,
         follows_shared_links: false,

@@ -25,7 +25,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         stores_checksum: false,
         unbounded_store: false,

@@ -15,7 +15,7 @@ const POSES: usize = 10;
 /// One motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Primitive {
-    /// Its number among those of the same heading.
+    /// Number among the primitives of the same heading.
     pub id: u32,
     /// Start heading, of [`PrimitiveSet::angles`].
     pub start: u32,

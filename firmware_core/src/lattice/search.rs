@@ -32,8 +32,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// For a robot that waits for its plan: a good plan at once, instead of the best one later. The
-    /// fielded planner had five seconds.
+    /// Limits for a robot that waits for its plan: a good plan at once, instead of the best one
+    /// later. The fielded planner had five seconds.
     pub const PROMPT: Self = Self {
         first_bound: 5.0,
         bound_step: 0.2,

@@ -194,7 +194,7 @@ impl Placed {
 /// A primitive with the data that the search needs.
 #[derive(Clone, Debug)]
 pub(super) struct Action {
-    /// Its index in [`PrimitiveSet::all`].
+    /// Index in [`PrimitiveSet::all`].
     pub(super) primitive: usize,
     pub(super) end: [i32; 2],
     pub(super) end_angle: u32,
@@ -209,7 +209,7 @@ pub(super) struct Action {
 #[derive(Clone, Debug)]
 pub struct Lattice {
     set: PrimitiveSet,
-    /// By heading; primitives equal to another one are left out.
+    /// Actions by heading; primitives equal to another one are left out.
     actions: Vec<Vec<Action>>,
     /// Cells of the outline at rest, by heading.
     at_rest: Vec<Vec<[i32; 2]>>,

@@ -30,8 +30,8 @@ const STALE_CELLS: i8 = 4;
 const WITHIN_CELLS: i8 = 5;
 /// Cost of a cell of the path, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
-/// For each so many cells of the path, one more unknown cell is required, up to the number behind
-/// any door.
+/// Number of path cells for which one more unknown cell is required, up to the number behind any
+/// door.
 const CRUMB_CELLS: u16 = 4;
 /// Worth of a ray to an unfelt wall, in unknown cells, and the minimum number of such rays. A wall
 /// narrower than a plate of 10 cm was felt together with the walls beside it.
@@ -89,7 +89,7 @@ impl Outlook {
     pub const SMALL: u16 = 6;
     /// Unknown cells of three full rays.
     pub const LARGE: u16 = 30;
-    /// More than any view has: only heat counts.
+    /// A limit above any view: only heat counts.
     pub const NEVER: u16 = u16::MAX;
 
     /// Number of unknown cells that justify a path of `way` cells.

@@ -43,7 +43,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         forgets_to_restart: false,
         signed_checksum: false,

@@ -137,7 +137,7 @@ struct Counters {
 }
 
 impl Counters {
-    /// Nothing has happened yet.
+    /// All counters at 0.
     const NONE: Self = Self {
         scans: 0,
         line_errors: 0,

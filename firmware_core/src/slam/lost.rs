@@ -7,7 +7,7 @@ use crate::pose::Pose;
 
 /// Doubtful scans before the whole map is searched; then at twice as many, and so on.
 const DOUBTS_MAX: u8 = 2;
-/// From so many scans on, the search repeats at this interval.
+/// Number of doubtful scans from which the search repeats at a fixed interval, and that interval.
 const PATIENCE: u8 = 32;
 /// Maximum number of scans for which an unseen motion is searched while half of the scan fits: in
 /// that case the world has changed as well.

@@ -155,7 +155,7 @@ pub(super) struct Cut {
     /// Index of the lower left cell in the map's rows, taken as one long row that continues to both
     /// sides.
     start: i32,
-    /// Its lowest row.
+    /// Lowest row of the window.
     low: i16,
     /// Start in [`KEPT`] of the lanes that lie on the map; past its end for a map narrower than the
     /// lanes, which has none.

@@ -21,7 +21,7 @@ pub(super) struct Found {
 /// A try that was better than all earlier ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Improvement {
-    /// Its number in the search.
+    /// Number of the try in the search.
     pub index: u32,
     /// The candidate.
     pub pose: Pose,

@@ -125,7 +125,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         spread_reaches_zero: false,
         heading_spread_reaches_zero: false,
@@ -160,17 +160,18 @@ impl Defects {
 /// ignores them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionNoise {
-    /// Of the position, at rest, in cells of the map: the earlier pose had this error as well.
+    /// Deviation of the position, at rest, in cells of the map: the earlier pose had this error as
+    /// well.
     pub rest_cells: f32,
-    /// Of the position, per millimetre driven.
+    /// Deviation of the position, per millimetre driven.
     pub per_mm: f32,
-    /// Of the position, per radian turned.
+    /// Deviation of the position, per radian turned.
     pub mm_per_rad: f32,
-    /// Of the heading, at rest.
+    /// Deviation of the heading, at rest.
     pub rest_rad: f32,
-    /// Of the heading, per radian turned.
+    /// Deviation of the heading, per radian turned.
     pub per_rad: f32,
-    /// Of the heading, per millimetre driven.
+    /// Deviation of the heading, per millimetre driven.
     pub rad_per_mm: f32,
     /// Mean map value, of 255, that one standard deviation costs; it grows with the square.
     pub cost: f32,

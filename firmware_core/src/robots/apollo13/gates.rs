@@ -58,7 +58,7 @@ pub type Gate = [u32; 2];
 /// The path through a gate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage {
-    /// Its markers.
+    /// Markers of the gate.
     pub gate: Gate,
     /// Pose before the gate.
     pub before: CarPose,

@@ -137,7 +137,7 @@ impl OdometerWatch {
         core::mem::replace(&mut self.is_to_be_opened, false)
     }
 
-    /// How often the port was opened.
+    /// Number of times that the port was opened.
     pub const fn openings(&self) -> u64 {
         self.openings
     }

@@ -123,7 +123,7 @@ impl Pilot {
         is_at_it && self.goal == Some(goal)
     }
 
-    /// Its result.
+    /// Result of the goal so far.
     pub const fn state(&self) -> GoalState {
         self.state
     }

@@ -65,7 +65,7 @@ impl RawLines {
         reading
     }
 
-    /// How often the wheels slipped.
+    /// Number of slips of the wheels.
     pub const fn slips(&self) -> u64 {
         self.slip.found()
     }

@@ -65,8 +65,8 @@ const SCANS_MIN: u32 = 5;
 /// because beside a corner there may be no path. Metres, and maximum number of times.
 const BACK_M: f64 = 2.5;
 const BACK_MAX: u8 = 1;
-/// After so many goals in a row with fewer new cells than this, a quarter of a square metre, the
-/// exploration is complete.
+/// Number of goals in a row with few new cells after which the exploration is complete, and the
+/// number of new cells that counts, a quarter of a square metre.
 const VAIN_MAX: u8 = 4;
 const NEWS_CELLS: usize = 100;
 

@@ -47,7 +47,7 @@ pub struct Own {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         base: base_link::Defects::NONE,
         packets: packets::Defects::NONE,

@@ -19,9 +19,9 @@ use crate::pose::{Point, Pose, normalised};
 
 /// Scans after which the view is judged again: a second.
 const JUDGE_SCANS: u8 = 5;
-/// After so many views in a row that each add fewer cells than this, 0.02 m2, only large views are
-/// tried; after twice as many only unfelt walls; after three times as many no view. The rest is
-/// noise of the map, not floor.
+/// Number of views in a row that each add fewer cells than the second figure, 0.02 m2. After them
+/// only large views are tried, after twice as many only unfelt walls, and after three times as many
+/// no view. The rest is noise of the map, not floor.
 const VAIN_VIEWS: u8 = 6;
 const NEWS_CELLS: u32 = 25;
 /// Minimum number of known cells of a map: the floor under the robot, 0.08 m2.
@@ -56,7 +56,7 @@ const FELT_RAD: f32 = 0.16;
 /// Progress of the search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// It searches unknown areas.
+    /// The robot searches unknown areas.
     Seeks,
     /// No reachable area is unknown: the robot drives home.
     GoesHome,

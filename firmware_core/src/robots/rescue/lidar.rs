@@ -58,7 +58,7 @@ pub(super) struct Counters {
 }
 
 impl Counters {
-    /// Nothing has happened yet.
+    /// All counters at 0.
     const NONE: Self = Self {
         packets: 0,
         lost_packets: 0,

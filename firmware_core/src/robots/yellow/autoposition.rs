@@ -38,7 +38,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         turns_the_long_way: false,
         keeps_the_step: false,

@@ -11,7 +11,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// At the origin, without a defect. A constant, so that the robot can be a `static`.
+    /// The robot at the origin, without a defect. A constant, so that the robot can be a `static`.
     pub const DEFAULT: Self = Self {
         start: Pose {
             x_mm: 0.0,

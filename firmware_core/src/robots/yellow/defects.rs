@@ -38,7 +38,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         radio: radio::Defects::NONE,
         lidar: lidar::Defects::NONE,

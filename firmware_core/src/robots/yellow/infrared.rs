@@ -28,7 +28,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self { reads_short: false };
 }
 

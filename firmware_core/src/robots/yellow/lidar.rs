@@ -20,7 +20,7 @@ use crate::fifo::Fifo;
 
 /// Duty of the motor, 0.6 of 255.
 const MOTOR_DUTY: u8 = 153;
-/// From the motor's start, or a reset, to the first request.
+/// Time from the motor's start, or a reset, to the first request.
 const START: Duration = Duration::from_secs(1);
 /// Time without nodes after which the driver requests the lidar's health.
 const SILENCE: Duration = Duration::from_secs(1);
@@ -33,7 +33,8 @@ const IDLE_GAP: Duration = Duration::from_millis(20);
 /// A turn takes 0.1 s to 1 s: a shorter one has two start marks, a longer one has lost its mark.
 const TURN_MIN: Duration = Duration::from_millis(80);
 const TURN_MAX: Duration = Duration::from_millis(1_500);
-/// After three quarters of a turn, angles of the first quarter belong to the next turn.
+/// Angle of three quarters of a turn: after it, angles of the first quarter belong to the next
+/// turn.
 const THREE_QUARTERS_Q6: u16 = 270 * 64;
 const QUARTER_Q6: u16 = 90 * 64;
 
@@ -51,7 +52,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         unchecked: false,
         skips_once: false,

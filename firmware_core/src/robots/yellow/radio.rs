@@ -25,13 +25,13 @@ pub struct Defects {
     pub framing: telemetry::Defects,
     /// A scan too large for the buffer leaves the previous message in it, which is sent again.
     pub resends_stale: bool,
-    /// Its own message is a telecommand to it, if the radio sends it back: a frame does not name
-    /// its sender. A scan's fields are those of a pose.
+    /// The robot's own message counts as a telecommand if the radio sends it back, because a frame
+    /// does not name its sender. A scan's fields are read as those of a pose.
     pub obeys_itself: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         framing: telemetry::Defects {
             deliver_corrupt: false,

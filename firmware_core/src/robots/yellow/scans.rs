@@ -36,7 +36,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         copies: false,
         whole_degrees: false,

@@ -34,7 +34,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         manual_never_ends: false,
         end_erases_order: false,

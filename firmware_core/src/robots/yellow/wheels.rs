@@ -67,7 +67,7 @@ pub struct Defects {
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         replaces_jumps: false,
         end_point_rule: false,

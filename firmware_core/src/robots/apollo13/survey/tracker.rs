@@ -26,7 +26,7 @@ const ALONG_MIN_M: f64 = 0.025;
 /// Weight at which a piece stays fixed. Points of one scan share the error of the camera's pose, so
 /// some dozen scans, from near and far, should contribute.
 const WEIGHT_MAX: f64 = 400.0;
-/// After so many scans, one minute, an old piece takes precedence over newer ones.
+/// Number of scans, one minute, after which an old piece takes precedence over newer ones.
 const OLD_AFTER: u32 = 300;
 /// Maximum number of points of a scan that are fitted to lines.
 const LAID_MAX: usize = 160;
