@@ -230,7 +230,8 @@ mod tests {
         let step = path / f64::from(steps);
         let rate = libm::sin(steering) / CAR.wheelbase_m;
         for _ in 0..steps {
-            // The heading grows evenly, so Simpson's rule over it is the method of fourth order.
+            // The heading changes uniformly, so Simpson's rule over it is the method of fourth
+            // order.
             let along = |part: f64| libm::sincos(pose.heading_rad + steering + rate * step * part);
             let [(s0, c0), (s1, c1), (s2, c2)] = [0.0, 0.5, 1.0].map(along);
             pose.x_m += step * (c0 + 4.0 * c1 + c2) / 6.0;
@@ -253,7 +254,7 @@ mod tests {
             let expected = integrated(steering, path);
             prop_assert!(found.distance_m(expected) < 1e-6, "{found:?} {expected:?}");
             prop_assert!(wrapped(found.heading_rad - expected.heading_rad).abs() < 1e-9);
-            // The rear axle of the same car: a wheelbase behind before and after.
+            // The rear axle of the same car: a wheelbase behind, before and after the motion.
             let rear = CarPose::default().shifted(-CAR.wheelbase_m);
             let rear = rear.then(CAR.rear_arc(steering, path * libm::cos(steering)));
             prop_assert!(rear.shifted(CAR.wheelbase_m).distance_m(expected) < 1e-6);
@@ -297,13 +298,13 @@ mod tests {
                 let radius = k / libm::sin(steering);
                 let left = CAR.front_arc(steering, way * radius);
                 let (x, y) = (-left.left_m, left.ahead_m);
-                // (V): + 2 y k in the place of - 2 y k.
+                // (V): + 2 y k instead of - 2 y k.
                 let seed = libm::atan(2.0 * x * k / (-x * x - y * y + 2.0 * y * k));
                 steering_off += i32::from((seed - steering).abs() > 1_f64.to_radians());
-                // (VII) for a left turn: + alpha in the place of - alpha.
+                // (VII) for a left turn: + alpha instead of - alpha.
                 let seed = libm::asin(((y + k) / radius).min(1.0)) + steering;
                 left_off += i32::from((seed - way).abs() > 1_f64.to_radians());
-                // (VII) for a right turn: the arc sine knows half of the circle only.
+                // (VII) for a right turn: the arc sine covers only half of the circle.
                 let right = CAR.front_arc(-steering, way * radius);
                 let sine = ((right.ahead_m + k) / radius).min(1.0);
                 let seed = PI - steering - libm::asin(sine);

@@ -3,9 +3,9 @@
 //!
 //! ```text
 //! 20  obstacle                 the outline must not touch it
-//! 19  within the inscribed     the reference point must not get there: the outline would touch an
+//! 19  within the inscribed     forbidden for the reference point: the outline would touch an
 //!     radius of an obstacle    obstacle at every heading
-//! ..  falls with the distance  the nearer to an obstacle, the dearer
+//! ..  falls with the distance  higher near an obstacle
 //!  0  farther than the inflation radius, or unknown
 //! ```
 //!

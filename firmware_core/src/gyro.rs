@@ -138,7 +138,7 @@ mod tests {
     fn the_offset_is_the_mean_of_the_rest() {
         let mut gyro = Gyro::new();
         run(&mut gyro, (Instant::ZERO, 0), 6, 4, Wheels::AtRest);
-        // The first of all had none before it.
+        // The very first reading has no predecessor.
         let from = (Instant::ZERO + STEP * 6, 24);
         run(&mut gyro, from, 6, 8, Wheels::AtRest);
         let from = (Instant::ZERO + STEP * 12, 72);
@@ -167,7 +167,7 @@ mod tests {
             "{}",
             gyro.offset_deg_s
         );
-        // 13 hundredths are 3.25 degrees a second: a person turns it.
+        // 13 hundredths are 3.25 degrees a second: a person turns the robot.
         run(
             &mut gyro,
             (Instant::ZERO + STEP * 401, 10),

@@ -190,7 +190,7 @@ impl<'a> Circle<'a> {
         if last.x_mm * first.y_mm - last.y_mm * first.x_mm <= 0.0 {
             return open;
         }
-        // Without a gap, the point farthest from any other one is a corner, so start there.
+        // Without a gap start at a corner: the point farthest from any given point is one.
         let corner = (0..count).max_by(|a, b| {
             let [a, b] = [*a, *b].map(|at| points[at].distance_mm(*first));
             a.total_cmp(&b)

@@ -458,7 +458,8 @@ mod tests {
         let matches = Matches::new(&map, &walls()).expect("walls");
         let estimate = matches.estimate(Votes::Best).expect("places");
         assert!(estimate.is_ambiguous(), "{estimate:?}");
-        // The walls' cells are 5 and 35, 5 and 25: 1 m from both is cell 15, 15, or turned 25, 15.
+        // The walls' cells are 5 and 35, 5 and 25: the cell 1 m from both is 15, 15, or turned 25,
+        // 15.
         let turned = [estimate.pose, estimate.second].map(|pose| pose.heading.abs() > 1.5);
         let places = [estimate.pose, estimate.second].map(|pose| (pose.x_mm, pose.y_mm));
         let truth = places[usize::from(turned[0])];
@@ -611,8 +612,8 @@ mod tests {
         let multiplied = matches.estimate(Votes::Multiplied).expect("places");
         assert_eq!(multiplied.pose.x_mm, 250.0);
         assert!((degrees(multiplied.pose) + 160.0).abs() < 1e-3);
-        // A lone vote of 0.8235 is more than 0.4392 and three quarters of 0.4314 added, and less
-        // than both multiplied: 1.4392 * 1.3235 is 1.905.
+        // A single vote of 0.8235 is more than the sum of 0.4392 and three quarters of 0.4314, and
+        // less than the product: 1.4392 * 1.3235 is 1.905.
         let matches = row(&[(4, 90, 112), (5, 91, 110), (9, 200, 210)]);
         for votes in [Votes::Added, Votes::Multiplied] {
             let x_mm = matches.estimate(votes).expect("places").pose.x_mm;

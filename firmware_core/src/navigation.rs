@@ -1,7 +1,7 @@
 //! Computes wheel speeds from pose, scan and goal.
 //!
 //! ```text
-//! goal -> bearing -> way that is free -> steering -> guard -> set-points (left, right)
+//! goal -> bearing -> free path -> steering -> guard -> set-points (left, right)
 //! ```
 //!
 //! Speeds are the base's: encoder ticks per 40 ms, 20 being 226 mm/s. Bearings are relative to the

@@ -486,7 +486,7 @@ mod tests {
             centred(&map, &map, &way),
             cells(&[(2, 2), (4, 10), (2, 18)])
         );
-        // Four cells beside it are too many: it is moved by three at most.
+        // Four cells sideways are too many: the point moves by at most three.
         let way = cells(&[(0, 2), (0, 10), (0, 18)]);
         assert_eq!(
             centred(&map, &map, &way),

@@ -774,7 +774,7 @@ mod tests {
         let near = |found: Point, x, y| found.distance_mm(Point::new(x, y)) < 3.0;
         assert!(near(scan.origin(0), 0.0, -100.0), "{:?}", scan.origin(0));
         assert!(near(scan.points()[0], 0.0, -1100.0), "{:?}", scan.points());
-        // Half way through it looked 45 degrees to the right; beam 180 looks back.
+        // Half way through the turn the lidar looked 45 degrees to the right; beam 180 looks back.
         let half = libm::sqrtf(0.5);
         assert!(near(scan.origin(180), 100.0 * half, -100.0 * half));
         assert!(near(scan.points()[1], -900.0 * half, 900.0 * half));

@@ -718,7 +718,7 @@ mod tests {
         );
         let after = [0, 3, 4].map(|before| unsettled(0, false, true, Some(before)));
         assert_eq!(after, [Some(1), Some(4), None]);
-        // Found elsewhere, or still on its way without wheels: from the beginning.
+        // Found elsewhere, or still moving without wheels: the count restarts.
         assert_eq!(unsettled(20, true, true, None), Some(0));
         assert_eq!(unsettled(20, false, false, Some(3)), Some(0));
         assert_eq!(unsettled(0, false, false, None), None);

@@ -282,7 +282,7 @@ mod tests {
         let drawn = walls.fitted(home, &lines).expect("there are walls");
         assert!((100.0..125.0).contains(&drawn.x_mm), "{drawn:?}");
         assert_eq!(walls.corrected(home, &lines), home);
-        // Where as much fits as here, the map's oldest wall counts.
+        // If as many points fit there as at the believed pose, the map's oldest wall counts.
         let mut walls = Walls::default();
         walls.add(home, &[wall([1_020.0, -500.0], [1_020.0, 500.0])]);
         walls.add(home, &lines);
@@ -316,7 +316,7 @@ mod tests {
         };
         let mut walls = Walls::default();
         let home = Pose::new(0.0, 0.0, 0.0);
-        // As from the middle, so that the robot is on their left.
+        // Seen as from the middle, so that the robot is on the lines' left.
         let middle = Pose::new(1_500.0, 1_000.0, 0.0);
         let from_middle = sides(&|corner| point([corner[0] - 1_500.0, corner[1] - 1_000.0]));
         walls.add(middle, &from_middle);
@@ -353,10 +353,10 @@ mod tests {
         let off = found.position().distance_mm(truth.position());
         let turn = (found.heading - truth.heading).abs();
         assert!(off < 5.0 && turn < 0.005, "{found:?}");
-        // Walls elsewhere say nothing.
+        // Distant walls have no influence.
         let far = Pose::new(9_000.0, 9_000.0, 0.0);
         assert_eq!(known.corrected(far, &seen), far);
-        // The back of a wall 10 cm thick is not its front: seen from behind, it moves nothing.
+        // The back of a wall 10 cm thick is not its front: a scan from behind changes no pose.
         let behind = Segment::new(Point::new(500.0, -500.0), Point::new(500.0, 500.0));
         let back = Pose::new(-600.0, 1_500.0, 0.0);
         assert_eq!(known.corrected(back, &[behind]), back);

@@ -394,8 +394,8 @@ mod tests {
             assert!(!overlaps(quarter, 0.71 * side, 0.3) && !overlaps(quarter, 0.3, 1.21 * side));
             assert!(!overlaps(0.0, 1.2 * side, 0.0) && !overlaps(0.0, 0.0, 0.7 * side));
         }
-        // Turned by an eighth its corner is 1.5 / sqrt(2) = 1.0607 away along both axes, and its
-        // long side 0.5 m: a square that is 0.2 * sqrt(2) wide along it reaches to 0.7828.
+        // Turned by an eighth, the corner is 1.5 / sqrt(2) = 1.0607 away along both axes, and the
+        // long side 0.5 m. A square that is 0.2 * sqrt(2) wide in that direction reaches to 0.7828.
         let eighth = core::f64::consts::FRAC_PI_4;
         let across = 0.782 / core::f64::consts::SQRT_2;
         assert!(overlaps(eighth, across, -across) && !overlaps(eighth, 0.555, -0.555));
@@ -454,7 +454,7 @@ mod tests {
         for (found, expected) in way.iter().zip(expected) {
             assert!((0..3).all(|axis| (found[axis] - expected[axis]).abs() < 1e-12));
         }
-        // Across half a turn the shorter way round.
+        // Across half a turn in the shorter direction.
         let way = on_the_way(&[[0.0, 0.0, 3.1], [0.0, 0.08, -3.1]], 0.04);
         assert!((way[1][2] - core::f64::consts::PI).abs() < 1e-9, "{way:?}");
     }
@@ -502,7 +502,7 @@ mod tests {
             Some(100 * (1 + of(14)))
         );
         assert_eq!(cost(&[(1, 0), (-1, 0)], &[], [14, 10]), None);
-        // The outline: dearer, but not an obstacle, and no dearer than 18.
+        // The outline: more expensive, but not an obstacle, and at most 18.
         assert_eq!(
             cost(&[(1, 0)], &[(-2, 0)], [16, 10]),
             Some(100 * (1 + of(14)))

@@ -129,7 +129,7 @@ mod tests {
         assert!((0..40).all(|_| step().is_none()));
         let way = step().expect("a way out");
         assert!(way.abs() > 2.0, "{way}");
-        // Seven seconds in all: to turn round takes four, and it has to get away.
+        // Seven seconds in all: turning round takes four, and the robot has to drive away.
         assert_eq!((0..60).take_while(|_| step().is_some()).count(), 34);
     }
 

@@ -1,7 +1,7 @@
 //! Choice of the next view, and the end of the search: no reachable area is unknown any more.
 //!
 //! ```text
-//! map -> free, unknown, solid cells -> wave from the robot -> views -> the one worth its way
+//! map -> free, unknown, solid cells -> wave from the robot -> views -> the best one
 //! ```
 //!
 //! A view is a position that the robot can reach over known floor. Its worth is the number of

@@ -195,7 +195,7 @@ mod tests {
         assert!(is_at([-20, -20], 0.5, [-113.45, 0.0]));
         assert!(is_at([10, -10], 1.0, [0.0, 0.0]));
         assert!(is_at([20, 19], 1.0, [221.16, -4.83]));
-        // With the first wheel slower than the other, half the time is half the way.
+        // With the first wheel slower than the other, half the time is half the path.
         assert!(is_at([0, 20], 0.0, [0.0, 0.0]));
     }
 

@@ -125,17 +125,17 @@ mod tests {
             parts(seed, 3.0, 4.0, 1.0),
             [0.9273, 5.0, 0.0727, 5.169, 3.596, 5.001],
         );
-        // Backwards is no turn round: only the way makes noise.
+        // Driving backwards is no turn: only the distance makes noise.
         let back = parts(seed, -2.0, 0.0, 0.0);
         assert_near(back.map(f64::abs), [PI, 2.0, PI, 2.0, 2_f64.sqrt(), 2.0]);
-        // A way of 9 mm has no direction, one of 11 mm has.
+        // A motion of 9 mm has no direction, one of 11 mm has.
         let short = |way| parts(Noise::NONE, 0.0, way, 0.3);
         assert_near(short(0.009), [0.0, 0.009, 0.3, 0.0, 0.0, 0.0]);
         assert_near(
             short(0.011),
             [PI / 2.0, 0.011, 0.3 - PI / 2.0, 0.0, 0.0, 0.0],
         );
-        // On the spot by 0.4: 2 * 0.16 and 0.5 * 0.16.
+        // A turn on the spot by 0.4: 2 * 0.16 and 0.5 * 0.16.
         let spot = parts(seed, 0.0, 0.0, 0.4);
         assert_near(spot, [0.0, 0.0, 0.4, 0.0, 0.08_f64.sqrt(), 0.32_f64.sqrt()]);
     }

@@ -411,7 +411,7 @@ mod tests {
         assert_eq!(found[42..], *b"twelve bytes");
         assert_eq!(link.pose_at, at(100));
         assert_eq!(link.passed_at, at(49) + Duration::from_micros(4_500));
-        // Without a pace by the line: 46,080 bytes a second.
+        // Without a pace the line limits: 46,080 bytes a second.
         link.settings.pace_bytes_per_s = None;
         assert_eq!(link.time_of(4_608), Duration::from_millis(100));
     }
@@ -609,7 +609,7 @@ mod tests {
             |it| it.keeps_while_off = true,
         ];
         assert_eq!(of_sender.map(with), [(false, false); 4]);
-        // PU-03 alone: a length below 0 is waited for forever, by the link as by its receiver.
+        // PU-03 alone: the link waits for a negative length forever, as its receiver does.
         let mut link = fielded(Defects {
             signed_length: true,
             ..Defects::NONE

@@ -278,11 +278,12 @@ mod tests {
         let few = evidence(0, 35, 35);
         assert!(!evidence(35, 0, 35).outweighs(&few, 0.5));
         assert!(evidence(36, 0, 36).outweighs(&few, 0.5));
-        // A quarter disagrees here, an eighth may there: 56 of 64 is as much.
+        // A quarter disagrees at the first pose, so less than an eighth may at the second: 56 of 64
+        // is exactly that.
         let here = evidence(48, 16, 64);
         assert!(evidence(57, 7, 64).outweighs(&here, 0.5));
         assert!(!evidence(56, 8, 64).outweighs(&here, 0.5));
-        // All agree there, but only by 7 more of 64 than here.
+        // All points agree at the second pose, but only 7 of 64 more than at the first.
         let here = evidence(27, 1, 64);
         assert!(!evidence(33, 0, 64).outweighs(&here, 0.5));
         assert!(evidence(34, 0, 64).outweighs(&here, 0.5));

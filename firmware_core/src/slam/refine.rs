@@ -209,7 +209,7 @@ mod tests {
         }
         let mut points = EndPoints::EMPTY;
         let scan = (0..180).filter_map(|index| end(bearing(index, 2.0), in_corridor));
-        // The scan reaches less far than the map, which so has no ends either.
+        // The scan ends before the map's walls do, so the map has no visible ends either.
         points.set(
             scan.filter(|point| point.distance_mm(Point::default()) < 380.0),
             CELL_MM,

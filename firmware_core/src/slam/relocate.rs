@@ -400,7 +400,7 @@ mod tests {
         assert_eq!(bounds(&[(10, 0, 0, 2), (12, 0, 0, 177)]), [12, 0, 0]);
         assert_eq!(bounds(&[(10, 5, 7, 100), (12, 6, 8, 103)]), [12, 0, 0]);
         assert_eq!(bounds(&[(10, -5, -7, 100), (12, -9, -7, 103)]), [12, 10, 0]);
-        // More places than there is room for: the least are left out.
+        // More candidates than there is room for: the worst are left out.
         let many: std::vec::Vec<_> = (1..=26).map(|at| (at, i32::from(at) * 5, 0, 0)).collect();
         let found = offered(&many).map(|one| one.bound);
         let expected: std::vec::Vec<u16> = (3..=26).rev().collect();

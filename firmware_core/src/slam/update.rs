@@ -440,7 +440,7 @@ mod tests {
                 ..=0 => 0,
                 // The error overflows when it exceeds `half`, so not at equality.
                 up if up <= half => rise * up + (error + rest * up - 1).div_euclid(half).max(0),
-                // On the way down it is borrowed when it falls below 0.
+                // On the way down the error is borrowed when it falls below 0.
                 down => {
                     let down = down - half;
                     255 - rise * down + (error - rest * down).div_euclid(half).min(0)
@@ -503,7 +503,7 @@ mod tests {
             end: (9000, -9000),
         };
         draw(grid.rows_mut(), &ray, BLACK, &mut Brush::new(BLACK));
-        // 150 rows down at a slope of 9150 : 8850, so 145 columns on.
+        // 150 rows down at a slope of 9150 : 8850, so 145 columns farther.
         assert_eq!(
             (grid.get(295, 0), grid.get(296, 0)),
             (Some(0), Some(UNKNOWN))

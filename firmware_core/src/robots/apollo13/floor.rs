@@ -397,7 +397,7 @@ mod tests {
         );
         assert!(floor.see(SCANNER, &[beam(2.0)]));
         assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
-        // Beyond 2.5 m nothing is entered, and the map that was given stays.
+        // Beyond 2.5 m no obstacle is entered, and the configured map stays.
         assert!(!floor.see(SCANNER, &[beam(2.6), beam(2.6), beam(f64::NAN)]));
     }
 

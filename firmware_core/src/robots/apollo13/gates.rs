@@ -294,7 +294,7 @@ mod tests {
             ([10, 11], CarPose { x_m: 2.0, ..ORIGIN })
         );
         assert!((passage.before.x_m - 1.1).abs() < 1e-9 && (passage.behind.x_m - 2.6).abs() < 1e-9);
-        // From the other side it leads back.
+        // From the other side the passage leads back.
         let other = CarPose {
             x_m: 4.0,
             heading_rad: 3.0,
@@ -403,7 +403,7 @@ mod tests {
                 assert!(off < 1e-4, "{place:?}");
                 assert!((place.heading_rad - diagonal).abs() < 1e-9);
             }
-            // From behind, beside the axis: back along the same line.
+            // From behind, beside the axis: the passage leads back along the same line.
             let from = CarPose {
                 x_m: 4.0,
                 y_m: 3.0,
@@ -412,7 +412,7 @@ mod tests {
             let back = gates.next(from, anywhere).unwrap();
             assert!((back.middle.heading_rad + 3.0 * diagonal).abs() < 1e-9);
             assert!(libm::hypot(back.before.x_m - 2.6364, back.before.y_m - 2.6364) < 1e-4);
-            // One of three places that is not free is enough.
+            // One blocked pose of three is enough.
             let is_free = |pose: CarPose| pose.x_m > 1.4;
             assert_eq!(gates.next(ORIGIN, is_free), None);
         }
@@ -460,7 +460,7 @@ mod tests {
         };
         assert!(passes(at(1.9, 0.0), at(2.1, 0.0)) && passes(at(2.1, 0.3), at(1.9, 0.3)));
         assert!(passes(at(1.9, -0.3), at(2.1, -0.3)) && passes(at(1.0, -1.0), at(2.5, 0.5)));
-        // It stops short, begins behind, goes by on either side, or along it.
+        // The motion stops short, starts behind, passes on either side, or runs along the gate.
         assert!(!passes(at(1.0, 0.0), at(1.9, 0.0)) && !passes(at(2.1, 0.0), at(3.0, 0.0)));
         assert!(!passes(at(1.9, 0.5), at(2.1, 0.5)) && !passes(at(1.9, -0.5), at(2.1, -0.5)));
         assert!(!passes(at(1.9, -1.0), at(1.9, 1.0)) && !passes(at(1.0, -1.0), at(2.5, 2.0)));
@@ -488,7 +488,7 @@ mod tests {
             panic!("{markers:?}");
         };
         assert!((x_m + 1.0).abs() < 1e-9 && (y_m - 0.5).abs() < 1e-9);
-        // Seen again it is where it is seen, half of it at once.
+        // A new sighting moves the marker at once by half the difference.
         gates.see(1, [-1.0, 0.7]);
         let (_, [_, y_m]) = gates.markers().next().unwrap();
         assert!((y_m - 0.6).abs() < 1e-9);

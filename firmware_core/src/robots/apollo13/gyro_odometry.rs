@@ -134,7 +134,7 @@ mod tests {
             found.distance_m(truth)
         );
         assert!(wrapped(found.heading_rad - truth.heading_rad).abs() < 1_f64.to_radians());
-        // By the midpoint it is far better than that.
+        // The midpoint form is much more accurate than that.
         assert!(found.distance_m(truth) < 0.001);
     }
 

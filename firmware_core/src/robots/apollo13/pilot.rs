@@ -224,7 +224,7 @@ impl Pilot {
                 self.follower = Some(Follower::new(plan.poses, settings));
                 self.state = GoalState::Driving;
             }
-            // The obstacle may be temporary.
+            // Only this error is final; others may be caused by a temporary obstacle.
             Err(NoPlan::Resolution) => self.state = GoalState::GivenUp,
             Err(_) => self.fail(pose),
         }

@@ -235,7 +235,7 @@ mod tests {
             offset.is_some_and(|offset| (offset - expected[0]).abs() < 1e-9)
                 && (speed - expected[1]).abs() < 1e-9
         };
-        // 0.4 s and 0.1 s are half a second, or less by the last place of a sum.
+        // 0.4 s and 0.1 s are half a second, or less by the last digit of the sum.
         let found = [rest(0.0, 2.0), rest(0.0, 6.0), rest(0.0, 1.0)];
         assert!(
             is(found[0], [2.0, 0.4]) && is(found[1], [4.0, 0.2]),
@@ -258,7 +258,7 @@ mod tests {
         watch.lines[watch.next] = [0.062_5, 16.0, 160.0];
         watch.next += 1;
         assert_eq!(watch.over(), [0.25, 23.0, 230.0]);
-        // The first place follows the last one.
+        // The first slot follows the last one.
         let mut watch = SlipWatch::default();
         watch.lines[LINES_MAX - 1] = [0.1, 1.0, 2.0];
         watch.lines[0] = [0.1, 4.0, 8.0];

@@ -406,7 +406,7 @@ mod tests {
         assert!(behind_a_gap(aside(0.05, 0.2), aside(-0.04, 0.2)));
         assert!(behind_a_gap(at(0.10, 0.0), at(-0.15, 0.0)));
         assert!(!behind_a_gap(at(0.10, 0.0), at(-0.14, 0.0)));
-        // Neither goes the other way if one stands.
+        // Directions do not contradict if one source stands.
         assert!(!behind_a_gap(at(0.0, 0.0), at(-0.40, 0.0)));
     }
 

@@ -215,7 +215,7 @@ mod tests {
             panic!("{:?}", places(&blind));
         };
         assert!(place.distance_mm(Point::new(1_000.0, 2_550.0)) < 0.5);
-        // It is kept, and met now.
+        // The position is stored, and is also the current echo.
         let seen: Vec<Point> = blind.seen_from(pose).collect();
         assert_eq!(seen.len(), 2);
         let is_there = |seen: &Point| seen.distance_mm(Point::new(550.0, 0.0)) < 0.5;

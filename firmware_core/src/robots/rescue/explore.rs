@@ -629,7 +629,7 @@ mod tests {
                 ..
             })
         ));
-        // Another view is chosen; there is none.
+        // The search chooses another view, but there is none.
         assert!(matches!(after(&closed, 5), Some(At::Way { scans: 7, .. })));
         let mut explore = on_the_way(1_200.0, 10, 7, 5);
         explore
@@ -726,7 +726,7 @@ mod tests {
             before - explore.frontiers.outlook(&map, pose.position()).unfelt
         };
         assert_eq!(unfelt(0.0, [true; 2]), 0);
-        // Turned to the right its left sensor sees the room, its right one the wall behind.
+        // Turned to the right, the left sensor faces the room and the right one the wall behind.
         assert_eq!(unfelt(-FRAC_PI_2, [true, false]), 0);
         assert!(unfelt(-FRAC_PI_2, [false, true]) > 0);
         assert!(unfelt(FRAC_PI_2, [true, false]) > 0);

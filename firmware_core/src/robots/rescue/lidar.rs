@@ -270,7 +270,7 @@ mod tests {
         assert!(lidar.sees() && lidar.counters.silences == 0);
         lidar.tick(last + Duration::from_millis(300));
         assert!(!lidar.sees() && !lidar.has_turn() && lidar.counters.silences == 1);
-        // Nothing is due before that: the motor is spun up again after a second.
+        // The next due time is that of the motor's restart, after a second.
         assert_eq!(lidar.next_at(), last + Duration::from_secs(1));
         lidar.tick(last + Duration::from_millis(400));
         assert_eq!(lidar.counters.silences, 1);

@@ -432,7 +432,7 @@ mod tests {
         };
         assert_eq!(found(&[300, 440]), Some(370.0));
         assert_eq!(found(&[300, 450]), None);
-        // The four last ones are remembered.
+        // The last four are stored.
         assert_eq!(found(&[300, 700, -100, -500, 300]), Some(300.0));
         assert_eq!(found(&[300, 700, -100, -500, -900, 300]), None);
     }
@@ -497,7 +497,7 @@ mod tests {
         let mut victims = Victims::new();
         assert!(passed(&mut victims, 0.0, 2, 0.6));
         assert!(!passed(&mut victims, 249.0, 2, 0.6));
-        // The middle of both of the same weight is 124.5.
+        // The middle of two victims with equal weights is 124.5.
         assert_eq!(victims.all()[0].place.x_mm, 124.5);
         assert!(passed(&mut victims, 374.5, 2, 0.6));
         assert_eq!(victims.all().len(), 2);
@@ -519,9 +519,9 @@ mod tests {
         };
         assert_eq!(told(&[307, 307], &with(110, 440.0)), 1);
         assert_eq!(told(&[307, 307], &with(98, 440.0)), 0);
-        // 100 mm behind the wall is the wall.
+        // A point 100 mm behind the wall counts as the wall.
         assert_eq!(told(&[307, 307], &with(50, 370.0)), 1);
-        // On the other side, and under the sensor, there is nothing to be seen.
+        // On the other side, and under the sensor, there are no points.
         assert_eq!(told(&[307, 307], &with(0, -440.0)), 1);
     }
 
@@ -578,7 +578,7 @@ mod tests {
             let (sin, cos) = libm::sincosf(degrees.to_radians());
             let wall = (0..=200_i16).map(|n| f32::from(n) * 5.0 - 500.0);
             let wall = wall.map(|at| Point::new(at * cos, 328.0 + at * sin));
-            // Nearer than the axis nothing is beside the sensor.
+            // No point nearer than the axis is beside the sensor.
             let wall = wall.filter(|point| point.x_mm >= 0.0 || point.x_mm < -60.0);
             warm_wall(&Surroundings::of(wall), 1.0, 72.2)
         };

@@ -1,7 +1,7 @@
 //! Driving to a pose in three steps: turn towards it, drive there, turn to its heading.
 //!
 //! ```text
-//! TURN --looks there--> DRIVE --is there--> ALIGN --looks as told--> SETTLE --still does--> done
+//! TURN --faces goal--> DRIVE --at goal--> ALIGN --at heading--> SETTLE --at rest--> done
 //! ```
 //!
 //! Gains and tolerance: public code of the robot. Its step 2 could not return to step 1; here the

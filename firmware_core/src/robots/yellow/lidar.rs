@@ -373,7 +373,7 @@ mod tests {
         let mut buf = [0; 16];
         let len = lidar.transmit(&mut buf);
         assert_eq!(buf[..len], *Command::Scan.request().as_bytes());
-        // Three seconds until the first node, one second behind each.
+        // Three seconds until the first node, one second after each.
         assert_eq!(lidar.next_at(), at(4_005));
         lidar.count(at(1_500));
         assert_eq!((lidar.next_at(), lidar.counters.nodes), (at(2_500), 1));

@@ -119,7 +119,8 @@ mod tests {
             [350, 351, 359, 0]
         );
         order.gap();
-        // Neither the one before the gap nor one that nothing follows; invalid ones lie ahead.
+        // The node before the gap and one without a successor are rejected; invalid nodes lie
+        // ahead.
         assert_eq!(believed(&mut order, [3, 200, 5, 12, 9, 10]), [5, 12, 9]);
     }
 

@@ -265,7 +265,7 @@ mod tests {
         let items = [2_000, 1_000, 2_010, 1_000, 2_000, 1_000, 2_000];
         assert_eq!(middle(&items), 2_000);
         assert_eq!(middle(&[1_000, 1_000, 2_000, 2_000]), 1_000);
-        // 100 mm are one surface, seen at a flat angle.
+        // A difference of 100 mm belongs to one surface, seen at a flat angle.
         assert_eq!(middle(&[900, 1_000, 1_100, 1_100]), 1_050);
     }
 
@@ -303,7 +303,7 @@ mod tests {
         assert_eq!(scans.reading(350), (1_000, 47));
         assert_eq!(scans.reading(340), (NOTHING_MM, 47));
         assert_eq!(scans.reading(330), (1_000, 47));
-        // Another turn without anything, and the first one is forgotten.
+        // Another turn without a sample, and the first turn is discarded.
         scans.turn_ends();
         assert_eq!(scans.reading(350).0, NOTHING_MM);
     }
@@ -390,9 +390,9 @@ mod tests {
             (points, scans.points().len())
         };
         let (points, after) = seen(false);
-        // The half degrees beside each take its samples as well.
+        // The neighbouring half degrees use its samples as well.
         assert_eq!((points.len(), after, seen(true).1), (6, 0, 6));
-        // 270.5 degrees clockwise are 89.5 the other way round.
+        // 270.5 degrees clockwise are 89.5 counter-clockwise.
         let (sin, cos) = sin_cos(89.5_f32.to_radians());
         assert!(points[1].distance_mm(Point::new(2_000.0 * cos, 2_000.0 * sin)) < 0.1);
         assert!(

@@ -326,7 +326,7 @@ mod tests {
         };
         let found = [30, -30, 31, -31].map(|change| counts(change, jumps).1);
         assert_eq!(found, [30.0, -30.0, 7.0, 7.0]);
-        // Below 0 the counter is taken for a leap ahead.
+        // A counter below 0 counts as a jump ahead.
         assert_eq!(counts(-1_001, jumps).1, 7.0);
     }
 
@@ -349,13 +349,13 @@ mod tests {
             [wheel.control(20.0, &fielded), wheel.control(20.0, &fielded)],
             [6_875; 2]
         );
-        // A wheel that turns at 20 rpm wants what keeps it there: half a volt.
+        // A wheel at 20 rpm needs half a volt to keep its speed.
         let mut wheel = Wheel {
             filter: [20.0; 2],
             ..Wheel::NEW
         };
         assert_eq!(wheel.control(20.0, &Defects::NONE), 5_208);
-        // Two volts are the most that is added.
+        // The integral part adds at most two volts.
         let mut wheel = Wheel::NEW;
         let duties = [(); 60].map(|()| wheel.control(20.0, &Defects::NONE));
         assert_eq!((wheel.integral_volts, duties[59]), (2.0, 7_708));

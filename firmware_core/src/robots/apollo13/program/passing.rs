@@ -170,7 +170,7 @@ mod tests {
             );
             assert_eq!((pose.y_m, pose.heading_rad), (2.0, 0.0));
         }
-        // Places that coincide: there and there.
+        // Poses that coincide give two poses.
         let on_the_spot = Passage {
             behind: before,
             ..passage
@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(car.pilot.goal(), Some(passage.before));
         let search = car.search;
         assert!(search.is_asked && search.since.is_none() && search.places == 0);
-        // It is there: straight through.
+        // The car is at the pose before the gate: straight through.
         car.choose_gate(HERE);
         assert_eq!(car.pilot.goal(), Some(passage.before));
         car.pilot.drive(car.now, passage.before, || None);
@@ -290,7 +290,7 @@ mod tests {
         assert_eq!(goes(true, 1_999), None);
         assert_eq!(goes(false, 5_000), None);
         assert_eq!(goes(true, 2_000), Some((3.0, 2.0, 1)));
-        // After the twelfth place there is none.
+        // After the twelfth lookout there is none.
         let mut car = car();
         car.search = Search {
             is_asked: true,

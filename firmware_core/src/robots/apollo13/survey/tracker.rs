@@ -667,7 +667,7 @@ mod tests {
         assert!(pose.x_m.abs() < 0.001, "{pose:?}");
         assert!((pose.heading_rad - 0.002_96).abs() < 1e-4, "{pose:?}");
         assert!((pose.y_m - 0.01).abs() < 0.003, "{pose:?}");
-        // Places that lie across the wall are not of it.
+        // Points with a direction across the wall do not belong to it.
         let across = seen.iter().map(|it| Sighting {
             along: Some([1.0, 0.0]),
             ..*it
@@ -701,7 +701,7 @@ mod tests {
         // Ten points, each of a quarter of the weight: 4 mm by the root of 1 + 20 / 2.5.
         assert!((sigma - 0.012).abs() < 1e-9, "{sigma}");
         assert!(tracker.line_near([1.6, 4.1]).is_none() && tracker.line_near([0.5, 3.6]).is_none());
-        // From the middle of its last piece, 0.1, it continues for a quarter of a metre.
+        // From the middle of its last piece, 0.1, the line continues for a quarter of a metre.
         assert!(
             tracker.line_near([-0.14, 4.1]).is_some() && tracker.line_near([-0.16, 4.1]).is_none()
         );

@@ -270,7 +270,7 @@ mod tests {
             [value(&atlas, 0, 1), value(&atlas, 1, 1)],
             [Some(UNKNOWN), Some(FREE)]
         );
-        // Corners that are a little off lie in the same cells.
+        // Corners with a small error lie in the same cells.
         let map = MapView::new(2, CELL_MM, [99.9, -100.1], &cells);
         atlas.load(&map).expect("small");
         assert_eq!(

@@ -332,7 +332,7 @@ mod tests {
         assert_eq!(way, [end]);
         assert_eq!(cut(look, &mut way), (alloc::vec![end], true));
         assert_eq!(way, []);
-        // 1051 mm are too much for one.
+        // 1051 mm are too much for one stretch.
         let far = Point::new(1_051.0, 0.0);
         let (first, is_last) = cut(Point::default(), &mut VecDeque::from([far]));
         assert_eq!(
@@ -374,10 +374,10 @@ mod tests {
         };
         assert_eq!(told_at(0.0, 0.0), Some(19));
         assert_eq!([told_at(10.1, 0.0), told_at(0.0, -0.051)], [None; 2]);
-        // Each 11th look at 1 mm or at 5 mrad a look is one that got on.
+        // Each 11th check at 1 mm or at 5 mrad a check counts as progress.
         assert_eq!([told_at(1.0, 0.0), told_at(0.0, 0.005)], [None; 2]);
         assert_eq!(told_at(0.4, 0.0), Some(19));
-        // A rest that is interrupted by a look at a robot that drives begins again.
+        // A check of the driving robot restarts the count of a resting one.
         let mut both = sent();
         let states = [
             State::Off,
@@ -402,7 +402,7 @@ mod tests {
         };
         assert!(is_astray(51.0, 0.34) && is_astray(51.0, -0.34) && is_astray(749.0, 0.34));
         assert!(!is_astray(49.0, 0.34) && !is_astray(51.0, 0.32) && !is_astray(751.0, 0.34));
-        // Beyond its goal it looks away from it.
+        // Beyond the goal the robot heads away from it.
         assert!(is_astray(1_251.0, 0.0) && !is_astray(1_249.0, 0.0));
     }
 

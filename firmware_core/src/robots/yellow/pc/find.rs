@@ -153,7 +153,7 @@ mod tests {
         let of_four = [4, 3, 2, 0].map(|mapped| is_doubtful(0.89, mapped));
         assert_eq!(of_four, [true, true, false, false]);
         assert!(!is_doubtful(0.79, 4));
-        // Of a map that was read from a file the cells are known, not the walls.
+        // A map from a file has known cells, but no walls.
         let nothing = Estimate {
             pose: one,
             score: 0.95,

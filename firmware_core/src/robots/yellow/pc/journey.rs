@@ -237,7 +237,7 @@ mod tests {
         }
         let fifth = journey.go_on(&mut atlas, beside(-30.0), true);
         assert_eq!(fifth, Err(Failure::NoAnswer));
-        // Where it looks counts as well if it was asked for: 0.04 rad.
+        // A requested heading counts as well: 0.04 rad.
         let looking = Goal {
             heading: Some(0.04),
             ..GOAL
@@ -271,7 +271,7 @@ mod tests {
         }
         let fifth = journey.choose(&mut atlas, start);
         assert_eq!(fifth, Err(Failure::NoWay));
-        // A way that is known is no search.
+        // A drive on a known path is no search.
         let mut journey = Journey::new(GOAL);
         let way = journey.choose(&mut atlas, start).expect("it is free");
         assert_eq!(way.back(), Some(&GOAL.place));

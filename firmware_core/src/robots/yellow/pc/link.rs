@@ -530,7 +530,7 @@ mod tests {
             (link.transmit(&mut buf), link.released, link.out.len()),
             (fit * len - 10, 0, 0)
         );
-        // 64 may wait for a frame.
+        // 64 commands may wait for a frame.
         let mut link = self::link(Sending {
             one_per_frame: true,
             ..Sending::default()
