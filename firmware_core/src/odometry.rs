@@ -461,7 +461,7 @@ mod tests {
         );
     }
 
-    /// The pose after one step from the fielded start or another psi, for one defect and without.
+    /// The pose after one step from psi 90 or another psi, with one defect and without.
     fn stepped(defects: Defects, psi_deg: i16, ticks: [i32; 2]) -> [Pose; 2] {
         let start = Pose::from_wire(crate::pose::WirePose {
             x_mm: 0,

@@ -34,9 +34,11 @@ const TELLING: usize = 10;
 pub struct Settings {
     /// Minimum and maximum number of guesses.
     pub count: [usize; 2],
-    /// Maximum error of the distribution that the guesses represent..
+    /// Maximum error of the distribution that the guesses represent; their number follows from it
+    /// (KLD).
     pub kld_error: f64,
-    /// ..in all but a part of the cases: the quantile of the normal distribution for 99 % is 2.326.
+    /// Quantile of the normal distribution for the share of cases within that error: 2.326 for
+    /// 99 %.
     pub kld_quantile: f64,
     /// Noise of the odometry.
     pub noise: Noise,

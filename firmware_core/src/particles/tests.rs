@@ -267,7 +267,7 @@ fn the_estimate_is_the_mean_of_the_heaviest_heap() {
     assert!(near(turned.pose.heading_rad.abs(), PI) && near(turned.share, 1.0));
 }
 
-/// 5 cm or 0.05 rad, each a little to both sides; before the first scan always.
+/// Limits of 5 cm and 0.05 rad, each a little to both sides; the first scan always counts.
 #[test]
 fn a_scan_is_weighed_when_the_robot_has_moved() {
     let mut localiser = guessing(&[(pose(1.0, 1.0, 0.0), 1.0)]);

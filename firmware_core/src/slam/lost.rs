@@ -5,7 +5,8 @@ use super::relocate::Bound;
 use super::settings::Pushes;
 use crate::pose::Pose;
 
-/// Doubtful scans before the whole map is searched; then at twice as many, and so on.
+/// Number of doubtful scans before the whole map is searched; the search repeats whenever the
+/// number has doubled.
 const DOUBTS_MAX: u8 = 2;
 /// Number of doubtful scans from which the search repeats at a fixed interval, and that interval.
 const PATIENCE: u8 = 32;

@@ -273,7 +273,7 @@ impl Hole {
         }
         let Slopes { rise, shift, .. } = *slopes;
         let peak = u32::from(OBSTACLE);
-        // Less the one part of `half`, or as much of it as takes the value below.
+        // 2^-16 for the -1 in the formula: enough to bring the value below a whole number.
         let bottom = shift.saturating_sub(1 << 16);
         let top = (u64::from(peak) << 32) + shift + (1 << 16);
         // Steps of the hole before the robot, and up to the last that is drawn.

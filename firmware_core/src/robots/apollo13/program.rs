@@ -1,6 +1,6 @@
 //! The whole program: its input on five ports, its decisions, its output.
 //!
-//! | port | speaks |
+//! | port | protocol |
 //! |---|---|
 //! | [`CAR`](Apollo13::CAR) | the car's board: commands out, ultrasound, hall, battery in |
 //! | [`ODOMETER`](Apollo13::ODOMETER) | text lines of encoder and gyroscope, in |

@@ -40,8 +40,7 @@ impl Health {
         }
     }
 
-    /// An operator has ordered the robot to continue: the base does not report the release of its
-    /// button.
+    /// Notes the operator's order to continue: the base does not report the release of its button.
     pub(super) const fn goes_on(&mut self) {
         self.is_stopped = false;
     }

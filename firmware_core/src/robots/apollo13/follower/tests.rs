@@ -222,8 +222,8 @@ fn a_way_that_turns_round_is_driven_to_its_end() {
     assert_eq!(follower.step(poses[30]), Step::Arrived);
 }
 
-/// On a path with a pose each 25 cm, 12.5 cm to the left, the point half a metre ahead is a pose: 2
-/// * 0.125 / (0.25 + 0.015625) times 0.25 m. Halfway between two poses the earlier one counts, at
+/// On a path with a pose each 25 cm, 12.5 cm to the left, the point half a metre ahead is a pose:
+/// 2 * 0.125 / (0.25 + 0.015625) times 0.25 m. Halfway between two poses the earlier one counts, at
 /// 0.375 m ahead: 2 * 0.125 / (0.140625 + 0.015625).
 #[test]
 fn a_pose_as_far_as_the_point_ahead_is_the_point() {
