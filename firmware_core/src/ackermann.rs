@@ -1,4 +1,4 @@
-//! Where a car goes whose front axle steers: from steering angle and travel to motion, and back.
+//! Motion of a car with a steered front axle: from steering angle and travel to motion, and back.
 //!
 //! ```text
 //!            ahead
@@ -10,19 +10,19 @@
 //!     left <---+
 //! ```
 //!
-//! Two points of a car are used as its place, the middles of its axles; each runs along an arc
-//! about the same centre. Source of the front axle's equations: seed 003, chapter on odometry; it
-//! has three signs wrong in their inverse; those are corrected here and kept as tests that fail.
-//! Double precision: on the car this runs on a PC.
+//! Either of two points describes the car's position: the middles of its two axles. Both move along
+//! arcs about the same centre. Source of the front axle's equations: seed 003, chapter on odometry;
+//! its inverse has three wrong signs. They are corrected here; failing tests show the original
+//! signs. The code uses double precision because it runs on a PC on the car.
 
 use core::f64::consts::{PI, TAU};
 
-/// What the odometry needs to know of a car.
+/// Dimensions of a car that its odometry needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CarGeometry {
-    /// Between the axles.
+    /// Distance between the axles.
     pub wheelbase_m: f64,
-    /// Between the wheels of an axle.
+    /// Distance between the wheels of an axle.
     pub track_m: f64,
 }
 
@@ -79,8 +79,8 @@ impl CarPose {
         }
     }
 
-    /// The pose of a point `ahead_m` before this one on the same body: from the rear axle to the
-    /// front axle by the wheelbase, back by its negative, to the middle by half of it.
+    /// The pose of a point `ahead_m` before this one on the same body. From the rear axle to the
+    /// front axle `ahead_m` is the wheelbase, back its negative, to the middle half of it.
     #[must_use]
     pub fn shifted(self, ahead_m: f64) -> Self {
         let along = Motion {
@@ -90,17 +90,18 @@ impl CarPose {
         self.then(along)
     }
 
-    /// Distance to `other`, whatever the headings.
+    /// Distance to `other`; the headings do not count.
     pub fn distance_m(self, other: Self) -> f64 {
         self.distance_to([other.x_m, other.y_m])
     }
 
-    /// Distance to a place, metres.
+    /// Distance to a position, metres.
     pub fn distance_to(self, [x_m, y_m]: [f64; 2]) -> f64 {
         libm::hypot(self.x_m - x_m, self.y_m - y_m)
     }
 
-    /// Where a place is, metres, that lies as seen from `other` as this one lies as seen from here.
+    /// The point, metres, that has the same position relative to `other` as the given point has
+    /// relative to `self`.
     pub fn carried(self, other: Self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
         let heading_rad = self.heading_rad;
         let place = other.then(self.motion_to(Self {
@@ -113,20 +114,20 @@ impl CarPose {
 }
 
 impl CarGeometry {
-    /// Motion of the middle of the rear axle when it has gone `path_m`, backwards below 0, at a
-    /// steering angle of less than a quarter turn.
+    /// Motion of the middle of the rear axle after `path_m`, backwards below 0, at a steering angle
+    /// of less than a quarter turn.
     pub fn rear_arc(&self, steering_rad: f64, path_m: f64) -> Motion {
         let turn_rad = path_m * libm::tan(steering_rad) / self.wheelbase_m;
         arc(path_m, turn_rad)
     }
 
-    /// The same of the middle of the front axle, which has gone `path_m`: it rolls along the
+    /// The same for the middle of the front axle, which has moved `path_m`: it rolls along the
     /// steered wheels.
     pub fn front_arc(&self, steering_rad: f64, path_m: f64) -> Motion {
         let (sin, cos) = libm::sincos(steering_rad);
         let turn_rad = path_m * sin / self.wheelbase_m;
         let seen = arc(path_m, turn_rad);
-        // Along the wheels, which point to the side.
+        // Along the wheels, which point sideways.
         Motion {
             ahead_m: cos * seen.ahead_m - sin * seen.left_m,
             left_m: sin * seen.ahead_m + cos * seen.left_m,
@@ -134,9 +135,9 @@ impl CarGeometry {
         }
     }
 
-    /// Steering angle and travel of the front axle that bring it from where it is to `ahead_m`,
-    /// `left_m`: the shorter way round, backwards if that is the shorter one. `None` where it is
-    /// already, and for what is no place.
+    /// Steering angle and travel of the front axle that move it to `ahead_m`, `left_m` on the
+    /// shorter path, backwards if that path is shorter. `None` if the target is the current
+    /// position or is not finite.
     pub fn front_inverse(&self, ahead_m: f64, left_m: f64) -> Option<(f64, f64)> {
         let (x, y, k) = (-left_m, ahead_m, self.wheelbase_m);
         let square = x * x + y * y;
@@ -144,7 +145,7 @@ impl CarGeometry {
             return None;
         }
         let steering = match x == 0.0 {
-            // Two wheelbases behind the quotient is of two zeros.
+            // The point two wheelbases behind gives a quotient of two zeros.
             true => 0.0,
             false => libm::atan(2.0 * x * k / (-square - 2.0 * y * k)),
         };
@@ -163,13 +164,13 @@ impl CarGeometry {
         Some((steering, wrapped(way) * radius))
     }
 
-    /// Travel of the rear axle's middle when its left wheel has gone `wheel_m`.
+    /// Travel of the rear axle's middle when its left wheel has moved `wheel_m`.
     pub fn rear_of_left_wheel(&self, steering_rad: f64, wheel_m: f64) -> f64 {
         let turn_per_m = libm::tan(steering_rad) / self.wheelbase_m;
         wheel_m / (1.0 - turn_per_m * self.track_m / 2.0)
     }
 
-    /// Travel of the front axle's middle when the rear axle's has gone `rear_m`.
+    /// Travel of the front axle's middle when the rear axle's has moved `rear_m`.
     pub fn front_of_rear(&self, steering_rad: f64, rear_m: f64) -> f64 {
         rear_m / libm::cos(steering_rad)
     }
@@ -184,11 +185,11 @@ impl CarGeometry {
     }
 }
 
-/// Motion along an arc of this length that begins ahead.
+/// Motion along an arc of this length that starts ahead.
 fn arc(path_m: f64, turn_rad: f64) -> Motion {
     let half = turn_rad / 2.0;
     let (sin, cos) = libm::sincos(half);
-    // The chord leaves at half the turn; of a short arc by the series, where the quotient would
+    // The chord starts at half the turn. For a short arc use the series, because the quotient would
     // lose digits.
     let chord = match half.abs() < 1e-4 {
         true => path_m * (1.0 - half * half / 6.0),
@@ -222,14 +223,15 @@ mod tests {
         track_m: 0.155,
     };
 
-    /// The differential equations of the car, whose front axle rolls along its wheels, in a
-    /// thousand steps of fourth order: the judge of the closed forms.
+    /// Numerical integration of the car's differential equations (the front axle rolls along its
+    /// wheels): 1000 steps of fourth order. The reference for the closed forms.
     fn integrated(steering: f64, path: f64) -> CarPose {
         let (steps, mut pose) = (1_000, CarPose::default());
         let step = path / f64::from(steps);
         let rate = libm::sin(steering) / CAR.wheelbase_m;
         for _ in 0..steps {
-            // The heading grows evenly, so Simpson's rule over it is the method of fourth order.
+            // The heading changes uniformly, so Simpson's rule over it is the method of fourth
+            // order.
             let along = |part: f64| libm::sincos(pose.heading_rad + steering + rate * step * part);
             let [(s0, c0), (s1, c1), (s2, c2)] = [0.0, 0.5, 1.0].map(along);
             pose.x_m += step * (c0 + 4.0 * c1 + c2) / 6.0;
@@ -252,13 +254,13 @@ mod tests {
             let expected = integrated(steering, path);
             prop_assert!(found.distance_m(expected) < 1e-6, "{found:?} {expected:?}");
             prop_assert!(wrapped(found.heading_rad - expected.heading_rad).abs() < 1e-9);
-            // The rear axle of the same car: a wheelbase behind before and after.
+            // The rear axle of the same car: a wheelbase behind, before and after the motion.
             let rear = CarPose::default().shifted(-CAR.wheelbase_m);
             let rear = rear.then(CAR.rear_arc(steering, path * libm::cos(steering)));
             prop_assert!(rear.shifted(CAR.wheelbase_m).distance_m(expected) < 1e-6);
         }
 
-        /// AP6: back again, for less than half a circle.
+        /// AP6: the inverse undoes the forward equations for less than half a circle.
         #[test]
         fn ap6_the_inverse_undoes_the_forward_equations(
             steering_deg in prop_oneof![2.0..25.0, -25.0..-2.0], way in 0.01..3.1_f64,
@@ -296,13 +298,13 @@ mod tests {
                 let radius = k / libm::sin(steering);
                 let left = CAR.front_arc(steering, way * radius);
                 let (x, y) = (-left.left_m, left.ahead_m);
-                // (V): + 2 y k in the place of - 2 y k.
+                // (V): + 2 y k instead of - 2 y k.
                 let seed = libm::atan(2.0 * x * k / (-x * x - y * y + 2.0 * y * k));
                 steering_off += i32::from((seed - steering).abs() > 1_f64.to_radians());
-                // (VII) for a left turn: + alpha in the place of - alpha.
+                // (VII) for a left turn: + alpha instead of - alpha.
                 let seed = libm::asin(((y + k) / radius).min(1.0)) + steering;
                 left_off += i32::from((seed - way).abs() > 1_f64.to_radians());
-                // (VII) for a right turn: the arc sine knows half of the circle only.
+                // (VII) for a right turn: the arc sine covers only half of the circle.
                 let right = CAR.front_arc(-steering, way * radius);
                 let sine = ((right.ahead_m + k) / radius).min(1.0);
                 let seed = PI - steering - libm::asin(sine);
@@ -314,8 +316,8 @@ mod tests {
         assert!(right_off * 10 > count * 4, "{right_off} of {count}");
     }
 
-    /// Specification A3: 9.4 % from the rear axle to the front axle at 25 degrees to the left, the
-    /// left wheel 14 % less than the axle it sits on.
+    /// Specification A3: the front axle travels 9.4 % more than the rear axle at 25 degrees to the
+    /// left, the left rear wheel 14 % less than its axle.
     #[test]
     fn the_left_rear_wheel_goes_less_in_a_left_turn() {
         let steering = 25_f64.to_radians();
@@ -348,9 +350,10 @@ mod tests {
         assert!((steering.to_degrees() - 25.0).abs() < 0.01, "{steering}");
     }
 
-    /// Of a turn of t radians the chord is sin(t / 2) / (t / 2) of the arc and leaves at t / 2, so
-    /// it goes sin(t) / t ahead and (1 - cos(t)) / t aside: for 1.98e-4 rad, by their series, 1 -
-    /// t^2 / 6 = 1 - 6.534e-9 and t / 2 = 9.9e-5. Short arcs and long ones meet at 2e-4 rad.
+    /// Of a turn of t radians the chord is sin(t / 2) / (t / 2) of the arc and starts at t / 2. It
+    /// therefore leads sin(t) / t ahead and (1 - cos(t)) / t aside: for 1.98e-4 rad, by their
+    /// series, 1 - t^2 / 6 = 1 - 6.534e-9 and t / 2 = 9.9e-5. Short arcs and long ones meet at 2e-4
+    /// rad.
     #[test]
     fn a_short_arc_keeps_its_digits() {
         let short = arc(3.0, 1.98e-4);

@@ -1,15 +1,15 @@
-//! The cheapest way through a graph. For the part of a robot's program that runs on a PC; feature
+//! The cheapest path through a graph. For the part of a robot's program that runs on a PC; feature
 //! `host`.
 //!
-//! Our own, because the crate `pathfinding` needs `std`, which this crate never has.
+//! The crate `pathfinding` needs `std`, which this crate never has.
 
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Reverse;
 
-/// The cheapest way from `start` to `goal` through `count` nodes, both ends included; `None` if
+/// The cheapest path from `start` to `goal` through `count` nodes, both ends included; `None` if
 /// there is none. `edges` calls its second argument with each neighbour of a node and the cost of
-/// the way there; `estimate` never says more than what the rest costs.
+/// the step. `estimate` must never exceed the true remaining cost.
 pub fn cheapest_way(
     count: usize,
     start: usize,

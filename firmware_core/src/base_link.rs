@@ -1,15 +1,15 @@
-//! Master side of a register bus: one transaction at a time, repeated until it is answered or
-//! given up.
+//! Master side of a register bus: one transaction at a time, repeated until the slave answers or
+//! the last try times out.
 //!
 //! ```text
 //! submit -> waiting (8) -> current: request out, answer in or time-out, three tries -> done (8)
 //! ```
 //!
-//! The bus has no sequence numbers, so an answer is recognised only by saying what was asked:
-//! register, direction and count all fit, and the request has left. Everything else is counted and
-//! dropped (the fielded program looked at the register alone and took acknowledgements and short
-//! replies for data). After a repeated request a late answer to an earlier try may still be on its
-//! way; the line is left alone for one time-out, so that it cannot pass for the answer to the next.
+//! The bus has no sequence numbers, so an answer must repeat the request: register, direction and
+//! count must match, and the request must have left. All other frames are counted and dropped. (The
+//! fielded program compared only the register and accepted acknowledgements and short replies as
+//! data.) After a repeated request a late answer to an earlier try may still arrive. The line
+//! therefore stays idle for one timeout, so that the late answer cannot match the next request.
 
 mod listener;
 mod request;
@@ -30,15 +30,15 @@ pub const READ_MAX: usize = 16;
 /// Maximum number of registers that a request writes.
 pub const WRITE_MAX: usize = 8;
 
-/// How often a request is sent before it is given up (seed report: repeated until answered; field
-/// program: three times in all).
+/// Number of times that a request is sent before it fails (seed report: repeated until answered;
+/// field program: three times in all).
 const TRIES: u8 = 3;
 /// Given-up transactions in a row after which the slave counts as silent.
 const SILENT_AFTER: u8 = 2;
 const QUEUE: usize = 8;
 const REQUEST_MAX: usize = WRITE_MAX + avr::OVERHEAD;
 
-/// How a request ended.
+/// Outcome of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The registers' bytes; beyond the request's count they are 0.
@@ -52,15 +52,15 @@ pub enum Outcome {
 /// A request that has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Completion {
-    /// What had been asked.
+    /// The request that this result answers.
     pub request: Request,
-    /// When the answer was complete, or the last try given up.
+    /// Time at which the answer was complete, or the last try failed.
     pub at: Instant,
     /// Outcome of the request.
     pub outcome: Outcome,
 }
 
-/// What happened on the bus so far.
+/// Counters of the bus since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Requests answered.
@@ -69,13 +69,13 @@ pub struct Counters {
     pub retries: u32,
     /// Requests given up.
     pub failures: u32,
-    /// Valid frames that were no answer: late, unsolicited, or of another kind than asked.
+    /// Valid frames that did not answer the request: late, unsolicited, or of another kind.
     pub unsolicited: u32,
     /// Error frames: the slave did not understand.
     pub errors: u32,
     /// Candidates rejected by their checksum or cut off.
     pub bad_frames: u32,
-    /// Requests or completions for which there was no room.
+    /// Requests or completions lost because a queue was full.
     pub overflows: u32,
 }
 
@@ -103,19 +103,19 @@ pub struct BaseLink {
     status: Option<u8>,
     defects: Defects,
     listener: Listener,
-    /// What lies in the readers' buffer.
+    /// Stale bytes of the readers' buffer.
     stale: [u8; READ_MAX],
     /// The request that the current one has pushed aside (MA-08).
     aside: Option<Transaction>,
 }
 
 impl BaseLink {
-    /// A link to a slave of that checksum order, whose answers are waited for that long.
+    /// A link to a slave with checksum `order`; each request waits `timeout` for its answer.
     pub const fn new(order: ChecksumOrder, timeout: Duration) -> Self {
         Self::with_defects(order, timeout, Defects::NONE)
     }
 
-    /// A link with some of the fielded program's faults.
+    /// A link with the given defects of the fielded program.
     pub const fn with_defects(order: ChecksumOrder, timeout: Duration, defects: Defects) -> Self {
         Self {
             defects,
@@ -144,8 +144,8 @@ impl BaseLink {
         }
     }
 
-    /// Queues a request behind those that wait. One that waits for the same registers in the same
-    /// direction is replaced in its place: of two set-points only the newer one matters.
+    /// Queues a request. A waiting request for the same registers in the same direction is replaced
+    /// at its position in the queue: of two set-points only the newer one matters.
     pub fn submit(&mut self, now: Instant, request: Request) {
         if let Some(same) = self
             .waiting
@@ -160,7 +160,7 @@ impl BaseLink {
         self.tick(now);
     }
 
-    /// Whether such a request waits or is being made.
+    /// Whether an equal request waits or is in progress.
     pub fn is_pending(&mut self, request: &Request) -> bool {
         self.current
             .is_some_and(|current| request.replaces(&current.request))
@@ -187,7 +187,7 @@ impl BaseLink {
         self.tx.pop(buf)
     }
 
-    /// Looks after time-outs and begins the next transaction if the line is free.
+    /// Handles timeouts and begins the next transaction if the line is free.
     pub fn tick(&mut self, now: Instant) {
         if let Some(current) = self.current
             && now >= current.deadline
@@ -239,7 +239,7 @@ impl BaseLink {
         &self.counters
     }
 
-    /// A frame came in.
+    /// Handles a received frame.
     fn judge(&mut self, now: Instant, frame: &Frame) {
         let is_error =
             frame.register() == avr::ERROR_REGISTER && !frame.is_write() && frame.count() == 0;
@@ -255,7 +255,8 @@ impl BaseLink {
         }
     }
 
-    /// The status of its own accord tells of the stop button (seed report, chapter on the slave).
+    /// Stores an unsolicited status, which reports the stop button (seed report, chapter on the
+    /// slave).
     fn take_unasked(&mut self, frame: &Frame) {
         match frame.data() {
             [status] if frame.is_write() && frame.register() == registers::SYSTEM_STATUS => {
@@ -265,7 +266,7 @@ impl BaseLink {
         }
     }
 
-    /// The status that the base has told unasked since the last call.
+    /// The unsolicited status of the base since the last call.
     pub const fn take_status(&mut self) -> Option<u8> {
         self.status.take()
     }
@@ -288,8 +289,8 @@ impl BaseLink {
         self.finish(now, current.request, outcome);
     }
 
-    /// The data of a reply, in a buffer of their own; the fielded program's held what had been read
-    /// into it before.
+    /// The data of a reply, in a fresh buffer; the fielded program reused a buffer that kept older
+    /// data.
     fn data_of(&mut self, frame: &Frame) -> [u8; READ_MAX] {
         let mut data = [0; READ_MAX];
         if self.defects.takes_short_replies || self.defects.takes_acknowledgements {
@@ -311,7 +312,8 @@ impl BaseLink {
         }
     }
 
-    /// Sends what waits in the middle of another read, as a task of higher priority did (MA-08).
+    /// Sends the waiting request in the middle of another read, as a task of higher priority did
+    /// (MA-08).
     fn preempt(&mut self, now: Instant) {
         let reads = |current: &Transaction| !current.request.is_write();
         if !self.defects.preempts_itself
@@ -336,7 +338,7 @@ impl BaseLink {
 
     /// The current try got no answer.
     fn give_up_try(&mut self, now: Instant) {
-        // What a damaged count was still waiting for may hide the answer itself.
+        // A damaged byte count keeps the decoder waiting and can hide the real answer.
         self.decoder.idle();
         self.settle(now);
         let Some(current) = self.current else {
@@ -354,7 +356,7 @@ impl BaseLink {
         }
     }
 
-    /// Takes an answer among what the decoder frees after an idle line.
+    /// Checks the frames that the decoder releases after an idle line for an answer.
     fn settle(&mut self, now: Instant) {
         while let Some(frame) = self.decoder.step(&mut &[][..]) {
             match frame {
@@ -399,7 +401,7 @@ fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }
 
-/// A few values in the order they came; the occupied slots come first.
+/// A queue of few values, oldest first; occupied slots come first.
 #[derive(Clone, Debug)]
 struct Queue<T> {
     slots: [Option<T>; QUEUE],

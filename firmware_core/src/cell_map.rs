@@ -1,4 +1,4 @@
-//! An occupancy map of whole cells that grows no further than it has to. For the part of a robot's
+//! An occupancy map of whole cells that grows only as far as needed. For the part of a robot's
 //! program that runs on a PC; feature `host`.
 
 use alloc::vec::Vec;
@@ -58,14 +58,14 @@ pub struct CellMap {
     low: Cell,
     width: i32,
     height: i32,
-    /// Cells that are added beyond the one that made the map grow.
+    /// Cells added beyond the one that caused the growth.
     margin: i32,
     cells_max: usize,
 }
 
 impl CellMap {
-    /// A map without cells, whose cells have edges of `cell_mm`. Where it grows it gets `margin`
-    /// cells more than it must; it has at most `cells_max`.
+    /// An empty map with cells of `cell_mm`. Each growth adds `margin` cells beyond the required
+    /// ones; the map has at most `cells_max` cells.
     ///
     /// # Panics
     /// If cells have no size.
@@ -97,7 +97,7 @@ impl CellMap {
         (self.width, self.height)
     }
 
-    /// A cell's value; never seen outside.
+    /// A cell's value; unknown outside the map.
     pub fn get(&self, cell: Cell) -> u8 {
         self.index(cell).map_or(UNKNOWN, |index| self.cells[index])
     }
@@ -107,10 +107,10 @@ impl CellMap {
         self.get(cell) == FREE
     }
 
-    /// Writes a cell; the map grows until it has it.
+    /// Writes a cell; the map grows to contain the cell.
     ///
     /// # Errors
-    /// If the map would become too large: it stays as it was.
+    /// If the map would become too large: it stays unchanged.
     pub fn set(&mut self, cell: Cell, value: u8) -> Result<(), NotWritten> {
         if self.index(cell).is_none() {
             self.grow(cell)?;
@@ -124,7 +124,7 @@ impl CellMap {
     /// The cell that holds `place`.
     ///
     /// # Errors
-    /// If there is no such place.
+    /// If the coordinates are not finite.
     pub fn cell_of(&self, place: Point) -> Result<Cell, NotWritten> {
         let [x, y] = [place.x_mm, place.y_mm].map(|mm| libm::floorf(mm / self.cell_mm));
         let is_sound = |along: f32| along.abs() < (1 << 24) as f32;
@@ -158,8 +158,8 @@ impl CellMap {
         Some(MapView::new(width, self.cell_mm, origin, &self.cells))
     }
 
-    /// Where the middle of a robot fits that is as wide as three cells: free cells all of whose
-    /// neighbours are free. All others are obstacles, the unknown ones too.
+    /// Cells in which the middle of a robot three cells wide fits: free cells with only free
+    /// neighbours. All other cells, including unknown ones, are obstacles.
     pub fn eroded(&self) -> Self {
         let mut eroded = self.clone();
         for (index, (cell, _)) in self.iter().enumerate() {
@@ -176,11 +176,11 @@ impl CellMap {
         blank
     }
 
-    /// What another map of equal cells shows comes in: the unknown becomes known, the free becomes
-    /// an obstacle. An obstacle stays one forever, as the robot's makers have it.
+    /// Merges another map with cells of equal size: unknown cells become known, free cells become
+    /// obstacles. Obstacles are never cleared, as in the original robot's program.
     ///
     /// # Errors
-    /// If the map would become too large; what fits is in.
+    /// If the map would become too large; the cells that fit are merged.
     pub fn merge(&mut self, local: &Self) -> Result<(), NotWritten> {
         let known = local.iter().filter(|(_, value)| *value != UNKNOWN);
         for (cell, value) in known {
@@ -192,11 +192,11 @@ impl CellMap {
         Ok(())
     }
 
-    /// Calls `visit` for each cell that the straight way from `from` to `to` touches, in order,
-    /// until it says no. The method of Amanatides and Woo.
+    /// Calls `visit` for each cell that the straight line from `from` to `to` touches, in order,
+    /// until `visit` returns false. The method of Amanatides and Woo.
     ///
     /// # Errors
-    /// If an end is no place.
+    /// If the coordinates of an end are not finite.
     pub fn walk(
         &self,
         from: Point,
@@ -207,7 +207,7 @@ impl CellMap {
         let axis = |from: f32, to: f32, cell: i32| {
             let (from, length) = (from / self.cell_mm, (to - from) / self.cell_mm);
             let edge = if length > 0.0 { cell + 1 } else { cell };
-            // Behind the end where nothing is to be crossed.
+            // Beyond the end if the line crosses no border on this axis.
             match length == 0.0 {
                 true => (f32::MAX, 0.0),
                 false => ((edge as f32 - from) / length, 1.0 / length.abs()),
@@ -287,7 +287,7 @@ mod tests {
         map
     }
 
-    /// What was written stays where it is in all directions of growth, with two cells around.
+    /// Growth in any direction keeps the written cells in position and adds two cells around them.
     #[test]
     fn it_grows_no_further_than_it_must() {
         let cells = [(0, 0, FREE), (7, -3, OBSTACLE), (-4, 5, 9)];
@@ -340,7 +340,8 @@ mod tests {
         assert_eq!(walked(up, low), Ok(alloc::vec![(0, 2), (0, 1), (0, 0)]));
     }
 
-    /// B7: unknown takes what is seen, free becomes occupied, occupied is never cleared.
+    /// B7: unknown cells take the observed value, free cells become occupied, occupied cells are
+    /// never cleared.
     #[test]
     fn obstacles_are_never_cleared() {
         let mut known = map(&[(0, 0, FREE), (1, 0, OBSTACLE), (2, 0, FREE)]);
@@ -350,7 +351,7 @@ mod tests {
         assert_eq!(row, [OBSTACLE, OBSTACLE, FREE, FREE]);
     }
 
-    /// Five by five free cells leave nine open ones; the unknown counts as a wall.
+    /// Five by five free cells leave nine open ones; an unknown cell counts as a wall.
     #[test]
     fn erosion_takes_one_cell_all_around() {
         let cells: Vec<_> = (0..25).map(|at| (at % 5, at / 5, FREE)).collect();
@@ -361,7 +362,8 @@ mod tests {
         assert_eq!(free.len(), 9);
     }
 
-    /// Row by row from below, each from left to right; without the middle for the neighbours.
+    /// Row by row from below, each from left to right; the neighbours are the same without the
+    /// middle.
     #[test]
     fn a_block_is_told_row_by_row() {
         let places = |cells: Vec<Cell>| cells.iter().map(|it| (it.x, it.y)).collect::<Vec<_>>();

@@ -1,34 +1,34 @@
-//! What it costs a robot to be in a cell: obstacles, and the space around them into which its
-//! outline must not get. For the part of a program that runs on a PC; feature `host`.
+//! Cost of each cell for a robot: obstacles, and the space around them that its outline must not
+//! enter. For the part of a program that runs on a PC; feature `host`.
 //!
 //! ```text
 //! 20  obstacle                 the outline must not touch it
-//! 19  within the inscribed     the reference point must not get there: the outline would touch an
+//! 19  within the inscribed     forbidden for the reference point: the outline would touch an
 //!     radius of an obstacle    obstacle at every heading
-//! ..  falls with the distance  the nearer to an obstacle, the dearer
+//! ..  falls with the distance  higher near an obstacle
 //!  0  farther than the inflation radius, or unknown
 //! ```
 //!
 //! The scale is that of the lattice planner of seed 003 (sbpl): values of its costmap, 0 to 254,
-//! divided by 14 and rounded. Unknown cells cost nothing there, so it plans through them; so does
-//! this one.
+//! divided by 14 and rounded. Unknown cells cost nothing there, so that planner plans through them;
+//! this map does the same.
 
 use alloc::vec::Vec;
 
 /// Cost of an obstacle.
 pub const LETHAL: u8 = 20;
-/// Cost of the reference point's place from which on the outline touches an obstacle.
+/// Cost of a position of the reference point at which the outline touches an obstacle.
 pub const INSCRIBED: u8 = 19;
-/// How fast the cost falls beyond the inscribed radius, per metre: the default of the costmap that
-/// seed 003 used.
+/// Rate at which the cost falls beyond the inscribed radius, per metre: the default of the costmap
+/// that seed 003 used.
 const FALL_PER_M: f64 = 10.0;
 
-/// How far around an obstacle it costs something, metres.
+/// Radii around an obstacle within which cells have a cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inflation {
     /// Radius of the largest circle inside the robot's outline.
     pub inscribed_m: f64,
-    /// Beyond this there is no cost.
+    /// Radius beyond which there is no cost.
     pub radius_m: f64,
 }
 
@@ -41,11 +41,11 @@ pub struct Costmap {
     origin_m: [f64; 2],
     obstacles: Vec<bool>,
     costs: Vec<u8>,
-    /// What an obstacle makes of the cells around it, row by row.
+    /// Costs of the cells around one obstacle, row by row.
     stamp: Vec<Stripe>,
 }
 
-/// Costs of neighbouring cells in a row, and where the first lies from the obstacle.
+/// Costs of neighbouring cells in a row, and the position of the first relative to the obstacle.
 #[derive(Clone, Debug, PartialEq)]
 struct Stripe {
     from: [isize; 2],
@@ -53,8 +53,8 @@ struct Stripe {
 }
 
 impl Costmap {
-    /// A map of `obstacles`, in rows of `width` cells with edges of `cell_m`, whose corner of least
-    /// x and y is `origin_m`. An unfinished last row is left out.
+    /// A map of `obstacles`, in rows of `width` cells with edges of `cell_m`. The corner of least x
+    /// and y is `origin_m`. An incomplete last row is ignored.
     ///
     /// # Panics
     /// If `width` is 0 or the cells have no size.
@@ -80,7 +80,8 @@ impl Costmap {
         for at in 0..map.obstacles.len() {
             if map.obstacles[at] {
                 map.costs[at] = LETHAL;
-                // Inside a solid wall nothing is new: all its neighbours are obstacles too.
+                // Skip cells inside a solid wall: all their neighbours are obstacles, so they add
+                // nothing.
                 if !map.is_inner(at) {
                     map.press(at);
                 }
@@ -89,7 +90,7 @@ impl Costmap {
         map
     }
 
-    /// One more obstacle, at this place in the rows; beyond them nothing happens.
+    /// Adds an obstacle at this index of the rows; an index beyond them has no effect.
     pub fn add(&mut self, at: usize) {
         if let Some(is) = self.obstacles.get_mut(at) {
             *is = true;
@@ -123,7 +124,7 @@ impl Costmap {
         &self.costs
     }
 
-    /// Cost of a cell; outside is as an obstacle.
+    /// Cost of a cell; a cell outside the map costs as much as an obstacle.
     pub fn cost(&self, [x, y]: [i32; 2]) -> u8 {
         self.index([x, y]).map_or(LETHAL, |index| self.costs[index])
     }
@@ -133,7 +134,8 @@ impl Costmap {
         self.index(cell).is_none_or(|index| self.obstacles[index])
     }
 
-    /// The cell at a place, metres, inside or not; `None` if there is no such place.
+    /// The cell at a position, metres, inside or outside the map; `None` if the position is not
+    /// finite.
     pub fn cell(&self, [x_m, y_m]: [f64; 2]) -> Option<[i32; 2]> {
         let along = |m: f64, origin_m: f64| libm::floor((m - origin_m) / self.cell_m);
         let cell = [along(x_m, self.origin_m[0]), along(y_m, self.origin_m[1])];
@@ -152,12 +154,12 @@ impl Costmap {
     }
 
     fn index(&self, [x, y]: [i32; 2]) -> Option<usize> {
-        // What is below 0 becomes larger than any map.
+        // A negative coordinate becomes larger than any map.
         let (x, y) = (x.cast_unsigned() as usize, y.cast_unsigned() as usize);
         (x < self.width && y < self.height).then_some(y * self.width + x)
     }
 
-    /// Whether all that touch its edges are obstacles.
+    /// Whether all cells that share an edge with this one are obstacles.
     fn is_inner(&self, at: usize) -> bool {
         let (x, y) = (at % self.width, at / self.width);
         let is_rim = x == 0 || y == 0 || x + 1 == self.width || y + 1 == self.height();
@@ -177,7 +179,7 @@ impl Costmap {
             let Some(y) = y.checked_add_signed(dy).filter(|y| *y < height) else {
                 continue;
             };
-            // What begins beside the map is cut.
+            // Clip the part that lies left of the map.
             let (first, cut) = match x.checked_add_signed(dx) {
                 Some(first) => (first, 0),
                 None => (0, dx.unsigned_abs() - x),
@@ -202,7 +204,7 @@ fn stamp(cell_m: f64, inflation: Inflation) -> Vec<Stripe> {
         cost_at(cells * cell_m, inflation)
     };
     let stripe = |dy: isize| {
-        // Symmetric, and without a gap: the cost falls with the distance.
+        // The row is symmetric and has no gap, because the cost falls with the distance.
         let reach = (0..=reach).rev().find(|dx| cost(*dx, dy) > 0)?;
         Some(Stripe {
             from: [-reach, dy],
@@ -261,7 +263,7 @@ mod tests {
         assert!((x + 0.975).abs() < 1e-12 && (y - 2.075).abs() < 1e-12);
     }
 
-    /// Solid walls are stamped by their rim only; the costs are those of all their cells.
+    /// Solid walls are stamped only along their edge; the costs equal those of all their cells.
     #[test]
     fn a_solid_block_costs_what_all_its_cells_cost() {
         let is_block = |x: usize, y: usize| (8..14).contains(&x) && (9..13).contains(&y);
@@ -288,8 +290,8 @@ mod tests {
         }
     }
 
-    /// Obstacles at random, half of all cells, on maps that are narrower and wider than what is
-    /// raised around each: a cell costs what the nearest obstacle makes it cost.
+    /// Random obstacles in half of all cells, on maps narrower and wider than the stamp around an
+    /// obstacle: the cost of each cell is that of its nearest obstacle.
     #[test]
     fn each_cell_costs_what_its_nearest_obstacle_makes() {
         let mut random = crate::random::Pcg32::new(7);
@@ -318,8 +320,8 @@ mod tests {
         }
     }
 
-    /// Cells are counted up to 2^30 to each side; farther away, and where there is no place, is
-    /// none.
+    /// Cells are counted up to 2^30 to each side; a position farther away or not finite has no
+    /// cell.
     #[test]
     fn a_place_too_far_away_has_no_cell() {
         let map = Costmap::new(1, 1.0, [0.0; 2], alloc::vec![false], CAR);

@@ -1,15 +1,15 @@
-//! A touch display that owns the picture: what is on it is drawn tile by tile into a small buffer,
-//! and only rows that changed are sent.
+//! A touch display that stores the picture. The program draws each tile into a small buffer and
+//! sends only rows that changed.
 //!
 //! ```text
 //!   draw --> tile of 8 rows --> rows whose sum changed --> queue --> line --> display
 //!   taps <-- pen down after pen up  <------------------------------- line <-- touch
 //! ```
 //!
-//! A picture of 480 x 272 pixels takes 255 kB, twice the memory of the board. What was sent is
-//! remembered as 16 bits a row, so a row whose sum happens to be that of its successor stays, one
-//! change in 65536; as may what the line has damaged. Three times a second one tile is sent again
-//! whether it changed or not, so all of it is right again after half a minute.
+//! A picture of 480 x 272 pixels takes 255 kB, twice the memory of the board. The program stores a
+//! sum of 16 bits for each row sent. A changed row with an equal sum (one change in 65536) is not
+//! sent, and damage on the line is not noticed. Therefore one tile is resent three times a second
+//! whether it changed or not, which repairs the whole picture within half a minute.
 
 use core::convert::Infallible;
 use core::ops::RangeInclusive;
@@ -29,7 +29,7 @@ use crate::fifo::Fifo;
 pub const WIDTH: u16 = 480;
 /// Rows of the display.
 pub const HEIGHT: u16 = 272;
-/// Where the widest column of tiles begins: what changes often is left of it.
+/// First column of the widest tiles; content that changes often is left of it.
 pub const RIGHT: u16 = 212;
 
 /// Rows of a tile.
@@ -42,7 +42,7 @@ const ALL_BANDS: u64 = (1 << BANDS) - 1;
 const TILE_PIXELS: usize = (WIDTH - RIGHT) as usize * BAND as usize;
 /// Longest frame of one row of a tile.
 const ROW_FRAME_MAX: usize = FRAME_MAX - 2 * RIGHT as usize;
-/// Room for two such rows, or a tile as it usually is.
+/// Room for two such rows, or for a typical tile.
 const TX_LEN: usize = 1536;
 const TX_ENOUGH: usize = 1280;
 const _: () = assert!(
@@ -50,11 +50,11 @@ const _: () = assert!(
     "a row must fit to be sent at all"
 );
 
-/// How often a tile is sent again, changed or not.
+/// Period after which the next tile is sent again, changed or not.
 const HEAL_PERIOD: Duration = Duration::from_millis(333);
 /// Quiet time after which a half-received report is given up.
 const IDLE_GAP: Duration = Duration::from_millis(10);
-/// A pen that was not heard of for so long has been lifted.
+/// Time without a message of the pen after which it counts as lifted.
 const LIFTED_AFTER: Duration = Duration::from_millis(100);
 
 /// Part of the picture that is being drawn: 8 rows of one column.
@@ -77,7 +77,7 @@ impl Tile {
         }
     }
 
-    /// Whether any of `area` is in the tile. What is not need not be drawn.
+    /// Whether the tile contains any part of `area`; otherwise `area` need not be drawn.
     pub fn touches(&self, area: &Rectangle) -> bool {
         self.bounding_box().intersection(area).size != Size::zero()
     }
@@ -88,7 +88,7 @@ impl Tile {
         (part.columns(), part.rows())
     }
 
-    /// The pixels of `columns` in row `y`; none if any of them is outside the tile.
+    /// The pixels of `columns` in row `y`; empty if any of them is outside the tile.
     pub fn pixels_mut(&mut self, y: i32, columns: core::ops::Range<i32>) -> &mut [u16] {
         let inside = |at: i32, from: u16| usize::try_from(at - i32::from(from)).ok();
         let place = |x: i32| {
@@ -116,7 +116,7 @@ impl Tile {
     }
 }
 
-/// Where the columns of tiles begin, and their widths.
+/// First column of each column of tiles, and its width.
 const COLUMNS: [(u16, u16); 3] = [
     (0, RIGHT / 2),
     (RIGHT / 2, RIGHT / 2),
@@ -158,14 +158,14 @@ impl DrawTarget for Tile {
     }
 }
 
-/// What happened on the link so far.
+/// Counters of the link since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Rows sent.
     pub rows: u32,
     /// Taps.
     pub taps: u32,
-    /// Reports that were damaged or meant nothing.
+    /// Reports that were damaged or invalid.
     pub bad_reports: u32,
 }
 
@@ -173,7 +173,7 @@ pub struct Counters {
 #[derive(Clone, Debug)]
 pub struct Display {
     tx: Fifo<TX_LEN>,
-    /// Of each row of each column as it was sent.
+    /// Sum of each row of each column as last sent.
     sums: [[u16; ROWS]; COLUMNS.len()],
     /// Tiles of each column that may have changed, one bit a band.
     dirty: [u64; COLUMNS.len()],
@@ -183,13 +183,13 @@ pub struct Display {
     heal_at: Instant,
     decoder: panel::PenDecoder,
     received_at: Instant,
-    /// When the pen was last down; `None` once it was lifted.
+    /// Time at which the pen was last down; `None` once it was lifted.
     down_at: Option<Instant>,
     counters: Counters,
 }
 
 impl Display {
-    /// A display that shows nothing yet.
+    /// A display that has shown nothing yet.
     pub const fn new() -> Self {
         Self {
             tx: Fifo::new(),
@@ -214,7 +214,7 @@ impl Display {
         &self.counters
     }
 
-    /// Says that something in `area` may look different now.
+    /// Notes that the picture in `area` may have changed.
     pub fn mark(&mut self, area: &Rectangle) {
         let Some(last) = area.bottom_right() else {
             return;
@@ -230,16 +230,17 @@ impl Display {
         }
     }
 
-    /// Whether [`paint`](Self::paint) would draw something, or send something again.
+    /// Whether [`paint`](Self::paint) would draw or resend a tile.
     pub fn has_work(&self, now: Instant) -> bool {
         let is_dirty = self.dirty.iter().any(|&bands| bands != 0);
         self.tx.room() >= TX_ENOUGH && (is_dirty || now >= self.heal_at)
     }
 
-    /// Draws one tile that may have changed, if there is one and room to send it. `draw` draws all
-    /// there is to see, or at least what touches the tile.
+    /// Draws one tile that may have changed, if there is room to send it. `draw` must draw
+    /// everything visible, or at least everything that touches the tile.
     pub fn paint(&mut self, now: Instant, draw: impl FnOnce(&mut Tile)) {
-        // A tile that does not fit is drawn again, so it waits until there is room for most.
+        // A tile that does not fit is drawn again, so drawing waits until there is room for most
+        // tiles.
         if self.tx.room() < TX_ENOUGH {
             return;
         }
@@ -257,7 +258,7 @@ impl Display {
         }
     }
 
-    /// Takes the pen's reports; where a tap began.
+    /// Takes reports of the pen; returns the position at which a tap began.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> Option<[u16; 2]> {
         if now - self.received_at >= IDLE_GAP {
             self.decoder.idle();
@@ -294,7 +295,7 @@ impl Display {
     /// The next tile that may have changed, from where the last one was.
     fn next_tile(&mut self) -> Option<(usize, usize)> {
         let first = self.next % TILES;
-        // Once round, and what the first column has before the place where it was begun.
+        // Search one full round, including the part of the first column before the start.
         for step in 0..=COLUMNS.len() {
             let column = (first / BANDS + step) % COLUMNS.len();
             let from = if step == 0 { first % BANDS } else { 0 };
@@ -308,7 +309,7 @@ impl Display {
         None
     }
 
-    /// Forgets what was sent of one tile, and switches the display on in case it was restarted.
+    /// Marks one tile as not sent, and switches the display on in case it was restarted.
     fn send_anew(&mut self, now: Instant) {
         self.heal_at = now + HEAL_PERIOD;
         self.tx.push(&panel::encode_switch(panel::ON));
@@ -320,7 +321,7 @@ impl Display {
         }
     }
 
-    /// Queues the rows that changed; whether there was room for all of them.
+    /// Queues the changed rows; returns whether there was room for all of them.
     fn send(&mut self, tile: &Tile, column: usize) -> bool {
         let mut frame = [0; ROW_FRAME_MAX];
         for row in 0..BAND {
@@ -358,7 +359,7 @@ fn rows_of(band: usize) -> RangeInclusive<u16> {
     top..=top + BAND - 1
 }
 
-/// Sixteen bits that tell a row from another, never 0: that is a row that was not sent.
+/// A sum of 16 bits over a row's pixels, never 0: 0 marks a row that was not sent.
 fn sum_of(pixels: &[u16]) -> u16 {
     let mixed = pixels.iter().fold(0x811C_9DC5_u32, |sum, &pixel| {
         (sum ^ u32::from(pixel)).wrapping_mul(0x0100_0193)
@@ -367,7 +368,7 @@ fn sum_of(pixels: &[u16]) -> u16 {
     u16::try_from(folded).expect("sixteen bits").max(1)
 }
 
-/// The pixel that a reading lies in: 0 to 4095 is the whole panel.
+/// The pixel of a touch reading: 0 to 4095 covers the whole panel.
 fn scaled(reading: u16, pixels: u16) -> u16 {
     let place = u32::from(reading) * u32::from(pixels) / (u32::from(READING_MAX) + 1);
     u16::try_from(place).expect("less than the pixels")
@@ -389,7 +390,7 @@ mod tests {
     const EVERYTHING: Rectangle =
         Rectangle::new(Point::zero(), Size::new(WIDTH as u32, HEIGHT as u32));
 
-    /// The picture at the other end, from commands of whole rows.
+    /// The picture on the display, from commands of whole rows.
     struct Far {
         decoder: panel::Decoder,
         pixels: Vec<u16>,
@@ -433,7 +434,7 @@ mod tests {
         }
     }
 
-    /// Paints until nothing is left, all at `now`.
+    /// Paints until no work is left, all at `now`.
     fn paint(display: &mut Display, far: &mut Far, now: Instant, area: Rectangle) {
         display.mark(&EVERYTHING);
         for _ in 0..1000 {
@@ -445,8 +446,8 @@ mod tests {
         }
     }
 
-    /// A rectangle across all tiles' seams; then it moves by one column, and only its 100 rows, in
-    /// two columns of tiles, are sent again.
+    /// A rectangle across all tiles' borders; then it moves by one column, and only its 100 rows,
+    /// in two columns of tiles, are sent again.
     #[test]
     fn what_is_drawn_arrives_and_only_changed_rows_are_sent() {
         let (mut display, mut far) = (Display::new(), far());
@@ -463,8 +464,8 @@ mod tests {
         assert_eq!(far.rows, 200);
     }
 
-    /// All is sent and the line is free: nothing is to be done before the next tile is sent again,
-    /// a third of a second after the last, or something changes.
+    /// Everything is sent and the line is free: there is no work until the next tile is resent, a
+    /// third of a second after the last, or until a change.
     #[test]
     fn a_display_that_shows_all_has_no_work() {
         let (mut display, mut far) = (Display::new(), far());
@@ -477,7 +478,7 @@ mod tests {
         assert!(display.has_work(Instant::from_millis(1)));
     }
 
-    /// The other end forgot everything; each of the 102 tiles comes again, three a second.
+    /// The display lost its picture; each of the 102 tiles is resent, three a second.
     #[test]
     fn a_damaged_picture_is_mended_within_half_a_minute() {
         let (mut display, mut far) = (Display::new(), far());
@@ -531,8 +532,8 @@ mod tests {
         Rectangle::new(Point::new(x, y), Size::new(width, height))
     }
 
-    /// Columns begin at 0, 106 and 212, bands each 8 rows, the last is 33. What lies beyond the
-    /// rim counts for the band at the rim, what is empty for none.
+    /// Columns begin at 0, 106 and 212; bands have 8 rows each, the last band is 33. A change
+    /// beyond the edge marks the band at the edge, an empty change marks none.
     #[test]
     fn what_changed_is_marked_by_columns_and_bands() {
         let marked = |changed: Rectangle| {
@@ -581,7 +582,8 @@ mod tests {
         );
     }
 
-    /// Pixels of a row by their columns on the display; none if any of them is another tile's.
+    /// Pixels of a row by their columns on the display; none if one of them belongs to another
+    /// tile.
     #[test]
     fn pixels_of_a_tile_are_found_by_their_place() {
         let mut tile = Tile::new(1, 1);
@@ -596,8 +598,8 @@ mod tests {
         assert_eq!([len(7, 106..212), len(16, 106..212)], [0; 2]);
     }
 
-    /// From the third band of the second column on: the rest of that column, the next two, and the
-    /// begin of its own last.
+    /// From the third band of the second column on: the rest of that column, the next two columns,
+    /// and at last the start of the second column.
     #[test]
     fn tiles_take_turns() {
         let mut display = Display::new();
@@ -624,7 +626,7 @@ mod tests {
         assert_eq!([rows_of(0), rows_of(33)], [0..=7, 264..=271]);
     }
 
-    /// 4096 readings across: 4095 is the last pixel, 8 of 480 the first yet, 9 the second.
+    /// 4096 readings across: 4095 is the last pixel, 8 of 480 is still the first, 9 the second.
     #[test]
     fn a_reading_lies_in_a_pixel() {
         let across = [0, 8, 9, 2047, 2048, 4095].map(|reading| scaled(reading, WIDTH));
@@ -632,8 +634,8 @@ mod tests {
         assert_eq!(scaled(4095, HEIGHT), 271);
     }
 
-    /// Up to a tenth of a second without word from the pen it is down; half a report is waited for
-    /// for less than 10 ms. Taps, and rows that were sent, are counted.
+    /// A pen is down for up to a tenth of a second without a message; half a report is kept for
+    /// less than 10 ms. Taps and sent rows are counted.
     #[test]
     fn a_pen_and_a_report_are_given_up_when_nothing_comes() {
         let down = report(Contact::Down, [0, 0]);
@@ -653,8 +655,8 @@ mod tests {
         assert_eq!([halves(9), halves(10)], [1, 0]);
     }
 
-    /// A tile is sent again at once and each third of a second: the display is switched on again,
-    /// the tile's rows are forgotten, and the tile after the last of all is the first.
+    /// A tile is resent at once and each third of a second: the display is switched on again, the
+    /// tile's sums are cleared, and after the last tile the first one follows.
     #[test]
     fn tiles_are_sent_anew_in_turn() {
         let mut display = Display::new();
@@ -674,8 +676,8 @@ mod tests {
         assert_eq!((display.heal, display.dirty[2]), (0, 1 << 33));
     }
 
-    /// A tile of 8 rows of 268 pixels as noise takes 543 bytes a row: two fit at a time, and the
-    /// rows that did not go are sent with the next ones.
+    /// A tile of 8 rows of 268 pixels as noise takes 543 bytes a row: two rows fit at a time, and
+    /// the remaining rows are sent with the next ones.
     #[test]
     fn a_tile_that_does_not_fit_goes_on_where_it_stopped() {
         let (mut display, mut far) = (Display::new(), far());
@@ -699,7 +701,7 @@ mod tests {
         assert_eq!((display.dirty, display.has_output()), ([0; 3], false));
     }
 
-    /// A tile is drawn where 1280 of the 1536 bytes of the queue are free, and not where fewer are.
+    /// A tile is drawn if 1280 of the 1536 bytes of the queue are free, and not if fewer are.
     #[test]
     fn a_tile_waits_until_there_is_room_to_send_it() {
         let drawn = |queued: usize| {

@@ -1,7 +1,7 @@
 //! A byte queue of fixed size between a program and its transmitter.
 
-/// `N` bytes of room. What does not fit whole is refused and counted, so a queue of frames never
-/// holds half a frame.
+/// A queue with room for `N` bytes. A write that does not fit completely is refused and counted, so
+/// a queue of frames never holds half a frame.
 #[derive(Clone, Debug)]
 pub struct Fifo<const N: usize> {
     buf: [u8; N],
@@ -21,7 +21,7 @@ impl<const N: usize> Fifo<N> {
         }
     }
 
-    /// Appends all of `bytes`, or nothing if they do not fit; tells which.
+    /// Appends all of `bytes`, or nothing if they do not fit; returns whether they fit.
     pub fn push(&mut self, bytes: &[u8]) -> bool {
         if bytes.len() > self.room() {
             self.refused = self.refused.saturating_add(1);
@@ -47,7 +47,7 @@ impl<const N: usize> Fifo<N> {
         count
     }
 
-    /// Forgets what is queued.
+    /// Discards all queued bytes.
     pub const fn clear(&mut self) {
         self.len = 0;
     }
@@ -67,7 +67,7 @@ impl<const N: usize> Fifo<N> {
         N - self.len
     }
 
-    /// How often something did not fit.
+    /// Number of refused writes.
     pub const fn refused(&self) -> u32 {
         self.refused
     }

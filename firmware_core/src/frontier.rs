@@ -1,8 +1,9 @@
-//! Where to look next, and when everything has been seen. For the part of a robot's program that
+//! Choice of the next view, and the test for a complete map. For the part of a robot's program that
 //! runs on a PC; feature `host`.
 //!
-//! The course's report calls a map complete when "all white is enclosed by black". That is: no free
-//! cell that the robot can come near has an unknown neighbour. Such cells are the map's open edges.
+//! The course's report calls a map complete when "all white is enclosed by black". In other words:
+//! no free cell near the robot's reachable area has an unknown neighbour. Such cells are the map's
+//! open edges.
 
 use alloc::collections::{BTreeMap, BTreeSet, VecDeque};
 use alloc::vec::Vec;
@@ -12,28 +13,28 @@ use crate::grid::{FREE, OBSTACLE, UNKNOWN};
 use crate::pose::sin_cos;
 use crate::prm::{Dice, escape};
 
-/// Fewer cells that hang together are no open edge, but a crack.
+/// Minimum number of connected cells of an open edge; fewer are a crack.
 pub const EDGE_CELLS_MIN: usize = 3;
 /// Rays of a view, as in the course's program.
 const RAYS: u16 = 36;
-/// Cells that a ray reaches: 5 m, as far as the lidar counts.
+/// Range of a ray in cells: 5 m, the lidar's range.
 const REACH: u16 = 50;
-/// Unknown cells that a ray counts: 1.5 m.
+/// Maximum number of unknown cells that a ray counts: 1.5 m.
 const UNKNOWN_MAX: u32 = 15;
-/// Unknown cells that a cell of the way costs.
+/// Cost of a cell of the path, in unknown cells.
 const WAY_WEIGHT: f32 = 2.0;
 
-/// A place to look from.
+/// A position to look from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Where.
+    /// Position of the robot.
     pub place: Cell,
-    /// The open edges to be seen from there.
+    /// The open edges visible from there.
     pub edges: BTreeSet<Cell>,
 }
 
-/// The open edges that a robot at `start` can come near, as wide as three cells; those of
-/// `given_up` do not count.
+/// The open edges near the reachable area of a robot at `start` that is three cells wide, without
+/// those of `given_up`.
 pub fn open_edges(map: &CellMap, start: Cell, given_up: &BTreeSet<Cell>) -> BTreeSet<Cell> {
     let reach = reach(map, &map.eroded(), start);
     let is_edge = |cell: &Cell| {
@@ -57,8 +58,8 @@ pub fn open_edges(map: &CellMap, start: Cell, given_up: &BTreeSet<Cell>) -> BTre
     edges
 }
 
-/// The best place to see what is behind `edges`: much that is unknown, and a short way. `None` if
-/// the robot can go nowhere, or there are no edges.
+/// The best position to see the space behind `edges`: many unknown cells, and a short path. `None`
+/// if the robot can reach no cell, or there are no edges.
 pub fn next_view(map: &CellMap, start: Cell, edges: &BTreeSet<Cell>) -> Option<View> {
     let reach = reach(map, &map.eroded(), start);
     let rays = rays();
@@ -71,16 +72,16 @@ pub fn next_view(map: &CellMap, start: Cell, edges: &BTreeSet<Cell>) -> Option<V
     if let Some((_, place, edges)) = best {
         return Some(View { place, edges });
     }
-    // No ray hits them: right in front of one.
+    // If no ray hits the edges, move right in front of one.
     let beside = |cell: &Cell| cell.block().find(|near| reach.contains_key(near));
     let (edge, place) = edges.iter().find_map(|edge| Some((edge, beside(edge)?)))?;
     let edges = BTreeSet::from([*edge]);
     Some(View { place, edges })
 }
 
-/// The course's choice: of a twentieth of the free cells, drawn by chance, the one whose rays meet
-/// most unknown cells, also those behind others. `None` if they meet none: the map counts as
-/// complete.
+/// The course's choice: of a twentieth of the free cells, drawn at random, the cell with rays
+/// through the most unknown cells, including those behind others. `None` if no ray meets an unknown
+/// cell: the map counts as complete.
 pub fn random_view(map: &CellMap, open: &CellMap, dice: &mut Dice) -> Option<Cell> {
     let free = open.iter().filter(|(_, value)| *value == FREE);
     let free: Vec<Cell> = free.map(|(cell, _)| cell).collect();
@@ -92,8 +93,8 @@ pub fn random_view(map: &CellMap, open: &CellMap, dice: &mut Dice) -> Option<Cel
         .map(|(_, place)| place)
 }
 
-/// Cells of `open` that the middle of a robot at `start` can get to over `map`, with the steps to
-/// there.
+/// Cells of `open` that the middle of a robot at `start` can reach over `map`, with their distances
+/// in steps.
 pub fn reach(map: &CellMap, open: &CellMap, start: Cell) -> BTreeMap<Cell, u32> {
     let mut reach = BTreeMap::new();
     let first = escape(map, open, start).and_then(|way| way.last().copied());
@@ -111,10 +112,10 @@ pub fn reach(map: &CellMap, open: &CellMap, start: Cell) -> BTreeMap<Cell, u32> 
     reach
 }
 
-/// The cells of a ray, seen from where it begins; the first one is beside that.
+/// The cells of a ray, relative to its start, without the start.
 type Ray = Vec<Cell>;
 
-/// The rays of a view, which are the same from everywhere.
+/// The rays of a view, equal for all positions.
 fn rays() -> Vec<Ray> {
     let ray = |ray: u16| {
         let (sin, cos) = sin_cos((f32::from(ray) * 10.0 + 1.0).to_radians());
@@ -132,7 +133,8 @@ fn seen_from(place: Cell, ray: &Ray) -> impl Iterator<Item = Cell> {
         .map(move |cell| Cell::new(place.x + cell.x, place.y + cell.y))
 }
 
-/// How many unknown cells are seen behind `edges` from `place` along `rays`, and behind which.
+/// The number of unknown cells seen behind `edges` from `place` along `rays`, and the edges in
+/// front of them.
 fn look(map: &CellMap, place: Cell, edges: &BTreeSet<Cell>, rays: &[Ray]) -> (u32, BTreeSet<Cell>) {
     let (mut sum, mut seen) = (0, BTreeSet::new());
     for ray in rays {
@@ -141,7 +143,7 @@ fn look(map: &CellMap, place: Cell, edges: &BTreeSet<Cell>, rays: &[Ray]) -> (u3
             match map.get(cell) {
                 FREE if unknown == 0 => last = cell,
                 UNKNOWN if unknown > 0 || edges.contains(&last) => unknown += 1,
-                // Behind the unknown there is nothing to be sure of.
+                // Cells behind unknown ones are uncertain.
                 _ => break,
             }
             if unknown == UNKNOWN_MAX {
@@ -205,8 +207,8 @@ mod tests {
         assert_eq!(open_edges(&room(3), MIDDLE, &door), BTreeSet::new());
     }
 
-    /// Free cells in the corner have two unknown neighbours at most: a crack. In the middle of a
-    /// wall three have one.
+    /// Free cells in the corner have at most two unknown neighbours: a crack. In the middle of a
+    /// wall three cells have one each.
     #[test]
     fn fewer_than_three_cells_are_a_crack() {
         let mut map = room(0);
@@ -219,7 +221,7 @@ mod tests {
         assert_eq!(edges(&map), edge);
     }
 
-    /// An open edge behind a wall that the robot cannot pass is none of its.
+    /// An open edge behind a wall that the robot cannot pass does not count.
     #[test]
     fn what_cannot_be_reached_does_not_count() {
         let mut map = room(3);
@@ -245,9 +247,9 @@ mod tests {
         assert_eq!(none, None);
     }
 
-    /// From the middle of the room rays of 1, 11 and 351 degrees leave by the door of three cells;
-    /// those of 21 and 341 degrees meet the wall beside it. Each counts 15 unknown cells at most,
-    /// and none behind what is free again, 3 m ahead.
+    /// Rays of 1, 11 and 351 degrees from the middle of the room leave through the door of three
+    /// cells; rays of 21 and 341 degrees meet the wall beside it. Each ray counts at most 15
+    /// unknown cells, and none behind the next free cell, 3 m ahead.
     #[test]
     fn a_view_counts_what_is_unknown_behind_the_door() {
         let (mut map, door) = (room(3), edges(&room(3)));
@@ -260,8 +262,8 @@ mod tests {
         assert_eq!(look(&map, MIDDLE, &only, &rays()), (15, only.clone()));
         map.set(Cell::new(13, 5), FREE).expect("fits");
         assert_eq!(look(&map, MIDDLE, &door, &rays()).0, 2 + 15 + 15);
-        // The course's rays: in the map only, whose margin is one cell there; the walls hide all
-        // else.
+        // The course's rays stay in the map, whose margin is one cell there; the walls hide all
+        // other unknown cells.
         assert_eq!(all_unknown(&room(3), MIDDLE, &rays()), 3);
         assert_eq!(all_unknown(&room(0), MIDDLE, &rays()), 0);
     }

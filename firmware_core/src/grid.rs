@@ -7,14 +7,15 @@
 //! ```
 //!
 //! Cell (ix, iy) covers `ix * resolution <= x < (ix + 1) * resolution`, and y likewise. (The seed
-//! report rounds to the nearest multiple of the resolution instead, which moves its whole map by
-//! half a cell and nothing else.) 300 x 300 is the seed report's size.
+//! report rounds to the nearest multiple of the resolution instead, which only moves its whole map
+//! by half a cell.) 300 x 300 is the seed report's size.
 
 use crate::map_view::MapView;
 use crate::pose::Point;
 
-/// Cells along an edge of the default map: the seed report's 300, or, with the feature `large`, the
-/// 2828 of its outlook and one more, because the planner's cells are three by three of these.
+/// Cells along an edge of the default map: the seed report's 300. With the feature `large` it is
+/// the 2828 of the report's outlook and one more, because three by three of these cells make a
+/// planner's cell.
 pub const SIDE: usize = if cfg!(feature = "large") { 2829 } else { 300 };
 
 /// Value of a cell that no beam has touched.
@@ -72,7 +73,7 @@ impl<const W: usize, const H: usize> Grid<W, H> {
         self.resolution_mm
     }
 
-    /// Forgets everything.
+    /// Sets all cells to unknown.
     pub fn clear(&mut self) {
         self.cells = [[UNKNOWN; W]; H];
     }
@@ -101,7 +102,7 @@ impl<const W: usize, const H: usize> Grid<W, H> {
         self.cells.get(iy)?.get(ix).copied()
     }
 
-    /// Writes a cell; outside the map nothing happens.
+    /// Writes a cell; ignores cells outside the map.
     pub fn set(&mut self, ix: usize, iy: usize, value: u8) {
         if let Some(cell) = self.cells.get_mut(iy).and_then(|row| row.get_mut(ix)) {
             *cell = value;

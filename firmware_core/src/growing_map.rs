@@ -1,5 +1,5 @@
-//! An occupancy map without an edge: it grows to wherever it is written. For the part of a robot's
-//! program that runs on a PC; feature `host`.
+//! An occupancy map without an edge: it grows to contain each written cell. For the part of a
+//! robot's program that runs on a PC; feature `host`.
 
 use alloc::vec::Vec;
 
@@ -7,14 +7,14 @@ use crate::grid::UNKNOWN;
 use crate::map_view::MapView;
 use crate::pose::Point;
 
-/// Cells that the map grows by at least, so that a beam does not grow it cell by cell.
+/// Minimum growth in cells, so that a beam does not grow the map cell by cell.
 const STEP: i32 = 64;
 
-/// Why a cell was not written.
+/// Reason why a cell was not written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NotWritten {
-    /// The place has no finite coordinates.
+    /// The position has no finite coordinates.
     NoPlace,
     /// The map would have more cells than it may.
     TooLarge,
@@ -34,8 +34,7 @@ pub struct GrowingMap {
 }
 
 impl GrowingMap {
-    /// A map that knows nothing, of cells with edges of `cell_mm`, which may grow to `cells_max`
-    /// cells.
+    /// An unknown map of cells with edges of `cell_mm`, which may grow to `cells_max` cells.
     ///
     /// # Panics
     /// If the cells have no size, or not even the first `STEP` x `STEP` cells are allowed.
@@ -57,16 +56,16 @@ impl GrowingMap {
         self.cell_mm
     }
 
-    /// The cell at `place`; never seen outside of what was written.
+    /// The cell at `place`; unknown outside the written area.
     pub fn get(&self, place: Point) -> u8 {
         let index = self.cell(place).and_then(|cell| self.index(cell));
         index.map_or(UNKNOWN, |index| self.cells[index])
     }
 
-    /// Writes the cell at `place`; the map grows until it has one.
+    /// Writes the cell at `place`; the map grows to contain the cell.
     ///
     /// # Errors
-    /// If there is no such place, or the map would become too large: it stays as it was.
+    /// If the coordinates are not finite, or the map would become too large: it stays unchanged.
     pub fn set(&mut self, place: Point, value: u8) -> Result<(), NotWritten> {
         let cell = self.cell(place).ok_or(NotWritten::NoPlace)?;
         if self.index(cell).is_none() {
@@ -139,7 +138,7 @@ mod tests {
         Point::new(x_mm, y_mm)
     }
 
-    /// What was written stays where it is in all directions of growth.
+    /// Growth in any direction keeps the written cells in position.
     #[test]
     fn it_grows_to_where_it_is_written_and_forgets_nothing() {
         let mut map = GrowingMap::new(50.0, 1 << 20);
@@ -181,8 +180,8 @@ mod tests {
         assert_eq!(map.set(at(319.0, -320.0), 1), Ok(()));
     }
 
-    /// 64 cells from -32 on: one above the last adds 64 rows and no column, one left of the first
-    /// 64 columns and no row, one 100 above the last 101 rows.
+    /// 64 cells from -32 on: a cell above the last row adds 64 rows and no column, one left of the
+    /// first column adds 64 columns and no row, one 100 above the last row adds 101 rows.
     #[test]
     fn it_grows_only_where_it_has_to() {
         let grown = |x_mm: f32, y_mm: f32| {

@@ -1,40 +1,40 @@
-//! Heading from a gyroscope whose samples are summed elsewhere: the turn since the last reading,
-//! less the offset that is learned whenever the wheels stand still.
+//! Heading from a gyroscope with samples summed elsewhere: the turn since the last reading, less
+//! the offset, which is measured while the wheels stand still.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-/// Rest after which the offset is known well enough, and what is averaged at most.
+/// Rest time after which the offset is known well enough, and the longest averaging time.
 const KNOWN_AFTER_S: f32 = 0.4;
 const AVERAGED_S: f32 = 10.0;
-/// A robot that turns faster than this at rest, degrees a second, is turned by a person; no
-/// calibrated sensor is off by so much.
+/// Maximum plausible offset, degrees a second. A robot that turns faster at rest is being turned by
+/// a person.
 const OFFSET_MAX_DEG_S: f32 = 3.0;
-/// Readings farther apart tell nothing of what was between them.
+/// Longest time between two readings; the turn between readings farther apart is unknown.
 const APART_MAX: Duration = Duration::from_millis(500);
 
 /// A gyroscope and its offset.
 #[derive(Clone, Copy, Debug)]
 pub struct Gyro {
-    /// When it was read last, and the sum then, hundredths of a degree.
+    /// Time of the last reading, and its sum, hundredths of a degree.
     last: Option<(Instant, i32)>,
     offset_deg_s: f32,
-    /// Rest that the offset is the mean of.
+    /// Rest time over which the offset is averaged.
     rest_s: f32,
 }
 
 /// Whether the wheels have turned since the reading before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wheels {
-    /// Neither has.
+    /// Neither wheel has turned.
     AtRest,
-    /// One of them has.
+    /// One wheel or both have turned.
     Turned,
 }
 
 impl Gyro {
-    /// One that was not read yet.
+    /// A gyroscope without readings.
     pub const fn new() -> Self {
         Self {
             last: None,
@@ -43,13 +43,14 @@ impl Gyro {
         }
     }
 
-    /// A reading failed: the next one has none before it.
+    /// Discards the last reading after a failed one.
     pub const fn forget(&mut self) {
         self.last = None;
     }
 
-    /// Takes the sum at `now`, hundredths of a degree, counter-clockwise; the turn since the
-    /// reading before, radians. `None` without one, or while the offset is not known.
+    /// Takes the sum at `now`, hundredths of a degree, counter-clockwise; returns the turn since
+    /// the previous reading, radians. `None` for the first reading, or while the offset is not
+    /// known.
     pub fn turned(&mut self, now: Instant, sum: i32, wheels: Wheels) -> Option<f32> {
         let (at, before) = self.last.replace((now, sum))?;
         let apart = now - at;
@@ -62,7 +63,7 @@ impl Gyro {
         if wheels == Wheels::AtRest && rate.abs() <= OFFSET_MAX_DEG_S {
             self.rest_s = (self.rest_s + time_s).min(AVERAGED_S);
             self.offset_deg_s += (rate - self.offset_deg_s) * time_s / self.rest_s;
-            // A robot that rests does not turn, whatever the last digit does.
+            // A resting robot does not turn, even if the last digit changes.
             return self.is_known().then_some(0.0);
         }
         let turn_deg = turned_deg - self.offset_deg_s * time_s;
@@ -86,7 +87,7 @@ mod tests {
 
     const STEP: Duration = Duration::from_millis(40);
 
-    /// Reads `count` times, with so many hundredths more each time; the sum of the turns, degrees.
+    /// Reads `count` times, with `more` hundredths added each time; the sum of the turns, degrees.
     fn run(gyro: &mut Gyro, from: (Instant, i32), count: u16, more: i32, wheels: Wheels) -> f32 {
         let mut turned = 0.0;
         for n in 1..=count {
@@ -131,13 +132,13 @@ mod tests {
         assert_eq!(gyro.turned(later + APART_MAX * 2, 0, Wheels::Turned), None);
     }
 
-    /// Six readings of a degree a second at rest and five of two: 16 / 11 are the offset; 1.04
-    /// degrees in 40 ms less that are 0.98182.
+    /// Six readings of a degree a second at rest and five of two degrees: the offset is 16 / 11;
+    /// 1.04 degrees in 40 ms less that are 0.98182.
     #[test]
     fn the_offset_is_the_mean_of_the_rest() {
         let mut gyro = Gyro::new();
         run(&mut gyro, (Instant::ZERO, 0), 6, 4, Wheels::AtRest);
-        // The first of all had none before it.
+        // The very first reading has no predecessor.
         let from = (Instant::ZERO + STEP * 6, 24);
         run(&mut gyro, from, 6, 8, Wheels::AtRest);
         let from = (Instant::ZERO + STEP * 12, 72);
@@ -148,7 +149,8 @@ mod tests {
         );
     }
 
-    /// Ten seconds are averaged at most: 2.5 degrees a second for 40 ms make a hundredth of one.
+    /// At most ten seconds are averaged: 2.5 degrees a second for 40 ms add a hundredth of a degree
+    /// a second.
     #[test]
     fn an_old_offset_changes_slowly() {
         let mut gyro = Gyro::new();
@@ -165,7 +167,7 @@ mod tests {
             "{}",
             gyro.offset_deg_s
         );
-        // 13 hundredths are 3.25 degrees a second: a person turns it.
+        // 13 hundredths are 3.25 degrees a second: a person turns the robot.
         run(
             &mut gyro,
             (Instant::ZERO + STEP * 401, 10),
@@ -176,7 +178,7 @@ mod tests {
         assert!((gyro.offset_deg_s - 0.01).abs() < 1e-5);
     }
 
-    /// Half a second apart readings still tell a turn, more or nothing apart they do not.
+    /// Readings half a second apart still give a turn, readings farther apart do not.
     #[test]
     fn readings_too_far_apart_tell_no_turn() {
         let told = |apart| {

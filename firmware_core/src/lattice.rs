@@ -7,9 +7,9 @@
 //! plan       the cheapest chain of primitives along which the outline touches nothing
 //! ```
 //!
-//! A primitive's cost grows with the dearest cell that the outline sweeps. Facts: the lattice
-//! planner of seed 003 (sbpl), its figures and its file of primitives; the search is
-//! [`search`](Lattice::plan)'s.
+//! A primitive's cost grows with the most expensive cell that the outline sweeps. Facts: the
+//! lattice planner of seed 003 (sbpl), its figures and its file of primitives. For the search see
+//! [`plan`](Lattice::plan).
 
 mod mprim;
 mod primitives;

@@ -1,8 +1,8 @@
-//! The robots' programs: what runs on the microcontroller.
+//! The robots' programs for the microcontroller.
 //!
-//! No heap, no clock, no I/O: a robot is one struct with four verbs ([`Master`]), and the same
-//! struct runs in the rig, as a process of its own, and on the board. What belongs to a program but
-//! runs on a PC and needs a heap is behind the feature `host`, which no board has.
+//! No heap, no clock, no I/O: a robot is one struct with four main methods ([`Master`]). The same
+//! struct runs in the rig, as a process of its own, and on the board. The parts of a program that
+//! run on a PC and need a heap are behind the feature `host`, which no board enables.
 #![no_std]
 
 #[cfg(feature = "host")]

@@ -1,12 +1,13 @@
-//! Speed regulator of a lidar whose motor the host drives: duty out of the speed that the packets
-//! report.
+//! Speed regulator of a lidar motor that the host drives: computes the duty from the speed in the
+//! packets.
 //!
-//! The integral part is the fielded robot's: a 64th of the error per packet, duty 50 to 255 of
-//! 256, 180 at the start (field program's lidar driver). The proportional part is ours; it damps
-//! the swing that an integral alone has with a motor that takes half a second to follow. A lidar
-//! that stays silent was stalled or restarted, so its motor is spun up afresh; a single lost packet
-//! changes nothing (the fielded program kicked the motor at each resynchronisation). One that stays
-//! silent all the same may have a weak drive, or a strong one: other duties are tried.
+//! The integral part is the fielded robot's: a 64th of the error per packet, duty 50 to 255 of 256,
+//! 180 at the start (field program's lidar driver). The proportional part is our own addition. It
+//! damps the oscillation of an integral regulator with a motor that takes half a second to follow.
+//! A lidar that stays silent was stalled or restarted, so the regulator spins its motor up again. A
+//! single lost packet changes nothing (the fielded program kicked the motor at each
+//! resynchronisation). If the lidar still stays silent, its drive may be weak or strong, so the
+//! regulator tries other duties.
 
 use core::time::Duration;
 
@@ -14,27 +15,27 @@ use protocols::Instant;
 
 /// Duty with which a standing motor is started.
 pub const DUTY_START: u8 = 180;
-/// Minimum duty while running.
+/// Minimum duty of a running motor.
 pub const DUTY_MIN: u8 = 50;
 
 /// Silence after which the motor is restarted.
 const RESTART_AFTER: Duration = Duration::from_secs(1);
-/// Duties with which a lidar that stays silent is started, one after the other and again. 180 is
-/// the fielded one; with a drive of 3.3 V it gives 166 rpm, at which nothing is measured.
+/// Duties for starting a silent lidar, tried in this order, in a cycle. 180 is the fielded one;
+/// with a drive of 3.3 V it gives 166 rpm, too slow for any measurement.
 const STARTS: [u8; 5] = [DUTY_START, 220, 255, 130, 80];
-/// Starts with each of them: a sensor boots, spins up and locks in less than three seconds.
+/// Starts with each duty: a sensor boots, spins up and locks in less than three seconds.
 const TRIES: u16 = 3;
-/// Packets in a row, some two seconds of them, with the drive at its limit and the speed below the
-/// target, after which the drive counts as too weak.
+/// Number of packets in a row, about two seconds, after which the drive counts as too weak: drive
+/// at its limit, speed below the target.
 const WEAK_AFTER: u16 = 900;
 /// Duty per rpm of error, and per packet.
 const INTEGRAL: f32 = 1.0 / 64.0;
 /// Duty per rpm of error.
 const PROPORTIONAL: f32 = 0.5;
-/// Errors beyond this are glitches of the speed word (a lost tooth reads as half the speed, a
-/// false one as twice): they count as this much.
+/// Errors beyond this are glitches of the speed word (a lost tooth reads as half the speed, a false
+/// one as twice); they are clamped to this value.
 const ERROR_MAX_RPM: f32 = 100.0;
-/// Farthest from the target that counts as running.
+/// Maximum deviation from the target speed of a running motor.
 const TOLERANCE_RPM: f32 = 20.0;
 /// Good packets in a row after which the speed counts as stable, as in the fielded program.
 const STABLE_AFTER: u16 = 251;
@@ -46,7 +47,7 @@ pub struct LidarMotor {
     integral: f32,
     duty: u8,
     is_off: bool,
-    /// Duty that was handed out last.
+    /// The last duty returned.
     told: Option<u8>,
     packet_at: Instant,
     good_in_a_row: u16,
@@ -56,7 +57,7 @@ pub struct LidarMotor {
 }
 
 impl LidarMotor {
-    /// A standing motor that is to turn at `target_rpm`.
+    /// A standing motor with the target speed `target_rpm`.
     pub const fn new(target_rpm: f32) -> Self {
         Self {
             target_rpm,
@@ -88,13 +89,13 @@ impl LidarMotor {
         self.slow_in_a_row = count(self.slow_in_a_row, is_slow);
     }
 
-    /// Sets the duty to that of the start, as the fielded program did whenever it lost its place in
-    /// the stream (XV-09).
+    /// Sets the duty to that of the start, as the fielded program did whenever it lost its position
+    /// in the stream (XV-09).
     pub const fn kick(&mut self) {
         self.duty = DUTY_START;
     }
 
-    /// Looks for silence.
+    /// Restarts the motor after a silence.
     pub fn tick(&mut self, now: Instant) {
         if now - self.packet_at >= RESTART_AFTER {
             self.packet_at = now;
@@ -119,7 +120,7 @@ impl LidarMotor {
         })
     }
 
-    /// Lets the motor run out.
+    /// Switches the drive off.
     pub const fn switch_off(&mut self) {
         self.is_off = true;
     }
@@ -140,7 +141,8 @@ impl LidarMotor {
         self.good_in_a_row >= STABLE_AFTER
     }
 
-    /// Whether full drive does not bring the motor near its target: too few volts, or dust.
+    /// Whether full drive does not bring the motor near its target speed, because of low voltage or
+    /// dust.
     pub const fn is_too_weak(&self) -> bool {
         self.slow_in_a_row >= WEAK_AFTER
     }
@@ -175,7 +177,7 @@ mod tests {
         assert!(motor.is_stable());
     }
 
-    /// Fielded constants: duty starts at 180, and at the target it stays.
+    /// Fielded constants: the duty starts at 180 and stays there at the target speed.
     #[test]
     fn a_duty_is_told_once() {
         let mut motor = LidarMotor::new(300.0);
@@ -205,8 +207,8 @@ mod tests {
         assert_eq!(motor.take_duty(), Some(DUTY_START));
     }
 
-    /// With 3.3 V at full duty, 180 gives 166 rpm, and nothing is measured (seed report against
-    /// the sensor's reports). Each duty has three seconds; all of them come again.
+    /// With 3.3 V at full duty, 180 gives 166 rpm, too slow for any measurement (seed report
+    /// against the sensor's reports). Each duty gets three seconds; then all of them repeat.
     #[test]
     fn a_lidar_that_stays_silent_is_started_with_other_duties() {
         let mut motor = LidarMotor::new(300.0);
@@ -223,8 +225,8 @@ mod tests {
         assert_eq!(motor.duty, 180);
     }
 
-    /// 1.0 rpm per duty is 255 rpm at most: said after 900 packets, not while it spins up, and not
-    /// of a motor that comes within 20 rpm.
+    /// 1.0 rpm per duty is 255 rpm at most. The weakness is reported after 900 packets, not while
+    /// the motor spins up, and not if the motor comes within 20 rpm.
     #[test]
     fn a_drive_that_is_too_weak_is_told() {
         for (gain, is_weak) in [(1.0, true), (1.12, false)] {
@@ -236,7 +238,7 @@ mod tests {
         }
     }
 
-    /// The fielded fault: a lost place in the stream kicks the motor.
+    /// The fielded defect: a lost position in the stream sets the start duty.
     #[test]
     fn a_kick_is_the_duty_of_the_start() {
         let mut motor = LidarMotor::new(300.0);
@@ -246,7 +248,7 @@ mod tests {
         assert_eq!(motor.take_duty(), Some(180));
     }
 
-    /// Off and on again before the duty is read: the duty is the last one that was read.
+    /// Off and on again before the duty is read: the duty equals the last one read.
     #[test]
     fn a_motor_that_is_switched_on_again_tells_its_duty_only_if_it_changed() {
         let mut motor = LidarMotor::new(300.0);

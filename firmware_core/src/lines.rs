@@ -5,11 +5,11 @@
 //! ```
 //!
 //! A region ends where two neighbouring points are far apart; the scan is a circle, so one region
-//! may lie across its beginning. A segment whose points all lie near its chord is done, any other
-//! one is split at the farthest point. Neighbours that continue nearly straight become one, and
-//! what remains is fitted by least squares of the perpendicular distances. Two lines that share a
-//! point meet where they cross. Figures and the fielded faults: public code of a course's robot,
-//! its lidar's task; the fit and the circle are our own.
+//! may lie across its beginning. A segment is complete if all its points lie near its chord;
+//! otherwise it is split at the farthest point. Neighbouring segments that continue nearly straight
+//! are merged. Each remaining segment is fitted by least squares of the perpendicular distances.
+//! Two lines that share a point meet where they cross. Figures and the fielded faults: public code
+//! of a course's robot, its lidar's task; the fit and the circle are our own.
 
 mod fit;
 mod split;
@@ -23,27 +23,27 @@ pub const LINES_MAX: usize = 20;
 /// Maximum number of segments before they are merged.
 const SEGMENTS_MAX: usize = 64;
 
-/// Where a line begins and ends, in the order of the points.
+/// The ends of a line, in the order of the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Line {
-    /// The end whose angle comes first.
+    /// The end with the smaller angle.
     pub start: Point,
     /// The other end.
     pub end: Point,
 }
 
-/// How lines are found.
+/// Settings of the line search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Neighbouring points farther apart than this are of different regions.
     pub gap_mm: f32,
-    /// How far a point may lie beside its line.
+    /// Maximum distance of a point from its line.
     pub tolerance_mm: f32,
     /// Neighbours become one line if the angle between them, seen from inside, is larger.
     pub merge_deg: f32,
-    /// Fewer points are no line.
+    /// Minimum number of points of a line.
     pub points_min: u16,
-    /// Enabled faults of the fielded program.
+    /// Enabled defects of the fielded program.
     pub defects: Defects,
 }
 
@@ -70,20 +70,20 @@ pub struct Defects {
     /// The cosine of the change of direction is compared with 10 degrees in radians: everything
     /// below 79.95 degrees is merged.
     pub merges_below_80_deg: bool,
-    /// Regions with too few points are erased in a loop that goes forward: the one behind an erased
-    /// one is never looked at.
+    /// Regions with too few points are erased in a loop that goes forward: the region behind an
+    /// erased one is skipped.
     pub skips_behind_erased: bool,
     /// The last point of a region counts twice.
     pub duplicates_last: bool,
     /// The first point of a region is left out.
     pub drops_first: bool,
-    /// A line goes from its first to its last point, whatever lies between, and a region ends where
-    /// the scan begins.
+    /// A line goes from its first to its last point, without regard to those between, and a region
+    /// ends where the scan begins.
     pub draws_chords: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         merges_below_80_deg: false,
         skips_behind_erased: false,
@@ -101,7 +101,7 @@ pub struct Lines {
     left_out: u32,
 }
 
-/// A run of points, by their places behind the circle's beginning; both ends belong to it.
+/// A run of points, by their indices from the circle's start; both ends belong to the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Segment {
     first: usize,
@@ -110,7 +110,7 @@ struct Segment {
 }
 
 impl Lines {
-    /// None.
+    /// No lines.
     pub const NONE: Self = Self {
         lines: [Line {
             start: Point::new(0.0, 0.0),
@@ -120,8 +120,8 @@ impl Lines {
         left_out: 0,
     };
 
-    /// Finds the lines of a scan whose points are in the order of their angles around the sensor,
-    /// counter-clockwise.
+    /// Finds the lines of a scan. The points must be in the order of their angles around the
+    /// sensor, counter-clockwise.
     pub fn find(points: &[Point], settings: &Settings) -> Self {
         let mut lines = Self::NONE;
         let circle = Circle::new(points, settings);
@@ -142,7 +142,7 @@ impl Lines {
         &self.lines[..self.len]
     }
 
-    /// Lines for which there was no room.
+    /// Number of lines for which there was no room.
     pub const fn left_out(&self) -> u32 {
         self.left_out
     }
@@ -158,12 +158,12 @@ impl Lines {
     }
 }
 
-/// The points of a scan, begun again where a region begins.
+/// The points of a scan as a circle that starts at the start of a region.
 #[derive(Clone, Copy, Debug)]
 struct Circle<'a> {
     points: &'a [Point],
     begin: usize,
-    /// No gap anywhere: the walls close around the sensor.
+    /// There is no gap: the walls enclose the sensor.
     is_closed: bool,
 }
 
@@ -186,12 +186,11 @@ impl<'a> Circle<'a> {
         if let Some(begin) = (0..count).find(is_gap) {
             return Self { begin, ..open };
         }
-        // From the last point to the first the way continues around the sensor only if the walls
-        // do.
+        // The last point connects to the first only if the walls enclose the sensor.
         if last.x_mm * first.y_mm - last.y_mm * first.x_mm <= 0.0 {
             return open;
         }
-        // Where nothing separates them, the farthest point from any other one is a corner.
+        // Without a gap start at a corner: the point farthest from any given point is one.
         let corner = (0..count).max_by(|a, b| {
             let [a, b] = [*a, *b].map(|at| points[at].distance_mm(*first));
             a.total_cmp(&b)
@@ -203,17 +202,17 @@ impl<'a> Circle<'a> {
         }
     }
 
-    /// Places to look at: a closed circle ends with the point with which it began.
+    /// Number of points to process: a closed circle ends with its first point.
     fn len(&self) -> usize {
         self.points.len() + usize::from(self.is_closed)
     }
 
-    /// The point at that place.
+    /// The point at this index from the start.
     fn at(&self, place: usize) -> Point {
         self.points[(self.begin + place) % self.points.len()]
     }
 
-    /// The points of these places.
+    /// The points with these indices.
     fn run(&self, first: usize, last: usize) -> impl Iterator<Item = Point> + Clone {
         (first..=last).map(|place| self.at(place))
     }
@@ -247,7 +246,7 @@ impl Segments {
         self.len -= 1;
     }
 
-    /// Makes one of neighbours that continue nearly straight, the last and the first among them.
+    /// Merges neighbours that continue nearly straight, including the last and the first.
     fn merge(&mut self, circle: &Circle<'_>, settings: &Settings) {
         let mut at = 0;
         while at + 1 < self.len {
@@ -262,7 +261,7 @@ impl Segments {
         }
     }
 
-    /// Makes one segment of the one at `at` and the one at `next`, behind it on the circle.
+    /// Merges the segment at `at` and the segment at `next`, which follows it on the circle.
     fn unite(&mut self, at: usize, next: usize, circle: &Circle<'_>, settings: &Settings) {
         let [a, b] = [self.items[at], self.items[next]];
         let turn = circle.points.len();
@@ -274,7 +273,7 @@ impl Segments {
         self.remove(next);
     }
 
-    /// Lets neighbours that share a point meet where they cross.
+    /// Moves the common end of neighbouring lines to their intersection.
     fn join(&mut self, circle: &Circle<'_>, settings: &Settings) {
         let turn = circle.points.len();
         for at in 0..self.len {
@@ -314,7 +313,7 @@ mod tests {
 
     use super::*;
 
-    /// A segment from place to place.
+    /// A segment between two positions.
     fn segment(start: (f32, f32), end: (f32, f32)) -> Segment {
         let [start, end] = [start, end].map(|(x, y)| Point::new(x, y));
         let settings = Settings::default();
@@ -326,8 +325,8 @@ mod tests {
         }
     }
 
-    /// 60 mm apart and 10 degrees, of which the tangent is 0.1763. The fielded program continued
-    /// below 79.95 degrees, of which the tangent is 5.64.
+    /// 60 mm apart and 10 degrees, with a tangent of 0.1763. The fielded program merged below 79.95
+    /// degrees, with a tangent of 5.64.
     #[test]
     fn a_line_goes_on_nearly_straight_behind_a_small_gap() {
         let before = segment((0.0, 0.0), (400.0, 0.0));
@@ -352,7 +351,7 @@ mod tests {
         );
     }
 
-    /// Three points within 40 mm are a line, and all there is: it continues nowhere.
+    /// Three points within 40 mm are a line, and the only one: it continues nowhere.
     #[test]
     fn a_short_line_alone_stays() {
         let points = [0.0, 20.0, 40.0].map(|y| Point::new(1_000.0, y));
@@ -366,9 +365,9 @@ mod tests {
         );
     }
 
-    /// A spiral, each point twice as far as the one before and a quarter turn on: the farthest
-    /// point beside each chord is the last but one, so that each bend waits for the next. Splitting
-    /// goes as far as there is room, and the rest is one line more.
+    /// A spiral, each point twice as far as the one before and a quarter turn on. The farthest
+    /// point from each chord is the last but one, so that each bend waits for the next. Splitting
+    /// stops when the stack is full, and the rest becomes one more line.
     #[test]
     fn a_line_with_too_many_bends_is_split_as_far_as_there_is_room() {
         let place = |index: u8| {
@@ -391,8 +390,8 @@ mod tests {
         assert_eq!(found(82), 64);
     }
 
-    /// Eight points along x, places 0 to 7 of a turn. Two pieces that are one line end where the
-    /// second ends; from the turn's last piece to its first that is a turn later.
+    /// Eight points along x, indices 0 to 7 of a turn. Two merged pieces end where the second ends;
+    /// from the turn's last piece to its first that is a turn later.
     #[test]
     fn united_segments_end_where_the_second_ends() {
         let points: Vec<Point> = (0..8_u8)

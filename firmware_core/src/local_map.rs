@@ -1,5 +1,5 @@
-//! What one look shows: the map of the lines that a robot sees from where it stands. For the part
-//! of a robot's program that runs on a PC; feature `host`.
+//! Map of a single scan: the lines that a robot sees from its pose. For the part of a robot's
+//! program that runs on a PC; feature `host`.
 
 use alloc::vec::Vec;
 
@@ -23,12 +23,12 @@ impl Segment {
         Self { start, end }
     }
 
-    /// From one end to the other, mm.
+    /// Length, mm.
     pub fn length_mm(self) -> f32 {
         self.start.distance_mm(self.end)
     }
 
-    /// The piece of wall in the world, that a robot at `robot` sees so.
+    /// The piece of wall in the world, as observed by a robot at `robot`.
     pub fn to_world(self, robot: Pose) -> Self {
         Self::new(robot.to_world(self.start), robot.to_world(self.end))
     }
@@ -52,21 +52,21 @@ impl Segment {
 
 /// Edge of a cell, mm: the task sheet of the course.
 pub const CELL_MM: f32 = 100.0;
-/// Cells around what is seen, as in the fielded program.
+/// Margin around the observed area, in cells, as in the fielded program.
 const MARGIN: u8 = 5;
-/// 51.2 m square: ten times as far as lidars of this kind see.
+/// 51.2 m square: ten times the range of lidars of this kind.
 const CELLS_MAX: usize = 512 * 512;
-/// A gap that is narrower is none: line ends lie up to their tolerance from the corner that they
-/// meet in, and no robot fits through.
+/// Narrower gaps are closed: line ends lie up to their tolerance from their common corner, and no
+/// robot fits through.
 const GAP_MM: f32 = 150.0;
-/// Rays end this close to each other on a wall, so that no cell on the way is missed.
+/// Distance between the ends of rays on a wall, small enough that no cell between is missed.
 const RAY_STEP_MM: f32 = 25.0;
 
-/// The map of what a robot at `robot` sees as these `lines`, which are in its own frame; the map is
-/// in the frame of `robot`.
+/// The map of `lines`, observed by a robot at `robot` in its own frame; the map is in the frame of
+/// the pose `robot`.
 ///
 /// # Errors
-/// If an end of a line is no place, or farther than any lidar sees.
+/// If an end of a line is not finite, or farther than the range of any lidar.
 pub fn local_map(robot: Pose, lines: &[Segment]) -> Result<CellMap, NotWritten> {
     let mut map = CellMap::new(CELL_MM, MARGIN, CELLS_MAX);
     let mut walls: Vec<Segment> = lines.iter().map(|line| line.to_world(robot)).collect();
@@ -84,7 +84,7 @@ pub fn local_map(robot: Pose, lines: &[Segment]) -> Result<CellMap, NotWritten> 
     Ok(map)
 }
 
-/// Adds what joins ends that are near each other.
+/// Closes short gaps between wall ends.
 fn close_gaps(walls: &mut Vec<Segment>) {
     let ends: Vec<(usize, Point)> = walls
         .iter()
@@ -111,8 +111,8 @@ fn draw(map: &mut CellMap, wall: Segment) -> Result<(), NotWritten> {
         .try_for_each(|cell| map.set(cell, OBSTACLE))
 }
 
-/// Frees what lies before the first obstacle on the way from `eye` to `target`. The fielded program
-/// goes the other way and on to the end, and so frees cells behind walls.
+/// Frees the cells before the first obstacle on the line from `eye` to `target`. The fielded
+/// program goes in the other direction and on to the end, and so frees cells behind walls.
 fn free(map: &mut CellMap, eye: Point, target: Point) -> Result<(), NotWritten> {
     let mut cells = Vec::new();
     map.walk(eye, target, |cell| {
@@ -125,7 +125,7 @@ fn free(map: &mut CellMap, eye: Point, target: Point) -> Result<(), NotWritten> 
     cells.into_iter().try_for_each(|cell| map.set(cell, FREE))
 }
 
-/// Free cells beside which nothing is free were seen through a crack.
+/// Removes free cells without a free neighbour: they were seen through a crack.
 fn remove_islands(map: &mut CellMap) -> Result<(), NotWritten> {
     let is_island = |cell: Cell| !cell.edge_neighbours().iter().any(|near| map.is_free(*near));
     let islands: Vec<Cell> = map
@@ -151,8 +151,8 @@ mod tests {
         Pose::new(50.0, 50.0, 0.0)
     }
 
-    /// 300 and 400 mm make 500: in steps of 250 that are three points, of 499 three as well; of 500
-    /// the ends alone.
+    /// 300 and 400 mm make 500: in steps of 250 or 499 mm that are three points, in steps of 500 mm
+    /// only the ends.
     #[test]
     fn points_are_at_most_a_step_apart() {
         let line = segment((0.0, 0.0), (300.0, 400.0));
@@ -164,8 +164,8 @@ mod tests {
         assert_eq!(line.points(500.0).count(), 2);
     }
 
-    /// A wall 1 m ahead and 600 mm long lies in cells -3 to 3 of column 10. What is before it is
-    /// free, what is behind it and beside the robot unknown.
+    /// A wall 1 m ahead and 600 mm long lies in cells -3 to 3 of column 10. The space before it is
+    /// free, the space behind it and beside the robot is unknown.
     #[test]
     fn a_wall_hides_what_is_behind_it() {
         let map = local_map(eye(), &[segment((1_000.0, -300.0), (1_000.0, 300.0))]).expect("near");
@@ -211,7 +211,7 @@ mod tests {
         assert_ne!(gap(80.0), OBSTACLE);
     }
 
-    /// Two that touch at a corner are two islands, two that share an edge are none.
+    /// Two cells that touch at a corner are two islands, two that share an edge are none.
     #[test]
     fn a_free_cell_alone_was_seen_through_a_crack() {
         let mut map = CellMap::new(CELL_MM, MARGIN, CELLS_MAX);

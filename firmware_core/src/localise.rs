@@ -1,10 +1,10 @@
-//! Where on a map a robot stands that sees some walls. For the part of a robot's program that runs
-//! on a PC; feature `host`.
+//! Localisation of a robot on a known map from its scan of walls. For the part of a robot's program
+//! that runs on a PC; feature `host`.
 //!
-//! The walls are laid on the map in each of 360 headings and at each free cell; a place scores by
-//! how many of them fall on walls of the map, less how often a wall of the map stands where the
-//! robot looks through. Only few cells are checked, those of walls in whole rows, so a map of 128
-//! x 128 cells takes a fraction of a second.
+//! The scan is placed on the map at each of 360 headings and each free cell. The score counts
+//! scanned walls on walls of the map, minus walls of the map in the robot's line of sight. Only few
+//! cells are checked, those of walls in whole rows, so a map of 128 x 128 cells takes a fraction of
+//! a second.
 
 use alloc::vec::Vec;
 use core::f32::consts::TAU;
@@ -14,83 +14,84 @@ use crate::grid::{FREE, OBSTACLE};
 use crate::local_map::{CELL_MM, Segment};
 use crate::pose::{Point, Pose, PoseChange, normalised, sin_cos};
 
-/// Headings that are tried, one a degree.
+/// Number of headings tried, one a degree.
 pub const HEADINGS: usize = 360;
-/// Beyond this ratio of the second best score to the best, the place is not certain.
+/// Above this ratio of the second-best score to the best, the position is not certain.
 pub const AMBIGUOUS_RATIO: f32 = 0.9;
-/// A second place is another one if it lies farther, in cells,
+/// A second position is different if it lies farther away than this, in cells,
 const APART_CELLS: f32 = 3.0;
-/// or looks elsewhere, in degrees.
+/// or if its heading differs by more than this, in degrees.
 const APART_DEG: usize = 30;
-/// Votes within these degrees of the best one make the heading.
+/// The heading is the mean of the votes within these degrees of the best one.
 const MEAN_DEG: usize = 10;
-/// Distance of points that are looked through, mm, and how far before a wall they end.
+/// Spacing of points that a beam passes, mm, and their minimum distance before a wall.
 const THROUGH_MM: f32 = 200.0;
 const BEFORE_MM: f32 = 200.0;
-/// Walls farther than this are not looked at: the lidar's range, in cells.
+/// Maximum distance of a wall that is used: the lidar's range, in cells.
 const REACH: i32 = 60;
-/// A place that fits with fewer than one in so many is out of the question already: what it looks
-/// through need not be counted.
+/// Share of matched walls below which a position is excluded at once: one in so many. Its free line
+/// of sight is then not counted.
 const FEW_PARTS: i32 = 2;
-/// As a score: what fits later, too, fits at least so well.
+/// The same limit as a score: a position that fits again later has at least this score.
 const FEW: u8 = 100;
 /// Weight of a wall, and of a cell beside one.
 const ON_WALL: i16 = 2;
 const BESIDE: i16 = 1;
 
-/// How the scores of all headings become one place.
+/// Rule that combines the scores of all headings to one position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Votes {
-    /// The best score of all wins; the headings that fit there nearly as well make the heading.
-    /// Votes of all headings find half of the places only: most of them are cast for nothing.
+    /// The best score of all wins; the headings that fit there nearly as well give the heading.
+    /// Votes of all headings find only half of the positions, because most votes are for wrong
+    /// ones.
     #[default]
     Best,
     /// Each heading votes for its best cell with the score there, and with less for the eight
     /// around it; votes are added: the course's report.
     Added,
     /// As [`Added`](Self::Added), but votes multiply, and the heading is that of the single best
-    /// match, wherever it was: the fielded program.
+    /// match, at any cell: the fielded program.
     Multiplied,
 }
 
-/// Where the robot may be.
+/// Estimated pose of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// The place of most votes; in the middle of a cell.
+    /// The pose with the most votes; in the middle of a cell.
     pub pose: Pose,
-    /// How well it fits, at most 1.
+    /// Quality of the fit, at most 1.
     pub score: f32,
-    /// The best other place.
+    /// The best different pose.
     pub second: Pose,
-    /// How far that is, in cells.
+    /// Distance of the second pose, in cells.
     pub second_cells: f32,
-    /// Its score as a part of the first one's.
+    /// Score of the second pose divided by the first one's.
     pub ratio: f32,
 }
 
 impl Estimate {
-    /// Whether the second place fits nearly as well.
+    /// Whether the second pose fits nearly as well.
     pub fn is_ambiguous(&self) -> bool {
         self.ratio > AMBIGUOUS_RATIO
     }
 }
 
-/// How well each place and heading fits.
+/// Scores of all positions and headings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Matches {
     low: Cell,
     width: usize,
     height: usize,
-    /// For each cell its place, if it is free.
+    /// Index of each free cell in the scores.
     places: Vec<Option<u32>>,
     free: Vec<Cell>,
-    /// For each place the scores of all headings; 255 is 1.
+    /// Scores of all headings for each position; 255 is 1.
     scores: Vec<u8>,
 }
 
 impl Matches {
-    /// How well `lines`, in the robot's frame, fit everywhere on `map`; `None` if there are no
-    /// lines, or no place is free.
+    /// Scores of `lines`, in the robot's frame, everywhere on `map`; `None` if there are no lines,
+    /// or no cell is free.
     pub fn new(map: &CellMap, lines: &[Segment]) -> Option<Self> {
         let mut matches = Self::of(map)?;
         let walls = Walls::new(map);
@@ -159,8 +160,8 @@ impl Matches {
         self.scores[place * HEADINGS + heading]
     }
 
-    /// These matches after the robot moved by `change` and saw what gives `later`: what fits both
-    /// times.
+    /// Combines these matches with `later` ones, taken after the robot moved by `change`: poses
+    /// must fit both times.
     #[must_use]
     pub fn then(&self, change: PoseChange, later: &Self) -> Self {
         let mut both = later.clone();
@@ -189,7 +190,7 @@ impl Matches {
         both
     }
 
-    /// The best score near a place: odometry and rounding are not exact.
+    /// The best score near a position: odometry and rounding are not exact.
     fn best_near(&self, cell: Cell, heading: usize) -> u8 {
         let places = cell.block().filter_map(|near| self.place(near));
         let turns = [-2, 0, 2].map(|turn| turned_by(heading, turn));
@@ -199,7 +200,7 @@ impl Matches {
             .unwrap_or(0)
     }
 
-    /// Where the robot is.
+    /// The most likely pose of the robot.
     pub fn estimate(&self, votes: Votes) -> Option<Estimate> {
         let peaks: Vec<(usize, u8)> = (0..HEADINGS)
             .map(|heading| {
@@ -256,7 +257,7 @@ impl Matches {
         (0..belief.len()).max_by(order).unwrap_or(0)
     }
 
-    /// How well a heading fits at a place, such that only the good ones count.
+    /// Fit of a heading at a position, scaled such that only good fits count.
     fn fit(&self, place: usize, heading: usize) -> f32 {
         libm::powf(f32::from(self.score(place, heading)) / 255.0, 4.0)
     }
@@ -266,7 +267,7 @@ impl Matches {
         f32::from(score) * kernel(self.free[peak], self.free[winner])
     }
 
-    /// The best score, place and heading that are not the winner's.
+    /// The best score that differs from the winner, with its position and heading.
     fn second(&self, winner: usize, degrees: usize) -> (u8, usize, usize) {
         let mut best = (0, winner, degrees);
         for (place, cell) in self.free.iter().enumerate() {
@@ -288,8 +289,8 @@ impl Matches {
     }
 }
 
-/// The circular mean of the headings about the best one, by their weights; not of all, as a square
-/// room gives four bundles.
+/// The weighted circular mean of the headings near the best one. Other headings are left out,
+/// because a square room gives four clusters.
 fn mean(best: usize, weight: impl Fn(usize) -> f32) -> f32 {
     let near = (0..HEADINGS).filter(|heading| apart(*heading, best) <= MEAN_DEG);
     let (sin, cos) = near.fold((0.0, 0.0), |(x, y), heading| {
@@ -319,7 +320,8 @@ fn apart(one: usize, other: usize) -> usize {
     apart.min(HEADINGS - apart)
 }
 
-/// What a robot in the middle of cell (0, 0) sees: cells of walls, and such as it looks through.
+/// Observation of a robot in the middle of cell (0, 0): cells of walls, and cells that beams pass
+/// through.
 struct Seen {
     walls: Vec<Cell>,
     through: Vec<Cell>,
@@ -359,9 +361,9 @@ fn cells(points: impl Iterator<Item = Point>) -> Vec<Cell> {
     cells
 }
 
-/// The map's walls with nothing around.
+/// The map's walls, with a margin of empty cells.
 struct Walls {
-    /// A little wider than they are.
+    /// Weights of walls, which extend a little beyond the walls.
     weights: Vec<i16>,
     low: Cell,
     width: usize,
@@ -389,7 +391,7 @@ impl Walls {
         walls
     }
 
-    /// Only for cells nearer to the map than `REACH`.
+    /// Index of a cell; the cell must be nearer to the map than `REACH`.
     fn index(&self, cell: Cell) -> usize {
         let along = |at: i32, low: i32| usize::try_from(at - low).unwrap_or(0);
         along(cell.y, self.low.y) * self.width + along(cell.x, self.low.x)
@@ -456,7 +458,8 @@ mod tests {
         let matches = Matches::new(&map, &walls()).expect("walls");
         let estimate = matches.estimate(Votes::Best).expect("places");
         assert!(estimate.is_ambiguous(), "{estimate:?}");
-        // The walls' cells are 5 and 35, 5 and 25: 1 m from both is cell 15, 15, or turned 25, 15.
+        // The walls' cells are 5 and 35, 5 and 25: the cell 1 m from both is 15, 15, or turned 25,
+        // 15.
         let turned = [estimate.pose, estimate.second].map(|pose| pose.heading.abs() > 1.5);
         let places = [estimate.pose, estimate.second].map(|pose| (pose.x_mm, pose.y_mm));
         let truth = places[usize::from(turned[0])];
@@ -464,8 +467,8 @@ mod tests {
         assert!((truth.0 - 1_550.0).abs() <= 100.0 && (truth.1 - 1_550.0).abs() <= 100.0);
     }
 
-    /// A robot that knows to be in the left half goes half a metre ahead: of the two places that
-    /// fit then it takes the one that it can have come to.
+    /// A robot that knows to be in the left half drives half a metre ahead. Two positions fit then;
+    /// the reachable one is chosen.
     #[test]
     fn what_was_seen_before_counts() {
         let mut map = CellMap::new(CELL_MM, 0, 10_000);
@@ -496,7 +499,8 @@ mod tests {
         );
     }
 
-    /// A second, smaller room is another place; nothing is seen without lines or free cells.
+    /// A second, smaller room is a different position; without lines or free cells there is no
+    /// result.
     #[test]
     fn nothing_is_found_where_nothing_is_to_be_seen() {
         let mut map = CellMap::new(CELL_MM, 0, 10_000);
@@ -531,7 +535,7 @@ mod tests {
         assert_eq!([at(2, 0), at(0, 2), at(-2, 1)], [0.0; 3]);
     }
 
-    /// Cells have their middles at whole 100 mm; those from 60 on, 6 m, are too far.
+    /// Cells have their middles at whole 100 mm; points from 60 cells on, 6 m, are too far.
     #[test]
     fn points_fall_into_the_cells_around_them() {
         let points = [
@@ -569,7 +573,7 @@ mod tests {
     }
 
     /// Cells of 100 mm from (-200, 700) on: the fifth has its middle at (250, 750). Scores of a
-    /// degree to either side count alike, by their fourth power.
+    /// degree to either side have equal weights, by their fourth power.
     #[test]
     fn the_best_score_is_the_place() {
         let matches = row(&[(4, 90, 204), (4, 88, 102), (4, 92, 102), (9, 300, 153)]);
@@ -591,8 +595,8 @@ mod tests {
     }
 
     /// 200 at the fifth cell and 150 beside it: 200 and three quarters of 150 are more than 240
-    /// alone. Weighed so their headings are 90.36 degrees. Multiplied, the heading is that of the
-    /// best score, wherever that was.
+    /// alone. The weighted mean of the headings is 90.36 degrees. Multiplied, the heading is that
+    /// of the best score, at any cell.
     #[test]
     fn d2_votes_are_added_or_multiplied() {
         let matches = row(&[(4, 90, 200), (5, 91, 150), (9, 200, 240)]);
@@ -608,8 +612,8 @@ mod tests {
         let multiplied = matches.estimate(Votes::Multiplied).expect("places");
         assert_eq!(multiplied.pose.x_mm, 250.0);
         assert!((degrees(multiplied.pose) + 160.0).abs() < 1e-3);
-        // A lone vote of 0.8235 is more than 0.4392 and three quarters of 0.4314 added, and less
-        // than both multiplied: 1.4392 * 1.3235 is 1.905.
+        // A single vote of 0.8235 is more than the sum of 0.4392 and three quarters of 0.4314, and
+        // less than the product: 1.4392 * 1.3235 is 1.905.
         let matches = row(&[(4, 90, 112), (5, 91, 110), (9, 200, 210)]);
         for votes in [Votes::Added, Votes::Multiplied] {
             let x_mm = matches.estimate(votes).expect("places").pose.x_mm;
@@ -617,7 +621,7 @@ mod tests {
         }
     }
 
-    /// Three cells or 30 degrees away it is the same place; four or 31 are another one.
+    /// Three cells or 30 degrees away it is the same position; four or 31 make a different one.
     #[test]
     fn another_place_is_more_than_three_cells_or_30_degrees_away() {
         let second = |scores: &[(usize, usize, u8)]| row(scores).second(0, 90);
@@ -628,8 +632,8 @@ mod tests {
         assert_eq!(second(&[(0, 59, 20)]), (20, 0, 59));
     }
 
-    /// A cell ahead, and none to the side: what was seen a cell behind counts, within two degrees
-    /// and a cell. What fits now with no more than 100 of 255 is not looked at.
+    /// A cell ahead, and none to the side: the earlier scan counts one cell behind, within two
+    /// degrees and a cell. Positions with a current score of 100 of 255 or less are skipped.
     #[test]
     fn what_fits_both_times_is_the_product() {
         let ahead = PoseChange {

@@ -1,4 +1,4 @@
-//! A map as an observer sees it, whatever its size and wherever its corner lies.
+//! Observer's view of a map of any size and origin.
 
 /// A view of an occupancy map: one byte a cell, in rows of equal y, lowest y first, as in
 /// [`grid`](crate::grid): 0 free, 127 never seen, 255 obstacle.
@@ -12,7 +12,7 @@ pub struct MapView<'a> {
 
 impl<'a> MapView<'a> {
     /// A map of rows of `width` cells with edges of `cell_mm`; `origin_mm` is the corner of least x
-    /// and y, in the frame of the robot's poses. An unfinished last row is left out.
+    /// and y, in the frame of the robot's poses. An incomplete last row is ignored.
     ///
     /// # Panics
     /// If `width` is 0 or the cells have no size.

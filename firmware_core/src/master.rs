@@ -2,56 +2,57 @@ use protocols::{Instant, LineConfig, LineEvent, Port};
 
 /// A robot's program: the master of its devices.
 ///
-/// [`receive`](Self::receive) is what the receive interrupt calls, [`transmit`](Self::transmit)
-/// what the transmitter asks when it has room, [`poll`](Self::poll) is the main loop's body and
-/// may take long on a real processor. Time never runs backwards between calls; polling early,
-/// late or twice is harmless.
+/// The receive interrupt calls [`receive`](Self::receive); the transmitter calls
+/// [`transmit`](Self::transmit) when it has room. [`poll`](Self::poll) is the main loop's body and
+/// may take long on a real processor. Time never runs backwards between calls; polling early, late
+/// or twice is harmless.
 pub trait Master {
-    /// Bytes that arrived on `port`, the last of them at `now`. Never empty. Called at any time,
-    /// also between a [`poll`](Self::poll) and the end of the work that it began.
+    /// Bytes that arrived on `port`, the last of them at `now`. `bytes` is never empty. The call
+    /// may come at any time, also between a [`poll`](Self::poll) and the end of the work that it
+    /// began.
     fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]);
 
-    /// Something besides bytes happened on `port`.
+    /// Notifies of an event other than received bytes on `port`.
     fn line_event(&mut self, _port: Port, _now: Instant, _event: LineEvent) {}
 
-    /// A change of the program's end of the line that the device would see, such as the port being
-    /// opened again, which resets many a microcontroller; taken once.
+    /// A change of the program's end of the line that the device would notice; returned once.
+    /// Example: opening the port again, which resets many microcontrollers.
     fn line_change(&mut self, _port: Port) -> Option<LineEvent> {
         None
     }
 
     /// Does all work due by `now`. Work that costs processor time is done here at once, but its
-    /// results take effect in the next call, whose `now` tells how long it took: see
-    /// [`take_work`](Self::take_work).
+    /// results take effect in the next call. The `now` of that call includes the time of the work:
+    /// see [`take_work`](Self::take_work).
     fn poll(&mut self, now: Instant);
 
     /// Moves up to `buf.len()` bytes to be sent on `port` into `buf`; returns how many.
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize;
 
-    /// Whether the program may have something to send on `port`, or a [`line_change`] to tell:
-    /// where it has nothing, a line need not ask. `true` is always right.
+    /// Whether the program may have bytes to send or a [`line_change`] to report on `port`. If not,
+    /// the line need not ask. `true` is always correct.
     ///
     /// [`line_change`]: Self::line_change
     fn may_send(&self, _port: Port) -> bool {
         true
     }
 
-    /// When the program next wants to be polled by itself; `None`: only after input.
+    /// Time at which the program wants to be polled without input; `None`: only after input.
     fn poll_at(&self) -> Option<Instant>;
 
     /// Line coding of `port`.
     fn line_config(&self, port: Port) -> LineConfig;
 
-    /// Computing done since the last call. A rig that models the processor does not poll again
-    /// before this work would have been finished; a real board does not call it.
+    /// Computing done since the last call. A rig that models the processor delays the next poll
+    /// until this work would have finished; a real board does not call this method.
     fn take_work(&mut self) -> Work;
 }
 
-/// Computing that takes noticeable time on the microcontroller, counted in units that a cost
-/// model can price.
+/// Computing that takes noticeable time on the microcontroller, in units that a cost model can
+/// convert to time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Scans that went through match and map update.
+    /// Scans that were matched and drawn.
     pub scans: u32,
     /// Candidate poses scored.
     pub tries: u32,
@@ -68,42 +69,42 @@ impl Work {
     };
 }
 
-/// What a rig may look at in a program that runs in its own process: for checkers, reports and the
-/// page, never for devices.
+/// State that a rig can read in a program of its own process: for checkers, reports and the page,
+/// never for devices.
 pub trait Inspect {
-    /// Where the program believes the robot was, in its own map's frame, and when: the end of the
-    /// last scan that was matched, not the moment of asking.
+    /// Believed pose in the program's own map frame, and its time: the end of the last matched
+    /// scan, not the moment of the call.
     fn estimate(&self) -> Option<(Instant, crate::pose::Pose)>;
 
-    /// The map as the program holds it, if it makes one.
+    /// The program's map, if it makes one.
     fn map(&self) -> Option<crate::map_view::MapView<'_>>;
 
-    /// Where the beams of the newest scan that was matched ended, in the robot's frame at the time
-    /// of the [`estimate`](Self::estimate).
+    /// End points of the beams of the newest matched scan, in the robot's frame at the time of the
+    /// [`estimate`](Self::estimate).
     fn scan(&self) -> &[crate::pose::Point] {
         &[]
     }
 
-    /// What the program is doing, in one or two words, e.g. `waypoint` or `stop`.
+    /// Current activity of the program, in one or two words, e.g. `waypoint` or `stop`.
     fn mode(&self) -> &'static str;
 
-    /// Whether a search that the program does by itself has come to its end; `None` if there is
-    /// none.
+    /// Whether the program's autonomous search has ended; `None` if there is none.
     fn is_done(&self) -> Option<bool> {
         None
     }
 
-    /// Reports the places in its map where the program has found victims.
+    /// Reports the positions of found victims in the program's map.
     fn victims(&self, _report: &mut dyn FnMut(crate::pose::Point)) {}
 
-    /// Names every buffer beside which the program would have written; see [`crate::memory`].
+    /// Reports every buffer beyond which the program would have written; see [`crate::memory`].
     fn stray_writes(&self, _report: &mut dyn FnMut(&'static str, crate::memory::StrayWrites)) {}
 
-    /// Whether the program has ended, for instance by a null pointer; it does nothing any more.
+    /// Whether the program has ended, for instance by a null pointer, and does nothing any more.
     fn is_dead(&self) -> bool {
         false
     }
 
-    /// Names every counter with its value, always in the same order: scans, retries, overflows.
+    /// Reports every counter with its name and value, always in the same order: scans, retries,
+    /// overflows.
     fn counters(&self, report: &mut dyn FnMut(&'static str, u64));
 }

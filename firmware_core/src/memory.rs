@@ -1,23 +1,23 @@
-//! Writes that leave their buffer, as a finding.
+//! Record of writes outside their buffer.
 //!
-//! Some defects of the fielded programs write beyond a buffer. Where such a defect is switched on,
-//! the write is not made but noted, and the program continues as if it had hit nothing that
-//! matters; a defect that ended the program in life ends it here too, see
+//! Some defects of the fielded programs write beyond a buffer. If such a defect is enabled, the
+//! write is recorded instead of made, and the program continues as if the write had hit unused
+//! memory. A defect that ended the fielded program ends it here too, see
 //! [`Inspect::is_dead`](crate::Inspect::is_dead).
 
 /// Writes outside one buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StrayWrites {
-    /// How many.
+    /// Number of writes.
     pub count: u32,
-    /// Where the first would have gone, in elements from the buffer's start.
+    /// Position of the first write, in elements from the buffer's start.
     pub first: i32,
-    /// Where the last would have gone.
+    /// Position of the last write.
     pub last: i32,
 }
 
 impl StrayWrites {
-    /// None so far.
+    /// No writes.
     pub const NONE: Self = Self {
         count: 0,
         first: 0,

@@ -1,13 +1,13 @@
-//! From pose, scan and goal to wheel speeds.
+//! Computes wheel speeds from pose, scan and goal.
 //!
 //! ```text
-//! goal -> bearing -> way that is free -> steering -> guard -> set-points (left, right)
+//! goal -> bearing -> free path -> steering -> guard -> set-points (left, right)
 //! ```
 //!
-//! Speeds are the base's: encoder ticks per 40 ms, 20 being 226 mm/s. Bearings are seen from the
+//! Speeds are the base's: encoder ticks per 40 ms, 20 being 226 mm/s. Bearings are relative to the
 //! robot, counter-clockwise from ahead. The steering law and the wall follower are the seed
-//! report's (chapter on navigation); the free way and the guard are ours, because the fielded robot
-//! drove to its waypoints without looking.
+//! report's (chapter on navigation). The free path and the guard are our own additions, because the
+//! fielded robot drove to its waypoints without regard to obstacles.
 
 mod cells;
 mod escape;
@@ -31,16 +31,16 @@ pub use surroundings::Surroundings;
 /// Both wheels at rest.
 pub const HALT: [i8; 2] = [0, 0];
 
-/// How a bearing becomes wheel speeds.
+/// Conversion of a bearing to wheel speeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steering {
     /// Speed straight ahead.
     pub cruise: i8,
-    /// Degrees of error that make one tick of difference on each side.
+    /// Degrees of error per tick of speed difference on each side.
     pub degrees_per_tick: f32,
-    /// Most ticks of difference on each side.
+    /// Maximum speed difference on each side, ticks.
     pub turn_max: f32,
-    /// Error from which on the robot turns on the spot, in degrees.
+    /// Error from which the robot turns on the spot, in degrees.
     pub spot_deg: f32,
 }
 
@@ -53,8 +53,8 @@ impl Steering {
         spot_deg: 360.0,
     };
 
-    /// Slower turns, on the spot if they are large: a scan takes 200 ms, and the map suffers from
-    /// whatever the robot turns meanwhile.
+    /// Slower turns, on the spot if they are large: a scan takes 200 ms, and every turn meanwhile
+    /// degrades the map.
     pub const CALM: Self = Self {
         cruise: 20,
         degrees_per_tick: 3.0,
@@ -67,9 +67,9 @@ impl Steering {
         self.by_error(normalised(bearing).to_degrees())
     }
 
-    /// As the fielded program did it: headings psi in degrees, clockwise, of whatever number of
-    /// turns; of their difference only what exceeds 180 degrees is brought back, and by one turn
-    /// (field defects NV-01 and NV-02).
+    /// Steering of the fielded program: headings psi in degrees, clockwise, with any number of
+    /// turns. Only a difference above 180 degrees is brought back, by one turn (field defects NV-01
+    /// and NV-02).
     pub fn towards_psi(&self, psi_deg: f32, target_deg: f32) -> [i8; 2] {
         let error_deg = psi_deg - target_deg;
         let turns = if error_deg > 180.0 { 360.0 } else { 0.0 };
@@ -88,7 +88,7 @@ impl Steering {
     }
 }
 
-/// Towards zero, saturated.
+/// Rounds towards zero, saturated.
 pub(crate) const fn ticks(speed: f32) -> i8 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -98,12 +98,12 @@ pub(crate) const fn ticks(speed: f32) -> i8 {
     ticks
 }
 
-/// What the robot's body can do and how close it may come.
+/// Dimensions and limits of the robot's body, and its minimum distance to obstacles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
     /// Radius of the disc that holds the robot.
     pub radius_mm: f32,
-    /// Distance kept between the body and what the lidar sees.
+    /// Minimum distance between the body and obstacles that the lidar sees.
     pub clearance_mm: f32,
     /// Speed of a wheel per tick.
     pub tick_mm_s: f32,
@@ -121,33 +121,33 @@ impl Body {
 /// Settings of the navigator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// How a bearing becomes wheel speeds.
+    /// Conversion of a bearing to wheel speeds.
     pub steering: Steering,
     /// The robot's body.
     pub body: Body,
     /// A waypoint counts as reached within this distance.
     pub arrival_mm: f32,
-    /// One that cannot be approached any further counts as reached within this distance.
+    /// A blocked waypoint counts as reached within this distance.
     pub arrival_blocked_mm: f32,
     /// The wall follower.
     pub wall: WallFollowing,
-    /// Enabled faults of the fielded program.
+    /// Enabled defects of the fielded program.
     pub defects: Defects,
 }
 
-/// What the fielded program did wrong in navigating; none by default.
+/// Navigation defects of the fielded program; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Headings are compared as [`Steering::towards_psi`] does (NV-01).
     pub wraps_one_side: bool,
-    /// Besides, psi counts the turns that the robot has made (NV-02).
+    /// Psi also counts the turns that the robot has made (NV-02).
     pub counts_turns: bool,
-    /// A robot that sees nothing drives straight ahead (XV-11).
+    /// A blind robot drives straight ahead (XV-11).
     pub drives_blind: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         wraps_one_side: false,
         counts_turns: false,
@@ -156,8 +156,8 @@ impl Defects {
 }
 
 impl Settings {
-    /// For a robot with this body. The document's arrival radius is 200 mm; ours is smaller because
-    /// it is the true distance that counts and the pose has its error.
+    /// Settings for a robot with this body. The document's arrival radius is 200 mm. Ours is
+    /// smaller, because the true distance counts and the pose has an error.
     pub const fn new(body: Body) -> Self {
         Self {
             steering: Steering::CALM,
@@ -179,7 +179,7 @@ pub struct Goal {
     pub is_last: bool,
 }
 
-/// What to do about a goal.
+/// Next action for a goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Drive on.
@@ -190,42 +190,42 @@ pub enum Step {
 
 /// Scans without progress after which a goal counts as blocked: three seconds.
 const STALLED_SCANS: u8 = 15;
-/// Progress that counts.
+/// Minimum progress.
 const PROGRESS_MM: f32 = 10.0;
-/// Free way that is asked for before a direction is taken; of one that leads to where the robot
-/// wants to get, by so many steps of five degrees, less will do: it gets there by and by, where
-/// what is free far enough may lead away.
+/// Free path required before the robot takes a direction. Near the wanted bearing, within 12 steps
+/// of five degrees, the shorter one is enough: such directions lead to the goal gradually. A longer
+/// free path elsewhere may lead away from the goal.
 const FREE_WAY_MM: f32 = 450.0;
 const NEARER_WAY_MM: f32 = 200.0;
 const NEARER_STEPS: i8 = 12;
-/// A direction that is better by so many radians is much better.
+/// Advantage, in radians, that makes a direction much better.
 const MUCH: f32 = STEP * 8.0;
-/// A plan is made again each second.
+/// Scans between two plans: one second.
 const PLAN_SCANS: u8 = 5;
-/// Plans without a way after which there is none, and rounds in which all were found blocked:
-/// something that moves may have stood in one.
+/// Plans in a row without a path after which the goal counts as unreachable, and the number of
+/// rounds with all paths blocked: a moving obstacle may have blocked one.
 const WAYLESS_PLANS: u8 = 4;
 const BLOCKED_ROUNDS: u8 = 2;
 /// Distance to the last goal at which the robot begins to slow down.
 const SLOW_DOWN_MM: f32 = 250.0;
 
-/// Drives to goals and around what is in the way.
+/// Drives to goals and around obstacles.
 #[derive(Clone, Debug)]
 pub struct Navigator {
     settings: Settings,
     explorer: Explorer,
     escape: Escape,
     planner: Planner,
-    /// Scans until the plan is made again.
+    /// Scans until the next plan.
     plan_ages: u8,
-    /// Plans in a row that found no way.
+    /// Plans in a row without a path.
     wayless: u8,
-    /// How often every way to the goal had been found blocked.
+    /// Number of rounds in which every path to the goal was found blocked.
     rounds: u8,
     goal: Option<Point>,
     nearest_mm: f32,
     stalled: u8,
-    /// Side of the last way around something: 1 left, -1 right, 0 none.
+    /// Side of the last detour around an obstacle: 1 left, -1 right, 0 none.
     side: f32,
     squeeze: Squeeze,
     fielded: fielded::Psi,
@@ -251,17 +251,17 @@ impl Navigator {
         }
     }
 
-    /// What it was told.
+    /// The settings given at construction.
     pub const fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// From now on it drives no faster than `cruise`, ticks per 40 ms.
+    /// Limits the speed to `cruise`, ticks per 40 ms, from now on.
     pub const fn slow_down(&mut self, cruise: i8) {
         self.settings.steering.cruise = cruise;
     }
 
-    /// One step along walls.
+    /// Runs one step along walls.
     pub fn explore(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
         self.fielded.turned(pose);
         if self.settings.defects.drives_blind && around.is_blind() {
@@ -274,7 +274,7 @@ impl Navigator {
         around.guarded(&self.settings.body, wanted)
     }
 
-    /// One step towards `goal`. `map` is the map so far.
+    /// Runs one step towards `goal`. `map` is the map so far.
     pub fn approach(&mut self, map: &Grid, pose: Pose, goal: Goal, around: &Surroundings) -> Step {
         let distance = pose.position().distance_mm(goal.position);
         self.watch_progress(goal.position, distance);
@@ -314,13 +314,13 @@ impl Navigator {
         Step::Drive(around.guarded(&body, wanted))
     }
 
-    /// Whether plan after plan found no way to the goal, however narrow, or each way there was
-    /// found blocked more than once.
+    /// Whether several plans in a row found no path to the goal, even a narrow one, or all paths
+    /// were found blocked more than once.
     pub const fn has_no_way(&self) -> bool {
         self.wayless >= WAYLESS_PLANS || self.rounds >= BLOCKED_ROUNDS
     }
 
-    /// Forgets what it was doing.
+    /// Discards the goal and all state of the drive to it.
     pub const fn reset(&mut self) {
         self.goal = None;
         self.side = 0.0;
@@ -347,8 +347,8 @@ impl Navigator {
         }
     }
 
-    /// What to steer for: the goal itself if the way there is free, else the next part of a way
-    /// around.
+    /// The point to steer for: the goal itself if the straight path is free, else the next point of
+    /// a path around the obstacles.
     fn aim(
         &mut self,
         body: &Body,
@@ -372,14 +372,15 @@ impl Navigator {
             self.plan_ages = PLAN_SCANS;
             let full = &self.settings.body;
             let thin_mm = squeeze::thin(full).keep_mm();
-            // One kind of way then: a wide one now and a narrow one next lead to and fro.
+            // Use one kind of path: alternating a wide and a narrow path makes the robot drive to
+            // and fro.
             let wide = if self.squeeze.is_tight() { body } else { full };
             let bodies = (wide, thin_mm);
             if self.planner.plan(map, bodies, pose, goal, around) {
                 self.rounds = self.rounds.saturating_add(1);
             }
-            // An intermediate place can be replaced by another one; squeezing to each of them costs
-            // time.
+            // An intermediate waypoint can be replaced by another one, and squeezing to each of
+            // them costs time.
             if is_last {
                 self.squeeze
                     .watch_way(self.planner.way_cells(pose.position()));
@@ -399,7 +400,8 @@ impl Navigator {
             self.side = 0.0;
             return bearing;
         }
-        // Best cost of those that are free far enough; failing that, the freest.
+        // Best cost among the directions with enough free path; failing that, the direction with
+        // the most.
         let (mut best, mut least) = (None, f32::INFINITY);
         let (mut freest, mut most) = (bearing, 0.0);
         for step in 0..=24_i8 {
@@ -411,8 +413,8 @@ impl Navigator {
                 } else {
                     wanted
                 };
-                // Once a side was chosen, the other one must be much better, and a way that is not
-                // free so far must lead much nearer.
+                // After a side is chosen, a direction on the other side must be much better. A
+                // direction with a shorter free path must lead much nearer to the goal.
                 let is_disloyal = step > 0 && self.side == -side;
                 let loyalty = if is_disloyal { MUCH } else { 0.0 };
                 let shortness = if free < wanted { MUCH } else { 0.0 };
@@ -440,13 +442,13 @@ impl Navigator {
 /// Five degrees.
 const STEP: f32 = core::f32::consts::PI / 36.0;
 
-/// Where a point of the map lies, seen from `pose`.
+/// Bearing of a map point from `pose`.
 fn bearing_of(pose: Pose, point: Point) -> f32 {
     let (dx, dy) = (point.x_mm - pose.x_mm, point.y_mm - pose.y_mm);
     normalised(libm::atan2f(dy, dx) - pose.heading)
 }
 
-/// Where an arc at constant wheel speeds leads after `seconds`, seen from its beginning.
+/// End of an arc at constant wheel speeds after `seconds`, relative to its start.
 pub(crate) fn arc_end(body: &Body, [left, right]: [i8; 2], seconds: f32) -> Point {
     let [left, right] = [left, right].map(|wheel| f32::from(wheel) * body.tick_mm_s * seconds);
     let turn = (right - left) / body.axle_mm;

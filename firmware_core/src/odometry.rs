@@ -1,9 +1,9 @@
-//! Wheel ticks to pose change, and the recent past of the dead-reckoned pose.
+//! Conversion of wheel ticks to pose changes, and a short history of the dead-reckoned pose.
 //!
-//! Both wheels turn at constant speed between two readings, so the robot runs along an exact arc;
-//! that is the midpoint form with the chord's true length. Readings that no motor could produce
-//! are counted and left out: a slave that sends a 32-bit counter while it carries is off by 256
-//! ticks in one reading and right again in the next.
+//! Both wheels turn at constant speed between two readings, so the robot moves along an exact arc;
+//! the formula is the midpoint form with the chord's true length. Readings that no motor could
+//! produce are counted and ignored. Example: a slave reads a 32-bit counter during a carry; this
+//! reading is wrong by 256 ticks, the next one is right again.
 
 use core::f32::consts::TAU;
 use core::time::Duration;
@@ -12,7 +12,7 @@ use protocols::Instant;
 
 use crate::pose::{Pose, PoseChange, sin_cos};
 
-/// The drive, as far as odometry needs it.
+/// Dimensions of the drive for the odometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelGeometry {
     /// Radius of a wheel.
@@ -21,12 +21,12 @@ pub struct WheelGeometry {
     pub axle_mm: f32,
     /// Encoder counts of one turn of a wheel.
     pub ticks_per_turn: u16,
-    /// More than a wheel can do; faster readings are not believed.
+    /// Maximum tick rate of a wheel; faster readings are ignored.
     pub ticks_per_second_max: u16,
 }
 
 impl WheelGeometry {
-    /// Travel of a wheel's rim per tick.
+    /// Travel of a wheel's circumference per tick.
     pub fn tick_mm(&self) -> f32 {
         TAU * self.wheel_radius_mm / f32::from(self.ticks_per_turn)
     }
@@ -37,11 +37,11 @@ impl WheelGeometry {
         self.arc_turning(ticks, (right - left) / self.axle_mm)
     }
 
-    /// The arc when something that knows better says how far the robot turned, radians.
+    /// The arc for a turn, radians, that a better sensor than the wheels measured.
     pub fn arc_turning(&self, ticks: [i32; 2], turn: f32) -> PoseChange {
         let [left, right] = ticks.map(|count| count as f32 * self.tick_mm());
         let path = (right + left) / 2.0;
-        // The chord leaves at half the turn.
+        // The chord starts at half the turn.
         let (sin, cos) = sin_cos(turn / 2.0);
         let chord = path * chord_of_arc(turn);
         PoseChange {
@@ -52,20 +52,20 @@ impl WheelGeometry {
     }
 }
 
-/// Faults of the fielded code, to show what they do; all off by default.
+/// Defects of the fielded code, to show their effects; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Only the length of the motion is used: driving backwards moves forwards (SL-07).
+    /// The length of the motion is used without its sign: driving backwards moves forwards (SL-07).
     pub loses_the_sign: bool,
-    /// The heading in degrees goes through a factor `180 / pi` into sine and cosine, where single
-    /// precision runs out (SL-08).
+    /// The heading in degrees is multiplied by `180 / pi` before sine and cosine, beyond the
+    /// accuracy of single precision (SL-08).
     pub garbles_the_heading: bool,
-    /// The motion is laid along the heading turned the wrong way (SL-09).
+    /// The motion is applied along the heading turned in the wrong direction (SL-09).
     pub turns_the_wrong_way: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         loses_the_sign: false,
         garbles_the_heading: false,
@@ -73,19 +73,19 @@ impl Defects {
     };
 }
 
-/// Ticks allowed beyond the fastest wheel, for a reading that comes a little late.
+/// Ticks allowed beyond the fastest wheel, for a reading that arrives a little late.
 const TICKS_SLACK: u32 = 16;
-/// Unbelievable readings in a row after which the counters must have been restarted.
+/// Implausible readings in a row after which the counters must have been restarted.
 const RESTART_AFTER: u8 = 3;
-/// Counters that are no higher after a silence begin again.
+/// Counters this low after a silence have restarted.
 const RESTARTED_TICKS: i32 = 2;
-/// How long wheels run at most without a command: the base's watchdog takes a second.
+/// Maximum time that wheels run on without a command: the base's watchdog takes a second.
 const RUNS_ON_MAX: Duration = Duration::from_millis(1_500);
-/// Samples of the past that are kept.
+/// Number of stored samples.
 const SAMPLES: usize = 16;
-/// Longest time that the last motion is continued beyond the newest sample.
+/// Maximum extrapolation beyond the newest sample.
 const EXTRAPOLATION_MAX: Duration = Duration::from_millis(250);
-/// Shortest time between two readings that tell a speed.
+/// Shortest time between two readings that gives a speed.
 const SPEED_TAKES: Duration = Duration::from_millis(20);
 
 #[derive(Clone, Copy, Debug)]
@@ -94,7 +94,7 @@ struct Sample {
     pose: Pose,
 }
 
-/// Dead reckoning: integrates tick readings, and tells the pose at any recent time.
+/// Dead reckoning: integrates tick readings, and returns the pose at any recent time.
 #[derive(Clone, Debug)]
 pub struct Odometry {
     geometry: WheelGeometry,
@@ -102,24 +102,24 @@ pub struct Odometry {
     /// The fielded heading: degrees, clockwise, never normalised.
     psi_deg: f32,
     last_ticks: Option<[i32; 2]>,
-    /// Oldest first; all of `..len` hold.
+    /// Oldest first; the first `len` are valid.
     samples: [Sample; SAMPLES],
     len: usize,
     disbelieved_in_a_row: u8,
     disbelieved: u32,
     /// The next reading is the first one after a silence.
     resumes: bool,
-    /// Motion was left out, or only its sum is known.
+    /// Motion was ignored, or only its sum is known.
     has_gap: bool,
 }
 
 impl Odometry {
-    /// Starts at the origin, knowing nothing of the counters.
+    /// Starts at the origin, without a counter reading.
     pub const fn new(geometry: WheelGeometry) -> Self {
         Self::with_defects(geometry, Defects::NONE)
     }
 
-    /// One with the fielded code's faults, which begins at the fielded start, psi 90.
+    /// An odometry with the fielded code's defects, which starts at the fielded heading, psi 90.
     pub const fn with_defects(geometry: WheelGeometry, defects: Defects) -> Self {
         const ORIGIN: Sample = Sample {
             at: Instant::ZERO,
@@ -144,14 +144,14 @@ impl Odometry {
     }
 
     /// Takes a reading of both counters (left, right), which wrap; returns the motion since the
-    /// previous one. The first reading, and the third unbelievable one in a row, only set the
-    /// counters; other unbelievable readings are as if they had not been made.
+    /// previous one. The first reading, and the third implausible one in a row, only set the
+    /// counters; other implausible readings have no effect.
     pub fn update(&mut self, now: Instant, ticks: [i32; 2]) -> PoseChange {
         self.update_turning(now, ticks, None)
     }
 
-    /// Takes a reading of both counters, and how far the robot has turned since the previous one
-    /// by a sensor that does not slip (radians), if there is one; see [`update`](Self::update).
+    /// Takes a reading of both counters, and optionally the robot's turn since the previous one
+    /// (radians) from a sensor that does not slip; see [`update`](Self::update).
     pub fn update_turning(
         &mut self,
         now: Instant,
@@ -208,16 +208,16 @@ impl Odometry {
         change
     }
 
-    /// The drive answers again after a silence. It may have been restarted, and its counters with
-    /// it: then wheel turns up to the next reading are not integrated. If it was not, they tell how
-    /// far it ran on.
+    /// Notes that the drive answers again after a silence. If the drive was restarted, its counters
+    /// were too, and wheel turns up to the next reading are not integrated. If not, the counters
+    /// give the motion in the silence.
     pub const fn resume(&mut self) {
         self.resumes = true;
         self.has_gap = true;
         self.disbelieved_in_a_row = 0;
     }
 
-    /// Whether motion was left out since the last call, or only where it led to is known.
+    /// Whether motion was ignored since the last call, or only its end is known.
     pub const fn take_gap(&mut self) -> bool {
         core::mem::replace(&mut self.has_gap, false)
     }
@@ -228,13 +228,14 @@ impl Odometry {
             .map_or_else(Pose::default, |sample| sample.pose)
     }
 
-    /// When the newest reading was made.
+    /// Time of the newest reading.
     pub fn updated_at(&self) -> Option<Instant> {
         self.newest().map(|sample| sample.at)
     }
 
-    /// The dead-reckoned pose at `at`: between two readings along the way between them, after the
-    /// newest one at the last speed for at most 250 ms, before the oldest that is kept, that one's.
+    /// The dead-reckoned pose at `at`. Between two readings it is interpolated. After the newest
+    /// one it continues at the last speed for at most 250 ms. Before the oldest one it is that
+    /// one's pose.
     pub fn pose_at(&self, at: Instant) -> Pose {
         let samples = &self.samples[..self.len];
         let Some(newest) = samples.last() else {
@@ -248,7 +249,8 @@ impl Odometry {
             return between(samples[after - 1], samples[after], at);
         }
         let latest = newest.at + EXTRAPOLATION_MAX;
-        // Of two readings right behind one another, a tick more in the second is no speed.
+        // Two readings in quick succession give no speed: the second may have one more tick by
+        // chance.
         let is_before = |sample: &&Sample| newest.at - sample.at >= SPEED_TAKES;
         let before = samples.iter().rev().find(is_before);
         before.map_or(newest.pose, |before| {
@@ -256,14 +258,14 @@ impl Odometry {
         })
     }
 
-    /// Whether `at` is not before the oldest reading that is kept.
+    /// Whether `at` is not before the oldest stored reading.
     pub fn remembers(&self, at: Instant) -> bool {
         self.samples[..self.len]
             .first()
             .is_some_and(|oldest| oldest.at <= at)
     }
 
-    /// Readings that were not believed.
+    /// Number of implausible readings.
     pub const fn disbelieved(&self) -> u32 {
         self.disbelieved
     }
@@ -296,7 +298,7 @@ impl Odometry {
     }
 }
 
-/// The pose at `at` when the robot runs from `a` to `b` at constant speed along an arc; `at` may
+/// The pose at `at` of a robot that moves from `a` to `b` along an arc at constant speed; `at` may
 /// lie beyond `b`.
 fn between(a: Sample, b: Sample, at: Instant) -> Pose {
     let whole = seconds(b.at - a.at);
@@ -305,7 +307,8 @@ fn between(a: Sample, b: Sample, at: Instant) -> Pose {
     }
     let share = seconds(at - a.at) / whole;
     let change = a.pose.change_to(b.pose);
-    // The chord of a part of an arc leaves at half the part's turn, and is longer for its arc.
+    // The chord of a part of an arc starts at half the part's turn, and is longer relative to its
+    // arc.
     let turn = change.turn * share;
     let (sin, cos) = sin_cos((turn - change.turn) / 2.0);
     let length = share * chord_of_arc(turn) / chord_of_arc(change.turn);
@@ -332,16 +335,16 @@ fn seconds(duration: Duration) -> f32 {
     duration.as_secs_f32()
 }
 
-/// The fielded firmware's odometry (its document's listing B.4), kept to show what is wrong with
-/// it; see [`fielded::change`].
+/// The fielded firmware's odometry (its document's listing B.4), kept to show its errors; see
+/// [`fielded::change`].
 pub mod fielded {
     use core::f32::consts::PI;
 
     use super::{Defects, WheelGeometry, sin_cos};
     use crate::pose::PoseChange;
 
-    /// The motion by `ticks`, as the fielded rule has it as far as its faults are switched on.
-    /// `psi_deg` is the fielded heading, clockwise and never normalised.
+    /// The motion by `ticks`, by the fielded rule with the enabled defects. `psi_deg` is the
+    /// fielded heading, clockwise and never normalised.
     pub fn change(
         geometry: &WheelGeometry,
         defects: Defects,
@@ -416,8 +419,8 @@ mod tests {
         assert!(near(DRIVE.arc([100, 99]).distance_mm(), 45.15, 0.01));
     }
 
-    /// The base was silent for a second, in which the robot continued turning: 450 ticks of each
-    /// wheel are a quarter turn. What it did meanwhile is known, but not when.
+    /// The base was silent for a second while the robot continued turning: 450 ticks of each wheel
+    /// are a quarter turn. The motion in the silence is known, but not its course in time.
     #[test]
     fn what_the_counters_went_on_counting_in_a_silence_is_motion() {
         let mut odometry = Odometry::new(DRIVE);
@@ -429,8 +432,8 @@ mod tests {
         assert!(odometry.take_gap() && !odometry.take_gap());
     }
 
-    /// Restarted counters are no motion: from 300 to 0 would be 136 mm backwards. Nor is what no
-    /// wheel does that runs on for a second and a half, however long the silence.
+    /// Restarted counters are no motion: from 300 to 0 would be 136 mm backwards. Nor is a count
+    /// that no wheel reaches in a second and a half, even after a longer silence.
     #[test]
     fn counters_that_begin_anew_after_a_silence_are_no_motion() {
         let mut odometry = Odometry::new(DRIVE);
@@ -458,7 +461,7 @@ mod tests {
         );
     }
 
-    /// The pose after one step from the fielded start or another psi, for one defect and without.
+    /// The pose after one step from psi 90 or another psi, with one defect and without.
     fn stepped(defects: Defects, psi_deg: i16, ticks: [i32; 2]) -> [Pose; 2] {
         let start = Pose::from_wire(crate::pose::WirePose {
             x_mm: 0,
@@ -471,9 +474,9 @@ mod tests {
         })
     }
 
-    /// A heading that was multiplied by 57.3 once too often: 29,000 degrees are 1,661,578, of which
-    /// 32 bits keep eighths. A turn of half an eighth, 0.0573 rad or 15 mm of 262, is lost in it,
-    /// and the robot does not move.
+    /// A heading multiplied by 57.3 once too often: 29,000 degrees become 1,661,578, which 32 bits
+    /// resolve to eighths. A turn of half an eighth, 0.0573 rad or 15 mm of 262, is lost, and the
+    /// robot does not move.
     #[test]
     fn a_garbled_heading_swallows_a_small_turn() {
         let defects = Defects {
@@ -526,7 +529,7 @@ mod tests {
         assert!(near(fielded.x_mm, -2.97, 0.02) && near(sound.x_mm, 1.48, 0.01));
     }
 
-    /// The switches reach what the robot believes.
+    /// The enabled defects change the believed pose.
     #[test]
     fn an_odometry_with_defects_shows_them() {
         let defects = Defects {
@@ -563,7 +566,8 @@ mod tests {
         assert!(near(odometry.pose().heading, 0.0, 1e-6));
     }
 
-    /// A slave that was reset counts from zero again: two readings are lost, not the robot.
+    /// A slave that was reset counts from zero again: two readings are lost, but not the robot's
+    /// pose.
     #[test]
     fn restarted_counters_are_taken_over_at_the_third_reading() {
         let mut odometry = Odometry::new(DRIVE);
@@ -600,10 +604,10 @@ mod tests {
         assert_eq!(odometry.pose_at(at(450)), odometry.pose_at(at(9_000)));
     }
 
-    /// The wheels are read twice, a quarter of a millisecond apart, and one ticks in between.
-    /// Then the base falls silent. Found by a campaign: 4000 ticks a second, continued for 250 ms,
-    /// turned the robot by 90 degrees in its own eyes. By hand: 20 and 21 ticks in 40.25 ms are
-    /// 9.303 mm and 1.745 mrad, up to 290 ms 7.205 times as much.
+    /// The wheels are read twice, a quarter of a millisecond apart, and one ticks in between. Then
+    /// the base falls silent. Found by a campaign: 4000 ticks a second, continued for 250 ms,
+    /// turned the believed heading by 90 degrees. By hand: 20 and 21 ticks in 40.25 ms are 9.303 mm
+    /// and 1.745 mrad, up to 290 ms 7.205 times as much.
     #[test]
     fn two_readings_right_behind_one_another_tell_no_speed() {
         let mut odometry = Odometry::new(DRIVE);

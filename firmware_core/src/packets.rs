@@ -1,8 +1,8 @@
-//! The lidar's bytes become packets: soundly, or as the fielded program did it.
+//! Parser of the lidar's packets: correct, or with the defects of the fielded program.
 //!
-//! The fielded parser hunts a start byte, takes 22 bytes, and expects the next start byte behind
-//! them; what it finds there it believes. It computes the checksum without clearing the sum between
-//! packets, which is why the comparison was commented out at last, and it uses the index unchecked.
+//! The fielded parser searches a start byte, takes 22 bytes, and expects the next start byte behind
+//! them; it accepts any byte there. It computes the checksum without clearing the sum between
+//! packets, so its developers finally commented the comparison out. It uses the index unchecked.
 
 use protocols::xv11::{self, FIRST_INDEX, FRAME_LEN, Frame, RawReading, START, SpeedWord};
 use protocols::{Decode, FrameError};
@@ -10,22 +10,22 @@ use protocols::{Decode, FrameError};
 use crate::memory::StrayWrites;
 use crate::scan::BEAMS;
 
-/// What the fielded program did wrong in its lidar's stream; none by default.
+/// Lidar defects of the fielded program; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The checksum's sum continues from packet to packet (XV-01).
     pub sum_is_never_cleared: bool,
     /// No checksum is compared (XV-02).
     pub unchecked: bool,
-    /// The index is not checked before it selects a place in memory (XV-03).
+    /// The index selects an array element without a check (XV-03).
     pub any_index: bool,
-    /// 22 bytes are used up whatever they are, so that a false start byte that repeats is kept for
-    /// ever (XV-04), and one lost byte costs packets with wrong places (XV-05).
+    /// All 22 bytes are consumed in any case. A repeating false start byte is therefore kept
+    /// forever (XV-04), and one lost byte costs packets with wrong indices (XV-05).
     pub keeps_alignment: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         sum_is_never_cleared: false,
         unchecked: false,
@@ -33,7 +33,7 @@ impl Defects {
         keeps_alignment: false,
     };
 
-    /// As the fielded program was in the end.
+    /// Defects of the final fielded program.
     pub const FIELDED: Self = Self {
         sum_is_never_cleared: false,
         unchecked: true,
@@ -42,7 +42,7 @@ impl Defects {
     };
 }
 
-/// Takes packets out of the stream.
+/// Extracts packets from the stream.
 #[derive(Clone, Debug)]
 pub struct Packets {
     decoder: xv11::Decoder,
@@ -51,12 +51,12 @@ pub struct Packets {
 }
 
 impl Packets {
-    /// Of a sound program.
+    /// Packets of a correct program.
     pub const fn new() -> Self {
         Self::with_defects(Defects::NONE)
     }
 
-    /// Of a program with some of the fielded one's faults.
+    /// Packets of a program with the given defects.
     pub const fn with_defects(defects: Defects) -> Self {
         Self {
             decoder: xv11::Decoder::with_format(xv11::Packets),
@@ -79,12 +79,12 @@ impl Packets {
         None
     }
 
-    /// Says that the line went quiet. The fielded program did not notice.
+    /// Notes that the line is quiet, which the fielded program did not notice.
     pub fn idle(&mut self) {
         self.decoder.idle();
     }
 
-    /// Bytes taken but not yet judged.
+    /// Bytes taken but not yet checked.
     pub fn pending(&self) -> usize {
         if self.defects == Defects::NONE {
             self.decoder.pending()
@@ -142,7 +142,7 @@ impl Hunter {
         outcome
     }
 
-    /// Goes on at the next start byte within the rejected ones.
+    /// Continues at the next start byte within the rejected bytes.
     fn rescan(&mut self) {
         let next = self.bytes[1..].iter().position(|byte| *byte == START);
         let from = next.map_or(FRAME_LEN, |at| at + 1);
@@ -163,7 +163,7 @@ impl Hunter {
                 let (max, found) = (89, u32::from(index));
                 return Some(Err(FrameError::Length { max, found }));
             }
-            // The place in the array is kept in 16 bits without sign.
+            // The array index is kept in 16 bits without sign.
             let place = (i32::from(self.bytes[1]) - i32::from(FIRST_INDEX)) * 4;
             self.stray.note(place.rem_euclid(0x1_0000));
             return None;
@@ -213,7 +213,8 @@ mod tests {
         (good, bad, packets.stray_writes())
     }
 
-    /// Field defect XV-01: the first passes, of the second (3028 computed, 519B sent) nothing.
+    /// Field defect XV-01: the first packet passes, the second (3028 computed, 519B sent) and all
+    /// later ones do not.
     #[test]
     fn a_sum_that_is_never_cleared_passes_the_first_packet_only() {
         let defects = Defects {
@@ -251,8 +252,8 @@ mod tests {
         assert_eq!(outcomes(Defects::FIELDED, bytes.as_flattened()), sound);
     }
 
-    /// Three bytes from a false start on there is a packet, and all 22 that are rejected have no
-    /// other start: both times the packet is found that begins within, or behind them.
+    /// Two streams: a packet that starts three bytes behind a false start; and 22 rejected bytes
+    /// without another start, followed by a packet. Every packet is found.
     #[test]
     fn a_rejected_packet_costs_no_other() {
         let defects = Defects {
@@ -272,8 +273,8 @@ mod tests {
         assert_eq!(packets.pending(), 2);
     }
 
-    /// 0xFA stands within the first packet: what was taken is not looked at again, whether it was
-    /// sound, or wrong and believed to keep its place.
+    /// 0xFA occurs within the first packet: the parser never searches bytes it has taken, whether
+    /// the packet was valid, or invalid and accepted to keep its position.
     #[test]
     fn a_packet_that_was_taken_is_not_searched() {
         let within = |mut bytes: [u8; FRAME_LEN]| {

@@ -1,10 +1,9 @@
-//! Where a robot is on a map that it has, by Monte-Carlo localisation: many guesses, moved as the
-//! odometry says, weighed by how well the scan fits, drawn again. For the part of a program that
-//! runs on a PC; feature `host`.
+//! Monte-Carlo localisation on a known map: many guesses are moved by the odometry, weighted by the
+//! fit of the scan, and drawn again. For the part of a program that runs on a PC; feature `host`.
 //!
 //! Facts: `amcl` as seed 003 set it up (differential odometry model, likelihood field, 500 to 2,000
 //! particles by the KLD criterion, no recovery); see [`Settings`]. Its odometry noise is far larger
-//! than the car's; so it stays robust against slip, and so does this.
+//! than the car's, which makes it robust against slip; this localiser keeps that noise.
 
 mod field;
 mod motion;
@@ -25,31 +24,33 @@ use crate::random::Pcg32;
 /// Edges of the boxes in which guesses are counted: metres, metres, radians.
 const BOX: [f64; 3] = [0.5, 0.5, PI / 18.0];
 
-/// A beam that ends no farther from an obstacle than this fits, metres.
+/// Maximum distance between a beam's end and an obstacle for a fit, metres.
 const FITS_M: f64 = 0.2;
-/// Fewer beams tell nothing of how they fit.
+/// Minimum number of beams for a statement about the fit.
 const TELLING: usize = 10;
 
-/// How to weigh and how many guesses to keep.
+/// Settings of the weights and the number of guesses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Minimum and maximum number of guesses.
     pub count: [usize; 2],
-    /// The number is such that the guesses tell the truth's distribution up to this error..
+    /// Maximum error of the distribution that the guesses represent; their number follows from it
+    /// (KLD).
     pub kld_error: f64,
-    /// ..in all but a part of the cases: the quantile of the normal distribution for 99 % is 2.326.
+    /// Quantile of the normal distribution for the share of cases within that error: 2.326 for
+    /// 99 %.
     pub kld_quantile: f64,
     /// Noise of the odometry.
     pub noise: Noise,
-    /// Beams of a scan that are weighed, evenly chosen.
+    /// Number of beams of a scan that are weighted, evenly chosen.
     pub beams: usize,
-    /// Weight of what is measured as it should be, and of anything; together 1.
+    /// Weight of a correct measurement, and of a random one; together 1.
     pub hit_and_random: [f64; 2],
-    /// Standard deviation of a beam's end about the next obstacle, metres.
+    /// Standard deviation of a beam's end around the next obstacle, metres.
     pub hit_sigma_m: f64,
-    /// Ranges that count, metres.
+    /// Range of valid measurements, metres.
     pub range_m: [f64; 2],
-    /// Minimum way and turn after which a scan is weighed, metres and radians.
+    /// Minimum distance and turn after which a scan is weighted, metres and radians.
     pub moved: [f64; 2],
 }
 
@@ -72,9 +73,9 @@ impl Default for Settings {
 /// A guess.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Particle {
-    /// Where the robot might be.
+    /// Possible pose of the robot.
     pub pose: CarPose,
-    /// How likely; all together 1.
+    /// Likelihood; the sum over all guesses is 1.
     pub weight: f64,
 }
 
@@ -87,31 +88,31 @@ pub struct Beam {
     pub range_m: f64,
 }
 
-/// Where the robot most likely is.
+/// Most likely pose of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Mean of the heaviest heap of guesses.
+    /// Mean of the heaviest cluster of guesses.
     pub pose: CarPose,
-    /// Standard deviation of its guesses' places, metres.
+    /// Standard deviation of the positions of its guesses, metres.
     pub spread_m: f64,
-    /// Part of all weight that lies in this heap.
+    /// Share of the total weight in this cluster.
     pub share: f64,
 }
 
 /// The guesses.
 #[derive(Clone, Debug)]
 pub struct Localiser {
-    /// What a beam that ends in a cell adds to the likelihood.
+    /// Likelihood that a beam adds if it ends in a cell.
     weights: LikelihoodField,
     settings: Settings,
     particles: Vec<Particle>,
     random: Pcg32,
-    /// The odometry's pose when a scan was last weighed.
+    /// The odometry's pose when a scan was last weighted.
     odometry: Option<CarPose>,
-    /// Place of the scanner on the robot.
+    /// Pose of the scanner on the robot.
     scanner: CarPose,
     fit: f64,
-    /// Of a beam that ends near an obstacle.
+    /// Likelihood of a beam that ends near an obstacle.
     fitting: f64,
 }
 
@@ -170,7 +171,7 @@ impl Localiser {
         &self.particles
     }
 
-    /// Whether a scan would be weighed: the robot has moved since the last one.
+    /// Whether a scan would be weighted: the robot has moved since the last one.
     pub fn is_due(&self, odometry: CarPose) -> bool {
         self.odometry.is_none_or(|before| {
             let motion = before.motion_to(odometry);
@@ -180,8 +181,8 @@ impl Localiser {
         })
     }
 
-    /// A scan, and where the odometry says that the robot was then. Whether it was weighed: only
-    /// when the robot has moved since the last one.
+    /// Takes a scan, and the odometry's pose at its time. Returns whether the scan was weighted,
+    /// which requires a motion since the last one.
     pub fn update(&mut self, odometry: CarPose, scan: &[Beam]) -> bool {
         if !self.is_due(odometry) {
             return false;
@@ -198,8 +199,8 @@ impl Localiser {
         true
     }
 
-    /// Another source reports a different motion than the odometry, up to now: every second guess
-    /// follows it.
+    /// Handles a contradiction: another source reports a different motion than the odometry. Every
+    /// second guess follows the other source.
     pub fn doubt(&mut self, told: Motion, other: Motion) {
         let back = told.inverse();
         for particle in self.particles.iter_mut().step_by(2) {
@@ -207,13 +208,13 @@ impl Localiser {
         }
     }
 
-    /// Part of the beams of the last scan that end where the map has something, as the best guess
-    /// sees them; 1 if there were too few to say.
+    /// Share of the last scan's beams that end near an obstacle of the map, for the best guess; 1
+    /// if there were too few beams.
     pub const fn fit(&self) -> f64 {
         self.fit
     }
 
-    /// Lets a part of the guesses lie about the estimate, by `sigma`: the robot may be elsewhere.
+    /// Spreads a part of the guesses around the estimate, by `sigma`: the robot may be elsewhere.
     pub fn search(&mut self, part: f64, sigma: [f64; 3]) {
         let about = self.estimate().pose;
         let random = &mut self.random;
@@ -228,7 +229,7 @@ impl Localiser {
         }
     }
 
-    /// Where the robot most likely is.
+    /// The most likely pose of the robot.
     pub fn estimate(&self) -> Estimate {
         let mut boxes: BTreeMap<[i64; 3], f64> = BTreeMap::new();
         let all = || self.particles.iter().map(|one| (in_box(one.pose), one));
@@ -248,7 +249,7 @@ impl Localiser {
             near.iter().map(|one| one.weight * of(one)).sum::<f64>() / share
         };
         let (x_m, y_m) = (mean(&|one| one.pose.x_m), mean(&|one| one.pose.y_m));
-        // Headings of a heap lie within 30 degrees, so their mean is that of what they are off.
+        // Headings of a cluster lie within 30 degrees, so their mean is the mean of their offsets.
         let about = near.first().map_or(0.0, |one| one.pose.heading_rad);
         let off = mean(&|one| wrapped(one.pose.heading_rad - about));
         let pose = CarPose {
@@ -297,7 +298,8 @@ impl Localiser {
         }
     }
 
-    /// Part of `beams`, in cells in the robot's frame, that end near an obstacle for a robot there.
+    /// Share of `beams`, in cells in the robot's frame, that end near an obstacle for a robot at
+    /// `pose`.
     fn fit_at(&self, pose: CarPose, beams: &[[f64; 2]]) -> f64 {
         if beams.len() < TELLING {
             return 1.0;
@@ -313,7 +315,7 @@ impl Localiser {
         fitting.count() as f64 / beams.len() as f64
     }
 
-    /// Ends of the beams that are weighed, in the robot's frame.
+    /// Ends of the weighted beams, in the robot's frame.
     fn usable(&self, scan: &[Beam]) -> Vec<[f64; 2]> {
         let [near, far] = self.settings.range_m;
         let step = (scan.len() / self.settings.beams.max(1)).max(1);
@@ -331,7 +333,7 @@ impl Localiser {
         beams.map(end).collect()
     }
 
-    /// Draws as many guesses as are needed, the heavier the more often.
+    /// Draws as many new guesses as needed, in proportion to their weights.
     fn draw_anew(&mut self) {
         let mut sums = Vec::with_capacity(self.particles.len());
         let mut sum = 0.0;
@@ -357,7 +359,7 @@ impl Localiser {
         self.particles = drawn;
     }
 
-    /// Guesses that are needed when they lie in so many boxes (Fox 2001).
+    /// Number of guesses needed if they occupy `boxes` boxes (Fox 2001).
     fn needed(&self, boxes: usize) -> usize {
         if boxes < 2 {
             return 0;
@@ -387,7 +389,7 @@ fn in_box(pose: CarPose) -> [i64; 3] {
     })
 }
 
-/// How many boxes of heading lie between two, the shorter way round.
+/// Number of heading boxes between two, in the shorter direction.
 fn turned_boxes(one: i64, other: i64) -> i64 {
     let off = (one - other).rem_euclid(36);
     off.min(36 - off)

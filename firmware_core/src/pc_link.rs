@@ -1,9 +1,9 @@
 //! Robot end of the PC link: pose, map rows, waypoints and state out, orders in.
 //!
-//! Everything that is sent goes through one queue, frame by frame, so nothing can get between the
-//! bytes of a frame (the fielded program wrote its pose into the middle of map rows, and its debug
-//! text into both). Map rows fill the time that is left: the radio behind the port has 700 bytes of
-//! buffer and passes on less than half of what the port can carry, so rows are paced.
+//! All output goes through one queue, frame by frame, so no other bytes can get between the bytes
+//! of a frame. (The fielded program wrote its pose into the middle of map rows, and its debug text
+//! into both.) Map rows use the remaining time. The radio behind the port has 700 bytes of buffer
+//! and forwards less than half of the port's rate, so rows are paced.
 
 mod fielded;
 
@@ -23,9 +23,9 @@ use crate::waypoints::Waypoints;
 pub use fielded::Defects;
 use fielded::{CountedPsi, Receiver};
 
-/// Room for the longest frame beside a queue that is still worth filling.
+/// Room for the longest frame in addition to a useful queue.
 const TX_LEN: usize = if cfg!(feature = "large") { 8192 } else { 2048 };
-/// Bytes that go at once: the radio has room for 700. Only a row of the large map is longer.
+/// Bytes sent without a pause: the radio has room for 700. Only a row of the large map is longer.
 const AT_ONCE: usize = if cfg!(feature = "large") {
     512
 } else {
@@ -33,14 +33,14 @@ const AT_ONCE: usize = if cfg!(feature = "large") {
 };
 /// Rows are added only while no more than this is queued, so that a pose never waits long.
 const ROWS_BELOW: usize = 512;
-/// How often a row is tried again while the queue does not drain.
+/// Retry interval for a row while the queue does not drain.
 const ROW_RETRY: Duration = Duration::from_millis(5);
 /// Quiet time after which a half-received frame is given up. The radio delivers in bursts up to 40
 /// ms apart.
 const IDLE_GAP: Duration = Duration::from_millis(100);
 /// State is sent at 5 Hz.
 const STATE_PERIOD: Duration = Duration::from_millis(200);
-/// How the robot is, is told each second.
+/// Period of the diagnosis messages.
 const DIAGNOSIS_PERIOD: Duration = Duration::from_secs(1);
 const NEVER: Instant = Instant::from_nanos(u64::MAX);
 
@@ -49,20 +49,20 @@ const NEVER: Instant = Instant::from_nanos(u64::MAX);
 pub struct Settings {
     /// Time from pose to pose.
     pub pose_period: Duration,
-    /// Bytes per second that the far side passes on; `None` fills the line.
+    /// Bytes per second that the radio forwards; `None` fills the line.
     pub pace_bytes_per_s: Option<u32>,
-    /// How rows are run-length coded.
+    /// Run-length coding of rows.
     pub dialect: rle::Dialect,
-    /// What is told besides pose, state and map.
+    /// Diagnosis sent besides pose, state and map.
     pub diagnosis: Diagnose,
-    /// Enabled faults of the fielded program.
+    /// Enabled defects of the fielded program.
     pub defects: Defects,
 }
 
-/// What is told besides pose, state and map.
+/// Diagnosis sent besides pose, state and map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Diagnose {
-    /// Nothing, as the report has it.
+    /// No diagnosis, as in the report.
     #[default]
     Nothing,
     /// Battery, conditions, errors and victims, once a second.
@@ -70,8 +70,8 @@ pub enum Diagnose {
 }
 
 impl Settings {
-    /// The seed report's 50 ms; a pace that an HC-06 carries (20.5 kB/s, half of it while the PC
-    /// talks as well) with room for its bursts.
+    /// The seed report's 50 ms, and a pace that an HC-06 carries (20.5 kB/s, half of that while the
+    /// PC sends as well) with room for its bursts.
     pub const DEFAULT: Self = Self {
         pose_period: Duration::from_millis(50),
         pace_bytes_per_s: Some(12_000),
@@ -87,31 +87,31 @@ impl Default for Settings {
     }
 }
 
-/// What the link tells of.
+/// Data that the link sends to the PC.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// The map.
     pub map: &'a Grid,
-    /// Where the robot is.
+    /// Pose of the robot.
     pub pose: Pose,
-    /// The measured value.
+    /// The state, for the state message.
     pub state: State,
-    /// Its waypoints.
+    /// Waypoints of the robot.
     pub waypoints: &'a Waypoints,
-    /// How it is.
+    /// Diagnosis of the robot.
     pub diagnosis: Diagnosis,
-    /// Where it has found victims, millimetres in the map.
+    /// Positions of the found victims, millimetres in the map.
     pub victims: &'a [[i16; 2]],
 }
 
-/// What happened on the link so far.
+/// Counters of the link since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Valid frames received.
     pub received: u32,
     /// Candidates rejected: checksum, length, cut off.
     pub bad_frames: u32,
-    /// Valid frames that meant nothing to the robot.
+    /// Valid frames that the robot could not interpret.
     pub meaningless: u32,
     /// Frames queued for sending.
     pub sent: u32,
@@ -120,7 +120,7 @@ pub struct Counters {
 }
 
 impl Counters {
-    /// Nothing has happened yet.
+    /// All counters at 0.
     const NONE: Self = Self {
         received: 0,
         bad_frames: 0,
@@ -141,7 +141,7 @@ pub struct PcLink {
     state_at: Instant,
     diagnosis_at: Instant,
     row_at: Instant,
-    /// When what has been sent will have passed the far side.
+    /// Time at which the last bytes sent will have passed the receiving radio.
     passed_at: Instant,
     row: u16,
     /// Queued bytes that have to wait, and until when.
@@ -152,7 +152,7 @@ pub struct PcLink {
     fielded: Fielded,
 }
 
-/// What only the fielded program's faults need.
+/// State that only the fielded program's defects need.
 #[derive(Clone, Debug)]
 struct Fielded {
     receiver: Receiver,
@@ -167,7 +167,7 @@ struct Fielded {
 const WAITING_MAX: usize = 512;
 /// The fielded one.
 const SHORT_QUEUE: usize = 200;
-/// Before it, the fielded program has no queue (field defect PU-16).
+/// Time before which the fielded program has no queue (field defect PU-16).
 const READY_AFTER: Duration = Duration::from_millis(1);
 
 impl PcLink {
@@ -216,7 +216,7 @@ impl PcLink {
         self.next_frame(input)
     }
 
-    /// A frame that an idle line has freed.
+    /// A frame that the decoder releases on an idle line.
     pub fn freed(&mut self, now: Instant) -> Option<Frame> {
         while self.fielded.allowed > 0 {
             self.fielded.allowed -= 1;
@@ -234,22 +234,22 @@ impl PcLink {
         self.next_frame(&mut &[][..])
     }
 
-    /// Gives up a half-received frame: the other end closed or the line broke.
+    /// Discards a half-received frame: the other end closed or the line broke.
     pub fn line_broke(&mut self) {
         self.decoder.idle();
     }
 
-    /// No receiver understood a frame.
+    /// Counts a frame that no receiver understood.
     pub const fn count_meaningless(&mut self) {
         self.counters.meaningless = self.counters.meaningless.saturating_add(1);
     }
 
-    /// The waypoints are to be sent.
+    /// Requests that the waypoints are sent.
     pub const fn echo_waypoints(&mut self) {
         self.echo_is_due = true;
     }
 
-    /// Queues what is due.
+    /// Queues all messages that are due.
     pub fn tick(&mut self, now: Instant, view: &View<'_>) {
         if now < self.next_at() {
             return;
@@ -304,7 +304,7 @@ impl PcLink {
         frames_at.min(release_at)
     }
 
-    /// When [`freed`](Self::freed) wants to be called.
+    /// Time of the next call of [`freed`](Self::freed).
     pub fn idle_at(&self) -> Option<Instant> {
         (self.decoder.pending() > 0).then_some(self.received_at + IDLE_GAP)
     }
@@ -372,7 +372,7 @@ impl PcLink {
         }
     }
 
-    /// Queues the next row, or puts it off.
+    /// Queues the next row, or postpones it.
     fn tick_row(&mut self, now: Instant, view: &View<'_>, frame: &mut [u8]) {
         if self.tx.len() > ROWS_BELOW {
             self.row_at = now + ROW_RETRY;
@@ -396,7 +396,7 @@ impl PcLink {
         }
     }
 
-    /// What the radio has no room for yet waits in the queue, and all behind it.
+    /// Bytes that the radio has no room for wait in the queue, together with all bytes behind them.
     fn hold(&mut self, now: Instant, len: usize, pace: u32) {
         if self.held > 0 {
             self.held += len;
@@ -430,12 +430,12 @@ impl PcLink {
     }
 }
 
-/// How long the radio takes for so many bytes.
+/// Time that the radio takes for `len` bytes.
 fn passing(len: usize, pace: u32) -> Duration {
     Duration::from_nanos(len as u64 * 1_000_000_000 / u64::from(pace.max(1)))
 }
 
-/// The first so many of a list, with a length that is known.
+/// The first elements of a list, with a known length.
 struct Counted<I> {
     list: I,
     most: usize,
@@ -456,7 +456,7 @@ impl<I: Iterator> Iterator for Counted<I> {
 
 impl<I: Iterator> ExactSizeIterator for Counted<I> {}
 
-/// The next multiple of `period` after `due`; a late one is not made up for.
+/// The next multiple of `period` after `due`; missed ones are skipped.
 fn next_period(due: Instant, period: Duration, now: Instant) -> Instant {
     let next = due + period;
     if next > now { next } else { now + period }

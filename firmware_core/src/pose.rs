@@ -1,13 +1,12 @@
-//! Where the robot is: position in millimetres, heading in radians, and changes of both.
+//! Poses: position in millimetres, heading in radians, and changes of both.
 //!
-//! Heading 0 looks along +x and grows counter-clockwise, as everywhere in the project. The PC link
-//! speaks whole millimetres and clockwise degrees instead, with `psi = 180 - heading`: psi 90
-//! drives to +y, psi 0 to -x, psi 180 to +x. That conversion happens here and nowhere else.
+//! Heading 0 points along +x and grows counter-clockwise, as everywhere in the project. The PC link
+//! uses whole millimetres and clockwise degrees instead, with `psi = 180 - heading`: psi 90 drives
+//! to +y, psi 0 to -x, psi 180 to +x. That conversion happens here and nowhere else.
 
 use core::f32::consts::{PI, TAU};
 
-/// Sine and cosine of `angle`, the only place of this crate that computes them: equal bits on
-/// every host.
+/// Sine and cosine of `angle` by `libm`, so that the bits are equal on every host.
 pub fn sin_cos(angle: f32) -> (f32, f32) {
     libm::sincosf(angle)
 }
@@ -53,7 +52,7 @@ pub struct Pose {
     pub heading: f32,
 }
 
-/// A change of pose, seen from the pose before it: first the shift, then the turn.
+/// A change of pose, relative to the pose before: first the shift, then the turn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseChange {
     /// Along the heading before the change.
@@ -83,7 +82,7 @@ impl PoseChange {
         turn: 0.0,
     };
 
-    /// How far the position moves.
+    /// Length of the shift.
     pub fn distance_mm(self) -> f32 {
         libm::hypotf(self.forward_mm, self.left_mm)
     }
@@ -141,7 +140,7 @@ impl Pose {
         }
     }
 
-    /// A point of the robot's frame, in the world.
+    /// Converts a point of the robot's frame to the world's.
     pub fn to_world(self, point: Point) -> Point {
         let (sin, cos) = sin_cos(self.heading);
         Point {
@@ -150,7 +149,7 @@ impl Pose {
         }
     }
 
-    /// Where the robot is, without its heading.
+    /// The position without the heading.
     pub const fn position(self) -> Point {
         Point {
             x_mm: self.x_mm,
@@ -158,8 +157,8 @@ impl Pose {
         }
     }
 
-    /// For the PC link: rounded, saturated, psi normalised to 0..360 (the fielded code let it
-    /// grow without bound, and its PC program reads it as unsigned).
+    /// The pose for the PC link: rounded, saturated, psi normalised to 0..360. (The fielded code
+    /// let psi grow without bound, and its PC program reads it as unsigned.)
     pub fn to_wire(self) -> WirePose {
         let psi_deg = round_to_i16(180.0 - self.heading.to_degrees()).rem_euclid(360);
         WirePose {
@@ -169,7 +168,7 @@ impl Pose {
         }
     }
 
-    /// From the PC link.
+    /// The pose of a message from the PC link.
     pub fn from_wire(wire: WirePose) -> Self {
         let heading = (180.0 - f32::from(wire.psi_deg)).to_radians();
         Self::new(f32::from(wire.x_mm), f32::from(wire.y_mm), heading)
@@ -246,8 +245,8 @@ mod tests {
         );
     }
 
-    /// 100 mm ahead, 50 mm to the left and a quarter turn to the left. Seen from there the start is
-    /// 50 mm behind and 100 mm to the left; the same once more ends 50 mm ahead, 150 mm to the
+    /// 100 mm ahead, 50 mm to the left and a quarter turn to the left. The start is then 50 mm
+    /// behind and 100 mm to the left; the same change once more ends 50 mm ahead, 150 mm to the
     /// left.
     #[test]
     fn a_change_with_a_quarter_turn_is_undone_and_added_by_hand() {

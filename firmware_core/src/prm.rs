@@ -1,9 +1,9 @@
-//! Ways over a map by a probabilistic roadmap. For the part of a robot's program that runs on a PC;
-//! feature `host`.
+//! Paths over a map by a probabilistic roadmap. For the part of a robot's program that runs on a
+//! PC; feature `host`.
 //!
-//! Vertices are drawn evenly over the cells that are open, and each is joined to all earlier ones
-//! within reach to which the straight way is open (as in P. Corke's Robotics Toolbox, which the
-//! makers of the robot used). The map is eroded before, so that a robot has room around its middle.
+//! Vertices are drawn at random from the open cells. Each is joined to all earlier ones within
+//! reach if the straight line between them is open (as in P. Corke's Robotics Toolbox, which the
+//! robot's developers used). The map is eroded before, so that a robot has room around its middle.
 
 use alloc::vec::Vec;
 
@@ -16,19 +16,19 @@ use crate::random::Pcg32;
 pub const VERTICES: usize = 100;
 /// Maximum number of vertices before the search from cell to cell.
 pub const VERTICES_MAX: usize = 800;
-/// Farthest that vertices are joined, cells.
+/// Maximum length of an edge, cells.
 pub const REACH_CELLS: f32 = 30.0;
-/// How far the start may lie from the open cells, steps from cell to cell.
+/// Maximum distance of the start from the open cells, in steps from cell to cell.
 const ESCAPE_STEPS: usize = 4;
-/// How far a place on a way is moved to have more room, cells.
+/// Maximum shift of a path point towards more room, cells.
 const SHIFT_CELLS: i32 = 3;
-/// More room than this is not needed, cells.
+/// Distance from walls beyond which more room has no value, cells.
 const ROOM_CELLS: i32 = 4;
 
-/// Vertices and which of them are joined.
+/// Vertices and their edges.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Roadmap {
-    /// Where they lie.
+    /// Positions of the vertices.
     pub vertices: Vec<Cell>,
     /// Pairs of vertices, the later one first.
     pub edges: Vec<(usize, usize)>,
@@ -39,12 +39,12 @@ pub struct Roadmap {
 pub struct Dice(Pcg32);
 
 impl Dice {
-    /// The numbers of this seed.
+    /// The random numbers of this seed.
     pub const fn new(seed: u64) -> Self {
         Self(Pcg32::new(seed))
     }
 
-    /// One of `count`, 0 if there is none.
+    /// A random index below `count`, 0 if `count` is 0.
     pub fn index(&mut self, count: usize) -> usize {
         let limit = u32::try_from(count).unwrap_or(u32::MAX).max(1);
         usize::try_from(self.0.below(limit)).unwrap_or(0)
@@ -52,7 +52,7 @@ impl Dice {
 }
 
 impl Roadmap {
-    /// A roadmap of `count` vertices on the free cells of `open`; none where nothing is free.
+    /// A roadmap of `count` vertices on the free cells of `open`; empty if no cell is free.
     pub fn new(open: &CellMap, count: usize, dice: &mut Dice) -> Self {
         let free = open.iter().filter(|(_, value)| *value == FREE);
         let free: Vec<Cell> = free.map(|(cell, _)| cell).collect();
@@ -70,8 +70,8 @@ impl Roadmap {
         roadmap
     }
 
-    /// The shortest way over the roadmap, from the vertex nearest to `start` to the one nearest to
-    /// `goal` of those that are in sight; `None` without one.
+    /// The shortest path over the roadmap, from the visible vertex nearest to `start` to the
+    /// visible one nearest to `goal`; `None` without one.
     pub fn way(&self, open: &CellMap, start: Cell, goal: Cell) -> Option<Vec<Cell>> {
         let (from, to) = (self.nearest(open, start)?, self.nearest(open, goal)?);
         let mut near = alloc::vec![Vec::new(); self.vertices.len()];
@@ -109,8 +109,8 @@ fn cost(from: Cell, to: Cell) -> u32 {
     cost
 }
 
-/// Whether all cells of the straight way are free (Bresenham's line, as in the toolbox); the first
-/// may be what it is, as the robot is there already.
+/// Whether all cells of the straight path are free (Bresenham's line, as in the toolbox). The first
+/// cell may have any value because the robot is already there.
 pub fn is_clear(open: &CellMap, from: Cell, to: Cell) -> bool {
     let (dx, dy) = ((to.x - from.x).abs(), (to.y - from.y).abs());
     let (step_x, step_y) = ((to.x - from.x).signum(), (to.y - from.y).signum());
@@ -132,7 +132,7 @@ pub fn is_clear(open: &CellMap, from: Cell, to: Cell) -> bool {
     open.is_free(to) || from == to
 }
 
-/// The shortest way from cell to cell, corners not cut; `None` without one.
+/// The shortest path from cell to cell, without cutting corners; `None` without one.
 pub fn grid_way(open: &CellMap, start: Cell, goal: Cell) -> Option<Vec<Cell>> {
     let (width, height) = open.size();
     let low = open.low();
@@ -161,7 +161,7 @@ pub fn grid_way(open: &CellMap, start: Cell, goal: Cell) -> Option<Vec<Cell>> {
     Some(way.into_iter().map(cell).collect())
 }
 
-/// Whether all cells that the straight way touches are free, but perhaps the first.
+/// Whether all cells that the straight line touches are free, except perhaps the first.
 fn is_wide(open: &CellMap, from: Cell, to: Cell) -> bool {
     let mut is_wide = true;
     let walk = open.walk(open.centre_of(from), open.centre_of(to), |cell| {
@@ -171,8 +171,8 @@ fn is_wide(open: &CellMap, from: Cell, to: Cell) -> bool {
     walk.is_ok() && is_wide
 }
 
-/// Leaves out what need not be visited: corners are cut where all cells that the straight way
-/// touches are free.
+/// Removes unnecessary points: corners are cut if all cells that the straight line touches are
+/// free.
 pub fn smoothed(open: &CellMap, way: &[Cell]) -> Vec<Cell> {
     let mut kept: Vec<Cell> = way.first().copied().into_iter().collect();
     let mut at = 0;
@@ -188,8 +188,8 @@ pub fn smoothed(open: &CellMap, way: &[Cell]) -> Vec<Cell> {
     kept
 }
 
-/// Moves what lies between the ends of a way away from walls, as odometry is not exact: each to the
-/// cell nearby with most room from which its neighbours are in sight.
+/// Moves the inner points of a path away from walls, because odometry is not exact. Each point
+/// moves to the nearby cell with the most room that has both its neighbours in sight.
 pub fn centred(map: &CellMap, open: &CellMap, way: &[Cell]) -> Vec<Cell> {
     let mut way = way.to_vec();
     for at in 1..way.len().saturating_sub(1) {
@@ -204,7 +204,7 @@ pub fn centred(map: &CellMap, open: &CellMap, way: &[Cell]) -> Vec<Cell> {
     way
 }
 
-/// Squared distance to the nearest cell that is not free, as far as it matters.
+/// Squared distance to the nearest cell that is not free, within `ROOM_CELLS`.
 fn room(map: &CellMap, cell: Cell) -> i32 {
     let apart = |near: Cell| (near.x - cell.x).pow(2) + (near.y - cell.y).pow(2);
     let walls = square(cell, ROOM_CELLS).filter(|near| !map.is_free(*near));
@@ -216,8 +216,8 @@ fn square(cell: Cell, reach: i32) -> impl Iterator<Item = Cell> {
         .flat_map(move |y| (-reach..=reach).map(move |x| Cell::new(cell.x + x, cell.y + y)))
 }
 
-/// The way from `start`, which a robot may have come to though it is not open, to the nearest open
-/// cell: `start` alone if it is open, `None` if there is none nearby.
+/// The path from `start`, which may not be open, to the nearest open cell: `start` alone if it is
+/// open, `None` if there is no open cell nearby.
 pub fn escape(map: &CellMap, open: &CellMap, start: Cell) -> Option<Vec<Cell>> {
     let mut reached = alloc::vec![(start, 0)];
     let mut from = 0;
@@ -248,8 +248,8 @@ pub fn escape(map: &CellMap, open: &CellMap, start: Cell) -> Option<Vec<Cell>> {
     None
 }
 
-/// A way over `map` for a robot that needs the room of 3 x 3 cells: by roadmaps of more and more
-/// vertices, in the end from cell to cell. Also the last roadmap.
+/// Plans a path over `map` for a robot that needs the room of 3 x 3 cells: by roadmaps of more and
+/// more vertices, finally from cell to cell. Also returns the last roadmap.
 pub fn plan(
     map: &CellMap,
     start: Cell,
@@ -277,8 +277,8 @@ pub fn plan(
     (roadmap, found)
 }
 
-/// As [`plan`], in the way of the course: the start is made free, one roadmap of 100 vertices, and
-/// whatever it gives.
+/// As [`plan`], but as the course does it: frees the start, builds one roadmap of 100 vertices, and
+/// returns its result.
 pub fn plan_once(
     map: &CellMap,
     start: Cell,
@@ -300,7 +300,7 @@ mod tests {
     use crate::grid::OBSTACLE;
 
     /// Six corridors of five cells between walls of one, joined at alternating ends: 3.7 m square,
-    /// as the figures of the specification were made.
+    /// as in the specification's figures.
     fn serpentine() -> CellMap {
         let mut map = CellMap::new(100.0, 0, 10_000);
         for y in 0..37 {
@@ -324,8 +324,7 @@ mod tests {
         (0..100).filter(|seed| way(*seed).is_some()).count()
     }
 
-    /// The specification found 3, 50, 95 and 100 of 100; where its start and goal were it does not
-    /// say.
+    /// The specification found 3, 50, 95 and 100 of 100; it does not give the start and goal.
     #[test]
     fn more_vertices_find_a_way_through_a_serpentine() {
         let [few, course, more, many] = [50, 100, 200, 300].map(successes);
@@ -354,8 +353,8 @@ mod tests {
         assert_eq!(way, None);
     }
 
-    /// Two halls of 140 x 140 cells, joined by a passage with four corners that has one open cell
-    /// in each row: hardly a vertex falls into it.
+    /// Two halls of 140 x 140 cells, joined by a passage with four corners and one open cell in
+    /// each row: hardly any vertex falls into it.
     #[test]
     fn where_no_roadmap_helps_cells_do() {
         let mut map = CellMap::new(100.0, 0, 100_000);
@@ -379,7 +378,7 @@ mod tests {
         assert!(way.is_some());
     }
 
-    /// A robot that stands in a cell beside a wall first goes where it has room.
+    /// A robot in a cell beside a wall first drives to a cell with room.
     #[test]
     fn a_robot_beside_a_wall_gets_away() {
         let map = serpentine();
@@ -390,7 +389,8 @@ mod tests {
         );
     }
 
-    /// A map of rows from y = 0 on whose first cell is `low`: a dot is free, all else an obstacle.
+    /// A map of rows from y = 0; its first cell is `low`: a dot is free, all other characters are
+    /// obstacles.
     fn drawn(low: Cell, rows: &[&str]) -> CellMap {
         let mut map = CellMap::new(100.0, 0, 10_000);
         for (y, row) in (low.y..).zip(rows) {
@@ -408,8 +408,8 @@ mod tests {
         places.iter().map(|(x, y)| Cell::new(*x, *y)).collect()
     }
 
-    /// Bresenham's line over four cells and up two, by hand, and its mirror images: each of its
-    /// cells is in the way but the first, and no other is.
+    /// Bresenham's line over four cells and up two, by hand, and its mirror images: an obstacle in
+    /// any of its cells but the first blocks the path, and no other cell does.
     #[test]
     fn a_straight_way_is_clear_when_its_cells_are() {
         let line = [(1, 0), (2, 1), (3, 1), (4, 2)];
@@ -434,8 +434,8 @@ mod tests {
         assert!(is_clear(&drawn(ORIGIN, &["#"]), ORIGIN, ORIGIN));
     }
 
-    /// Around what stands in the middle of nine cells no corner is cut: four steps. Where nothing
-    /// stands, two across the diagonal.
+    /// Around an obstacle in the middle of nine cells no corner is cut: four steps. Without the
+    /// obstacle, two steps across the diagonal.
     #[test]
     fn the_way_from_cell_to_cell_cuts_no_corner() {
         let low = Cell::new(-5, 7);
@@ -460,8 +460,8 @@ mod tests {
     }
 
     /// By hand, around a wall at x = 2 that leaves the lowest row free: the line from 0, 4 to 1, 0
-    /// touches columns 0 and 1 only; that from 1, 0 to 5, 1 leaves row 0 at x = 3.5, behind the
-    /// wall; one to 5, 2 would touch its end.
+    /// touches columns 0 and 1 only; the line from 1, 0 to 5, 1 leaves row 0 at x = 3.5, behind the
+    /// wall; one to 5, 2 would touch the wall's end.
     #[test]
     fn a_way_goes_straight_where_it_can() {
         let map = drawn(ORIGIN, &["......", "..#...", "..#...", "..#...", "..#..."]);
@@ -475,9 +475,9 @@ mod tests {
         assert_eq!(smoothed(&map, &[]), []);
     }
 
-    /// In a corridor of nine cells only the middle one has more than four to both sides: two cells
-    /// beside the way, as near to it as can be; its ends stay. Beside a pillar 2 and 1 cells off
-    /// the room is 4 + 1.
+    /// In a corridor of nine cells only the middle one has more than four cells to both sides: the
+    /// point moves two cells sideways, to the nearest such cell; the ends stay. Beside a pillar 2
+    /// and 1 cells away the room is 4 + 1.
     #[test]
     fn a_way_is_moved_to_where_there_is_room() {
         let mut map = drawn(ORIGIN, &["........."; 21]);
@@ -486,7 +486,7 @@ mod tests {
             centred(&map, &map, &way),
             cells(&[(2, 2), (4, 10), (2, 18)])
         );
-        // Four cells beside it are too many: it is moved by three at most.
+        // Four cells sideways are too many: the point moves by at most three.
         let way = cells(&[(0, 2), (0, 10), (0, 18)]);
         assert_eq!(
             centred(&map, &map, &way),
@@ -499,7 +499,7 @@ mod tests {
         assert_eq!(room(&map, Cell::new(4, 10)), 5);
     }
 
-    /// On an open floor exactly those vertices are joined that are no more than 30 cells apart.
+    /// On an open floor exactly those vertices are joined that are at most 30 cells apart.
     #[test]
     fn vertices_within_reach_are_joined() {
         let open = drawn(
@@ -526,7 +526,7 @@ mod tests {
     }
 
     /// From 1 the nearest vertex is 0, to 8 it is 9; the straight edge between them is shorter than
-    /// the way by row 1. What is nearest but behind a wall is not in sight.
+    /// the path by row 1. A nearer vertex behind a wall is not in sight.
     #[test]
     fn a_way_begins_and_ends_at_the_vertices_in_sight() {
         let open = drawn(ORIGIN, &["..........", ".........."]);
@@ -553,8 +553,8 @@ mod tests {
         assert_eq!(Roadmap::default().way(&open, ends.0, ends.1), None);
     }
 
-    /// From a cell beside the wall of a room the next open one is one step off, and four are not
-    /// too many; five are.
+    /// From a cell beside the wall of a room the next open cell is one step away, and four steps
+    /// are not too many; five are.
     #[test]
     fn the_next_open_cell_is_at_most_four_steps_away() {
         let map = drawn(ORIGIN, &["........"]);

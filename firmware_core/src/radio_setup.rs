@@ -1,13 +1,14 @@
-//! Sets an HC-06 up before it is used: name, PIN and rate, by its commands.
+//! Setup of an HC-06 radio before its use: name, PIN and rate, by its commands.
 //!
 //! ```text
 //!   AT --OK--> AT+NAMEn --OK--> AT+PINnnnn --OK--> AT+BAUDn --OK--> ready, at the new rate
 //!    ^---- no answer: the next rate that a module may be set to ----'
 //! ```
 //!
-//! Modules of the linvor family and of hc01.com take a command when a second of silence follows it,
-//! and none at all during a connection (module guides, see [`protocols::hc06`]). A module that
-//! answers at no rate is given up: it may be connected already, or speak the other language.
+//! Modules of the linvor family and of hc01.com take a command only if a second of silence follows
+//! it, and never during a connection (module guides, see [`protocols::hc06`]). The setup gives up a
+//! module that answers at no rate: the module may be connected already, or use the other command
+//! set.
 
 use core::time::Duration;
 
@@ -17,61 +18,61 @@ use protocols::{Instant, LineConfig};
 use crate::fifo::Fifo;
 
 /// Longest wait for an answer: a second of silence, the longest command and reply at 1200 baud, and
-/// some.
+/// a margin.
 const REPLY_WAIT: Duration = Duration::from_millis(1_600);
 /// Quiet time after which a reply counts as complete, and the module as ready for a command.
 const QUIET: Duration = Duration::from_millis(100);
 /// Longest command.
 const COMMAND_MAX: usize = 32;
-/// What every reply begins with.
+/// First bytes of every reply.
 const OK: [u8; 2] = *b"OK";
 
-/// What a module is to be.
+/// Wanted settings of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Rate at which it is thought to be, bit/s: tried first.
+    /// Expected current rate, bit/s: tried first.
     pub found_baud: u32,
-    /// Rate that it is to have, one of [`BAUD_RATES`].
+    /// Wanted rate, one of [`BAUD_RATES`].
     pub baud: u32,
-    /// Its name on the air, 1 to 20 characters.
+    /// Name of the module on the air, 1 to 20 characters.
     pub name: &'static str,
-    /// Its PIN, four digits.
+    /// PIN of the module, four digits.
     pub pin: [u8; 4],
 }
 
-/// What is said next.
+/// Next command of the dialogue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Attention,
     Name,
     Pin,
     Rate,
-    /// Nothing any more; whether the module is as it is to be.
+    /// The setup has ended; whether the module has the wanted settings.
     Over {
         is_set_up: bool,
     },
 }
 
-/// A module being set up.
+/// The setup of a module.
 #[derive(Clone, Debug)]
 pub struct RadioSetup {
     settings: Settings,
     step: Step,
-    /// Rate at which it is spoken to.
+    /// Rate of the current command.
     baud: u32,
-    /// Rates of [`BAUD_RATES`] that were tried, after the one thought to be right.
+    /// Number of [`BAUD_RATES`] tried after the expected one.
     tried: usize,
     tx: Fifo<COMMAND_MAX>,
-    /// First bytes of the reply, and how many came.
+    /// First bytes of the reply, and the number received.
     reply: [u8; OK.len()],
     reply_len: usize,
     heard_at: Instant,
-    /// When the present command is given up; `None` before the first.
+    /// Timeout of the current command; `None` before the first.
     until: Option<Instant>,
 }
 
 impl RadioSetup {
-    /// Begins with its first [`tick`](Self::tick).
+    /// A setup that begins with its first [`tick`](Self::tick).
     pub const fn new(settings: Settings) -> Self {
         Self {
             settings,
@@ -86,22 +87,22 @@ impl RadioSetup {
         }
     }
 
-    /// Whether nothing more will be said or heard.
+    /// Whether the setup has finished: it will send and receive nothing more.
     pub const fn is_over(&self) -> bool {
         matches!(self.step, Step::Over { .. })
     }
 
-    /// Whether no module answered, or not as it should.
+    /// Whether no module answered, or the reply was wrong.
     pub const fn has_failed(&self) -> bool {
         matches!(self.step, Step::Over { is_set_up: false })
     }
 
-    /// Coding at which the module is spoken to.
+    /// Line coding of the current command.
     pub const fn line(&self) -> LineConfig {
         LineConfig::new_8n1(self.baud)
     }
 
-    /// Takes what the module says.
+    /// Takes the module's reply.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) {
         for &byte in bytes {
             if let Some(slot) = self.reply.get_mut(self.reply_len) {
@@ -112,7 +113,7 @@ impl RadioSetup {
         self.heard_at = now;
     }
 
-    /// Goes on if a reply is complete or did not come.
+    /// Continues if a reply is complete or did not arrive in time.
     pub fn tick(&mut self, now: Instant) {
         if now < self.next_at() {
             return;
@@ -179,7 +180,7 @@ impl RadioSetup {
             }
         };
         let mut bytes = [0; COMMAND_MAX];
-        // What cannot be said is not answered either.
+        // A command that cannot be encoded gets no reply either.
         let len = command.encode(&mut bytes).unwrap_or(0);
         self.tx.clear();
         self.tx.push(&bytes[..len]);
@@ -205,8 +206,8 @@ mod tests {
         pin: *b"1234",
     };
 
-    /// What was said at which rate until it was over, and after how long, to a module of `baud`
-    /// that says OK after a second of silence.
+    /// Commands sent until the end, with their rates, and the time needed, for a module at `baud`
+    /// that replies OK after a second of silence.
     fn said_to(baud: u32, settings: Settings) -> (Vec<(u32, String)>, RadioSetup, u64) {
         let mut setup = RadioSetup::new(settings);
         let (mut said, mut baud) = (Vec::new(), baud);
@@ -244,7 +245,8 @@ mod tests {
         assert!((4 * 1_110..4 * 1_110 + 10).contains(&took), "{took}");
     }
 
-    /// One that has the rate is only named; 1382400 and 921600 are tried before it.
+    /// A module at the wanted rate only gets its name and PIN; 1382400 and 921600 are tried before
+    /// it.
     #[test]
     fn a_module_that_has_the_rate_is_found_at_it() {
         let (said, setup, _) = said_to(460_800, SETTINGS);

@@ -30,8 +30,8 @@ impl Pcg32 {
         shifted.rotate_right((old >> 59) as u32)
     }
 
-    /// A number below `limit`, or any number if `limit` is 0: what a remainder by zero gives on
-    /// the microcontroller, whose division answers 0.
+    /// A number below `limit`, or any number if `limit` is 0: the microcontroller's division by
+    /// zero yields 0, so its remainder is the number itself.
     #[inline]
     pub(crate) fn below(&mut self, limit: u32) -> u32 {
         let drawn = self.next_u32();
@@ -63,8 +63,8 @@ impl Pcg32 {
 mod tests {
     use super::*;
 
-    /// Reference output of PCG's demo program, seed 42, sequence 54, is another stream; here the
-    /// point is only that the numbers never change and fill their range.
+    /// The reference output of PCG's demo program, seed 42, sequence 54, is another stream; this
+    /// test only checks that the numbers never change and fill their range.
     #[test]
     fn numbers_stay_in_range_and_reach_both_ends() {
         let mut random = Pcg32::new(7);
@@ -111,7 +111,7 @@ mod tests {
     }
 
     /// 0xC2F5 and 0x6B07 of 0x1_0000 are 0.7616 and 0.4181: of a thousand 761 and 418. Without a
-    /// limit half of what was drawn.
+    /// limit, half of the drawn number.
     #[test]
     fn a_number_below_a_limit_is_its_part_of_all() {
         let mut random = Pcg32::new(42);

@@ -1,15 +1,15 @@
-//! One revolution of the lidar: from packets to points in the robot's frame.
+//! Scans: packets of one lidar revolution, converted to points in the robot's frame.
 //!
 //! ```text
 //! packets -> TurnAssembler -> Turn: 360 distances, start, end
 //!                              Turn + odometry -> Scan: points as if all were measured at the end
 //! ```
 //!
-//! A turn ends when the packet index goes down (or at the last packet), so a lost first packet
-//! does not lose the turn; packets that did not arrive leave "no data", never the distances of an
-//! earlier turn. While the sensor turns once, the robot drives on: at 0.3 m/s and 5 turns a second
-//! 60 mm (seed report, chapter on the lidar), so every beam is moved by what the odometry says has
-//! happened between it and the end of the turn.
+//! A turn ends when the packet index decreases (or at the last packet), so a lost first packet does
+//! not lose the turn. Missing packets leave "no data", never the distances of an earlier turn.
+//! While the sensor turns once, the robot drives on: at 0.3 m/s and 5 turns a second 60 mm (seed
+//! report, chapter on the lidar). Every beam is therefore moved by the odometry's motion between
+//! the beam and the end of the turn.
 
 use core::f32::consts::TAU;
 use core::time::Duration;
@@ -26,51 +26,50 @@ pub const BEAMS: usize = 360;
 const PACKETS: u8 = 90;
 const READINGS: usize = BEAMS / PACKETS as usize;
 
-/// Packets with which a turn tells anything, a tenth: a lidar that is stuck says one or two of them
-/// over and over.
+/// Minimum number of packets of a turn, a tenth: a stuck lidar repeats one or two of them.
 const PACKETS_MIN: u8 = 9;
 
-/// Longest turn that is waited for: 120 turns a minute.
+/// Maximum duration of a turn: 120 turns a minute.
 const TURN_MAX: Duration = Duration::from_millis(500);
 
-/// What to do with readings that carry the sensor's strength warning.
+/// Treatment of readings with the sensor's strength warning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WeakReadings {
-    /// They are as good as others.
+    /// Weak readings count like other readings.
     #[default]
     Use,
-    /// They count as no data, as in the fielded code; that is about 28 % of near readings.
+    /// Weak readings count as no data, as in the fielded code; that is about 28 % of near readings.
     Discard,
 }
 
-/// Where and how the lidar sits on the robot, and which of its readings are believed.
+/// Position of the lidar on the robot, and the limits of valid readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mounting {
     /// Position of the lidar's axis in the robot's frame.
     pub position: Point,
     /// Direction of beam 0 in the robot's frame, radians.
     pub first_bearing: f32,
-    /// Nearest distance that is believed.
+    /// Minimum valid distance.
     pub distance_min_mm: u16,
-    /// Farthest distance that is believed.
+    /// Maximum valid distance.
     pub distance_max_mm: u16,
     /// Readings with the strength warning.
     pub weak: WeakReadings,
-    /// From the measurement of a packet's last beam to the arrival of its last byte.
+    /// Time from the measurement of a packet's last beam to the arrival of its last byte.
     pub delay: Duration,
 }
 
-/// What the fielded program did wrong in assembling scans; all off by default.
+/// Defects of the fielded program in assembling scans; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// Distances of packets that did not arrive stay from earlier turns (XV-07).
     pub stale_distances: bool,
-    /// Only packet 0 ends a turn; without it the turn is lost (XV-06).
+    /// A turn ends only at packet 0; without that packet the turn is lost (XV-06).
     pub synchronised_by_packet_0: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         stale_distances: false,
         synchronised_by_packet_0: false,
@@ -80,15 +79,15 @@ impl Defects {
 /// Distances of one turn, still on the sensor's clock.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Turn {
-    /// By sensor degree; 0 is no data.
+    /// Distances by sensor degree; 0 is no data.
     pub distances_mm: [u16; BEAMS],
-    /// When beam 0 was, or would have been, measured.
+    /// Time of beam 0, measured or calculated.
     pub start: Instant,
-    /// When the turn was over.
+    /// End of the turn.
     pub end: Instant,
     /// Packets that arrived.
     pub packets: u8,
-    /// The most packets in a row that did not: a direction that was not looked at.
+    /// Maximum number of missing packets in a row: a direction without data.
     pub gap: u8,
 }
 
@@ -122,12 +121,12 @@ pub struct TurnAssembler {
 }
 
 impl TurnAssembler {
-    /// An assembler that has seen nothing.
+    /// An assembler without packets.
     pub const fn new(mounting: Mounting) -> Self {
         Self::with_defects(mounting, Defects::NONE)
     }
 
-    /// An assembler with some of the fielded program's faults.
+    /// An assembler with the given defects of the fielded program.
     pub const fn with_defects(mounting: Mounting, defects: Defects) -> Self {
         Self {
             mounting,
@@ -141,8 +140,8 @@ impl TurnAssembler {
         }
     }
 
-    /// Takes a packet that arrived at `at`; returns the turn that it ends, if it ends one. The
-    /// turn stays readable as [`turn`](Self::turn) until the next one ends.
+    /// Takes a packet that arrived at `at`; returns the turn that it completes, if any.
+    /// [`turn`](Self::turn) returns the same turn until the next one is complete.
     pub fn push(&mut self, at: Instant, packet: &xv11::Frame) -> Option<&Turn> {
         let index = packet.index();
         let mut ended = false;
@@ -169,7 +168,7 @@ impl TurnAssembler {
         &self.finished
     }
 
-    /// Turns given up because their packets stopped arriving, or hardly any of them arrived.
+    /// Turns discarded because their packets stopped arriving, or too few of them arrived.
     pub const fn abandoned(&self) -> u32 {
         self.abandoned
     }
@@ -188,7 +187,7 @@ impl TurnAssembler {
         self.building.packets = self.building.packets.saturating_add(1);
     }
 
-    /// Ends the turn that is being built; false if it was given up.
+    /// Ends the current turn; returns false if the turn was discarded.
     fn close(&mut self, now: Instant) -> bool {
         let (Some(first), Some(last)) = (self.first.take(), self.last.take()) else {
             return false;
@@ -212,9 +211,9 @@ impl TurnAssembler {
         fresh
     }
 
-    /// Start and end of the turn, from the arrivals of its first and last packet. A turn of which
-    /// too little arrived, or whose packets arrived in bunches, is timed by the speed that the
-    /// sensor reports.
+    /// Start and end of the turn, from the arrivals of its first and last packet. If too few
+    /// packets arrived, or they arrived in bunches, the speed that the sensor reports gives the
+    /// times instead.
     fn span(&self, first: Arrival, last: Arrival) -> (Instant, Instant) {
         let reported = reported_period(self.speed);
         let steps = u32::from(last.index - first.index);
@@ -233,7 +232,7 @@ impl TurnAssembler {
     }
 }
 
-/// Time of a turn at the speed that the sensor reports; 200 ms if it reports none or nonsense.
+/// Time of a turn at the speed that the sensor reports; 200 ms if the report is missing or invalid.
 fn reported_period(speed: SpeedWord) -> Duration {
     const SECOND_AS_64THS_OF_RPM: u64 = 60 * 64 * 1_000_000_000;
     let nanos = SECOND_AS_64THS_OF_RPM
@@ -249,7 +248,7 @@ fn reported_period(speed: SpeedWord) -> Duration {
 }
 
 impl Mounting {
-    /// The distance that counts for a reading; 0 is no data.
+    /// The valid distance of a reading; 0 is no data.
     fn believed_mm(&self, reading: xv11::Reading) -> u16 {
         match reading {
             xv11::Reading::Range { weak: true, .. } if self.weak == WeakReadings::Discard => 0,
@@ -268,22 +267,21 @@ impl Mounting {
     }
 }
 
-/// End points of a turn's beams in the robot's frame, as if all had been measured at the end of
-/// the turn.
+/// End points of a turn's beams in the robot's frame, as measured at the end of the turn.
 #[derive(Clone, Debug)]
 pub struct Scan {
     points: [Point; BEAMS],
     beams: [u16; BEAMS],
     count: usize,
-    /// The lidar at the turn's knots, in the robot's frame at the turn's end.
+    /// Positions of the lidar at the turn's knots, in the robot's frame at the turn's end.
     origins: [Point; KNOTS + 1],
-    /// When the turn began.
+    /// Start of the turn.
     pub start: Instant,
-    /// When the turn ended: the time of the pose that matches the points.
+    /// End of the turn: the time of the pose that matches the points.
     pub end: Instant,
 }
 
-/// Parts of a turn within which the robot's motion is taken as even: 25 ms each at 5 turns a
+/// Parts of a turn within which the robot's motion is taken as uniform: 25 ms each at 5 turns a
 /// second.
 const KNOTS: usize = KNOTS_U32 as usize;
 const KNOTS_U32: u32 = 8;
@@ -311,12 +309,12 @@ impl Scan {
         Self::projected(turn, mounting, &knots)
     }
 
-    /// Points of `turn` as a robot at rest would see them: the motion smear stays in.
+    /// Points of `turn` without motion correction.
     pub fn raw(turn: &Turn, mounting: &Mounting) -> Self {
         Self::projected(turn, mounting, &[PoseChange::NONE; KNOTS + 1])
     }
 
-    /// A scan from given points; more than [`BEAMS`] are left out. The points keep their order as
+    /// A scan of given points; points beyond [`BEAMS`] are ignored. The points keep their order as
     /// beams.
     pub fn from_points(points: &[Point], start: Instant, end: Instant) -> Self {
         let mut scan = Self {
@@ -340,8 +338,8 @@ impl Scan {
         &self.beams[..self.count]
     }
 
-    /// Where the lidar was when beam `beam` was measured, in the robot's frame at the scan's end:
-    /// the place from which the beam's free way is drawn.
+    /// Position of the lidar when beam `beam` was measured, in the robot's frame at the scan's end.
+    /// The beam's free path starts there.
     pub fn origin(&self, beam: u16) -> Point {
         let (knot, share) = knot_of(beam);
         let (a, b) = (self.origins[knot], self.origins[knot + 1]);
@@ -386,7 +384,7 @@ impl Scan {
     }
 }
 
-/// The part of the turn in which a beam lies, and how far into it.
+/// The part of the turn that contains a beam, and the beam's fraction within it.
 fn knot_of(beam: u16) -> (usize, f32) {
     let beam = usize::from(beam).min(BEAMS - 1);
     let (knot, rest) = (beam / BEAMS_PER_KNOT, beam % BEAMS_PER_KNOT);
@@ -442,7 +440,7 @@ mod tests {
         core::array::from_fn(|index| u8::try_from(index).unwrap())
     }
 
-    /// One turn without the packets in `lost`; the ends it reported.
+    /// Feeds one turn without the packets in `lost`; returns the reported ends.
     fn feed(assembler: &mut TurnAssembler, turn: u64, distance_mm: u16, lost: &[u8]) -> usize {
         let kept = (0..90).filter(|index| !lost.contains(index));
         kept.filter(|index| {
@@ -538,7 +536,7 @@ mod tests {
         );
     }
 
-    /// The sensor is unplugged in mid-turn and comes back a second later at a higher index.
+    /// The sensor is unplugged in mid-turn and returns a second later at a higher index.
     #[test]
     fn a_turn_whose_packets_stopped_is_given_up() {
         let mut assembler = TurnAssembler::new(MOUNTING);
@@ -551,8 +549,8 @@ mod tests {
         );
     }
 
-    /// A lidar that is stuck says a packet over and over, the last one among them: no turn is made
-    /// of that, and none of eight packets.
+    /// A stuck lidar repeats a packet, even the last one: no turn is made of that, and none of
+    /// eight packets.
     #[test]
     fn a_few_packets_are_no_turn() {
         let ends = |first: usize| {
@@ -563,7 +561,7 @@ mod tests {
         assert_eq!([81, 82, 89].map(ends), [(1, 0, 9), (0, 1, 0), (0, 1, 0)]);
     }
 
-    /// Packets that a busy program takes out of its queue all at once still span 200 ms.
+    /// Packets that a busy program takes out of its queue all at once still cover 200 ms.
     #[test]
     fn a_turn_taken_in_one_go_is_timed_by_the_reported_speed() {
         let mut assembler = TurnAssembler::new(MOUNTING);
@@ -666,7 +664,7 @@ mod tests {
         assert_eq!((scan.points().len(), scan.beams()[359]), (BEAMS, 359));
     }
 
-    /// Each half second without packets costs the turn that was begun, none the whole ones.
+    /// Each half second without packets discards the current turn, but no complete one.
     #[test]
     fn turns_that_were_given_up_are_counted() {
         let mut assembler = TurnAssembler::new(MOUNTING);
@@ -696,8 +694,8 @@ mod tests {
         assert_eq!(ends_after(half), (1, 1));
     }
 
-    /// 3,840,000,000,000 nanoseconds by 64 times the speed: 300 rpm are 200 ms, 240 rpm 250 ms, and
-    /// 120 rpm just half a second. Slower than that, or no speed at all, is taken for 300.
+    /// 3,840,000,000,000 nanoseconds divided by 64 times the speed: 300 rpm are 200 ms, 240 rpm 250
+    /// ms, and 120 rpm just half a second. A lower speed, or none, counts as 300.
     #[test]
     fn a_turn_lasts_as_long_as_the_reported_speed_says() {
         let ms = |word: u16| reported_period(SpeedWord(word)).as_micros();
@@ -709,9 +707,9 @@ mod tests {
         assert_eq!(ms(400 * 64), 150_000);
     }
 
-    /// Packets 10 and 60 arrive 50 / 90 of a turn of 210 ms apart: that is 5 % longer than what is
-    /// reported, and believed. The last packet comes 29 / 90 of it later, the beams a delay before;
-    /// 44 packets are too few, and 225 ms too far off: 200 ms.
+    /// Packets 10 and 60 arrive 50 / 90 of a turn of 210 ms apart: 5 % longer than the reported
+    /// turn, which is accepted. The last packet comes 29 / 90 of a turn later, the beams a delay
+    /// before. 44 packets are too few, and 225 ms is too far off: the reported 200 ms counts.
     #[test]
     fn a_turn_is_timed_by_its_packets_if_they_agree_with_its_speed() {
         let span = |turn_us: u64, first: u8, last: u8| {
@@ -752,8 +750,9 @@ mod tests {
         assert_eq!(lerp(10.0, 30.0, 0.25), 15.0);
     }
 
-    /// A lidar 100 mm before the axle of a robot that turns by 90 degrees to the left in a turn:
-    /// when it was begun the robot, as seen now, looked to the right, and the lidar was there.
+    /// A lidar 100 mm before the axle of a robot that turns by 90 degrees to the left in a turn. At
+    /// the turn's start, relative to the final pose, the robot looked to the right, and the lidar
+    /// was there.
     #[test]
     fn a_turning_robot_s_lidar_swings_around_its_axle() {
         let mut odometry = Odometry::new(DRIVE);
@@ -775,7 +774,7 @@ mod tests {
         let near = |found: Point, x, y| found.distance_mm(Point::new(x, y)) < 3.0;
         assert!(near(scan.origin(0), 0.0, -100.0), "{:?}", scan.origin(0));
         assert!(near(scan.points()[0], 0.0, -1100.0), "{:?}", scan.points());
-        // Half way through it looked 45 degrees to the right; beam 180 looks back.
+        // Half way through the turn the lidar looked 45 degrees to the right; beam 180 looks back.
         let half = libm::sqrtf(0.5);
         assert!(near(scan.origin(180), 100.0 * half, -100.0 * half));
         assert!(near(scan.points()[1], -900.0 * half, 900.0 * half));

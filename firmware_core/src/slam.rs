@@ -47,67 +47,67 @@ use search::Improvements;
 pub use search::{IMPROVEMENTS_MAX, Improvement};
 use tracking::{DOUBTFUL, SUSPICIOUS};
 
-/// How sure a pose is.
+/// Certainty of a pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Certainty {
-    /// The scan agrees with the map. The seed report's mode knows nothing else.
+    /// The scan agrees with the map. The seed report's mode has only this value.
     #[default]
     Sure,
-    /// The scan fits elsewhere, much better than where the wheels put the robot: it was pushed, or
-    /// its wheels slipped. The pose is that place. A push smears scans, so none is drawn before one
-    /// fits there well.
+    /// The scan fits much better elsewhere than at the odometry's pose: the robot was pushed, or
+    /// its wheels slipped. The pose is the better fit. A push smears scans, so no scan is drawn
+    /// until one fits well at the new pose.
     Moved,
-    /// The scan contradicts the map; the pose is the odometry's word, and the scan is not drawn.
+    /// The scan contradicts the map. The pose is the odometry's, and the scan is not drawn.
     Doubtful,
-    /// The robot is lost, and several places fit the scan about equally well; nothing is drawn.
+    /// The robot is lost, and several poses fit the scan about equally well; no scan is drawn.
     Ambiguous,
 }
 
 /// Result of a scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// The pose that fits, at the scan's end.
+    /// The best-fitting pose, at the scan's end.
     pub pose: Pose,
     /// 1024 times the mean map value at the end points; -1 if the scan had none.
     pub score: i32,
-    /// Candidates scored in the document's way, for a model of the processor's time.
+    /// Candidates scored by the document's method, for a model of the processor's time.
     pub tries: u32,
-    /// End points looked up in the document's way; the core's effort is given as the number of
-    /// these that takes as long.
+    /// End points looked up by the document's method; the core's effort is given as the equivalent
+    /// number of these.
     pub points: u32,
-    /// Poses compared, by whatever means.
+    /// Poses compared by any method.
     pub poses: u32,
     /// Document mode: candidates with a point on the map; others are wasted.
     pub on_map: u32,
-    /// 0 to 1. In core mode the part of the points that agree with what the map knows; else the
-    /// score as a part of its maximum.
+    /// Quality from 0 to 1. In core mode the share of the points that agree with the known map;
+    /// else the score divided by its maximum.
     pub quality: f32,
-    /// How sure the pose is.
+    /// Certainty of the pose.
     pub certainty: Certainty,
 }
 
-/// Whether inner loops have the forms that suit x86-64; otherwise they have those for a Cortex-M4,
-/// which give the same.
+/// Whether inner loops use the variants for x86-64; otherwise they use those for a Cortex-M4, with
+/// equal results.
 const WIDE: bool = cfg!(all(target_arch = "x86_64", not(feature = "portable")));
 
 /// Points of the core's refinement.
 const DENSE_POINTS: usize = 180;
-/// Agreement of a scan after a push that ends the matter.
+/// Minimum agreement of a scan that ends the handling of a push.
 const SETTLED: f32 = 0.85;
-/// Scans that need not fit well after a push; then the world has changed as well.
+/// Maximum number of badly fitting scans after a push; after more the world has changed as well.
 const UNSETTLED_MAX: u8 = 5;
-/// A robot whose wheels have gone less than this since the scan drawn last rests.
+/// A robot counts as resting if its wheels have moved less than this since the last drawn scan.
 const AT_REST_CELLS: f32 = 0.1;
 const AT_REST_RAD: f32 = 0.005;
-/// How far a pose is off that was found in scans which a push smeared.
+/// Error of a pose found from scans that a push smeared.
 const UNSETTLED_CELLS: f32 = 3.0;
 const UNSETTLED_RAD: f32 = 0.02;
-/// How far from its prediction the pose is found at most when the push is over.
+/// Maximum distance of the pose from its prediction once the push is over.
 const SETTLED_CELLS: f32 = 2.0;
-/// Agreement that a lost robot's new place must have.
+/// Minimum agreement at a lost robot's new pose.
 const FOUND_AGAIN: f32 = 0.75;
 
-/// Map, pose, and what is needed to keep both; the only large thing a robot has.
+/// Map, pose, and the state that keeps both current; the only large object of a robot.
 #[derive(Clone, Debug)]
 pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     grid: Grid<W, H>,
@@ -115,18 +115,18 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
     settings: Settings,
     regulator: Regulator,
     random: Pcg32,
-    /// The document's last search, try by try that was better.
+    /// Improvements of the document's last search.
     improvements: Improvements,
     sparse: EndPoints,
     dense: EndPoints,
     travel: Travel,
-    /// Motion that the fielded code takes up with the next scan that is drawn (SL-14).
+    /// Motion that the fielded code applies with the next drawn scan (SL-14).
     saved_up: PoseChange,
     lost: Lost,
     /// Scans since the robot was found elsewhere, until one fits there.
     unsettled: Option<u8>,
     scans: u32,
-    /// Where the last scan was drawn, and since then: scans, way and turns by the wheels.
+    /// Pose of the last drawn scan, and since then: scans, distance and turns by the wheels.
     drawn_at: Pose,
     since_drawn: u8,
     driven_mm: f32,
@@ -134,7 +134,7 @@ pub struct Mapper<const W: usize = SIDE, const H: usize = SIDE> {
 }
 
 impl<const W: usize, const H: usize> Mapper<W, H> {
-    /// A mapper that knows nothing but where it starts.
+    /// An empty mapper at its start pose.
     pub const fn new(settings: Settings) -> Self {
         Self {
             grid: Grid::new(settings.resolution_mm),
@@ -167,12 +167,12 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.pose
     }
 
-    /// Tells the mapper where it is.
+    /// Sets the believed pose.
     pub const fn set_pose(&mut self, pose: Pose) {
         self.pose = pose;
     }
 
-    /// What the mapper was told once.
+    /// The settings given at construction.
     pub const fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -182,7 +182,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.scans
     }
 
-    /// Forgets map and pose and begins again.
+    /// Clears map and pose and starts again.
     pub fn restart(&mut self) {
         self.grid.clear();
         self.pose = self.settings.start;
@@ -193,7 +193,7 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.scans = 0;
     }
 
-    /// Moves the believed pose by what the odometry reports.
+    /// Moves the believed pose by the odometry's motion.
     pub fn predict(&mut self, change: PoseChange) {
         if self.settings.defects.saves_up_motion {
             self.saved_up = self.saved_up.then(change);
@@ -205,22 +205,22 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.driven_rad += change.turn.abs();
     }
 
-    /// The robot may have moved by about so much without the odometry's knowing, for instance
-    /// because the base did not answer: the next search trusts its prediction that much less.
+    /// Notes that the robot may have moved by about so much unseen by the odometry, for instance
+    /// because the base did not answer. The next search then trusts its prediction less.
     pub fn doubt(&mut self, unseen_mm: f32, unseen_rad: f32) {
         self.travel.doubt(unseen_mm, unseen_rad);
     }
 
-    /// The robot may have moved by so much, millimetres and radians, while neither its wheels nor
-    /// its lidar told, but by no more than `most` since its pose was sure: it is looked for there,
-    /// and nowhere else, until a scan fits.
+    /// Notes that the robot may have moved by `by`, millimetres and radians, unseen by wheels and
+    /// lidar, but by at most `most` since its pose was certain. The mapper searches only there
+    /// until a scan fits.
     pub const fn lose_track(&mut self, by: [f32; 2], most: [f32; 2]) {
         self.lost.lose(by, most);
     }
 
-    /// Finds the pose at which `scan` fits the map, and draws the scan from there, unless it
-    /// contradicts the map or tells it nothing new. `wheel_speeds` (left, right; ticks per 40 ms)
-    /// tell how fast the robot turns: a turning robot's scan is drawn more weakly.
+    /// Finds the pose at which `scan` fits the map, and draws the scan from there, unless the scan
+    /// contradicts the map or adds nothing new. `wheel_speeds` (left, right; ticks per 40 ms) give
+    /// the robot's turn rate: scans of a turning robot are drawn with less weight.
     pub fn integrate(&mut self, scan: &Scan, wheel_speeds: [i16; 2]) -> Outcome {
         self.pose = self.pose.then(core::mem::take(&mut self.saved_up));
         let outcome = self.locate(scan);
@@ -231,11 +231,11 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         outcome
     }
 
-    /// Whether the map gains by a scan that was taken at `pose`.
+    /// Whether drawing a scan taken at `pose` improves the map.
     fn is_worth_drawing(&self, pose: Pose) -> bool {
         let rule = &self.settings.keyframes;
-        // A pose sticks to a map that was drawn at rest, the more so the oftener: that the robot
-        // begins to move, only the wheels say in time; that it was pushed, only the pose.
+        // The matched pose sticks to a map drawn at rest, more with each scan. So the start of a
+        // motion shows in time only by the wheels, and a push only by the pose.
         let way = self.drawn_at.change_to(pose);
         let cells = way.distance_mm().max(self.driven_mm) / self.settings.resolution_mm;
         let turn = way.turn.abs().max(self.driven_rad);
@@ -288,23 +288,23 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         outcome
     }
 
-    /// Tells how long the last scan took, from reading the wheels to the end of the map update;
-    /// the document's number of tries follows.
+    /// Takes the duration of the last scan, from reading the wheels to the end of the map update;
+    /// the document's number of tries depends on it.
     pub fn search_time(&mut self, elapsed: Duration) {
         self.regulator.search_took(elapsed, &self.settings.budget);
     }
 
-    /// The tries of the document's last search that were better than all before them.
+    /// The tries of the document's last search that were better than all earlier ones.
     pub fn improvements(&self) -> &[Improvement] {
         self.improvements.all()
     }
 
-    /// Tries that the document's next search may make.
+    /// Maximum number of tries of the document's next search.
     pub const fn tries(&self) -> u32 {
         self.regulator.tries()
     }
 
-    /// The first scan defines the map's place.
+    /// The outcome of the first scan, which defines the map's frame.
     fn stay(&self) -> Outcome {
         let points = self.sparse.all();
         let placement = Placement::new(self.pose, self.settings.resolution_mm);
@@ -382,8 +382,8 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         };
         let mut effort = Effort::default();
         let mut place = tracking::track(&self.grid, &task, &mut effort);
-        // After an unmeasured motion, a scan is trusted only if it mostly shows known walls.
-        // Another one fits best where its few points on known walls are the most.
+        // After an unmeasured motion, a scan is trusted only if it mostly shows known walls. Other
+        // scans fit best wherever most of their few known points lie on walls.
         if is_vague && !place.is_elsewhere && !place.evidence.is_plain() {
             place.pose = self.pose;
         }
@@ -457,9 +457,9 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
     }
 }
 
-/// Scans since the robot was found elsewhere, after one more that belongs at `place`; `None` if it
-/// is where it was believed to be. A robot that continues moving without its wheels is being pushed
-/// still.
+/// Updates the count of scans since the robot was found elsewhere, after one more scan with the
+/// result `place`. Returns `None` if the robot is at its believed pose. A robot that keeps moving
+/// without its wheels is still being pushed.
 fn unsettled_by(place: &tracking::Place, is_at_rest: bool, before: Option<u8>) -> Option<u8> {
     if place.is_elsewhere || (before.is_some() && !is_at_rest) {
         return Some(0);
@@ -470,7 +470,7 @@ fn unsettled_by(place: &tracking::Place, is_at_rest: bool, before: Option<u8>) -
         .filter(|since| !fits && *since < UNSETTLED_MAX)
 }
 
-/// `wanted` of `points`, evenly spread over those that there are.
+/// `wanted` of `points`, evenly distributed.
 fn spread(points: &[Point], wanted: usize) -> impl Iterator<Item = Point> + '_ {
     let taken = wanted.min(points.len());
     (0..taken).map(move |index| points[index * points.len() / taken])
@@ -487,7 +487,7 @@ fn count_u32(count: usize) -> u32 {
     u32::try_from(count).expect("numbers of points and blocks are small")
 }
 
-/// As a 16-bit register with sign would hold it.
+/// The value in a signed 16-bit register.
 const fn wrapped(value: i32) -> i32 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -574,7 +574,7 @@ mod tests {
         );
     }
 
-    /// F-02: a robot that spins in an unknown room must still draw it.
+    /// F-02: a robot that spins in an unknown room must still draw the room.
     #[test]
     fn a_spinning_robot_draws_new_cells_unless_it_has_the_fielded_faults() {
         let walls = |defects| {
@@ -597,8 +597,9 @@ mod tests {
         assert_eq!(walls(Defects::FIELDED), 0);
     }
 
-    /// SL-14: half a metre with the map switched off. The fielded code takes it up in one step when
-    /// it is switched on, wherever the search has brought the robot meanwhile.
+    /// SL-14: half a metre with the map switched off. The fielded code applies this motion in one
+    /// step when the map is switched on, regardless of the pose that the search has found
+    /// meanwhile.
     #[test]
     fn motion_without_mapping_is_not_saved_up() {
         let way = |saves_up_motion| {
@@ -664,7 +665,7 @@ mod tests {
         }
     }
 
-    /// A robot at rest in front of walls that it knows stays where it is, to a fifth of a cell.
+    /// A robot at rest in front of known walls stays, to a fifth of a cell.
     #[test]
     fn a_robot_at_rest_stays() {
         let mut mapper = mapper(Settings::default());
@@ -675,8 +676,8 @@ mod tests {
         assert!(off.distance_mm() < 2.0 && off.turn.abs() < 0.002, "{off:?}");
     }
 
-    /// A half turn drawn, and the other half seen next: nothing of it is known but where the walls
-    /// continue. That the wheels were not read is no reason to slide along them.
+    /// A half turn is drawn, and the other half is seen next: only the ends of the known walls
+    /// match it. Missing wheel readings are no reason to slide along them.
     #[test]
     fn a_scan_of_what_is_not_drawn_yet_does_not_move_the_robot() {
         let room = room();
@@ -693,7 +694,7 @@ mod tests {
         }
     }
 
-    /// 17 of 20 points on the wall are 0.85; 5 scans later the world has changed.
+    /// 17 of 20 points on the wall are 0.85; after 5 scans the world has changed.
     #[test]
     fn a_push_is_over_when_a_scan_fits_or_after_five() {
         let mut grid = Grid::<9, 1>::new(10.0);
@@ -717,7 +718,7 @@ mod tests {
         );
         let after = [0, 3, 4].map(|before| unsettled(0, false, true, Some(before)));
         assert_eq!(after, [Some(1), Some(4), None]);
-        // Found elsewhere, or still on its way without wheels: from the beginning.
+        // Found elsewhere, or still moving without wheels: the count restarts.
         assert_eq!(unsettled(20, true, true, None), Some(0));
         assert_eq!(unsettled(20, false, false, Some(3)), Some(0));
         assert_eq!(unsettled(0, false, false, None), None);

@@ -1,8 +1,8 @@
-//! Walls as a robot has seen them, and where it must have stood to see them so. For the part of a
-//! robot's program that runs on a PC; feature `host`.
+//! Walls that a robot has seen, and the correction of its pose by them. For the part of a robot's
+//! program that runs on a PC; feature `host`.
 //!
-//! A map of 10 cm cells alone is too coarse to correct a pose by, and uncorrected odometry makes
-//! walls two cells thick until corridors close. Lines are exact to millimetres.
+//! A map of 10 cm cells is too coarse for the correction of a pose, and with uncorrected odometry
+//! walls become two cells thick until corridors close. Lines are exact to millimetres.
 
 use alloc::vec::Vec;
 
@@ -11,14 +11,14 @@ use crate::pose::{Point, Pose, normalised};
 
 /// Walls shorter than this have no certain direction.
 const LENGTH_MIN_MM: f32 = 150.0;
-/// Walls whose directions differ more are not the same.
+/// Largest angle between two directions of the same wall, radians.
 const TURN_MAX: f32 = 0.26;
-/// A correction beyond these is none, but a mistake.
+/// A larger correction is an error.
 const SHIFT_MAX_MM: f32 = 300.0;
 const ROTATION_MAX: f32 = 0.17;
-/// Points on a seen wall, so far apart.
+/// Spacing of points on a seen wall.
 const STEP_MM: f32 = 50.0;
-/// How far from a wall a point of it may seem to lie, in each round.
+/// Maximum distance between a point and its wall, in each round.
 const NEAR_MM: [f32; 6] = [250.0, 200.0, 150.0, 100.0, 80.0, 60.0];
 /// Weight of the odometry against one point: a point is certain to 2 cm, the odometry to 10 cm and
 /// 3 degrees.
@@ -26,10 +26,10 @@ const TRUST: [f64; 3] = [0.04, 0.04, 146_000.0];
 /// Maximum number of walls kept.
 const WALLS_MAX: usize = 4_000;
 
-/// How far a robot may have rolled and turned without knowing: a motor runs on for 60 ms.
+/// Maximum unnoticed shift and turn of a robot: a motor runs on for 60 ms.
 const LOST_MM: f32 = 400.0;
 const LOST_RAD: f32 = 0.9;
-/// Where one that is lost is looked for, radians and millimetres off.
+/// Offsets at which a lost robot is searched, radians and millimetres.
 const TURNS: [f32; 11] = [
     0.0, 0.15, -0.15, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6, 0.75, -0.75,
 ];
@@ -40,21 +40,22 @@ const SHIFTS_MM: [[f32; 2]; 5] = [
     [0.0, 150.0],
     [0.0, -150.0],
 ];
-/// So much of what fits where the robot believes to be has to fit where it is corrected to: among
-/// walls that end in rows, those next to the right ones drew it 12 cm off a place where all fitted.
+/// Minimum share of the points fitting at the believed pose that must fit at the corrected pose.
+/// Without this limit, in rows of similar wall ends, wrong neighbouring walls drew the pose 12 cm
+/// away from a pose where all points fitted.
 const AS_MANY: (usize, usize) = (9, 10);
-/// So much more has to fit elsewhere.
+/// Minimum ratio of fitting points for another pose.
 const BETTER: (usize, usize) = (6, 5);
 
 /// Faces of walls in the map's frame, the oldest first; free space is to the left of them, so that
-/// the two faces of a thin wall are not taken for each other.
+/// the two faces of a thin wall are not confused.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Walls {
     segments: Vec<Segment>,
 }
 
 impl Walls {
-    /// Takes walls in, as seen by a robot at `robot`.
+    /// Adds walls seen by a robot at `robot`.
     pub fn add(&mut self, robot: Pose, lines: &[Segment]) {
         let room = WALLS_MAX.saturating_sub(self.segments.len());
         self.segments.extend(faces(robot, lines).take(room));
@@ -65,8 +66,8 @@ impl Walls {
         self.segments.is_empty()
     }
 
-    /// Where a robot stands that believes to be at `robot` and sees `lines`; there, if the walls do
-    /// not say better.
+    /// The corrected pose of a robot that believes to be at `robot` and sees `lines`; `robot`
+    /// itself if the walls give no better pose.
     pub fn corrected(&self, robot: Pose, lines: &[Segment]) -> Pose {
         self.fitted(robot, lines)
             .filter(|pose| is_within(*pose, robot, SHIFT_MAX_MM, ROTATION_MAX))
@@ -77,9 +78,9 @@ impl Walls {
             .unwrap_or(robot)
     }
 
-    /// As [`corrected`](Self::corrected), of a robot that was turned and moved without knowing: it
-    /// is looked for in other headings and places near by, and is where clearly more of what it
-    /// sees lies on known walls.
+    /// As [`corrected`](Self::corrected), for a robot that was turned and moved without notice.
+    /// Other headings and nearby positions are tried; one is taken if clearly more of the scan lies
+    /// on known walls.
     pub fn recovered(&self, robot: Pose, lines: &[Segment]) -> Pose {
         let near = self.corrected(robot, lines);
         let mut best = (self.known(near, lines) * BETTER.0 / BETTER.1, near);
@@ -100,7 +101,7 @@ impl Walls {
         best.1
     }
 
-    /// How much of `lines`, seen from about `robot`, lies on known walls, 0 to 1.
+    /// Share of `lines`, seen from about `robot`, that lies on known walls, 0 to 1.
     pub fn share_known(&self, robot: Pose, lines: &[Segment]) -> f32 {
         let pose = self.corrected(robot, lines);
         let all: usize = faces(pose, lines)
@@ -123,7 +124,7 @@ impl Walls {
         Some(pose)
     }
 
-    /// How many points of `lines`, seen from `pose`, lie on known walls.
+    /// Number of points of `lines`, seen from `pose`, on known walls.
     fn known(&self, pose: Pose, lines: &[Segment]) -> usize {
         let near_mm = NEAR_MM[NEAR_MM.len() - 1];
         let is_known = |face: Segment, point: Point| {
@@ -137,7 +138,7 @@ impl Walls {
 
     fn add_line(&self, sums: &mut Sums, line: Segment, near_mm: f32) {
         for point in line.points(STEP_MM) {
-            // The oldest wall: it was seen before the odometry erred much.
+            // Use the oldest wall: it was seen before the odometry had much error.
             let mut offsets = self
                 .segments
                 .iter()
@@ -149,13 +150,13 @@ impl Walls {
     }
 }
 
-/// Whether `pose` is no farther from `robot`.
+/// Whether `pose` is within these limits of `robot`.
 fn is_within(pose: Pose, robot: Pose, most_mm: f32, most_rad: f32) -> bool {
     let turn = normalised(pose.heading - robot.heading).abs();
     pose.position().distance_mm(robot.position()) < most_mm && turn < most_rad
 }
 
-/// The certain ones of the lines that a robot at `robot` sees, with the robot to the left of them.
+/// The lines that are long enough, as seen by a robot at `robot`, each with the robot to its left.
 fn faces(robot: Pose, lines: &[Segment]) -> impl Iterator<Item = Segment> {
     let long = lines.iter().filter(|line| line.length_mm() > LENGTH_MIN_MM);
     long.map(move |line| {
@@ -170,7 +171,8 @@ fn faces(robot: Pose, lines: &[Segment]) -> impl Iterator<Item = Segment> {
     })
 }
 
-/// The normal of `wall` and how far `point` of `line` lies from it, if they may be the same.
+/// The normal of `wall` and the distance of `point` of `line` from it, if both may be the same
+/// wall.
 fn offset(wall: Segment, line: Segment, point: Point) -> Option<(Point, f32)> {
     let direction = |segment: Segment| {
         let length = segment.length_mm();
@@ -199,7 +201,7 @@ struct Sums {
 }
 
 impl Sums {
-    /// Nothing but the odometry, which said `believed`, where `robot` is assumed.
+    /// Sums with only the odometry's weight: its pose is `believed`, the assumed one is `robot`.
     fn new(believed: Pose, robot: Pose) -> Self {
         let mut matrix = [[0.0; 3]; 3];
         for (axis, trust) in TRUST.into_iter().enumerate() {
@@ -218,7 +220,7 @@ impl Sums {
         }
     }
 
-    /// `point` should lie on a wall with this normal, and is `off` beside it.
+    /// Adds a `point` that should lie on a wall with this normal, but is `off` beside it.
     fn add(&mut self, point: Point, normal: Point, off: f32) {
         let (x, y) = (point.x_mm - self.robot.x_mm, point.y_mm - self.robot.y_mm);
         let turn = normal.y_mm * x - normal.x_mm * y;
@@ -233,7 +235,7 @@ impl Sums {
         }
     }
 
-    /// By Cramer's rule.
+    /// Solution by Cramer's rule.
     fn solve(&self) -> Option<[f32; 3]> {
         let whole = determinant(self.matrix);
         let replaced = |column: usize| {
@@ -260,8 +262,8 @@ mod tests {
     use super::*;
     use crate::pose::sin_cos;
 
-    /// A corridor's end at 1 m was first seen 12 cm too far, seven tenths of it: drawn there, the
-    /// robot has 34 of 40 points on known walls, where it is all 40.
+    /// A corridor's end at 1 m was first seen 12 cm too far, on seven tenths of its width. At that
+    /// position the robot has 34 of 40 points on known walls, at its own pose all 40.
     #[test]
     fn what_fits_is_not_drawn_to_where_less_does() {
         let wall = |from: [f32; 2], to: [f32; 2]| {
@@ -280,7 +282,7 @@ mod tests {
         let drawn = walls.fitted(home, &lines).expect("there are walls");
         assert!((100.0..125.0).contains(&drawn.x_mm), "{drawn:?}");
         assert_eq!(walls.corrected(home, &lines), home);
-        // Where as much fits as here, the map's oldest wall counts.
+        // If as many points fit there as at the believed pose, the map's oldest wall counts.
         let mut walls = Walls::default();
         walls.add(home, &[wall([1_020.0, -500.0], [1_020.0, 500.0])]);
         walls.add(home, &lines);
@@ -288,8 +290,8 @@ mod tests {
         assert!((15.0..21.0).contains(&corrected.x_mm), "{corrected:?}");
     }
 
-    /// A room of 3 by 2 m, seen from (1, 1.1) m by a robot that believes to be 10 cm and
-    /// 0.5 radians off: too far to be corrected, but nothing else fits so well.
+    /// A room of 3 by 2 m, seen from (1, 1.1) m by a robot that believes to be 10 cm and 0.5
+    /// radians away: too far for a correction, but no other pose fits as well.
     #[test]
     fn a_robot_that_rolled_without_knowing_is_found() {
         let corners = [
@@ -314,7 +316,7 @@ mod tests {
         };
         let mut walls = Walls::default();
         let home = Pose::new(0.0, 0.0, 0.0);
-        // As from the middle, so that the robot is on their left.
+        // Seen as from the middle, so that the robot is on the lines' left.
         let middle = Pose::new(1_500.0, 1_000.0, 0.0);
         let from_middle = sides(&|corner| point([corner[0] - 1_500.0, corner[1] - 1_000.0]));
         walls.add(middle, &from_middle);
@@ -330,7 +332,7 @@ mod tests {
         assert!((found.heading - truth.heading).abs() < 0.01, "{found:?}");
     }
 
-    /// A corner seen from (1, 1) m by a robot that believes to be 5 cm and 3 degrees off.
+    /// A corner seen from (1, 1) m by a robot with an error of 5 cm and 3 degrees.
     #[test]
     fn two_walls_tell_the_pose() {
         let walls = [
@@ -351,17 +353,17 @@ mod tests {
         let off = found.position().distance_mm(truth.position());
         let turn = (found.heading - truth.heading).abs();
         assert!(off < 5.0 && turn < 0.005, "{found:?}");
-        // Walls elsewhere say nothing.
+        // Distant walls have no influence.
         let far = Pose::new(9_000.0, 9_000.0, 0.0);
         assert_eq!(known.corrected(far, &seen), far);
-        // The back of a wall 10 cm thick is not its front: seen from behind, it moves nothing.
+        // The back of a wall 10 cm thick is not its front: a scan from behind changes no pose.
         let behind = Segment::new(Point::new(500.0, -500.0), Point::new(500.0, 500.0));
         let back = Pose::new(-600.0, 1_500.0, 0.0);
         assert_eq!(known.corrected(back, &[behind]), back);
     }
 
-    /// Lines of 150 mm and below have no direction. Whichever way a line is told, the robot is to
-    /// the left of its face: ahead of it the face goes from right to left.
+    /// Lines of 150 mm and below have no direction. Whichever end of a line comes first, the robot
+    /// is to the left of its face: ahead of the robot the face runs from right to left.
     #[test]
     fn faces_are_long_and_have_the_robot_to_their_left() {
         let line =
@@ -375,7 +377,7 @@ mod tests {
         assert_eq!(known.segments, [line(-200.0, 200.0); 2]);
     }
 
-    /// Of a corner's two walls, of which one is known, each 1 m long: half.
+    /// One of a corner's two walls is known, each 1 m long: half.
     #[test]
     fn what_is_known_of_a_sight_is_a_share() {
         let far = Segment::new(Point::new(1_000.0, -500.0), Point::new(1_000.0, 500.0));
@@ -389,7 +391,7 @@ mod tests {
         assert!((share - 0.5).abs() < 0.05, "{share}");
     }
 
-    /// A turn of 0.2 rad is beyond what odometry errs by between two looks; one of 0.1 is not.
+    /// A turn of 0.2 rad exceeds the odometry's error between two looks; one of 0.1 does not.
     #[test]
     fn a_correction_that_is_too_large_is_none() {
         let corners = [

@@ -1,9 +1,9 @@
-//! The robot's list of waypoints: 100 static slots, in the order in which they are visited.
+//! The robot's list of waypoints: 100 static slots, in the order of the visits.
 //!
-//! A waypoint keeps the number that it was given for as long as it lives, and no number is given
-//! twice, whatever is inserted, removed or replaced (seed report, chapter on waypoints). The
-//! fielded program renumbered the list with every message and followed the sender's links into
-//! memory that no longer existed; here the order of the message is the order of the list.
+//! A waypoint keeps its number for its lifetime, and no number is used twice, even after
+//! insertions, removals and replacements (seed report, chapter on waypoints). The fielded program
+//! renumbered the list with every message and followed the sender's links into freed memory; here
+//! the order of the message is the order of the list.
 
 use protocols::pcui::message::{NO_WAYPOINT, Waypoint as Sent};
 
@@ -15,7 +15,7 @@ pub const CAPACITY: usize = 100;
 /// A point to visit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Waypoint {
-    /// Its number, never given to another one.
+    /// Number of the waypoint, never used for another one.
     pub id: i16,
     /// Position in the map.
     pub position_mm: [i16; 2],
@@ -23,13 +23,13 @@ pub struct Waypoint {
     pub layer: i8,
 }
 
-/// Why a waypoint was not taken.
+/// Reason why a waypoint was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WaypointError {
     /// All slots are taken.
     Full,
-    /// All 32768 numbers have been given.
+    /// All 32768 numbers have been used.
     NumbersUsedUp,
     /// No waypoint has this number.
     Unknown(i16),
@@ -47,23 +47,23 @@ impl core::fmt::Display for WaypointError {
 
 impl core::error::Error for WaypointError {}
 
-/// What the fielded program did wrong with its list; none by default.
+/// Defects of the fielded program's list; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The sender's links are followed; one to an unknown number is a null pointer (PU-07, PU-08).
     pub follows_unknown_links: bool,
-    /// A link that two waypoints share leads to an object that is gone (PU-09).
+    /// A link that two waypoints share leads to a freed object (PU-09).
     pub follows_shared_links: bool,
-    /// The target is kept as a place in memory when a new list comes (PU-10).
+    /// The target stays a memory address when a new list arrives (PU-10).
     pub keeps_the_target: bool,
     /// Removing the first or the last waypoint loses that end of the list (NV-03).
     pub loses_its_ends: bool,
-    /// What finds no slot is taken for stored (NV-05).
+    /// Waypoints without a slot are reported as stored (NV-05).
     pub drops_silently: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         follows_unknown_links: false,
         follows_shared_links: false,
@@ -73,20 +73,20 @@ impl Defects {
     };
 }
 
-/// The list, and how far the robot has got in it.
+/// The list, and the robot's progress in it.
 #[derive(Clone, Debug)]
 pub struct Waypoints {
     slots: [Waypoint; CAPACITY],
     len: usize,
-    /// The first so many were reached.
+    /// Number of reached waypoints at the front of the list.
     reached: usize,
-    /// `None` when the last number is gone.
+    /// `None` when all numbers are used.
     next_id: Option<i16>,
     defects: Defects,
     broken: Broken,
 }
 
-/// What defects have done to the list.
+/// Damage that defects have done to the list.
 #[derive(Clone, Copy, Debug, Default)]
 struct Broken {
     /// A null pointer was followed.
@@ -109,7 +109,7 @@ impl Waypoints {
         Self::with_defects(Defects::NONE)
     }
 
-    /// An empty list with some of the fielded program's faults.
+    /// An empty list with the given defects of the fielded program.
     pub const fn with_defects(defects: Defects) -> Self {
         Self {
             defects,
@@ -134,7 +134,8 @@ impl Waypoints {
         &self.slots[..self.len]
     }
 
-    /// How many the list counts; a broken one counts some that it does not reach.
+    /// Number of waypoints by the list's own count; a broken list also counts some that it cannot
+    /// reach.
     pub const fn count(&self) -> usize {
         self.len
     }
@@ -144,7 +145,7 @@ impl Waypoints {
         self.broken.is_dead
     }
 
-    /// Writes that the fielded program would have made to objects that are gone.
+    /// Writes that the fielded program would have made to freed objects.
     pub const fn stray_writes(&self) -> StrayWrites {
         self.broken.stray
     }
@@ -162,7 +163,7 @@ impl Waypoints {
         self.all().get(self.reached)
     }
 
-    /// How many were reached.
+    /// Number of reached waypoints.
     pub const fn reached(&self) -> usize {
         self.reached
     }
@@ -172,18 +173,18 @@ impl Waypoints {
         self.reached + 1 == self.len
     }
 
-    /// The target was reached.
+    /// Marks the target as reached.
     pub fn advance(&mut self) {
         self.reached = (self.reached + 1).min(self.len);
     }
 
-    /// Appends a waypoint; its number.
+    /// Appends a waypoint; returns its number.
     pub fn push(&mut self, position_mm: [i16; 2], layer: i8) -> Result<i16, WaypointError> {
         self.insert_at(self.len, position_mm, layer)
     }
 
-    /// Puts a waypoint behind the one with number `before`; its number. If `before` was reached,
-    /// and another one behind it as well, the new one counts as reached.
+    /// Inserts a waypoint behind the one with number `before`; returns its number. If `before` and
+    /// the next waypoint were reached, the new one counts as reached, too.
     pub fn insert_after(
         &mut self,
         before: i16,
@@ -194,7 +195,7 @@ impl Waypoints {
         self.insert_at(index, position_mm, layer)
     }
 
-    /// Takes a waypoint out.
+    /// Removes a waypoint.
     pub fn remove(&mut self, id: i16) -> Result<Waypoint, WaypointError> {
         let index = self.index_of(id)?;
         let removed = self.slots[index];
@@ -211,19 +212,19 @@ impl Waypoints {
         Ok(removed)
     }
 
-    /// Takes all waypoints out. Their numbers stay used.
+    /// Removes all waypoints. Their numbers stay used.
     pub const fn clear(&mut self) {
         self.slots = [FREE; CAPACITY];
         self.len = 0;
         self.reached = 0;
     }
 
-    /// Replaces the list by one that was received; how many of it found no slot or number.
+    /// Replaces the list by a received one; returns how many waypoints got no slot or number.
     ///
-    /// A waypoint that comes back with number and position unchanged keeps its number, others get
-    /// new ones. As far as the new list begins like the old one, what was reached stays reached,
-    /// so a list that is sent twice, or sent again with a waypoint added behind, does not send the
-    /// robot back. A list that was finished starts again.
+    /// A received waypoint with unchanged number and position keeps its number, others get new
+    /// ones. Waypoints at the start of both lists stay reached if they are equal. A list sent
+    /// twice, or with a waypoint appended, therefore does not send the robot back. A finished list
+    /// starts again.
     pub fn replace(&mut self, received: impl Iterator<Item = Sent>) -> usize {
         let old = self.clone();
         let was_finished = self.reached == self.len;
@@ -284,8 +285,8 @@ impl Waypoints {
             })
     }
 
-    /// Follows the sender's link as the fielded program did: to the number that a waypoint got
-    /// here, not to the one that was sent. False if that ended the list, or the program.
+    /// Follows the sender's link as the fielded program did: to the number assigned here, not to
+    /// the sent one. Returns false if that ended the list, or the program.
     fn links_hold(&mut self, sent: &Sent) -> bool {
         if sent.previous == NO_WAYPOINT {
             return true;

@@ -2,30 +2,30 @@ use protocols::avr::START;
 
 use crate::memory::StrayWrites;
 
-/// What the fielded program did wrong on its bus; none by default. The ids are those of the
-/// project's list of field defects.
+/// Bus defects of the fielded program; none by default. The ids are those of the project's list of
+/// field defects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
     /// The checksum's first byte is stored behind the data, outside the buffer (MA-01).
     pub stores_checksum: bool,
-    /// As many bytes are stored as the reply announces, not as were asked for (MA-02).
+    /// The reply's announced number of bytes is stored instead of the requested one (MA-02).
     pub unbounded_store: bool,
-    /// The counter of stored bytes has eight bits and a sign (MA-03).
+    /// The counter of stored bytes is a signed 8-bit number (MA-03).
     pub signed_counter: bool,
-    /// A reply with fewer bytes than asked for is taken; the rest is what lay there (MA-04).
+    /// A reply with fewer bytes than requested is accepted; the rest is stale data (MA-04).
     pub takes_short_replies: bool,
-    /// An acknowledgement is taken for data; all of them are what lay there (MA-05).
+    /// An acknowledgement is accepted as data; all bytes are stale (MA-05).
     pub takes_acknowledgements: bool,
     /// A frame without a waiting reader is stored where the last reader's buffer was (MA-06).
     pub writes_when_nobody_waits: bool,
     /// Failures are not counted, so the slave never counts as silent (MA-07).
     pub ignores_failures: bool,
-    /// A request is sent although another one is waiting for its answer (MA-08).
+    /// A request is sent while another one waits for its answer (MA-08).
     pub preempts_itself: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         stores_checksum: false,
         unbounded_store: false,
@@ -38,9 +38,9 @@ impl Defects {
     };
 }
 
-/// The fielded program's receive interrupt, as far as it stores: each data byte goes straight into
-/// the caller's buffer, before anything is checked. It also stores what follows the data and only
-/// then compares its counter, so the first byte of the checksum goes one past the data.
+/// The fielded program's receive interrupt, as far as it stores data. Each data byte goes straight
+/// into the caller's buffer, before any check. The counter is compared only after the next byte is
+/// stored, so the first byte of the checksum goes one past the data.
 #[derive(Clone, Debug)]
 pub(super) struct Listener {
     state: State,
@@ -55,7 +55,7 @@ enum State {
     Register,
     Count,
     Data,
-    /// So many bytes of the checksum are still to come.
+    /// Number of checksum bytes still to come.
     Checksum(u8),
 }
 
@@ -69,13 +69,13 @@ impl Listener {
         }
     }
 
-    /// A new listener is armed with each request.
+    /// Prepares the listener for a new request.
     pub(super) const fn arm(&mut self) {
         self.state = State::Start;
     }
 
-    /// A byte comes in while a reply of `wanted` bytes is expected; `None`: no reader waits, and
-    /// its former buffer holds other data by now.
+    /// Takes a byte while a reply of `wanted` bytes is expected; `None`: no reader waits, and its
+    /// former buffer holds other data by now.
     pub(super) fn take(&mut self, byte: u8, wanted: Option<u8>, defects: &Defects) {
         self.state = match self.state {
             State::Start if byte == START => State::Register,
@@ -128,7 +128,7 @@ mod tests {
 
     use super::*;
 
-    /// How often bytes are stored outside a buffer of `wanted`, and where last.
+    /// Number of bytes stored outside a buffer of `wanted`, and the offset of the last one.
     fn strays(defects: Defects, wanted: Option<u8>, bytes: &[u8]) -> (u32, i32) {
         let mut listener = Listener::new();
         for byte in bytes {
@@ -137,7 +137,7 @@ mod tests {
         (listener.stray.count, listener.stray.last)
     }
 
-    /// A write of so many bytes, its checksum, and noise before it.
+    /// Noise, then a write of `count` bytes with its checksum.
     fn frame(count: u8) -> Vec<u8> {
         let mut bytes = vec![0x55, START, 0x24, 0x80 | count];
         bytes.extend(vec![7; usize::from(count)]);
@@ -164,7 +164,8 @@ mod tests {
         assert_eq!(strays(CHECKSUM, Some(2), &read), (1, 2));
     }
 
-    /// MA-02: two bytes were asked for and four come: two of them, and the checksum, are too many.
+    /// MA-02: two bytes were requested and four arrive: two of them, and the checksum, are too
+    /// many.
     #[test]
     fn a_longer_reply_is_stored_whole() {
         let unbounded_store = Defects {
@@ -176,7 +177,7 @@ mod tests {
         assert_eq!(strays(CHECKSUM, Some(2), &frame(4)).0, 0);
     }
 
-    /// MA-03: behind the 128th byte of a frame of 127 comes place -128.
+    /// MA-03: after the 128th byte of a frame of 127 the offset becomes -128.
     #[test]
     fn the_counter_of_bytes_falls_below_zero() {
         let signed_counter = Defects {
@@ -192,7 +193,7 @@ mod tests {
         assert_eq!(strays(signed_counter, Some(10), &frame(2)).0, 0);
     }
 
-    /// MA-06: two bytes and the checksum go where the last reader's buffer was.
+    /// MA-06: two bytes and the checksum are stored where the last reader's buffer was.
     #[test]
     fn a_frame_that_nobody_waits_for_is_stored_as_well() {
         let unguarded = Defects {
@@ -204,7 +205,7 @@ mod tests {
         assert_eq!(strays(CHECKSUM, None, &frame(2)).0, 0);
     }
 
-    /// A listener that is armed waits for the start of a frame, whatever came before.
+    /// An armed listener waits for the start of a frame, independent of earlier bytes.
     #[test]
     fn an_armed_listener_begins_anew() {
         let mut listener = Listener::new();

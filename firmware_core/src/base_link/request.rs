@@ -1,15 +1,15 @@
-//! One question to the slave, and what answers it.
+//! A request to the slave, and the test for its answer.
 
 use protocols::avr::{ChecksumOrder, Frame};
 
 use super::{Defects, READ_MAX, WRITE_MAX};
 
-/// What to ask of the slave.
+/// A read or write request to the slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
     pub(super) register: u8,
     pub(super) count: u8,
-    /// Of a write.
+    /// Data of a write.
     pub(super) data: Option<[u8; WRITE_MAX]>,
 }
 
@@ -38,12 +38,12 @@ impl Request {
         }
     }
 
-    /// The first register in question.
+    /// The first register of the request.
     pub const fn register(&self) -> u8 {
         self.register
     }
 
-    /// Whether it writes.
+    /// Whether the request is a write.
     pub const fn is_write(&self) -> bool {
         self.data.is_some()
     }
@@ -55,7 +55,7 @@ impl Request {
         }
     }
 
-    /// Whether `frame` is what the slave says to this request.
+    /// Whether `frame` is the slave's answer to this request.
     pub(super) fn is_answered_by(&self, frame: &Frame, defects: &Defects) -> bool {
         if frame.register() != self.register {
             return false;
@@ -69,7 +69,8 @@ impl Request {
             || (defects.takes_acknowledgements && is_acknowledgement)
     }
 
-    /// Whether one of the two makes the other needless: the same registers in the same direction.
+    /// Whether one of the two requests replaces the other: the same registers in the same
+    /// direction.
     pub(super) fn replaces(&self, other: &Self) -> bool {
         (self.register, self.count, self.is_write())
             == (other.register, other.count, other.is_write())

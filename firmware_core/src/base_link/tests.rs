@@ -31,7 +31,7 @@ fn sent(link: &mut BaseLink) -> Vec<u8> {
     buf[..count].to_vec()
 }
 
-/// A link whose request to read the wheels has just left.
+/// A link with a request to read the wheels that has just left.
 fn asked() -> BaseLink {
     let mut link = link();
     link.submit(at(0), WHEELS);
@@ -95,7 +95,7 @@ fn only_the_whole_answer_counts() {
     ));
 }
 
-/// Field defect MA-06: an unsolicited frame was written into memory that was gone.
+/// Field defect MA-06: an unsolicited frame was written into freed memory.
 #[test]
 fn an_unsolicited_frame_is_counted_and_dropped() {
     let mut link = link();
@@ -109,7 +109,7 @@ fn an_unsolicited_frame_is_counted_and_dropped() {
     );
 }
 
-/// What comes in before the request has left cannot be its answer.
+/// A frame received before the request has left cannot be its answer.
 #[test]
 fn an_answer_from_before_the_question_does_not_count() {
     let mut link = link();
@@ -122,7 +122,7 @@ fn an_answer_from_before_the_question_does_not_count() {
     assert_eq!(sent(&mut link), READ);
 }
 
-/// Field program: three tries in all; its callers did not look at the failure (MA-07).
+/// Field program: three tries in all; its callers did not check for the failure (MA-07).
 #[test]
 fn a_silent_slave_is_asked_three_times_and_then_reported() {
     let mut link = asked();
@@ -161,8 +161,8 @@ fn an_error_frame_brings_the_next_try_at_once() {
     assert_eq!(link.counters().errors, 1);
 }
 
-/// A flipped count makes the decoder wait for 122 more bytes; the end of the try frees what
-/// came behind it, here the answer itself.
+/// A flipped count makes the decoder wait for 122 more bytes; the end of the try releases the bytes
+/// behind it, here the answer itself.
 #[test]
 fn a_damaged_count_costs_one_try_at_most() {
     let mut link = asked();
@@ -180,8 +180,9 @@ fn a_damaged_count_costs_one_try_at_most() {
     assert_eq!(link.counters().retries, 0);
 }
 
-/// The acknowledgement of the first try arrives after the second one has left, the second one
-/// after the transaction is over: it must not pass for the acknowledgement of the next write.
+/// The acknowledgement of the first try arrives after the second try has left, the second
+/// acknowledgement after the transaction is over. It must not count as the acknowledgement of the
+/// next write.
 #[test]
 fn a_late_answer_is_not_taken_for_the_next_one() {
     let mut link = link();
@@ -233,14 +234,14 @@ fn a_flood_of_requests_is_bounded_and_counted() {
     assert_eq!(link.counters().overflows, 4);
 }
 
-/// Time that passes, noise, whether the answer comes behind it, whether to ask.
+/// Elapsed time, noise, whether the answer follows the noise, whether to submit a request.
 fn step() -> impl Strategy<Value = (u64, Vec<u8>, bool, bool)> {
     let noise = prop::collection::vec(any::<u8>(), 0..40);
     (0_u64..9_000, noise, any::<bool>(), any::<bool>())
 }
 
 proptest! {
-    /// Whatever the slave says and whenever: no panic, at most three tries a request, and every
+    /// For any bytes of the slave at any time: no panic, at most three tries a request, and every
     /// request ends.
     #[test]
     fn every_request_ends(steps in prop::collection::vec(step(), 1..60)) {
@@ -272,8 +273,9 @@ proptest! {
     }
 }
 
-/// T5: what an idle line frees is judged like everything else: a damaged count hid a valid frame of
-/// another register, which is no answer. It is counted, and the request goes out again.
+/// T5: a frame released by an idle line is checked like any other. A damaged count hid a valid
+/// frame of another register, which is no answer. The frame is counted, and the request is sent
+/// again.
 #[test]
 fn a_frame_that_an_idle_line_frees_must_be_the_answer() {
     let mut link = asked();
@@ -294,8 +296,8 @@ fn a_frame_that_an_idle_line_frees_must_be_the_answer() {
     );
 }
 
-/// What was read before is left behind ten registers if short replies or acknowledgements are taken
-/// for answers; else there is nothing.
+/// Stale data stays behind ten registers if the link accepts short replies or acknowledgements as
+/// answers; else those bytes are 0.
 #[test]
 fn old_data_is_left_behind_a_reply_of_the_fielded_link() {
     let behind = |takes_short_replies, takes_acknowledgements| {

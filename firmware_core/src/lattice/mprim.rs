@@ -1,4 +1,4 @@
-//! The text form of primitives, `.mprim`, as sbpl reads it.
+//! The text format of primitives, `.mprim`, as sbpl reads it.
 //!
 //! ```text
 //! resolution_m: 0.05
@@ -24,22 +24,22 @@ use alloc::vec::Vec;
 
 use super::primitives::{Primitive, PrimitiveError, PrimitiveSet};
 
-/// Poses of a primitive at most: more are a damaged file.
+/// Maximum number of poses of a primitive: more mean a damaged file.
 const POSES_MAX: usize = 1_000;
-/// Primitives of a file at most.
+/// Maximum number of primitives of a file.
 const PRIMITIVES_MAX: usize = 100_000;
 
-/// Why a text is no set of primitives.
+/// Reason why a text is not a set of primitives.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum MprimError {
     /// Another word was expected.
     Word {
-        /// Its line, from 1.
+        /// Line of the word, from 1.
         line: usize,
-        /// The word that should be there.
+        /// The expected word.
         expected: &'static str,
-        /// The word that is there; empty at the end.
+        /// The actual word; empty at the end.
         found: String,
     },
     /// The primitives do not fit together.
@@ -75,7 +75,7 @@ impl From<PrimitiveError> for MprimError {
 /// Reads a file of primitives.
 ///
 /// # Errors
-/// With line, word and what was expected; or which primitive does not fit.
+/// With line, word and the expected content; or the primitive that does not fit.
 pub fn parse(text: &str) -> Result<PrimitiveSet, MprimError> {
     let mut words = Words::new(text);
     let resolution_m = words.labelled("resolution_m:", "a number")?;

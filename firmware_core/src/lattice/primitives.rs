@@ -1,4 +1,4 @@
-//! The motions of which plans are made.
+//! Motions from which plans are composed.
 
 use core::f64::consts::{FRAC_PI_4, TAU};
 use core::fmt;
@@ -15,16 +15,16 @@ const POSES: usize = 10;
 /// One motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Primitive {
-    /// Its number among those of the same heading.
+    /// Number among the primitives of the same heading.
     pub id: u32,
-    /// Heading that it begins with, of [`PrimitiveSet::angles`].
+    /// Start heading, of [`PrimitiveSet::angles`].
     pub start: u32,
-    /// Where it ends: cells along x and y from its first cell, and the heading there.
+    /// End: cells along x and y from the first cell, and the heading.
     pub end: ([i32; 2], u32),
-    /// How much dearer it is than its time.
+    /// Factor of the cost relative to the time.
     pub multiplier: u32,
-    /// Poses on the way, the first and last included: metres from the middle of its first cell,
-    /// and the heading, radians.
+    /// Poses along the motion, including the first and last: metres from the middle of the first
+    /// cell, and the heading, radians.
     pub poses: Vec<[f64; 3]>,
 }
 
@@ -36,26 +36,25 @@ pub struct PrimitiveSet {
     primitives: Vec<Primitive>,
 }
 
-/// Why primitives are not a set.
+/// Reason why primitives are not a set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum PrimitiveError {
-    /// Cells without a size, or not 4 to 256 headings in quarters.
+    /// Cells without a size, or a number of headings that is not a multiple of 4 from 4 to 256.
     Grid,
-    /// The last pose is not in the cell and heading that it is said to end in.
+    /// The last pose is not in the declared end cell and heading.
     End {
-        /// Which primitive, from 0.
+        /// Index of the primitive, from 0.
         index: usize,
     },
-    /// The primitive begins with a heading that does not exist, has no poses, costs nothing, or
-    /// ends where it begins.
+    /// The primitive has an invalid start heading, no poses, no cost, or ends where it begins.
     Empty {
-        /// Which primitive, from 0.
+        /// Index of the primitive, from 0.
         index: usize,
     },
     /// Headings have different numbers of primitives.
     Uneven {
-        /// The first heading that has another number than heading 0.
+        /// The first heading with a different number than heading 0.
         angle: u32,
     },
 }
@@ -112,12 +111,12 @@ impl PrimitiveSet {
         }
     }
 
-    /// The primitives of the car of seed 003: per heading one short and one long straight, or one
-    /// of them twice where the lattice has no short one, one straight back at ten times the cost,
-    /// and two curves at twice the cost. Cells of 5 cm, 16 headings.
+    /// The primitives of the car of seed 003: per heading one short and one long straight, one
+    /// straight back at ten times the cost, and two curves at twice the cost. Where the lattice has
+    /// no short straight, the long one occurs twice. Cells of 5 cm, 16 headings.
     ///
     /// # Panics
-    /// Never: the table is sound.
+    /// Never: the table is valid.
     pub fn car() -> Self {
         let mut primitives = Vec::new();
         for start in 0..16_u32 {
@@ -205,7 +204,7 @@ impl PrimitiveSet {
 }
 
 impl Primitive {
-    /// Length of its way, metres.
+    /// Length of the path, metres.
     pub fn length_m(&self) -> f64 {
         let steps = self.poses.windows(2);
         let lengths =
@@ -213,8 +212,7 @@ impl Primitive {
         lengths.sum()
     }
 
-    /// Its cost where all cells are free: milliseconds at the nominal speeds, rounded up, times the
-    /// multiplier.
+    /// Cost over free cells: milliseconds at the nominal speeds, rounded up, times the multiplier.
     pub fn base_cost(&self) -> u32 {
         let turned = self.poses.first().zip(self.poses.last());
         let turned = turned.map_or(0.0, |(first, last)| last[2] - first[2]);
@@ -225,13 +223,13 @@ impl Primitive {
             clippy::cast_sign_loss,
             reason = "saturates"
         )]
-        // What is a whole number in decimal is none in binary.
+        // A whole number in decimal may not be whole in binary.
         let cost = libm::ceil(1_000.0 * seconds - 1e-9) as u32;
         cost.max(1).saturating_mul(self.multiplier)
     }
 }
 
-/// Where a template ends, and how much dearer it is.
+/// End of a template, and its cost factor.
 type Template = (([i32; 2], i32), u32);
 
 /// The car's primitives for headings 0, 22.5 and 45 degrees.
@@ -259,7 +257,7 @@ const CAR: [[Template; 5]; 3] = [
     ],
 ];
 
-/// Poses of a primitive: a straight, or a straight and then an arc that ends in the right place
+/// Poses of a primitive: a straight, or a straight and then an arc that ends at the right position
 /// with the right heading.
 fn poses(cell_m: f64, angles: u32, start: u32, end: [i32; 2], end_angle: u32) -> Vec<[f64; 3]> {
     let [x, y] = end.map(|cells| f64::from(cells) * cell_m);

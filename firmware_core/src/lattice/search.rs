@@ -1,9 +1,9 @@
 //! The search for a plan: anytime repairing A* (ARA*, Likhachev, Gordon and Thrun 2003).
 //!
-//! A first pass overrates the estimate of the way that is left by a factor and is quick; further
-//! passes repair what it found with smaller factors. The cost that a pass returns is at most its
-//! factor times the least one. Each pass keeps the costs of the one before: OPEN continues, and
-//! what became cheaper after it was closed (INCONS) joins it.
+//! The first pass multiplies the estimate of the remaining path by a factor and is quick; further
+//! passes improve its result with smaller factors. The cost of a pass is at most its factor times
+//! the least cost. Each pass keeps the costs of the one before: OPEN continues, and states that
+//! became cheaper after they were closed (INCONS) join it.
 
 use core::cmp::Reverse;
 
@@ -18,22 +18,22 @@ use crate::costmap::{Costmap, INSCRIBED};
 const COST_PER_M: f64 = 2_500.0;
 const UNKNOWN: u32 = u32::MAX;
 
-/// How long to search.
+/// Limits of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Factor of the first pass, 1 at least.
+    /// Factor of the first pass, at least 1.
     pub first_bound: f64,
-    /// By how much each pass lowers it.
+    /// Decrease of the factor from pass to pass.
     pub bound_step: f64,
-    /// Poses that are expanded in all passes together; whatever was found by then is the plan.
+    /// Maximum number of expanded poses in all passes together; the best plan by then counts.
     pub expansions_max: usize,
-    /// Once there is a plan, it is improved up to so many.
+    /// Maximum number of expanded poses while a plan is improved.
     pub improving_max: usize,
 }
 
 impl Limits {
-    /// For a robot that waits for its plan: a good one at once, instead of the best one later. The
-    /// fielded planner had five seconds.
+    /// Limits for a robot that waits for its plan: a good plan at once, instead of the best one
+    /// later. The fielded planner had five seconds.
     pub const PROMPT: Self = Self {
         first_bound: 5.0,
         bound_step: 0.2,
@@ -43,7 +43,7 @@ impl Limits {
 }
 
 impl Default for Limits {
-    /// As the car of seed 003: from 5 by 0.2 down to 1.
+    /// The limits of the car of seed 003: from 5 by 0.2 down to 1.
     fn default() -> Self {
         Self {
             first_bound: 5.0,
@@ -57,42 +57,42 @@ impl Default for Limits {
 /// The goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
-    /// The pose, brought to the nearest cell and heading.
+    /// The pose, rounded to the nearest cell and heading.
     pub pose: CarPose,
     /// Whether the heading there matters.
     pub with_heading: bool,
 }
 
-/// A way that the robot can drive.
+/// A path that the robot can drive.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Poses of the reference point, from the start's cell to the goal's.
     pub poses: Vec<CarPose>,
-    /// Primitives in their order, as places in the set.
+    /// Primitives in their order, as indices in the set.
     pub primitives: Vec<usize>,
-    /// What it costs.
+    /// Cost of the path.
     pub cost: u32,
-    /// The cost is at most this many times the least one.
+    /// Maximum ratio of the cost to the least one.
     pub bound: f64,
     /// Factor and cost of each pass.
     pub passes: Vec<(f64, u32)>,
-    /// Poses that were expanded.
+    /// Number of expanded poses.
     pub expansions: usize,
 }
 
-/// Why there is no plan.
+/// Reason why there is no plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NoPlan {
-    /// The map's cells are not those of the primitives.
+    /// The map's cell size differs from that of the primitives.
     Resolution,
-    /// The robot cannot be where it begins: off the map, or in an obstacle.
+    /// The start is off the map, or in an obstacle.
     Start,
-    /// The robot cannot be at its goal.
+    /// The goal is off the map, or in an obstacle.
     Goal,
-    /// There is no way.
+    /// There is no path.
     NoWay,
-    /// None was found within the limits.
+    /// No path was found within the limits.
     Limit,
 }
 
@@ -161,12 +161,12 @@ struct Search<'a> {
     /// Cells of the map along x and y.
     size: [u32; 2],
     angles: u32,
-    /// Minimum cost of the way from each cell to the goal's.
+    /// Minimum cost of the path from each cell to the goal's.
     left: Vec<u32>,
     cost: Vec<u32>,
-    /// State and action from which each was reached.
+    /// State and action from which each state was reached.
     from: Vec<(u32, u8)>,
-    /// The pass in which each was closed.
+    /// The pass in which each state was closed.
     closed: Vec<u16>,
     open: BinaryHeap<Reverse<(u64, u32)>>,
     inconsistent: Vec<u32>,
@@ -193,7 +193,7 @@ impl<'a> Search<'a> {
     }
 
     fn state(&self, [x, y]: [i32; 2], angle: u32) -> Option<u32> {
-        // What is below 0 becomes larger than any map.
+        // A negative coordinate becomes larger than any map.
         let (x, y) = (x.cast_unsigned(), y.cast_unsigned());
         let [width, height] = self.size;
         (x < width && y < height).then(|| (y * width + x) * self.angles + angle)
@@ -208,7 +208,8 @@ impl<'a> Search<'a> {
         self.left[(state / self.angles) as usize]
     }
 
-    /// What a pass sorts by: cost so far, and the rest as the factor, in 1000ths, overrates it.
+    /// Sort key of a pass: the cost so far, and the estimated rest multiplied by the factor, in
+    /// 1000ths.
     fn key(&self, state: u32, factor: u64) -> u64 {
         u64::from(self.cost[state as usize]) * 1_000 + u64::from(self.left(state)) * factor
     }
@@ -241,7 +242,7 @@ impl<'a> Search<'a> {
                 found = Some((end, cost, bound, self.way(begin, end)));
             }
             if !is_whole && found.is_none() {
-                // A way that no bound is known of is better than none.
+                // A path without a known bound is better than none.
                 let (end, cost) = end.zip(cost).ok_or(NoPlan::Limit)?;
                 found = Some((end, cost, f64::INFINITY, self.way(begin, end)));
             }
@@ -261,7 +262,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// The cheapest of the goal's states that was reached.
+    /// The cheapest reached state of the goal.
     fn goal(&self, goal: [i32; 2], angle: Option<u32>) -> Option<u32> {
         let angles = angle.map_or(0..self.angles, |angle| angle..angle + 1);
         let states = angles.filter_map(|angle| self.state(goal, angle));
@@ -269,7 +270,7 @@ impl<'a> Search<'a> {
         reached.min_by_key(|state| self.cost[*state as usize])
     }
 
-    /// One pass; whether it came to its end.
+    /// Runs one pass; returns whether it ended within the limits.
     fn pass(
         &mut self,
         pass: u16,
@@ -307,7 +308,7 @@ impl<'a> Search<'a> {
                 return false;
             }
             self.open.pop();
-            // It has become cheaper since, and stands in the queue with its new key.
+            // The state has become cheaper since, and the queue holds it with its new key.
             if self.closed[state as usize] == pass || key > self.key(state, factor) {
                 continue;
             }
@@ -319,7 +320,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Whether a state in the cell `goal` has become cheaper.
+    /// Expands a state; returns whether a state in the cell `goal` has become cheaper.
     fn expand(&mut self, state: u32, pass: u16, factor: u64, goal: [i32; 2]) -> bool {
         let (cell, lattice) = (self.cell(state), self.lattice);
         let mut is_goal_cheaper = false;
@@ -387,8 +388,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Minimum cost of a way of the reference point alone from each cell to `goal`, as the search may
-/// rely on: what the lattice costs is never less.
+/// Lower bound of the cost of a path of the reference point alone from each cell to `goal`; the
+/// cost in the lattice is never less.
 fn ways_to(map: &Costmap, goal: [i32; 2], detour: f64) -> Vec<u32> {
     let mut left = alloc::vec![UNKNOWN; map.costs().len()];
     let width = map.width();
@@ -464,9 +465,9 @@ mod tests {
         );
     }
 
-    /// Obstacles at random: the estimate is what relaxing all steps again and again comes to. A
-    /// step costs its length by the cheaper of its two cells; none leads into a cell where the
-    /// robot's middle cannot be.
+    /// Random obstacles: the estimate equals the result of relaxing all steps until nothing
+    /// changes. A step costs its length by the cheaper of its two cells; no step leads into a cell
+    /// where the robot's middle cannot be.
     #[test]
     fn an_estimate_is_the_least_way_over_cheap_cells() {
         let (width, height) = (12, 9);

@@ -1,4 +1,4 @@
-//! Which cells a primitive passes: those of the reference point and those that the outline sweeps.
+//! Cells that a primitive passes: those of the reference point and those that the outline sweeps.
 
 use alloc::vec::Vec;
 
@@ -12,7 +12,7 @@ use crate::costmap::{Costmap, INSCRIBED, LETHAL};
 pub struct Outline(Vec<[f64; 2]>);
 
 impl Outline {
-    /// A rectangle that reaches this far ahead, behind and to each side of the reference point.
+    /// A rectangle with these distances from the reference point ahead, behind and to each side.
     pub fn rectangle(ahead_m: f64, behind_m: f64, side_m: f64) -> Self {
         Self(alloc::vec![
             [ahead_m, side_m],
@@ -28,8 +28,8 @@ impl Outline {
         Placed::new(self, pose, edge_m).overlaps(middle_m)
     }
 
-    /// Cells of `cell_m` that the outline covers or cuts at this pose, seen from the cell in whose
-    /// middle the coordinates begin; those that are `known` already are left out.
+    /// Cells of `cell_m` that the outline covers or cuts at this pose, relative to the cell with
+    /// the coordinates' origin in its middle, without those already `known`.
     fn cells(
         &self,
         pose: [f64; 3],
@@ -53,7 +53,7 @@ impl Outline {
         cells.filter(move |cell| !known(*cell) && overlaps(*cell))
     }
 
-    /// How far it reaches from the reference point, in cells, rounded up.
+    /// Largest distance of the outline from the reference point, in cells, rounded up.
     fn reach(&self, cell_m: f64) -> i32 {
         let far = |[ahead, left]: &[f64; 2]| libm::hypot(*ahead, *left);
         let farthest = self.0.iter().map(far).fold(0.0, f64::max);
@@ -63,8 +63,8 @@ impl Outline {
     }
 }
 
-/// Cells around a motion, and which of them the outline has been found to sweep: most it sweeps at
-/// many of the poses.
+/// Cells around a motion, and the cells that the outline sweeps. Most cells are swept at many of
+/// the poses, so they are marked.
 struct Swept {
     low: [i32; 2],
     /// Cells along y.
@@ -76,17 +76,17 @@ struct Swept {
 #[derive(Clone, Copy, PartialEq)]
 enum Cell {
     Open,
-    /// Swept, and not covered at the beginning.
+    /// Swept, and not covered at the start.
     Swept,
     Covered,
 }
 
 impl Swept {
-    /// None yet of what an outline with this `reach` can get at from `poses`, but for what it
-    /// `covered` at the first one.
+    /// Empty marks for all cells that an outline with this `reach` can touch from `poses`, except
+    /// those `covered` at the first pose.
     fn new(poses: &[[f64; 3]], cell_m: f64, reach: i32, covered: &[[i32; 2]]) -> Self {
         let along = |axis: usize| poses.iter().map(move |pose| pose[axis] / cell_m);
-        // One more on either side for the rounding of the reach and of the cells.
+        // One more cell on either side for the rounding of the reach and of the cells.
         let [low, high] = [
             [0, 1].map(|axis| along(axis).fold(0.0, f64::min)),
             [0, 1].map(|axis| along(axis).fold(0.0, f64::max)),
@@ -139,8 +139,8 @@ impl Swept {
     }
 }
 
-/// An outline at a pose, and a square of one size that may be anywhere: two convex shapes are apart
-/// if a side of one has the other beyond it.
+/// An outline at a pose, and a square of fixed size at any position. Two convex shapes are apart if
+/// one side of one has the other completely beyond it.
 struct Placed {
     /// Along the normals of the outline's sides, then x and y.
     spans: Vec<Span>,
@@ -148,9 +148,9 @@ struct Placed {
 
 struct Span {
     normal: [f64; 2],
-    /// From where to where the outline lies.
+    /// Interval of the outline.
     outline: [f64; 2],
-    /// Half of the square, but for what counts as a touch.
+    /// Half of the square, less the tolerance of a touch.
     half: f64,
 }
 
@@ -191,34 +191,34 @@ impl Placed {
     }
 }
 
-/// A primitive with all that the search asks of it.
+/// A primitive with the data that the search needs.
 #[derive(Clone, Debug)]
 pub(super) struct Action {
-    /// Its place in [`PrimitiveSet::all`].
+    /// Index in [`PrimitiveSet::all`].
     pub(super) primitive: usize,
     pub(super) end: [i32; 2],
     pub(super) end_angle: u32,
     pub(super) base_cost: u32,
     /// Cells of the reference point after the first one.
     middle: Vec<[i32; 2]>,
-    /// Cells of the outline that are not among those it covers at the beginning.
+    /// Cells that the outline sweeps beyond those it covers at the start.
     swept: Vec<[i32; 2]>,
 }
 
-/// Primitives and an outline: what plans are made with.
+/// Primitives and an outline: the basis of plans.
 #[derive(Clone, Debug)]
 pub struct Lattice {
     set: PrimitiveSet,
-    /// By heading; what does the same as another is left out.
+    /// Actions by heading; primitives equal to another one are left out.
     actions: Vec<Vec<Action>>,
     /// Cells of the outline at rest, by heading.
     at_rest: Vec<Vec<[i32; 2]>>,
-    /// By how much the way through cells is longer than the way itself, at most.
+    /// Maximum ratio of the path through cells to the path itself.
     detour: f64,
 }
 
 impl Lattice {
-    /// Plans for a robot of this outline, whose reference point the primitives move.
+    /// A lattice for a robot of this outline; the primitives move its reference point.
     pub fn new(set: PrimitiveSet, outline: &Outline) -> Self {
         let cell_m = set.resolution_m();
         let at_rest = (0..set.angles()).map(|angle| {
@@ -281,7 +281,7 @@ impl Lattice {
 }
 
 impl Action {
-    /// What it costs from the cell `from`; `None` if the robot would touch something.
+    /// Cost of the motion from the cell `from`; `None` if the robot would touch an obstacle.
     pub(super) fn cost(&self, map: &Costmap, from: [i32; 2]) -> Option<u32> {
         let at = |[dx, dy]: [i32; 2]| [from[0].wrapping_add(dx), from[1].wrapping_add(dy)];
         let mut dearest = map.cost(from);
@@ -292,7 +292,7 @@ impl Action {
             }
             dearest = dearest.max(cost);
         }
-        // Far from everything the outline is free with its middle.
+        // Far from all obstacles the outline is free if its middle is.
         if dearest > 0 {
             for cell in &self.swept {
                 let cost = map.cost(at(*cell));
@@ -337,7 +337,7 @@ fn action(
     }
 }
 
-/// The poses and enough between them that neighbours are not farther apart than `step_m`.
+/// The poses, with others in between so that neighbours are at most `step_m` apart.
 fn on_the_way(poses: &[[f64; 3]], step_m: f64) -> Vec<[f64; 3]> {
     let mut all: Vec<[f64; 3]> = poses.first().copied().into_iter().collect();
     for pair in poses.windows(2) {
@@ -358,7 +358,7 @@ fn on_the_way(poses: &[[f64; 3]], step_m: f64) -> Vec<[f64; 3]> {
     all
 }
 
-/// Length of the way from the cell 0, 0 through these cells, in cells.
+/// Length of the path from the cell 0, 0 through these cells, in cells.
 fn octile(cells: &[[i32; 2]]) -> f64 {
     let (mut from, mut length) = ([0, 0], 0.0);
     for cell in cells {
@@ -378,8 +378,8 @@ mod tests {
         map.iter().map(|&(x, y)| [x, y]).collect()
     }
 
-    /// 2 m long and 1 m wide, at (10, 5), as it lies and turned by a quarter: squares of 0.4 m
-    /// whose middles are 1.2 m and 0.7 m away only touch.
+    /// 2 m long and 1 m wide, at (10, 5), unturned and turned by a quarter: squares of 0.4 m with
+    /// middles 1.2 m and 0.7 m away only touch.
     #[test]
     fn an_outline_overlaps_what_is_nearer_than_half_of_both() {
         let outline = Outline::rectangle(1.0, 1.0, 0.5);
@@ -394,21 +394,21 @@ mod tests {
             assert!(!overlaps(quarter, 0.71 * side, 0.3) && !overlaps(quarter, 0.3, 1.21 * side));
             assert!(!overlaps(0.0, 1.2 * side, 0.0) && !overlaps(0.0, 0.0, 0.7 * side));
         }
-        // Turned by an eighth its corner is 1.5 / sqrt(2) = 1.0607 away along both axes, and its
-        // long side 0.5 m: a square that is 0.2 * sqrt(2) wide along it reaches to 0.7828.
+        // Turned by an eighth, the corner is 1.5 / sqrt(2) = 1.0607 away along both axes, and the
+        // long side 0.5 m. A square that is 0.2 * sqrt(2) wide in that direction reaches to 0.7828.
         let eighth = core::f64::consts::FRAC_PI_4;
         let across = 0.782 / core::f64::consts::SQRT_2;
         assert!(overlaps(eighth, across, -across) && !overlaps(eighth, 0.555, -0.555));
         assert!(overlaps(eighth, 0.35, 1.25) && !overlaps(eighth, 0.35, 1.27));
-        // What lies ahead and behind, to the left and right, is not the same.
+        // The extents ahead and behind, and those to the left and right, differ.
         let outline = Outline::rectangle(2.0, 0.5, 0.25);
         let overlaps = |dx, dy| outline.overlaps([0.0; 3], [dx, dy], 0.2);
         assert!(overlaps(2.09, 0.0) && !overlaps(2.11, 0.0) && overlaps(-0.59, 0.34));
         assert!(!overlaps(-0.61, 0.0) && !overlaps(0.0, 0.36) && !overlaps(0.0, -0.36));
     }
 
-    /// A rectangle of 0.3 m by 0.1 m around the middle of a cell of 0.1 m covers five by three of
-    /// them, of which the ones at the rim are cut half; at rest it reaches 0.158 m, two cells.
+    /// A rectangle of 0.3 m by 0.1 m around the middle of a cell of 0.1 m covers five by three
+    /// cells; the cells at its edge are cut in half. At rest it reaches 0.158 m, two cells.
     #[test]
     fn an_outline_covers_and_cuts_cells() {
         let outline = Outline::rectangle(0.16, 0.16, 0.06);
@@ -423,7 +423,7 @@ mod tests {
         assert_eq!(Outline::rectangle(0.3, 0.1, 0.4).reach(0.1), 5);
     }
 
-    /// Two cells ahead: what the body sweeps besides what it covered.
+    /// Two cells ahead: the cells that the body sweeps beyond those it covered.
     #[test]
     fn a_body_sweeps_the_cells_before_it() {
         let outline = Outline::rectangle(0.16, 0.16, 0.06);
@@ -454,12 +454,12 @@ mod tests {
         for (found, expected) in way.iter().zip(expected) {
             assert!((0..3).all(|axis| (found[axis] - expected[axis]).abs() < 1e-12));
         }
-        // Across half a turn the shorter way round.
+        // Across half a turn in the shorter direction.
         let way = on_the_way(&[[0.0, 0.0, 3.1], [0.0, 0.08, -3.1]], 0.04);
         assert!((way[1][2] - core::f64::consts::PI).abs() < 1e-9, "{way:?}");
     }
 
-    /// One ahead, one aslant, a knight's move: 1 + 1.4142 + 2.4142.
+    /// One step ahead, one diagonal, a knight's move: 1 + 1.4142 + 2.4142.
     #[test]
     fn ways_through_cells_go_ahead_and_aslant() {
         let length = octile(&cells(&[(1, 0), (2, 1), (3, -1)]));
@@ -470,8 +470,8 @@ mod tests {
         assert_eq!(octile(&[]), 0.0);
     }
 
-    /// Costs 1 + the dearest cell; in the outline a cell may be as dear as it likes but for an
-    /// obstacle, and is checked only where something is near at all.
+    /// The cost is 1 + the most expensive cell. Cells of the outline may have any cost except that
+    /// of an obstacle, and are checked only where an obstacle is near.
     #[test]
     fn an_action_costs_the_dearest_cell_that_it_passes() {
         let inflation = Inflation {
@@ -502,7 +502,7 @@ mod tests {
             Some(100 * (1 + of(14)))
         );
         assert_eq!(cost(&[(1, 0), (-1, 0)], &[], [14, 10]), None);
-        // The outline: dearer, but not an obstacle, and no dearer than 18.
+        // The outline: more expensive, but not an obstacle, and at most 18.
         assert_eq!(
             cost(&[(1, 0)], &[(-2, 0)], [16, 10]),
             Some(100 * (1 + of(14)))
@@ -513,7 +513,7 @@ mod tests {
     }
 
     /// A metre straight on without a pose between: in steps of a quarter of a cell no cell of the
-    /// way is left out, whatever the cells' size.
+    /// path is left out, for any cell size.
     #[test]
     fn an_action_passes_every_cell_of_its_way() {
         for cell_m in [0.05, 0.2, 1.0] {

@@ -147,8 +147,8 @@ fn a_text_that_is_no_set_is_refused_with_its_line() {
     );
 }
 
-/// AP11: a corridor of 1.2 m with a corner: nothing overlaps, all motions are the car's, and each
-/// pass is as good as the one before or better.
+/// AP11: a corridor of 1.2 m with a corner. The outline never overlaps an obstacle, all motions are
+/// the car's, and no pass is worse than the one before.
 #[test]
 fn ap11_a_corridor_with_a_corner_is_planned() {
     let is_wall =
@@ -196,7 +196,7 @@ fn assert_sound(plan: &Plan, map: &Costmap) {
     }
 }
 
-/// The least cost by Dijkstra's search over the same lattice, without any estimate: the judge.
+/// The least cost by Dijkstra's search over the same lattice, without any estimate: the reference.
 fn least_cost(lattice: &Lattice, map: &Costmap, start: [i32; 3], goal: [i32; 3]) -> Option<u32> {
     use core::cmp::Reverse;
     use std::collections::{BTreeMap, BinaryHeap};
@@ -224,9 +224,9 @@ fn least_cost(lattice: &Lattice, map: &Costmap, start: [i32; 3], goal: [i32; 3])
     None
 }
 
-/// P5: maps with blocks at random, until 12 had a way: the cost of each pass is within its factor
-/// of the least one, the last one is the least one, nothing overlaps. Where it finds no way, there
-/// is none.
+/// P5: maps with random blocks, until 12 had a path. The cost of each pass is within its factor of
+/// the least one, the last cost is the least one, and the outline overlaps no obstacle. If the
+/// planner finds no path, there is none.
 #[test]
 fn p5_plans_are_within_their_bounds_on_random_maps() {
     let lattice = car();
@@ -273,8 +273,8 @@ fn p5_plans_are_within_their_bounds_on_random_maps() {
     assert!(number <= 150, "{number} maps were drawn");
 }
 
-/// P5: across 20 m by 20 m between 60 blocks. What a plan takes is counted in poses that are
-/// expanded; the passes only get better.
+/// P5: across 20 m by 20 m between 60 blocks. The effort is counted in expanded poses; no pass is
+/// worse than the one before.
 #[test]
 fn p5_a_map_of_20_m_is_planned_promptly() {
     let lattice = car();
@@ -329,8 +329,8 @@ fn what_cannot_be_planned_is_said() {
     );
 }
 
-/// A lattice of 4 headings and cells of 1 m with one primitive each, a cell ahead, of which that
-/// of heading 0 is changed.
+/// A lattice of 4 headings and cells of 1 m with one primitive each, a cell ahead; `change`
+/// modifies the one of heading 0.
 fn crosses(change: impl Fn(&mut Primitive)) -> Result<(), PrimitiveError> {
     let mut primitives: Vec<Primitive> = (0_u32..)
         .zip([[1, 0], [0, 1], [-1, 0], [0, -1]])
@@ -385,7 +385,7 @@ fn a_grid_has_cells_with_a_size_and_headings_by_fours() {
     assert_eq!(sizes, [false, true, true, false, false]);
 }
 
-/// The heading nearest to an angle, whole turns left out: of four each is 90 degrees.
+/// The heading nearest to an angle, without whole turns: each of four headings is 90 degrees.
 #[test]
 fn a_heading_is_the_nearest_one() {
     let set = PrimitiveSet::new(0.05, 4, Vec::new()).unwrap();
@@ -398,7 +398,7 @@ fn a_heading_is_the_nearest_one() {
     assert!((set.heading_rad(3).to_degrees() - 270.0).abs() < 1e-9);
 }
 
-/// On a free floor of 3 m, from the left to the right.
+/// A plan across a free floor of 3 m, from the left to the right.
 fn crossing(limits: Limits) -> Plan {
     let floor = map([3.0, 2.0], |_, _| false);
     car()
@@ -406,8 +406,8 @@ fn crossing(limits: Limits) -> Plan {
         .unwrap()
 }
 
-/// Each pass lowers its factor by the step, the last one is 1; a factor below 1 is 1, and one
-/// without bound is 1000.
+/// Each pass lowers its factor by the step, and the last one is 1. A factor below 1 becomes 1, and
+/// an infinite one becomes 1000.
 #[test]
 fn passes_lower_their_factor_to_one() {
     let bounds = |first_bound, bound_step| {
@@ -434,7 +434,7 @@ fn passes_lower_their_factor_to_one() {
     assert_eq!(bounds(1.02, 0.0).len(), 3);
 }
 
-/// Where any heading will do the car goes straight on: 20 cells of 5 cm at 0.4 m/s.
+/// With any heading allowed the car drives straight on: 20 cells of 5 cm at 0.4 m/s.
 #[test]
 fn a_place_is_reached_with_any_heading() {
     let floor = map([3.0, 2.0], |_, _| false);

@@ -12,8 +12,8 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// The line with the least sum of squared perpendicular distances; its ends are what is nearest
-    /// on it to the first and the last point.
+    /// The line with the least sum of squared perpendicular distances; its ends are the points on
+    /// it nearest to the first and the last point.
     pub(super) fn of(points: impl Iterator<Item = Point> + Clone, settings: &Settings) -> Self {
         let mut all = points.clone();
         let Some(first) = all.next() else {
@@ -24,7 +24,7 @@ impl Fit {
         if settings.defects.draws_chords {
             return chord;
         }
-        // Seen from the first point, so that the squares of far points do not eat the digits.
+        // Relative to the first point, so that the squares of distant points do not lose digits.
         let local = points.map(|point| [point.x_mm - first.x_mm, point.y_mm - first.y_mm]);
         let (mut count, mut sum) = (0.0, [0.0_f32; 2]);
         for [x, y] in local.clone() {
@@ -62,7 +62,7 @@ impl Fit {
         }
     }
 
-    /// From point to point.
+    /// The line from point to point.
     fn chord(start: Point, end: Point) -> Self {
         let length = start.distance_mm(end);
         let direction = match length > 0.0 {
@@ -91,7 +91,7 @@ impl Fit {
         self.direction[0] * next.direction[0] + self.direction[1] * next.direction[1]
     }
 
-    /// Where both lines, made longer, meet; `None` if they are nearly parallel.
+    /// Intersection of both lines, extended; `None` if they are nearly parallel.
     pub(super) fn crossing(&self, other: &Self) -> Option<Point> {
         let [[ax, ay], [bx, by]] = [self.direction, other.direction];
         let sin = ax * by - ay * bx;
@@ -118,7 +118,7 @@ mod tests {
         Point::new(x_mm, y_mm)
     }
 
-    /// 3, 4, 5; between two points of one place no direction is better than another.
+    /// 3, 4, 5; between two equal points no direction is better than another.
     #[test]
     fn a_chord_runs_from_point_to_point() {
         let chord = Fit::chord(at(10.0, 20.0), at(40.0, -20.0));
@@ -156,8 +156,8 @@ mod tests {
         assert_eq!((fit.line().start, fit.line().end), (fit.start, fit.end));
     }
 
-    /// (0, 10) + s (4, 3) and (100, 0) + s (0, 1) meet at (100, 85). Less than 5.7 degrees apart
-    /// they meet nowhere.
+    /// (0, 10) + s (4, 3) and (100, 0) + s (0, 1) meet at (100, 85). Lines less than 5.7 degrees
+    /// apart have no intersection.
     #[test]
     fn two_lines_meet_where_both_would_go_on_to() {
         let (one, other) = (

@@ -1,4 +1,4 @@
-//! Regions, and what becomes of them.
+//! Regions, and their split into segments.
 
 use super::fit::Fit;
 use super::{Circle, SEGMENTS_MAX, Segment, Segments, Settings};
@@ -10,7 +10,7 @@ pub(super) struct Splitter<'a> {
     circle: &'a Circle<'a>,
     settings: &'a Settings,
     segments: Segments,
-    /// The segment before was erased, and the fielded loop does not look at this one.
+    /// The segment before was erased, so the fielded loop skips this one.
     skips: bool,
 }
 
@@ -48,8 +48,8 @@ impl<'a> Splitter<'a> {
         self.segments
     }
 
-    /// Splits a region where it bends. The ends still to be reached wait on a stack; one without
-    /// room is as far as the splitting goes.
+    /// Splits a region at its bends. The remaining ends wait on a stack; when the stack is full,
+    /// the splitting stops.
     fn split(&mut self, first: usize, last: usize) {
         let mut ends = [0; SEGMENTS_MAX];
         ends[0] = last;
@@ -70,7 +70,7 @@ impl<'a> Splitter<'a> {
         }
     }
 
-    /// The place of the point that lies farthest beside the chord, if that is too far.
+    /// The index of the point farthest from the chord, if that is too far.
     fn farthest(&self, first: usize, last: usize) -> Option<usize> {
         let [from, to] = [self.circle.at(first), self.circle.at(last)];
         let mut farthest = (self.settings.tolerance_mm, None);
@@ -98,10 +98,10 @@ impl<'a> Splitter<'a> {
     }
 }
 
-/// Distance of a point from the chord, or from the one point that a closed chord is.
+/// Distance of a point from the chord; a closed chord is a single point.
 fn beside_mm(from: Point, to: Point, point: Point) -> f32 {
     let length = from.distance_mm(to);
-    // Less than a lidar can tell apart: such a chord has no direction.
+    // Below the resolution of a lidar: such a chord has no direction.
     if length < 1.0 {
         return from.distance_mm(point);
     }
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use crate::lines::Defects;
 
-    /// First and last place of each segment of these points.
+    /// First and last index of each segment of these points.
     fn segments(points: &[(f32, f32)], defects: Defects) -> Vec<(usize, usize)> {
         let points: Vec<Point> = points.iter().map(|(x, y)| Point::new(*x, *y)).collect();
         let circle = Circle {
@@ -136,8 +136,8 @@ mod tests {
         places.collect()
     }
 
-    /// Beside a line of 3, 4 and 5; beside one that is shorter than a millimetre, the distance from
-    /// its point is meant.
+    /// Distance from a line of 3, 4 and 5; for a line shorter than a millimetre, the distance from
+    /// its point.
     #[test]
     fn a_point_lies_beside_its_chord() {
         let beside = |(x, y), (px, py)| {
@@ -151,8 +151,8 @@ mod tests {
         assert_eq!(beside((1.5, 2.0), (4.0, 6.0)), 5.0);
     }
 
-    /// 300 mm are no gap yet. Three points are a segment; a program that drops the first of each
-    /// region, or counts the last one twice, sees one less or more.
+    /// 300 mm are no gap yet. Three points are a segment; a program that drops the first point of
+    /// each region, or counts the last one twice, counts one less or more.
     #[test]
     fn a_region_ends_at_a_gap() {
         let row = |xs: &[f32]| xs.iter().map(|x| (*x, 1_000.0)).collect::<Vec<_>>();
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(segments(&[], Defects::NONE), []);
     }
 
-    /// A roof of which the ridge lies 60 mm beside the chord is one line, and two if it is higher.
+    /// A roof with its ridge 60 mm from the chord is one line, and two if the ridge is higher.
     #[test]
     fn a_bend_is_more_than_60_mm_high() {
         let roof = |ridge: f32| {
@@ -192,8 +192,7 @@ mod tests {
         assert_eq!([roof(60.5), roof(-90.0)], [[(0, 2), (2, 4)]; 2]);
     }
 
-    /// Of three pairs, each too short, the fielded loop does not look at the one behind an erased
-    /// one.
+    /// Three pairs of points, each too short: the fielded loop skips the one behind an erased one.
     #[test]
     fn the_segment_behind_an_erased_one_may_be_kept() {
         let pairs = [0.0, 100.0, 1_000.0, 1_100.0, 2_000.0, 2_100.0].map(|x| (x, 0.0));

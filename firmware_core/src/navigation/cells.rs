@@ -58,7 +58,7 @@ pub(super) fn neighbour(cell: Cell, index: usize) -> Option<Cell> {
     cell.moved(dx, dy)
 }
 
-/// Some cells of the planner's map, a bit each.
+/// A set of cells of the planner's map, one bit each.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Cells([[u8; SIDE.div_ceil(8)]; SIDE]);
 
@@ -77,7 +77,7 @@ impl Cells {
         self.0[y as usize][x as usize / 8] &= !(1 << (x % 8));
     }
 
-    /// Calls `visit` for each of them.
+    /// Calls `visit` for each cell of the set.
     pub(super) fn each(&self, mut visit: impl FnMut(Cell)) {
         for y in 0..EDGE {
             for x in 0..EDGE {
@@ -88,14 +88,14 @@ impl Cells {
         }
     }
 
-    /// These and the others.
+    /// Adds the cells of the other set.
     pub(super) fn add(&mut self, others: &Self) {
         let rows = self.0.iter_mut().zip(&others.0);
         rows.flat_map(|(row, other)| row.iter_mut().zip(other))
             .for_each(|(bits, other)| *bits |= other);
     }
 
-    /// These and all that are at most `reach` cells away from one of them.
+    /// The set and all cells at most `reach` cells away from it.
     pub(super) fn grown(&self, reach: i8) -> Self {
         let mut grown = Self::NONE;
         self.each(|cell| cell.each_within(reach, |near| grown.set(near)));
@@ -107,7 +107,7 @@ impl Cells {
 mod tests {
     use super::*;
 
-    /// A disc of radius 2 has 13 cells; in a corner of the map 6 of them are left.
+    /// A disc of radius 2 has 13 cells; 6 of them remain in a corner of the map.
     #[test]
     fn cells_grow_into_discs_and_not_beyond_the_map() {
         let count = |x, y| {

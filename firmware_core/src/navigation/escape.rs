@@ -4,23 +4,23 @@ use crate::pose::{Point, Pose, normalised};
 
 use super::{STEP, Settings, Surroundings};
 
-/// Scans without moving after which the robot is stuck: eight seconds.
+/// Scans without motion after which the robot is stuck: eight seconds.
 const STUCK_SCANS: u8 = 40;
-/// Moving less than this is not moving.
+/// Minimum distance of a motion.
 const MOVED_MM: f32 = 60.0;
-/// The way out is taken until the robot is this far from where it was stuck, or for this many
-/// scans: turning round takes twenty.
+/// The escape ends when the robot is this far from where it was stuck, or after this many scans:
+/// turning round takes twenty.
 const ESCAPED_MM: f32 = 200.0;
 const ESCAPE_SCANS: u8 = 35;
-/// More free way than this is not better.
+/// Limit beyond which more free path has no value.
 const FREE_MAX_MM: f32 = 1000.0;
 
-/// Gets the robot out of a place where it only turns to and fro: towards where most is free.
+/// Frees a robot that only turns to and fro: drives it in the direction with the most free path.
 #[derive(Clone, Debug)]
 pub(super) struct Escape {
     at: Option<Point>,
     still: u8,
-    /// Heading of the way out, where it begins, and for how many scans it is still taken.
+    /// Heading of the escape, its start, and the remaining scans.
     heading: f32,
     from: Point,
     left: u8,
@@ -42,12 +42,12 @@ impl Escape {
         self.still
     }
 
-    /// Whether the newest step was the first of a way out.
+    /// Whether the newest step was the first of an escape.
     pub(super) const fn has_begun(&self) -> bool {
         self.left == ESCAPE_SCANS - 1
     }
 
-    /// The bearing of the way out, if the robot is stuck. Called once per scan while the robot is
+    /// The bearing of the escape, if the robot is stuck. Call it once per scan while the robot is
     /// to move.
     pub(super) fn step(
         &mut self,
@@ -76,9 +76,9 @@ impl Escape {
     }
 }
 
-/// Bearing along which most is free for a body that keeps its whole distance: what only just passes
-/// the thing that it is stuck at is no way out. If there is none, the nearest things may be passed
-/// as close as they are.
+/// Bearing with the most free path for a body at its full clearance: a path that only just passes
+/// the blocking obstacle is no escape. If there is none, the nearest obstacles may be passed at
+/// their current distance.
 fn freest(settings: &Settings, around: &Surroundings) -> f32 {
     let body = &settings.body;
     let strict = most(|bearing| around.free_by_mm(body.keep_mm(), bearing));
@@ -89,8 +89,7 @@ fn freest(settings: &Settings, around: &Surroundings) -> f32 {
     if free > 0.0 { bearing } else { 0.0 }
 }
 
-/// The bearing with the most free way, and the way; of equally free ones, the one that needs the
-/// least turn.
+/// The bearing with the most free path, and that path; of equal ones, the one with the least turn.
 fn most(free: impl Fn(f32) -> f32) -> (f32, f32) {
     let mut best = (0.0, 0.0, f32::NEG_INFINITY);
     for step in -36..36_i8 {
@@ -116,7 +115,7 @@ mod tests {
         axle_mm: 260.0,
     });
 
-    /// A wall ahead and on both sides: the only way out is behind.
+    /// A wall ahead and on both sides: the only free direction is behind.
     fn niche() -> Surroundings {
         let side = |y: f32| (-20..=40_i8).map(move |n| Point::new(f32::from(n) * 10.0, y));
         let front = (-30..=30_i8).map(|n| Point::new(400.0, f32::from(n) * 10.0));
@@ -130,7 +129,7 @@ mod tests {
         assert!((0..40).all(|_| step().is_none()));
         let way = step().expect("a way out");
         assert!(way.abs() > 2.0, "{way}");
-        // Seven seconds in all: to turn round takes four, and it has to get away.
+        // Seven seconds in all: turning round takes four, and the robot has to drive away.
         assert_eq!((0..60).take_while(|_| step().is_some()).count(), 34);
     }
 
@@ -143,8 +142,8 @@ mod tests {
         assert!(step(-200.0).is_none());
     }
 
-    /// R4: the robot touches a corner at 35 degrees. A tangent to it passes by 1 mm, which the next
-    /// scan's noise takes away; the way out is one that gains distance.
+    /// R4: the robot touches a corner at 35 degrees. A tangent passes the corner by 1 mm, which the
+    /// next scan's noise removes; the escape must gain distance.
     #[test]
     fn a_robot_at_a_corner_leaves_it_behind() {
         let corner = Point::new(131.0, 92.0);
@@ -169,8 +168,8 @@ mod tests {
         assert!(is_quiet);
     }
 
-    /// A turn by 180 degrees has to be worth a millimetre, one by 90 degrees a half. More than a
-    /// metre is not better.
+    /// A turn by 180 degrees must gain a millimetre of free path, one by 90 degrees half a
+    /// millimetre. More than a metre has no value.
     #[test]
     fn of_equally_free_ways_the_nearest_is_taken() {
         let ahead_or = |more: f32, side: f32| {
@@ -194,8 +193,8 @@ mod tests {
         assert_eq!(far, (0.0, 1_000.0));
     }
 
-    /// Walls 190 mm to both sides, and one ahead: no way keeps the body's 205 mm. As close as the
-    /// walls are, the way back is free.
+    /// Walls 190 mm to both sides, and one ahead: no direction keeps the body's 205 mm. At the
+    /// distance of the walls, the direction back is free.
     #[test]
     fn where_it_is_too_narrow_everywhere_the_robot_leaves_along_the_walls() {
         let side = |y: f32| (-100..=30_i8).map(move |n| Point::new(f32::from(n) * 10.0, y));
@@ -206,7 +205,7 @@ mod tests {
         assert_eq!(freest(&SETTINGS, &around), -PI);
     }
 
-    /// Nothing is free to any side: straight on is as good as any.
+    /// No direction is free: straight on is as good as any.
     #[test]
     fn a_robot_that_is_walled_in_stays_as_it_looks() {
         let ring = (0..72_u8).map(|n| {

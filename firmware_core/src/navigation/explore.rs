@@ -2,28 +2,28 @@ use core::f32::consts::FRAC_PI_2;
 
 use super::{Settings, Surroundings, ticks};
 
-/// How a wall is followed.
+/// Law of the wall follower.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WallLaw {
-    /// The seed report's: the beam 50 degrees left of ahead is kept at a fixed length. It needs a
-    /// wall to start with: without one the robot runs in circles.
+    /// The seed report's law: keeps the beam 50 degrees left of ahead at a fixed length. The law
+    /// needs a wall at the start: without one the robot drives in circles.
     Beam,
-    /// The nearest point ahead or on the left is kept abeam and at a fixed distance, which also
-    /// leads around corners of both kinds.
+    /// Keeps the nearest point ahead or on the left abeam and at a fixed distance, which also leads
+    /// around corners of both kinds.
     Nearest,
 }
 
 /// Settings of the wall follower.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallFollowing {
-    /// How a wall is followed.
+    /// Law of the wall follower.
     pub law: WallLaw,
-    /// Distance that is kept.
+    /// Target distance to the wall.
     pub distance_mm: f32,
-    /// A wall farther than this is not followed.
+    /// Maximum distance of a followed wall.
     pub lost_mm: f32,
-    /// What is nearer than this ahead is turned away from; only for the beam's law, which does not
-    /// see it by itself.
+    /// Distance ahead below which the robot turns away; only for the beam's law, which does not
+    /// check ahead itself.
     pub front_mm: f32,
 }
 
@@ -65,25 +65,25 @@ impl WallFollowing {
 const TOWARDS_PER_MM: f32 = DEGREE / 2.0;
 const TOWARDS_MAX: f32 = 40.0 * DEGREE;
 
-/// Where the followed wall is looked for.
+/// Bearings in which the followed wall is searched.
 const LEFT: core::ops::RangeInclusive<f32> = -45.0 * DEGREE..=150.0 * DEGREE;
 
 /// Direction of the beam that measures the wall.
 const WALL_BEARING: f32 = 50.0 * DEGREE;
-/// Beams this far beside it help if it has no reading.
+/// Spread of neighbouring beams, which replace a missing reading.
 const WALL_SPREAD: f32 = 3.0 * DEGREE;
 /// A turn away from an obstacle continues until this much more is free.
 const HYSTERESIS_MM: f32 = 60.0;
 
 const DEGREE: f32 = core::f32::consts::PI / 180.0;
 
-/// Turns on the spot, as the fielded robot's avoider did.
+/// Turning speed on the spot, as of the fielded robot's avoider.
 const TURN: i8 = 10;
 
 /// Follows walls on the left.
 #[derive(Clone, Debug)]
 pub struct Explorer {
-    /// Direction of a turn that is not finished: 1 left, -1 right, 0 none.
+    /// Direction of an unfinished turn: 1 left, -1 right, 0 none.
     turning: i8,
 }
 
@@ -112,7 +112,7 @@ impl Explorer {
         }
     }
 
-    /// A turn away from what is too near ahead, with the side kept until the way is free.
+    /// A turn away from an obstacle too near ahead; keeps its side until the path is free.
     fn turn_away(&mut self, settings: &Settings, around: &Surroundings) -> Option<[i8; 2]> {
         let (left, right) = front_mm(settings, around);
         let near = settings.wall.front_mm
@@ -157,7 +157,7 @@ mod tests {
     use crate::navigation::Body;
     use crate::pose::Point;
 
-    /// The seed report's law; what is ahead counts within 160 + 45 / 2 = 182.5 mm of the middle.
+    /// The seed report's law; obstacles ahead count within 160 + 45 / 2 = 182.5 mm of the middle.
     const SETTINGS: Settings = {
         let mut settings = Settings::new(Body {
             radius_mm: 160.0,
@@ -177,7 +177,7 @@ mod tests {
         front_mm(&SETTINGS, &seen(points))
     }
 
-    /// T5: 3-4-5 triangles. Beside the body's width and behind the robot nothing counts.
+    /// T5: 3-4-5 triangles. Points beside the body's width or behind the robot do not count.
     #[test]
     fn the_nearest_ahead_is_told_for_each_side() {
         const NONE: f32 = f32::INFINITY;
@@ -189,8 +189,8 @@ mod tests {
         assert_eq!(front(&[(0.0, 100.0), (0.0, -90.0)]), (100.0, 90.0));
     }
 
-    /// T5: from 300 mm on it turns, away from the nearer side, until 360 mm are free; meanwhile it
-    /// keeps to its side.
+    /// T5: from 300 mm on the robot turns away from the nearer side, until 360 mm are free;
+    /// meanwhile it keeps its direction.
     #[test]
     fn what_is_near_ahead_is_turned_away_from() {
         let mut explorer = Explorer::new();
@@ -216,7 +216,8 @@ mod tests {
     }
 
     /// T5: 360 mm along the beam at 50 degrees are 100 too many: left 10, right 20. Beams within
-    /// three degrees help, others do not, and without a wall it drives straight on.
+    /// three degrees replace a missing one, others do not, and without a wall the robot drives
+    /// straight on.
     #[test]
     fn the_beam_at_50_degrees_is_followed() {
         let step = |degrees: f32, length: f32| {

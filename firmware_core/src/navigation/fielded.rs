@@ -1,9 +1,9 @@
-//! The heading as the fielded program kept it: degrees, clockwise, never brought back to one turn.
+//! The fielded program's heading: degrees, clockwise, never normalised to one turn.
 
 use super::{Defects, Steering};
 use crate::pose::{Pose, normalised};
 
-/// psi with all turns that the robot has made.
+/// The heading psi with all turns that the robot has made.
 #[derive(Clone, Debug)]
 pub(super) struct Psi {
     last: Option<f32>,
@@ -18,7 +18,7 @@ impl Psi {
         }
     }
 
-    /// The robot has come to `pose`.
+    /// Updates psi to the robot's new `pose`.
     pub(super) fn turned(&mut self, pose: Pose) {
         self.psi_deg = match self.last {
             Some(last) => self.psi_deg - normalised(pose.heading - last).to_degrees(),
@@ -84,8 +84,8 @@ mod tests {
         assert!((told[5].abs() - 90.0).abs() < 0.02 || (told[5] + 450.0).abs() < 0.02);
     }
 
-    /// NV-01 and NV-02: a quarter turn to the left of a robot that looks along y is psi 0. One that
-    /// has turned once around before counts 450 degrees and turns on by 90.
+    /// NV-01 and NV-02: psi 0 is a quarter turn to the left for a robot that looks along y. A robot
+    /// that has turned once around before counts 450 degrees and turns on by 90.
     #[test]
     fn the_fielded_steering_compares_headings() {
         let settings = Settings::new(Body {

@@ -1,15 +1,15 @@
-//! Where to look next, and when nothing that can be reached is unknown any more.
+//! Choice of the next view, and the end of the search: no reachable area is unknown any more.
 //!
 //! ```text
-//! map -> free, unknown, solid cells -> wave from the robot -> views -> the one worth its way
+//! map -> free, unknown, solid cells -> wave from the robot -> views -> the best one
 //! ```
 //!
-//! A view is a place that the robot can drive to over known floor. It is worth what its rays would
-//! show: unknown cells behind an edge of the known floor and, for a robot that feels heat, walls
-//! that its sensors have not passed yet; the way to it is taken off that. What a robot has looked
-//! at and that did not become known is doubted, which means that only a view from near by counts,
-//! and if that shows nothing either, given up. So the search comes to an end: each view shows
-//! something or takes something off the list.
+//! A view is a position that the robot can reach over known floor. Its worth is the number of
+//! unknown cells that its rays meet behind an edge of the known floor, minus a cost for the path.
+//! For a robot with heat sensors, walls that the sensors have not passed yet count as well. An edge
+//! that stays unknown after a view is doubted: then only a view from near by counts. If that shows
+//! nothing either, the edge is given up. The search therefore ends: each view either shows new
+//! cells or removes an edge from the list.
 
 mod scene;
 
@@ -21,91 +21,93 @@ use super::raster::{Front, Raster};
 use super::{Body, Surroundings};
 use scene::{NEAR_CELLS, Rays, Scene, Wall, direction};
 
-/// Views stand so many cells apart.
+/// Spacing of views in cells.
 const VIEW_CELLS: u16 = 3;
-/// So near to a place that showed nothing, others will not either.
+/// Radius around a position that showed nothing, in which other views are skipped.
 const STALE_CELLS: i8 = 4;
-/// An edge counts so near to where the robot's middle can get to, 15 cm: cracks between boards lead
-/// to the flank that the map draws behind them, which looks like floor.
+/// Maximum distance of an edge from the reachable area of the robot's middle, 15 cm. The reason:
+/// cracks between boards lead to the flank that the map draws behind them, which looks like floor.
 const WITHIN_CELLS: i8 = 5;
-/// What a cell of the way costs, in unknown cells.
+/// Cost of a cell of the path, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
-/// For each so many cells of the way, one more unknown cell must be there, until there are as many
-/// as any door shows.
+/// Number of path cells for which one more unknown cell is required, up to the number behind any
+/// door.
 const CRUMB_CELLS: u16 = 4;
-/// What a ray to a wall that was not felt is worth, in unknown cells, and how many are needed: what
-/// is narrower than a plate of 10 cm was felt together with what lies beside it.
+/// Worth of a ray to an unfelt wall, in unknown cells, and the minimum number of such rays. A wall
+/// narrower than a plate of 10 cm was felt together with the walls beside it.
 const FEEL_WEIGHT: u16 = 4;
 const UNFELT_MIN: u16 = 3;
-/// Cells around the end of a ray that were felt with it.
+/// Cells around the end of a ray that count as felt with it.
 const FELT_AROUND: i8 = 1;
-/// Cells of floor around the last one of a ray before which the wall was felt with it.
+/// Cells of floor around the last one of a ray that count as passed with it.
 const PASSED_AROUND: i8 = 1;
-/// Clearance of a way that is the last resort.
+/// Clearance of a path of last resort.
 const THIN_MM: f32 = 15.0;
-/// The robot stands at most so many cells off the floor that its body may reach.
+/// Maximum distance of the robot from the floor that its body may reach, in cells.
 const STRAY_CELLS: i8 = 5;
-/// Steps of rays that cost as much as a point of a candidate pose, 580 cycles of the STM32F4: a
+/// Steps of rays with the same cost as a point of a candidate pose, 580 cycles of the STM32F4: a
 /// step takes 18.
 const STEPS_PER_POINT: u32 = 32;
 /// Cells of the planner's map.
 const CELLS: u32 = EDGE as u32 * EDGE as u32;
-/// Steps that sorting the map's cells costs, at 4 cycles each; nine of them are a planner's cell.
+/// Cost of sorting the map's cells, in steps, at 4 cycles each; nine map cells are a planner's
+/// cell.
 const SCENE_STEPS: u32 = 2 * CELLS;
-/// Steps that a wave over a free map and growing what it has reached by a disc cost at most.
+/// Maximum cost, in steps, of a wave over a free map and of growing the reached area by a disc.
 const WAVE_STEPS: u32 = 3 * CELLS;
 
-/// What the robot looks for.
+/// Target of the robot's search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sought {
-    /// What the lidar has not seen.
+    /// Floor that the lidar has not seen.
     Floor,
-    /// Besides, walls that the heat sensors have not passed.
+    /// Also walls that the heat sensors have not passed.
     FloorAndHeat,
 }
 
-/// A place to look from.
+/// A position to look from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Where.
+    /// Position of the robot.
     pub place: Point,
-    /// Cells of the planner between the robot and it, along the way.
+    /// Cells of the planner along the path to the view.
     pub way_cells: u16,
 }
 
-/// What can be seen from a place, as counted by rays.
+/// Content of the view from a position, as counted by rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outlook {
     /// Unknown cells behind edges of the known floor.
     pub unknown: u16,
-    /// Rays that end near by on a wall that was not felt.
+    /// Rays that end nearby on an unfelt wall.
     pub unfelt: u16,
 }
 
 impl Outlook {
-    /// Unknown cells that are worth a way: a corridor seen along its wall shows few at first.
+    /// Minimum number of unknown cells that justify a path: a corridor seen along its wall shows
+    /// few at first.
     pub const SMALL: u16 = 6;
-    /// Three rays full of them.
+    /// Unknown cells of three full rays.
     pub const LARGE: u16 = 30;
-    /// More than there can be: only heat counts.
+    /// A limit above any view: only heat counts.
     pub const NEVER: u16 = u16::MAX;
 
-    /// Unknown cells that are worth a way of so many cells.
+    /// Number of unknown cells that justify a path of `way` cells.
     fn worth_a_way_of(way: u16) -> u16 {
         (Self::SMALL + way / CRUMB_CELLS).min(Self::LARGE)
     }
 
-    /// Whether it is worth a way.
+    /// Whether the view justifies a path.
     pub const fn is_worth_a_way(self) -> bool {
         self.gain(Self::SMALL).is_some()
     }
 
-    /// Whether enough of the walls is unfelt that a victim may be there.
+    /// Whether enough of the walls is unfelt to hide a victim.
     pub const fn is_to_be_felt(self) -> bool {
         self.unfelt >= UNFELT_MIN
     }
 
-    /// What it is worth if it is worth a way, and unknown cells count from `least` on.
+    /// Gain of the view if it is worth a path; unknown cells count from `least` on.
     const fn gain(self, least: u16) -> Option<u16> {
         let counts = least <= Self::SMALL || self.unknown >= least;
         let unknown = if counts { self.unknown } else { 0 };
@@ -119,28 +121,28 @@ impl Outlook {
     }
 }
 
-/// What is still to be checked.
+/// Edges and walls that are still to be checked.
 #[derive(Clone, Debug)]
 pub struct Frontiers {
     sought: Sought,
-    /// Edges that were checked in vain from afar.
+    /// Edges that a view from afar did not resolve.
     doubted: Cells,
-    /// Edges and walls that were checked in vain from near by.
+    /// Edges and walls that a view from near by did not resolve.
     given_up: Cells,
-    /// Walls that the heat sensors have passed, and the floor from which they did.
+    /// Walls that the heat sensors have passed, and the floor from which they passed them.
     felt: Cells,
     passed: Cells,
     /// Whether the two faces of a board are distinguished.
     has_faces: bool,
-    /// Places that showed nothing.
+    /// Positions that showed nothing.
     stale: Cells,
-    /// Where edges count, as of the newest view; nowhere before the first one.
+    /// Area in which edges count, as of the newest view; empty before the first one.
     within: Cells,
     steps: u32,
 }
 
 impl Frontiers {
-    /// Nothing was checked yet.
+    /// A search without any checked edges.
     pub const fn new(sought: Sought) -> Self {
         Self {
             sought,
@@ -155,9 +157,9 @@ impl Frontiers {
         }
     }
 
-    /// What was given up gets another chance, and from now on the two faces of a board are told
-    /// apart, also where it is a cell thick. What is left of a face must be wider then: strips are
-    /// noise of the map.
+    /// Gives all given-up edges another chance and from now on distinguishes the two faces of a
+    /// board, even if it is only a cell thick. The unfelt rest of a face must then be wider,
+    /// because strips are noise of the map.
     pub const fn forgive(&mut self) {
         self.has_faces = true;
         self.doubted = Cells::NONE;
@@ -165,8 +167,8 @@ impl Frontiers {
         self.stale = Cells::NONE;
     }
 
-    /// The robot was at `place`, or on its way there, and learned nothing: it looks no more from
-    /// there until [`forgive`](Self::forgive) is called.
+    /// Notes that a view from `place`, or from the path to it, showed nothing: the search chooses
+    /// no view there until [`forgive`](Self::forgive) is called.
     pub fn showed_nothing(&mut self, map: &Grid, place: Point) {
         if let Some(cell) = Raster::of(map).cell_of(place) {
             cell.each_within(STALE_CELLS, |near| self.stale.set(near));
@@ -180,9 +182,9 @@ impl Frontiers {
         points
     }
 
-    /// The view that is worth most, its way taken off; `None` if nothing that `body` can reach is
-    /// unknown, or less than `least` cells of it, and nothing is left to feel. A way that the body
-    /// only just fits through is the last resort.
+    /// The most valuable view, less the cost of its path. `None` if no area that `body` can reach
+    /// is unknown, or fewer than `least` cells of it are, and no wall is left to feel. A path that
+    /// the body only just fits through is the last resort.
     pub fn next_view(
         &mut self,
         map: &Grid,
@@ -241,7 +243,7 @@ impl Frontiers {
         best.map(|(_, cell, way)| (cell, way))
     }
 
-    /// Cells of the planner of which something is known, walls that were felt counted once more.
+    /// Known cells of the planner; felt walls count once more.
     pub fn known_cells(&mut self, map: &Grid) -> u32 {
         let mut unknown = 0;
         self.scene(map).unknown.each(|_| unknown += 1);
@@ -255,7 +257,7 @@ impl Frontiers {
         Scene::of(map, self)
     }
 
-    /// What is to be seen from `place`.
+    /// The view from `place`.
     pub fn outlook(&mut self, map: &Grid, place: Point) -> Outlook {
         let scene = self.scene(map);
         let cell = Raster::of(map).cell_of(place);
@@ -264,8 +266,8 @@ impl Frontiers {
         })
     }
 
-    /// What of `sought` is to be seen from `place`, or beside it, was checked in vain, or the
-    /// robot does not get there.
+    /// Marks `sought` in view of `place`, or beside it, as given up: it was checked in vain, or the
+    /// robot cannot get there.
     pub fn give_up(&mut self, map: &Grid, place: Point, sought: Sought) {
         let scene = self.scene(map);
         let Some(from) = Raster::of(map).cell_of(place) else {
@@ -291,7 +293,8 @@ impl Frontiers {
         self.given_up.add(&near.grown(1));
     }
 
-    /// Heat sensors at `place` have looked along `bearings` (radians, in the map's frame).
+    /// Notes that heat sensors at `place` have measured along `bearings` (radians, in the map's
+    /// frame).
     pub fn feel(&mut self, map: &Grid, place: Point, bearings: impl Iterator<Item = f32>) {
         let raster = Raster::of(map);
         let Some(from) = raster.cell_of(place) else {
@@ -307,7 +310,7 @@ impl Frontiers {
     }
 }
 
-/// The cell nearest to the robot's own from which the wave can set out.
+/// The cell nearest to the robot's own from which the wave can start.
 fn open_near(scene: &Scene, near: &Cells, cell: Cell) -> Option<Cell> {
     let is_open = |cell: &Cell| scene.free.has(*cell) && !near.has(*cell);
     (0..=STRAY_CELLS).find_map(|apart| {
@@ -318,8 +321,8 @@ fn open_near(scene: &Scene, near: &Cells, cell: Cell) -> Option<Cell> {
     })
 }
 
-/// Calls `visit` for each cell that can be reached over known floor, nearest first, with the cells
-/// of the way there.
+/// Calls `visit` for each cell reachable over known floor, nearest first, with the length of the
+/// path in cells.
 fn wave(scene: &Scene, near: &Cells, start: Cell, mut visit: impl FnMut(Cell, u16)) {
     let mut reached = Cells::NONE;
     let mut front = Front::new();

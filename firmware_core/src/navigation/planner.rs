@@ -1,12 +1,12 @@
-//! Ways around what is in the way: a wave from the goal through the free cells of a coarse map.
+//! Paths around obstacles: a wave from the goal through the free cells of a coarse map.
 //!
 //! A cell is three by three cells of the map, as in the seed's navigation map (100 x 100), and
 //! takes four bits: the direction in which the goal lies. Unseen cells count as free; if they are
-//! not, the next plan knows better.
+//! not, the next plan corrects this.
 //!
-//! A way that was chosen is kept until something is in it, and what was in it is remembered for as
-//! long as there is another way: the robot sees more of a place when it is there than the map
-//! shows later, and would otherwise turn back half way to the next one.
+//! The planner keeps a chosen path until an obstacle blocks it, and remembers that obstacle as long
+//! as another path exists. The reason: the robot sees more of an area while it is there than the
+//! map shows later. Without this memory it would turn back half way along the next path.
 
 use crate::grid::Grid;
 use crate::pose::{Point, Pose};
@@ -15,32 +15,32 @@ use super::cells::{Cell, Cells, SIDE, neighbour};
 use super::raster::{Front, OPENED_MM, Raster};
 use super::{Body, Surroundings};
 
-/// The robot steers for a cell of its way at most so far ahead.
+/// Maximum distance along the path, in cells, of the cell that the robot steers for.
 const AHEAD_CELLS: usize = 20;
-/// The robot finds back to its way from so far beside it.
+/// Maximum distance beside the path, in cells, from which the robot returns to it.
 const STRAY_CELLS: i8 = 4;
-/// Places at which ways were found blocked: so many are remembered.
+/// Maximum number of remembered cells that blocked a path.
 const REFUSED_MAX: usize = 8;
 
 /// Not reached by the wave.
 const UNREACHED: u8 = 0;
 /// Two cells that no wave has reached.
 const NOWHERE: u8 = UNREACHED * 0x11;
-/// The goal itself; the wave came to other cells from a neighbour: number in [`NEIGHBOURS`] plus
-/// one, 1 to 8.
+/// The goal itself; other cells hold the direction from which the wave came: number in
+/// [`NEIGHBOURS`] plus one, 1 to 8.
 const GOAL: u8 = 9;
 
 /// The newest plan.
 #[derive(Clone, Debug)]
 pub(super) struct Planner {
-    /// Two cells a byte.
+    /// Two cells per byte.
     field: [[u8; SIDE.div_ceil(2)]; SIDE],
     /// Cells too near to an obstacle.
     near: Cells,
     raster: Raster,
-    /// Where the ways lead, if they may be kept.
+    /// Goal of the paths, if they may be kept.
     kept: Option<Cell>,
-    /// Places that blocked ways to the goal, the newest at `refusals` - 1.
+    /// Cells that blocked paths to the goal, the newest at `refusals` - 1.
     refused: [Cell; REFUSED_MAX],
     refusals: usize,
 }
@@ -57,15 +57,15 @@ impl Planner {
         }
     }
 
-    /// Forgets which way was chosen and what blocked others.
+    /// Discards the chosen path and the remembered obstacles.
     pub(super) const fn forget(&mut self) {
         self.kept = None;
         self.refusals = 0;
     }
 
-    /// Plans all ways to `goal`, from what the map holds and what is seen right now; for `body`,
-    /// or, if none leads there, for one that keeps only `thin_mm`. Returns whether every way that
-    /// the map shows was found blocked: they are then tried again.
+    /// Plans all paths to `goal`, from the map and the current scan; for `body`, or, if no path
+    /// leads there, for a body that keeps only `thin_mm`. Returns whether every path on the map was
+    /// found blocked; the planner then tries them again.
     pub(super) fn plan(
         &mut self,
         map: &Grid,
@@ -83,7 +83,7 @@ impl Planner {
             return false;
         };
         if self.kept == Some(goal) {
-            // What was free by a cell when the way was chosen may be drawn a cell nearer now.
+            // An obstacle with one free cell of margin at planning may now be drawn a cell nearer.
             let tight = self.raster.blocked(&obstacles, reach - 1, ends);
             match self.stretch_on_way(pose.position(), &tight) {
                 Some(None) => {
@@ -110,7 +110,7 @@ impl Planner {
             every_way_was_blocked = true;
         }
         if !self.reaches(&obstacles, reach, ends, goal) {
-            // A narrow way is the last resort, and taken for no longer than there is no other.
+            // A narrow path is the last resort, and used only while there is no other.
             self.kept = None;
             let reach = self.raster.reach(thin_mm - 25.0);
             self.reaches(&obstacles, reach, ends, goal);
@@ -118,7 +118,7 @@ impl Planner {
         every_way_was_blocked
     }
 
-    /// The way from `from` turned out to be none: another one is taken, if there is one.
+    /// Marks the path from `from` as blocked; the next plan takes another one, if there is one.
     pub(super) fn refuse_way_from(&mut self, from: Point) {
         let far = f32::from(self.raster.reach(OPENED_MM)) + 2.0;
         let mut ahead = self.way_from(from);
@@ -136,8 +136,9 @@ impl Planner {
         }
     }
 
-    /// What is seen to stand in the way at `cell`: it is remembered where it is, so that a way that
-    /// is farther off stays one. If it is remembered already, `cell` itself.
+    /// The obstacle cell that blocks the path at `cell`. The planner stores the obstacle's own
+    /// position, so that a path farther from it stays open. If the obstacle is already stored,
+    /// returns `cell` itself.
     fn in_the_way(&self, cell: Cell, obstacles: &Cells, reach: i8) -> Cell {
         let known = &self.refused[..self.refusals.min(REFUSED_MAX)];
         let apart = |other: Cell| other.x.abs_diff(cell.x).pow(2) + other.y.abs_diff(cell.y).pow(2);
@@ -156,8 +157,8 @@ impl Planner {
         self.refusals += 1;
     }
 
-    /// The point to steer for from `from`: the farthest one of the way that can be seen from there.
-    /// `None` if no way leads to the goal, or if it has been reached.
+    /// The point to steer for from `from`: the farthest visible point of the path. `None` if no
+    /// path leads to the goal, or if the goal has been reached.
     pub(super) fn way_from(&self, from: Point) -> Option<Point> {
         let start = self.nearest_reached(self.raster.cell_of(from)?)?;
         let (mut here, mut best) = (start, None);
@@ -174,15 +175,15 @@ impl Planner {
         best.map(|cell| self.raster.middle(cell))
     }
 
-    /// Cells of the way from `from`, if there is one.
+    /// Length of the path from `from` in cells, if there is one.
     pub(super) fn way_cells(&self, from: Point) -> Option<u16> {
         let start = self.nearest_reached(self.raster.cell_of(from)?)?;
         let way = core::iter::successors(Some(start), |&cell| self.next(cell));
         Some(way.skip(1).fold(0, |cells: u16, _| cells.saturating_add(1)))
     }
 
-    /// The middle of the first stretch of the way from `from` that leads over `cells`: `None` if
-    /// there is no way, `Some(None)` if it leads over none of them.
+    /// The middle of the first stretch of the path from `from` that crosses `cells`. `None` if
+    /// there is no path, `Some(None)` if the path crosses none of the cells.
     fn stretch_on_way(&self, from: Point, cells: &Cells) -> Option<Option<Cell>> {
         let mut here = self.nearest_reached(self.raster.cell_of(from)?)?;
         let (mut middle, mut length) = (None, 0_u16);
@@ -205,7 +206,7 @@ impl Planner {
         Some(middle)
     }
 
-    /// The cell behind `cell` on the way to the goal.
+    /// The next cell behind `cell` on the path to the goal.
     fn next(&self, cell: Cell) -> Option<Cell> {
         match self.get(cell) {
             direction @ 1..=8 => neighbour(cell, usize::from(direction) - 1),
@@ -213,8 +214,8 @@ impl Planner {
         }
     }
 
-    /// The nearest cell that the wave has reached: a robot that drives along the rim of what is
-    /// free is now and then a cell beside it.
+    /// The nearest cell that the wave has reached: a robot that drives along the edge of the free
+    /// area is sometimes a cell beside it.
     fn nearest_reached(&self, cell: Cell) -> Option<Cell> {
         let is_reached = |cell: &Cell| (1..=GOAL).contains(&self.get(*cell));
         (0..=STRAY_CELLS).find_map(|apart| {
@@ -225,7 +226,8 @@ impl Planner {
         })
     }
 
-    /// Plans with what is `reach` cells off the obstacles: whether a way leads from end to end.
+    /// Plans with cells within `reach` of obstacles blocked; returns whether a path connects the
+    /// ends.
     fn reaches(&mut self, obstacles: &Cells, reach: i8, ends: [Point; 2], goal: Cell) -> bool {
         self.near = self.raster.blocked(obstacles, reach, ends);
         self.field.as_flattened_mut().fill(NOWHERE);
@@ -234,7 +236,7 @@ impl Planner {
         start.and_then(|cell| self.nearest_reached(cell)).is_some()
     }
 
-    /// The wave, breadth first.
+    /// Spreads the wave, breadth first.
     fn spread(&mut self, goal: Cell) {
         let mut front = Front::new();
         self.set(goal, GOAL);
@@ -326,7 +328,7 @@ mod tests {
         planner
     }
 
-    /// Follows the plan in steps of 50 mm; the number of steps to the goal, if it gets there.
+    /// Follows the plan in steps of 50 mm; the number of steps to the goal, if it is reached.
     fn walk(planner: &Planner, map: &Grid, mut at: Point, goal: Point) -> Option<usize> {
         for steps in 0..200 {
             if at.distance_mm(goal) < 60.0 {
@@ -357,8 +359,8 @@ mod tests {
         assert!(walk(&planner, &map, from, goal) < Some(55));
     }
 
-    /// A wall right through the room with a door of 600 mm at its other end: the goal lies straight
-    /// behind the wall.
+    /// A wall across the room with a door of 600 mm at its far end: the goal lies straight behind
+    /// the wall.
     #[test]
     fn the_way_to_the_other_side_of_a_wall_leads_through_the_door() {
         let map = map(&[[150, 0, 152, 220], [150, 281, 152, 299]]);
@@ -380,7 +382,7 @@ mod tests {
         assert_eq!(planner.way_from(from), None);
     }
 
-    /// What is seen right now counts, even if the map does not show it yet.
+    /// The current scan counts, even where the map does not show it yet.
     #[test]
     fn an_obstacle_that_only_the_scan_shows_is_planned_around() {
         let map = map(&[]);
@@ -398,8 +400,8 @@ mod tests {
         assert!((aim.y_mm - 1500.0).abs() > 100.0, "{aim:?}");
     }
 
-    /// A wall of 60 cm across the straight way, shown by the scan and not by the map, and nearer to
-    /// its left end: the way leads around there.
+    /// A wall of 60 cm across the straight path, in the scan but not on the map, nearer to the
+    /// wall's left end: the path leads around that end.
     fn two_ways() -> (Planner, Box<Grid>, Pose, Point) {
         let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));
         let (mut planner, map) = (Planner::new(), map(&[]));
@@ -412,12 +414,12 @@ mod tests {
         Surroundings::of(across.map(|n| Point::new(1000.0, f32::from(n) * 10.0)))
     }
 
-    /// Where the way of `planner` crosses the wall's line: above it or below.
+    /// Whether the path of `planner` crosses the wall's line above the wall instead of below it.
     fn is_left(planner: &Planner, from: Pose) -> bool {
         planner.way_from(from.position()).expect("a way").y_mm > 1500.0
     }
 
-    /// Most of the wall's right half is not seen any more.
+    /// Most of the wall's right half is no longer seen.
     #[test]
     fn a_way_is_kept_while_nothing_is_in_it() {
         let (mut planner, map, pose, goal) = two_ways();
@@ -470,8 +472,9 @@ mod tests {
     }
 
     /// A corridor of 43 cm between a wall and a board that the map does not show, 15 cm from the
-    /// path: what is refused is where the board is, so the corridor stays open, also if the robot
-    /// does not see the board any more. The same board once more refuses the place on the path.
+    /// path. The planner refuses the board's position, so the corridor stays open even if the robot
+    /// no longer sees the board. When the board blocks again, the planner refuses the position on
+    /// the path.
     #[test]
     fn a_board_beside_the_way_does_not_close_the_corridor() {
         let map = map(&[[0, 0, 299, 1]]);
@@ -522,7 +525,7 @@ mod tests {
         assert_eq!(planner.way_from(Point::new(500.0, 500.0)), None);
     }
 
-    /// A robot that stands nearer to a wall than it should still finds its way.
+    /// A robot that stands nearer to a wall than it should still finds a path.
     #[test]
     fn a_start_beside_a_wall_is_open() {
         let map = map(&[[0, 100, 299, 101]]);
@@ -530,7 +533,8 @@ mod tests {
         assert!(planned(&map, from, goal).way_from(from).is_some());
     }
 
-    /// Cells of 30 mm: 120 mm are four of them, and two more beyond that, along the way.
+    /// Cells of 30 mm: 120 mm are four of them, and the refused cell is two more beyond, along the
+    /// path.
     #[test]
     fn a_way_that_is_none_is_refused_a_little_ahead() {
         let map = map(&[]);
@@ -550,7 +554,7 @@ mod tests {
         assert_eq!((planner.refusals, planner.kept), (0, None));
     }
 
-    /// Nibbles of neighbours keep what they are.
+    /// Neighbouring nibbles do not change each other.
     #[test]
     fn two_cells_share_a_byte() {
         let mut planner = Planner::new();
@@ -563,7 +567,7 @@ mod tests {
         assert_eq!(planner.get(Cell { x: 4, y: 2 }), 0);
     }
 
-    /// A post at (20, 12): it is not seen through, beside it the line is free.
+    /// A post at (20, 12): a line through it is blocked, one beside it is free.
     #[test]
     fn what_is_near_something_is_not_seen_through() {
         let mut planner = Planner::new();
@@ -580,8 +584,8 @@ mod tests {
         assert!(sees((10, 12), (19, 12)) && sees((10, 8), (30, 18)));
     }
 
-    /// A straight way of 2 m leads over 4 columns of 30 mm and farther on over 10 more: the middle
-    /// is that of the first ones.
+    /// A straight path of 2 m crosses 4 columns of 30 mm and farther on 10 more: the result is the
+    /// middle of the first ones.
     #[test]
     fn the_first_stretch_of_a_way_is_told() {
         let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));

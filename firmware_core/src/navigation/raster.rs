@@ -6,22 +6,22 @@ use crate::pose::{Point, Pose};
 use super::Surroundings;
 use super::cells::{COARSE, Cell, Cells, EDGE, SIDE};
 
-/// Map value from which a cell counts as an obstacle. A beam's end is drawn as a ramp; this much of
-/// it lies within 25 mm of the end.
+/// Map value from which a cell counts as an obstacle. A beam's end is drawn as a ramp; cells with
+/// this value lie within 25 mm of the end.
 pub(super) const OBSTACLE_FROM: u8 = 215;
-/// What is blocked only because it is near something is opened this far around start and goal.
+/// Radius around start and goal in which cells blocked only by nearness are opened.
 pub(super) const OPENED_MM: f32 = 120.0;
-/// A wave front cannot be longer than the map's rim.
+/// Maximum length of a wave front, limited by the map's edge.
 const FRONT_MAX: usize = 4 * SIDE + 112;
 
-/// How the planner's cells lie on the map.
+/// Position of the planner's cells on the map.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Raster {
     cell_mm: f32,
 }
 
 impl Raster {
-    /// Of no map.
+    /// A raster without a map.
     pub(super) const NONE: Self = Self { cell_mm: 1.0 };
 
     pub(super) const fn of(map: &Grid) -> Self {
@@ -53,7 +53,7 @@ impl Raster {
         obstacles
     }
 
-    /// What lies within `reach` cells of an obstacle, but open around `ends`.
+    /// Cells within `reach` of an obstacle, except around `ends`.
     pub(super) fn blocked(self, obstacles: &Cells, reach: i8, ends: [Point; 2]) -> Cells {
         let mut blocked = obstacles.grown(reach);
         for cell in ends.into_iter().filter_map(|end| self.cell_of(end)) {
@@ -92,7 +92,7 @@ impl Raster {
     }
 }
 
-/// Cells that the wave has reached but not yet left.
+/// Cells that the wave has reached but not yet expanded.
 pub(super) struct Front {
     cells: [Cell; FRONT_MAX],
     head: usize,
@@ -112,7 +112,7 @@ impl Front {
         self.len
     }
 
-    /// A front that is full loses the cell: the way may then lead around it.
+    /// Appends a cell. A full front loses the cell: the path may then lead around it.
     pub(super) const fn push(&mut self, cell: Cell) {
         if self.len < FRONT_MAX {
             self.cells[(self.head + self.len) % FRONT_MAX] = cell;
@@ -178,7 +178,7 @@ mod tests {
         );
     }
 
-    /// The rim of an obstacle is opened 120 mm around both ends, the obstacle itself is not.
+    /// Cells near an obstacle are opened 120 mm around both ends, the obstacle itself is not.
     #[test]
     fn what_is_near_is_open_around_the_ends() {
         let raster = Raster { cell_mm: 30.0 };
@@ -195,7 +195,7 @@ mod tests {
         assert!(!is_blocked(&elsewhere, 16) && !is_blocked(&elsewhere, 24));
     }
 
-    /// First in, first out, round and round; what does not fit is lost.
+    /// First in, first out, in a ring; cells that do not fit are lost.
     #[test]
     fn a_front_is_a_queue() {
         let mut front = Front::new();

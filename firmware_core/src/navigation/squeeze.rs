@@ -1,29 +1,30 @@
-//! Closer to things than usual, and slower: through a narrow door.
+//! Drives closer to obstacles than usual, and slower: through a narrow door.
 //!
-//! A robot that stands still makes itself thin; one that drives to and fro before a door is never
-//! still, but the way to its goal becomes no shorter. It then goes wherever its body fits.
+//! A robot that stands still reduces its clearance (thin). A robot that drives to and fro before a
+//! door never stands still, but the path to its goal becomes no shorter. It then goes wherever its
+//! body fits (tight).
 
 use super::{Body, Surroundings};
 
-/// Scans without moving after which the robot makes itself thin: longer than any turn; for how many
-/// scans it does; and how thin and slow it gets.
+/// Limits of thin driving: scans without motion before it starts, longer than any turn; duration in
+/// scans; clearance; and cruise speed.
 const THIN_AFTER: u8 = 22;
 const THIN_SCANS: u8 = 40;
 const THIN_CLEARANCE_MM: f32 = 15.0;
 const THIN_CRUISE: i8 = 8;
-/// Plans in a row whose way is no shorter, half a minute, after which the robot goes wherever its
-/// body fits; for how many scans it does; how close it gets; and how slow it is where something is
-/// near: what it touches so it does not hurt.
+/// Limits of tight driving: plans in a row without a shorter path (half a minute) before it starts;
+/// duration in scans; clearance; and cruise speed near obstacles. A tight robot goes wherever its
+/// body fits. Its speed is low so that a touch does no damage.
 const TIGHT_AFTER_PLANS: u8 = 30;
 const TIGHT_SCANS: u8 = 200;
 const TIGHT_CLEARANCE_MM: f32 = 5.0;
 const TIGHT_CRUISE: i8 = 4;
-/// Free way that is enough then: to ask for more leads away from a narrow door.
+/// Free path that is enough then: requiring more leads away from a narrow door.
 const TIGHT_WAY_MM: f32 = 120.0;
-/// A way that is shorter by so many cells is shorter.
+/// Minimum number of cells by which a path is shorter.
 const SHORTER_CELLS: u16 = 3;
 
-/// `body`, keeping less distance.
+/// `body` with less clearance.
 pub(super) const fn thin(body: &Body) -> Body {
     closer(body, THIN_CLEARANCE_MM)
 }
@@ -35,14 +36,14 @@ const fn closer(body: &Body, clearance_mm: f32) -> Body {
     }
 }
 
-/// How close the robot goes, and for how long.
+/// State of thin and tight driving.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Squeeze {
-    /// For how many scans the robot still makes itself thin.
+    /// Remaining scans of thin driving.
     thin: u8,
-    /// For how many it still goes wherever it fits.
+    /// Remaining scans of tight driving.
     tight: u8,
-    /// Cells of the shortest way to the goal so far, and plans since.
+    /// Length of the shortest path to the goal so far, in cells, and plans since.
     shortest: u16,
     late_plans: u8,
 }
@@ -55,8 +56,8 @@ impl Squeeze {
         late_plans: 0,
     };
 
-    /// The body to drive with in this scan instead of `body`, and how fast at most, ticks per
-    /// 40 ms. The robot has not moved for `still_scans`.
+    /// The body for this scan instead of `body`, and the maximum speed, ticks per 40 ms. The robot
+    /// has not moved for `still_scans`.
     pub(super) fn step(
         &mut self,
         body: &Body,
@@ -84,7 +85,7 @@ impl Squeeze {
         self.tight > 0
     }
 
-    /// Free way that need not be longer to be taken, millimetres.
+    /// Free path that is enough for any direction, millimetres.
     pub(super) const fn way_max_mm(&self) -> f32 {
         if self.is_tight() {
             TIGHT_WAY_MM
@@ -93,7 +94,7 @@ impl Squeeze {
         }
     }
 
-    /// There is another goal.
+    /// Resets the path length for a new goal.
     pub(super) const fn forget_way(&mut self) {
         *self = Self {
             thin: self.thin,
@@ -101,7 +102,8 @@ impl Squeeze {
         };
     }
 
-    /// The newest plan's way has so many cells. A goal that never had a way is not waited for.
+    /// Takes the length of the newest plan's path in cells. A goal that never had a path does not
+    /// start tight driving.
     pub(super) fn watch_way(&mut self, cells: Option<u16>) {
         let cells = cells.unwrap_or(u16::MAX);
         if cells.saturating_add(SHORTER_CELLS) <= self.shortest {
@@ -128,12 +130,12 @@ mod tests {
         axle_mm: 260.0,
     };
 
-    /// Something 204 or 206 mm ahead: the body keeps 205.
+    /// An obstacle 204 or 206 mm ahead: the body keeps 205.
     fn ahead(mm: f32) -> Surroundings {
         Surroundings::of([Point::new(mm, 0.0)].into_iter())
     }
 
-    /// After 22 scans at rest, 15 mm and 8 ticks, until 40 scans after the last of them.
+    /// After 22 scans at rest 15 mm and 8 ticks apply, until 40 scans after the last of them.
     #[test]
     fn a_robot_at_rest_makes_itself_thin_for_a_while() {
         let mut squeeze = Squeeze::NONE;
@@ -152,8 +154,8 @@ mod tests {
         assert_eq!(super::thin(&slim), slim);
     }
 
-    /// Thirty plans of which none is 3 cells shorter than the shortest, then 5 mm for 199 scans: 4
-    /// ticks where something is nearer than usual, else 8.
+    /// Thirty plans, none of them 3 cells shorter than the shortest, then 5 mm for 199 scans: 4
+    /// ticks near an obstacle, else 8.
     #[test]
     fn a_way_that_becomes_no_shorter_is_driven_wherever_the_body_fits() {
         let mut squeeze = Squeeze::NONE;
@@ -172,8 +174,8 @@ mod tests {
         assert_eq!(squeeze.step(&BODY, 0, &ahead(206.0)), (BODY, i8::MAX));
     }
 
-    /// Each third cell less counts as getting on, and another goal begins again; a robot that never
-    /// had a path waits for none.
+    /// Each third cell less counts as progress, and another goal restarts the count; a robot that
+    /// never had a path does not count.
     #[test]
     fn a_way_that_becomes_shorter_is_none() {
         let mut squeeze = Squeeze::NONE;

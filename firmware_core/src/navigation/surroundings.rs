@@ -5,20 +5,19 @@ use crate::scan::{BEAMS, Scan};
 
 use super::{Body, HALT, arc_end, ticks};
 
-/// Fewer points than this say nothing: the robot sees nothing at all, or stands so close to
-/// something that every beam fails.
+/// Minimum number of points. With fewer, the robot sees nothing at all, or stands so close to an
+/// obstacle that every beam fails.
 const POINTS_MIN: usize = 10;
 
-/// How far ahead an arc is looked along: stopping takes one scan and the motors' lag.
+/// Times at which an arc is checked: stopping takes one scan and the motors' lag.
 const LOOK_AHEAD_S: [f32; 5] = [0.15, 0.3, 0.5, 0.7, 0.9];
-/// Coming nearer by less than this does not count.
+/// Approaches below this do not count.
 const APPROACH_MM: f32 = 4.0;
 
-/// Maximum number of points: those of a scan, and as many places again that other sensors tell of
-/// as there is use for.
+/// Maximum number of points: those of a scan, and 80 positions of other sensors.
 const POINTS_MAX: usize = BEAMS + 80;
 
-/// What the lidar saw last, from where the robot is now.
+/// The last scan of the lidar, relative to the robot's current pose.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
     points: [Point; POINTS_MAX],
@@ -29,7 +28,7 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// Nothing seen.
+    /// Surroundings without points.
     pub const EMPTY: Self = Self {
         points: [Point::new(0.0, 0.0); POINTS_MAX],
         ranges_mm: [0.0; POINTS_MAX],
@@ -47,14 +46,14 @@ impl Surroundings {
         Self::of(moved)
     }
 
-    /// These points, at most [`BEAMS`].
+    /// Surroundings of these points, at most [`BEAMS`].
     pub fn of(points: impl Iterator<Item = Point>) -> Self {
         let mut around = Self::EMPTY;
         around.put(points.take(BEAMS));
         around
     }
 
-    /// Adds what other sensors know of. A robot whose lidar is blind stays blind.
+    /// Adds points of other sensors. A robot with a blind lidar stays blind.
     pub fn add(&mut self, points: impl Iterator<Item = Point>) {
         if !self.is_blind() {
             self.put(points);
@@ -71,7 +70,7 @@ impl Surroundings {
         }
     }
 
-    /// Whether too little was seen to move at all.
+    /// Whether there are too few points for any motion.
     pub const fn is_blind(&self) -> bool {
         self.count < POINTS_MIN
     }
@@ -98,12 +97,12 @@ impl Surroundings {
             .reduce(|nearest, other| if other.1 < nearest.1 { other } else { nearest })
     }
 
-    /// How far the body can move along `bearing` before something comes too near.
+    /// Distance that the body can move along `bearing` before an obstacle comes too near.
     pub fn free_mm(&self, body: &Body, bearing: f32) -> f32 {
         self.free_by_mm(self.keep_mm(body), bearing)
     }
 
-    /// How far a body can move along `bearing` before something comes nearer than `keep`.
+    /// Distance that a body can move along `bearing` before an obstacle comes nearer than `keep`.
     pub(super) fn free_by_mm(&self, keep: f32, bearing: f32) -> f32 {
         let (sin, cos) = sin_cos(bearing);
         let mut free = f32::INFINITY;
@@ -117,10 +116,10 @@ impl Surroundings {
         free.max(0.0)
     }
 
-    /// `wanted`, slowed down as far as it takes to keep away from what is seen; at last only the
-    /// turn is left of it. Blind, the robot stands.
+    /// `wanted`, slowed down as far as needed to keep away from seen obstacles; in the limit only
+    /// the turn is left. A blind robot stops.
     pub fn guarded(&self, body: &Body, wanted: [i8; 2]) -> [i8; 2] {
-        // Field defect XV-11: with every beam invalid the fielded robot drove straight ahead.
+        // Field defect XV-11: the fielded robot drove straight ahead when every beam was invalid.
         if self.is_blind() {
             return HALT;
         }
@@ -134,8 +133,8 @@ impl Surroundings {
         [-turn, turn].map(ticks)
     }
 
-    /// The distance to keep. A robot that something is nearer to already may move along it, but
-    /// not nearer still.
+    /// The distance to keep. A robot with an obstacle nearer than that may move along it, but not
+    /// nearer.
     fn keep_mm(&self, body: &Body) -> f32 {
         body.keep_mm().min(self.nearest_mm - APPROACH_MM).max(0.0)
     }
@@ -170,8 +169,8 @@ mod tests {
         axle_mm: 260.0,
     };
 
-    /// T5: a post 100 mm beside the way stops a body of 205 mm where the rest of the square over
-    /// 205 is 178.96: 121.04 mm on. 205 mm beside it, it is no longer in the way.
+    /// T5: a post 100 mm beside the path stops a body of 205 mm at the rest of the square over 205,
+    /// which is 178.96: after 121.04 mm. 205 mm beside the path, the post no longer blocks.
     #[test]
     fn a_post_beside_the_way_is_reached_later() {
         let free = |y| Surroundings::of(core::iter::once(Point::new(300.0, y))).free_mm(&BODY, 0.0);
@@ -182,8 +181,8 @@ mod tests {
         assert_eq!((free(205.0), free(-205.0)), (f32::INFINITY, f32::INFINITY));
     }
 
-    /// T5: with the left wheel at rest the robot turns about it: 226.9 mm on a circle of 260 mm,
-    /// of which the middle does half: 130 sin 0.8727 and 130 (1 - cos 0.8727).
+    /// T5: with the left wheel at rest the robot turns about it: the right wheel moves 226.9 mm on
+    /// a circle of 260 mm, and the middle half of that: 130 sin 0.8727 and 130 (1 - cos 0.8727).
     #[test]
     fn an_arc_ends_on_its_circle() {
         let is_at = |set_point, seconds, [x, y]: [f32; 2]| {
@@ -196,12 +195,12 @@ mod tests {
         assert!(is_at([-20, -20], 0.5, [-113.45, 0.0]));
         assert!(is_at([10, -10], 1.0, [0.0, 0.0]));
         assert!(is_at([20, 19], 1.0, [221.16, -4.83]));
-        // With the first wheel slower than the other, half the time is half the way.
+        // With the first wheel slower than the other, half the time is half the path.
         assert!(is_at([0, 20], 0.0, [0.0, 0.0]));
     }
 
-    /// Of two points as near, 3, 4 and 5, the first; one that is nearer outside the bearings is
-    /// none.
+    /// Of two equally near points (3, 4 and 5) the first counts; a nearer one outside the bearings
+    /// does not.
     #[test]
     fn the_nearest_point_between_two_bearings_is_told() {
         let places = [
@@ -222,8 +221,9 @@ mod tests {
         assert_eq!(around.nearest(2.0..=3.0), None);
     }
 
-    /// A robot that has gone 100 mm on, 20 to the left, and turned to the left by a quarter sees
-    /// what was at (300, 220) 200 mm ahead of where it was going, which is now to its right.
+    /// A robot has driven 100 mm forward and 20 mm to the left, and turned left by a quarter. A
+    /// point that was at (300, 220) is then 200 mm ahead in the old direction, which is now to the
+    /// robot's right.
     #[test]
     fn what_was_seen_is_where_the_robot_has_left_it() {
         let points = [Point::new(300.0, 220.0), Point::new(100.0, 120.0)];
@@ -239,7 +239,7 @@ mod tests {
         assert!((around.nearest_mm - 100.0).abs() < 0.01 && around.count == 2);
     }
 
-    /// Ten points are sight. Blind, nothing that others tell makes up for it.
+    /// Ten points are enough to see. Points of other sensors do not help a blind robot.
     #[test]
     fn ten_points_are_sight() {
         let points = |count| core::iter::repeat_n(Point::new(900.0, 0.0), count);
@@ -255,9 +255,9 @@ mod tests {
         assert_eq!(Surroundings::of(points(1_000)).count, BEAMS);
     }
 
-    /// 20 ticks are 226.9 mm/s, 204.2 mm in the 0.9 s that are looked ahead; 205 mm are kept. With
-    /// a post 400 mm ahead seven tenths of that, 142.9 mm, are clear; with one at 300 mm a quarter,
-    /// 51.1 mm; at 230 mm nothing. On the spot it may turn.
+    /// 20 ticks are 226.9 mm/s, 204.2 mm in the 0.9 s ahead; 205 mm are kept. With a post 400 mm
+    /// ahead seven tenths of that, 142.9 mm, are clear; with one at 300 mm a quarter, 51.1 mm; with
+    /// one at 230 mm nothing. The robot may turn on the spot.
     #[test]
     fn a_robot_slows_down_before_what_is_near() {
         let guarded = |x: f32, y: f32, wanted| {
@@ -276,7 +276,8 @@ mod tests {
         assert_eq!(guarded(200.0, 0.0, [4, 20]), [-8, 8]);
     }
 
-    /// 204.2 mm on, a post at 409.0 mm is 204.8 mm away, one at 409.4 mm 205.2: that is clear.
+    /// 204.2 mm on, a post at 409.0 mm is 204.8 mm away, one at 409.4 mm is 205.2 mm away: only the
+    /// latter is clear.
     #[test]
     fn a_post_just_within_what_is_kept_counts() {
         let guarded = |x: f32| {

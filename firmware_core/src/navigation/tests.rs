@@ -14,8 +14,8 @@ const BODY: Body = Body {
     axle_mm: 260.0,
 };
 
-/// Wheel speeds by the seed report's law for a robot at the origin with heading psi and a
-/// waypoint one metre away in the direction in which psi would be `target_deg`.
+/// Wheel speeds by the seed report's law. The robot is at the origin with heading psi; the waypoint
+/// is one metre away, in the direction of psi `target_deg`.
 fn document(psi_deg: i16, target_deg: i16) -> [i8; 2] {
     let aim = |psi_deg| {
         Pose::from_wire(WirePose {
@@ -57,8 +57,8 @@ fn calm_steering_turns_on_the_spot_when_it_must_turn_far() {
     assert_eq!(towards(0.0), [20, 20]);
 }
 
-/// A wall of points across the way, from -600 to 600 mm, `ahead` of the robot, and enough
-/// points behind it to see by.
+/// A wall of points across the path, from -600 to 600 mm, `ahead` of the robot, and enough points
+/// behind it that the robot is not blind.
 fn wall(ahead: f32) -> Surroundings {
     let across = (-60..=60_i8).map(|n| Point::new(ahead, f32::from(n) * 10.0));
     let behind = (-60..=60_i8).map(|n| Point::new(-1000.0, f32::from(n) * 10.0));
@@ -118,7 +118,7 @@ fn the_beam_law_is_the_seeds() {
     assert_eq!(follow(2000.0), [0, 20]);
 }
 
-/// At its distance and abeam the wall asks for nothing; ahead it asks for a turn to the right.
+/// At its distance and abeam the wall requires no turn; ahead it requires a turn to the right.
 #[test]
 fn the_nearest_law_keeps_the_wall_abeam() {
     let follow = |bearing_deg: f32, range| {
@@ -132,7 +132,7 @@ fn the_nearest_law_keeps_the_wall_abeam() {
 }
 
 proptest! {
-    /// Whatever is seen and wanted: the guard never speeds a wheel up beyond what was wanted.
+    /// For any scan and any command, the guard never speeds a wheel up beyond the command.
     #[test]
     fn the_guard_never_asks_for_more(
         points in prop::collection::vec((-2e3_f32..2e3, -2e3_f32..2e3), 0..400),
@@ -145,8 +145,8 @@ proptest! {
         prop_assert!(guarded[0].abs() <= most && guarded[1].abs() <= most);
     }
 
-    /// No point in the way is ever approached to less than the body's radius within a second,
-    /// if it was outside to begin with.
+    /// Within a second the robot never comes nearer than the body's radius to any obstacle point
+    /// that was outside at the start.
     #[test]
     fn a_guarded_second_hits_nothing(
         points in prop::collection::vec((170.0_f32..2e3, -3.2_f32..3.2), 10..60),
@@ -183,8 +183,8 @@ fn the_fielded_law_brings_one_side_back() {
     assert_eq!(law(810.0, 90.0), [-20, 20]);
 }
 
-/// The way that is free around a post 300 mm away at `degrees`, `side` having been taken before.
-/// A body of 205 mm passes it at asin(205 / 300) = 43.1 degrees to either side of it.
+/// The free direction around a post 300 mm away at `degrees`, after the earlier choice of `side`. A
+/// body of 205 mm passes the post at asin(205 / 300) = 43.1 degrees to either side of it.
 fn around_a_post(degrees: f32, side: f32) -> f32 {
     let (sin, cos) = sin_cos(degrees.to_radians());
     let around = Surroundings::of(core::iter::once(Point::new(300.0 * cos, 300.0 * sin)));
@@ -196,7 +196,7 @@ fn around_a_post(degrees: f32, side: f32) -> f32 {
 }
 
 /// T5: at 10 degrees the post is passed at -33.1 or 53.1, in steps of five: -35 or 55. A robot that
-/// went left before stays on the left: the right is only 20 better, and a change needs 40.
+/// passed on the left before stays on the left: the right is only 20 better, and a change needs 40.
 #[test]
 fn a_side_once_taken_is_kept_unless_the_other_is_much_better() {
     assert_eq!(
@@ -211,8 +211,8 @@ fn a_side_once_taken_is_kept_unless_the_other_is_much_better() {
     assert_eq!([17.0, 25.0].map(|at| around_a_post(at, 1.0)), [65.0, -20.0]);
 }
 
-/// Nothing in the way forgets the side, and only then; a way shorter than 450 mm needs no more than
-/// its own length.
+/// Only a free straight path resets the chosen side; a path shorter than 450 mm needs only its own
+/// length.
 #[test]
 fn the_straight_way_is_taken_if_it_is_long_enough() {
     let around = wall(600.0);
@@ -225,8 +225,8 @@ fn the_straight_way_is_taken_if_it_is_long_enough() {
     assert_ne!(navigator.side, 0.0);
 }
 
-/// T5: 15 scans without 10 mm of progress, and a goal within 160 mm counts as reached; one farther
-/// away never does.
+/// T5: after 15 scans without 10 mm of progress, a goal within 160 mm counts as reached; a farther
+/// one never does.
 #[test]
 fn a_goal_that_comes_no_nearer_is_reached_after_three_seconds() {
     let map = std::boxed::Box::new(Grid::new(10.0));
@@ -248,7 +248,7 @@ fn a_goal_that_comes_no_nearer_is_reached_after_three_seconds() {
     assert_eq!(scans(150.0, 1.0), None);
 }
 
-/// A map of nothing but a box of walls, 0.6 m wide, around this cell.
+/// A map with only a box of walls, 0.6 m wide, around this cell.
 fn walled_in([x, y]: [usize; 2]) -> std::boxed::Box<Grid> {
     let mut map = std::boxed::Box::new(Grid::new(10.0));
     for n in 0..=60 {
@@ -260,8 +260,8 @@ fn walled_in([x, y]: [usize; 2]) -> std::boxed::Box<Grid> {
     map
 }
 
-/// Plans are made each second: four of them, and there is no way. Another goal may have one, and
-/// something that is gone again has blocked none.
+/// Plans are made each second: after four of them without a path there is none. Another goal may
+/// have a path, and an obstacle that has left blocks none.
 #[test]
 fn a_goal_without_a_way_is_told_after_four_plans() {
     let (pose, goal) = (Pose::new(500.0, 500.0, 0.0), Point::new(2000.0, 500.0));
@@ -285,8 +285,8 @@ fn a_goal_without_a_way_is_told_after_four_plans() {
     assert!((1..12).all(|_| !told(&closed, goal)));
 }
 
-/// Two doors, and each time that the robot looks something stands in the one that its way leads
-/// through: after both were found blocked twice, neither is a way.
+/// Two doors. At each check an obstacle stands in the door of the current path. After both were
+/// found blocked twice, there is no path.
 #[test]
 fn ways_that_are_blocked_in_turn_are_none() {
     let mut map = std::boxed::Box::new(Grid::new(10.0));
@@ -330,8 +330,8 @@ fn of_two_sides_alike_the_left_is_taken() {
     assert_eq!(around_a_post(0.0, 0.0), 45.0);
 }
 
-/// Points each degree, 380 mm away but for two niches of 40 degrees about 40 to the left and to
-/// the right, where they are 400 mm away: 200 mm are free nowhere, and of the 195 mm in both
+/// Points each degree, 380 mm away except two niches of 40 degrees about 40 to the left and to the
+/// right, where they are 400 mm away. No direction has 200 mm free, and of the 195 mm in both
 /// niches the left ones come first.
 #[test]
 fn where_nothing_is_free_far_enough_the_freest_way_is_taken() {
@@ -352,9 +352,9 @@ fn where_nothing_is_free_far_enough_the_freest_way_is_taken() {
     assert_eq!(navigator.side, 0.0);
 }
 
-/// The way past the end of a board into an alley across it, whose far wall stands 397 mm away at 67
-/// degrees: 450 mm are free where the robot came from only, but it is to get past the board, which
-/// noise puts a hand's breadth this side or that of what the body keeps.
+/// A path past the end of a board into an alley across it; the alley's far wall is 397 mm away at
+/// 67 degrees. 450 mm are free only where the robot came from, but it must get past the board.
+/// Noise moves the board's end a hand's breadth to either side of the body's limit.
 #[test]
 fn a_short_way_on_is_better_than_a_long_one_back() {
     let (sin, cos) = sin_cos(67_f32.to_radians());
@@ -402,7 +402,7 @@ fn drawn(walls: &Walls) -> std::boxed::Box<Grid> {
     map
 }
 
-/// Places of a wall, so far apart.
+/// Points of a wall at this spacing.
 fn places([[x0, y0], [x1, y1]]: [[f32; 2]; 2], apart: f32) -> impl Iterator<Item = [f32; 2]> {
     let (dx, dy) = (x1 - x0, y1 - y0);
     #[expect(clippy::cast_possible_truncation, reason = "below 3 m")]
@@ -413,7 +413,7 @@ fn places([[x0, y0], [x1, y1]]: [[f32; 2]; 2], apart: f32) -> impl Iterator<Item
     })
 }
 
-/// `walls` as seen from `pose` by a lidar that is up to 5 mm off.
+/// `walls` as seen from `pose` by a lidar with errors up to 5 mm.
 fn seen_by_lidar(walls: &Walls, pose: Pose, random: &mut crate::random::Pcg32) -> Surroundings {
     let (sin, cos) = sin_cos(pose.heading);
     let points = walls.iter().flat_map(|wall| places(*wall, 18.0));
@@ -425,8 +425,8 @@ fn seen_by_lidar(walls: &Walls, pose: Pose, random: &mut crate::random::Pcg32) -
     }))
 }
 
-/// After how many scans a robot that drives from `pose` for a goal beyond y = 2.7 m is past
-/// y = 2.3 m, and how near it came to a wall meanwhile; `None` if not within two minutes.
+/// Number of scans until a robot that drives from `pose` for a goal beyond y = 2.7 m has passed y =
+/// 2.3 m, and its smallest distance to a wall. `None` after two minutes.
 fn scans_to_leave(walls: &Walls, mut pose: Pose, seed: u64) -> Option<(u16, f32)> {
     let map = drawn(walls);
     let goal = Goal {
@@ -454,9 +454,8 @@ fn scans_to_leave(walls: &Walls, mut pose: Pose, seed: u64) -> Option<(u16, f32)
     None
 }
 
-/// At stake: a robot that has got into a narrow place does not find out again, but drives to and
-/// fro before the door: 15 mm of distance are asked for on each side, and there are 17 less what
-/// the lidar is off.
+/// At stake: a robot in a narrow area does not find out again, but drives to and fro before the
+/// door. 15 mm of clearance are required on each side, and there are 17 less the lidar's error.
 #[test]
 fn a_robot_leaves_by_the_narrow_door_that_it_came_in_by() {
     let walls = [

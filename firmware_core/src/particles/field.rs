@@ -1,4 +1,4 @@
-//! How far it is from each place of a map to the next obstacle.
+//! Distance from each position of a map to the next obstacle.
 
 use alloc::vec::Vec;
 
@@ -14,9 +14,9 @@ pub struct LikelihoodField {
 }
 
 impl LikelihoodField {
-    /// Of a map of `obstacles` in rows of `width` cells with edges of `cell_m`, whose corner of
-    /// least x and y is `origin_m`. Nothing is farther than `farthest_m`, and outside everything
-    /// is that far.
+    /// The field of a map of `obstacles`, in rows of `width` cells with edges of `cell_m`. The
+    /// corner of least x and y is `origin_m`. Distances are at most `farthest_m`, which is also the
+    /// distance outside the map.
     ///
     /// # Panics
     /// If `width` is 0.
@@ -57,7 +57,7 @@ impl LikelihoodField {
         }
     }
 
-    /// Distance from the cell at a place to the next obstacle, metres.
+    /// Distance from the cell at a position to the next obstacle, metres.
     pub fn distance_m(&self, place_m: [f64; 2]) -> f64 {
         let [x, y] = place_m;
         let cells = 1.0 / self.cell_m;
@@ -67,7 +67,7 @@ impl LikelihoodField {
         ])
     }
 
-    /// The same field with `of` in place of each distance: to look up what follows from it.
+    /// The same field with `of` applied to each distance, as a table of derived values.
     pub(super) fn mapped(&self, of: impl Fn(f64) -> f64) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a weight needs 24 bits")]
         let value = |distance: &f32| of(f64::from(*distance)) as f32;
@@ -78,12 +78,12 @@ impl LikelihoodField {
         }
     }
 
-    /// Corner of least x and y, metres, and cells per metre: how places become cells.
+    /// Corner of least x and y, metres, and cells per metre: the conversion of positions to cells.
     pub(super) const fn frame(&self) -> ([f64; 2], f64) {
         (self.origin_m, 1.0 / self.cell_m)
     }
 
-    /// The value at a place in cells from the corner.
+    /// The value at a position in cells from the corner.
     pub(super) fn at(&self, [x, y]: [f64; 2]) -> f64 {
         if !(x >= 0.0 && y >= 0.0) {
             return self.farthest_m;
@@ -93,7 +93,8 @@ impl LikelihoodField {
             clippy::cast_sign_loss,
             reason = "not below 0, saturates"
         )]
-        // By way of 32 bits, which a processor converts at once; 64 without a sign it does not.
+        // Through 32 bits, which a processor converts in one instruction; unsigned 64 bits it does
+        // not.
         let (x, y) = (x as u32 as usize, y as u32 as usize);
         if x >= self.width || y >= self.height {
             return self.farthest_m;
@@ -102,11 +103,11 @@ impl LikelihoodField {
     }
 }
 
-/// Replaces each value by the least of `value[j] + (i - j)^2`: the lower envelope of parabolas
-/// (Felzenszwalb and Huttenlocher 2012), which makes the squares of distances of a line.
+/// Replaces each value by the least of `value[j] + (i - j)^2`, the lower envelope of parabolas
+/// (Felzenszwalb and Huttenlocher 2012). The result is the squared distances of a line.
 fn transform(values: &mut [f64]) {
     let given = values.to_vec();
-    // The parabolas of the envelope, and from where on each is the lowest.
+    // The parabolas of the envelope, and the position from which each is the lowest.
     let mut lowest: Vec<(usize, f64)> = Vec::new();
     for (at, value) in given.iter().enumerate() {
         let meets = |other: usize| {

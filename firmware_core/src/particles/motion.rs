@@ -1,26 +1,26 @@
-//! How a guess moves: as the odometry says, with noise.
+//! Motion of a guess: that of the odometry, with noise.
 
 use core::f64::consts::PI;
 
 use crate::ackermann::{CarPose, Motion, wrapped};
 use crate::random::Pcg32;
 
-/// Noise of a motion that is taken as a turn, a way and another turn; the roots of these figures
-/// are the standard deviations.
+/// Noise of a motion, taken as a turn, a distance and another turn; the square roots of these
+/// figures are the standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Of a turn by turning, per square radian.
+    /// Variance of a turn from turning, per square radian.
     pub turn_by_turn: f64,
-    /// Of a turn by the way, square radians per square metre.
+    /// Variance of a turn from the distance, square radians per square metre.
     pub turn_by_way: f64,
-    /// Of the way by the way.
+    /// Variance of the distance from the distance.
     pub way_by_way: f64,
-    /// Of the way by turning, square metres per square radian.
+    /// Variance of the distance from turning, square metres per square radian.
     pub way_by_turn: f64,
 }
 
 impl Default for Noise {
-    /// As seed 003 set `amcl` up.
+    /// The noise of `amcl` in seed 003.
     fn default() -> Self {
         Self {
             turn_by_turn: 2.0,
@@ -40,16 +40,16 @@ impl Noise {
         way_by_turn: 0.0,
     };
 
-    /// What a motion and its noise are, whichever guess makes it.
+    /// Parts of a motion and their noise, equal for all guesses.
     pub(super) fn of(self, motion: Motion) -> Noisy {
         let way = libm::hypot(motion.ahead_m, motion.left_m);
-        // The direction of a short way is nothing but noise.
+        // The direction of a short motion is only noise.
         let first = match way < 0.01 {
             true => 0.0,
             false => libm::atan2(motion.left_m, motion.ahead_m),
         };
         let last = wrapped(motion.turn_rad - first);
-        // Backwards is no turn round.
+        // Driving backwards is not a turn by pi.
         let size = |turn: f64| turn.abs().min(PI - turn.abs());
         let (first_size, last_size) = (size(first), size(last));
         let by_way = way * way;
@@ -69,7 +69,7 @@ impl Noise {
     }
 }
 
-/// A motion as a turn, a way and another turn, and the standard deviation of each.
+/// A motion as a turn, a distance and another turn, and the standard deviation of each.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Noisy {
     first: f64,
@@ -115,9 +115,9 @@ mod tests {
         assert!(is_near, "{found:?}, expected {expected:?}");
     }
 
-    /// By hand: 3 ahead and 4 to the left are 5 in the direction 0.9273; turned by 1.0, of which
-    /// 0.0727 are left. Turns: sqrt(2 * 0.9273^2 + 25) = 5.169, sqrt(2 * 0.0727^2 + 25) = 5.001;
-    /// way: sqrt(0.5 * 25 + 0.5 * (0.8599 + 0.0053)) = 3.596.
+    /// By hand: 3 ahead and 4 to the left are 5 in the direction 0.9273; turned by 1.0, so 0.0727
+    /// remain. Turns: sqrt(2 * 0.9273^2 + 25) = 5.169, sqrt(2 * 0.0727^2 + 25) = 5.001; distance:
+    /// sqrt(0.5 * 25 + 0.5 * (0.8599 + 0.0053)) = 3.596.
     #[test]
     fn a_motion_is_a_turn_a_way_and_a_turn_with_noise() {
         let seed = Noise::default();
@@ -125,22 +125,22 @@ mod tests {
             parts(seed, 3.0, 4.0, 1.0),
             [0.9273, 5.0, 0.0727, 5.169, 3.596, 5.001],
         );
-        // Backwards is no turn round: only the way makes noise.
+        // Driving backwards is no turn: only the distance makes noise.
         let back = parts(seed, -2.0, 0.0, 0.0);
         assert_near(back.map(f64::abs), [PI, 2.0, PI, 2.0, 2_f64.sqrt(), 2.0]);
-        // A way of 9 mm has no direction, one of 11 mm has.
+        // A motion of 9 mm has no direction, one of 11 mm has.
         let short = |way| parts(Noise::NONE, 0.0, way, 0.3);
         assert_near(short(0.009), [0.0, 0.009, 0.3, 0.0, 0.0, 0.0]);
         assert_near(
             short(0.011),
             [PI / 2.0, 0.011, 0.3 - PI / 2.0, 0.0, 0.0, 0.0],
         );
-        // On the spot by 0.4: 2 * 0.16 and 0.5 * 0.16.
+        // A turn on the spot by 0.4: 2 * 0.16 and 0.5 * 0.16.
         let spot = parts(seed, 0.0, 0.0, 0.4);
         assert_near(spot, [0.0, 0.0, 0.4, 0.0, 0.08_f64.sqrt(), 0.32_f64.sqrt()]);
     }
 
-    /// 1,000 guesses that go 1 m with a deviation of 0.5 m, and turn by 0.2 rad at its end only:
+    /// 1,000 guesses that move 1 m with a deviation of 0.5 m, and turn by 0.2 rad at the end only:
     /// mean and variance within four standard errors.
     #[test]
     fn guesses_spread_as_the_noise_says() {

@@ -24,7 +24,7 @@ fn field() -> LikelihoodField {
     LikelihoodField::new(100, 0.05, [0.0; 2], &walls(), 2.0)
 }
 
-/// What a scanner of 70 degrees at `pose` sees, by steps of 1 cm: independent of the map's cells.
+/// Scan of a scanner of 70 degrees at `pose`, by steps of 1 cm: independent of the map's cells.
 fn scan(pose: CarPose, random: &mut Pcg32) -> Vec<Beam> {
     let bearings = (-35..=35).map(|deg| f64::from(deg).to_radians());
     let range = |bearing: f64| {
@@ -41,7 +41,7 @@ fn scan(pose: CarPose, random: &mut Pcg32) -> Vec<Beam> {
     beams.collect()
 }
 
-/// Every cell of a random field by hand: the least over all obstacles.
+/// Every cell of a random field by hand: the least distance over all obstacles.
 #[test]
 fn distances_are_those_to_the_next_obstacle() {
     let mut random = Pcg32::new(5);
@@ -77,7 +77,7 @@ fn more_boxes_need_more_guesses() {
     assert_eq!(localiser.needed(40), 625);
 }
 
-/// A motion without noise is the motion; backwards too.
+/// A motion without noise moves exactly so; backwards too.
 #[test]
 fn a_guess_moves_as_the_odometry_says() {
     let mut random = Pcg32::new(1);
@@ -101,7 +101,7 @@ fn a_guess_moves_as_the_odometry_says() {
 /// A circle of 1 m: tan(0.245) = 0.25 / 1.
 const STEERING: f64 = 0.245;
 
-/// One drive of 5 m round a circle of 1 m; how far the estimate is off at its end, in metres and in
+/// One drive of 5 m round a circle of 1 m; error of the estimate at its end, in metres and in
 /// degrees.
 fn drive(seed: u64, weighs: bool) -> [f64; 2] {
     let car = CarGeometry {
@@ -188,7 +188,7 @@ fn pose(x_m: f64, y_m: f64, heading_rad: f64) -> CarPose {
     }
 }
 
-/// A localiser that has these guesses, in the hall.
+/// A localiser with these guesses, in the hall.
 fn guessing(guesses: &[(CarPose, f64)]) -> Localiser {
     let scanner = pose(0.2, 0.1, PI / 2.0);
     let settings = Settings {
@@ -234,8 +234,8 @@ fn guesses_are_counted_in_boxes() {
     }
 }
 
-/// By hand: of the first two the mean is 0.5 * 0.1 + 0.3 * 0.3 over 0.8, their deviations are
-/// 0.075 and 0.125; a guess in the box beside theirs is of their heap, one two boxes off is not.
+/// By hand: the mean of the first two is 0.5 * 0.1 + 0.3 * 0.3 over 0.8, their deviations are 0.075
+/// and 0.125; a guess in the neighbouring box is in their cluster, one two boxes away is not.
 #[test]
 fn the_estimate_is_the_mean_of_the_heaviest_heap() {
     let heap = [(pose(0.1, 0.1, 0.0), 0.5), (pose(0.3, 0.1, 0.1), 0.3)];
@@ -267,7 +267,7 @@ fn the_estimate_is_the_mean_of_the_heaviest_heap() {
     assert!(near(turned.pose.heading_rad.abs(), PI) && near(turned.share, 1.0));
 }
 
-/// 5 cm or 0.05 rad, each a little to both sides; before the first scan always.
+/// Limits of 5 cm and 0.05 rad, each a little to both sides; the first scan always counts.
 #[test]
 fn a_scan_is_weighed_when_the_robot_has_moved() {
     let mut localiser = guessing(&[(pose(1.0, 1.0, 0.0), 1.0)]);
@@ -307,9 +307,9 @@ fn a_scan_is_weighed_when_the_robot_has_moved() {
     assert!(localiser.particles().iter().all(even));
 }
 
-/// The scanner sits 0.2 m ahead and 0.1 m to the left and looks to the left: what is 1 m ahead of
-/// it lies at 0.2, 1.1; what is 1 m to its left 0.8 m behind the robot. From 0.15 m on, up to 6 m;
-/// of 120 beams every second.
+/// The scanner sits 0.2 m ahead and 0.1 m to the left and looks to the left: a point 1 m ahead of
+/// it lies at 0.2, 1.1; a point 1 m to its left lies 0.8 m behind the robot. From 0.15 m on, up to
+/// 6 m; of 120 beams every second.
 #[test]
 fn beams_end_where_the_scanner_sees_them() {
     let localiser = guessing(&[(CarPose::default(), 1.0)]);
@@ -370,9 +370,9 @@ fn the_guess_whose_beams_end_on_an_obstacle_weighs_more() {
     assert_eq!(localiser.fit_at(below, &beside(-5.0)), 0.0);
 }
 
-/// A quarter and three quarters of the weight: of 500 drawn 375 are the second, give or take four
-/// standard deviations of 9.7; as many as the settings want at least, in one box; all where the
-/// guesses lie everywhere.
+/// A quarter and three quarters of the weight: of 500 drawn 375 are the second, within four
+/// standard deviations of 9.7. The number is the minimum of the settings for one box, and the
+/// maximum for guesses spread everywhere.
 #[test]
 fn the_heavier_guess_is_drawn_more_often() {
     let places = [pose(1.0, 1.0, 0.0), pose(1.1, 1.0, 0.0)];
@@ -397,7 +397,7 @@ fn the_heavier_guess_is_drawn_more_often() {
     assert_eq!(localiser.particles().len(), 2_000);
 }
 
-/// The odometry reports 1 m ahead, another source 0.5 m: every second guess is drawn back.
+/// The odometry reports 1 m ahead, another source 0.5 m: every second guess moves back.
 #[test]
 fn every_second_guess_believes_the_other() {
     let mut localiser = guessing(&[(pose(1.0, 2.0, 0.0), 0.25); 4]);
@@ -414,8 +414,8 @@ fn every_second_guess_believes_the_other() {
     assert_eq!(along, [0.5, 1.0, 0.5, 1.0]);
 }
 
-/// A third of 900 guesses is thrown about the estimate: 300, give or take four deviations of 14; by
-/// 1 m along x, nothing along y, 0.2 rad.
+/// A third of 900 guesses is scattered around the estimate: 300, within four deviations of 14; by 1
+/// m along x, 0 along y, 0.2 rad.
 #[test]
 fn a_search_throws_a_part_of_the_guesses() {
     let start = pose(2.0, 1.0, 0.5);
@@ -435,7 +435,7 @@ fn a_search_throws_a_part_of_the_guesses() {
     assert!(thrown.iter().all(|one| near(one.y_m, 1.0)));
 }
 
-/// On a map whose corner is at (-2, 3), in cells of 10 cm: the obstacle of cell (15, 20) lies at
+/// The map's corner is at (-2, 3), its cells have 10 cm: the obstacle of cell (15, 20) lies at
 /// (-0.45, 5.05). A robot at (-0.45, 4.05) that looks along y sees it 1 m ahead.
 #[test]
 fn a_map_may_begin_anywhere() {
@@ -469,7 +469,8 @@ fn a_map_may_begin_anywhere() {
     assert!(localiser.particles()[0].weight > 0.7 && localiser.fit() == 1.0);
 }
 
-/// What is thrown is drawn in the order x, y, heading, each to the side that the draw says.
+/// Offsets of scattered guesses are drawn in the order x, y, heading, each to the side that the
+/// draw gives.
 #[test]
 fn guesses_are_thrown_to_the_side_that_is_drawn() {
     let (start, sigma) = (pose(2.0, 1.0, 0.5), [0.1, 0.2, 0.3]);
@@ -492,8 +493,8 @@ fn guesses_are_thrown_to_the_side_that_is_drawn() {
     }
 }
 
-/// Half of the guesses are drawn again, those whose number is below a half: the first one's is
-/// exactly so, and stays.
+/// Half of the guesses are drawn again: those with a number below a half. The first one's number is
+/// exactly a half, so it stays.
 #[test]
 fn a_search_takes_the_part_that_was_asked_for() {
     let start = CarPose {
@@ -523,7 +524,7 @@ fn a_search_takes_the_part_that_was_asked_for() {
     assert!((0.45..0.55).contains(&part), "{part}");
 }
 
-/// Weights whose sum is no number begin again, each as likely as all others.
+/// Weights with a sum that is not a number are reset, all equal.
 #[test]
 fn weights_that_cannot_be_added_are_even() {
     let settings = Settings::default();

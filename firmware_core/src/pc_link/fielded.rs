@@ -1,4 +1,4 @@
-//! What the fielded program did wrong on the PC link, and its receiver.
+//! Defects of the fielded program on the PC link, and its receiver.
 
 use core::time::Duration;
 
@@ -8,18 +8,19 @@ use protocols::{Decode, FrameError, Instant};
 
 use super::{PcLink, READY_AFTER, SHORT_QUEUE, View, WAITING_MAX, next_period, properties};
 
-/// What the fielded program did wrong on the PC link; none by default.
+/// Defects of the fielded program on the PC link; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// A byte that breaks the start word off cannot begin it again (PU-01).
+    /// A byte that interrupts the start word cannot begin a new one (PU-01).
     pub forgets_to_restart: bool,
-    /// The low half of the checksum is put together with its sign (PU-02).
+    /// The low half of the checksum is sign-extended before the halves are combined (PU-02).
     pub signed_checksum: bool,
-    /// A length is compared with its sign; a negative one is waited for forever (PU-03).
+    /// A length is compared as a signed number; the program waits for a negative one forever
+    /// (PU-03).
     pub signed_length: bool,
     /// A frame without payload takes a byte of the next one (PU-04).
     pub wants_a_byte: bool,
-    /// A list of waypoints is read as long as it says, beyond its payload (PU-05).
+    /// A list of waypoints is read by its own count, beyond its payload (PU-05).
     pub believes_the_count: bool,
     /// Poses are written into the middle of a row that is being sent (PU-06).
     pub unlocked: bool,
@@ -27,22 +28,22 @@ pub struct Defects {
     pub short_queue: bool,
     /// One received byte is checked per row sent (PU-14).
     pub byte_per_row: bool,
-    /// What comes while the link is switched off is kept and taken later (PU-15).
+    /// Bytes received while the link is switched off are kept and used later (PU-15).
     pub keeps_while_off: bool,
     /// A byte before the first millisecond is over ends the program (PU-16).
     pub not_ready_at_first: bool,
     /// Once the send queue was full, every byte is sent twice (PU-17).
     pub sends_twice: bool,
-    /// Text for people is written into rows (PU-18).
+    /// Debug text is written into rows (PU-18).
     pub prints_text: bool,
-    /// What the lidar sends is passed on, between the frames (XV-12).
+    /// The lidar's bytes are passed on, between the frames (XV-12).
     pub raw_lidar: bool,
-    /// The heading is counted on over full turns until 16 bits are full (SL-13).
+    /// The heading counts full turns until 16 bits overflow (SL-13).
     pub counts_psi: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         forgets_to_restart: false,
         signed_checksum: false,
@@ -60,7 +61,7 @@ impl Defects {
         counts_psi: false,
     };
 
-    /// Whether frames are received in the fielded way.
+    /// Whether frames are received by the fielded receiver.
     pub(super) const fn of_receiver(&self) -> bool {
         self.forgets_to_restart
             || self.signed_checksum
@@ -75,17 +76,18 @@ impl Defects {
     }
 }
 
-/// The heading on the wire as the fielded code counts it: on and on, then cut to 16 bits (SL-13).
+/// The heading on the wire as the fielded code counts it: not normalised, then cut to 16 bits
+/// (SL-13).
 #[derive(Clone, Debug)]
 pub(super) struct CountedPsi(i32);
 
 impl CountedPsi {
-    /// At the start, psi 90.
+    /// The initial heading, psi 90.
     pub(super) const fn new() -> Self {
         Self(90)
     }
 
-    /// The next one, less than half a turn from the last.
+    /// The next heading, less than half a turn from the last.
     #[expect(clippy::cast_possible_truncation, reason = "that is the fault")]
     pub(super) const fn count(&mut self, psi_deg: i16) -> i16 {
         self.0 += (psi_deg as i32 - self.0 + 180).rem_euclid(360) - 180;
@@ -93,13 +95,13 @@ impl CountedPsi {
     }
 }
 
-/// The fielded receiver: one byte after the other, nothing looked at twice.
+/// The fielded receiver: takes one byte after the other and reads none twice.
 #[derive(Clone, Debug)]
 pub(super) struct Receiver {
-    /// Header, then payload; the payload of earlier frames lies where no later one has come.
+    /// Header, then payload; bytes of earlier payloads stay until they are overwritten.
     bytes: [u8; FRAME_MAX],
     len: usize,
-    /// Waits for a payload that is longer than can be.
+    /// The receiver waits for a payload longer than possible.
     is_deaf: bool,
 }
 
@@ -190,13 +192,13 @@ impl Receiver {
         self.frame(len).map(Ok)
     }
 
-    /// Bytes of a list with as many waypoints as it says, as far as the buffer goes.
+    /// Length of a list with its announced number of waypoints, limited by the buffer.
     fn announced_list(&self) -> usize {
         let count = u16::from_le_bytes([self.bytes[HEADER_LEN], self.bytes[HEADER_LEN + 1]]);
         (2 + 9 * usize::from(count)).min(FIELDED_PAYLOAD_MAX)
     }
 
-    /// The frame of what the buffer holds now.
+    /// The frame in the buffer.
     fn frame(&self, len: usize) -> Option<Frame> {
         let mut bytes = self.bytes;
         let id = *self.bytes[14..].first_chunk().expect("a header");
@@ -206,9 +208,9 @@ impl Receiver {
     }
 }
 
-/// What the fielded program did in place of what [`PcLink`] does.
+/// Behaviour of the fielded program where it differs from [`PcLink`].
 impl PcLink {
-    /// Takes received bytes as the fielded program did, where it differed.
+    /// Takes received bytes as the fielded program did, where its receiver differed.
     pub(super) fn stumble(&mut self, now: Instant, input: &mut &[u8]) {
         let defects = &self.settings.defects;
         if defects.not_ready_at_first && now < Instant::ZERO + READY_AFTER {
@@ -229,14 +231,15 @@ impl PcLink {
         }
     }
 
-    /// Passes on what the lidar sends, as the fielded program could be told to (XV-12).
+    /// Passes on the lidar's bytes, as the fielded program could be configured to (XV-12).
     pub fn pass_on_raw_lidar(&mut self, bytes: &[u8]) {
         if self.settings.defects.raw_lidar {
             self.tx.push(bytes);
         }
     }
 
-    /// Bytes that come while the link is switched off: the fielded queue keeps the first 200.
+    /// Takes bytes that arrive while the link is switched off: the fielded queue keeps the first
+    /// 200.
     pub fn receive_while_off(&mut self, bytes: &[u8]) {
         if self.settings.defects.keeps_while_off {
             let room = SHORT_QUEUE.saturating_sub(self.fielded.waiting.len());
@@ -244,7 +247,7 @@ impl PcLink {
         }
     }
 
-    /// A frame of what was kept while the link was switched off.
+    /// A frame of the bytes that were kept while the link was switched off.
     pub(super) fn kept_frame(&mut self) -> Option<Frame> {
         let mut byte = [0];
         while self.settings.defects.keeps_while_off && self.fielded.waiting.pop(&mut byte) == 1 {
@@ -255,7 +258,7 @@ impl PcLink {
         None
     }
 
-    /// What is queued goes out twice, byte by byte.
+    /// Sends each queued byte twice.
     pub(super) fn pop_twice(&mut self, buf: &mut [u8]) -> usize {
         let (pairs, _) = buf.as_chunks_mut::<2>();
         let mut count = 0;
@@ -270,7 +273,7 @@ impl PcLink {
         count
     }
 
-    /// Whether something else is written while a row of `len` bytes is queued at `now`.
+    /// Whether a pose or text is written while a row of `len` bytes is queued at `now`.
     pub(super) fn is_interrupted(&self, now: Instant, len: usize) -> bool {
         let defects = &self.settings.defects;
         let meets_pose = self.pose_at < now + self.time_of(len);
@@ -297,7 +300,7 @@ impl PcLink {
         self.row_at = self.row_at.max(self.passed_at);
     }
 
-    /// Time that so many bytes take to pass on.
+    /// Time to forward `len` bytes.
     fn time_of(&self, len: usize) -> Duration {
         let line = pcui::BAUD / 10;
         let pace = self.settings.pace_bytes_per_s.unwrap_or(line).max(1);
@@ -317,8 +320,8 @@ mod tests {
     use crate::pose::Pose;
     use crate::waypoints::Waypoints;
 
-    /// SL-13: 91 turns of 360 degrees are 32760, and a little more is negative; turning the other
-    /// way psi is negative at once.
+    /// SL-13: 91 turns of 360 degrees are 32760, and a little more is negative; in the other
+    /// direction psi is negative at once.
     #[test]
     fn a_counted_psi_wraps_after_91_turns() {
         let turned = |degrees: i32| {
@@ -353,7 +356,7 @@ mod tests {
         buf[..count].to_vec()
     }
 
-    /// A robot in the middle of nowhere, with a row of 24 bytes.
+    /// A robot in an unknown map, with a row of 24 bytes.
     fn torn(link: &mut PcLink, now: Instant) -> std::vec::Vec<u8> {
         let map = std::boxed::Box::new(Grid::new(20.0));
         let waypoints = Waypoints::new();
@@ -391,8 +394,8 @@ mod tests {
         assert_eq!(is_torn, [false, true, false, false, false, true]);
     }
 
-    /// PU-06: 24 bytes take 2 ms; a pose that is due meanwhile goes into the middle, and the next
-    /// one comes 50 ms later.
+    /// PU-06: 24 bytes take 2 ms; a pose due meanwhile goes into the middle, and the next pose
+    /// comes 50 ms later.
     #[test]
     fn a_pose_is_written_into_a_row() {
         let mut link = fielded(Defects {
@@ -408,7 +411,7 @@ mod tests {
         assert_eq!(found[42..], *b"twelve bytes");
         assert_eq!(link.pose_at, at(100));
         assert_eq!(link.passed_at, at(49) + Duration::from_micros(4_500));
-        // Without a pace by the line: 46,080 bytes a second.
+        // Without a pace the line limits: 46,080 bytes a second.
         link.settings.pace_bytes_per_s = None;
         assert_eq!(link.time_of(4_608), Duration::from_millis(100));
     }
@@ -447,7 +450,7 @@ mod tests {
         assert_eq!(kept(Defects::NONE), (0, 0));
     }
 
-    /// PU-15: a frame that came while the link was off is taken with the next byte, if it fitted
+    /// PU-15: a frame received while the link was off is processed with the next byte, if it fitted
     /// into 200 bytes.
     #[test]
     fn what_came_while_the_link_was_off_is_taken_later() {
@@ -466,7 +469,7 @@ mod tests {
         assert!(!taken(182, keeps_while_off) && !taken(0, Defects::NONE));
     }
 
-    /// PU-17: pairs of each byte, and no half of one.
+    /// PU-17: each byte is sent twice, and no pair is split.
     #[test]
     fn bytes_are_sent_twice() {
         let mut link = fielded(Defects {
@@ -496,7 +499,7 @@ mod tests {
         assert_eq!(passed(false), b"");
     }
 
-    /// What the receiver makes of bytes: frames by their payloads, and errors.
+    /// Output of the receiver for `bytes`: frames by their payloads, and errors.
     fn taken(defects: Defects, bytes: &[u8]) -> std::vec::Vec<Option<std::vec::Vec<u8>>> {
         let mut receiver = Receiver::new();
         let outcomes = bytes
@@ -508,8 +511,8 @@ mod tests {
 
     const LIST: &[u8] = b"PCUI_MSG\x02\x00\x07\x00\x00\x00LWP\x03\x04";
 
-    /// PU-01: of "PPCUI_MSG" only a receiver that begins again finds the frame. A sum that is
-    /// wrong, and 512 bytes, are refused, and the next frame is found.
+    /// PU-01: in "PPCUI_MSG" only a receiver that restarts at the second P finds the frame. A wrong
+    /// sum and a length of 512 bytes are refused, and the next frame is found.
     #[test]
     fn a_start_word_that_breaks_off_may_begin_anew() {
         let forgets = Defects {
@@ -532,8 +535,8 @@ mod tests {
         assert_eq!(found, [None, Some(std::vec![3, 4])]);
     }
 
-    /// PU-02: 257 bytes of 0x80 add up to 0x8080, which is negative in 16 bits. PU-03: so is a
-    /// length of 0x8000, and nothing is received any more.
+    /// PU-02: 257 bytes of 0x80 add up to 0x8080, which is negative in 16 bits. PU-03: a length of
+    /// 0x8000 is negative as well, and the receiver takes no further frame.
     #[test]
     fn signs_deafen_the_fielded_receiver() {
         let mut frame = b"PCUI_MSG\x01\x01\x80\x80\x00\x00LWP".to_vec();
@@ -556,7 +559,7 @@ mod tests {
     }
 
     /// PU-04: a frame without payload waits for a byte, and takes it. PU-05: a list of two
-    /// waypoints that says three is read as three, 2 + 27 bytes, with what lay there before.
+    /// waypoints that announces three is read as three, 2 + 27 bytes, with stale bytes.
     #[test]
     fn lengths_are_believed_where_they_are_wrong() {
         let empty = b"PCUI_MSG\x00\x00\x00\x00\x00\x00STA";
@@ -579,7 +582,8 @@ mod tests {
         assert_eq!(found[0].as_ref().map(std::vec::Vec::len), Some(511));
     }
 
-    /// Each of the receiver's faults alone makes it the fielded one; those of the sender do not.
+    /// Each of the receiver's defects alone enables the fielded receiver; those of the sender do
+    /// not.
     #[test]
     fn each_fault_of_the_receiver_makes_it_the_fielded_one() {
         let with = |change: fn(&mut Defects)| {
@@ -605,7 +609,7 @@ mod tests {
             |it| it.keeps_while_off = true,
         ];
         assert_eq!(of_sender.map(with), [(false, false); 4]);
-        // PU-03 alone: a length below 0 is waited for forever, by the link as by its receiver.
+        // PU-03 alone: the link waits for a negative length forever, as its receiver does.
         let mut link = fielded(Defects {
             signed_length: true,
             ..Defects::NONE
@@ -619,8 +623,8 @@ mod tests {
         assert!(link.receive(at(500), &mut input).is_some());
     }
 
-    /// The shorter way round each time: from 90 to -89 by 179 back, but half a turn counts as back;
-    /// from 300 to 20 by 80 on.
+    /// Psi takes the shorter direction each time: from 90 to -89 by 179 back, and half a turn
+    /// counts as back; from 300 to 20 by 80 forward.
     #[test]
     fn a_counted_psi_takes_the_shorter_way_round() {
         let count = |told: &[i16]| {

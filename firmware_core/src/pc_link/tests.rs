@@ -53,8 +53,8 @@ impl Robot {
     }
 }
 
-/// Golden frames of the fielded program: MPD at its start pose and 20 mm a cell, its state, and
-/// its row of unknown cells but for the last pixel, which it never counted.
+/// Golden frames of the fielded program: MPD at its start pose and 20 mm a cell, its state, and its
+/// row of unknown cells. The row lacks its last pixel, which the fielded program never counted.
 #[test]
 fn the_first_frames_are_the_golden_ones() {
     let (mut link, robot) = (link(Some(12_000)), Robot::new());
@@ -74,7 +74,7 @@ fn the_first_frames_are_the_golden_ones() {
     assert_eq!(sent(&mut link), row);
 }
 
-/// A list of which the rest was lost, then 200 ms of silence and a whole one.
+/// A list with a lost rest, then 200 ms of silence and a whole list.
 #[test]
 fn silence_ends_a_frame_that_was_cut_off() {
     let mut link = link(None);
@@ -127,7 +127,7 @@ fn a_list_goes_out_before_the_next_row() {
     );
 }
 
-/// Each 50 ms from when it was due; a call that is late by more begins again.
+/// Each 50 ms from the due time; a call that is later than that starts a new period.
 #[test]
 fn a_late_period_is_not_made_up_for() {
     let period = Duration::from_millis(50);
@@ -139,7 +139,7 @@ fn a_late_period_is_not_made_up_for() {
     assert_eq!([next(0, 50), next(0, 51)], [100, 101].map(at));
 }
 
-/// 12,000 bytes a second: 12 are a millisecond. No pace at all is one byte a second.
+/// 12,000 bytes a second: 12 bytes take a millisecond. A pace of 0 counts as one byte a second.
 #[test]
 fn bytes_pass_at_their_pace() {
     assert_eq!(passing(12, 12_000), Duration::from_millis(1));
@@ -147,7 +147,7 @@ fn bytes_pass_at_their_pace() {
     assert_eq!(passing(3, 0), Duration::from_secs(3));
 }
 
-/// What does not fit into 16 bits, or is below 0, is told as near as can be.
+/// Values above 16 bits or below 0 are sent as the nearest possible value.
 #[test]
 fn millimetres_are_told_whole() {
     let told = [-5.0, 0.49, 20.5, 6_000.4, 70_000.0].map(whole);
@@ -160,8 +160,8 @@ fn millimetres_are_told_whole() {
     assert_eq!(properties.position_mm, [1_000, 1_000]);
 }
 
-/// What goes beyond what the radio has room for waits for as long as that takes; what comes
-/// behind waits too, and half of that room is freed at a time.
+/// Bytes beyond the radio's room wait until the radio has sent the earlier ones. Later bytes wait
+/// too, and half of that room is freed at a time.
 #[test]
 fn what_the_radio_has_no_room_for_waits() {
     let mut link = link(Some(1_000));
@@ -191,8 +191,7 @@ fn what_the_radio_has_no_room_for_waits() {
     assert_eq!((link.held, sent(&mut link).len()), (0, 720 - half.min(720)));
 }
 
-/// State five times a second, how the robot is each second and only if that is asked for; the
-/// pose each 50 ms.
+/// State five times a second, diagnosis each second and only if enabled; the pose each 50 ms.
 #[test]
 fn each_frame_has_its_period() {
     let count = |diagnosis| {
@@ -219,7 +218,7 @@ fn each_frame_has_its_period() {
     assert_eq!(count(Diagnose::EachSecond), (40, 10, 4));
 }
 
-/// A row too many is the first again; while too much waits none is added.
+/// After the last row the first follows; while too many bytes wait no row is added.
 #[test]
 fn rows_go_round_and_stop_while_the_queue_is_long() {
     let (mut link, robot) = (link(None), Robot::new());
@@ -249,8 +248,8 @@ fn rows_go_round_and_stop_while_the_queue_is_long() {
     assert_eq!(link.row_at, at(0));
 }
 
-/// Half a list, and the other half 60 ms later: the link that is asked meanwhile waits. After 100
-/// ms it does not.
+/// Half a list, and the other half 60 ms later: the link keeps the first half. After 100 ms it does
+/// not.
 #[test]
 fn half_a_frame_waits_for_its_rest() {
     let list = b"PCUI_MSG\x02\x00\x00\x00\x00\x00LWP\x00\x00";
@@ -282,7 +281,7 @@ fn a_line_that_broke_gives_up_what_it_had_begun() {
     assert_eq!([true, false].map(heard), [true, false]);
 }
 
-/// PU-17: from the first frame that did not fit on.
+/// PU-17: every byte is sent twice after the first frame that did not fit.
 #[test]
 fn bytes_are_sent_twice_once_the_queue_was_full() {
     let mut link = PcLink::new(Settings {

@@ -1,8 +1,9 @@
 //! The program of the car of seed 003: an Ackermann chassis, two serial boards, ultrasound, gyro,
 //! depth camera, a phone as remote.
 //!
-//! In the seed it runs on a PC under ROS; so its numbers are doubles, and what needs a heap (gates,
-//! and the planner and localisation beside this folder) is behind the feature `host`.
+//! In the seed the program runs on a PC under ROS. Its numbers are therefore doubles, and the parts
+//! with a heap (gates, and the planner and localisation beside this folder) are behind the feature
+//! `host`.
 
 pub mod arbiter;
 pub mod board_odometry;

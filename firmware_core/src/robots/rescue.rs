@@ -1,4 +1,5 @@
-//! The rescue robot of 2015: maps with a lidar, drives along walls or to waypoints, tells a PC.
+//! The rescue robot of 2015: maps with a lidar, drives along walls or to waypoints, reports to a
+//! PC.
 //!
 //! ```text
 //!   lidar --bytes--> turn --+                 +--> set-points --> base
@@ -7,10 +8,10 @@
 //!                                             +--> picture --> display
 //! ```
 //!
-//! What arrives is dealt with at once, as an interrupt would ([`receive`](crate::Master::receive)):
-//! packets become turns, readings become odometry, orders take effect. The search is the only long
-//! work; it is done once per turn in [`poll`](crate::Master::poll), and what follows from it is
-//! decided in the next call, when it is known how long it took.
+//! Input is handled at once, as by an interrupt ([`receive`](crate::Master::receive)): packets
+//! become turns, readings become odometry, orders take effect. The search is the only long work. It
+//! runs once per turn in [`poll`](crate::Master::poll), and its result takes effect in the next
+//! call, which knows the time that the search took.
 
 mod blind;
 mod config;
@@ -57,29 +58,29 @@ use lost::Lost;
 use screen::{Screen, Switches};
 use victims::Victims;
 
-/// How long a decision holds if no other one follows: three turns.
+/// Lifetime of a decision without a newer one: three turns.
 const DECISION_HOLDS: Duration = Duration::from_millis(600);
-/// How long an order to drive by hand holds (seed report: at least once per second).
+/// Lifetime of a manual drive order (seed report: at least once per second).
 const ORDER_HOLDS: Duration = Duration::from_secs(1);
-/// Largest set-point that the base takes.
+/// Largest set-point that the base accepts.
 const SET_POINT_MAX: i8 = 35;
-/// What a defect makes of it: longer than any run.
+/// Timeout with the defect: longer than any run.
 const FOR_EVER: Duration = Duration::from_secs(1_000_000);
-/// How often a program that waits for its lidar looks for it.
+/// Poll interval of a program that waits for its lidar.
 const BLOCKED_LOOK: Duration = Duration::from_millis(10);
-/// How long a turn waits for the encoders' reading behind it.
+/// Maximum wait of a turn for the encoder reading behind it.
 const WHEELS_WAIT: Duration = Duration::from_millis(30);
-/// Encoders older than this at a turn's end do not tell how the robot moved.
+/// Maximum age of an encoder reading at a turn's end.
 const WHEELS_STALE: Duration = Duration::from_millis(60);
 
-/// Where a turn is on its way to a decision.
+/// State of a turn between its completion and the decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// No turn to work on.
     Waiting,
-    /// A turn is complete; the encoders behind it have been asked for.
+    /// A turn is complete; the encoder reading behind it was requested.
     Reading { since: Instant },
-    /// It was matched and drawn; the time that took is told by the next poll.
+    /// The scan was matched and drawn; the next poll gives the time that this took.
     Matched { since: Instant },
 }
 
@@ -90,7 +91,7 @@ pub struct Rescue {
     lidar: Lidar,
     drive: Drive,
     pc: PcLink,
-    /// While the radio is being set up.
+    /// The setup of the radio, while it runs.
     radio_setup: Option<RadioSetup>,
     mapper: Mapper,
     scan: Scan,
@@ -103,8 +104,8 @@ pub struct Rescue {
     mode: Mode,
     ordered_at: Instant,
     phase: Phase,
-    /// When the pose was last found by matching, and where the wheels put the robot then: a search
-    /// of the whole map takes longer than the odometry remembers.
+    /// Time of the last matched pose, and the wheels' pose then: a search of the whole map takes
+    /// longer than the odometry's history.
     matched: Option<(Instant, Pose)>,
     lost: Lost,
     attend_at: Instant,
@@ -136,7 +137,7 @@ struct Counters {
 }
 
 impl Counters {
-    /// Nothing has happened yet.
+    /// All counters at 0.
     const NONE: Self = Self {
         scans: 0,
         line_errors: 0,
@@ -158,7 +159,7 @@ impl Rescue {
     /// The touch display, 1 Mbaud.
     pub const DISPLAY: Port = Port(4);
 
-    /// A robot that has just been switched on.
+    /// A robot just after power-on.
     pub const fn new(config: Config) -> Self {
         let mode = config.initial_mode;
         Self {
@@ -192,13 +193,13 @@ impl Rescue {
         }
     }
 
-    /// What the robot was told to do.
+    /// The ordered mode.
     pub const fn ordered_mode(&self) -> Mode {
         self.mode
     }
 
-    /// What the robot does: nothing while its base does not answer or, driving by itself, while it
-    /// sees nothing or, driving to a place, does not know where it is.
+    /// The effective mode: `Stop` while the base does not answer, while an autonomous robot's lidar
+    /// is blind, or while a robot that drives to a position is lost.
     pub fn mode(&self) -> Mode {
         let blind = !self.lidar.sees() && self.mode != Mode::Manual;
         if self.drive.is_silent() || blind || self.is_lost() {
@@ -213,7 +214,7 @@ impl Rescue {
         &self.waypoints
     }
 
-    /// The waypoint that the robot drives to, or would in waypoint mode.
+    /// The current target waypoint, or the one of waypoint mode.
     pub fn target(&self) -> Option<&Waypoint> {
         self.waypoints.target()
     }
@@ -228,17 +229,17 @@ impl Rescue {
         self.drive.is_confirmed()
     }
 
-    /// The battery; `None` until the base has told.
+    /// The battery; `None` until the base has reported it.
     pub const fn battery(&self) -> Option<Battery> {
         self.drive.battery()
     }
 
-    /// Where the robot believes to be at `now`: the matched pose and the wheels since.
+    /// Believed pose at `now`: the matched pose plus the wheels' motion since.
     pub fn pose_at(&self, now: Instant) -> Pose {
         self.mapper.pose().then(self.motion_until(now))
     }
 
-    /// What the wheels say about the way from the last matched pose to `now`.
+    /// Motion by the wheels from the last matched pose to `now`.
     fn motion_until(&self, now: Instant) -> PoseChange {
         let odometry = &self.drive.odometry;
         self.matched.map_or(PoseChange::NONE, |(at, pose)| {
@@ -251,7 +252,7 @@ impl Rescue {
         })
     }
 
-    /// What an interrupt or a timer does: everything that must not wait for the search.
+    /// Runs the work of an interrupt or a timer: everything that must not wait for the search.
     fn attend(&mut self, now: Instant) {
         self.lidar.tick(now);
         if self.lidar.is_blocked() {
@@ -330,7 +331,7 @@ impl Rescue {
         }
     }
 
-    /// Whatever the robot was doing, it stops; the next scan decides how it continues.
+    /// Stops the robot in any mode; the next scan decides how it continues.
     fn set_mode(&mut self, now: Instant, mode: Mode) {
         self.mode = mode;
         if mode != Mode::Stop {
@@ -342,7 +343,7 @@ impl Rescue {
         self.drive.command(now, HALT, now);
     }
 
-    /// Matches and draws the turn that is complete.
+    /// Matches and draws the complete turn.
     fn map_turn(&mut self) {
         let has_gap = self.drive.odometry.take_gap();
         let odometry = &self.drive.odometry;
@@ -356,7 +357,7 @@ impl Rescue {
             self.mapper.predict(self.motion_until(end));
         }
         self.matched = Some((end, odometry.pose_at(end)));
-        // Without the wheels' word for it, a moving robot would drag the map along with it.
+        // Without a known motion, a moving robot would drag the map along with it.
         let knows_motion = odometry
             .updated_at()
             .is_some_and(|at| at + WHEELS_STALE >= end);
@@ -374,7 +375,7 @@ impl Rescue {
         self.work.points = self.work.points.saturating_add(outcome.points);
     }
 
-    /// Decides where to drive, from the newest scan and the wheels since.
+    /// Decides the drive, from the newest scan and the wheels' motion since.
     fn navigate(&mut self, now: Instant) {
         let since = self.motion_until(now);
         let pose = self.mapper.pose().then(since);

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! The board's sample, each millisecond, is the program's fastest loop: motion control belongs to
-//! it. All else is due by the clock. Source of laws and figures: public code of the robot and the
-//! task sheet of the course; what was wrong with it is [`Defects`].
+//! it. All other work runs by the clock. Source of laws and figures: public code of the robot and
+//! the task sheet of the course; [`Defects`] lists its errors.
 
 pub mod autoposition;
 mod config;
@@ -52,10 +52,10 @@ use reactive::Reactive;
 use state::Machine;
 use wheels::Wheels;
 
-/// Rate of the wires that are none on a board: PWM of the lidar's motor, the chip's own hardware.
+/// Rate of the internal wires of the board: PWM of the lidar's motor, the chip's own hardware.
 const BOARD_BAUD: u32 = 10_000_000;
 
-/// Longest gap between samples: after a longer one the robot may have rolled 5 mm at the speed of a
+/// Longest gap between samples: in a longer one the robot may have rolled 5 mm at the speed of a
 /// manoeuvre.
 const GAP: Duration = Duration::from_millis(10);
 
@@ -73,12 +73,12 @@ pub struct Yellow {
     radio: Radio,
     samples: SampleDecoder,
     outputs: Fifo<64>,
-    /// Speeds that the PC wants in MANUAL.
+    /// Speeds that the PC orders in MANUAL.
     by_hand: Velocity,
-    /// What the state machine wants of the wheels.
+    /// Target velocity of the state machine.
     target: Velocity,
     step_at: Instant,
-    /// When the pose was true.
+    /// Time of the pose.
     posed_at: Option<Instant>,
     counters: Counters,
 }
@@ -104,7 +104,7 @@ impl Yellow {
     /// The WiFi radio, 38400 baud.
     pub const TELEMETRY: Port = Port(3);
 
-    /// A robot that has just been switched on.
+    /// A robot just after power-on.
     pub const fn new(config: Config) -> Self {
         let defects = &config.defects;
         Self {
@@ -132,12 +132,12 @@ impl Yellow {
         }
     }
 
-    /// What the robot is doing.
+    /// The current mode.
     pub const fn mode(&self) -> Mode {
         self.machine.mode()
     }
 
-    /// Where it believes to be.
+    /// Believed pose.
     pub const fn pose(&self) -> Pose {
         self.wheels.pose()
     }
@@ -147,7 +147,7 @@ impl Yellow {
         self.infrared.distances_m()
     }
 
-    /// Speeds that the activity wants; the wheels follow as fast as they can.
+    /// Target speeds of the activity; the wheels follow as fast as they can.
     pub const fn target(&self) -> Velocity {
         self.target
     }
@@ -174,13 +174,13 @@ impl Yellow {
             channel,
             enable,
         };
-        // The board takes no outputs: old duties are of no use.
+        // The board does not take the outputs: discard old duties.
         if !self.outputs.push(&outputs.encode()) {
             self.outputs.clear();
         }
     }
 
-    /// Everything that is due by `now`.
+    /// Runs all work due by `now`.
     fn attend(&mut self, now: Instant) {
         self.lidar.tick(now);
         if now >= self.step_at {
@@ -202,7 +202,7 @@ impl Yellow {
         }
     }
 
-    /// One step of the state machine and of what it does.
+    /// Runs one step of the state machine and of the active mode.
     fn step(&mut self, now: Instant) {
         self.radio.read_done();
         if self.machine.step(now) {
@@ -228,7 +228,7 @@ impl Yellow {
         self.guard.limited(now, ahead_m, velocity)
     }
 
-    /// Does what the PC wants; what is no number is refused.
+    /// Executes a telecommand of the PC; not-a-number is refused.
     fn obey(&mut self, now: Instant, command: &Telecommand) {
         self.machine.heard(now);
         if let Some(reactive) = &command.reactive {
@@ -258,7 +258,7 @@ impl Yellow {
             });
         }
         match command.state {
-            // Without a goal there is nowhere to go.
+            // Refuse the mode without a goal.
             Some(State::AutoPosition) if goal.is_none() => self.refuse(),
             Some(state) => self.machine.order(state),
             None => {}
@@ -270,12 +270,12 @@ impl Yellow {
     }
 }
 
-/// Whether all of it are numbers.
+/// Whether all values are finite.
 fn is_finite(pose: message::Pose) -> bool {
     pose.x.is_finite() && pose.y.is_finite() && pose.alpha.is_finite()
 }
 
-/// Millimetres instead of metres.
+/// Converts metres to millimetres.
 fn to_pose(pose: message::Pose) -> Pose {
     Pose::new(pose.x * 1_000.0, pose.y * 1_000.0, pose.alpha)
 }

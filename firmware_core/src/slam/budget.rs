@@ -1,4 +1,4 @@
-//! How many candidates a search may try: regulated so that a scan is done in time.
+//! Maximum number of candidates of a search, regulated so that a scan is done in time.
 
 use core::time::Duration;
 
@@ -7,13 +7,13 @@ use core::time::Duration;
 pub struct Budget {
     /// Tries of the first search.
     pub start: u16,
-    /// A search that took less may try more next time.
+    /// A search shorter than this may try more candidates next time.
     pub target: Duration,
     /// Tries added after a search below the target.
     pub step_up: u16,
     /// Tries taken away after a search at or above the target.
     pub step_down: u16,
-    /// Upper bound; without one, scans without points wind the budget up (SL-04).
+    /// Upper bound; without it, scans without points raise the budget endlessly (SL-04).
     pub max: u16,
 }
 
@@ -43,7 +43,7 @@ impl Regulator {
         }
     }
 
-    /// Tells how long the last scan took, from reading the wheels to the end of the map update.
+    /// Takes the duration of the last scan, from reading the wheels to the end of the map update.
     pub(super) fn search_took(&mut self, elapsed: Duration, budget: &Budget) {
         let step = if elapsed < budget.target {
             i32::from(budget.step_up)
@@ -54,7 +54,7 @@ impl Regulator {
         if self.is_bounded {
             self.tries = self.tries.clamp(0, i32::from(budget.max));
         } else {
-            // The fielded code keeps 16 bits with sign.
+            // The fielded code stores 16 bits with sign.
             self.tries = (self.tries + 0x8000).rem_euclid(0x1_0000) - 0x8000;
         }
     }
@@ -110,8 +110,8 @@ mod tests {
         assert_eq!(after_17(false), 65_486, "the fielded code's figure");
     }
 
-    /// SL-04: 60 s without a valid beam, each scan done in a moment. The fielded code's first real
-    /// search then takes 1.06 s by its own cost model, and 1.96 s after 120 s.
+    /// SL-04: 60 s without a valid beam, each scan done in a moment. By its own cost model, the
+    /// fielded code's first real search then takes 1.06 s, and 1.96 s after 120 s.
     #[test]
     fn a_blackout_does_not_wind_the_budget_up() {
         let first_search_after = |scans: u32, is_bounded| {
@@ -128,7 +128,7 @@ mod tests {
         assert!(first_search_after(600, false) > millis(1_950));
     }
 
-    /// A search at its target took too long; 16 bits with sign end at 32767.
+    /// A search of exactly the target time took too long; 16 bits with sign end at 32767.
     #[test]
     fn tries_go_up_by_20_and_down_by_60() {
         let budget = Budget::DOCUMENT;

@@ -1,5 +1,6 @@
 //! Exhaustive search of a window of poses: every heading step, every cell up and down, all cells
-//! across at once (Olson, "Real-time correlative scan matching", 2009, with a row kernel of ours).
+//! across at once (Olson, "Real-time correlative scan matching", 2009). The kernel for rows is our
+//! own.
 
 use super::effort::Effort;
 use super::matching::{Placement, whole};
@@ -22,7 +23,7 @@ pub(super) struct Best {
     pub(super) steps: [i32; 3],
 }
 
-/// Looks at every pose of `window` around `centre`. Of equal ones the first wins: lowest heading,
+/// Compares every pose of `window` around `centre`. Of equal ones the first wins: lowest heading,
 /// then lowest y, then lowest x.
 pub(super) fn search<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
@@ -72,11 +73,11 @@ struct Contest {
     reach: i32,
     /// Poses of a row.
     side: u32,
-    /// What each of them costs for its x, and the least of it.
+    /// Cost of each lane for its x, and the lowest of them.
     costs_x: [f32; LANES],
     least_cost_x: f32,
     cost_max: f32,
-    /// All bits of the lanes that are poses.
+    /// Mask of the lanes that are poses of the window.
     in_window: Sums,
 }
 
@@ -110,7 +111,7 @@ impl Contest {
         }
     }
 
-    /// Compares the poses of a row, all of which cost `cost` for their y and heading.
+    /// Compares the poses of a row, with the common `cost` of their y and heading.
     fn enter(&mut self, [row, turn]: [i32; 2], [y_mm, heading]: [f32; 2], cost: f32, lanes: &Sums) {
         // No pose of the row can be better than its highest sum at its least cost.
         let highest = 16 * i32::from(lanes.highest(&self.in_window));
@@ -137,15 +138,15 @@ impl Contest {
     }
 }
 
-/// Points of one heading, as places in the map.
+/// Points at one heading, as positions in the map.
 struct Placed<const W: usize, const H: usize> {
-    /// Of points whose whole window lies on the map: index of its lower left cell.
+    /// Index of the lower left cell, for points with their whole window on the map.
     starts: [u32; POINTS_MAX],
     whole: usize,
-    /// Other points whose window touches the map.
+    /// Other points with windows that touch the map.
     edges: [Cut; POINTS_MAX],
     cut: usize,
-    /// Rows of their windows that hang over the map's first or last cell.
+    /// Rows of the windows that hang over the map's first or last cell.
     ends: u32,
     reach: i32,
 }
@@ -209,7 +210,7 @@ impl<const W: usize, const H: usize> Placed<W, H> {
         }
     }
 
-    /// A row's number from the window's lowest.
+    /// Number of a row, counted from the window's lowest.
     fn row(&self, row: i32) -> u16 {
         u16::try_from(row + self.reach).expect("within the window")
     }
@@ -225,7 +226,7 @@ mod tests {
 
     const CELL_MM: f32 = 10.0;
 
-    /// Pose after pose, each scored by itself.
+    /// The reference: scores pose after pose separately.
     fn naive(
         grid: &Grid<60, 50>,
         points: &[[i16; 2]],

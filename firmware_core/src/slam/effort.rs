@@ -1,6 +1,6 @@
-/// What a search costs on the robot's processor, in cycles of a Cortex-M4: instructions of the
-/// inner loops counted in the release build for thumbv7em-none-eabihf, two cycles for a load or a
-/// store and one for everything else. The figures assume memory without wait states.
+/// Cost of a search on the robot's processor, in cycles of a Cortex-M4: the instructions of the
+/// inner loops in the release build for thumbv7em-none-eabihf. A load or a store takes two cycles,
+/// everything else one. The figures assume memory without wait states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Effort {
     cycles: u64,
@@ -8,8 +8,8 @@ pub(super) struct Effort {
     pub(super) poses: u32,
 }
 
-/// One point looked up for the poses of a row, side by side: 86 instructions, 36 of them loads and
-/// stores, 3 for the jumps; 3.9 cycles for each of 32 poses. `tests/bare_metal` counts again.
+/// One point looked up for all poses of a row, side by side: 86 instructions, 36 of them loads and
+/// stores, 3 for the jumps; 3.9 cycles for each of 32 poses. `tests/bare_metal` repeats the count.
 const CYCLES_PER_ROW: u32 = 125;
 /// One pose compared with the best so far, in floating point.
 const CYCLES_PER_POSE: u32 = 30;
@@ -21,19 +21,19 @@ const CYCLES_PER_SMOOTH: u32 = 100;
 const CYCLES_PER_DOCUMENT_POINT: u64 = 581;
 
 impl Effort {
-    /// Rows of poses side by side: `lanes` poses each, `points` look-ups each.
+    /// Adds rows of poses side by side: `lanes` poses each, `points` look-ups each.
     pub(super) const fn rows(&mut self, rows: u32, lanes: u32, points: u32) {
         self.poses = self.poses.saturating_add(rows * lanes);
         let row = (CYCLES_PER_ROW * points + CYCLES_PER_POSE * lanes) as u64;
         self.cycles += row * rows as u64;
     }
 
-    /// Points turned and shifted into the map.
+    /// Adds points turned and shifted into the map.
     pub(super) const fn placed(&mut self, points: u32) {
         self.cycles += (CYCLES_PER_PLACED * points) as u64;
     }
 
-    /// Points interpolated.
+    /// Adds interpolated points.
     pub(super) const fn smooth(&mut self, points: u32) {
         self.cycles += (CYCLES_PER_SMOOTH * points) as u64;
     }

@@ -2,26 +2,26 @@ use super::matching::Placement;
 use crate::grid::{Grid, UNKNOWN};
 use crate::pose::Pose;
 
-/// How a scan agrees with what the map already knows. Points on cells that were never drawn say
-/// nothing, unless their beam runs through a known wall: a robot that looks into a new room is not
-/// lost, one that looks through walls is.
+/// Agreement of a scan with the known map. Points on cells that were never drawn count as unknown,
+/// unless their beam crosses a known wall. A robot that looks into a new room is not lost; one that
+/// seems to look through walls is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Evidence {
     /// Points on cells that look like wall.
     hits: u32,
-    /// Points on cells that were seen free, or behind walls.
+    /// Points on cells that were seen free, or that lie behind walls.
     misses: u32,
     /// All points.
     of: u32,
 }
 
-/// How much darker than unknown a cell is that was seen free.
+/// Minimum difference to unknown of a cell that was seen free.
 const FREE_MARGIN: u8 = 20;
-/// A cell that is surely wall.
+/// Minimum value of a certain wall.
 const WALL: u8 = 200;
 /// Points of the document's search.
 const ENOUGH: u32 = 36;
-/// Parts of a beam's length at which it is looked for walls: walls are a few cells thick.
+/// Number of positions along a beam at which walls are searched: walls are a few cells thick.
 const WAY_PARTS: i16 = 32;
 const WAY: core::ops::Range<i16> = 14..31;
 
@@ -64,7 +64,8 @@ impl Evidence {
         evidence
     }
 
-    /// Part of the telling points that agree, 0 to 1; 1 if less than a quarter tell anything.
+    /// Share of the known points that agree, 0 to 1; 1 if less than a quarter of the points are
+    /// known.
     pub(super) fn agreement(&self) -> f32 {
         let telling = self.hits + self.misses;
         if telling * 4 < self.of {
@@ -74,16 +75,16 @@ impl Evidence {
         }
     }
 
-    /// Whether it speaks for the place so much more than `other` for its own that it is hardly
-    /// chance: by an eighth of all points, those that agree less those that do not.
+    /// Whether the evidence for its pose exceeds that of `other` by more than chance: agreeing
+    /// minus disagreeing points, by an eighth of all points.
     pub(super) const fn exceeds(&self, other: &Self) -> bool {
         self.hits + other.misses >= other.hits + self.misses + self.of / 8
     }
 
-    /// Whether it speaks for the place so much more than `other` for its own that the scan belongs
-    /// there: with no more than `remains` of the disagreement. A place that shows nothing
-    /// contradicts nothing either; it is no better for that. Nor is one that a handful of points
-    /// fit: they fit many.
+    /// Whether the evidence for its pose is so much better than `other` that the scan belongs
+    /// there: at most the share `remains` of the disagreement is left. A pose without known points
+    /// has no disagreement either, but is not better for that. Nor is a pose with only a handful of
+    /// known points, because they fit many poses.
     pub(super) fn outweighs(&self, other: &Self, remains: f32) -> bool {
         self.tells_something()
             && self.is_enough()
@@ -91,32 +92,32 @@ impl Evidence {
             && 1.0 - self.agreement() < (1.0 - other.agreement()) * remains
     }
 
-    /// Whether three points of eight tell something: in a room that was seen from one place only,
-    /// its far walls have gaps.
+    /// Whether three points of eight are known: in a room that was seen from one position only, its
+    /// far walls have gaps.
     pub(super) const fn tells_something(&self) -> bool {
         (self.hits + self.misses) * 8 >= self.of * 3
     }
 
-    /// Whether there are as many points as the document's search takes. What is left of a turn of
-    /// which most was lost fits a square room in four ways.
+    /// Whether there are as many points as the document's search takes. The rest of a turn that was
+    /// mostly lost fits a square room in four orientations.
     pub(super) const fn is_enough(&self) -> bool {
         self.of >= ENOUGH
     }
 
-    /// Whether there are enough points and most of them tell something.
+    /// Whether there are enough points and most of them are known.
     pub(super) const fn is_plain(&self) -> bool {
         self.is_enough() && self.is_broad()
     }
 
-    /// Whether most points tell something.
+    /// Whether most points are known.
     pub(super) const fn is_broad(&self) -> bool {
         (self.hits + self.misses) * 2 >= self.of
     }
 }
 
-/// What an unseen cell is if it lies in a gap between two beams, which is a few cells wide: what
-/// the cells on both sides of the gap are. A robot that has never moved has such gaps everywhere
-/// but near itself, and a turn by half a beam puts all points into them.
+/// Value of an unseen cell in a gap between two beams, which is a few cells wide: that of the cells
+/// on both sides of the gap. A robot that has never moved has such gaps everywhere but near itself,
+/// and a turn by half a beam puts all points into them.
 fn in_gap(value_at: impl Fn((i32, i32)) -> u8, (x, y): (i32, i32)) -> u8 {
     const SIDES: [(i32, i32); 4] = [(2, 0), (0, 2), (2, 2), (2, -2)];
     for (dx, dy) in SIDES {
@@ -133,7 +134,7 @@ fn in_gap(value_at: impl Fn((i32, i32)) -> u8, (x, y): (i32, i32)) -> u8 {
 mod tests {
     use super::*;
 
-    /// A wall at cell 20 of a row that was seen free up to it; everything else unknown.
+    /// A wall at cell 20 of a row that was seen free up to there; everything else is unknown.
     fn wall() -> Grid<40, 3> {
         let mut grid = Grid::new(10.0);
         (0..20).for_each(|x| grid.set(x, 1, 0));
@@ -177,8 +178,8 @@ mod tests {
         assert!(is_enough(36) && !is_enough(35));
     }
 
-    /// A cell off a comb of beams: between two cells seen free, a point disagrees; between two of a
-    /// wall, it agrees; behind that, it disagrees.
+    /// A cell beside a comb of beams: between two free cells a point disagrees; between two cells
+    /// of a wall it agrees; behind the wall it disagrees.
     #[test]
     fn a_gap_between_two_beams_is_what_its_sides_are() {
         let mut grid = Grid::<40, 9>::new(10.0);
@@ -196,7 +197,7 @@ mod tests {
         Evidence { hits, misses, of }
     }
 
-    /// One of four points tells enough, one of five does not.
+    /// One known point of four is enough, one of five is not.
     #[test]
     fn a_quarter_of_the_points_tells_whether_a_scan_agrees() {
         let agreement = |hits, misses, of| evidence(hits, misses, of).agreement();
@@ -205,7 +206,7 @@ mod tests {
         assert_eq!(agreement(3, 1, 16), 0.75);
     }
 
-    /// Of 80 points, an eighth are 10: 20 less 5 is 15, and 10 more than 8 less 3, or 9 less 4.
+    /// Of 80 points, an eighth are 10: 20 less 5 is 15, 10 above 8 less 3 or 9 less 4.
     #[test]
     fn a_place_is_better_by_an_eighth_of_all_points() {
         let here = evidence(20, 5, 80);
@@ -215,7 +216,7 @@ mod tests {
         assert!(!evidence(1, 1, 8).exceeds(&evidence(0, 0, 8)));
     }
 
-    /// Three of eight tell something, four of eight are most.
+    /// Three known points of eight tell something, four of eight are most.
     #[test]
     fn points_that_hit_or_miss_tell_something() {
         assert!(evidence(2, 1, 8).tells_something() && !evidence(1, 1, 8).tells_something());
@@ -224,7 +225,7 @@ mod tests {
         assert!(evidence(8, 0, 16).is_broad() && !evidence(0, 7, 16).is_broad());
     }
 
-    /// 127 was never seen; darker by up to 20 is wall or its rim, brighter is free.
+    /// 127 was never seen; values darker by up to 20 are wall or its edge, lighter ones are free.
     #[test]
     fn a_cell_is_wall_from_a_little_below_unknown_on() {
         let seen = [0, 106, 107, 126, 128, 200].map(|value| {
@@ -237,8 +238,9 @@ mod tests {
         assert_eq!(seen, [miss, miss, hit, hit, hit, hit]);
     }
 
-    /// What is two cells away on both sides, along either axis or across, is what a gap is; what
-    /// is only on one side, or wall there and free here, is not.
+    /// A gap takes the value of the cells two cells away on both sides, along an axis or a
+    /// diagonal. A value on one side only, or a wall on one side and free space on the other, gives
+    /// none.
     #[test]
     fn a_gap_is_two_cells_from_its_sides() {
         let gap = |sides: [((i32, i32), u8); 2]| {
@@ -263,8 +265,9 @@ mod tests {
         assert_eq!(gap([((11, 20), 0), ((9, 20), 0)]), UNKNOWN);
     }
 
-    /// Of 64 points, half of which agree here, a quarter may disagree there, but less: half of the
-    /// disagreement. 24 tell something, 23 do not; 35 points are a handful; 8 more must agree.
+    /// 64 points, half of which agree at the first pose: at the second less than a quarter may
+    /// disagree, half of the disagreement. 24 known points tell something, 23 do not; 35 points are
+    /// a handful; 8 more must agree.
     #[test]
     fn a_place_outweighs_another_by_half_of_its_disagreement() {
         let here = evidence(32, 32, 64);
@@ -275,11 +278,12 @@ mod tests {
         let few = evidence(0, 35, 35);
         assert!(!evidence(35, 0, 35).outweighs(&few, 0.5));
         assert!(evidence(36, 0, 36).outweighs(&few, 0.5));
-        // A quarter disagrees here, an eighth may there: 56 of 64 is as much.
+        // A quarter disagrees at the first pose, so less than an eighth may at the second: 56 of 64
+        // is exactly that.
         let here = evidence(48, 16, 64);
         assert!(evidence(57, 7, 64).outweighs(&here, 0.5));
         assert!(!evidence(56, 8, 64).outweighs(&here, 0.5));
-        // All agree there, but only by 7 more of 64 than here.
+        // All points agree at the second pose, but only 7 of 64 more than at the first.
         let here = evidence(27, 1, 64);
         assert!(!evidence(33, 0, 64).outweighs(&here, 0.5));
         assert!(evidence(34, 0, 64).outweighs(&here, 0.5));

@@ -1,22 +1,23 @@
-//! What a mapper knows about being lost: how far the robot may have moved without being seen, and
-//! when the whole map is worth a search, which takes a second.
+//! State of a lost robot: how far it may have moved unseen, and when to search the whole map, which
+//! takes a second.
 
 use super::relocate::Bound;
 use super::settings::Pushes;
 use crate::pose::Pose;
 
-/// Scans in doubt before the whole map is searched; then at twice as many, and so on.
+/// Number of doubtful scans before the whole map is searched; the search repeats whenever the
+/// number has doubled.
 const DOUBTS_MAX: u8 = 2;
-/// And from so many on, each time that as many have passed again.
+/// Number of doubtful scans from which the search repeats at a fixed interval, and that interval.
 const PATIENCE: u8 = 32;
-/// Scans for which an unseen motion is looked for where half of what is seen fits: then the world
-/// has changed as well.
+/// Maximum number of scans for which an unseen motion is searched while half of the scan fits: in
+/// that case the world has changed as well.
 const SEARCHES_MAX: u8 = 8;
-/// How far beyond its unseen motion a robot is looked for: its pose was no surer before.
+/// Margin of the search beyond the unseen motion, for the earlier error of the pose.
 const MARGIN_MM: f32 = 150.0;
 const MARGIN_RAD: f32 = 0.2;
-/// How far wheels lead astray, in millimetres and radians, until a scan fits nowhere near: some
-/// turn by half a radian too much in one step.
+/// Maximum drift of the wheels, in millimetres and radians, until a scan fits nowhere near: some
+/// wheels turn by half a radian too much in one step.
 const DRIFT: (f32, f32) = (3000.0, 0.7);
 
 /// See the module's documentation.
@@ -39,21 +40,20 @@ impl Lost {
         is_ambiguous: false,
     };
 
-    /// The robot may have moved by so much more, at most `most` in all, without being seen.
+    /// Adds an unseen motion, with at most `most` in total.
     pub(super) const fn lose(&mut self, [mm, rad]: [f32; 2], most: [f32; 2]) {
         self.unseen_mm = (self.unseen_mm + mm).min(most[0]);
         self.unseen_rad = (self.unseen_rad + rad).min(most[1]);
         self.searches = 0;
     }
 
-    /// How far the robot may be turned away from where it is believed to look; 0 if its motion was
-    /// seen.
+    /// Maximum unseen turn of the robot; 0 if its motion was seen.
     pub(super) const fn unseen_rad(&self) -> f32 {
         self.unseen_rad
     }
 
-    /// Where to look for a robot that was lost at `pose`; `None`, anywhere, if the cause is unknown
-    /// and a person may have carried it.
+    /// Search area for a robot that was lost at `pose`; `None`, the whole map, if the cause is
+    /// unknown and a person may have carried the robot.
     pub(super) fn bound(&self, pose: Pose, pushes: Pushes) -> Option<Bound> {
         let (mm, rad) = if self.unseen_rad > 0.0 {
             (self.unseen_mm + MARGIN_MM, self.unseen_rad + MARGIN_RAD)
@@ -69,12 +69,12 @@ impl Lost {
         })
     }
 
-    /// The scan fits where the robot is believed to be.
+    /// Notes that the scan fits at the believed pose.
     pub(super) const fn found(&mut self) {
         *self = Self::NONE;
     }
 
-    /// Half of the scan fits. Whether an unseen motion is still looked for.
+    /// Notes that half of the scan fits; returns whether an unseen motion is still searched.
     pub(super) fn half_found(&mut self) -> bool {
         self.doubts = 0;
         self.is_ambiguous = false;
@@ -85,7 +85,7 @@ impl Lost {
         self.unseen_rad > 0.0
     }
 
-    /// The scan fits nowhere near. Whether it is time to search the whole map.
+    /// Notes that the scan fits nowhere near; returns whether the whole map should be searched now.
     pub(super) const fn doubted(&mut self) -> bool {
         self.doubts += 1;
         if self.doubts == 2 * PATIENCE {
@@ -94,12 +94,12 @@ impl Lost {
         self.doubts >= DOUBTS_MAX && self.doubts.is_power_of_two()
     }
 
-    /// Several places fit, or only one does.
+    /// Notes whether several poses fit.
     pub(super) const fn set_ambiguous(&mut self, is_ambiguous: bool) {
         self.is_ambiguous = is_ambiguous;
     }
 
-    /// Whether the last search of the whole map found several places that fit.
+    /// Whether the last search of the whole map found several fitting poses.
     pub(super) const fn is_ambiguous(&self) -> bool {
         self.is_ambiguous
     }
@@ -109,8 +109,8 @@ impl Lost {
 mod tests {
     use super::*;
 
-    /// The whole map takes a second to search: a robot that stands gains nothing by doing so five
-    /// times a second.
+    /// A search of the whole map takes a second: a standing robot gains nothing from five searches
+    /// a second.
     #[test]
     fn the_whole_map_is_searched_ever_more_rarely() {
         let mut lost = Lost::NONE;
@@ -135,9 +135,9 @@ mod tests {
         assert!(bound(Pushes::Followed).is_none() && bound(Pushes::Unlikely).is_some());
     }
 
-    /// 100 mm and half a radian unseen, and what is not sure beyond that; no more than was said. A
-    /// robot that was measured all the time may have drifted if pushes are unlikely, and may be
-    /// anywhere if a person can push it.
+    /// 100 mm and half a radian unseen, plus the earlier uncertainty, but no more than `most`. If
+    /// pushes are unlikely, a robot that was measured all the time may have drifted; if a person
+    /// can push it, it may be anywhere.
     #[test]
     fn a_lost_robot_is_sought_as_far_as_it_may_have_moved() {
         let pose = Pose::new(1.0, 2.0, 3.0);

@@ -1,9 +1,9 @@
-//! How well a scan fits the map at a pose: end points looked up in the grid, in whole numbers, so
-//! that every host and every build gives the same score.
+//! Score of a scan at a pose: end points are looked up in the grid, in whole numbers, so that every
+//! host and every build gives the same score.
 //!
-//! Points are sixteenths of a cell in 16 bits, sine and cosine have 14 binary places, so one
-//! coordinate of a turned and shifted point is two 16-bit products and a sum with 18 binary
-//! places: one instruction on a Cortex-M4 (SMLAD), and what SSE2 calls PMADDWD.
+//! Points are sixteenths of a cell in 16 bits, sine and cosine have 14 binary places. One
+//! coordinate of a turned and shifted point is therefore two 16-bit products and a sum with 18
+//! binary places. That is one instruction on a Cortex-M4 (SMLAD) and in SSE2 (PMADDWD).
 
 use super::WIDE;
 use crate::grid::Grid;
@@ -24,7 +24,7 @@ pub(super) struct EndPoints {
     count: usize,
 }
 
-/// A pose in the matcher's numbers.
+/// A pose in the matcher's units.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Placement {
     pub(super) x: i32,
@@ -33,7 +33,7 @@ pub(super) struct Placement {
     pub(super) sin: i32,
 }
 
-/// What the look-ups of one candidate added up to.
+/// Sums of one candidate's look-ups.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Tally {
     /// Sum of the cells' values.
@@ -48,7 +48,7 @@ impl EndPoints {
         count: 0,
     };
 
-    /// Takes over points, skipping any that the numbers cannot hold (beyond 2047 cells).
+    /// Replaces the points, skipping any beyond the range of the numbers (2047 cells).
     pub(super) fn set(&mut self, points: impl IntoIterator<Item = Point>, resolution_mm: f32) {
         self.count = 0;
         for point in points {
@@ -106,7 +106,7 @@ impl Placement {
         (x >> CELL_BITS, y >> CELL_BITS)
     }
 
-    /// The place of a point, in cells with [`CELL_BITS`] binary places.
+    /// The position of a point, in cells with [`CELL_BITS`] binary places.
     #[inline]
     pub(super) const fn fixed(&self, [x, y]: [i16; 2]) -> (i32, i32) {
         let (x, y) = (x as i32, y as i32);
@@ -117,7 +117,7 @@ impl Placement {
     }
 }
 
-/// The robot's frame at a pose, seen in cells of the map.
+/// The robot's frame at a pose, in cells of the map.
 pub(super) struct CellFrame {
     x: f32,
     y: f32,
@@ -139,7 +139,7 @@ impl CellFrame {
         }
     }
 
-    /// Where a point of the robot's frame lies.
+    /// Position of a point of the robot's frame.
     #[inline]
     pub(super) fn place(&self, point: Point) -> (f32, f32) {
         let (x, y) = (
@@ -188,10 +188,10 @@ fn tally_each<const W: usize, const H: usize>(
     tally
 }
 
-/// Points whose cells are found side by side.
+/// Number of points whose cells are computed together.
 const BLOCK: usize = 12;
 
-/// The same in blocks, whose multiplications and comparisons the compiler turns into SSE2 code.
+/// The same in blocks; the compiler turns their multiplications and comparisons into SSE2 code.
 #[inline]
 fn tally_in_blocks<const W: usize, const H: usize>(
     cells: &[[u8; W]; H],
@@ -227,18 +227,18 @@ fn tally_in_blocks<const W: usize, const H: usize>(
     }
 }
 
-/// What the points of a block are multiplied by, once for each.
+/// Factors for the points of a block, one copy for each point.
 struct Factors {
     x: [[i16; 2]; BLOCK],
     y: [[i16; 2]; BLOCK],
 }
 
 impl Factors {
-    /// Indices of the points' cells in all of the map's, and how many points lie outside: to them
-    /// the last cell is given, for whether a point lies outside is hard to predict.
+    /// Indices of the points' cells in the map, and the number of points outside. Points outside
+    /// get the last cell instead of a branch, because the branch would be hard to predict.
     ///
-    /// Inlined, the compiler would see that the factors are all the same, and no longer what the
-    /// form is for: two 16-bit products and their sum are one instruction.
+    /// The function is not inlined. Otherwise the compiler would see that all factors are equal,
+    /// and would no longer use one instruction for two 16-bit products and their sum.
     #[inline(never)]
     fn indices<const W: usize, const H: usize>(
         &self,
@@ -266,8 +266,8 @@ impl Factors {
     }
 }
 
-/// A placement with x in the lower and y in the upper half of a word, so that one multiplication
-/// does for both: they are what a 64-bit processor has fewest of.
+/// A placement with x in the lower and y in the upper half of a word. One multiplication then
+/// serves both, because a 64-bit processor has few multiplication units.
 struct BothAxes {
     per_x: i64,
     per_y: i64,
@@ -322,7 +322,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Two multiplications for four, over everything that the numbers can hold.
+        /// Two multiplications instead of four, over the whole range of the numbers.
         #[test]
         fn both_axes_at_once_give_the_same_cell(
             x in -4000.0_f32..4000.0, y in -4000.0_f32..4000.0, heading in -3.2_f32..3.2,
@@ -333,7 +333,7 @@ mod tests {
             prop_assert_eq!(BothAxes::new(&placement).cell(point), placement.cell(point));
         }
 
-        /// Both forms against one cell after the other, on the map, at its edges and far off.
+        /// Both variants against one cell after the other, on the map, at its edges and far off.
         #[test]
         fn every_form_of_the_tally_is_the_naive_one(
             values in proptest::collection::vec(0_u8.., 60 * 50),

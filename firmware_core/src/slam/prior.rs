@@ -1,10 +1,10 @@
-//! What the odometry says about a candidate: how unlikely its way from the prediction is.
+//! Likelihood of a candidate by odometry: how unlikely its distance from the prediction is.
 
 use super::settings::MotionNoise;
 use super::window::{REACH_MAX, Window};
 use crate::pose::{Pose, PoseChange, normalised};
 
-/// Motion reported since the last scan, and where it leads.
+/// Motion reported since the last scan, and the predicted pose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prior {
     pub(super) predicted: Pose,
@@ -16,7 +16,7 @@ pub(super) struct Prior {
     pub(super) cost_max: f32,
 }
 
-/// Way and turns since the last scan.
+/// Distance and turns since the last scan.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Travel {
     distance_mm: f32,
@@ -41,13 +41,13 @@ impl Travel {
         self.turned += change.turn.abs();
     }
 
-    /// Standard deviations of what the odometry did not see.
+    /// Adds standard deviations of motion that the odometry did not see.
     pub(super) fn doubt(&mut self, unseen_mm: f32, unseen_rad: f32) {
         self.unseen_mm += unseen_mm;
         self.unseen_rad += unseen_rad;
     }
 
-    /// Whether there may be more of it than the odometry saw.
+    /// Whether there may be more motion than the odometry saw.
     pub(super) fn is_vague(&self) -> bool {
         self.unseen_mm > 0.0 || self.unseen_rad > 0.0
     }
@@ -72,7 +72,7 @@ impl Prior {
         }
     }
 
-    /// Nothing is known but where to look.
+    /// A prior without odometry, around `predicted`.
     pub(super) const fn none(predicted: Pose) -> Self {
         Self {
             predicted,
@@ -83,7 +83,7 @@ impl Prior {
         }
     }
 
-    /// The same without the bound for robots that were pushed.
+    /// The same prior without the bound for pushed robots.
     pub(super) const fn firm(&self) -> Self {
         Self {
             cost_max: f32::MAX,
@@ -91,7 +91,7 @@ impl Prior {
         }
     }
 
-    /// The same distrust around another pose: for one that won against the odometry.
+    /// The same uncertainty around another pose, which won against the odometry.
     pub(super) const fn around(&self, predicted: Pose) -> Self {
         Self { predicted, ..*self }
     }
@@ -111,7 +111,7 @@ impl Prior {
         }
     }
 
-    /// Mean map value that `pose` must win to be worth its way from the prediction.
+    /// Mean map value that `pose` must gain to justify its distance from the prediction.
     #[inline]
     pub(super) fn uncapped_cost(&self, pose: Pose) -> f32 {
         let deviations = self.deviation_x(pose.x_mm)
@@ -146,8 +146,8 @@ impl Prior {
 mod tests {
     use super::*;
 
-    /// By hand: 30 mm and hypot(12, 16) = 20 mm of way; turned by 0.3 and 0.2 rad; what was not
-    /// seen 10 mm and 0.02 rad. Position: 0.5 * 50 + 0.1 * 50 + 20 * 0.5 + 10 = 50 mm; heading:
+    /// By hand: distances 30 mm and hypot(12, 16) = 20 mm; turns 0.3 and 0.2 rad; unseen motion
+    /// 10 mm and 0.02 rad. Position: 0.5 * 50 + 0.1 * 50 + 20 * 0.5 + 10 = 50 mm. Heading:
     /// 0.01 + 0.2 * 0.5 + 0.001 * 50 + 0.02 = 0.18 rad.
     fn prior(cell_mm: f32) -> Prior {
         let noise = MotionNoise {
@@ -178,7 +178,7 @@ mod tests {
         Prior::new(Pose::new(1_000.0, 2_000.0, 3.1), travel, &noise, cell_mm)
     }
 
-    /// 30 mm and 40 mm off: 0.36 and 0.64; across pi by 0.0832 of 0.18: 0.2136; times 2.
+    /// 30 mm and 40 mm away: 0.36 and 0.64; across pi by 0.0832 of 0.18: 0.2136; times 2.
     #[test]
     fn leaving_the_prediction_costs_by_the_square() {
         let prior = prior(50.0);

@@ -1,6 +1,6 @@
-//! From the best cell to the pose between the cells: Newton steps on the interpolated score, less
-//! the odometry's cost. Along a direction in which the scan says nothing, a corridor's axis, the
-//! score is flat and only the odometry's cost is curved, so the odometry stands.
+//! Refines the best cell to a pose between the cells: Newton steps on the interpolated score, less
+//! the odometry's cost. Along a corridor's axis, which the scan cannot measure, the score is flat
+//! and only the odometry's cost is curved, so the odometry decides.
 
 use super::effort::Effort;
 use super::matching::{CELL_BITS, Placement};
@@ -11,7 +11,7 @@ use crate::pose::Pose;
 
 /// Newton steps, each on a narrower stencil.
 const STEPS: u32 = 3;
-/// Scores that a step looks at: the middle, both ways along three axes, three corners.
+/// Scores needed for a step: the middle, both directions along three axes, three corners.
 const SCORES_PER_STEP: u32 = 10;
 /// Half-width of the first stencil, in cells.
 const STENCIL_CELLS: f32 = 1.0;
@@ -22,7 +22,7 @@ const STEP_MAX: f32 = 1.5;
 const FRACTION_BITS: u32 = 6;
 const ONE: u32 = 1 << FRACTION_BITS;
 
-/// The best pose near `start`, and how curved the score is there: per square stencil, along its
+/// The best pose near `start`, and the curvature of the score there: per square stencil, along its
 /// least and most certain direction.
 pub(super) fn refine<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
@@ -56,8 +56,8 @@ pub(super) fn refine<const W: usize, const H: usize>(
     pose
 }
 
-/// One Newton step towards the maximum of `f`, in units of the stencil; `None` where `f` is not
-/// curved like a summit.
+/// One Newton step towards the maximum of `f`, in units of the stencil; `None` where `f` has no
+/// maximum by its curvature.
 fn newton_step(f: impl Fn([f32; 3]) -> f32) -> Option<[f32; 3]> {
     let here = f([0.0; 3]);
     let axis = |index: usize, by: f32| {
@@ -120,9 +120,9 @@ fn smooth_mean<const W: usize, const H: usize>(
     sum as f32 / ((ONE * ONE) as f32 * points.len().max(1) as f32)
 }
 
-/// Nine neighbouring cells under a quadratic B-spline; 64 times 64 times the value. Straight lines
-/// between four cells would be flat between two equal ones, and a wall on the border of two cells
-/// could be anywhere between their middles.
+/// Nine neighbouring cells under a quadratic B-spline; 64 times 64 times the value. Linear
+/// interpolation of four cells would be flat between two equal ones: a wall on the border of two
+/// cells could lie anywhere between their middles.
 #[inline]
 fn smooth_value<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
@@ -181,8 +181,8 @@ mod tests {
         heading: 0.2,
     };
 
-    /// Where a beam from `HERE` ends: at walls y = 202 mm and y = 797 mm, and at x = 204 mm and
-    /// x = 801 mm; a corridor has only the first two, and what is beyond 480 mm is out of sight.
+    /// End of a beam from `HERE`: at walls y = 202 mm and y = 797 mm, and at x = 204 mm and x = 801
+    /// mm. A corridor has only the first two, and walls beyond 480 mm are out of range.
     fn end(bearing: f32, in_corridor: bool) -> Option<Point> {
         let (sin, cos) = crate::pose::sin_cos(bearing + HERE.heading);
         let to_y = (if sin > 0.0 { 797.0 } else { 202.0 } - HERE.y_mm) / sin;
@@ -209,7 +209,7 @@ mod tests {
         }
         let mut points = EndPoints::EMPTY;
         let scan = (0..180).filter_map(|index| end(bearing(index, 2.0), in_corridor));
-        // The scan reaches less far than the map, which so has no ends either.
+        // The scan ends before the map's walls do, so the map has no visible ends either.
         points.set(
             scan.filter(|point| point.distance_mm(Point::default()) < 380.0),
             CELL_MM,
@@ -230,7 +230,8 @@ mod tests {
         refine(&grid, points.all(), start, &prior, &mut Effort::default())
     }
 
-    /// A cell off in both directions and half a degree turned: found to a fraction of a cell.
+    /// A pose wrong by a cell in both directions and half a degree is found to a fraction of a
+    /// cell.
     #[test]
     fn a_room_fixes_the_pose_between_the_cells() {
         let start = Pose::new(HERE.x_mm + 9.0, HERE.y_mm - 8.0, HERE.heading + 0.01);
@@ -238,7 +239,7 @@ mod tests {
         assert!(off.distance_mm() < 2.5 && off.turn.abs() < 0.004, "{off:?}");
     }
 
-    /// Two parallel walls tell nothing along them: there the odometry stands.
+    /// Two parallel walls give no position along them: there the odometry counts.
     #[test]
     fn a_corridor_fixes_the_pose_across_it_only() {
         let start = Pose::new(HERE.x_mm + 9.0, HERE.y_mm - 8.0, HERE.heading);
@@ -266,7 +267,7 @@ mod tests {
         assert_eq!(spline(32 << (CELL_BITS - FRACTION_BITS)), [8, 48, 8]);
     }
 
-    /// What is curved by a millionth is a summit, and what is less is none, along each axis.
+    /// Along each axis, a curvature of a millionth is a summit, and less is none.
     #[test]
     fn a_summit_is_curved_along_all_three_axes() {
         for axis in 0..3 {
@@ -292,8 +293,8 @@ mod tests {
         assert!(is_near(solution, [1.0, 2.0, 3.0]), "{solution:?}");
     }
 
-    /// The summit of 7 - (x - 0.5)^2 - 2 (y + 0.25)^2 - 4 (z - 0.1)^2 is where it says; one that is
-    /// 9 away is gone to by 1.5; a valley has none.
+    /// The summit of 7 - (x - 0.5)^2 - 2 (y + 0.25)^2 - 4 (z - 0.1)^2 is at the calculated
+    /// position; for one 9 away the step is limited to 1.5; a valley has no summit.
     #[test]
     fn a_newton_step_leads_to_the_summit() {
         let hill = |[x, y, z]: [f32; 3]| {
@@ -307,8 +308,8 @@ mod tests {
         assert_eq!(newton_step(|[x, y, z]| x * x + y * y + z * z), None);
     }
 
-    /// x - x^2 - y^2 - z^2 + x y: of the cross term half is taken, so that 2 x - y / 2 = 1 and
-    /// 2 y = x / 2, which is 8/15 and 2/15. The same with the other two pairs.
+    /// x - x^2 - y^2 - z^2 + x y: half of the cross term counts, so that 2 x - y / 2 = 1 and 2 y =
+    /// x / 2, which is 8/15 and 2/15. The same with the other two pairs.
     #[test]
     fn half_of_a_cross_term_counts() {
         for (one, other) in [(0, 1), (0, 2), (1, 2)] {
@@ -322,7 +323,7 @@ mod tests {
         }
     }
 
-    /// A quarter into the cell: 48^2 / 128 = 18, 16^2 / 128 = 2, and the rest of 64. At its border
+    /// A quarter into the cell: 48^2 / 128 = 18, 16^2 / 128 = 2, and the rest of 64. At the border
     /// both cells have half.
     #[test]
     fn the_splines_weights_are_squares() {

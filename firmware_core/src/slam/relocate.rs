@@ -1,7 +1,7 @@
-//! Where in the whole map a scan belongs: for a robot that was carried away. Blocks of cells are
-//! rated by a bound that no pose inside them exceeds (Olson 2009; Hess et al. 2016), the best of
-//! them, apart from each other, are searched whole. If a second place fits nearly as well as the
-//! first, the answer is that it cannot be known.
+//! Search of the whole map for a scan's pose, for a robot that was carried away. Blocks of cells
+//! are rated by an upper bound of the score of all poses inside them (Olson 2009; Hess et al.
+//! 2016). The best blocks that lie apart from each other are searched completely. If a second pose
+//! fits nearly as well as the first, the answer is ambiguous.
 
 use core::f32::consts::TAU;
 
@@ -15,16 +15,16 @@ use super::window::Window;
 use crate::grid::Grid;
 use crate::pose::{Pose, normalised};
 
-/// What is known about the place of a scan.
+/// Result of a search for the position of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Answer {
-    /// One place fits best.
+    /// One pose fits best.
     Here(Best),
-    /// Several places fit about equally well; this is one of them.
+    /// Several poses fit about equally well; this is one of them.
     Ambiguous(Best),
 }
 
-/// Blocks of the coarse map at most, and along an edge.
+/// Maximum number of blocks of the coarse map, in total and along an edge.
 const BLOCKS_MAX: usize = 6144;
 const EDGE_MAX: usize = 128;
 /// Headings of the coarse search.
@@ -32,23 +32,23 @@ const HEADINGS: u16 = 180;
 const HEADING_STEP: f32 = TAU / 180.0;
 /// Points of the coarse search.
 const COARSE_POINTS: usize = 48;
-/// Places that are checked closely.
+/// Number of candidates that are searched closely.
 const PLACES: usize = 24;
-/// Places nearer than this, in blocks and headings, are one.
+/// Candidates nearer than this, in blocks and headings, are the same.
 const APART_BLOCKS: i32 = 4;
 const APART_HEADINGS: i32 = 8;
-/// A second place at which the points agree to this part of the first's makes the answer ambiguous.
-/// The sums do not tell: a map is drawn better where the robot was nearer.
+/// Ratio of the agreements of the second and the first pose from which the answer is ambiguous. The
+/// sums are no measure, because the map is drawn better where the robot was nearer.
 const AMBIGUOUS: f32 = 0.92;
 
-/// Where a robot is that was lost on a way of which only the length is known.
+/// Area of a robot that was lost on a path of known length.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bound {
-    /// Where it was lost.
+    /// Pose at which the robot was lost.
     pub(super) centre: Pose,
-    /// How far from there it is at most.
+    /// Maximum distance from there.
     pub(super) mm: f32,
-    /// How far it has turned at most.
+    /// Maximum turn.
     pub(super) rad: f32,
 }
 
@@ -66,8 +66,8 @@ impl Bound {
     }
 }
 
-/// Block maxima of a grid: each the greatest value of its block and its three neighbours to the
-/// right and above, so that it bounds every cell that a point can reach from within a block.
+/// Block maxima of a grid: each is the greatest value of its block and its three neighbours to the
+/// right and above. It therefore bounds every cell that a point can reach from within a block.
 struct Coarse {
     cells: [u8; BLOCKS_MAX],
     block: usize,
@@ -165,7 +165,7 @@ impl Candidate {
     }
 }
 
-/// The best candidates that lie apart from each other.
+/// The best candidates, apart from each other.
 #[derive(Default)]
 struct Shortlist {
     best: [Candidate; PLACES],
@@ -183,7 +183,7 @@ impl Shortlist {
                 && (old.y - new.y).abs() < APART_BLOCKS
                 && turn.min(headings - turn) < APART_HEADINGS
         };
-        // It replaces what it is the better neighbour of, else the last.
+        // The new candidate replaces its worse neighbour, else the last one.
         let place = match self.best.iter().position(same) {
             Some(at) if self.best[at].bound >= new.bound => return,
             Some(at) => at,
@@ -243,7 +243,7 @@ pub(super) fn relocate<const W: usize, const H: usize>(
     })
 }
 
-/// The candidates within `bound`, a block and a heading around it included.
+/// The candidates within `bound`, with a margin of a block and a heading.
 fn shortlist(
     coarse: &Coarse,
     block_mm: f32,
@@ -298,7 +298,7 @@ mod tests {
 
     use super::*;
 
-    /// Values that look like chance: Knuth's hash of the place.
+    /// Pseudo-random values: Knuth's hash of the position.
     fn value(x: usize, y: usize) -> u8 {
         let hash = (x * 31 + y * 1_009 + 7).wrapping_mul(2_654_435_761);
         u8::try_from(hash >> 8 & 0x7F).unwrap()
@@ -343,7 +343,7 @@ mod tests {
         is_bound::<160, 160>(4);
     }
 
-    /// The bound of a block is the sum of the blocks at the offsets; what lies outside is nothing.
+    /// The bound of a block is the sum of the blocks at the offsets; blocks outside count as 0.
     #[test]
     fn bounds_are_sums_over_the_points() {
         let coarse = Coarse::new(&grid::<20, 13>());
@@ -387,7 +387,7 @@ mod tests {
         [0, 1, 2].map(|at: usize| best[at].bound)
     }
 
-    /// Nearer than four blocks and eight headings they are one place, of which the best is kept;
+    /// Candidates nearer than four blocks and eight headings are the same, and the best is kept;
     /// headings close to a circle of 180.
     #[test]
     fn the_shortlist_keeps_the_best_of_each_place() {
@@ -400,7 +400,7 @@ mod tests {
         assert_eq!(bounds(&[(10, 0, 0, 2), (12, 0, 0, 177)]), [12, 0, 0]);
         assert_eq!(bounds(&[(10, 5, 7, 100), (12, 6, 8, 103)]), [12, 0, 0]);
         assert_eq!(bounds(&[(10, -5, -7, 100), (12, -9, -7, 103)]), [12, 10, 0]);
-        // More places than there is room for: the least are left out.
+        // More candidates than there is room for: the worst are left out.
         let many: std::vec::Vec<_> = (1..=26).map(|at| (at, i32::from(at) * 5, 0, 0)).collect();
         let found = offered(&many).map(|one| one.bound);
         let expected: std::vec::Vec<u16> = (3..=26).rev().collect();

@@ -1,21 +1,21 @@
 //! The search's inner loop: scores of neighbouring poses side by side.
 //!
-//! Poses that differ by whole cells along x look up neighbouring cells of the same row, so one
-//! load serves [`LANES`] of them. No intrinsics are needed, and none can be had without `unsafe`:
-//! [`Twos`] is written so that compilers turn it into SSE2 code (0.03 ns per look-up measured, all
-//! of the search included), and [`packed`] says the same with four cells to a word, for a
-//! Cortex-M4, which adds two 16-bit sums at a time.
+//! Poses that differ by whole cells along x look up neighbouring cells of the same row, so one load
+//! serves [`LANES`] of them. Intrinsics are not needed, and not possible without `unsafe`:
+//! compilers turn [`Twos`] into SSE2 code (0.03 ns per look-up measured, including the whole
+//! search). [`packed`] does the same with four cells to a word, for a Cortex-M4, which adds two
+//! 16-bit sums at a time.
 
 use super::WIDE;
 use crate::grid::Grid;
 
-/// Poses that are scored side by side.
+/// Number of poses scored side by side.
 pub(super) const LANES: usize = 32;
 
-/// Points that 16-bit sums can hold: 257 times 255 is 65535.
+/// Maximum number of points for 16-bit sums: 257 times 255 is 65535.
 pub(super) const POINTS_MAX: usize = 257;
 
-/// Sums of map values of neighbouring poses; those of even and odd lanes apart, as they come out.
+/// Sums of map values of neighbouring poses; even and odd lanes are separate, as they are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Sums {
     even: [u16; LANES / 2],
@@ -23,7 +23,7 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    /// One after the other.
+    /// The lanes in their order.
     pub(super) fn lanes(&self) -> impl Iterator<Item = u16> {
         self.even
             .iter()
@@ -31,7 +31,7 @@ impl Sums {
             .flat_map(|(even, odd)| [*even, *odd])
     }
 
-    /// From one after the other.
+    /// Sums from lanes in their order.
     pub(super) fn from_lanes(lane: impl Fn(usize) -> u16) -> Self {
         Self {
             even: core::array::from_fn(|index| lane(2 * index)),
@@ -39,7 +39,7 @@ impl Sums {
         }
     }
 
-    /// The highest, of each lane only the bits in `masks`.
+    /// The highest lane; of each lane only the bits in `masks` count.
     pub(super) fn highest(&self, masks: &Self) -> u16 {
         let of = |sums: &[u16], masks: &[u16]| {
             let kept = sums.iter().zip(masks).map(|(sum, mask)| sum & mask);
@@ -55,8 +55,8 @@ impl Sums {
     }
 }
 
-/// Adds up the cells from each of `starts`, plus `offset`, on; a row that runs over the end of the
-/// map counts as 0.
+/// Adds up the cells that start at each of `starts` plus `offset`; cells beyond the end of the map
+/// count as 0.
 #[inline(never)]
 pub(super) fn sums(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
     if WIDE {
@@ -101,10 +101,10 @@ fn spread(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
     twos.sums()
 }
 
-/// Sums of cells two by two, for processors that add eight words at a time: taking cells apart is
-/// their dearest work, and half of it can wait for the end. A word of two cells is added as it is,
-/// modulo 2^16, and once more its upper cell alone; what the first sum has more than 256 times the
-/// second is the sum of the lower cells, for that is below 2^16.
+/// Sums of cells two by two, for processors that add eight words at a time. Separating cells is the
+/// most expensive step, and half of that step can wait for the end. A word of two cells is added as
+/// a whole, modulo 2^16, and its upper cell is added once more alone. The first sum minus 256 times
+/// the second is the sum of the lower cells, because that is below 2^16.
 #[derive(Clone, Copy)]
 struct Twos {
     words: [u16; LANES / 2],
@@ -127,7 +127,7 @@ impl Twos {
         }
     }
 
-    /// The cells that have a mask of ones; the others count as 0.
+    /// Adds the cells with a mask of ones; the others count as 0.
     #[inline]
     fn add_masked(&mut self, row: &[u8; LANES], masks: &[u8; LANES]) {
         let (twos, masks) = (row.as_chunks::<2>().0, masks.as_chunks::<2>().0);
@@ -149,19 +149,20 @@ impl Twos {
     }
 }
 
-/// A point whose window hangs over the map's edge.
+/// A point with a window that hangs over the map's edge.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
-    /// Index of its lower left cell, were the map's rows one long one that continues to both sides.
+    /// Index of the lower left cell in the map's rows, taken as one long row that continues to both
+    /// sides.
     start: i32,
-    /// Its lowest row.
+    /// Lowest row of the window.
     low: i16,
-    /// Where in [`KEPT`] the lanes begin that lie on the map; past its end for a map narrower than
-    /// they are, which has none.
+    /// Start in [`KEPT`] of the lanes that lie on the map; past its end for a map narrower than the
+    /// lanes, which has none.
     kept: u8,
 }
 
-/// Masks of the lanes that count, for windows that hang over the left edge, none, or the right one.
+/// Masks of the valid lanes, for windows that hang over the left edge, none, or the right one.
 static KEPT: [[u8; LANES]; 3] = [[0; LANES], [u8::MAX; LANES], [0; LANES]];
 
 impl Cut {
@@ -171,7 +172,7 @@ impl Cut {
         kept: u8::MAX,
     };
 
-    /// The point whose window begins at column `left` of row `low` on a map of `width` cells.
+    /// A cut for a window that begins at column `left` of row `low` on a map of `width` cells.
     #[inline]
     pub(super) fn new(left: i32, low: i32, width: i32) -> Self {
         const LANES: i32 = 32;
@@ -198,7 +199,7 @@ impl Cut {
         y >= 0 && y < height && (W < LANES || hangs_over)
     }
 
-    /// A bit for each row of the window at column `left` of row `low` that has such an end.
+    /// A bit for each row with such an end, of the window at column `left` of row `low`.
     #[inline]
     pub(super) const fn ends<const W: usize, const H: usize>(left: i32, low: i32) -> u32 {
         let height = Grid::<W, H>::HEIGHT;
@@ -216,8 +217,8 @@ impl Cut {
     }
 }
 
-/// Adds the rows from `row` on of the windows of `cuts` to the lanes; what is not on the map counts
-/// as 0. `ends` has a bit for each row that has ends, see [`Cut::ends`].
+/// Adds the rows from `row` on of the windows of `cuts` to the lanes; cells outside the map count
+/// as 0. `ends` has a bit for each row with ends, see [`Cut::ends`].
 #[inline(never)]
 pub(super) fn add_cut<const N: usize, const W: usize, const H: usize>(
     sums: &mut [Sums; N],
@@ -236,8 +237,9 @@ pub(super) fn add_cut<const N: usize, const W: usize, const H: usize>(
         let Some(kept) = kept.and_then(|kept| kept.first_chunk()) else {
             continue;
         };
-        // A row below the map, or the part of its first row before it, becomes a huge start here;
-        // one above the map, or the part of its last row behind it, ends too late.
+        // For a row below the map, or the part of its first row before the map, the start becomes
+        // huge. For a row above the map, or the part of its last row behind the map, the end lies
+        // too far.
         let mut start = cut.start + offset;
         for twos in &mut twos {
             let at = start.cast_unsigned() as usize;
@@ -256,7 +258,7 @@ pub(super) fn add_cut<const N: usize, const W: usize, const H: usize>(
     }
 }
 
-/// Adds what [`add_cut`]'s loop could not reach: where a row's end is the map's as well.
+/// Adds the lanes that [`add_cut`]'s loop could not reach: at rows whose end is also the map's end.
 #[cold]
 #[inline(never)]
 fn add_ends<const W: usize, const H: usize>(
@@ -275,7 +277,7 @@ fn add_ends<const W: usize, const H: usize>(
     }
 }
 
-/// The lanes from `left` on, where a row's end is the map's as well.
+/// The lanes from `left` on, for rows whose end is also the map's end.
 #[cold]
 #[inline(never)]
 fn part(row: &[u8], left: i32) -> [u8; LANES] {
@@ -339,7 +341,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Both forms of the kernel, and the target's choice, against one sum after the other.
+        /// Both variants of the kernel, and the target's choice, against one sum after the other.
         #[test]
         fn every_form_of_the_kernel_gives_the_naive_sums(
             cells in proptest::collection::vec(0_u8.., 400..800),
@@ -421,8 +423,8 @@ mod tests {
         );
     }
 
-    /// Row after row as [`Cut::has_end`] says, for windows all around a map that is as wide as the
-    /// lanes or wider; on a narrower one each row has ends.
+    /// Row after row as [`Cut::has_end`] gives, for windows all around a map at least as wide as
+    /// the lanes; on a narrower map each row has ends.
     #[test]
     fn the_rows_with_ends_are_those_that_hang_over() {
         let mut narrow = 0;
@@ -437,8 +439,8 @@ mod tests {
         assert_eq!(narrow, 0);
     }
 
-    /// Lanes 100, 101 up to 131; of lanes that a mask leaves out nothing counts, and of 131 without
-    /// its lowest two bits 128 is left.
+    /// Lanes 100, 101 up to 131; a lane without a mask does not count, and 131 without its lowest
+    /// two bits is 128.
     #[test]
     fn the_highest_lane_is_that_of_the_masks() {
         let sums = Sums::from_lanes(|lane| 100 + u16::try_from(lane).unwrap());

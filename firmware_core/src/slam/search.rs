@@ -1,5 +1,5 @@
-//! The seed report's Monte-Carlo search: random candidates around a base pose; in the last two
-//! thirds of the tries a better one becomes the base and halves the spread.
+//! The seed report's Monte-Carlo search: random candidates around a base pose. In the last two
+//! thirds of the tries a better candidate becomes the base and halves the spread.
 
 use super::matching::{Placement, Tally, tally, whole};
 use super::settings::{Defects, Settings};
@@ -7,21 +7,21 @@ use crate::grid::Grid;
 use crate::pose::{Pose, normalised, sin_cos};
 use crate::random::Pcg32;
 
-/// What a search found.
+/// Result of a search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
     pub(super) pose: Pose,
-    /// Over all points.
+    /// Sums over all points.
     pub(super) tally: Tally,
     pub(super) tries: u32,
-    /// Tries of which a point lay on the map.
+    /// Tries with a point on the map.
     pub(super) on_map: u32,
 }
 
-/// A try that was better than all before it.
+/// A try that was better than all earlier ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Improvement {
-    /// Its number in the search.
+    /// Number of the try in the search.
     pub index: u32,
     /// The candidate.
     pub pose: Pose,
@@ -29,10 +29,10 @@ pub struct Improvement {
     pub value: f32,
 }
 
-/// Improvements that are kept; the seed report shows a search of 32.
+/// Maximum number of stored improvements; the seed report shows a search with 32.
 pub const IMPROVEMENTS_MAX: usize = 48;
 
-/// The improvements of a search, the first of them.
+/// The first improvements of a search.
 #[derive(Clone, Debug)]
 pub(super) struct Improvements {
     list: [Improvement; IMPROVEMENTS_MAX],
@@ -65,7 +65,7 @@ impl Improvements {
     }
 }
 
-/// The pose that candidates are drawn around, with its trigonometry done.
+/// The centre of the candidates, with precomputed sine and cosine.
 struct Base {
     pose: Pose,
     x_cells: f32,
@@ -95,7 +95,7 @@ struct Shift {
     turn: Turn,
 }
 
-/// A turn, with its trigonometry done.
+/// A turn, with precomputed sine and cosine.
 #[derive(Clone, Copy)]
 struct Turn {
     angle: f32,
@@ -112,7 +112,7 @@ impl Turn {
     }
 }
 
-/// The turns that candidates are drawn from: whole degrees, few enough to know them all.
+/// The turns of candidates: whole degrees, few enough for a table.
 struct Turns([Turn; 2 * Self::REACH]);
 
 impl Turns {
@@ -124,7 +124,7 @@ impl Turns {
         Self(core::array::from_fn(|index| Turn::by(degrees(index))))
     }
 
-    /// One of them, or any other where the spread is wider or none.
+    /// A random turn: from the table, or computed if the spread is wider or 0.
     #[inline]
     fn drawn(&self, random: &mut Pcg32, spread_deg: u32) -> Turn {
         let degrees = offset(random, spread_deg);
@@ -224,7 +224,7 @@ fn mean(found: Tally, points: &[[i16; 2]]) -> f32 {
     found.sum as f32 / points.len().max(1) as f32
 }
 
-/// What candidates are compared by: the mean over all points, or over those on the map (SL-10).
+/// Score that compares candidates: the mean over all points, or over those on the map (SL-10).
 #[inline]
 fn rank(tally: Tally, defects: Defects) -> i64 {
     if defects.outside_is_free {
@@ -243,8 +243,8 @@ const fn halved(spread: u32, reaches_zero: bool) -> u32 {
     }
 }
 
-/// A whole number from `-spread` to `spread - 1`. With a spread of 0 the processor's remainder
-/// gives the random number itself.
+/// A whole number from `-spread` to `spread - 1`. With a spread of 0 the processor's remainder is
+/// the random number itself.
 #[inline]
 fn offset(random: &mut Pcg32, spread: u32) -> f32 {
     (i64::from(random.below(2 * spread)) - i64::from(spread)) as f32
@@ -257,7 +257,7 @@ mod tests {
     use crate::slam::matching::EndPoints;
     use proptest::prelude::*;
 
-    /// A pillar of one cell in the middle of free space: only the very pose scores.
+    /// A pillar of one cell in the middle of free space: only the exact pose scores.
     fn pillar() -> Grid<300, 300> {
         let mut grid = Grid::new(10.0);
         grid.rows_mut().as_flattened_mut().fill(0);
@@ -277,7 +277,7 @@ mod tests {
         heading: 0.0,
     };
 
-    /// How far candidates lie from the base for a spread, over many draws: the document's interval
+    /// Range of candidates around the base for a spread, over many draws: the document's interval
     /// is [-s, s - 1].
     fn reach(spread: u32) -> (f32, f32) {
         let mut random = Pcg32::new(3);
@@ -295,8 +295,8 @@ mod tests {
         assert_eq!(reach(1), (-1.0, 0.0));
     }
 
-    /// SL-01: seven halvings take 100 mm to 0, and the remainder by zero gives the random number
-    /// itself: candidates a million metres away. With the floor they stay at a millimetre.
+    /// SL-01: seven halvings reduce 100 mm to 0, and the remainder by zero is the random number
+    /// itself: candidates a million metres away. With the lower limit they stay at a millimetre.
     #[test]
     fn the_spread_never_reaches_zero() {
         let after = |halvings, reaches_zero| {
@@ -311,14 +311,15 @@ mod tests {
         assert!(low == 0.0 && high > 2e9, "{low} {high}");
     }
 
-    /// SL-02: four halvings take 10 degrees to 0, which turns the robot anywhere.
+    /// SL-02: four halvings reduce 10 degrees to 0, which turns the robot by any angle.
     #[test]
     fn the_headings_spread_never_reaches_zero() {
         let spread = |reaches_zero| (0..4).fold(10, |spread, _| halved(spread, reaches_zero));
         assert_eq!((spread(false), spread(true)), (1, 0));
     }
 
-    /// SL-10: near the map's edge one point inside on a wall beats a full match of mean 200.
+    /// SL-10: near the map's edge a single point on a wall inside scores higher than a full match
+    /// of mean 200.
     #[test]
     fn one_good_point_inside_does_not_beat_many() {
         let alone = Tally {
@@ -341,9 +342,9 @@ mod tests {
         );
     }
 
-    /// The map rises towards a wall 150 mm ahead. In the first third candidates reach 99 mm, and
-    /// around the old base no later one beats the best of those: the document's base moves with a
-    /// *new* best only. At 99 mm the point lies in column 195, 25 below the summit.
+    /// The map rises towards a wall 150 mm ahead. In the first third candidates reach 99 mm, and no
+    /// later one around the old base is better than the best of those: the document's base moves
+    /// only with a *new* best. At 99 mm the point lies in column 195, 25 below the summit.
     #[test]
     fn the_best_pose_within_the_spread_is_found() {
         let mut grid = pillar();
@@ -413,7 +414,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Whatever the map, the answer is never worse than staying.
+        /// For any map, the answer is never worse than staying.
         #[test]
         fn the_search_never_returns_a_worse_pose(seed: u64, tries in 0_u32..300, cell: u8) {
             let mut grid = pillar();

@@ -3,19 +3,19 @@ use core::f32::consts::FRAC_PI_2;
 use super::budget::Budget;
 use crate::pose::Pose;
 
-/// How a scan finds its place in the map, and how it is drawn.
+/// Method of matching and drawing scans.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// The seed report's: random candidates around the predicted pose, whole millimetres and
     /// degrees, both spreads halved after each late improvement; rays from cell to cell.
     Document,
-    /// Ours: every pose of the window that the odometry leaves, then between the cells; a scan that
+    /// Ours: every pose of the window that the odometry allows, then between the cells; a scan that
     /// contradicts the map is doubted instead of drawn. No random numbers.
     #[default]
     Core,
 }
 
-/// How a blended cell value is rounded.
+/// Rounding of a blended cell value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rounding {
     /// Towards the drawn value, so that every cell can reach it.
@@ -25,7 +25,7 @@ pub enum Rounding {
     Truncating,
 }
 
-/// How the weight of a map update falls with the difference of the wheels' speeds.
+/// Dependence of a map update's weight on the difference of the wheels' speeds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fading {
     /// A tenth for each tick (seed figure S5).
@@ -49,32 +49,34 @@ pub struct Search {
 /// Whether a person may push the robot unnoticed by its wheels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pushes {
-    /// A scan that fits much better elsewhere is followed there.
+    /// The pose follows a scan that fits much better elsewhere.
     #[default]
     Followed,
-    /// A robot that drove by itself, far from walls that look alike: its wheels may slip, no more.
+    /// An autonomous robot, far from walls that look alike: its wheels may slip, but no person
+    /// pushes it.
     Unlikely,
 }
 
-/// Which scans are drawn. Each is drawn a little wrong, and the next one is matched to that: where
-/// many scans see the same from nearly the same place, fewer drawn ones drift less.
+/// Choice of the scans that are drawn. Each is drawn with a small error, and the next one is
+/// matched to that error. Where many scans see the same walls from nearly the same position, fewer
+/// drawn scans therefore drift less.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Keyframes {
-    /// Scans that are drawn if the robot rests, so that there is a map to match with.
+    /// Number of scans drawn while the robot rests, so that there is a map to match with.
     pub first: u32,
-    /// Way since the scan drawn last, in cells of the map.
+    /// Distance since the last drawn scan, in cells of the map.
     pub cells: f32,
     /// Turn since then, radians.
     pub turn: f32,
-    /// Scans since then, if the robot rests: what moves around it must not stay.
+    /// Scans since then, if the robot rests: moving objects around it must not stay in the map.
     pub at_rest: u8,
     /// Scans since then in any case.
     pub at_most: u8,
 }
 
 impl Keyframes {
-    /// Two cells, five degrees, or the fourth scan at rest. With more cells, a robot in a corridor
-    /// is drawn back to where the walls that it knows end.
+    /// Two cells, five degrees, or the fourth scan at rest. With more cells, the pose in a corridor
+    /// is drawn back to the end of the known walls.
     pub const SPARSE: Self = Self {
         first: 40,
         cells: 2.0,
@@ -93,7 +95,7 @@ impl Keyframes {
     };
 }
 
-/// Faults of the fielded code, to show what they do; all off by default. Numbers are those of the
+/// Defects of the fielded code, to show their effects; all off by default. Numbers are those of the
 /// project's list of field defects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
@@ -101,8 +103,8 @@ pub struct Defects {
     pub spread_reaches_zero: bool,
     /// The heading's spread likewise (SL-02).
     pub heading_spread_reaches_zero: bool,
-    /// The tries are not bounded: overruns make them negative, which reads as 65 thousand
-    /// (SL-03), blackouts wind them up (SL-04).
+    /// The tries are not bounded: overruns make them negative, which reads as 65 thousand (SL-03);
+    /// scans without points raise them (SL-04).
     pub unbounded_budget: bool,
     /// Cell values are rounded down: the weight is a ceiling (SL-05, SL-06).
     pub truncating_rounding: bool,
@@ -110,20 +112,20 @@ pub struct Defects {
     pub weight_down_to_one: bool,
     /// The map update has weight 10 however fast the robot turns (seed figure S5).
     pub constant_weight: bool,
-    /// End points outside the map do not count, so one good one inside wins (SL-10).
+    /// End points outside the map do not count, so one matching point inside wins (SL-10).
     pub outside_is_free: bool,
     /// The score is kept in 16 bits with sign (SL-11).
     pub score_wraps: bool,
     /// Holes shorter than two cells are not drawn (SL-12).
     pub loses_short_holes: bool,
-    /// Motion while nothing is drawn is made up for with the next scan that is (SL-14).
+    /// Motion while no scan is drawn is applied with the next drawn scan (SL-14).
     pub saves_up_motion: bool,
     /// The spread is never halved (H-SL-1, before commit 6850670 of the fielded code).
     pub never_narrows: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         spread_reaches_zero: false,
         heading_spread_reaches_zero: false,
@@ -138,7 +140,7 @@ impl Defects {
         never_narrows: false,
     };
 
-    /// As the fielded code was.
+    /// Defects of the fielded code.
     pub const FIELDED: Self = Self {
         spread_reaches_zero: true,
         heading_spread_reaches_zero: false,
@@ -154,25 +156,26 @@ impl Defects {
     };
 }
 
-/// How far the odometry is believed: standard deviations of a motion as it reports it. The
-/// document's search does without.
+/// Trust in the odometry: standard deviations of a motion as it reports it. The document's search
+/// ignores them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionNoise {
-    /// Of the position, at rest, in cells of the map: the pose before was no surer.
+    /// Deviation of the position, at rest, in cells of the map: the earlier pose had this error as
+    /// well.
     pub rest_cells: f32,
-    /// Of the position, per millimetre driven.
+    /// Deviation of the position, per millimetre driven.
     pub per_mm: f32,
-    /// Of the position, per radian turned.
+    /// Deviation of the position, per radian turned.
     pub mm_per_rad: f32,
-    /// Of the heading, at rest.
+    /// Deviation of the heading, at rest.
     pub rest_rad: f32,
-    /// Of the heading, per radian turned.
+    /// Deviation of the heading, per radian turned.
     pub per_rad: f32,
-    /// Of the heading, per millimetre driven.
+    /// Deviation of the heading, per millimetre driven.
     pub rad_per_mm: f32,
     /// Mean map value, of 255, that one standard deviation costs; it grows with the square.
     pub cost: f32,
-    /// The most that leaving the prediction costs, so that a robot that was pushed is found.
+    /// Maximum cost of leaving the prediction, so that a pushed robot is found.
     pub cost_max: f32,
 }
 
@@ -193,13 +196,13 @@ impl MotionNoise {
 /// Fixed settings of a mapper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// The seed report's way or ours.
+    /// Method of the seed report or ours.
     pub mode: Mode,
     /// Edge of a map cell.
     pub resolution_mm: f32,
     /// Estimated start pose of the robot.
     pub start: Pose,
-    /// Of the document's random numbers.
+    /// Seed of the document's random numbers.
     pub seed: u64,
     /// Width of the hole that a beam's end draws into the map.
     pub hole_mm: f32,
@@ -207,9 +210,9 @@ pub struct Settings {
     pub weight: u16,
     /// Minimum weight, when the robot turns fast.
     pub weight_min: u16,
-    /// How the weight falls when the robot turns.
+    /// Dependence of the weight on the robot's turn rate.
     pub fading: Fading,
-    /// Core mode: weight of the free way of a beam.
+    /// Core mode: weight of a beam's free path.
     pub free_weight: u16,
     /// Core mode: weight on a cell that was never drawn.
     pub first_weight: u16,
@@ -217,17 +220,17 @@ pub struct Settings {
     pub search: Search,
     /// Core mode: trust in the odometry.
     pub motion: MotionNoise,
-    /// Core mode: what else moves the robot.
+    /// Core mode: other causes of motion.
     pub pushes: Pushes,
-    /// Core mode: which scans are drawn.
+    /// Core mode: choice of the drawn scans.
     pub keyframes: Keyframes,
     /// Document mode: the time regulator.
     pub budget: Budget,
-    /// Document mode: faults to show.
+    /// Document mode: enabled defects.
     pub defects: Defects,
 }
 
-/// Cells of the seed report's map.
+/// Cell size of the seed report's map, mm.
 pub const DEFAULT_CELL_MM: f32 = 10.0;
 
 impl Settings {
@@ -301,7 +304,7 @@ impl Settings {
 }
 
 impl Default for Settings {
-    /// What maps best on the seed report's 3 m x 3 m at 10 mm.
+    /// Settings that map the seed report's 3 m x 3 m best at 10 mm.
     fn default() -> Self {
         Self::core(DEFAULT_CELL_MM)
     }

@@ -1,22 +1,22 @@
-//! What a scan can say at all. Between two walls it says nothing of the way along them; but the map
-//! is drawn stronger behind the robot than ahead of it, so that the best score is always a little
-//! behind. There the odometry is believed.
+//! Limits of what a scan can measure. Between two parallel walls a scan gives no position along
+//! them. Still, the map is drawn stronger behind the robot than ahead of it, so the best score
+//! always lies a little behind. In that direction the odometry is used instead.
 
 use crate::pose::Pose;
 
-/// Points from one to the next of a pair: nearer ones tell more of the lidar's noise than of the
-/// wall.
+/// Distance in points between the two of a pair: nearer pairs measure more of the lidar's noise
+/// than of the wall.
 const APART: usize = 4;
-/// Farthest two such points of one wall, as a part of their distance from the robot: 24 degrees, or
-/// fewer on a wall that runs away from it.
+/// Maximum distance of two such points of one wall, divided by their distance from the robot: 24
+/// degrees, or fewer on a wall that recedes from it.
 const GAP_MAX: f32 = 0.4;
-/// Part of the walls that must stand across a direction for the scan to be heard about it: below
-/// the first not at all, from the second on wholly.
+/// Shares of the walls that must stand across a direction before the scan counts for it. Below the
+/// first share the scan has no weight, from the second on it has full weight.
 const DEAF: f32 = 0.01;
 const HEARS: f32 = 0.03;
 
-/// `found` with the scan's word for what its `points`, in the robot's own frame, can tell, and
-/// that of the odometry, `predicted`, for the rest.
+/// Combines `found` in the directions that the scan's `points`, in the robot's own frame, can
+/// measure, with the odometry's `predicted` in the rest.
 pub(super) fn as_far_as_seen(points: &[[i16; 2]], predicted: Pose, found: Pose) -> Pose {
     let Some((axis, share)) = least_seen(points) else {
         return found;
@@ -33,8 +33,8 @@ pub(super) fn as_far_as_seen(points: &[[i16; 2]], predicted: Pose, found: Pose) 
     )
 }
 
-/// The direction, a unit vector in the robot's frame, that the fewest walls stand across, and how
-/// many of them do, as a part of those across the other direction.
+/// The direction, a unit vector in the robot's frame, with the fewest walls across it, and their
+/// number divided by that of the walls across the other direction.
 fn least_seen(points: &[[i16; 2]]) -> Option<([f32; 2], f32)> {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     for (a, b) in points.iter().zip(points.get(APART..)?) {
@@ -105,14 +105,14 @@ mod tests {
         }
     }
 
-    /// A wall along `(along, across)` / 5, 5 cells from point to point, `from` away.
+    /// A wall along `(along, across)` / 5, 5 cells from point to point, at `from`.
     fn wall(count: i16, from: [i16; 2], [along, across]: [i16; 2]) -> Vec<[i16; 2]> {
         let point = |n: i16| [from[0] + n * along, from[1] + n * across];
         (0..count).map(point).collect()
     }
 
-    /// 34 points of a wall are 30 pairs, 14 of the one across it 10: along the first stands a third
-    /// of what stands across. Where one wall ends and the other begins there is none.
+    /// 34 points of a wall are 30 pairs, 14 points of the wall across it are 10: along the first
+    /// wall stands a third of the walls across. No pair spans the corner of the two walls.
     #[test]
     fn the_direction_with_the_fewest_walls_across_is_the_least_seen() {
         let laid = [
@@ -133,8 +133,8 @@ mod tests {
         }
     }
 
-    /// Of 2 parts in 100 across, half of what lies between 1 and 3, half is believed: of 10 mm
-    /// along the wall 5, of 4 mm across it all.
+    /// With 2 parts in 100 across, half of the interval from 1 to 3, half of the scan counts: of 10
+    /// mm along the wall 5, of 4 mm across it all.
     #[test]
     fn between_deaf_and_hearing_the_scan_counts_for_its_part() {
         let points = [

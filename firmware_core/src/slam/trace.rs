@@ -1,6 +1,6 @@
-//! Drawing a scan into the map between the cells: like [`super::update`], but the beam crosses the
-//! cells where it really does and the hole's summit lies where the wall is, not in the middle of
-//! the nearest cell.
+//! Drawing a scan into the map with accuracy below a cell. In contrast to [`super::update`], the
+//! beam crosses the cells at its true position, and the hole's summit lies at the wall instead of
+//! in the middle of the nearest cell.
 
 use core::cmp::Ordering;
 
@@ -11,19 +11,20 @@ use crate::grid::{Grid, UNKNOWN};
 use crate::pose::Pose;
 use crate::scan::Scan;
 
-/// How strongly rays are drawn, each of 256.
+/// Weights of rays, each of 256.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Strokes {
     /// The hole around a beam's end.
     wall: i32,
-    /// Either, on a cell that was never drawn.
+    /// Weight of wall or free path on a cell that was never drawn.
     first: i32,
-    /// What becomes of a cell on the free way.
+    /// New value of a cell on the free path.
     free: [u8; 256],
 }
 
 impl Strokes {
-    /// Strokes for a scan whose walls are drawn with `weight`; the others follow in proportion.
+    /// Strokes for a scan that draws its walls with `weight`; the other weights follow in
+    /// proportion.
     pub(super) fn new(weight: u16, settings: &Settings) -> Self {
         let part = |of: u16| {
             let scaled = u32::from(of) * u32::from(weight) / u32::from(settings.weight.max(1));
@@ -36,7 +37,7 @@ impl Strokes {
         )
     }
 
-    /// The hole, the free way to it, and either on a cell that was never drawn.
+    /// Weights of the hole, of the free path to it, and of both on a cell that was never drawn.
     pub(super) fn of(wall: u16, free: u16, first: u16) -> Self {
         let mut then = faded(free);
         then[usize::from(UNKNOWN)] = faded(first)[usize::from(UNKNOWN)];
@@ -48,7 +49,7 @@ impl Strokes {
     }
 }
 
-/// Draws all beams of a scan that was taken at `pose`.
+/// Draws all beams of a scan taken at `pose`.
 pub(super) fn trace_scan<const W: usize, const H: usize>(
     grid: &mut Grid<W, H>,
     pose: Pose,
@@ -70,9 +71,9 @@ pub(super) fn trace_scan<const W: usize, const H: usize>(
 /// A beam in cells of the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Beam {
-    /// Where it was sent.
+    /// Start of the beam.
     pub(super) from: (f32, f32),
-    /// Where it came back from.
+    /// End of the beam.
     pub(super) hit: (f32, f32),
     /// Half the hole's width along the beam.
     pub(super) half_hole: f32,
@@ -80,10 +81,10 @@ pub(super) struct Beam {
 
 const BITS: u32 = 16;
 const CELL: f32 = (1 << BITS) as f32;
-/// Part of a cell that is kept from the map's edge, so that rounding never leaves the map.
+/// Margin to the map's edge, in cells, so that rounding never leaves the map.
 const EDGE: f32 = 0.01;
 
-/// Draws one beam; the part outside the map is left out.
+/// Draws one beam; skips the part outside the map.
 pub(super) fn trace<const W: usize, const H: usize>(
     cells: &mut [[u8; W]; H],
     beam: &Beam,
@@ -105,10 +106,10 @@ pub(super) fn trace<const W: usize, const H: usize>(
 struct Line {
     first: i32,
     step: i32,
-    /// Cells to draw as free, then as hole.
+    /// Number of cells to draw as free, then as hole.
     free: i32,
     hole: i32,
-    /// Along the short axis, at the middle of the first cell, and its change per cell.
+    /// Position along the short axis, at the middle of the first cell, and its change per cell.
     short: i32,
     slope: i32,
     /// Value of the hole at its first cell, 16 binary places, and its rise per cell.
@@ -150,7 +151,7 @@ impl Line {
         } else {
             (-size_long, 0.0)
         };
-        // Where the beam is on the map along both axes.
+        // Interval of the beam on the map along both axes.
         let (mut enter, mut leave) = (start.max(low), (hit + half).min(high));
         if slope != 0.0 {
             let (low, high) = (EDGE - from.1, size_short - EDGE - from.1);
@@ -163,7 +164,7 @@ impl Line {
         if leave.partial_cmp(&enter) != Some(Ordering::Greater) {
             return nothing;
         }
-        // The first cell whose middle is passed, the first with a share of the hole, the last.
+        // The first cell with its middle on the ray, the first cell of the hole, and the last cell.
         let first = ceil(enter - 0.5);
         let last = ceil(leave - 0.5) - 1.0;
         let hole_from = ceil(hit - half - 0.5).max(first);
@@ -204,8 +205,8 @@ impl Line {
         }
     }
 
-    /// The way of the beam on a map whose cells lie so far apart along its long and its short axis.
-    /// The place along the short one is never negative on the map.
+    /// The beam's cells on a map with strides `ahead` and `aside` between cells along its long and
+    /// its short axis. The position along the short axis is never negative on the map.
     fn walk(&self, (ahead, aside): (usize, usize)) -> Walk {
         let at = |cell: i32| cell.cast_unsigned() as usize;
         let first = at(self.first).wrapping_mul(ahead);
@@ -235,7 +236,7 @@ impl Line {
     }
 }
 
-/// The next whole number, of places on a map and near it.
+/// The next whole number, for positions on a map and near it.
 #[inline]
 fn ceil(value: f32) -> f32 {
     let towards_zero = whole(value) as f32;
@@ -320,9 +321,9 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(8 * ProptestConfig::default().cases))]
-        /// Every cell against the plain rule in double precision: its middle along the long axis
-        /// lies on the beam, its row is the beam's there. Beams that pass a border of two rows
-        /// within a hundredth of a cell may choose either.
+        /// Every cell against the plain rule in double precision: the cell's middle along the long
+        /// axis lies on the beam, and its row is the beam's row there. Beams that pass a border of
+        /// two rows within a hundredth of a cell may choose either row.
         #[test]
         fn beams_draw_the_cells_that_they_cross(
             fx in -5.0_f32..45.0, fy in -5.0_f32..35.0,

@@ -1,5 +1,5 @@
-//! The core's way to the pose: the window that the odometry leaves, searched whole, then between
-//! the cells. A scan that contradicts the map widens the window: the robot may have been pushed.
+//! The core's search: first the whole window that the odometry allows, then between the cells. A
+//! scan that contradicts the map widens the window, because the robot may have been pushed.
 
 use core::f32::consts::PI;
 
@@ -14,51 +14,51 @@ use super::window::{REACH_MAX, Window};
 use crate::grid::Grid;
 use crate::pose::Pose;
 
-/// What a search works on.
+/// Input of a search.
 pub(super) struct Task<'a> {
     /// Points of the search.
     pub(super) sparse: &'a [[i16; 2]],
     /// Points of the refinement.
     pub(super) dense: &'a [[i16; 2]],
-    /// What the odometry says.
+    /// Prediction of the odometry.
     pub(super) prior: Prior,
-    /// What it may have missed.
+    /// Motion that the odometry may have missed.
     pub(super) pushes: Pushes,
-    /// Agreement below which other places are checked.
+    /// Agreement below which other positions are checked.
     pub(super) suspicious: f32,
-    /// How far the robot may have turned unseen.
+    /// Maximum unseen turn of the robot.
     pub(super) unseen_rad: f32,
 }
 
-/// Where a scan belongs.
+/// Pose of a scan.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub(super) pose: Pose,
     /// Sum of the map at the points of the search.
     pub(super) sum: u32,
     pub(super) evidence: Evidence,
-    /// Whether the scan fits much better there than where the odometry puts it.
+    /// Whether the scan fits much better there than at the odometry's pose.
     pub(super) is_elsewhere: bool,
 }
 
 /// Agreement below which the odometry is doubted.
 pub(super) const DOUBTFUL: f32 = 0.5;
-/// Agreement below which a push is thought possible: along two walls, most of a room continues
-/// fitting. Where less than half fits, the robot was rather carried away, and places far off that
-/// look alike must be weighed against each other.
+/// Agreement below which a push is possible: along two walls, most of a room still fits. If less
+/// than half fits, the robot was probably carried away, and distant positions that look alike must
+/// be compared.
 pub(super) const SUSPICIOUS: f32 = 0.75;
-/// Part of the disagreement that a pose far from the prediction may leave.
+/// Maximum share of the disagreement that a pose far from the prediction may leave.
 const REMAINS: f32 = 0.5;
 /// Heading step of the search, in degrees.
 pub(super) const TURN_STEP_DEG: f32 = 0.5;
-/// The window for a robot that was pushed: 15 cells and 12 degrees to each side.
+/// The window for a pushed robot: 15 cells and 12 degrees to each side.
 const WIDE_TURNS: i32 = 24;
 
-/// Heading steps to each side, of two [`TURN_STEP_DEG`], of a search farther away.
+/// Heading steps to each side, of two [`TURN_STEP_DEG`], of a search at a distance.
 const FAR_TURNS: i32 = 6;
 /// Heading step of a search for an unseen turn, in degrees.
 const UNSEEN_STEP_DEG: f32 = 2.0;
-/// The places of the windows around the middle one.
+/// Positions of the windows around the middle one.
 const AROUND: [[f32; 2]; 8] = [
     [-1.0, -1.0],
     [0.0, -1.0],
@@ -70,7 +70,7 @@ const AROUND: [[f32; 2]; 8] = [
     [1.0, 1.0],
 ];
 
-/// Finds the place of a scan near its prediction.
+/// Finds the pose of a scan near its prediction.
 pub(super) fn track<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
     task: &Task<'_>,
@@ -115,7 +115,7 @@ pub(super) fn track<const W: usize, const H: usize>(
     }
 }
 
-/// The window around the prediction that a push within one scan stays in.
+/// The window around the prediction that covers a push within one scan.
 fn nearby<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
     task: &Task<'_>,
@@ -136,8 +136,8 @@ fn nearby<const W: usize, const H: usize>(
     )
 }
 
-/// All headings that an unseen turn may have led to, in steps so wide that they take no longer than
-/// a turn of the lidar, and then those between them.
+/// All headings after an unseen turn, in wide steps that take no longer than a turn of the lidar,
+/// and then the headings between them.
 fn turned<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
     task: &Task<'_>,
@@ -169,8 +169,8 @@ fn turned<const W: usize, const H: usize>(
     )
 }
 
-/// Eight windows around that one, for a push that smeared the scans in which it happened. The
-/// odometry has no say in where, only in the heading: a push turns a robot by a few degrees.
+/// Eight windows around the middle one, for a push that smeared the scans during it. The odometry
+/// limits only the heading, not the position: a push turns a robot by a few degrees.
 fn farther<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
     task: &Task<'_>,
@@ -209,7 +209,7 @@ fn farther<const W: usize, const H: usize>(
     best
 }
 
-/// The place of a scan near `best`, which was found without the odometry's help.
+/// The pose of a scan near `best`, which was found without the odometry.
 pub(super) fn settle<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
     task: &Task<'_>,

@@ -24,13 +24,13 @@ pub(super) struct Ray {
     pub(super) end: (i32, i32),
 }
 
-/// How strongly a ray is drawn.
+/// Weight and shape of a drawn ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Ink {
-    /// Part of the new value, of 256.
+    /// Weight of the new value, of 256.
     pub(super) weight: u16,
     pub(super) rounding: Rounding,
-    /// Draw holes shorter than two cells as the fielded code on its processor would: not at all.
+    /// Skip holes shorter than two cells, as the fielded code on its processor does.
     pub(super) loses_short_holes: bool,
 }
 
@@ -49,7 +49,7 @@ impl Ink {
     }
 }
 
-/// Draws all beams of a scan that was taken at `pose`.
+/// Draws all beams of a scan taken at `pose`.
 pub(super) fn draw_scan<const W: usize, const H: usize>(
     grid: &mut Grid<W, H>,
     pose: Pose,
@@ -77,7 +77,7 @@ pub(super) fn draw_scan<const W: usize, const H: usize>(
     }
 }
 
-/// The cell of a place; places far off the map are brought nearer.
+/// The cell of a position; positions far off the map are moved nearer.
 fn cell((x, y): (f32, f32)) -> (i32, i32) {
     let index = |cells: f32| {
         let cells = cells.clamp(-9e3, 9e3);
@@ -87,12 +87,13 @@ fn cell((x, y): (f32, f32)) -> (i32, i32) {
     (index(x), index(y))
 }
 
-/// The walk from `at` of `long` steps along the long axis and `short` along the other, each of
-/// which changes the index by so much.
+/// The walk from `at` of `long` steps along the long axis and `short` steps along the other; each
+/// step changes the index by the given amount.
 fn walk(at: usize, (long, ahead): (i32, isize), (short, aside): (i32, isize)) -> Walk {
     // After i steps floor((2 i short + long - 1) / (2 long)) cells have been crossed. Rounded up,
-    // the place is too large by at most 2^-18 within the 8191 steps of a map, and the next border
-    // is 2^-16 away or farther. At the start it is a half less half a step's share.
+    // the position is too large by at most 2^-18 within the 8191 steps of a map, and the next
+    // border is 2^-16 away or farther. At the start the position is a half less half a step's
+    // share.
     let (long, short) = (long.unsigned_abs().max(1), short.unsigned_abs());
     let diagonal = (ahead + aside).cast_unsigned();
     if long == short {
@@ -112,9 +113,9 @@ fn walk(at: usize, (long, ahead): (i32, isize), (short, aside): (i32, isize)) ->
 #[expect(clippy::cast_sign_loss, reason = "of positive numbers")]
 fn parts(part: u32, whole: u32) -> u32 {
     if WIDE {
-        // In double precision, where a division takes half as long as one of 64-bit numbers. It is
-        // right to 2^-20, and no quotient is nearer to a whole number than 2^-16 but those that are
-        // one.
+        // Double precision, because its division takes half as long as one of 64-bit numbers. The
+        // result is accurate to 2^-20, and quotients that are not whole differ from a whole number
+        // by at least 2^-16.
         let quotient = f64::from(part) * (1_u64 << 32) as f64 / f64::from(whole);
         let down = quotient as u64 as u32;
         return down + u32::from(f64::from(down) < quotient);
@@ -128,7 +129,7 @@ const fn narrow_parts(part: u32, whole: u32) -> u32 {
     (high << 16) + (rest << 16).div_ceil(whole)
 }
 
-/// Draws `ray` from its start up to its end or the map's edge; nothing if it starts outside.
+/// Draws `ray` from its start up to its end or the map's edge; draws nothing if it starts outside.
 #[expect(clippy::cast_possible_truncation, reason = "sizes <= 8191")]
 pub(super) fn draw<const W: usize, const H: usize>(
     cells: &mut [[u8; W]; H],
@@ -157,7 +158,7 @@ pub(super) fn draw<const W: usize, const H: usize>(
     } else {
         (ray.end.0 - ray.hit.0).abs()
     };
-    // Room before the edge on each axis; along the short one, cells are left after `short_room`.
+    // Cells before the edge on each axis; on the short one, the ray leaves after `short_room`.
     let room = |at: i32, step: i32, size: i32| if step > 0 { size - 1 - at } else { at };
     let (x_room, y_room) = (room(x, dx, width), room(y, dy, height));
     let (long_room, short_room) = if steep {
@@ -177,13 +178,14 @@ pub(super) fn draw<const W: usize, const H: usize>(
     }
 }
 
-/// What the rays of a scan have in common.
+/// Tables that all rays of a scan share.
 pub(super) struct Brush {
-    /// What becomes of a cell on the free way.
+    /// New value of a cell on the free path.
     free: [u8; 256],
-    /// What is added to a cell, modulo 256, by what the drawn value has more than it, modulo 512.
+    /// Step added to a cell, modulo 256, indexed by the drawn value minus the cell's value, modulo
+    /// 512.
     step: [u8; 512],
-    /// Those of the hole drawn last.
+    /// Slopes of the hole drawn last.
     slopes: Slopes,
 }
 
@@ -217,7 +219,7 @@ struct Slopes {
 }
 
 impl Slopes {
-    /// Those of a hole of `half` cells to each side, at least one.
+    /// Slopes of a hole of `half` cells to each side, at least one.
     fn new(half: u32) -> Self {
         let peak = u32::from(OBSTACLE);
         Self {
@@ -231,13 +233,13 @@ impl Slopes {
 /// The hole at the end of a ray, along its long axis.
 #[derive(Clone, Copy)]
 struct Hole {
-    /// Last step that is still free; negative if the hole begins at the robot.
+    /// Last free step; negative if the hole begins at the robot.
     begins_after: i32,
     /// Steps from the hole's begin to the hit, and from the hit to its end.
     half: i32,
 }
 
-/// One side of the hole, as far as it is drawn.
+/// The drawn part of one side of the hole.
 struct Flank {
     cells: i32,
     /// Value of the first cell and its change, with 32 binary places.
@@ -259,11 +261,11 @@ impl Hole {
         }
     }
 
-    /// Up to 255 at the hit and down again, for the last of `steps` steps. The remainder of the
-    /// division is spread as the field code's line-drawing error does: after i steps up
-    /// floor((255 i + half / 2 - 1) / half), after i steps down 255 less
-    /// ceil((255 i - half / 2) / half). Both are kept too large by less than 2^-15, and the next
-    /// whole number is 2^-15 away or farther.
+    /// The flanks up to 255 at the hit and down again, for the last of `steps` steps. The remainder
+    /// of the division is spread as by the field code's line-drawing error: after i steps up
+    /// floor((255 i + half / 2 - 1) / half), after i steps down 255 less ceil((255 i - half / 2) /
+    /// half). Both values are too large by less than 2^-15, and the next whole number is 2^-15 away
+    /// or farther.
     fn flanks(self, steps: i32, slopes: &mut Slopes) -> [Flank; 2] {
         let half = self.half.unsigned_abs().max(1);
         if slopes.half != half {
@@ -271,7 +273,7 @@ impl Hole {
         }
         let Slopes { rise, shift, .. } = *slopes;
         let peak = u32::from(OBSTACLE);
-        // Less the one part of `half`, or as much of it as takes the value below.
+        // 2^-16 for the -1 in the formula: enough to bring the value below a whole number.
         let bottom = shift.saturating_sub(1 << 16);
         let top = (u64::from(peak) << 32) + shift + (1 << 16);
         // Steps of the hole before the robot, and up to the last that is drawn.
@@ -363,8 +365,8 @@ mod tests {
         assert_eq!(cells[59..], [0; 11]);
     }
 
-    /// Where weight k comes to rest under endless 255: SL-06's figures with the fielded rounding,
-    /// the full 255 with ours. Weight 1 never rises there (SL-05).
+    /// Final value for weight k under endless 255: SL-06's figures with the fielded rounding, the
+    /// full 255 with ours. Weight 1 never raises the value (SL-05).
     #[test]
     fn only_the_fielded_rounding_makes_the_weight_a_ceiling() {
         let ceiling = |weight, rounding| {
@@ -419,7 +421,7 @@ mod tests {
         }
     }
 
-    /// One cell after the other along the same line, in the plainest words.
+    /// The reference: one cell after the other along the same line.
     fn naive<const W: usize, const H: usize>(cells: &mut [[u8; W]; H], ray: &Ray, ink: Ink) {
         let inside = |x: i32, y: i32| x >= 0 && y >= 0 && (x as usize) < W && (y as usize) < H;
         let ((mut x, mut y), (ex, ey)) = (ray.from, ray.end);
@@ -438,7 +440,7 @@ mod tests {
                 ..=0 => 0,
                 // The error overflows when it exceeds `half`, so not at equality.
                 up if up <= half => rise * up + (error + rest * up - 1).div_euclid(half).max(0),
-                // On the way down it is borrowed when it falls below 0.
+                // On the way down the error is borrowed when it falls below 0.
                 down => {
                     let down = down - half;
                     255 - rise * down + (error - rest * down).div_euclid(half).min(0)
@@ -501,7 +503,7 @@ mod tests {
             end: (9000, -9000),
         };
         draw(grid.rows_mut(), &ray, BLACK, &mut Brush::new(BLACK));
-        // 150 rows down at a slope of 9150 : 8850, so 145 columns on.
+        // 150 rows down at a slope of 9150 : 8850, so 145 columns farther.
         assert_eq!(
             (grid.get(295, 0), grid.get(296, 0)),
             (Some(0), Some(UNKNOWN))
@@ -509,7 +511,7 @@ mod tests {
     }
 
     /// A half is 2^31, a third of 2^32 is 1431655765.3, and 65535 less one part of 65535 is
-    /// 65537.00002 below 2^32: rounded up. Whatever the machine divides by.
+    /// 65537.00002 below 2^32: rounded up. This holds for any division of the machine.
     #[test]
     fn parts_are_rounded_up_to_32_places() {
         let expected = [
@@ -526,16 +528,16 @@ mod tests {
         }
     }
 
-    /// A cell holds the places from its number on, to both sides of 0; a place off the map is not
-    /// farther than any map.
+    /// A cell holds the positions from its number on, on both sides of 0; a position off the map is
+    /// limited to the range of any map.
     #[test]
     fn a_place_lies_in_the_cell_below() {
         let cells = [(1.5, -1.5), (-2.0, 3.0), (0.99, -0.01), (1e6, -1e6)].map(cell);
         assert_eq!(cells, [(1, -2), (-2, 3), (0, -1), (9_000, -9_000)]);
     }
 
-    /// Cells of 10 mm, a hole of four: a point ten cells ahead has two cells of hole behind it,
-    /// and two before. A point nearer than a tenth of a cell has no direction, and draws nothing.
+    /// Cells of 10 mm, a hole of four: a point ten cells ahead has two cells of hole behind it, and
+    /// two before. A point nearer than a tenth of a cell has no direction, and is not drawn.
     #[test]
     fn each_beam_of_a_scan_is_a_ray() {
         use crate::pose::Point;
@@ -567,7 +569,7 @@ mod tests {
         assert!(!is_alike(drawn(1.1, 0.0), Grid::new(10.0)));
     }
 
-    /// Step by step, for holes that begin before the robot, at it and behind it, drawn up to their
+    /// Step by step, for holes that start before the robot, at it and behind it, drawn up to their
     /// hit, their end and farther.
     #[test]
     fn both_sides_of_a_hole_are_its_steps_that_are_drawn() {

@@ -1,22 +1,22 @@
-//! The way of a beam from cell to cell. The long axis advances in every step, the short one by a
-//! part of a cell. The classic whole-number error gives the same cells, but each of its steps waits
-//! for the one before.
+//! The path of a beam from cell to cell. The long axis advances in every step, the short one by a
+//! part of a cell. The classic algorithm with a whole-number error visits the same cells, but each
+//! of its steps depends on the one before.
 
-/// A walk over the cells of a map, whose rows lie one behind the other.
+/// A walk over the cells of a map; its rows are stored one behind the other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Walk {
-    /// Index of the current cell; a huge one would lie before the map.
+    /// Index of the current cell; an index before the map wraps to a huge one.
     pub(super) at: usize,
-    /// What is added to it in a step, without and with one along the short axis.
+    /// Added to the index in a step, without and with a step along the short axis.
     pub(super) straight: usize,
     pub(super) diagonal: usize,
-    /// Place along the short axis, 32 binary places of a cell from its border, and its advance.
+    /// Position along the short axis, 32 binary places of a cell from its border, and its advance.
     pub(super) place: u32,
     pub(super) slope: u32,
 }
 
 impl Walk {
-    /// One that never changes its direction.
+    /// A walk that never changes its direction.
     pub(super) const fn straight(at: usize, step: usize) -> Self {
         Self {
             at,
@@ -27,7 +27,7 @@ impl Walk {
         }
     }
 
-    /// The index of the current cell; continues to the next.
+    /// Returns the index of the current cell and advances to the next.
     #[inline]
     pub(super) fn next(&mut self) -> usize {
         let at = self.at;
@@ -41,7 +41,7 @@ impl Walk {
         at
     }
 
-    /// Gives the next `count` cells what `then` says of each value.
+    /// Replaces the value of the next `count` cells by `then` of it.
     #[inline(never)]
     pub(super) fn map(&mut self, cells: &mut [u8], count: i32, then: &[u8; 256]) {
         let mut walk = *self;
@@ -54,7 +54,7 @@ impl Walk {
     }
 }
 
-/// Every value, less `away` parts of 256, rounded down.
+/// A table of every value reduced by `away` parts of 256, rounded down.
 pub(super) fn faded(away: u16) -> [u8; 256] {
     let mut then = [0; 256];
     for (value, to) in (0_u16..).zip(&mut then) {

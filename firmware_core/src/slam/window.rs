@@ -1,9 +1,9 @@
-//! Which poses a search looks at: what the prior asks for and the correlation walks through.
+//! The set of poses of a search: the prior defines it, the correlation walks through it.
 
-/// Cells to each side that the lanes of a row can hold.
+/// Maximum number of cells to each side for the lanes of a row.
 pub(super) const REACH_MAX: i32 = 15;
 
-/// Which poses a search looks at, around its centre.
+/// The poses of a search, around its centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Window {
     /// Cells to each side along x and y, at most [`REACH_MAX`].

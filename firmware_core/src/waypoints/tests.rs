@@ -60,8 +60,8 @@ fn the_senders_links_are_not_followed() {
     assert_eq!(previous, [-1, 0, 1]);
 }
 
-/// Field defect PU-10: heading for the third waypoint, a list of one came, and the robot drove
-/// to a slot that had been freed.
+/// Field defect PU-10: while the robot drove to the third waypoint, a list of one arrived, and the
+/// robot drove to a freed slot.
 #[test]
 fn a_new_list_selects_its_own_target() {
     let mut list = Waypoints::new();
@@ -108,7 +108,7 @@ fn a_finished_list_that_comes_again_is_driven_again() {
     assert_eq!(list.target().map(|waypoint| waypoint.id), Some(0));
 }
 
-/// Field defect UI-05: the PC numbers its own waypoints from 0 and sends a number twice.
+/// Field defect UI-05: the PC numbers its own waypoints from 0 and uses a number twice.
 #[test]
 fn a_number_that_comes_twice_is_given_once() {
     let mut list = Waypoints::new();
@@ -135,7 +135,7 @@ enum Step {
     Replace(Vec<i16>),
 }
 
-/// The only reason to refuse a waypoint, and how long the list is then.
+/// The only reason to refuse a waypoint, and the length of the list then.
 const FULL: (WaypointError, usize) = (WaypointError::Full, CAPACITY);
 
 fn step() -> impl Strategy<Value = Step> {
@@ -150,7 +150,7 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 proptest! {
-    /// Seed figure S9: the list does what a plain vector does, and no number comes twice.
+    /// Seed figure S9: the list behaves as a plain vector, and no number is used twice.
     #[test]
     fn the_list_is_a_vector_whose_numbers_are_never_reused(
         steps in prop::collection::vec(step(), 0..150),
@@ -194,8 +194,8 @@ proptest! {
     }
 }
 
-/// The fielded program: two waypoints behind the same one lead to an object that is gone, one
-/// behind an unknown one to a null pointer.
+/// The fielded program: two waypoints behind the same one lead to a freed object, one behind an
+/// unknown one leads to a null pointer.
 #[test]
 fn links_of_the_sender_break_the_fielded_list() {
     let list = |links: &[i16], defects: Defects| {
@@ -224,7 +224,7 @@ fn links_of_the_sender_break_the_fielded_list() {
     assert_eq!(list(&[-1, 7, 0, 0], Defects::NONE), (false, 0));
 }
 
-/// Of 103 waypoints three find no slot; of two with one number left, one finds none.
+/// Of 103 waypoints three find no slot; of two waypoints with one number left, one gets none.
 #[test]
 fn what_of_a_list_finds_no_room_is_told() {
     let mut list = Waypoints::new();
@@ -242,7 +242,7 @@ fn what_of_a_list_finds_no_room_is_told() {
     );
 }
 
-/// A list that has lost its first waypoint counts what it does not reach any more.
+/// A list that has lost its first waypoint still counts waypoints that it cannot reach.
 #[test]
 fn a_broken_list_counts_more_than_it_reaches() {
     let mut list = Waypoints::with_defects(Defects {
@@ -255,8 +255,8 @@ fn a_broken_list_counts_more_than_it_reaches() {
     assert_eq!((list.count(), list.all().len()), (2, 0));
 }
 
-/// NV-03: a list that has lost the last waypoint has no end to put another one behind; one in the
-/// middle is no end.
+/// NV-03: a list that has lost the last waypoint has no end to append another one to; the removal
+/// of a middle one keeps the end.
 #[test]
 fn a_list_without_its_end_takes_no_more() {
     let count = |removed: i16| {

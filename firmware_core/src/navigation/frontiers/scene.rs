@@ -1,4 +1,4 @@
-//! What of the map a search sees: floor, what is unknown, walls; and where rays over it end.
+//! Parts of the map that a search uses: floor, unknown cells, walls; and the ends of rays over it.
 
 use crate::grid::{Grid, UNKNOWN};
 use crate::navigation::cells::{COARSE, Cell, Cells, EDGE, neighbour};
@@ -7,53 +7,53 @@ use crate::pose::sin_cos;
 
 use super::{Frontiers, Outlook, Sought};
 
-/// Most of the nine map cells of a cell.
+/// Majority of the nine map cells of a cell.
 const MOST: u8 = 5;
-/// So many map cells that beams end in make a wall of a cell, however free its rest is: a thin
-/// board may lie between two cells, and behind it the map draws a flank that looks like floor.
+/// Number of solid map cells that make a cell a wall, even if the rest is free. A thin board may
+/// lie between two cells, and the map draws a flank behind it that looks like floor.
 const SOLID: u8 = 2;
 /// Rays of a view.
 const RAYS: usize = 48;
-/// Cells that a ray reaches, 1.8 m: farther away a corridor is better seen from nearer.
+/// Range of a ray in cells, 1.8 m: a nearer view shows a farther corridor better.
 const REACH: i16 = 60;
-/// Unknown cells that a ray counts: 0.3 m. The space behind them is unknown.
+/// Maximum number of unknown cells that a ray counts: 0.3 m. The space behind them is unknown.
 const UNKNOWN_MAX: u16 = 10;
-/// An edge of fewer cells is a crack between two boards, not a way.
+/// Minimum number of cells of an edge; fewer are a crack between two boards.
 const EDGE_CELLS_MIN: u8 = 3;
-/// Cells at which heat is felt well enough: 0.42 m.
+/// Range in cells at which heat is felt well enough: 0.42 m.
 const FEEL_CELLS: i16 = 14;
-/// What is doubted counts from so near: 0.42 m, farther than the robot keeps off a corner.
+/// Distance from which doubted edges count, 0.42 m: farther than the robot keeps off a corner.
 pub(super) const NEAR_CELLS: i16 = 14;
-/// So many rays are the face of a board: 0.2 m from 0.3 m away.
+/// Minimum number of rays on a board's face: 0.2 m from 0.3 m away.
 const FACE_MIN: u16 = 5;
 
-/// The map in three kinds of cells; what is none of them is a wall's soft flank.
+/// The map in three kinds of cells; a cell of no kind is a wall's soft flank.
 pub(super) struct Scene {
     pub(super) free: Cells,
     pub(super) unknown: Cells,
     /// Free cells beside unknown ones.
     edges: Cells,
-    /// Those of them that only count from near by.
+    /// Edges that only count from near by.
     doubted: Cells,
-    /// Walls, if they are to be felt; those that were, or were given up; and, if they have faces,
-    /// the floor before which they were.
+    /// Walls to feel; felt or given-up walls; and, if faces are distinguished, the floor before the
+    /// felt faces.
     pub(super) walls: Cells,
     felt: Cells,
     passed: Option<Cells>,
 }
 
-/// A wall so near that it is felt, and the last floor before it.
+/// A wall near enough to be felt, and the last floor cell before it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wall {
     pub(super) at: Cell,
     pub(super) before: Cell,
 }
 
-/// Where a ray ended.
+/// End of a ray.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct End {
     unknown: u16,
-    /// The edge, and the step of the ray behind it.
+    /// The edge, and the number of the ray's step behind it.
     pub(super) edge: Option<(Cell, i16)>,
     pub(super) wall: Option<Wall>,
 }
@@ -135,7 +135,7 @@ impl Scene {
         !self.felt.has(at) && !passed.is_some_and(|passed| passed.has(before))
     }
 
-    /// Whether `cell` is an edge that counts for a ray's `step` behind it.
+    /// Whether `cell` is an edge that counts at a ray's `step`.
     const fn counts(&self, cell: Cell, step: i16) -> bool {
         self.edges.has(cell) && (step <= NEAR_CELLS || !self.doubted.has(cell))
     }
@@ -178,7 +178,7 @@ impl Rays {
     pub(super) fn new() -> Self {
         let mut rays = [[0; 2]; RAYS];
         for (index, ray) in (0_u8..).zip(&mut rays) {
-            // Half a step beside the axes, along which walls run.
+            // Offset by half a step from the axes, along which walls run.
             let turns = (f32::from(index) + 0.5) / RAYS as f32;
             *ray = direction(turns * core::f32::consts::TAU);
         }

@@ -22,8 +22,8 @@ fn fill(map: &mut Grid, [x0, y0, x1, y1]: [usize; 4], value: u8) {
     }
 }
 
-/// A known room from 0.3 m to 1.5 m, whose right wall has a door of `door` cells of 10 mm, from y =
-/// 0.6 m up; nothing is known behind it.
+/// A known room from 0.3 m to 1.5 m. Its right wall has a door of `door` cells of 10 mm, from y =
+/// 0.6 m up; the space behind it is unknown.
 fn room(door: usize) -> Box<Grid> {
     let mut map = Box::new(Grid::new(10.0));
     fill(&mut map, [27, 27, 152, 152], 255);
@@ -49,7 +49,7 @@ fn a_room_without_a_way_out_is_done() {
     assert_eq!(next(&mut Frontiers::new(Sought::Floor), &room(0)), None);
 }
 
-/// From the view the open door is seen, and a body of 205 mm fits there.
+/// The view shows the open door, and a body of 205 mm fits there.
 #[test]
 fn a_door_is_looked_through() {
     let (map, mut frontiers) = (room(60), Frontiers::new(Sought::Floor));
@@ -66,7 +66,7 @@ fn a_crack_is_not_worth_a_way() {
     assert_eq!(next(&mut Frontiers::new(Sought::Floor), &room(6)), None);
 }
 
-/// Known floor behind a wall with a hole that is too narrow for the robot is no place to look from.
+/// Known floor behind a wall, with a hole too narrow for the robot, is not a possible view.
 #[test]
 fn what_cannot_be_reached_is_not_sought() {
     let mut map = room(0);
@@ -76,7 +76,7 @@ fn what_cannot_be_reached_is_not_sought() {
     assert!(view.is_none_or(|view| view.place.x_mm < 1500.0), "{view:?}");
 }
 
-/// A door that stays dark, seen from afar and from near by, is given up; asked again, it counts
+/// A door that stays dark, seen from afar and from near by, is given up; after `forgive` it counts
 /// again.
 #[test]
 fn what_shows_nothing_is_given_up_in_the_end() {
@@ -92,7 +92,7 @@ fn what_shows_nothing_is_given_up_in_the_end() {
     assert!(next(&mut frontiers, &map).is_some());
 }
 
-/// A view that is not got to shows no edge, but another one may feel its walls.
+/// An unreached view loses its edges, but another view may feel its walls.
 #[test]
 fn walls_outlive_a_place_that_is_not_got_to() {
     let (map, mut frontiers) = (room(60), Frontiers::new(Sought::FloorAndHeat));
@@ -161,8 +161,8 @@ fn a_thin_board_is_a_wall_and_can_be_felt() {
     assert_eq!((outlook.unknown, outlook.is_to_be_felt()), (0, true));
 }
 
-/// Two rays, 8 cm of a wall, are no room for a plate; nor does it matter then how little is unknown
-/// if only much counts.
+/// Two rays, 8 cm of a wall, are too narrow for a plate. This also holds if only many unknown cells
+/// count.
 #[test]
 fn a_strip_of_a_wall_is_not_worth_a_way() {
     let outlook = |unknown, unfelt| Outlook { unknown, unfelt };
@@ -191,7 +191,7 @@ fn a_place_that_showed_nothing_is_left_alone_until_it_is_forgiven() {
     assert_eq!(next(&mut frontiers, &map), Some(first));
 }
 
-/// What is felt of a wall 0.3 m away counts once more, and once only.
+/// A felt wall 0.3 m away adds known cells once; feeling the same wall again adds none.
 #[test]
 fn walls_that_were_felt_are_known_once_more() {
     let map = room(0);
@@ -207,9 +207,9 @@ fn walls_that_were_felt_are_known_once_more() {
     );
 }
 
-/// At stake: a robot that has passed one side of a board of 2 cm, a planner's cell thick, takes
-/// both sides for felt, and a victim on the other side is never found. In the end its faces are
-/// told apart: of the 48 rays 16 go to one of 0.6 m from 0.16 m away.
+/// At stake: a board of 2 cm is as thick as a planner's cell. A robot that has passed one side
+/// counts both sides as felt and never finds a victim on the other side. In the end the search
+/// distinguishes its faces: of the 48 rays, 16 go to a face of 0.6 m from 0.16 m away.
 #[test]
 fn a_board_has_two_faces_in_the_end() {
     let mut map = room(0);
@@ -230,9 +230,9 @@ fn a_board_has_two_faces_in_the_end() {
     assert_eq!(outlook(&mut frontiers), [0, 0]);
 }
 
-/// A niche of 3 by 3 planner's cells in the wall at the other end of a hall, of which nothing is
-/// known: a few cells. From 0.5 m away it is looked into; from 2.4 m away it is not worth the way,
-/// 80 cells, for which 6 + 80 / 4 = 26 would have to be unknown.
+/// A niche of 3 by 3 planner's cells in the wall at the other end of a hall is unknown: a few
+/// cells. From 0.5 m away it is a view. From 2.4 m away the path of 80 cells would require 6 + 80 /
+/// 4 = 26 unknown cells.
 #[test]
 fn a_few_cells_are_not_worth_a_long_way() {
     let mut map = Box::new(Grid::new(10.0));
@@ -249,15 +249,15 @@ fn a_few_cells_are_not_worth_a_long_way() {
     assert_eq!(looks(300.0), None);
 }
 
-/// On a floor of 28 m a door is worth a way of 20 m, 667 cells, as it is one of 3 m.
+/// On a floor of 28 m a door justifies a path of 20 m, 667 cells, just as one of 3 m.
 #[test]
 fn a_door_is_worth_any_way() {
     let worth = [0, 3, 80, 96, 667, u16::MAX].map(Outlook::worth_a_way_of);
     assert_eq!(worth, [6, 6, 26, 30, 30, 30]);
 }
 
-/// A door of 380 mm, through which the body of 320 mm only just fits, into a corridor whose upper
-/// end is unseen: that cannot be looked at from the room.
+/// A door of 380 mm, through which the body of 320 mm only just fits, into a corridor. The
+/// corridor's upper end is unseen and cannot be seen from the room.
 #[test]
 fn a_way_that_the_body_only_just_fits_through_is_the_last_resort() {
     let mut map = room(0);
@@ -270,7 +270,7 @@ fn a_way_that_the_body_only_just_fits_through_is_the_last_resort() {
     assert_eq!(next(&mut Frontiers::new(Sought::Floor), &map), None);
 }
 
-/// From the middle of the room each of the 48 rays goes over 20 to 28 cells to the wall.
+/// From the middle of the room each of the 48 rays crosses 20 to 28 cells to the wall.
 #[test]
 fn each_step_of_a_ray_is_work() {
     let (map, mut frontiers) = (room(0), Frontiers::new(Sought::Floor));
@@ -283,8 +283,8 @@ fn each_step_of_a_ray_is_work() {
     assert_eq!(frontiers.take_points(), 0);
 }
 
-/// Of the floor below a robot nothing is known, four cells of 30 mm to each side: the fifth is
-/// where it sets out from. With one more it is nowhere.
+/// The floor below the robot is unknown, four cells of 30 mm to each side: the wave starts from the
+/// fifth. With one more unknown cell there is no start.
 #[test]
 fn a_robot_sets_out_from_the_floor_beside_it() {
     let finds = |cells: usize| {
@@ -296,8 +296,8 @@ fn a_robot_sets_out_from_the_floor_beside_it() {
     assert_eq!([1, 4, 5].map(finds), [true, true, false]);
 }
 
-/// Of nine map cells five make a planner's cell free or unknown, two that are solid keep it from
-/// both; what is neither may be a wall to feel.
+/// Five of nine map cells make a planner's cell free or unknown, two solid ones prevent both; a
+/// cell of neither kind may be a wall to feel.
 #[test]
 fn a_coarse_cell_is_what_most_of_it_is() {
     let kind = |free: usize, unknown: usize, solid: usize| {

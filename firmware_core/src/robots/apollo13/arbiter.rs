@@ -1,9 +1,9 @@
 //! Choice of the driver: the phone, the planner, or none.
 //!
 //! Facts: seed 003 and its published code: a loop of 20 Hz, toggles for autonomous driving and for
-//! gates, a kill switch that comes after all else. With both toggles on, the fielded loop has no
-//! branch and the last command persists; here the car stops. A phone that falls silent for a second
-//! stops it too, which is ours.
+//! gates, and a kill switch that overrides everything. With both toggles on, the fielded loop has
+//! no branch and the last command persists; here the car stops. The car also stops if the phone is
+//! silent for a second, which is our own addition.
 
 use core::time::Duration;
 
@@ -13,15 +13,15 @@ use super::steering::STRAIGHT;
 
 /// Period of the fielded loop.
 pub const PERIOD: Duration = Duration::from_millis(50);
-/// Silence of the phone after which the car stops, when the phone drives.
+/// Maximum silence of the phone while it drives; then the car stops.
 pub const SILENCE_MAX: Duration = Duration::from_secs(1);
 
-/// What is wrong with the fielded arbiter; nothing by default.
+/// Defects of the fielded arbiter; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// With both toggles on, what was sent last persists.
+    /// With both toggles on, the last command persists.
     pub both_persist: bool,
-    /// A phone that is gone continues driving.
+    /// The car continues driving without a phone.
     pub never_silent: bool,
 }
 
@@ -42,7 +42,7 @@ impl Drive {
     };
 }
 
-/// What the car does.
+/// Driver of the car.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The phone drives.
@@ -51,7 +51,7 @@ pub enum Mode {
     Autonomous,
     /// The planner drives through gates.
     Gates,
-    /// The planner drives to unseen places.
+    /// The planner drives to unseen areas.
     Mapping,
     /// More than one toggle is on.
     Contradiction,
@@ -73,7 +73,7 @@ pub struct Arbiter {
 }
 
 impl Arbiter {
-    /// The state before the first message.
+    /// An arbiter before the first message.
     pub const fn new(defects: Defects) -> Self {
         Self {
             defects,
@@ -87,8 +87,8 @@ impl Arbiter {
         }
     }
 
-    /// A control of the phone has changed: its address and its value. Whether it has such a
-    /// control.
+    /// Takes a change of a phone's control: its address and value. Returns whether the address is
+    /// known.
     pub fn hear(&mut self, now: Instant, address: &str, value: f32) -> bool {
         let is_on = value != 0.0;
         #[expect(
@@ -100,10 +100,10 @@ impl Arbiter {
             "/1/speed" => self.remote.level = whole.clamp(-10, 10),
             "/1/direction" => self.remote.steering = whole.clamp(-50, 50),
             "/1/kill" => self.is_killed = is_on,
-            // The layout says one thing, the code that listens another.
+            // The layout and the receiving code of the seed use different addresses.
             "/modes/toggle4" | "/modes/autonomous" => self.is_autonomous = is_on,
             "/modes/follow_aruco" => self.is_gates = is_on,
-            // Ours: in the seed a drive for a map is started on the PC.
+            // Our addition: in the seed an operator starts a mapping drive on the PC.
             "/modes/mapping" => self.is_mapping = is_on,
             "/1" | "/modes" | "/about" | "/accxyz" | "/ping" => {}
             _ => return false,
@@ -112,7 +112,7 @@ impl Arbiter {
         true
     }
 
-    /// What the car does.
+    /// The current mode.
     pub const fn mode(&self) -> Mode {
         if self.is_killed {
             return Mode::Killed;
@@ -126,7 +126,7 @@ impl Arbiter {
         }
     }
 
-    /// What to send at `now`; `planned` is what the planner wants, if it wants anything.
+    /// The command to send at `now`; `planned` is the planner's wish, if any.
     pub fn decide(&mut self, now: Instant, planned: Option<Drive>) -> Drive {
         let is_silent = self.heard.is_none_or(|heard| now - heard > SILENCE_MAX);
         let drive = match self.mode() {
@@ -196,7 +196,7 @@ mod tests {
         assert!(!arbiter.hear(at(60), "/1/horn", 1.0));
     }
 
-    /// The kill switch comes last, and the planner continues without the phone.
+    /// The kill switch overrides everything, and the planner continues without the phone.
     #[test]
     fn ap9_the_kill_switch_stops_in_every_mode() {
         let mut arbiter = Arbiter::new(Defects::default());

@@ -1,8 +1,8 @@
-//! Where the car went by its board alone: pulses of a wheel, and the steering that was commanded.
+//! Odometry from the car's board alone: pulses of a wheel, and the commanded steering.
 //!
-//! Coarser than the odometer, 25 mm a pulse, and it believes the steering table; for the time in
-//! which the odometer is silent. Facts: 8 magnets at the left rear wheel, whose radius is 32 mm
-//! (seed 003 and ucboard).
+//! It is coarser than the odometer (25 mm a pulse) and relies on the steering table. The program
+//! uses it while the odometer is silent. Facts: 8 magnets at the left rear wheel, whose radius is
+//! 32 mm (seed 003 and ucboard).
 
 use core::f64::consts::TAU;
 use core::time::Duration;
@@ -15,9 +15,9 @@ use crate::ackermann::{CarGeometry, CarPose, Motion};
 
 /// Travel of the wheel from pulse to pulse.
 const PULSE_M: f64 = TAU * 0.032 / 8.0;
-/// More pulses from frame to frame are those of a board that was reset: 1 m.
+/// Maximum number of pulses between two frames, 1 m; more mean a reset of the board.
 const PULSES_MAX: u16 = 40;
-/// The motor's lag: how fast a car gets its speed, and loses it without a drive, seconds.
+/// Time constant of the motor's speed with and without a drive, seconds.
 const LAG_S: f64 = 0.3;
 /// The car as the program knows it.
 const CAR: CarGeometry = CarGeometry {
@@ -25,11 +25,11 @@ const CAR: CarGeometry = CarGeometry {
     track_m: 0.155,
 };
 
-/// Adds up pulses.
+/// Odometry from pulses.
 #[derive(Clone, Debug, Default)]
 pub struct BoardOdometry {
     pose: CarPose,
-    /// The last frame's, and when it came.
+    /// Time and pulses of the last frame.
     heard: Option<(Instant, u16)>,
     /// Speed of the wheel by its pulses, m/s.
     speed_m_s: f64,
@@ -38,13 +38,13 @@ pub struct BoardOdometry {
 }
 
 impl BoardOdometry {
-    /// Where the car is, seen from where it began.
+    /// The car's pose relative to its start.
     pub const fn pose(&self) -> CarPose {
         self.pose
     }
 
-    /// Where it is now, if the motor has stood since the last frame: a board that is silent may be
-    /// starting again.
+    /// The car's pose at `now` if the motor has been off since the last frame: a silent board may
+    /// be restarting.
     pub fn pose_at(&self, now: Instant) -> CarPose {
         let rolled_m = self
             .heard
@@ -53,22 +53,23 @@ impl BoardOdometry {
         self.pose.then(self.arc(path_m))
     }
 
-    /// How far the wheel rolls without a drive.
+    /// Distance that the wheel rolls without a drive.
     fn rolled_m(&self, passed: Duration) -> f64 {
         self.speed_m_s * LAG_S * (1.0 - libm::exp(-passed.as_secs_f64() / LAG_S))
     }
 
-    /// Whether it was told to drive backwards last.
+    /// Whether the last motor command was backwards.
     pub const fn is_backwards(&self) -> bool {
         self.is_backwards
     }
 
-    /// How the wheels were told to stand, radians, to the left positive.
+    /// The commanded steering angle, radians, to the left positive.
     pub const fn steering_rad(&self) -> f64 {
         self.angle_rad
     }
 
-    /// What is commanded from now on. A car that is told to stop rolls on as it did.
+    /// Sets the current command. A car that is commanded to stop keeps its direction while it rolls
+    /// on.
     pub fn command(&mut self, drive: Drive) {
         self.angle_rad = steering::angle_deg(drive.steering).to_radians();
         if drive.level != 0 {
@@ -76,9 +77,9 @@ impl BoardOdometry {
         }
     }
 
-    /// A frame of the board with its pulses since the start, which wrap; whether the wheel turned.
-    /// The magnets do not tell forth from back. A board that was reset stopped its motor some time
-    /// since the frame before, and did not count while the car rolled out.
+    /// Takes a frame of the board with its pulses since the start, which wrap; returns whether the
+    /// wheel turned. The magnets do not show the direction. A board that was reset stopped its
+    /// motor at an unknown time since the frame before, and did not count while the car rolled out.
     pub fn hear(&mut self, now: Instant, pulses: u16) -> bool {
         let Some((heard, before)) = self.heard.replace((now, pulses)) else {
             return false;
@@ -99,7 +100,7 @@ impl BoardOdometry {
         true
     }
 
-    /// Where the steering that is commanded leads over `path_m` of the rear axle's middle.
+    /// Motion with the commanded steering over `path_m` of the rear axle's middle.
     pub fn arc(&self, path_m: f64) -> Motion {
         CAR.rear_arc(self.angle_rad, path_m)
     }
@@ -119,13 +120,14 @@ mod tests {
         board
     }
 
-    /// Frames come 15 times a second.
+    /// Time of a frame; frames come 15 times a second.
     fn at_frame(frame: u64) -> Instant {
         Instant::from_nanos(frame * 66_666_667)
     }
 
-    /// 40 pulses of 25.13 mm are 1.0053 m of the left wheel; across the end of 16 bits, and back as
-    /// well. Value 8 is 0.4 degrees to the right, 0.0279 rad a metre: the middle goes 0.2 % less.
+    /// 40 pulses of 25.13 mm are 1.0053 m of the left wheel; across the end of 16 bits, and
+    /// backwards as well. Value 8 is 0.4 degrees to the right, 0.0279 rad a metre: the middle
+    /// travels 0.2 % less.
     #[test]
     fn pulses_are_travel() {
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 3e-3, "{found}");
@@ -135,15 +137,16 @@ mod tests {
         near(driven(0, 8, &[0, 20]).pose().x_m, 0.5027);
     }
 
-    /// -50 is 25 degrees to the left: tan is 0.4663, 1.865 rad a metre; the left wheel goes
-    /// 1 - 1.865 * 0.0775 = 0.8555 of the middle. 10 pulses are 0.2513 m of it and 0.2938 m.
+    /// -50 is 25 degrees to the left: tan is 0.4663, 1.865 rad a metre; the left wheel travels 1 -
+    /// 1.865 * 0.0775 = 0.8555 of the middle. 10 pulses are 0.2513 m of the wheel and 0.2938 m of
+    /// the middle.
     #[test]
     fn a_curve_turns_as_far_as_its_steering_says() {
         let turned = driven(2, -50, &[100, 110]).pose().heading_rad;
         assert!((turned - 0.5479).abs() < 1e-3, "{turned}");
     }
 
-    /// The first frame only sets the beginning, and that of a board that was reset while the car
+    /// The first frame only sets the start, as does the first frame after a reset while the car
     /// stood.
     #[test]
     fn a_board_that_was_reset_at_rest_has_not_moved() {
@@ -151,9 +154,9 @@ mod tests {
         assert!((board.pose().x_m - 3.0 * PULSE_M).abs() < 1e-3);
     }
 
-    /// At 0.22 m/s for 4 s, then 0.4 s without a frame, and a counter that begins again: the car
-    /// rolled 0.22 * 0.3 m * (1 - exp(-4/3)) = 48.6 mm; one that had stopped before did not. A
-    /// pulse is 25 mm of it.
+    /// At 0.22 m/s for 4 s, then 0.4 s without a frame, and a counter that restarts: the car rolled
+    /// 0.22 * 0.3 m * (1 - exp(-4/3)) = 48.6 mm; a car that had stopped before did not. A pulse is
+    /// 25 mm of that.
     #[test]
     fn a_car_rolls_out_while_its_board_starts() {
         for (stands, expected_m) in [(0, 0.0486), (40, 0.0)] {

@@ -1,4 +1,4 @@
-//! The floor as the planner sees it: the map that the car has, and what is in the way besides.
+//! The floor as the planner sees it: the car's map, and obstacles seen since.
 
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::vec::Vec;
@@ -10,31 +10,33 @@ use crate::ackermann::CarPose;
 use crate::costmap::{Costmap, Inflation};
 use crate::particles::Beam;
 
-/// Obstacles nearer than this are entered, metres: the obstacle range of the fielded costmap.
+/// Maximum distance of obstacles that are entered, metres: the obstacle range of the fielded
+/// costmap.
 const ENTER_M: f64 = 2.5;
-/// Beams clear what they cross up to here: its ray-trace range.
+/// Range up to which beams clear the cells they cross: the fielded ray-trace range.
 const CLEAR_M: f64 = 3.0;
-/// Beams that clear lie about so far apart where they end, in cells.
+/// Spacing of clearing beams at their ends, in cells.
 const CLEAR_CELLS: f64 = 0.8;
-/// Nearer than this the camera may be blind: a beam that meets nothing clears only beyond, metres.
+/// Range below which the camera may be blind, metres: a beam that meets nothing clears only beyond
+/// it.
 const BLIND_M: f64 = 0.55;
-/// How often an obstacle must have been seen more than seen through to be one.
+/// Minimum excess of sightings over clearings that makes a cell an obstacle.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 6;
-/// Half of the middle of an ultrasonic cone, which is open as far as it receives nothing.
+/// Half angle of the inner ultrasonic cone, which counts as open up to the echo.
 const CONE_RAD: f64 = 0.1;
-/// What is heard nearer than this is entered across the whole cone, metres: that is narrower
-/// than the car there. Farther away the echo may come from a post beside the way.
+/// Ultrasonic ranges nearer than this are entered across the whole cone, metres: there the cone is
+/// narrower than the car. A farther echo may come from a post beside the path.
 const HEARD_M: f64 = 0.27;
 /// Half of the whole cone.
 const WHOLE_CONE_RAD: f64 = 0.38;
-/// How long it stays: the camera may see over it.
+/// Lifetime of an ultrasonic obstacle: the camera may see over it.
 const HEARD_FOR: Duration = Duration::from_secs(20);
 
 /// A map of obstacles: cells in rows of equal y, lowest y first.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FloorPlan {
-    /// Cells along x; 0 is no map.
+    /// Cells along x; 0 means no map.
     pub width: usize,
     /// Edge of a cell, metres.
     pub cell_m: f64,
@@ -44,31 +46,31 @@ pub struct FloorPlan {
     pub obstacles: Vec<bool>,
 }
 
-/// The map, and what was seen on the way.
+/// The map, and the obstacles seen while driving.
 #[derive(Clone, Debug)]
 pub struct Floor {
     plan: FloorPlan,
-    /// Whole rows of the plan.
+    /// Number of complete rows of the plan.
     rows: usize,
-    /// What the plan alone costs; `None` without a map.
+    /// Costs of the plan alone; `None` without a map.
     plain: Option<Costmap>,
-    /// With all that was seen; `None` when that has changed since.
+    /// Costs with all observations; `None` after a change of the observations.
     costs: Option<Costmap>,
-    /// In how many scans each cell was an obstacle, less in how many it was seen through.
+    /// Number of scans in which each cell was an obstacle, minus those in which it was cleared.
     seen: Vec<i8>,
     /// The scan in which each cell was counted last.
     counted: Vec<u32>,
     scans: u32,
-    /// Cells that an ultrasonic echo came from, and until when that counts.
+    /// Cells with an ultrasonic echo, and the time until which each counts.
     heard: BTreeMap<usize, Instant>,
-    /// Cells on which a marker stands.
+    /// Cells with a marker.
     posts: BTreeSet<usize>,
     /// All obstacles, one byte a cell as in [`grid`](crate::grid).
     view: Vec<u8>,
 }
 
 impl Floor {
-    /// The floor of this map.
+    /// The floor of this map, without observations.
     pub fn new(plan: FloorPlan, inflation: Inflation) -> Self {
         let seen = alloc::vec![0; plan.obstacles.len()];
         let byte = |is: &bool| {
@@ -102,7 +104,7 @@ impl Floor {
         }
     }
 
-    /// Another plan: what was seen is forgotten, what was heard is not.
+    /// Replaces the plan: camera observations are discarded, ultrasonic ones are kept.
     pub fn renew(&mut self, plan: FloorPlan, inflation: Inflation) {
         let before = core::mem::replace(self, Self::new(plan, inflation));
         for (at, until) in &before.heard {
@@ -112,12 +114,12 @@ impl Floor {
         }
     }
 
-    /// Whether there is a map at all.
+    /// Whether there is a map.
     pub fn is_known(&self) -> bool {
         self.plan.width > 0 && !self.plan.obstacles.is_empty()
     }
 
-    /// The map that the car was given.
+    /// The configured map.
     pub const fn plan(&self) -> &FloorPlan {
         &self.plan
     }
@@ -136,7 +138,7 @@ impl Floor {
             .then(|| crate::map_view::MapView::new(self.plan.width, cell_mm, origin, &self.view))
     }
 
-    /// Forgets all that was seen and heard.
+    /// Discards all observations of the camera and the ultrasound.
     pub fn forget(&mut self) {
         self.seen.fill(0);
         self.heard.clear();
@@ -149,14 +151,15 @@ impl Floor {
         }
     }
 
-    /// Places of cells that were seen or heard to be obstacles and are not on the plan, metres.
+    /// Positions of obstacle cells from camera, ultrasound and markers that are not on the plan,
+    /// metres.
     pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
         let all = sure(&self.seen).chain(self.heard.keys().chain(&self.posts).copied());
         let new = all.filter(|at| !self.plan.obstacles[*at]);
         new.map(|at| self.place(at))
     }
 
-    /// What it costs to be where, with all that was seen and heard; `None` without a map.
+    /// Costs of all cells, including all observations; `None` without a map.
     pub fn costs(&mut self, now: Instant) -> Option<&Costmap> {
         let before = self.heard.len();
         self.heard.retain(|_, until| *until > now);
@@ -176,10 +179,10 @@ impl Floor {
         self.costs.as_ref()
     }
 
-    /// A scan from the scanner's place on the map; a beam of infinite range met nothing as far as
-    /// the scanner sees. Whether it changed what is an obstacle.
+    /// Enters a scan taken from the pose `scanner` on the map; a beam of infinite range met nothing
+    /// within the scanner's range. Returns whether any cell became an obstacle or ceased to be one.
     ///
-    /// Each cell counts once a scan: what has an obstacle in it is not seen through.
+    /// Each cell counts once a scan: a cell with a beam's end in it is not cleared by other beams.
     pub fn see(&mut self, scanner: CarPose, beams: &[Beam]) -> bool {
         if !self.is_known() {
             return false;
@@ -218,8 +221,8 @@ impl Floor {
         has_changed
     }
 
-    /// An ultrasonic range at `now` from a sensor's place on the map: what is before it is open;
-    /// what is near is in the way for a while.
+    /// Enters an ultrasonic range at `now` from the pose `sensor` on the map: the space before the
+    /// echo is cleared; a near echo is an obstacle for a while.
     pub fn hear(&mut self, now: Instant, sensor: CarPose, range_m: f64) {
         if !self.is_known() || !range_m.is_finite() {
             return;
@@ -248,7 +251,7 @@ impl Floor {
         }
     }
 
-    /// Something low stands at each of these places, metres, and nowhere else.
+    /// Sets the positions of low obstacles (markers), metres; earlier ones are removed.
     pub fn stand(&mut self, places: impl Iterator<Item = [f64; 2]>) {
         if !self.is_known() {
             return;
@@ -260,8 +263,8 @@ impl Floor {
         }
     }
 
-    /// Counts what was seen of a cell, once a scan; whether it became an obstacle or ceased to be
-    /// one.
+    /// Counts an observation of a cell, once a scan; returns whether the cell became an obstacle or
+    /// ceased to be one.
     fn count(&mut self, place: [f64; 2], by: i8) -> bool {
         let Some(index) = self.index(place) else {
             return false;
@@ -291,13 +294,13 @@ impl Floor {
         [x0 + middle(column), y0 + middle(row)]
     }
 
-    /// The cell at a place, metres.
+    /// The cell at a position, metres.
     fn cell(&self, place_m: [f64; 2]) -> Option<usize> {
         let off = |axis: usize| (place_m[axis] - self.plan.origin_m[axis]) / self.plan.cell_m;
         self.index([0, 1].map(off))
     }
 
-    /// The cell at a place in cells from the corner.
+    /// The cell at a position in cells from the corner.
     fn index(&self, [x, y]: [f64; 2]) -> Option<usize> {
         if !(x >= 0.0 && y >= 0.0) {
             return None;
@@ -307,13 +310,14 @@ impl Floor {
             clippy::cast_sign_loss,
             reason = "not below 0, saturates"
         )]
-        // By way of 32 bits, which a processor converts at once; 64 without a sign it does not.
+        // Through 32 bits, which a processor converts in one instruction; unsigned 64 bits it does
+        // not.
         let (x, y) = (x as u32 as usize, y as u32 as usize);
         (x < self.plan.width && y < self.rows).then(|| y * self.plan.width + x)
     }
 }
 
-/// The cells that have been seen to be obstacles. There are few, and most pieces have none.
+/// The cells that count as obstacles. They are few, and most chunks have none.
 fn sure(seen: &[i8]) -> impl Iterator<Item = usize> {
     const PIECE: usize = 64;
     let pieces = (0..).step_by(PIECE).zip(seen.chunks(PIECE));
@@ -378,8 +382,8 @@ mod tests {
         }
     }
 
-    /// A box 1 m ahead, cell 20: two scans make it an obstacle, and as soon as it is gone two more
-    /// take it away.
+    /// A box 1 m ahead, cell 20: two scans make it an obstacle, and two scans without it remove the
+    /// obstacle.
     #[test]
     fn what_is_seen_twice_is_in_the_way_until_it_is_seen_through() {
         let mut floor = empty();
@@ -393,12 +397,12 @@ mod tests {
         );
         assert!(floor.see(SCANNER, &[beam(2.0)]));
         assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
-        // Beyond 2.5 m nothing is entered, and the map that was given stays.
+        // Beyond 2.5 m no obstacle is entered, and the configured map stays.
         assert!(!floor.see(SCANNER, &[beam(2.6), beam(2.6), beam(f64::NAN)]));
     }
 
-    /// Many beams of one scan end in the same cell: it was seen once. What was seen in the same
-    /// scan is not seen through by a beam that grazes it.
+    /// Many beams of one scan end in the same cell: the cell counts once. A beam of the same scan
+    /// that grazes the cell does not clear it.
     #[test]
     fn a_cell_counts_once_a_scan() {
         let mut floor = empty();
@@ -407,7 +411,7 @@ mod tests {
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
     }
 
-    /// A beam that meets nothing clears as well, but not where the camera is blind: 0.5 m ahead is
+    /// A beam without an echo clears as well, but not where the camera is blind: 0.5 m ahead is
     /// cell 10, 1 m is cell 20.
     #[test]
     fn a_beam_that_meets_nothing_clears_what_is_in_sight() {
@@ -433,8 +437,8 @@ mod tests {
         assert!(floor.is_known() && !Floor::new(FloorPlan::default(), INFLATION).is_known());
     }
 
-    /// 0.25 m ahead is cell 5: in the way for 20 s, though the camera sees over it. An echo from
-    /// 0.8 m away may come from a post beside the way: the middle of a gate stays open.
+    /// 0.25 m ahead is cell 5: an obstacle for 20 s, although the camera sees over it. An echo from
+    /// 0.8 m away may come from a post beside the path: the middle of a gate stays open.
     #[test]
     fn what_is_heard_near_is_in_the_way_for_a_while() {
         let mut floor = empty();
@@ -451,7 +455,7 @@ mod tests {
         assert!(is_there(19) && !is_there(21));
     }
 
-    /// The same place on a plan whose corner is a metre farther down: 20 cells.
+    /// The same position on a plan with its corner a metre farther down: 20 cells.
     #[test]
     fn what_was_heard_stays_on_another_plan() {
         let mut floor = empty();
@@ -463,7 +467,7 @@ mod tests {
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([5, 30]));
     }
 
-    /// What the camera saw is open as soon as the sound passes it: 0.8 m ahead is cell 16.
+    /// A cell that the camera marked opens as soon as the sound passes it: 0.8 m ahead is cell 16.
     #[test]
     fn sound_passes_what_is_gone() {
         let mut floor = empty();
@@ -474,7 +478,7 @@ mod tests {
         assert!(!floor.costs(Instant::ZERO).unwrap().is_obstacle([16, 10]));
     }
 
-    /// Cells beside each other in one piece of 64, and at both ends of a piece.
+    /// Adjacent cells in one chunk of 64, and at both ends of a chunk.
     #[test]
     fn all_sure_cells_are_found() {
         let mut seen = alloc::vec![0; 200];
@@ -485,7 +489,7 @@ mod tests {
         assert!(sure(&seen).eq([3, 4, 63, 64, 199]));
     }
 
-    /// The cells of a row of the plan that were seen so often more than seen through.
+    /// The cells of a row of the plan whose sightings exceed their clearings by `times`.
     fn row(floor: &Floor, row: usize, times: i8) -> Vec<usize> {
         let cells = floor.seen[row * 60..][..60].iter().enumerate();
         cells
@@ -494,9 +498,10 @@ mod tests {
             .collect()
     }
 
-    /// From 0.025 m on in steps of a cell, 5 cm, up to one cell and a half before what is there:
-    /// 0.925 m, so 0.9 m is the last, cell 18. What is farther away than 3 m clears up to 2.925 m:
-    /// 2.9 m is cell 58. Where nothing is, the camera is blind up to 0.55 m, cell 11.
+    /// From 0.025 m on in steps of a cell, 5 cm, up to one cell and a half before the obstacle:
+    /// 0.925 m, so 0.9 m is the last, cell 18. A beam longer than 3 m clears up to 2.925 m: 2.9 m
+    /// is cell 58. A beam without an obstacle clears from 0.55 m on, cell 11, because the camera is
+    /// blind nearer.
     #[test]
     fn a_beam_clears_what_lies_before_its_end() {
         let cleared = |range_m| {
@@ -511,8 +516,8 @@ mod tests {
         assert!(cleared(f64::INFINITY).into_iter().eq(11..=58));
     }
 
-    /// Eight tenths of a cell at 3 m are 0.01333 rad: a beam 0.013 rad beside the last one that
-    /// cleared does not, one of 0.0134 rad to the other side does. From 0.53 m up, 2.9 m away, they
+    /// Eight tenths of a cell at 3 m are 0.01333 rad: a beam 0.013 rad beside the last clearing one
+    /// does not clear, one of 0.0134 rad on the other side does. From 0.53 m up, 2.9 m away, they
     /// are in the next rows.
     #[test]
     fn beams_that_clear_lie_apart_where_they_end() {
@@ -528,15 +533,15 @@ mod tests {
         floor.see(scanner, &beams);
         assert_eq!(row(&floor, 11, -1), []);
         assert!(row(&floor, 9, -1).contains(&58));
-        // What met nothing at all at no distance keeps no other from clearing.
+        // A beam without range (0 m) does not keep another beam from clearing.
         let mut floor = empty();
         let beams = [0.0, 2.0].map(beam);
         floor.see(SCANNER, &beams);
         assert!(row(&floor, 10, -1).contains(&30));
     }
 
-    /// 2.5 m away, in cell 50, an obstacle is entered, a step farther it is not. One that was seen
-    /// often disappears after five scans that see through it, one in a cell that was always open
+    /// 2.5 m away, in cell 50, an obstacle is entered, a step farther it is not. An obstacle with
+    /// many sightings disappears after five clearing scans, one in a cell that was always open
     /// after three.
     #[test]
     fn what_was_seen_often_is_believed_longer() {
@@ -594,8 +599,8 @@ mod tests {
         assert_eq!(places.len(), 5);
     }
 
-    /// A plan whose corner is at (-1, -0.5): of the places of markers those on it count, and are
-    /// given up with the next ones.
+    /// The plan's corner is at (-1, -0.5). Markers on the plan count; the next set of markers
+    /// replaces them.
     #[test]
     fn markers_stand_where_they_were_seen_last() {
         let mut plan = empty().plan().clone();
@@ -619,7 +624,7 @@ mod tests {
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
     }
 
-    /// Two cells of a piece, four of another.
+    /// Two cells of one chunk, four of another.
     #[test]
     fn an_even_number_of_sure_cells_is_found() {
         let mut seen = alloc::vec![0; 200];
@@ -628,8 +633,8 @@ mod tests {
         assert!(sure(&seen).eq(all));
     }
 
-    /// One beam to the right, then one as far to the left: both look through what was there, 1 m
-    /// away at 0.2 rad, cells (20, 14) and (20, 6).
+    /// One beam to the right, then one as far to the left: each clears the old obstacle 1 m away at
+    /// 0.2 rad, cells (20, 14) and (20, 6).
     #[test]
     fn beams_to_both_sides_look_through() {
         let mut floor = empty();
@@ -669,7 +674,7 @@ mod tests {
         );
     }
 
-    /// What is heard is in the way at once, though the costs were asked for before.
+    /// An ultrasonic echo is an obstacle at once, even if the costs were computed before.
     #[test]
     fn what_is_heard_is_new_to_the_costs() {
         let mut floor = empty();
@@ -682,7 +687,8 @@ mod tests {
         assert_eq!(is_there(&mut floor), [false, true]);
     }
 
-    /// Seen twice, and heard: both are forgotten, and the plan's own is not.
+    /// Obstacles that the camera saw twice and the ultrasound received are discarded; those of the
+    /// plan are not.
     #[test]
     fn a_floor_that_is_forgotten_is_as_planned() {
         let mut plan = empty().plan().clone();

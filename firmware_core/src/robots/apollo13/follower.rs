@@ -1,27 +1,27 @@
 //! Drives along a plan: pure pursuit of a point ahead on it, forwards or backwards.
 //!
-//! The fielded follower turns towards the next pose by three times the error of the heading, which
-//! is a turn rate and is taken for a steering angle. This one steers along the arc through its
-//! point ahead, which is what a car can drive.
+//! The fielded follower steers by three times the heading error towards the next pose; this is a
+//! turn rate, but it is used as a steering angle. This follower steers along the arc through its
+//! point ahead, which a car can drive.
 
 use alloc::vec::Vec;
 
 use crate::ackermann::{CarGeometry, CarPose, wrapped};
 
-/// How to follow.
+/// Settings of the follower.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Of the car, as the program knows it.
+    /// Dimensions of the car, as the program knows them.
     pub car: CarGeometry,
-    /// Speed either way, m/s.
+    /// Speed in either direction, m/s.
     pub speed_m_s: f64,
-    /// How far ahead on the plan the point is that is steered for, metres.
+    /// Distance along the plan of the point that is steered for, metres.
     pub ahead_m: f64,
     /// Largest steering angle to the left and to the right, radians.
     pub steering_max_rad: [f64; 2],
-    /// How near the goal is reached, metres and radians.
+    /// Tolerance at the goal, metres and radians.
     pub tolerance: [f64; 2],
-    /// Farther beside the plan than this the car has lost it, metres.
+    /// Distance beside the plan at which the car has lost it, metres.
     pub off_max_m: f64,
 }
 
@@ -42,19 +42,20 @@ impl Default for Settings {
     }
 }
 
-/// What to do next.
+/// Next action of the car.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
-    /// Drive so: m/s, and radians to the left.
+    /// Drive with this speed, m/s, and angle, radians to the left.
     Drive {
         /// Backwards below 0.
         speed_m_s: f64,
         /// Angle of the front wheels.
         steering_rad: f64,
     },
-    /// At the end of the plan, and near enough.
+    /// The car is at the end of the plan, and near enough.
     Arrived,
-    /// Too far beside the plan, or at its end and too far from the goal: a new plan is needed.
+    /// The car is too far beside the plan, or at its end and too far from the goal: a new plan is
+    /// needed.
     Lost,
 }
 
@@ -63,9 +64,9 @@ pub enum Step {
 pub struct Follower {
     settings: Settings,
     path: Vec<CarPose>,
-    /// The pose of the path that was nearest.
+    /// Index of the nearest pose of the path.
     at: usize,
-    /// Where the part that is driven in one direction ends.
+    /// End of the current part with one driving direction.
     end: usize,
 }
 
@@ -87,7 +88,7 @@ impl Follower {
         &self.path
     }
 
-    /// What to do where the car is now.
+    /// Next action for a car at `pose`.
     pub fn step(&mut self, pose: CarPose) -> Step {
         let Some(goal) = self.path.last().copied() else {
             return Step::Arrived;
@@ -99,8 +100,8 @@ impl Follower {
             }
             let way = self.direction(self.end.saturating_sub(1));
             let left_m = way * pose.motion_to(self.path[self.end]).ahead_m;
-            // The lag of the motor carries the car on for some centimetres. On a path that turns
-            // round, its end is behind the car before it is near.
+            // The motor's lag moves the car on for some centimetres. On a path that reverses, a
+            // part's end may therefore be behind the car before it counts as near.
             let is_last = self.end + 1 >= self.path.len();
             if left_m > 0.05 || self.at + 2 < self.end {
                 return self.pursue(pose, way);
@@ -130,7 +131,7 @@ impl Follower {
             left_m -= self.path[index].distance_m(self.path[index + 1]);
             index += 1;
         }
-        // Beyond the end the path goes straight on.
+        // Beyond its end the path continues straight.
         let target = self.path[index].shifted(way * left_m.max(0.0));
         let to = pose.motion_to(target);
         let square = to.ahead_m * to.ahead_m + to.left_m * to.left_m;
@@ -143,7 +144,7 @@ impl Follower {
         }
     }
 
-    /// Moves on to the nearest pose of the part that is driven; how far it is.
+    /// Advances to the nearest pose of the current part; returns its distance.
     fn find_nearest(&mut self, pose: CarPose) -> f64 {
         let mut nearest = pose.distance_m(self.path[self.at]);
         for index in self.at..=self.end {
@@ -156,7 +157,7 @@ impl Follower {
         nearest
     }
 
-    /// Whether the path goes forwards, 1, or backwards, -1, after this pose.
+    /// Direction of the path after this pose: 1 forwards, -1 backwards.
     fn direction(&self, index: usize) -> f64 {
         match (self.path.get(index), self.path.get(index + 1)) {
             (Some(from), Some(to)) if from.motion_to(*to).ahead_m < 0.0 => -1.0,
@@ -164,7 +165,7 @@ impl Follower {
         }
     }
 
-    /// The last pose that is reached from `from` in one direction.
+    /// The last pose from `from` on with the same driving direction.
     fn part_end(&self, from: usize) -> usize {
         let way = self.direction(from);
         let last = self.path.len().saturating_sub(1);

@@ -1,28 +1,29 @@
 //! Drives through gates: pairs of markers that the camera recognises.
 //!
-//! Facts: seed 003, mission II, and its published code, which sends the car to the middle between
-//! the nearest two markers that are 0.3 m apart or more, with the heading that it happens to have;
-//! narrower than the car, and also to gates behind it. Here a gate is wide enough for the car, lies
-//! ahead, is driven at along its normal, and is passed when the car has crossed it.
+//! Facts: seed 003, mission II, and its published code. The published code sends the car, with its
+//! current heading, to the middle between the nearest two markers at least 0.3 m apart. That
+//! accepts gates narrower than the car, and gates behind it. Here a gate must be wide enough for
+//! the car and lie ahead. The car approaches it along its normal, and the gate is passed when the
+//! car has crossed it.
 
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 
 use crate::ackermann::{CarPose, wrapped};
 
-/// What makes a gate.
+/// Conditions for a gate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Minimum width: 0.33 m of the car and 5 cm to each side.
     pub width_min_m: f64,
-    /// Greatest width: farther apart two markers are of different gates.
+    /// Maximum width: markers farther apart belong to different gates.
     pub width_max_m: f64,
-    /// How far before the gate the car is to stand on its normal.
+    /// Distance of the approach pose before the gate on its normal.
     pub approach_m: f64,
-    /// How far behind it to go.
+    /// Distance of the pose behind the gate.
     pub beyond_m: f64,
-    /// As fielded: the heading of the goal is that of the car, behind is ahead, and markers stay
-    /// where they were seen first.
+    /// Fielded rule: the goal has the car's heading, gates behind the car count as ahead, and
+    /// markers stay at their first position.
     pub as_fielded: bool,
 }
 
@@ -39,7 +40,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The published code's.
+    /// The settings of the published code.
     pub const fn fielded() -> Self {
         Self {
             width_min_m: 0.30,
@@ -54,27 +55,28 @@ impl Settings {
 /// Numbers of a gate's two markers, the smaller first.
 pub type Gate = [u32; 2];
 
-/// The way through a gate.
+/// The path through a gate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage {
-    /// Its markers.
+    /// Markers of the gate.
     pub gate: Gate,
-    /// Where to be before it.
+    /// Pose before the gate.
     pub before: CarPose,
     /// The middle of the gate.
     pub middle: CarPose,
-    /// Where to be behind it.
+    /// Pose behind the gate.
     pub behind: CarPose,
 }
 
-/// So many sightings a marker's place is the mean of; about a second of them. What was seen from
-/// where the car wrongly believed to be is forgotten then.
+/// Number of sightings averaged for a marker's position; about a second of them. Sightings from a
+/// wrongly believed pose lose their weight within that time.
 const SIGHTINGS: u32 = 30;
 
-/// What stands so near the car, metres, may be seen by no camera: it is not forgotten.
+/// Markers nearer to the car than this, metres, are kept when the pose changes: the camera may not
+/// see them again.
 const NEAR_M: f64 = 1.5;
 
-/// Mean of where a marker was seen lately.
+/// Mean of a marker's recent positions.
 #[derive(Clone, Copy, Debug, Default)]
 struct Marker {
     mean_m: [f64; 2],
@@ -82,7 +84,7 @@ struct Marker {
 }
 
 impl Marker {
-    /// The plain mean of the first sightings, a sliding one of all that come after them.
+    /// Adds a sighting: a plain mean of the first ones, a sliding mean after them.
     fn see(&mut self, place_m: [f64; 2]) {
         self.seen = (self.seen + 1).min(SIGHTINGS);
         let part = 1.0 / f64::from(self.seen);
@@ -92,7 +94,7 @@ impl Marker {
     }
 }
 
-/// Markers that were seen and gates that were passed.
+/// Seen markers and passed gates.
 #[derive(Clone, Debug)]
 pub struct Gates {
     settings: Settings,
@@ -101,7 +103,7 @@ pub struct Gates {
 }
 
 impl Gates {
-    /// Nothing was seen.
+    /// Gates without any sighting.
     pub const fn new(settings: Settings) -> Self {
         Self {
             settings,
@@ -110,7 +112,8 @@ impl Gates {
         }
     }
 
-    /// The camera saw the marker `id` at this place of the map, metres. Whether it is a new one.
+    /// Takes a sighting of the marker `id` at this position of the map, metres; returns whether the
+    /// marker is new.
     pub fn see(&mut self, id: u32, [x_m, y_m]: [f64; 2]) -> bool {
         if !x_m.is_finite() || !y_m.is_finite() {
             return false;
@@ -123,9 +126,9 @@ impl Gates {
         is_new
     }
 
-    /// The car is not at `from`, where it believed to be, but at `to`: what stands near it goes
-    /// along until it is seen again, once. Where the other markers were seen is forgotten, but not
-    /// which gates were passed.
+    /// Corrects the car's pose from `from` to `to`. Markers near the car keep their position
+    /// relative to it until the next sighting, once. The positions of other markers are discarded;
+    /// passed gates are kept.
     pub fn carry(&mut self, from: CarPose, to: CarPose) {
         self.markers.retain(|_, Marker { mean_m, seen }| {
             let is_kept = *seen > 1 && from.distance_to(*mean_m) <= NEAR_M;
@@ -134,12 +137,12 @@ impl Gates {
         });
     }
 
-    /// Gates that were passed, in their order.
+    /// Passed gates, in their order.
     pub fn passed(&self) -> &[Gate] {
         &self.passed
     }
 
-    /// All gates that were found, each by the places of its two markers, metres.
+    /// All found gates, each by the positions of its two markers, metres.
     pub fn found(&self) -> Vec<[[f64; 2]; 2]> {
         let pairs = self.pairs().into_iter();
         let places = pairs.map(|[one, other]| [one.1, other.1]);
@@ -147,13 +150,13 @@ impl Gates {
         places.filter(wide).collect()
     }
 
-    /// Where the markers are, metres.
+    /// Positions of the markers, metres.
     pub fn markers(&self) -> impl Iterator<Item = (u32, [f64; 2])> {
         self.markers.iter().map(|(id, marker)| (*id, marker.mean_m))
     }
 
-    /// The next gate to drive through from `pose`: the nearest that fits and was not passed.
-    /// `is_free` says whether the car can be somewhere.
+    /// The next gate to drive through from `pose`: the nearest suitable one that was not passed.
+    /// `is_free` tests whether the car can be at a pose.
     pub fn next(&self, pose: CarPose, is_free: impl Fn(CarPose) -> bool) -> Option<Passage> {
         let pairs = self.pairs().into_iter();
         let passages = pairs.filter_map(|[one, other]| self.passage(pose, one, other));
@@ -168,7 +171,7 @@ impl Gates {
         possible.min_by(|one, other| far(one).total_cmp(&far(other)))
     }
 
-    /// The car has moved; the gate that it crossed on the way, which is passed now.
+    /// Takes a motion of the car; returns the gate that it crossed, which counts as passed now.
     pub fn moved(&mut self, from: CarPose, to: CarPose) -> Option<Gate> {
         let (a, b) = ([from.x_m, from.y_m], [to.x_m, to.y_m]);
         for [(id, one), (other_id, other)] in self.pairs() {
@@ -182,7 +185,7 @@ impl Gates {
         None
     }
 
-    /// Markers that belong together: each is the other's nearest. As fielded, any two.
+    /// Pairs of markers of which each is the other's nearest. As fielded, any two.
     fn pairs(&self) -> Vec<[(u32, [f64; 2]); 2]> {
         let markers: Vec<(u32, [f64; 2])> = self.markers().collect();
         let nearest = |one: &(u32, [f64; 2])| {
@@ -228,7 +231,7 @@ impl Gates {
         let heading_rad = match self.settings.as_fielded {
             true => pose.heading_rad,
             false => {
-                // The normal that leads away from the side on which the car is.
+                // The normal that points away from the car's side.
                 let normal = libm::atan2(x1 - x0, y0 - y1);
                 let bearing = libm::atan2(y_m - pose.y_m, x_m - pose.x_m);
                 match libm::cos(normal - bearing) >= 0.0 {
@@ -281,7 +284,7 @@ mod tests {
         gates
     }
 
-    /// A gate of 0.8 m at 45 degrees: through its middle, along its normal.
+    /// A gate of 0.8 m at 45 degrees: the car drives through its middle, along its normal.
     #[test]
     fn ap14_a_gate_is_driven_at_along_its_normal() {
         let gates = seen(Settings::default(), &[(10, [2.0, 0.4]), (11, [2.0, -0.4])]);
@@ -291,7 +294,7 @@ mod tests {
             ([10, 11], CarPose { x_m: 2.0, ..ORIGIN })
         );
         assert!((passage.before.x_m - 1.1).abs() < 1e-9 && (passage.behind.x_m - 2.6).abs() < 1e-9);
-        // From the other side it leads back.
+        // From the other side the passage leads back.
         let other = CarPose {
             x_m: 4.0,
             heading_rad: 3.0,
@@ -301,7 +304,8 @@ mod tests {
         assert!((passage.middle.heading_rad.abs() - core::f64::consts::PI).abs() < 1e-9);
     }
 
-    /// 0.35 m is wider than the car by a centimetre to each side: the fielded rule takes it.
+    /// 0.35 m is wider than the car by a centimetre on each side: only the fielded rule accepts
+    /// that.
     #[test]
     fn ap14_a_gate_that_is_too_narrow_is_refused() {
         let markers = [(10, [2.0, 0.175]), (11, [2.0, -0.175])];
@@ -329,7 +333,8 @@ mod tests {
         assert_eq!(fielded.middle.heading_rad, 0.0);
     }
 
-    /// The nearest first, each once; what is not free is left out; markers of two gates make none.
+    /// Nearest gate first, each once; gates that are not free are left out; markers of two
+    /// different gates make no gate.
     #[test]
     fn ap14_gates_are_passed_once_in_the_order_of_their_distance() {
         let markers = [
@@ -357,7 +362,7 @@ mod tests {
         assert_eq!(gates.passed(), order);
     }
 
-    /// Of 200 sightings the first 100 were 1 m off: (29/30)^100 = 0.034 of that is left.
+    /// Of 200 sightings the first 100 were 1 m off: (29/30)^100 = 0.034 of that remains.
     #[test]
     fn what_was_seen_from_a_wrong_place_is_forgotten() {
         let mut gates = Gates::new(Settings::default());
@@ -367,7 +372,7 @@ mod tests {
         assert!((0.03..0.04).contains(&off), "{off}");
     }
 
-    /// Each marker is recognised once, and lies at the mean of where it was seen.
+    /// Each marker is recognised once, and its position is the mean of its sightings.
     #[test]
     fn d1_a_marker_is_recognised_once() {
         for (settings, mean) in [(Settings::default(), 1.5), (Settings::fielded(), 1.0)] {
@@ -398,7 +403,7 @@ mod tests {
                 assert!(off < 1e-4, "{place:?}");
                 assert!((place.heading_rad - diagonal).abs() < 1e-9);
             }
-            // From behind, beside the axis: back along the same line.
+            // From behind, beside the axis: the passage leads back along the same line.
             let from = CarPose {
                 x_m: 4.0,
                 y_m: 3.0,
@@ -407,13 +412,13 @@ mod tests {
             let back = gates.next(from, anywhere).unwrap();
             assert!((back.middle.heading_rad + 3.0 * diagonal).abs() < 1e-9);
             assert!(libm::hypot(back.before.x_m - 2.6364, back.before.y_m - 2.6364) < 1e-4);
-            // One of three places that is not free is enough.
+            // One blocked pose of three is enough.
             let is_free = |pose: CarPose| pose.x_m > 1.4;
             assert_eq!(gates.next(ORIGIN, is_free), None);
         }
     }
 
-    /// From 0.43 m to 1.5 m, each a little to both sides.
+    /// Widths from 0.43 m to 1.5 m, each limit a little to both sides.
     #[test]
     fn a_gate_is_as_wide_as_it_may_be() {
         for (width, is_gate) in [(0.425, false), (0.435, true), (1.495, true), (1.505, false)] {
@@ -435,8 +440,8 @@ mod tests {
         }
     }
 
-    /// Of three markers in a row the nearest two are a gate; as fielded any two: 0.8, 1.1 and
-    /// 1.9 m.
+    /// Of three markers in a row the nearest two are a gate; by the fielded rule any two: 0.8, 1.1
+    /// and 1.9 m.
     #[test]
     fn markers_that_are_each_others_nearest_belong_together() {
         let markers = [(1, [2.0, 0.4]), (2, [2.0, -0.4]), (3, [2.0, 1.5])];
@@ -455,15 +460,16 @@ mod tests {
         };
         assert!(passes(at(1.9, 0.0), at(2.1, 0.0)) && passes(at(2.1, 0.3), at(1.9, 0.3)));
         assert!(passes(at(1.9, -0.3), at(2.1, -0.3)) && passes(at(1.0, -1.0), at(2.5, 0.5)));
-        // It stops short, begins behind, goes by on either side, or along it.
+        // The motion stops short, starts behind, passes on either side, or runs along the gate.
         assert!(!passes(at(1.0, 0.0), at(1.9, 0.0)) && !passes(at(2.1, 0.0), at(3.0, 0.0)));
         assert!(!passes(at(1.9, 0.5), at(2.1, 0.5)) && !passes(at(1.9, -0.5), at(2.1, -0.5)));
         assert!(!passes(at(1.9, -1.0), at(1.9, 1.0)) && !passes(at(1.0, -1.0), at(2.5, 2.0)));
     }
 
-    /// The car is a metre farther back and looks to the left: the marker half a metre before it
-    /// stands half a metre to the left of where it is, the one 2 m before it is forgotten. Carried
-    /// once more, and not seen on the way, it is forgotten, too: it may be what is in the way.
+    /// The car is in fact a metre farther back and looks to the left. The marker half a metre
+    /// before the car moves with it, to (-1, 0.5). The one 2 m before it is discarded. If the near
+    /// marker is carried a second time without a sighting, it is discarded, too: it may be a false
+    /// obstacle.
     #[test]
     fn what_is_near_goes_along_once_with_a_car_that_is_elsewhere() {
         let markers = [(1, [0.5, 0.0]), (2, [2.0, 0.0])];
@@ -482,7 +488,7 @@ mod tests {
             panic!("{markers:?}");
         };
         assert!((x_m + 1.0).abs() < 1e-9 && (y_m - 0.5).abs() < 1e-9);
-        // Seen again it is where it is seen, half of it at once.
+        // A new sighting moves the marker at once by half the difference.
         gates.see(1, [-1.0, 0.7]);
         let (_, [_, y_m]) = gates.markers().next().unwrap();
         assert!((y_m - 0.6).abs() < 1e-9);
@@ -492,7 +498,7 @@ mod tests {
         }
     }
 
-    /// Where they stand is forgotten; that they were passed is not.
+    /// The markers' positions are discarded; the passed gates are not.
     #[test]
     fn a_gate_that_was_passed_is_not_driven_through_again() {
         let markers = [(1, [2.0, -0.4]), (2, [2.0, 0.4])];
@@ -511,7 +517,7 @@ mod tests {
         assert_eq!(gates.passed(), [[1, 2]]);
     }
 
-    /// A gate right beside the rear axle is not ahead, one a centimetre on is.
+    /// A gate right beside the rear axle is not ahead, one a centimetre farther is.
     #[test]
     fn a_gate_beside_the_car_is_not_ahead() {
         let gates = seen(Settings::default(), &[(10, [2.4, 1.0]), (11, [1.6, 1.0])]);
@@ -520,9 +526,9 @@ mod tests {
         assert!(gates.next(at(1.99), anywhere).is_some());
     }
 
-    /// By hand: the posts at -2, -2 and -1.4, -1.4 are 0.85 m apart. What lies where one of them
-    /// would be on the other side of an axis is 4 m away, what lies on an axis 2 m, but 1.5 m from
-    /// the other post.
+    /// By hand: the posts at -2, -2 and -1.4, -1.4 are 0.85 m apart. The markers mirrored at an
+    /// axis are 4 m from the first post; those on an axis are 2 m from it, and 1.5 m from the other
+    /// post.
     #[test]
     fn how_far_markers_are_apart_does_not_depend_on_where_the_map_begins() {
         let markers = [

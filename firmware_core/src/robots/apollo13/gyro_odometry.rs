@@ -1,25 +1,25 @@
-//! Where the car is by its encoder and its gyroscope.
+//! Odometry from the car's encoder and gyroscope.
 
 use crate::ackermann::{CarPose, Motion, wrapped};
 
-/// What is wrong with the fielded odometry; nothing by default.
+/// Defects of the fielded odometry; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// The way to the side has the wrong sign, and the whole turn is laid before the way.
+    /// The sideways motion has the wrong sign, and the whole turn is applied before the motion.
     pub wrong_side: bool,
 }
 
-/// Adds up travel and heading.
+/// Sum of travel and heading.
 #[derive(Clone, Debug)]
 pub struct GyroOdometry {
     defects: Defects,
     pose: CarPose,
-    /// Travel and heading as they were told last.
+    /// Travel and heading of the last reading.
     told: Option<[f64; 2]>,
 }
 
 impl GyroOdometry {
-    /// Begins at `start`.
+    /// Odometry that starts at `start`.
     pub const fn new(start: CarPose, defects: Defects) -> Self {
         Self {
             defects,
@@ -28,12 +28,12 @@ impl GyroOdometry {
         }
     }
 
-    /// Where the car is.
+    /// The car's pose.
     pub const fn pose(&self) -> CarPose {
         self.pose
     }
 
-    /// The board was reset: the next travel and heading only set the beginning.
+    /// Notes a reset of the board: the next travel and heading only set the start values.
     pub const fn begin_anew(&mut self) {
         self.told = None;
     }
@@ -43,14 +43,15 @@ impl GyroOdometry {
         self.pose = self.pose.then(motion);
     }
 
-    /// How far it has counted since the last reading, metres; 0 if there was none.
+    /// Distance counted since the last reading, metres; 0 without one.
     pub fn counted_m(&self, travel_m: f64) -> f64 {
         self.told.map_or(0.0, |[before_m, _]| travel_m - before_m)
     }
 
-    /// Travel since the board's start, metres, and heading by its gyroscope, radians; the first
-    /// ones only set the beginning. A travel that falls back by more than a metre is that of a
-    /// board that was reset: a new beginning. How far it went since the last one, metres.
+    /// Takes the travel since the board's start, metres, and the gyroscope's heading, radians; the
+    /// first ones only set the start values. A travel that falls back by more than a metre means a
+    /// reset of the board, and sets the start values again. Returns the distance since the last
+    /// reading, metres.
     pub fn update(&mut self, travel_m: f64, heading_rad: f64) -> f64 {
         if !travel_m.is_finite() || !heading_rad.is_finite() {
             return 0.0;
@@ -63,7 +64,7 @@ impl GyroOdometry {
             return 0.0;
         }
         let turn_rad = wrapped(heading_rad - before_rad);
-        // The chord of the arc leaves at half the turn.
+        // The chord of the arc starts at half the turn.
         let (sin, cos) = match self.defects.wrong_side {
             true => {
                 let (sin, cos) = libm::sincos(turn_rad);
@@ -123,7 +124,7 @@ mod tests {
         (truth, odometry.pose())
     }
 
-    /// AP7: within 1 % of the way and 1 degree.
+    /// AP7: within 1 % of the distance and 1 degree.
     #[test]
     fn ap7_a_course_of_ten_metres_ends_where_it_ends() {
         let (truth, found) = course();
@@ -133,12 +134,12 @@ mod tests {
             found.distance_m(truth)
         );
         assert!(wrapped(found.heading_rad - truth.heading_rad).abs() < 1_f64.to_radians());
-        // By the midpoint it is far better than that.
+        // The midpoint form is much more accurate than that.
         assert!(found.distance_m(truth) < 0.001);
     }
 
-    /// Half a circle at 15 degrees: each step of `ds` is laid `3/2 ds turn` to the wrong side, and
-    /// that adds up to three steps of 4.9 mm.
+    /// Half a circle at 15 degrees: each step of `ds` is moved by `3/2 ds turn` to the wrong side,
+    /// which adds up to three steps of 4.9 mm.
     #[test]
     fn ap7_the_fielded_signs_cost_a_centimetre_and_a_half() {
         let step = 0.22 / 45.0;

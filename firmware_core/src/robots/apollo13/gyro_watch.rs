@@ -1,16 +1,17 @@
-//! Watches whether the gyroscope still measures.
+//! Detects a stuck gyroscope.
 //!
-//! A chip whose registers are stuck tells one rate forever; the odometer adds it up to a heading,
-//! and its lines look sound. But a gyroscope that measures is never quiet: 0.05 degrees a second of
-//! noise (MPU-6050, data sheet) are 0.8 of its steps of 0.061 at 2,000 degrees a second, so that
-//! one line in three tells the rate of the line before. As many in a row as are counted here come
-//! once in 10^14 lines. Then the car turned as it steered.
+//! A chip with stuck registers reports one rate forever; the odometer adds this rate up to a
+//! heading, and its lines look valid. A working gyroscope is never quiet: its noise of 0.05 degrees
+//! a second (MPU-6050, data sheet) is 0.8 of its steps of 0.061 at 2,000 degrees a second. One line
+//! in three therefore repeats the rate of the line before. The run of equal rates counted here
+//! occurs by chance once in 10^14 lines. For a stuck gyroscope the turn is computed from the
+//! steering.
 
 use protocols::odometer::Reading;
 
 use crate::ackermann::{CarGeometry, wrapped};
 
-/// So many lines in a row that tell the same rate, 0.3 s, come from a stuck chip.
+/// Number of lines in a row with the same rate, 0.3 s, that mean a stuck chip.
 const SAME_MAX: u32 = 30;
 /// The car as the program knows it.
 const CAR: CarGeometry = CarGeometry {
@@ -24,7 +25,7 @@ pub struct GyroWatch {
     before: Option<Reading>,
     /// Lines since the rate changed.
     same: u32,
-    /// By how much the car steered farther than it was told to have turned, since then, radians.
+    /// Turn by the steering minus turn by the gyroscope since then, radians.
     off_rad: f64,
 }
 
@@ -41,9 +42,9 @@ impl GyroWatch {
         self.same >= SAME_MAX
     }
 
-    /// A line, and how the wheels were steered, radians; what to add to the heading that it
-    /// reports, radians: 0 while the chip measures. It was stuck from the first of the same lines
-    /// on, so the turn of all of them is set right at once.
+    /// Takes a line, and the steering angle of the wheels, radians. Returns the correction of the
+    /// reported heading, radians: 0 while the chip works. The chip was stuck from the first of the
+    /// equal lines on, so the turn of all of them is corrected at once.
     pub fn hear(&mut self, reading: Reading, steering_rad: f64) -> f64 {
         let Some(before) = self.before.replace(reading) else {
             return 0.0;
@@ -74,7 +75,7 @@ mod tests {
 
     use super::*;
 
-    /// Line `index` of a car that goes 2.2 mm a line, told to turn at this rate.
+    /// Line `index` of a car that drives 2.2 mm a line and reports this rate.
     fn line(index: u32, rate_rad_s: f64) -> Reading {
         Reading {
             distance_m: 0.002_2 * f64::from(index),
@@ -85,7 +86,7 @@ mod tests {
     }
 
     /// Wheels at atan(0.25) turn a car of 0.25 m by a radian a metre: 0.22 m in 100 lines turn it
-    /// by 0.22 rad. A stuck chip says 0.5 rad/s, which is 0.50 rad.
+    /// by 0.22 rad. A stuck chip reports 0.5 rad/s, which is 0.50 rad.
     #[test]
     fn a_stuck_gyroscope_is_not_believed_from_its_first_stuck_line_on() {
         let mut watch = GyroWatch::default();
@@ -99,7 +100,7 @@ mod tests {
         assert!(watch.is_stuck());
     }
 
-    /// Noise of one step; and one that measures again is believed at once.
+    /// A noise of one step is normal; a chip that measures again is trusted at once.
     #[test]
     fn a_gyroscope_that_measures_is_believed() {
         let mut watch = GyroWatch::default();

@@ -1,42 +1,42 @@
-//! Watches whether the odometer can be believed, and what to do when it cannot.
+//! Detects an odometer with wrong or missing data, and decides when to restart it.
 //!
 //! Its microcontroller takes the gyroscope's offset when it starts, from samples at rest. It starts
-//! whenever its port is opened, and by itself after a loss of supply. So an odometer that fell
-//! silent, or that began again while the car was rolling, is started once more by opening its port,
-//! with the car at rest. If it stays silent, the car continues by what its board tells.
+//! whenever its port is opened, and by itself after a loss of supply. If the odometer fell silent,
+//! or restarted while the car was rolling, the car stops and opens its port to restart it. If it
+//! stays silent, the car continues with the odometry of its board.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-/// Lines come each 10 ms; longer silence is none that a scheduler makes.
+/// Lines come each 10 ms; no scheduler causes a longer silence than this.
 const SILENT: Duration = Duration::from_millis(250);
-/// The car is at rest when it was not told to move, and no wheel turned, for so long: its motor has
-/// a lag of 0.3 s.
+/// The car counts as resting if it had no motor command and no wheel pulse for this long: its motor
+/// has a lag of 0.3 s.
 const AT_REST: Duration = Duration::from_millis(1_200);
-/// How long before the first line the offset was taken.
+/// Time between the measurement of the offset and the first line.
 const CALIBRATED_BEFORE: Duration = Duration::from_millis(200);
 /// A silent odometer is started even if the car does not come to rest within this time, because an
 /// operator drives it by hand. Then it is started again at rest.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// The first line comes 1.10 s after the port was opened, that of the later sketch 2.24 s.
 const ANSWERS: Duration = Duration::from_millis(2_800);
-/// Attempts until the car continues without.
+/// Attempts before the car continues without the odometer.
 const ATTEMPTS: u8 = 3;
-/// After so long without it, one attempt more.
+/// Time without the odometer before another attempt.
 const ONCE_MORE: Duration = Duration::from_secs(30);
 
-/// What is done about the odometer.
+/// State of the odometer's restart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum State {
-    /// Nothing: it can be believed.
+    /// The odometer is valid; nothing to do.
     #[default]
     Fine,
-    /// The car comes to rest, from then on.
+    /// The car comes to rest, since this time.
     Resting(Instant),
-    /// Its port was opened then.
+    /// The port was opened at this time.
     Opened(Instant),
-    /// It is gone, since then.
+    /// The odometer is lost, since this time.
     Gone(Instant),
 }
 
@@ -45,9 +45,9 @@ enum State {
 pub struct OdometerWatch {
     state: State,
     heard: Option<Instant>,
-    /// When the car was last told to move, or a wheel turned.
+    /// Time of the last motor command or wheel pulse.
     rolled: Option<Instant>,
-    /// Whether its offset was taken while the car was rolling.
+    /// Whether the offset was measured while the car was rolling.
     is_misled: bool,
     attempts: u8,
     is_to_be_opened: bool,
@@ -55,12 +55,13 @@ pub struct OdometerWatch {
 }
 
 impl OdometerWatch {
-    /// A line came; `is_first` after a start of the microcontroller, as the first of all is.
+    /// Takes the arrival of a line; `is_first` marks the first one after a start of the
+    /// microcontroller.
     pub fn hear(&mut self, now: Instant, is_first: bool) {
         let is_first = self.heard.replace(now).is_none() || is_first;
         let was_rolling = |rolled| now - rolled < AT_REST + CALIBRATED_BEFORE;
         match self.state {
-            // What came before its start is still on the way.
+            // Lines from before its restart still arrive.
             State::Opened(_) if self.is_misled && !is_first => {}
             _ if is_first && self.rolled.is_some_and(was_rolling) => {
                 (self.is_misled, self.attempts) = (true, 0);
@@ -74,12 +75,12 @@ impl OdometerWatch {
         }
     }
 
-    /// The car is told to move, or a wheel turned.
+    /// Notes a motor command or a wheel pulse.
     pub const fn roll(&mut self, now: Instant) {
         self.rolled = Some(now);
     }
 
-    /// Goes on in time.
+    /// Advances the state in time.
     pub fn poll(&mut self, now: Instant) {
         let is_silent = self.is_silent(now);
         match self.state {
@@ -115,14 +116,14 @@ impl OdometerWatch {
         now - self.heard.unwrap_or(Instant::ZERO) > SILENT
     }
 
-    /// Whether its gyroscope's offset was taken while the car was rolling: until it is started once
-    /// more at rest, its heading turns by itself.
+    /// Whether the gyroscope's offset was measured while the car was rolling. Until the odometer is
+    /// started again at rest, its heading drifts.
     pub const fn is_misled(&self) -> bool {
         self.is_misled
     }
 
-    /// Whether the car must not drive where it has to know its place: not before the first line
-    /// either, while the offset is being taken.
+    /// Whether the car must not drive to positions: its pose is unknown. This includes the time
+    /// before the first line, while the offset is measured.
     pub const fn wants_rest(&self) -> bool {
         match self.state {
             State::Fine => self.heard.is_none(),
@@ -131,12 +132,12 @@ impl OdometerWatch {
         }
     }
 
-    /// Whether the port is to be opened now; told once.
+    /// Whether the port must be opened now; true once per restart.
     pub const fn take_opening(&mut self) -> bool {
         core::mem::replace(&mut self.is_to_be_opened, false)
     }
 
-    /// How often the port was opened.
+    /// Number of times that the port was opened.
     pub const fn openings(&self) -> u64 {
         self.openings
     }
@@ -154,7 +155,7 @@ mod tests {
         Instant::ZERO + Duration::from_millis(ms)
     }
 
-    /// Polls each 10 ms; when the port was opened.
+    /// Polls each 10 ms; returns the times at which the port was opened.
     fn openings(watch: &mut OdometerWatch, from_ms: u64, until_ms: u64) -> Vec<u64> {
         let times = (from_ms..until_ms).step_by(10);
         let opened = |ms: &u64| {
@@ -177,7 +178,7 @@ mod tests {
         assert_eq!(openings(&mut watch, 13_300, 45_000), [44_460]);
     }
 
-    /// It answers: the car may drive again.
+    /// The odometer answers: the car may drive again.
     #[test]
     fn an_odometer_that_answers_is_believed() {
         let mut watch = OdometerWatch::default();
@@ -188,7 +189,7 @@ mod tests {
         assert!(!watch.wants_rest() && openings(&mut watch, 2_000, 2_200).is_empty());
     }
 
-    /// Silent from 0 on in a car that is driven by hand: opened after 3 s all the same.
+    /// Silent from 0 on in a car that an operator drives: opened after 3 s anyway.
     #[test]
     fn an_odometer_is_started_in_a_car_that_rolls_on() {
         let mut watch = OdometerWatch::default();
@@ -201,8 +202,8 @@ mod tests {
         assert_eq!(opened, [3_260]);
     }
 
-    /// A start at 2 s while the car rolls took a wrong offset: rest, and a start at rest. Lines
-    /// that are not the first after a start prove nothing.
+    /// A start at 2 s while the car rolls measured a wrong offset, so the car rests and restarts
+    /// the odometer. Only the first line after a start proves a good offset.
     #[test]
     fn an_odometer_that_started_while_the_car_rolled_is_started_at_rest() {
         let mut watch = OdometerWatch::default();
@@ -221,8 +222,8 @@ mod tests {
         assert_eq!(opened, [3_200]);
     }
 
-    /// Told to drive 0.2 s after all was switched on, it waits for the first line at 0.27 s; one
-    /// that was driven by hand meanwhile is started once more, at rest.
+    /// The car gets a drive order 0.2 s after all was switched on and waits for the first line at
+    /// 0.27 s. A car that an operator drove meanwhile restarts its odometer at rest.
     #[test]
     fn a_car_waits_for_its_first_line() {
         let mut watch = OdometerWatch::default();
@@ -237,7 +238,8 @@ mod tests {
         assert_eq!(openings(&mut by_hand, 270, 1_480), [1_470]);
     }
 
-    /// A motor's lag of 1.2 s, and 0.2 s for the offset: 1.4 s after it rolled the car was at rest.
+    /// 1.2 s for the motor's lag, and 0.2 s for the offset: 1.4 s after it rolled the car was at
+    /// rest.
     #[test]
     fn a_start_is_at_rest_1400_ms_after_the_car_rolled() {
         let is_misled = |ms: u64| {
@@ -249,7 +251,7 @@ mod tests {
         assert_eq!([1_399, 1_400].map(is_misled), [true, false]);
     }
 
-    /// A line each 250 ms is none too few.
+    /// A line each 250 ms is often enough.
     #[test]
     fn silence_is_longer_than_a_quarter_of_a_second() {
         let mut watch = OdometerWatch::default();
@@ -260,8 +262,8 @@ mod tests {
         );
     }
 
-    /// Silent from 1 s on, it is heard again before its port is opened: nothing is done about
-    /// it.
+    /// The odometer is silent from 1 s on, and sends again before its port is opened: the watch
+    /// does not restart it.
     #[test]
     fn an_odometer_that_is_heard_again_is_not_opened() {
         let mut watch = OdometerWatch::default();
@@ -278,7 +280,8 @@ mod tests {
         assert!(opened.is_empty() && watch.openings() == 0);
     }
 
-    /// Opened, it continues with lines that are not the first: its port had no reset line.
+    /// After the opening, lines continue that are not the first after a start: the port has no
+    /// reset line.
     #[test]
     fn an_odometer_that_goes_on_behind_its_opening_is_believed() {
         let mut watch = OdometerWatch::default();

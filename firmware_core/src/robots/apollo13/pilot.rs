@@ -1,4 +1,4 @@
-//! Drives to a goal: plans, follows, and plans again when something is in the way.
+//! Drives to a goal: plans, follows the path, and plans again when an obstacle blocks it.
 
 use alloc::vec::Vec;
 use core::time::Duration;
@@ -10,32 +10,32 @@ use crate::ackermann::{CarPose, wrapped};
 use crate::costmap::Costmap;
 use crate::lattice::{Goal, Lattice, Limits, NoPlan, Outline, PrimitiveSet};
 
-/// How often the way ahead is checked.
+/// Interval of the checks of the path ahead.
 const LOOKS_EVERY: Duration = Duration::from_millis(200);
-/// Plans in a row that do not help before the goal is given up.
+/// Failed plans in a row before the goal is given up.
 const PLANS_MAX: u8 = 8;
-/// Way after which plans that failed are forgotten, metres.
+/// Progress that resets the count of failed plans, metres.
 const GOT_ON_M: f64 = 0.3;
 /// Time between two plans that failed.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// What became of a goal.
+/// Result of a goal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GoalState {
-    /// There is none.
+    /// No goal.
     #[default]
     None,
-    /// The car is on its way.
+    /// The car drives to the goal.
     Driving,
-    /// It stands and looks for a way.
+    /// The car stands and plans a path.
     Planning,
     /// The car is at the goal.
     Reached,
-    /// There is no way, or none that could be driven.
+    /// There is no path, or none that the car could drive.
     GivenUp,
 }
 
-/// A plan and the goal that it is for.
+/// A plan and its goal.
 #[derive(Clone, Debug)]
 pub struct Pilot {
     lattice: Lattice,
@@ -43,11 +43,11 @@ pub struct Pilot {
     goal: Option<CarPose>,
     /// Whether the heading there matters.
     with_heading: bool,
-    /// How near it is reached, metres and radians.
+    /// Tolerance at the goal, metres and radians.
     tolerance: [f64; 2],
     follower: Option<Follower>,
-    /// Poses of its way that [`Self::is_free`] did not call free when it was planned, ascending:
-    /// between two headings of the lattice it is stricter than the search.
+    /// Indices of the path's poses that [`Self::is_free`] rejected at planning, ascending: between
+    /// two headings of the lattice the test is stricter than the search.
     tight: Vec<usize>,
     state: GoalState,
     plans: u64,
@@ -57,7 +57,7 @@ pub struct Pilot {
 }
 
 impl Pilot {
-    /// A pilot of a car with these primitives and this outline, planned with room to spare.
+    /// A pilot of a car with these primitives and this outline; plans keep a margin around it.
     pub fn new(set: PrimitiveSet, outline: &Outline, settings: FollowerSettings) -> Self {
         Self {
             lattice: Lattice::new(set, outline),
@@ -75,7 +75,7 @@ impl Pilot {
         }
     }
 
-    /// Another goal, or none.
+    /// Sets another goal, or none.
     pub fn set_goal(&mut self, goal: Option<CarPose>) {
         self.goal = goal;
         self.with_heading = true;
@@ -90,19 +90,19 @@ impl Pilot {
         };
     }
 
-    /// Another goal, at which any heading will do, or none.
+    /// Sets another goal with any heading, or none.
     pub fn set_place(&mut self, goal: Option<CarPose>) {
         self.set_goal(goal);
         self.with_heading = false;
     }
 
-    /// Another goal, reached when the car is as near as `tolerance`, metres and radians; or none.
+    /// Sets another goal with the given `tolerance`, metres and radians, or none.
     pub fn set_exact_goal(&mut self, goal: Option<CarPose>, tolerance: [f64; 2]) {
         self.set_goal(goal);
         self.tolerance = tolerance;
     }
 
-    /// Another goal, to which a way is known: it is followed as it is.
+    /// Sets another goal with a known path, which is followed unchanged.
     pub fn follow(&mut self, path: Vec<CarPose>) {
         self.set_goal(path.last().copied());
         if !path.is_empty() {
@@ -117,13 +117,13 @@ impl Pilot {
         self.goal
     }
 
-    /// Whether `goal` is the one that it plans for or drives to.
+    /// Whether the pilot plans for or drives to `goal`.
     pub fn is_after(&self, goal: CarPose) -> bool {
         let is_at_it = matches!(self.state, GoalState::Planning | GoalState::Driving);
         is_at_it && self.goal == Some(goal)
     }
 
-    /// Its result.
+    /// Result of the goal so far.
     pub const fn state(&self) -> GoalState {
         self.state
     }
@@ -133,7 +133,7 @@ impl Pilot {
         self.plans
     }
 
-    /// The way that is followed.
+    /// The current path.
     pub fn path(&self) -> &[CarPose] {
         self.follower.as_ref().map_or(&[], Follower::path)
     }
@@ -145,8 +145,8 @@ impl Pilot {
         cell.is_some_and(|cell| self.lattice.is_free(map, cell, angle))
     }
 
-    /// Speed and steering angle at `now`, m/s and radians to the left; `None`: stand. `costs` is
-    /// asked for only when a plan is made or looked at; without a map there are no plans.
+    /// Speed and steering angle at `now`, m/s and radians to the left; `None`: stop. `costs` is
+    /// called only to make or check a plan; without a map there are no plans.
     pub fn drive<'a>(
         &mut self,
         now: Instant,
@@ -192,14 +192,14 @@ impl Pilot {
         }
     }
 
-    /// Whether the goal is near enough, wherever the way to it ends.
+    /// Whether the goal is near enough, even before the end of the path.
     fn is_there(&self, pose: CarPose, goal: CarPose) -> bool {
         let [near_m, near_rad] = self.tolerance;
         let turned = wrapped(goal.heading_rad - pose.heading_rad).abs();
         pose.distance_m(goal) <= near_m && (turned <= near_rad || !self.with_heading)
     }
 
-    /// The way that is followed is not free: another one, after a while.
+    /// Replaces a blocked path by another one, after a while.
     pub fn plan_anew(&mut self) {
         if self.state == GoalState::Driving {
             self.follower = None;
@@ -224,13 +224,13 @@ impl Pilot {
                 self.follower = Some(Follower::new(plan.poses, settings));
                 self.state = GoalState::Driving;
             }
-            // Something may stand there for a while only.
+            // Only this error is final; others may be caused by a temporary obstacle.
             Err(NoPlan::Resolution) => self.state = GoalState::GivenUp,
             Err(_) => self.fail(pose),
         }
     }
 
-    /// A plan was not made or not driven; where the car has got on since, that counts again.
+    /// Counts a failed plan; the count restarts if the car has made progress since the last one.
     fn fail(&mut self, pose: CarPose) {
         self.follower = None;
         if self
@@ -247,7 +247,7 @@ impl Pilot {
         };
     }
 
-    /// Whether the next metre and a half of the way is not free any more.
+    /// Whether the next metre and a half of the path is blocked.
     fn is_blocked(&self, map: &Costmap, pose: CarPose) -> bool {
         let path = self.path();
         let far = |index: usize| pose.distance_m(path[index]);

@@ -1,6 +1,6 @@
-//! The whole program: what it receives on its five ports, what it decides, what it sends.
+//! The whole program: its input on five ports, its decisions, its output.
 //!
-//! | port | speaks |
+//! | port | protocol |
 //! |---|---|
 //! | [`CAR`](Apollo13::CAR) | the car's board: commands out, ultrasound, hall, battery in |
 //! | [`ODOMETER`](Apollo13::ODOMETER) | text lines of encoder and gyroscope, in |
@@ -44,54 +44,54 @@ use crate::particles::Localiser;
 use crate::pose::Point;
 use crate::{Master, Work};
 
-/// How often commands are sent.
+/// Period of commands.
 const SEND_EVERY: Duration = Duration::from_millis(20);
 /// The fielded program sends both bytes each millisecond.
 const FIELDED_SEND_EVERY: Duration = Duration::from_millis(1);
-/// Nearer ahead than this the car does not drive on, metres.
+/// Minimum distance ahead for driving on, metres.
 const TOO_NEAR_M: f64 = 0.25;
-/// Longer without a distance from it, a wall is not followed: 11 cm of way.
+/// Longest time without a wall distance in which the wall is still followed: 11 cm of path.
 const WALL_SILENT_MAX: Duration = Duration::from_millis(500);
-/// After so many scans that do not fit, 2 m of way, the car is lost.
+/// Number of unfitting scans, 2 m of path, after which the car is lost.
 const MISFITS_MAX: u8 = 40;
-/// Where the camera sits before the rear axle's middle, metres.
+/// Distance of the camera before the rear axle's middle, metres.
 pub(super) const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
-/// Where the ultrasonic sensor ahead sits before the rear axle's middle.
+/// Distance of the front ultrasonic sensor before the rear axle's middle.
 const FRONT_AHEAD_M: f64 = 0.175 + 0.129;
 
-/// What is wrong with the fielded program; nothing by default.
+/// Defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Of the arbiter between phone and planner.
+    /// Defects of the arbiter between phone and planner.
     pub arbiter: arbiter::Defects,
-    /// Of the odometry.
+    /// Defects of the odometry.
     pub odometry: gyro_odometry::Defects,
-    /// Frames of the board by the fielded parser, which loses `00 00 0F`.
+    /// Frames of the board are read by the fielded parser, which loses `00 00 0F`.
     pub loses_frames: bool,
     /// Carriage returns are read as newlines on the board's port.
     pub reads_cr_as_nl: bool,
-    /// Lines of the odometer count only if their sum holds exactly, in 32-bit floats.
+    /// Lines of the odometer count only if their sum is exact in 32-bit floats.
     pub sums_exactly: bool,
     /// Both bytes are sent each millisecond.
     pub floods: bool,
-    /// Gates by the fielded rule.
+    /// Gates are chosen by the fielded rule.
     pub gates_as_fielded: bool,
 }
 
-/// How the program is set up.
+/// Settings of the program.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Where the car is told to begin: the rear axle's middle.
+    /// Initial pose of the car: the rear axle's middle.
     pub start: CarPose,
-    /// The map that it has; without one it drives by odometry and cannot plan.
+    /// The car's map; without one the car drives by odometry and cannot plan.
     pub floor: FloorPlan,
-    /// What the odometer's lines mean; `None`: those of the later sketch, [`odometer::Raw`].
+    /// Format of the odometer's lines; `None`: those of the later sketch, [`odometer::Raw`].
     pub dialect: Option<odometer::Dialect>,
-    /// The wall that is followed in autonomous driving without a goal, and the distance, metres.
+    /// The wall to follow in autonomous driving without a goal, and its distance, metres.
     pub wall: Option<(Side, f64)>,
-    /// Of the localisation's dice.
+    /// Seed of the localisation's random numbers.
     pub seed: u64,
-    /// The error.
+    /// Enabled defects of the fielded program.
     pub defects: Defects,
 }
 
@@ -108,7 +108,7 @@ impl Default for Config {
     }
 }
 
-/// What happened, for reports.
+/// Counters for reports.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counters {
     frames: u64,
@@ -135,30 +135,30 @@ pub struct Apollo13 {
     odometry: GyroOdometry,
     watch: OdometerWatch,
     gyro: GyroWatch,
-    /// What the board tells of the way.
+    /// Odometry of the board.
     by_board: BoardOdometry,
-    /// What encoder and steering tell of it.
+    /// Odometry from encoder and steering table.
     steered: CarPose,
-    /// The odometry at the last line, and the board's then.
+    /// The odometry at the last line, and the board's pose then.
     at_line: (GyroOdometry, CarPose),
     witness: Witness,
-    /// The odometer's clock as it was told last, seconds.
+    /// Time of the odometer's last line by its own clock, seconds.
     odometer_s: f64,
     localiser: Option<Localiser>,
-    /// Where the odometry's origin lies on the map.
+    /// Pose of the odometry's origin on the map.
     origin: CarPose,
     floor: Floor,
-    /// The map under way, from when mapping is ordered until something else is.
+    /// The map under construction, from the order to map until another order.
     survey: Option<Survey>,
-    /// When a place to look from was chosen last.
+    /// Time of the last choice of a view.
     chosen: Option<Instant>,
-    /// Since when it has not got on while it maps, and where.
+    /// Time and pose since which the car has made no progress while it maps.
     got_on: Option<(Instant, CarPose)>,
     pilot: Pilot,
     gates: Gates,
     passage: Option<Passage>,
     search: search::Search,
-    /// Scans in a row, more or less, that do not fit where the car believes to be.
+    /// Balance of scans that do not fit at the believed pose.
     misfits: u8,
     wall: Option<WallDistance>,
     wall_heard: Option<Instant>,
@@ -176,7 +176,7 @@ pub struct Apollo13 {
     counters: Counters,
 }
 
-/// Finds the board's frames.
+/// Parser of the board's frames.
 #[derive(Clone, Debug)]
 enum Board {
     Sound(car_board::Decoder),
@@ -204,7 +204,7 @@ impl Apollo13 {
     /// The phone.
     pub const REMOTE: Port = Port(4);
 
-    /// A program that begins now.
+    /// A program in its initial state.
     pub fn new(config: Config) -> Self {
         let defects = config.defects;
         let floor = Floor::new(config.floor.clone(), INFLATION);
@@ -261,33 +261,35 @@ impl Apollo13 {
         }
     }
 
-    /// Where the car believes to be on its map: the rear axle's middle.
+    /// The car's believed pose on its map: the rear axle's middle.
     pub fn pose(&self) -> CarPose {
         let moved = CarPose::default().motion_to(self.odometry.pose());
         self.origin.then(moved)
     }
 
-    /// A goal on the map, or none.
+    /// Sets a goal on the map, or none.
     pub fn set_goal(&mut self, goal: Option<CarPose>) {
         self.pilot.set_goal(goal);
     }
 
-    /// Follows its wall with these gains from now on.
+    /// Sets the gains of the wall follower.
     pub fn set_wall_gains(&mut self, gains: Gains) {
         let wall = self.config.wall;
         self.wall = wall.map(|(side, wanted_m)| WallDistance::new(side, wanted_m, gains));
     }
 
-    /// Takes the car's pose from the operator, except while the car draws a map and knows better.
+    /// Takes the car's pose from the operator, except while the car draws a map: then its own pose
+    /// is better.
     pub fn set_pose(&mut self, pose: CarPose) {
-        // A map under way is drawn where the car found itself to be.
+        // A map under construction is drawn from the car's own pose.
         if self.survey.is_some() {
             return;
         }
         if let Some(localiser) = &mut self.localiser {
             localiser.place(pose, [0.3, 0.3, 0.17]);
         }
-        // What was seen from elsewhere is not where it seemed to be, but where it is from the car.
+        // Markers near the car keep their position relative to it; obstacles seen from the wrong
+        // pose are discarded.
         self.gates.carry(self.pose(), pose);
         self.floor.forget();
         self.floor
@@ -301,7 +303,7 @@ impl Apollo13 {
         self.move_origin(pose);
     }
 
-    /// The way to the goal.
+    /// The pilot with the path to the goal.
     pub const fn pilot(&self) -> &Pilot {
         &self.pilot
     }
@@ -311,38 +313,38 @@ impl Apollo13 {
         &self.gates
     }
 
-    /// Places of cells that are in the way and not on the map, metres.
+    /// Positions of obstacle cells that are not on the map, metres.
     pub fn in_the_way(&self) -> impl Iterator<Item = [f64; 2]> {
         self.floor.in_the_way()
     }
 
-    /// The guesses of where the car is.
+    /// The guesses of the car's pose.
     pub fn particles(&self) -> &[crate::particles::Particle] {
         self.localiser.as_ref().map_or(&[], Localiser::particles)
     }
 
-    /// What was sent to the board last.
+    /// The last command sent to the board.
     pub const fn drive(&self) -> Drive {
         self.drive
     }
 
-    /// Ultrasonic ranges ahead, to the right and to the left, metres, as last heard.
+    /// Ultrasonic ranges ahead, to the right and to the left, metres, as last received.
     pub const fn ultrasound_m(&self) -> [Option<f64>; 3] {
         self.ultrasound_m
     }
 
-    /// The battery's voltage as last heard, millivolts; 0: not yet.
+    /// The battery's voltage as last received, millivolts; 0: not yet.
     pub const fn battery_mv(&self) -> u16 {
         self.battery_mv
     }
 
-    /// Puts the odometry's origin where the car is at `pose`.
+    /// Sets the odometry's origin such that the car is at `pose`.
     fn move_origin(&mut self, pose: CarPose) {
         let back = self.odometry.pose().motion_to(CarPose::default());
         self.origin = pose.then(back);
     }
 
-    /// What the planner wants: to pass gates, to get to the goal, or along the wall.
+    /// The planner's command: through gates, to the goal, or along the wall.
     fn planned(&mut self) -> Option<Drive> {
         let pose = self.pose();
         self.begin_or_end_mapping(pose);
@@ -352,7 +354,8 @@ impl Apollo13 {
             Mode::Autonomous => {}
             _ => return None,
         }
-        // Without an odometer it does not know where it is; one that is gone is done without.
+        // The car stops while its odometer restarts, because its pose is unknown then. It continues
+        // without a lost odometer.
         if self.watch.wants_rest() {
             return Some(Drive::STOP);
         }
@@ -372,7 +375,7 @@ impl Apollo13 {
         };
         if speed_m_s > 0.0 && self.is_too_near() {
             self.counters.too_near += 1;
-            // What is there is on the map by now: another way, or none.
+            // The map contains the obstacle by now: plan another path, or none.
             if is_driving {
                 self.pilot.plan_anew();
             }
@@ -384,12 +387,13 @@ impl Apollo13 {
         })
     }
 
-    /// Whether the camera has not fitted the map for long: an operator must give the car's pose.
+    /// Whether the camera has not fitted the map for a long time: an operator must give the car's
+    /// pose.
     const fn is_lost(&self) -> bool {
         self.misfits >= MISFITS_MAX
     }
 
-    /// Whether there is a wall to follow, and the board has lately told how far it is.
+    /// Whether there is a wall to follow, and the board has recently reported its distance.
     fn hears_wall(&self) -> bool {
         let is_new = |heard: Instant| self.now - heard <= WALL_SILENT_MAX;
         self.wall.is_some() && self.wall_heard.is_some_and(is_new)
@@ -414,7 +418,7 @@ impl Apollo13 {
             self.out
                 .push_back(car_board::Command::Steering(steering).encode());
         }
-        // What the line has not taken is old: only the newest pair counts.
+        // Commands that the line has not taken are outdated: only the newest pair counts.
         while self.out.len() > 2 {
             self.out.pop_front();
         }
@@ -428,7 +432,7 @@ impl Apollo13 {
     }
 }
 
-/// Room that plans keep around the car, metres: what following may be off.
+/// Margin of plans around the car, metres: the error of following.
 const ROOM_M: f64 = 0.03;
 /// The rear end is the outline's nearest side, as its reference point is the rear axle's middle.
 const INFLATION: Inflation = Inflation {
@@ -492,7 +496,7 @@ impl Master for Apollo13 {
         LineConfig::new_8n1(match port {
             Self::CAR => car_board::BAUD,
             Self::ODOMETER => odometer::BAUD,
-            // Wireless, in the seed: 54 Mbit/s at best.
+            // Wireless in the seed: at most 54 Mbit/s.
             _ => 20_000_000,
         })
     }

@@ -1,19 +1,20 @@
-//! Makes readings of the later sketch's lines, which tell what its sensors do and no more: the
-//! heading is added up here, and a way that the accelerometer did not feel is none.
+//! Converts the later sketch's lines, which contain only raw sensor values, to readings. The
+//! heading is summed here, and a distance without a matching acceleration does not count.
 
 use protocols::odometer::{Raw, Reading};
 
 use super::slip::SlipWatch;
 
-/// Lines come with the sketch's loop, and tell no time.
+/// Period of the sketch's lines, which contain no time.
 const LINE_S: f64 = 0.010_03;
-/// So long the encoder stands before the gyroscope's offset is learned, and how fast, seconds.
+/// Time that the encoder stands before the gyroscope's offset is measured, and the time constant of
+/// the measurement, seconds.
 const STANDS_S: f64 = 0.5;
 const LEARNED_S: f64 = 0.5;
-/// A way that falls back to nothing from farther than this is that of a board that was reset.
+/// A distance that falls back to 0 from more than this means a reset of the board.
 const RESET_M: f64 = 0.05;
 
-/// What was told so far.
+/// State of the conversion.
 #[derive(Clone, Debug, Default)]
 pub struct RawLines {
     told_m: Option<f64>,
@@ -24,7 +25,7 @@ pub struct RawLines {
 }
 
 impl RawLines {
-    /// What a line comes to. After a reset of the board its time begins again.
+    /// Converts a line to a reading. After a reset of the board its time restarts.
     pub fn read(&mut self, raw: &Raw) -> Reading {
         let before_m = self.told_m.unwrap_or(raw.distance);
         if raw.distance == 0.0 && before_m.abs() > RESET_M {
@@ -64,7 +65,7 @@ impl RawLines {
         reading
     }
 
-    /// How often the wheels slipped.
+    /// Number of slips of the wheels.
     pub const fn slips(&self) -> u64 {
         self.slip.found()
     }
@@ -92,7 +93,7 @@ mod tests {
         (0..200).for_each(|_| _ = lines.read(&raw(0.0, 0.5)));
         let mut yaw_rad = 0.0;
         (0..100).for_each(|_| yaw_rad = lines.read(&raw(0.0, 90.5)).yaw_rad);
-        // What turns while the encoder stands is taken for an offset, in half a second.
+        // A turn while the encoder stands is taken for an offset within half a second.
         assert!(yaw_rad < 1.0, "{yaw_rad}");
         let mut lines = RawLines::default();
         (0..200).for_each(|_| _ = lines.read(&raw(0.0, 0.5)));
@@ -113,9 +114,9 @@ mod tests {
         assert!(after.time_s < before.time_s && after.distance_m == 0.0);
     }
 
-    /// Lines of 10.03 ms: what turns in the fiftieth, after half a second, is learned with 10.03
-    /// of 500 parts; of 1 degree a second above the first line's there remain 0.97994. A count of
-    /// the encoder begins the half second again.
+    /// Lines of 10.03 ms: a turn in the fiftieth line, after half a second, is learned with 10.03
+    /// of 500 parts; of 1 degree a second above the first line's, 0.97994 remain. A count of the
+    /// encoder restarts the half second.
     #[test]
     fn an_offset_is_learned_after_half_a_second_at_rest() {
         let mut lines = RawLines::default();
@@ -138,8 +139,8 @@ mod tests {
         assert!((rests[49] - 0.979_94 * 0.979_94).abs() < 1e-9);
     }
 
-    /// Three lines: 3 cm, 30.09 ms, and turned by 2 degrees a second for two of them. A way that
-    /// falls back to nothing from 5 cm is a way; from more it is a board that was reset.
+    /// Three lines: 3 cm, 30.09 ms, and turned by 2 degrees a second for two of them. A distance
+    /// that falls back to 0 from 5 cm is a motion; from more it is a reset of the board.
     #[test]
     fn ways_times_and_turns_add_up_until_a_reset() {
         let mut lines = RawLines::default();
@@ -155,7 +156,7 @@ mod tests {
         assert!((reset.time_s - 0.010_03).abs() < 1e-12 && reset.distance_m == 0.0);
     }
 
-    /// Wheels that spin at 0.5 m/s while the accelerometer feels nothing slip, and that is counted.
+    /// Wheels that spin at 0.5 m/s without an acceleration slip, and the slip is counted.
     #[test]
     fn slips_are_counted() {
         let mut lines = RawLines::default();

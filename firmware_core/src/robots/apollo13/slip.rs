@@ -1,52 +1,53 @@
-//! Finds wheels that slip: the encoder tells of a speed that the accelerometer has not felt come.
+//! Detects slipping wheels: the encoder reports a speed without the acceleration that leads to it.
 //!
-//! Facts: seed 003 names it as what it would do next; its later sketch prints accelerations beside
-//! the encoder's way. An accelerometer alone is of no use for long, as its offset adds up: so its
-//! speed is drawn to the encoder's all the time but while the two contradict each other. Then the
-//! car goes as the accelerometer says, for two seconds at most: after that an offset of a
-//! hundredth of gravity has come to 0.2 m/s itself.
+//! Facts: seed 003 names this check as its next step; its later sketch prints accelerations beside
+//! the encoder's distance. An accelerometer alone fails after a while because its offset adds up.
+//! Its speed is therefore drawn to the encoder's, except while the two contradict each other.
+//! During a contradiction the accelerometer gives the car's motion, for two seconds at most: after
+//! that an offset of a hundredth of gravity has added up to 0.2 m/s.
 
-/// Ways are compared over so long, seconds: the encoder's are printed in centimetres.
+/// Time over which distances are compared, seconds: the encoder prints centimetres.
 const OVER_S: f64 = 0.3;
-/// Lines that fit into it at least.
+/// Maximum number of lines within that time.
 const LINES_MAX: usize = 32;
-/// Ways that are farther apart contradict each other, metres: 0.13 m/s. And when no more.
+/// Difference of distances from which they contradict each other, metres (0.13 m/s), and below
+/// which they agree again.
 const APART_M: [f64; 2] = [0.04, 0.015];
-/// How fast the speed is drawn to the encoder's, seconds.
+/// Time constant with which the speed is drawn to the encoder's, seconds.
 const DRAWN_S: f64 = 0.5;
-/// So long the encoder stands before the offset is learned, and how fast it is, seconds: a car that
-/// starts goes a centimetre before the encoder tells of it.
+/// Time that the encoder stands before the offset is measured, and the time constant of the
+/// measurement, seconds: a starting car moves a centimetre before the encoder reports it.
 const STANDS_S: f64 = 0.5;
 const LEARNED_S: f64 = 5.0;
-/// How fast the speed of a car that stands is forgotten, seconds.
+/// Time constant with which the speed of a standing car decays, seconds.
 const FORGOTTEN_S: f64 = 0.2;
-/// Longest time for which the accelerometer is believed, seconds.
+/// Longest time for which the accelerometer is trusted, seconds.
 const BELIEVED_S: f64 = 2.0;
 
-/// A line's part in the comparison: time, way by the encoder, way by the accelerometer.
+/// A line's part in the comparison: time, distance by the encoder, distance by the accelerometer.
 type Line = [f64; 3];
 
-/// Encoder and accelerometer beside each other.
+/// Comparison of encoder and accelerometer.
 #[derive(Clone, Debug, Default)]
 pub struct SlipWatch {
     lines: [Line; LINES_MAX],
     next: usize,
-    /// By the accelerometer, m/s.
+    /// Speed by the accelerometer, m/s.
     speed_m_s: f64,
-    /// What the accelerometer tells at rest, m/s².
+    /// Acceleration measured at rest, m/s².
     offset_m_s2: Option<f64>,
-    /// For how long that was learned.
+    /// Duration of that measurement.
     learned_s: f64,
-    /// Since the encoder counted last.
+    /// Time since the last count of the encoder.
     stands_s: f64,
-    /// Since a slip was found; `None`: there is none.
+    /// Time since a slip was found; `None`: no slip.
     slips_s: Option<f64>,
     found: u64,
 }
 
 impl SlipWatch {
-    /// The encoder has gone `way_m` in `passed_s`, and the car is accelerated ahead by
-    /// `ahead_m_s2`: how far the car went.
+    /// Takes the encoder's distance `way_m` in `passed_s`, and the car's acceleration `ahead_m_s2`;
+    /// returns the car's true distance.
     pub fn update(&mut self, passed_s: f64, way_m: f64, ahead_m_s2: f64) -> f64 {
         if !(passed_s > 0.0 && passed_s <= OVER_S && way_m.is_finite() && ahead_m_s2.is_finite()) {
             return way_m;
@@ -63,7 +64,7 @@ impl SlipWatch {
             Some(since_s) => {
                 *since_s += passed_s;
                 if apart_m <= APART_M[1] || *since_s >= BELIEVED_S {
-                    // The wheels hold again, or no other source is better than the wheels.
+                    // The wheels grip again, or no other source is better than the wheels.
                     self.slips_s = None;
                     self.begin_anew(told_m / over_s);
                     return way_m;
@@ -73,7 +74,7 @@ impl SlipWatch {
             None if over_s >= 0.9 * OVER_S && apart_m > APART_M[0] => {
                 self.slips_s = Some(0.0);
                 self.found += 1;
-                // What was believed of the wheels since they began to slip is taken back.
+                // Remove the wheels' distance that was counted since the slip began.
                 way_m - (told_m - by_feel_m)
             }
             None => {
@@ -88,12 +89,12 @@ impl SlipWatch {
         self.slips_s.is_some()
     }
 
-    /// How often they began to.
+    /// Number of slips found.
     pub const fn found(&self) -> u64 {
         self.found
     }
 
-    /// Learns what the accelerometer tells of a car that stands.
+    /// Measures the accelerometer's offset on a standing car.
     fn rest(&mut self, passed_s: f64, way_m: f64, ahead_m_s2: f64) {
         self.stands_s = if way_m == 0.0 {
             self.stands_s + passed_s
@@ -109,7 +110,7 @@ impl SlipWatch {
         }
     }
 
-    /// Time and ways of the last [`OVER_S`].
+    /// Time and distances of the last [`OVER_S`].
     fn over(&self) -> Line {
         let mut sum = [0.0; 3];
         for back in 1..=LINES_MAX {
@@ -137,9 +138,10 @@ mod tests {
 
     const STEP_S: f64 = 0.01;
 
-    /// A car that stands for 2 s and then goes as the laws say: speed of the wheels and of the car
-    /// at a time since then. The encoder is read in centimetres, the accelerometer has an offset of
-    /// 0.3 m/s² and a noise of 0.04. The watch, the way that it believes and the true one.
+    /// A car that stands for 2 s and then moves by the given laws: speed of the wheels and of the
+    /// car over the time since then. The encoder is read in centimetres, the accelerometer has an
+    /// offset of 0.3 m/s² and a noise of 0.04. Returns the watch, its distance and the true
+    /// distance.
     fn driven(
         until_s: f64,
         wheels: impl Fn(f64) -> f64,
@@ -163,7 +165,7 @@ mod tests {
         (watch, believed, gone)
     }
 
-    /// Level 2, by a lag of 0.3 s.
+    /// Speed of level 2, with a lag of 0.3 s.
     fn starts(at_s: f64) -> f64 {
         0.22 * (1.0 - libm::exp(-at_s / 0.3))
     }
@@ -175,8 +177,8 @@ mod tests {
         assert!((believed - gone).abs() < 0.02, "{believed} {gone}");
     }
 
-    /// On ice: the wheels turn at 0.22 m/s for 1.5 s, the car stays where it is. Of the 0.26 m
-    /// that they went less than a tenth of a metre is believed.
+    /// On ice: the wheels turn at 0.22 m/s for 1.5 s, the car stays in position. Of the wheels'
+    /// 0.26 m less than a tenth of a metre counts.
     #[test]
     fn d1_wheels_that_spin_are_found_by_the_accelerometer() {
         let (watch, believed, _) = driven(1.5, starts, |_| 0.0);
@@ -184,7 +186,7 @@ mod tests {
         assert!(believed.abs() < 0.1, "{believed}");
     }
 
-    /// A box on the way stops the car at 3 s in 50 ms; the wheels turn on.
+    /// A box on the path stops the car at 3 s in 50 ms; the wheels turn on.
     #[test]
     fn d1_a_car_that_is_stopped_by_a_box_is_found_to_slip() {
         let car = |at_s: f64| starts(at_s) * (1.0 - (at_s - 3.0) / 0.05).clamp(0.0, 1.0);
@@ -193,7 +195,7 @@ mod tests {
         assert!((believed - gone).abs() < 0.1, "{believed} {gone}");
     }
 
-    /// After two seconds an offset may have made it all up: the wheels are believed again.
+    /// After two seconds an offset may explain the whole difference: the wheels are trusted again.
     #[test]
     fn the_accelerometer_is_believed_for_two_seconds() {
         let (watch, believed, _) = driven(5.0, starts, |_| 0.0);
@@ -215,9 +217,9 @@ mod tests {
         assert!(watch.found() == 0 && !watch.is_slipping());
     }
 
-    /// It stands for half a second: from then on the reading is the offset, then the mean of two
-    /// and of three, and the speed halves with each tenth of a second. One count, and it does not
-    /// stand.
+    /// The encoder stands for half a second: from then on the reading is the offset, then the mean
+    /// of two and of three, and the speed halves with each tenth of a second. After one count the
+    /// encoder no longer stands.
     #[test]
     fn the_offset_is_the_mean_of_what_is_felt_at_rest() {
         let mut watch = SlipWatch::default();
@@ -233,7 +235,7 @@ mod tests {
             offset.is_some_and(|offset| (offset - expected[0]).abs() < 1e-9)
                 && (speed - expected[1]).abs() < 1e-9
         };
-        // 0.4 s and 0.1 s are half a second, or less by the last place of a sum.
+        // 0.4 s and 0.1 s are half a second, or less by the last digit of the sum.
         let found = [rest(0.0, 2.0), rest(0.0, 6.0), rest(0.0, 1.0)];
         assert!(
             is(found[0], [2.0, 0.4]) && is(found[1], [4.0, 0.2]),
@@ -243,7 +245,7 @@ mod tests {
         assert!(is(rest(0.01, 9.0), [3.0, 0.1]) && is(rest(0.0, 9.0), [3.0, 0.1]));
     }
 
-    /// What is older than 0.3 s does not count: four lines of a 16th of a second do.
+    /// Only the last 0.3 s count: four lines of a 16th of a second each.
     #[test]
     fn ways_are_compared_over_three_tenths_of_a_second() {
         let mut watch = SlipWatch::default();
@@ -256,7 +258,7 @@ mod tests {
         watch.lines[watch.next] = [0.062_5, 16.0, 160.0];
         watch.next += 1;
         assert_eq!(watch.over(), [0.25, 23.0, 230.0]);
-        // The first place follows the last one.
+        // The first slot follows the last one.
         let mut watch = SlipWatch::default();
         watch.lines[LINES_MAX - 1] = [0.1, 1.0, 2.0];
         watch.lines[0] = [0.1, 4.0, 8.0];
@@ -264,7 +266,8 @@ mod tests {
         assert_eq!(watch.over(), [0.2, 5.0, 10.0]);
     }
 
-    /// Times of 0 and of more than three tenths of a second, and what is no number, leave no trace.
+    /// Lines with a time of 0 or of more than three tenths of a second, and those with
+    /// not-a-number, have no effect.
     #[test]
     fn what_is_no_line_leaves_no_trace() {
         extern crate std;

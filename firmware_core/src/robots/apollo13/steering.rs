@@ -1,12 +1,12 @@
-//! Steering values and motor levels of the car's board, and what they do.
+//! Steering values and motor levels of the car's board, with their angles and speeds.
 //!
 //! Facts: seed 003, table of 101 angles measured at 11 values; -50 is hard left, 0 is 6 degrees to
 //! the left, straight ahead lies between 7 and 8. Speeds: level 2 is 0.22 m/s, -3 is -0.22 m/s;
 //! thresholds of the published code's later state.
 
-/// Steering value at which the car goes almost straight, 0.4 degrees to the right.
+/// Steering value for almost straight driving, 0.4 degrees to the right.
 pub const STRAIGHT: i8 = 8;
-/// The largest steering value either way.
+/// The largest steering value in either direction.
 pub const STEERING_MAX: i8 = 50;
 
 /// Angles measured at -50, -40, .. 50: degrees, to the left positive.
@@ -14,8 +14,8 @@ const MEASURED_DEG: [f64; 11] = [
     25.0, 21.0, 17.0, 12.0, 9.0, 6.0, -2.0, -5.0, -9.0, -13.0, -18.0,
 ];
 
-/// Angle of the front wheels at a steering value, degrees, to the left positive; beyond the ends
-/// that of the end.
+/// Angle of the front wheels at a steering value, degrees, to the left positive; values beyond the
+/// ends give the angle of the end.
 pub fn angle_deg(value: i8) -> f64 {
     let along = f64::from(value.clamp(-STEERING_MAX, STEERING_MAX) + STEERING_MAX) / 10.0;
     #[expect(
@@ -28,8 +28,8 @@ pub fn angle_deg(value: i8) -> f64 {
     MEASURED_DEG[index] + part * (MEASURED_DEG[index + 1] - MEASURED_DEG[index])
 }
 
-/// The steering value whose angle is nearest; `None` for not-a-number. (The fielded search takes
-/// the next one to the right, and falls through without a result for not-a-number.)
+/// The steering value with the nearest angle; `None` for not-a-number. (The fielded search takes
+/// the next one to the right, and returns no result for not-a-number.)
 pub fn value_for(angle_deg_wanted: f64) -> Option<i8> {
     let off = |value: &i8| (angle_deg(*value) - angle_deg_wanted).abs();
     let values = -STEERING_MAX..=STEERING_MAX;
@@ -37,9 +37,9 @@ pub fn value_for(angle_deg_wanted: f64) -> Option<i8> {
     nearest.filter(|_| !angle_deg_wanted.is_nan())
 }
 
-/// Motor level for a speed, m/s: the smallest that goes about as fast. Backwards level 3 goes
-/// 0.22 m/s (report); the published code takes level 4 from 0.15 m/s on, which goes 0.35 m/s: there
-/// the encoder loses counts, and the car its place.
+/// Motor level for a speed, m/s: the smallest with about that speed. Backwards, level 3 drives 0.22
+/// m/s (report). The published code takes level 4 from 0.15 m/s on, which drives 0.35 m/s: at that
+/// speed the encoder loses counts, and the car its position.
 pub fn level_for(speed_m_s: f64) -> i8 {
     match speed_m_s {
         speed if speed > 0.0 && speed < 0.15 => 1,

@@ -1,11 +1,11 @@
-//! Draws a map of a floor that there is no plan of, and says where to look next.
+//! Maps a floor without a plan, and chooses the next pose to look from.
 //!
-//! Facts: seed 003 drove over a floor by hand while gmapping drew it, and names an exploration that
-//! ends by itself as what it would do next. Here `tracker` says where the camera is, by the lines
-//! that it saw before. The map that is told and driven by is drawn from there: a camera that looks
-//! ahead sees the walls of a corridor at flat angles, and beams to their far ends pass the cells of
-//! their near ones. So each cell counts once a scan, and what has something in it is not passed.
-//! The map is complete when it has no open edge left that the car can get to.
+//! Facts: in seed 003 an operator drove the car while gmapping drew the floor; an exploration that
+//! ends by itself is named as the next step. Here `tracker` computes the camera's pose from the
+//! lines seen before, and the map for reports and driving is drawn from that pose. A camera that
+//! looks ahead sees the walls of a corridor at flat angles, so beams to their far ends pass the
+//! cells of their near ends. Each cell therefore counts once a scan, and beams do not clear a cell
+//! that contains a point. The map is complete when it has no open edge left that the car can reach.
 
 mod edges;
 mod sightings;
@@ -32,82 +32,83 @@ const SIDE: usize = 640;
 /// Edge of a cell, metres: that of the planner's primitives.
 const CELL_M: f64 = 0.05;
 const CELL_MM: f32 = 50.0;
-/// Between two scans that are drawn.
+/// Minimum time between two drawn scans.
 const DRAW_EVERY: Duration = Duration::from_millis(200);
-/// What is farther is no obstacle yet, metres.
+/// Points farther than this are not entered as obstacles yet, metres.
 const ENTER_M: f64 = 3.0;
-/// What is farther was not looked at well enough to drive there without another look.
+/// Distance up to which a look checks the floor well enough to drive there, metres.
 const LOOK_M: f64 = 4.0;
-/// In how many scans more there must have been something than nothing.
+/// Minimum excess of scans with a point in a cell over scans that clear it.
 const SURE: i8 = 2;
 const COUNT_MAX: i8 = 10;
-/// So many unseen cells beside a wall, 30 cm, may be wall: the camera misses as much of a wall that
-/// the car turns away from, up to its corner.
+/// Number of unseen cells beside a wall that may be wall, 30 cm. The camera misses that much of a
+/// wall when the car turns away from it, up to the wall's corner.
 const BESIDE_CELLS: usize = 6;
-/// Cells around what is known that a plan has.
+/// Margin of unknown cells around a plan.
 const MARGIN: usize = 12;
-/// An edge so near the way that the car came is a corner that its camera turned away from, metres:
-/// it would have to turn round in a corridor to look there.
+/// Maximum distance from the driven path, metres, of an edge that is only a corner the camera
+/// turned away from. To look there, the car would have to turn round in a corridor.
 const BESIDE_M: f64 = 0.9;
-/// From one place of the track to the next, metres.
+/// Spacing of the track's positions, metres.
 const TRACK_M: f64 = 0.2;
-/// The newest places of the track, as far as they are no farther off than this, metres, are not
-/// passed yet, also if the car moves to and fro there: what is open may lie ahead.
+/// Recent positions of the track within this distance of the car, metres, do not count as passed.
+/// This holds even if the car moves to and fro there, because an open area may lie ahead.
 const STILL_HERE_M: f64 = 1.0;
-/// Less from one scan to the next is a car that stands, metres; of one, so many are drawn first.
+/// Maximum motion between two scans of a standing car, metres, and the number of scans drawn while
+/// it stands.
 const REST_M: f64 = 0.000_5;
 const SCANS_AT_REST: u32 = 10;
-/// Scans before there is a map to drive by.
+/// Number of scans before the map is used for driving.
 const SCANS_MIN: u32 = 5;
 
-/// With edges left that the car could not get to, it goes back by so much of its way and tries them
-/// again: from beside a corner there may be no way on. Metres, and how often.
+/// If edges are left that the car could not reach, it drives back this far and tries them again,
+/// because beside a corner there may be no path. Metres, and maximum number of times.
 const BACK_M: f64 = 2.5;
 const BACK_MAX: u8 = 1;
-/// After so many goals in a row that show fewer new cells than this, a quarter of a square metre,
-/// the car has seen what it can.
+/// Number of goals in a row with few new cells after which the exploration is complete, and the
+/// number of new cells that counts, a quarter of a square metre.
 const VAIN_MAX: u8 = 4;
 const NEWS_CELLS: usize = 100;
 
-/// Where to go next.
+/// Choice of the next goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Choice {
-    /// Where the car was sent last.
+    /// The last goal stays.
     Stay,
-    /// To this pose, with this heading.
+    /// A goal at this pose, with this heading.
     Look(CarPose),
-    /// The same once more, with any heading.
+    /// The same goal again, with any heading.
     Go(CarPose),
-    /// Nowhere: there is nothing left, and that stays so.
+    /// No goal: nothing is left, and the exploration has ended.
     Done,
 }
 
-/// The map under way.
+/// The map under construction.
 #[derive(Clone, Debug)]
 pub struct Survey {
     tracker: Tracker,
     /// The map's corner of least x and y in the frame of poses, metres.
     corner_m: [f64; 2],
-    /// What is told of each cell, in the map's rows: free, unknown, obstacle.
+    /// Published value of each cell, in the map's rows: free, unknown, obstacle.
     cells: Vec<u8>,
-    /// In how many scans something was in it, less in how many it was passed.
+    /// Number of scans with a point in each cell, minus those that cleared it.
     seen: Vec<i8>,
-    /// The scan in which it was counted last.
+    /// The scan in which each cell was counted last.
     counted: Vec<u32>,
-    /// The odometry's pose of the camera when a scan was drawn last.
+    /// The odometry's pose of the camera at the last drawn scan.
     odometry: Option<CarPose>,
     drawn: Option<Instant>,
     scans: u32,
-    /// Where the camera came by, each [`TRACK_M`].
+    /// Positions that the camera passed, each [`TRACK_M`].
     track: Vec<CarPose>,
-    /// The edge that the car was sent to last.
+    /// The edge of the last goal.
     edge: Option<[f64; 2]>,
     tried: Tried,
-    /// Edges that it had given up when it went back, to try them once more.
+    /// Edges given up before the car drove back, to be tried once more.
     again: Vec<[f64; 2]>,
-    /// How often it went back.
+    /// Number of drives back.
     went_back: u8,
-    /// Cells known at the last goal that showed something, and goals since.
+    /// Cells known at the last goal that added some, and goals since.
     known: usize,
     vain: u8,
     is_complete: bool,
@@ -139,7 +140,7 @@ impl Survey {
         }
     }
 
-    /// Whether there is nothing left to look at.
+    /// Whether the exploration has ended.
     pub const fn is_complete(&self) -> bool {
         self.is_complete
     }
@@ -149,15 +150,15 @@ impl Survey {
         self.drawn.is_none_or(|drawn| now - drawn >= DRAW_EVERY)
     }
 
-    /// Draws a scan, taken where the odometry says that the camera is; where it is on the map.
+    /// Draws a scan, taken at the camera's odometry pose; returns the camera's pose on the map.
     pub fn draw(&mut self, now: Instant, odometry: CarPose, beams: &[Beam]) -> CarPose {
         let before = self.odometry.replace(odometry);
         let motion = before.map_or_else(Motion::default, |before| before.motion_to(odometry));
         self.drawn = Some(now);
         self.scans = self.scans.saturating_add(1);
         let seen = beams.iter().map(|beam| [beam.bearing_rad, beam.range_m]);
-        // A car cannot turn where it stands: what its gyroscope turns swings the camera, which sits
-        // before its axle, aside.
+        // A car cannot turn on the spot. A turn of its gyroscope swings the camera, which sits
+        // before the axle, sideways.
         let swung_m = CAMERA_AHEAD_M * libm::sin(motion.turn_rad);
         let is_at_rest = libm::hypot(motion.ahead_m, motion.left_m - swung_m) < REST_M;
         if is_at_rest && self.scans > SCANS_AT_REST {
@@ -167,7 +168,7 @@ impl Survey {
         if self.tracker.is_fitting() {
             self.look(camera, beams);
         }
-        // Where it backs out from it has not come by.
+        // Positions that the car reverses out of do not count as passed.
         let is_ahead = |at: &mut CarPose| camera.motion_to(*at).ahead_m > 0.0;
         while motion.ahead_m < 0.0 && self.track.pop_if(is_ahead).is_some() {}
         let last = self.track.last();
@@ -187,11 +188,11 @@ impl Survey {
         MapView::new(SIDE, CELL_MM, corner_mm, &self.cells)
     }
 
-    /// What is known so far as a plan to drive by.
+    /// The known area as a plan to drive by.
     pub fn plan(&self) -> FloorPlan {
         let [mut low, mut high] = [[SIDE; 2], [0; 2]];
         for (y, row) in self.cells.chunks_exact(SIDE).enumerate() {
-            // Of a large map most rows are unknown as a whole, which takes no time to see.
+            // Skip rows that are completely unknown: a large map has many.
             if row == [UNKNOWN; SIDE] {
                 continue;
             }
@@ -221,8 +222,8 @@ impl Survey {
     }
 
     /// Whether the car keeps off a cell: it is an obstacle, or it is unseen and lies beside an
-    /// obstacle. A camera that looks ahead does not see how a wall continues beside the car, nor
-    /// the corner that it turns around, and the way back is not looked at at all.
+    /// obstacle. A camera that looks ahead does not see the continuation of a wall beside the car,
+    /// nor the corner that the car turns around. The path back is not checked at all.
     fn is_kept_off(&self, [x, y]: [usize; 2]) -> bool {
         let is_wall =
             |x: usize, y: usize| x < SIDE && self.cells.get(y * SIDE + x) == Some(&OBSTACLE);
@@ -237,8 +238,8 @@ impl Survey {
         }
     }
 
-    /// Where to go next to see more, from `pose` on a floor that costs `costs`. `is_under_way`: it
-    /// still goes where it was sent last. `is_free` says whether the car can be somewhere.
+    /// The next goal that shows more, from `pose` on a floor with `costs`. `is_under_way`: the car
+    /// still drives to its last goal. `is_free` tests whether the car can be at a pose.
     pub fn next(
         &mut self,
         costs: &Costmap,
@@ -274,7 +275,7 @@ impl Survey {
         }
     }
 
-    /// Whether the last goals have shown nothing.
+    /// Whether the last goals have added too few cells.
     fn is_in_vain(&mut self) -> bool {
         let known = self.cells.iter().filter(|cell| **cell != UNKNOWN).count();
         if known >= self.known + NEWS_CELLS {
@@ -285,8 +286,8 @@ impl Survey {
         self.vain > VAIN_MAX
     }
 
-    /// Some way back from `pose`, if the car has given up on an edge or is `barred` from one: it
-    /// may try that once more.
+    /// A pose on the path back from `pose`, if the car has given up an edge or is `barred` from
+    /// one. From there the car may try that edge once more.
     fn back(
         &mut self,
         pose: CarPose,
@@ -305,7 +306,7 @@ impl Survey {
         Some(goal)
     }
 
-    /// Whether the camera has come by so near that what it has not seen there lies beside its way.
+    /// Whether the camera passed so near that an unseen area there lies beside its path.
     fn is_beside(&self, [x_m, y_m]: [f64; 2]) -> bool {
         let is_near = |[at_x_m, at_y_m]: [f64; 2]| {
             let off = [at_x_m - x_m, at_y_m - y_m];
@@ -323,12 +324,12 @@ impl Survey {
         &self.track[..len]
     }
 
-    /// Whether the camera has passed the cell at this place, metres.
+    /// Whether the camera has cleared the cell at this position, metres.
     fn is_free(&self, place_m: [f64; 2]) -> bool {
         self.index(place_m).is_some_and(|at| self.cells[at] == FREE)
     }
 
-    /// Whether nothing is known of it.
+    /// Whether the cell is unknown.
     fn is_unknown(&self, place_m: [f64; 2]) -> bool {
         let at = self.index(place_m);
         at.is_some_and(|at| self.cells[at] == UNKNOWN)
@@ -345,7 +346,7 @@ impl Survey {
         (is_inside(x) && is_inside(y)).then(|| y as usize * SIDE + x as usize)
     }
 
-    /// Enters what a scan from `camera` says of each cell.
+    /// Enters a scan from `camera` into the cells.
     fn look(&mut self, camera: CarPose, beams: &[Beam]) {
         let along = |bearing_rad: f64, way_m: f64| {
             let (sin, cos) = libm::sincos(camera.heading_rad + bearing_rad);

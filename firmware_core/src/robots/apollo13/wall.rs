@@ -1,10 +1,10 @@
 //! Drives along a wall at a distance: proportional and derivative control of the steering angle.
 //!
-//! Seed 003, mission I; its integral part was dropped there, as it had no visible effect. The gains
-//! are not published; these follow from the car's lateral motion, `y'' = v^2 / k * angle`: natural
-//! frequency and damping of 0.6 /s and 1 at 0.22 m/s (specification A4).
+//! Seed 003, mission I; its developers dropped the integral part because it had no visible effect.
+//! The gains are not published; these follow from the car's lateral motion, `y'' = v^2 / k *
+//! angle`: natural frequency and damping of 0.6 /s and 1 at 0.22 m/s (specification A4).
 
-/// Which side the wall is on.
+/// Side of the wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// To the left.
@@ -13,7 +13,7 @@ pub enum Side {
     Right,
 }
 
-/// How to control.
+/// Gains of the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
     /// Steering by distance, rad/m.
@@ -37,7 +37,7 @@ impl Default for Gains {
     }
 }
 
-/// Keeps a distance to a wall.
+/// Controller of the distance to a wall.
 #[derive(Clone, Debug)]
 pub struct WallDistance {
     side: Side,
@@ -49,7 +49,7 @@ pub struct WallDistance {
 }
 
 impl WallDistance {
-    /// Keeps `wanted_m` to the wall on `side`.
+    /// A controller that keeps `wanted_m` to the wall on `side`.
     pub const fn new(side: Side, wanted_m: f64, gains: Gains) -> Self {
         Self {
             side,
@@ -61,7 +61,8 @@ impl WallDistance {
         }
     }
 
-    /// A reading, `passed_s` after the one before. Steering angle, radians, to the left positive.
+    /// Takes a reading, `passed_s` after the one before; returns the steering angle, radians, to
+    /// the left positive.
     pub fn update(&mut self, distance_m: f64, passed_s: f64) -> f64 {
         if !distance_m.is_finite() || passed_s <= 0.0 {
             return 0.0;
@@ -127,7 +128,7 @@ mod tests {
     }
 
     /// AP8: from 0.60 m and 0.25 m within 0.40 +- 0.03 m after 8 s (123 readings), 1 cm rms from
-    /// then on, and never at the wall; 20 seeds, both sides.
+    /// then on, and no touch of the wall; 20 seeds, both sides.
     #[test]
     fn ap8_the_distance_is_kept() {
         for seed in 0..20 {

@@ -1,10 +1,9 @@
-//! Lays beside each other what the odometer and the board tell of the same way.
+//! Compares the motions that the odometer and the board report.
 //!
-//! An encoder whose wires are exchanged counts backwards, a gyroscope that is stuck turns forever;
-//! both lines look sound. The board's pulses and the steering that was commanded are coarse, but
-//! they come another way. For the travel the board is believed: no standing wheel makes pulses. For
-//! the turn neither source is believed: a servo may be dead as well as a gyroscope, and the camera
-//! must decide.
+//! An encoder with exchanged wires counts backwards, a stuck gyroscope reports an endless turn; the
+//! lines of both look valid. The board's pulses and the commanded steering are coarse, but
+//! independent. For travel the board is trusted: no standing wheel makes pulses. For turns neither
+//! source is trusted, because a servo may be dead as well as a gyroscope; the camera must decide.
 
 use core::ops::RangeInclusive;
 use core::time::Duration;
@@ -13,50 +12,50 @@ use protocols::Instant;
 
 use crate::ackermann::{CarPose, Motion, wrapped};
 
-/// Travel by the board after which travels are compared, metres: six pulses; and after which a
-/// comparison ends: an encoder that loses an eighth of its counts is found until then.
+/// Travel by the board after which distances are compared, metres: six pulses. Then the travel that
+/// ends a comparison: long enough to detect an encoder that loses an eighth of its counts.
 const WAY_M: [f64; 2] = [0.15, 0.60];
 /// The same for turns.
 const TURN_M: f64 = 0.30;
-/// Travels that agree are no farther apart than this: two pulses and the time of a frame.
+/// Maximum difference of distances that agree: two pulses and the time of a frame.
 const WAY_OFF_M: f64 = 0.08;
-/// Turns that agree over [`TURN_M`] are no farther apart than this: 8 degrees of steering, and
-/// what the servo takes to get there.
+/// Maximum difference of turns that agree over [`TURN_M`]: 8 degrees of steering, and the delay of
+/// the servo.
 const TURN_OFF_RAD: f64 = 0.25;
-/// A gyroscope that tells no more than the first while the steering should have turned the car by
-/// the second may be dead.
+/// A gyroscope may be dead if it reports at most the first figure while the steering should have
+/// turned the car by the second.
 const STILL_RAD: f64 = 0.01;
 const TURNED_RAD: f64 = 0.10;
-/// The board's frames come each 67 ms. What comes later was held up on the line, and what comes
-/// sooner is behind it.
+/// Period of the board's frames that are in time. Nominal are 67 ms; a later frame was delayed on
+/// the line, and an earlier one follows a delayed one.
 const IN_TIME: RangeInclusive<Duration> = Duration::from_millis(30)..=Duration::from_millis(150);
 
-/// What is found, each over the way since the last finding.
+/// A contradiction, over the motion since the last one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
-    /// The car went as the second motion says, not as the odometer, the first.
+    /// The car moved as the second motion shows, not as the odometer, the first.
     Way(Motion, Motion),
-    /// It turned as one of them says.
+    /// The car turned as one of them shows.
     Turn(Motion, Motion),
 }
 
-/// Where all say that the car is when the board told of it, each in its own frame.
+/// Poses of all sources at a frame of the board, each in its own frame of reference.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Told {
-    /// When the board's frame came.
+    /// Time of the board's frame.
     pub now: Instant,
-    /// By encoder and gyroscope.
+    /// Pose by encoder and gyroscope.
     pub odometer: CarPose,
-    /// By the board's pulses and the steering that was commanded.
+    /// Pose by the board's pulses and the commanded steering.
     pub board: CarPose,
-    /// By the encoder and the steering that was commanded.
+    /// Pose by the encoder and the commanded steering.
     pub steered: CarPose,
-    /// Whether the car was told to drive backwards last.
+    /// Whether the last motor command was backwards.
     pub is_backwards: bool,
 }
 
 impl Told {
-    /// Motions by the odometer, the board, and encoder with steering, from here on.
+    /// Motions by the odometer, the board, and encoder with steering, from `self` to `to`.
     fn motions(&self, to: &Self) -> [Motion; 3] {
         [
             self.odometer.motion_to(to.odometer),
@@ -65,7 +64,7 @@ impl Told {
         ]
     }
 
-    /// The ways from here on, if the odometer's is opposite to the board's.
+    /// The motions from `self` to `to`, if the odometer's direction is opposite to the board's.
     fn other_way(&self, to: &Self) -> Option<Finding> {
         let [odometer, board, _] = self.motions(to);
         let is_other_way = odometer.ahead_m * board.ahead_m < 0.0;
@@ -76,31 +75,32 @@ impl Told {
     }
 }
 
-/// The comparison: what was told when it began, of the way and of turns.
+/// The comparison: start poses, for travel and for turns.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Witness {
     way: Told,
     turn: Told,
     heard: Instant,
-    /// What was told when the car was ordered to drive the other way.
+    /// Poses at the order to drive in the other direction.
     turned: Option<Told>,
 }
 
 impl Witness {
-    /// Begins again: what was told up to here is settled, or cannot be compared.
+    /// Restarts the comparison: earlier motion is settled, or cannot be compared.
     pub const fn begin(&mut self, told: Told) {
         (self.way, self.turn, self.heard) = (told, told, told.now);
     }
 
-    /// The car is ordered to drive the other way from here on.
+    /// Notes the order to drive in the other direction.
     pub const fn turn_round(&mut self, told: Told) {
         self.turned = Some(told);
     }
 
-    /// Compares up to what is told now. A car that changes its direction rolls on for a while,
-    /// which only the odometer tells: that is left out. Frames that were held up tell of a way that
-    /// the odometer told of before: nothing is compared until they come in time again. Only an
-    /// encoder that has counted the other way since the car was turned round is found all the same.
+    /// Compares the motions up to the current frame. After a change of direction the car rolls on
+    /// for a while, which only the odometer reports: that motion is left out. Delayed frames report
+    /// motion that the odometer reported earlier, so nothing is compared until frames arrive in
+    /// time again. One fault is found even then: an encoder that has counted in the wrong direction
+    /// since the car changed its own.
     pub fn compare(&mut self, told: Told) -> Option<Finding> {
         let passed = told.now - core::mem::replace(&mut self.heard, told.now);
         if told.is_backwards != self.way.is_backwards {
@@ -137,7 +137,7 @@ impl Witness {
 
     fn compare_turns(&mut self, told: Told) -> Option<Finding> {
         let [odometer, board, steered] = self.turn.motions(&told);
-        // A board that is reset again and again counts less than the encoder, and never more.
+        // A board with repeated resets counts less than the encoder, and never more.
         let other = match length(&steered) > length(&board) {
             true => steered,
             false => board,
@@ -168,7 +168,7 @@ mod tests {
         }
     }
 
-    /// What the frame after the beginning tells; the encoder goes with the board.
+    /// Poses at the frame after the beginning; the encoder agrees with the board.
     fn told(odometer: CarPose, board: CarPose) -> Told {
         Told {
             now: Instant::ZERO + Duration::from_millis(67),
@@ -179,8 +179,8 @@ mod tests {
         }
     }
 
-    /// 0.15 m ahead by the board, as many back by the odometer; and 5 cm in place of 15. A board
-    /// that misses pulses finds nothing.
+    /// 0.15 m ahead by the board, the same distance back by the odometer; and 5 cm instead of 15. A
+    /// board that misses pulses causes no finding.
     #[test]
     fn an_encoder_that_counts_backwards_or_too_little_is_found() {
         for (told_m, is_found) in [
@@ -198,8 +198,8 @@ mod tests {
         }
     }
 
-    /// Of each 25 mm the encoder counts 18: 0.07 m are missing after 10 pulses, 0.084 after 12. Of
-    /// 23 mm nothing is missing that two pulses would not explain, however long the way.
+    /// Of each 25 mm the encoder counts 18: 0.07 m are missing after 10 pulses, 0.084 after 12. At
+    /// 23 mm the difference stays within two pulses over any distance.
     #[test]
     fn an_encoder_that_is_worn_is_found() {
         for (counted_m, found_at) in [(0.018, Some(12)), (0.023, None)] {
@@ -216,9 +216,9 @@ mod tests {
         }
     }
 
-    /// The car is turned round while the board's frames are lost for two seconds: it went 0.4 m
-    /// back, and the encoder says ahead. One that says back is believed, however far; and so is
-    /// either if no frame was lost, because the car rolled on.
+    /// The car changes its direction while the board's frames are lost for two seconds: it drove
+    /// 0.4 m back, and the encoder reports ahead. An encoder that reports back is trusted at any
+    /// distance. Without lost frames both are, because the car rolled on.
     #[test]
     fn an_encoder_that_counts_the_other_way_is_found_behind_a_gap() {
         for (told_m, gap_ms, is_found) in [
@@ -245,7 +245,7 @@ mod tests {
         }
     }
 
-    /// 0.3 rad over 0.31 m are found, 0.2 rad are not; and not when the direction changed.
+    /// 0.3 rad over 0.31 m are found, 0.2 rad are not; nor is a turn across a change of direction.
     #[test]
     fn a_turn_that_the_steering_did_not_make_is_doubted() {
         for (turned, is_backwards, is_found) in
@@ -264,9 +264,9 @@ mod tests {
         }
     }
 
-    /// Steered by 0.15 rad over 0.31 m: a gyroscope that tells nothing of it is doubted, one that
-    /// tells 0.05 rad is not, as the linkage may be off by so much. With a board that is reset on
-    /// the way, too.
+    /// Steered by 0.15 rad over 0.31 m: a gyroscope that reports no turn is doubted, one that
+    /// reports 0.05 rad is not, because the linkage may have that error. A board that is reset
+    /// meanwhile changes nothing.
     #[test]
     fn a_gyroscope_that_stands_still_in_a_turn_is_doubted() {
         for (turned, board_m, is_found) in [
@@ -286,9 +286,8 @@ mod tests {
         }
     }
 
-    /// The board's line stands still for a second; its frames come at once then, a millisecond
-    /// apart, and tell of the 0.22 m that the odometer told of before. From then on both continue
-    /// alike.
+    /// The board's line stops for a second; then its frames arrive at once, a millisecond apart,
+    /// and report the 0.22 m that the odometer reported before. From then on both continue alike.
     #[test]
     fn frames_that_were_held_up_find_nothing() {
         let mut witness = Witness::default();
@@ -306,7 +305,7 @@ mod tests {
             let told = at_ms(1_082 + 67 * frame, 0.22 + way, 0.2205 + way);
             assert_eq!(witness.compare(told), None, "{frame}");
         }
-        // What the odometer does not tell while frames are held up is found behind them.
+        // Motion that the odometer misses while frames are delayed is found behind them.
         for (ms, board_m) in [(4_000, 1.1), (4_001, 1.2)] {
             assert_eq!(witness.compare(at_ms(ms, 0.808, board_m)), None);
         }
@@ -314,7 +313,7 @@ mod tests {
         assert!(matches!(finding, Some(Finding::Way(..))));
     }
 
-    /// Both turn by half a radian on 2 m; one of them turns the other way.
+    /// Both turn by half a radian on 2 m; one of them in the other direction.
     #[test]
     fn turns_are_compared_with_their_signs() {
         let found = |odometer_rad: f64, board_rad: f64| {
@@ -337,8 +336,8 @@ mod tests {
         matches!(witness.compare(told), Some(Finding::Turn(..)))
     }
 
-    /// Each limit is the last that agrees: 0.25 rad apart; 0.10 rad that a gyroscope does not tell
-    /// at all, which is less than 0.01 rad; 0.30 m are long enough.
+    /// Each limit is the last value that agrees: a difference of 0.25 rad; 0.10 rad of steering
+    /// with less than 0.01 rad by the gyroscope; 0.30 m are long enough.
     #[test]
     fn turns_agree_up_to_their_limits() {
         assert_eq!(
@@ -373,9 +372,9 @@ mod tests {
         assert_eq!([29, 30, 150, 151].map(is_found), [false, true, true, false]);
     }
 
-    /// Sliding aside by 0.2 m, the board says 4 cm ahead and the encoder 4 or 5 cm back: 8 cm apart
-    /// are two pulses, 9 are an encoder that counts backwards. The same behind a gap, where 0.15 m
-    /// of way are enough and 0.14 m are not.
+    /// Sliding aside by 0.2 m, the board reports 4 cm ahead and the encoder 4 or 5 cm back: a
+    /// difference of 8 cm is two pulses, 9 mean an encoder that counts backwards. The same behind a
+    /// gap, where 0.15 m of path are enough and 0.14 m are not.
     #[test]
     fn an_encoder_counts_the_other_way_by_more_than_two_pulses() {
         let aside = |ahead_m: f64, left_m: f64| CarPose {
@@ -407,11 +406,11 @@ mod tests {
         assert!(behind_a_gap(aside(0.05, 0.2), aside(-0.04, 0.2)));
         assert!(behind_a_gap(at(0.10, 0.0), at(-0.15, 0.0)));
         assert!(!behind_a_gap(at(0.10, 0.0), at(-0.14, 0.0)));
-        // Neither goes the other way if one stands.
+        // Directions do not contradict if one source stands.
         assert!(!behind_a_gap(at(0.0, 0.0), at(-0.40, 0.0)));
     }
 
-    /// 0.60 m end a comparison: what was missed before, here 7 cm, is settled and does not add up.
+    /// 0.60 m end a comparison: an earlier error, here 7 cm, is settled and does not add up.
     #[test]
     fn a_comparison_of_ways_ends_after_60_cm() {
         let second = |ends_m: f64| {
@@ -428,8 +427,9 @@ mod tests {
         assert_eq!([0.59, 0.60].map(second), [true, false]);
     }
 
-    /// Sliding aside, the board says 4 cm ahead and 25 cm to the left; the encoder says 25 cm
-    /// ahead: as much way, in the same direction. With 17 cm it has missed more than two pulses.
+    /// Sliding aside, the board reports 4 cm ahead and 25 cm to the left; the encoder reports 25 cm
+    /// ahead: the same distance, in the same direction. With 17 cm it has missed more than two
+    /// pulses.
     #[test]
     fn an_encoder_that_told_as_much_way_is_not_short() {
         let board = CarPose {
@@ -443,8 +443,8 @@ mod tests {
         assert_eq!([0.25, 0.18, 0.17].map(is_found), [false, false, true]);
     }
 
-    /// An odometer that tells of 25 cm to the left, and of nothing ahead or back, has not counted
-    /// the other way: as much way is no less.
+    /// An odometer that reports 25 cm to the left, and 0 ahead, has not counted in the other
+    /// direction, and its distance is not shorter.
     #[test]
     fn aside_is_not_the_other_way() {
         let aside = CarPose {

@@ -1,8 +1,9 @@
-//! What the lidar does not see: glass, which its beam goes through, and what is lower than it.
+//! Obstacles that the lidar does not see: glass, which its beam passes, and objects lower than its
+//! beam.
 //!
-//! The base's infrared sensors do. What they meet where the lidar shows nothing is kept on a list
-//! of places and is from then on among the robot's surroundings, until a sensor looks through it;
-//! what they meet now is among them as exactly as they read it.
+//! The base's infrared sensors see them. An infrared echo without a lidar point nearby goes on a
+//! list of positions. The robot's surroundings include these positions until a sensor measures
+//! through them, and the current echoes at their exact positions.
 
 use core::f32::consts::{FRAC_PI_2, PI};
 
@@ -11,33 +12,34 @@ use crate::pose::{Point, Pose, sin_cos};
 
 /// Infrared sensors of the base.
 pub(super) const SENSORS: usize = 10;
-/// Places that are kept; then the oldest is forgotten. Five doors of 90 cm.
+/// Maximum number of stored positions; a new one then replaces the oldest. They cover five doors of
+/// 90 cm.
 const PLACES_MAX: usize = 80;
-/// Two of them lie no nearer to each other.
+/// Minimum distance between stored positions.
 const APART_MM: f32 = 60.0;
-/// As far as a sensor is believed when the robot drives straight on, and when it turns: a reading
-/// is up to 0.25 s old, in which a robot that steers for a goal turns by 11 degrees.
+/// Maximum valid range of a sensor when the robot drives straight, and when it turns. A reading is
+/// up to 0.25 s old; in that time a robot that steers for a goal turns by 11 degrees.
 const BELIEVED_MM: f32 = 700.0;
 const BELIEVED_TURNING_MM: f32 = 350.0;
-/// Difference of the wheels' speeds, ticks per 40 ms, from which on it turns.
+/// Difference of the wheels' speeds, ticks per 40 ms, from which the robot turns.
 const TURNING: u8 = 4;
-/// What the lidar shows so near to it is what the sensor sees.
+/// A lidar point nearer than this to the sensor's echo is the same obstacle.
 const SAME_MM: f32 = 130.0;
-/// So far before what a sensor sees there is nothing, and so far beside its line.
+/// Margin before a sensor's echo, and half width of its line, within which positions are cleared.
 const BEFORE_MM: f32 = 150.0;
 const BESIDE_MM: f32 = 40.0;
-/// Readings in a row that look through a place until it is forgotten.
+/// Number of readings through a position that delete it.
 const THROUGH: u8 = 3;
 
-/// What a base that was reset says until the sensor's turn comes, up to 0.15 s: no curve of a
-/// sensor gives it but by chance.
+/// Reading of a base after its reset until the sensor is measured, up to 0.15 s. A real reading has
+/// this value only by chance.
 const UNMEASURED: i16 = 0;
 
-/// Where a sensor sits and looks: ahead and to the left, mm, and its bearing.
+/// Mount of a sensor: ahead and to the left, mm, and its bearing.
 type Mount = [f32; 3];
 
-/// In the order of the base's registers, 1 to 11 and 21 to 31. The emulated base has them there:
-/// a guess, as the report shows pairs on four sides and no figures.
+/// Mounts in the order of the base's registers, 1 to 11 and 21 to 31. These are the mounts of the
+/// emulated base. They are a guess, because the report shows pairs on four sides and no figures.
 const MOUNTS: [Mount; SENSORS] = [
     [-130.0, -60.0, PI],
     [-60.0, -130.0, -FRAC_PI_2],
@@ -51,21 +53,21 @@ const MOUNTS: [Mount; SENSORS] = [
     [130.0, -60.0, 0.0],
 ];
 
-/// A place in the map's frame.
+/// A position in the map's frame.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     at: Point,
-    /// How often it was looked through since it was seen.
+    /// Number of readings through the position since the last echo there.
     through: u8,
 }
 
-/// The list of places.
+/// The list of positions.
 #[derive(Clone, Debug)]
 pub(super) struct Blind {
     places: [Place; PLACES_MAX],
     count: usize,
     oldest: usize,
-    /// What each sensor meets now.
+    /// Current echo of each sensor without a lidar point.
     met: [Option<Point>; SENSORS],
 }
 
@@ -83,7 +85,7 @@ impl Blind {
         }
     }
 
-    /// Takes what the sensors read, mm, at `pose`, where the lidar shows `around`; `speed` of the
+    /// Takes the sensors' readings, mm, at `pose`, with the lidar's points `around`; `speed` of the
     /// wheels in ticks per 40 ms.
     pub(super) fn take(
         &mut self,
@@ -116,7 +118,7 @@ impl Blind {
         }
     }
 
-    /// All places, and what the sensors meet now, as seen from `pose`.
+    /// All stored positions and current echoes, relative to `pose`.
     pub(super) fn seen_from(&self, pose: Pose) -> impl Iterator<Item = Point> + '_ {
         let (sin, cos) = sin_cos(pose.heading);
         let kept = self.places[..self.count].iter().map(|place| place.at);
@@ -143,7 +145,7 @@ impl Blind {
         }
     }
 
-    /// Forgets places that a sensor has looked through often enough.
+    /// Deletes positions that a sensor has measured through often enough.
     fn look_through(&mut self, [ahead, left, bearing]: Mount, range_mm: f32, pose: Pose) {
         let from = pose.to_world(Point::new(ahead, left));
         let (sin, cos) = sin_cos(pose.heading + bearing);
@@ -174,7 +176,7 @@ mod tests {
     const AT_REST: [i8; 2] = [0, 0];
     const FRONT: usize = 4;
 
-    /// At stake: a robot whose base was reset stands in a ring of walls that no sensor sees.
+    /// At stake: a robot with a base that was reset stands in a ring of walls that no sensor sees.
     #[test]
     fn what_was_not_measured_is_no_wall() {
         let mut blind = Blind::new();
@@ -184,7 +186,7 @@ mod tests {
         assert_eq!(places(&blind).len(), SENSORS);
     }
 
-    /// Nothing within a metre but what the sensor in front reads.
+    /// Only the front sensor reads an obstacle within a metre.
     fn front(mm: i16) -> [i16; SENSORS] {
         let mut readings = [1_000; SENSORS];
         readings[FRONT] = mm;
@@ -213,15 +215,15 @@ mod tests {
             panic!("{:?}", places(&blind));
         };
         assert!(place.distance_mm(Point::new(1_000.0, 2_550.0)) < 0.5);
-        // It is kept, and met now.
+        // The position is stored, and is also the current echo.
         let seen: Vec<Point> = blind.seen_from(pose).collect();
         assert_eq!(seen.len(), 2);
         let is_there = |seen: &Point| seen.distance_mm(Point::new(550.0, 0.0)) < 0.5;
         assert!(seen.iter().all(is_there), "{seen:?}");
     }
 
-    /// A pane that comes nearer by 40 mm is no other place, but it is met where it is; nothing is
-    /// met any more as soon as the sensor reads farther than it is believed, or nothing.
+    /// A pane that comes nearer by 40 mm is no new position, but the current echo follows it. The
+    /// echo ends as soon as the sensor reads beyond its valid range, or reads nothing.
     #[test]
     fn what_is_met_now_is_where_it_was_read() {
         let mut blind = Blind::new();
@@ -245,7 +247,7 @@ mod tests {
         assert_eq!(places(&blind), []);
     }
 
-    /// 400 mm are too far in a turn, 300 are not.
+    /// In a turn 400 mm are too far, 300 are not.
     #[test]
     fn in_a_turn_only_what_is_near_counts() {
         let mut blind = Blind::new();
@@ -255,7 +257,8 @@ mod tests {
         assert_eq!(places(&blind).len(), 1);
     }
 
-    /// A person who has left disappears after three looks; a neighbour beside the line stays.
+    /// A person who has left disappears after three readings through the position; a neighbour
+    /// beside the line stays.
     #[test]
     fn what_is_looked_through_is_forgotten() {
         let mut blind = Blind::new();
@@ -279,9 +282,9 @@ mod tests {
         assert!(kept.iter().all(|place| place.x_mm > 50.0));
     }
 
-    /// A sensor at (150, 0) that looks ahead, from (1, 2) m: it looks through places that lie more
-    /// than 150 mm before what it reads and less than 40 mm beside, and forgets them the third
-    /// time.
+    /// A sensor at (150, 0) that looks ahead, from (1, 2) m. A reading clears positions more than
+    /// 150 mm before its echo and less than 40 mm beside its line; the third such reading deletes
+    /// them.
     #[test]
     fn a_place_is_forgotten_when_it_was_looked_through_three_times() {
         let looked = |place: [f32; 2], heading: f32, times: usize| {
@@ -312,7 +315,7 @@ mod tests {
         );
     }
 
-    /// Within 60 mm it is the same place; with no room left the oldest goes.
+    /// Within 60 mm it is the same position; in a full list the oldest is replaced.
     #[test]
     fn places_are_kept_apart_and_the_oldest_goes() {
         let mut blind = Blind::new();
@@ -332,7 +335,7 @@ mod tests {
         );
     }
 
-    /// At (1, 2) m and looking along y, what is at (0.7, 2.6) m is 0.6 m ahead and 0.3 m to the
+    /// At (1, 2) m and looking along y, a point at (0.7, 2.6) m is 0.6 m ahead and 0.3 m to the
     /// left.
     #[test]
     fn places_are_seen_from_where_the_robot_stands() {

@@ -16,40 +16,40 @@ use crate::{pc_link, radio_setup, slam};
 pub struct Config {
     /// Byte order of the register bus's checksum.
     pub checksum_order: ChecksumOrder,
-    /// How long the base may take to answer. The seed's loop of 65000 turns took 4 to 8 ms; a
-    /// program that sits behind a pseudo-terminal needs more.
+    /// Maximum response time of the base. The seed's loop of 65000 turns took 4 to 8 ms; a program
+    /// behind a pseudo-terminal needs more.
     pub reply_timeout: Duration,
     /// Map, search, start pose and the search's seed.
     pub mapping: slam::Settings,
-    /// Where the lidar sits.
+    /// Position of the lidar.
     pub mounting: Mounting,
     /// The drive.
     pub wheels: WheelGeometry,
     /// Body, steering, wall follower.
     pub navigation: navigation::Settings,
-    /// What a search looks for.
+    /// Target of a search.
     pub sought: Sought,
-    /// What is done about the robot's motion while a scan is taken.
+    /// Correction of the robot's motion while a scan is taken.
     pub smear: Smear,
-    /// What tells how far the robot has turned.
+    /// Source of the robot's turn.
     pub turning: Turning,
-    /// Whether it looks for what its lidar does not see.
+    /// Use of the base's infrared sensors.
     pub infrared: Infrared,
     /// Mode of the robot until its first order.
     pub initial_mode: Mode,
-    /// How the radio is set up before it is used; `None`: it is ready.
+    /// Settings that the program sends to the radio before use; `None`: the radio is ready.
     pub radio_setup: Option<radio_setup::Settings>,
     /// The PC link.
     pub pc_link: pc_link::Settings,
-    /// Faults of the fielded program to show, see [`Config::with_defect`].
+    /// Enabled defects of the fielded program, see [`Config::with_defect`].
     pub defects: Defects,
     /// Whether there is a display.
     pub display: Display,
 }
 
 impl Config {
-    /// The seed report's robot. A constant, so that the robot can be a `static` that the linker
-    /// lays out: on the board its start needs no second copy of it on the stack.
+    /// The seed report's robot. A constant, so that the robot can be a `static` placed by the
+    /// linker: on the board its start needs no second copy on the stack.
     pub const DEFAULT: Self = Self {
         checksum_order: ChecksumOrder::LowFirst,
         reply_timeout: Duration::from_millis(5),
@@ -69,19 +69,19 @@ impl Config {
     };
 }
 
-/// What is done about the robot's motion while a scan is taken.
+/// Correction of the robot's motion while a scan is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smear {
-    /// Each beam is moved by it.
+    /// Each beam is corrected for the motion.
     Undone,
-    /// Nothing: the report's robot before its cures.
+    /// No correction: the report's robot before its improvements.
     Kept,
 }
 
-/// What tells how far the robot has turned.
+/// Source of the robot's turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turning {
-    /// Its wheels, which slip.
+    /// The wheels, which slip.
     Wheels,
     /// The gyroscope of its base.
     Gyroscope,
@@ -90,16 +90,16 @@ pub enum Turning {
 /// Whether the base's infrared sensors are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Infrared {
-    /// They are not, as by the fielded program.
+    /// The sensors are not read, as in the fielded program.
     Unread,
-    /// What they meet where the lidar shows nothing is an obstacle.
+    /// An infrared echo without a lidar point is an obstacle.
     Read,
 }
 
-/// Whether the robot has a display.
+/// Display of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Display {
-    /// It has none: nothing is drawn.
+    /// No display: nothing is drawn.
     None,
     /// The touch display.
     Touch,
@@ -111,8 +111,8 @@ impl Default for Config {
     }
 }
 
-/// Radius 26 mm, axle 260 mm, 360 ticks a turn; the base samples its encoders at 996 Hz, so that
-/// more than 900 edges a second cannot be counted.
+/// Radius 26 mm, axle 260 mm, 360 ticks a turn. The base samples its encoders at 996 Hz, so it
+/// cannot count more than 900 edges a second.
 pub const WHEELS: WheelGeometry = WheelGeometry {
     wheel_radius_mm: 26.0,
     axle_mm: 260.0,
@@ -120,7 +120,7 @@ pub const WHEELS: WheelGeometry = WheelGeometry {
     ticks_per_second_max: 900,
 };
 
-/// Sensor angle 90 looks ahead. A packet is sent as soon as its last beam is measured and takes 22
+/// Sensor angle 90 points ahead. A packet is sent as soon as its last beam is measured and takes 22
 /// bytes of 86.8 us.
 const MOUNTING: Mounting = Mounting {
     position: Point {

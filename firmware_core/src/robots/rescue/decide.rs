@@ -6,9 +6,9 @@ use super::{Progress, Rescue, Victim};
 use crate::navigation::{Goal, HALT, Step, Surroundings};
 use crate::pose::{Point, Pose};
 
-/// What the robot does by itself.
+/// Decisions of the autonomous modes.
 impl Rescue {
-    /// One step of the search that ends at home.
+    /// Runs one step of the search that ends at home.
     pub(super) fn search(&mut self, now: Instant, pose: Pose, around: &Surroundings) -> [i8; 2] {
         let before = self.explore.progress();
         let sight = Sight {
@@ -26,7 +26,7 @@ impl Rescue {
         set_point
     }
 
-    /// Looks for victims with what the thermometers have read since.
+    /// Searches victims in the new readings of the thermometers.
     pub(super) fn feel(&mut self, now: Instant) {
         let Some(readings) = self.drive.take_heat() else {
             return;
@@ -43,7 +43,7 @@ impl Rescue {
         }
     }
 
-    /// Looks for what the lidar does not see with what the infrared sensors have read since.
+    /// Searches obstacles that the lidar does not see in the new readings of the infrared sensors.
     pub(super) fn look_near(&mut self, now: Instant) {
         let Some(readings) = self.drive.take_infrared() else {
             return;
@@ -58,7 +58,7 @@ impl Rescue {
         self.blind.take(readings, pose, &around, speed);
     }
 
-    /// The victims that it has found.
+    /// The victims found so far.
     pub fn victims(&self) -> &[Victim] {
         self.victims.all()
     }
@@ -72,7 +72,7 @@ impl Rescue {
         }
     }
 
-    /// One step to the next waypoint that is not reached yet.
+    /// Runs one step to the next unreached waypoint.
     pub(super) fn approach(&mut self, pose: Pose, around: &Surroundings) -> [i8; 2] {
         while let Some(target) = self.waypoints.target() {
             let [x, y] = target.position_mm.map(f32::from);

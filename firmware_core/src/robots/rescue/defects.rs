@@ -1,4 +1,4 @@
-//! The defects of the fielded programs, each behind the number that the project's list gives it.
+//! The defects of the fielded programs, each behind its number in the project's list.
 
 use protocols::rle::Dialect;
 
@@ -7,47 +7,47 @@ use crate::scan::WeakReadings;
 use crate::slam::Mode;
 use crate::{base_link, odometry, packets, scan, waypoints};
 
-/// Faults of the fielded program to show; none by default. Those of the map, of navigation and of
-/// the PC link are in the settings of these.
+/// Enabled defects of the fielded program; none by default. Defects of the map, of navigation and
+/// of the PC link are in their own settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Of the register bus.
+    /// Defects of the register bus.
     pub base: base_link::Defects,
-    /// Of the lidar's stream.
+    /// Defects of the lidar's stream.
     pub packets: packets::Defects,
-    /// Of the assembly of turns.
+    /// Defects of the assembly of turns.
     pub scan: scan::Defects,
-    /// Of the list of waypoints.
+    /// Defects of the list of waypoints.
     pub waypoints: waypoints::Defects,
-    /// Of the odometry.
+    /// Defects of the odometry.
     pub odometry: odometry::Defects,
-    /// Of the robot as a whole.
+    /// Defects of the robot as a whole.
     pub own: Own,
 }
 
-/// Faults of the robot as a whole.
+/// Defects of the robot as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Own {
     /// Before the first answer the battery counts as empty (MA-09).
     pub assumes_empty_battery: bool,
-    /// Speeds are told in tenths of a metre per second (MA-10).
+    /// Speeds are sent in tenths of a metre per second (MA-10).
     pub speaks_tenths: bool,
     /// Without packets the whole program waits for them (XV-08).
     pub waits_for_lidar: bool,
-    /// The lidar's motor is kicked whenever the stream is lost (XV-09).
+    /// The lidar's motor gets its start duty whenever the stream is lost (XV-09).
     pub kicks_motor: bool,
     /// An empty list begins an exploration (PU-11).
     pub explores_without_goal: bool,
-    /// An order to drive by hand holds until the next scan only (PU-20).
+    /// A manual drive order holds only until the next scan (PU-20).
     pub forgets_manual: bool,
-    /// An order to drive by hand never ends (PU-21).
+    /// A manual drive order never ends (PU-21).
     pub manual_never_ends: bool,
-    /// A robot that stops does not tell its base (NV-04).
+    /// A robot that stops sends no stop command to its base (NV-04).
     pub stops_without_a_word: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         base: base_link::Defects::NONE,
         packets: packets::Defects::NONE,
@@ -67,10 +67,10 @@ impl Defects {
     };
 }
 
-/// Switches a defect on.
+/// Function that enables a defect.
 type Switch = fn(&mut Config);
 
-/// Every defect that the program can have, in the order of the list.
+/// All defects of the program, in the order of the list.
 #[rustfmt::skip]
 const SWITCHES: [(&str, Switch); 61] = [
     ("MA-01", |c| c.defects.base.stores_checksum = true),
@@ -145,7 +145,7 @@ const SWITCHES: [(&str, Switch); 61] = [
     ("NV-05", |c| c.defects.waypoints.drops_silently = true),
 ];
 
-/// The mapper's own defects are those of the seed report's way to map.
+/// The mapper's own defects belong to the seed report's mapping mode, so switch to it.
 fn document(config: &mut Config) -> &mut crate::slam::Defects {
     if config.mapping.mode != Mode::Document {
         config.mapping = crate::slam::Settings {
@@ -163,7 +163,7 @@ impl Config {
         SWITCHES.iter().map(|(id, _)| *id)
     }
 
-    /// The robot with the defect `id` of the fielded program; `None` if there is no such.
+    /// The robot with the defect `id` of the fielded program; `None` if the id is unknown.
     pub fn with_defect(mut self, id: &str) -> Option<Self> {
         let (_, switch) = SWITCHES.iter().find(|(known, _)| *known == id)?;
         switch(&mut self);

@@ -12,18 +12,18 @@ use super::blind;
 use super::config::{Config, Infrared, TICK_MM_S, Turning};
 use super::kits::Kits;
 
-/// Encoders and measured speeds: ten registers in one answer, so that they belong together.
+/// Encoders and measured speeds: ten registers in one answer, so that they are from the same time.
 const WHEELS: Request = Request::read(registers::ENCODER_LEFT, 10);
-/// Both thermometers, and the floor sensor that lies between them.
+/// Both thermometers, and the floor sensor between them.
 const HEAT: Request = Request::read(registers::HEAT_LEFT, 6);
-/// How many rescue kits have been dropped.
+/// Number of dropped rescue kits.
 const KITS: Request = Request::read(registers::KITS, 1);
-/// The infrared sensors, and others that lie between them; in two reads.
+/// The infrared sensors, and others between them; in two reads.
 const INFRARED: [Request; 2] = [
     Request::read(registers::DIST_BACK_RIGHT, 12),
     Request::read(registers::DIST_FRONT_LEFT, 12),
 ];
-/// Where in each read its sensors are.
+/// Offsets of the sensors in each read.
 const INFRARED_AT: [&[usize]; 2] = [&[0, 2, 4, 6, 8, 10], &[0, 2, 8, 10]];
 const BATTERY: Request = Request::read(registers::BATTERY_MV, 3);
 /// The sum of the gyroscope.
@@ -38,12 +38,12 @@ const INFRARED_PERIOD: Duration = Duration::from_millis(100);
 const BATTERY_PERIOD: Duration = Duration::from_secs(1);
 /// Longest time between two writes of the set-points. The base stops by itself after a second.
 const REFRESH: Duration = Duration::from_millis(150);
-/// How often a silent base is asked whether it is back.
+/// Interval of the requests that test whether a silent base is back.
 const PROBE_PERIOD: Duration = Duration::from_millis(100);
 
 /// Bit of the status: the motors are off.
 const MOTORS_OFF: u8 = 2;
-/// A sum of the gyroscope that is older than this does not belong to the wheels' reading.
+/// Maximum age of the gyroscope's sum at the wheels' reading.
 const YAW_AGE_MAX: Duration = Duration::from_millis(10);
 
 /// Motor driver active.
@@ -54,19 +54,19 @@ const ACTIVE: u8 = 0;
 pub struct Battery {
     /// Voltage.
     pub millivolts: u16,
-    /// Charge; the fielded base reports the least value it has seen.
+    /// Charge; the fielded base reports the lowest value so far.
     pub percent: i8,
 }
 
 impl Battery {
-    /// Nothing in it, as far as is known.
+    /// An empty battery, as assumed before the first report.
     const EMPTY: Self = Self {
         millivolts: 0,
         percent: 0,
     };
 }
 
-/// What the robot wants of its base and knows of it.
+/// Orders for the base, and its last readings.
 #[derive(Clone, Debug)]
 pub(super) struct Drive {
     link: BaseLink,
@@ -84,7 +84,7 @@ pub(super) struct Drive {
     heat: Option<[i16; 2]>,
     /// `None` if the infrared sensors are not read.
     infrared_at: Option<Instant>,
-    /// Their readings, mm, and whether both halves were read since the last query.
+    /// Readings of the sensors, mm, and whether both halves were read since the last query.
     infrared: [i16; blind::SENSORS],
     is_infrared_new: bool,
     kits: Kits,
@@ -92,14 +92,14 @@ pub(super) struct Drive {
     was_silent: bool,
     speed: [i8; 2],
     battery: Option<Battery>,
-    /// It was read since the last query.
+    /// The battery was read since the last query.
     is_battery_new: bool,
     gyro: Option<Gyro>,
     /// The sum of the gyroscope, read right before the wheels.
     yaw: Option<(Instant, i32)>,
     counters: [i32; 2],
     defects: super::Defects,
-    /// Nothing is said to the base (field defect NV-04).
+    /// The program sends the base nothing (field defect NV-04).
     pub(super) is_mute: bool,
     /// Set-points that expired because they were not renewed.
     pub(super) expired: u32,
@@ -167,7 +167,7 @@ impl Drive {
         }
     }
 
-    /// Asks for the wheels now rather than when it is due.
+    /// Requests the wheels now, before the request is due.
     pub(super) fn read_wheels(&mut self, now: Instant) {
         if !self.link.is_silent() && !self.is_mute {
             self.wheels_at = now + WHEELS_PERIOD;
@@ -248,30 +248,30 @@ impl Drive {
             .min(self.infrared_at.unwrap_or(FAR))
     }
 
-    /// The newest reading of the thermometers, left and right, tenths of a degree, once.
+    /// The newest reading of the thermometers, left and right, tenths of a degree; returned once.
     pub(super) const fn take_heat(&mut self) -> Option<[i16; 2]> {
         self.heat.take()
     }
 
-    /// The newest readings of the infrared sensors, mm, once.
+    /// The newest readings of the infrared sensors, mm; returned once.
     pub(super) fn take_infrared(&mut self) -> Option<[i16; blind::SENSORS]> {
         core::mem::take(&mut self.is_infrared_new).then_some(self.infrared)
     }
 
-    /// A new reading of the battery, once.
+    /// A new reading of the battery; returned once.
     pub(super) fn take_battery(&mut self) -> Option<Battery> {
         let is_new = core::mem::take(&mut self.is_battery_new);
         self.battery.filter(|_| is_new)
     }
 
-    /// Whether the stop button holds the motors, if the base has told since the last call.
+    /// State of the stop button, if the base has reported it since the last call.
     pub(super) fn take_stop(&mut self) -> Option<bool> {
         self.link
             .take_status()
             .map(|status| status & MOTORS_OFF != 0)
     }
 
-    /// A kit is to be dropped; the base is told again and again until it has.
+    /// Orders one more kit; the order is repeated until the base has dropped it.
     pub(super) fn drop_kit(&mut self) {
         self.kits.add();
     }
@@ -323,8 +323,7 @@ impl Drive {
         );
     }
 
-    /// Nothing is commanded to a base that does not answer but to stand still: it may be that only
-    /// its answers get lost.
+    /// Sends a silent base only the order to stop, because perhaps only its answers are lost.
     fn probe(&mut self, now: Instant) {
         if !self.was_silent {
             self.was_silent = true;
@@ -343,7 +342,7 @@ impl Drive {
     fn take_completions(&mut self) {
         while let Some(done) = self.link.take_completion() {
             if self.was_silent && done.outcome != Outcome::Failed {
-                // It may have been restarted, and its counters with it.
+                // The base may have been restarted, and its counters with it.
                 self.was_silent = false;
                 self.odometry.resume();
             }
@@ -383,7 +382,7 @@ impl Drive {
                 let wanted = Request::write(registers::SPEED_LEFT_TO, [left, right, ACTIVE]);
                 self.is_confirmed = done.request == wanted;
             }
-            // A lost write must not wait for its refresh; a lost read comes again by itself.
+            // A lost write must not wait for its refresh; a lost read is repeated anyway.
             Outcome::Failed if done.request.is_write() => self.written_at = Instant::ZERO,
             Outcome::Failed => {}
         }
@@ -407,7 +406,7 @@ impl Drive {
         self.speed = [data[8].cast_signed(), data[9].cast_signed()];
     }
 
-    /// How far the robot has turned by its gyroscope since the wheels' reading before.
+    /// Turn of the robot by its gyroscope since the previous wheels' reading.
     fn turned(&mut self, at: Instant, counters: [i32; 2]) -> Option<f32> {
         let before = core::mem::replace(&mut self.counters, counters);
         let gyro = self.gyro.as_mut()?;
@@ -453,7 +452,7 @@ mod tests {
         }
     }
 
-    /// What a base answers whose registers all hold their own number.
+    /// Answer of a base with registers that all hold their own number.
     fn answer(frame: &Frame) -> Option<Frame> {
         let order = Config::default().checksum_order;
         let registers: Vec<u8> = (frame.register()..)
@@ -465,8 +464,8 @@ mod tests {
         })
     }
 
-    /// Requests from `from` up to `to` ms, each answered at once: when, which register, whether it
-    /// was written.
+    /// Requests from `from` up to `to` ms, each answered at once: time, register, whether it was a
+    /// write.
     fn run(
         drive: &mut Drive,
         [from, to]: [u64; 2],
@@ -496,8 +495,8 @@ mod tests {
     }
 
     /// Wheels each 40 ms, set-points each 150, the battery each second; heat and infrared sensors
-    /// each 100 ms if they are fitted. The first of all at once, except for a set-point that the
-    /// program has not given yet.
+    /// each 100 ms if they are fitted. The first requests go out at once, except for a set-point
+    /// that the program has not given yet.
     #[test]
     fn each_register_is_asked_for_in_its_period() {
         let mut drive = Drive::new(&fitted());
@@ -523,7 +522,7 @@ mod tests {
         );
     }
 
-    /// A set-point is written at once, and once more when it runs out.
+    /// A set-point is written at once, and once more when it expires.
     #[test]
     fn a_set_point_holds_until_its_time() {
         let mut drive = Drive::new(&Config::default());
@@ -564,7 +563,7 @@ mod tests {
         assert_eq!((drive.speed(), drive.speed_mm_s()), ([44, 45], [499, 511]));
     }
 
-    /// Only the second half makes a whole.
+    /// A reading is complete only with its second half.
     #[test]
     fn half_of_the_infrared_sensors_is_no_reading() {
         let mut drive = Drive::new(&fitted());
@@ -579,8 +578,9 @@ mod tests {
         assert_eq!(drive.take_infrared(), None);
     }
 
-    /// A base that is deaf is asked again, one whose count stays is told again, and one that has
-    /// counted on is left alone. Registers answer with their own number, so 53 kits have left.
+    /// A base that does not answer is asked again, one with an unchanged count gets the order
+    /// again, and one that has counted gets nothing more. Registers answer with their own number,
+    /// so 53 kits have left.
     #[test]
     fn a_kit_is_dropped_when_the_base_has_counted_it() {
         let mut drive = Drive::new(&fitted());
@@ -609,7 +609,7 @@ mod tests {
         assert!(times(&asked, registers::KITS).is_empty());
     }
 
-    /// Bit 1 of a status that came unasked.
+    /// Bit 1 of an unsolicited status.
     #[test]
     fn the_stop_button_is_told_by_the_status() {
         let mut drive = Drive::new(&Config::default());
@@ -624,8 +624,8 @@ mod tests {
         assert_eq!(found, expected);
     }
 
-    /// A base that says nothing is told to stand still, and asked ten times a second; with its
-    /// first answer all continues.
+    /// A silent base gets the order to stop, and is asked ten times a second; with its first answer
+    /// all continues.
     #[test]
     fn a_silent_base_is_asked_whether_it_is_back() {
         let mut drive = Drive::new(&Config::default());
@@ -646,7 +646,7 @@ mod tests {
         assert_eq!(times(&asked, registers::SPEED_LEFT_TO), [2_300]);
     }
 
-    /// NV-04: nothing at all is said.
+    /// NV-04: the program sends nothing.
     #[test]
     fn a_mute_drive_asks_nothing() {
         let mut drive = Drive::new(&fitted());
@@ -658,8 +658,9 @@ mod tests {
     }
 
     /// The gyroscope's sum counts if it was read at most 10 ms before the wheels; 9000 hundredths
-    /// are a quarter. One that is older has no turn, and nor has the next: it has none before it.
-    /// Where a wheel has moved, 8 hundredths in 40 ms are a turn; at rest they would be a drift.
+    /// are a quarter turn. An older sum gives no turn, nor does the next one, because it has no
+    /// predecessor. While a wheel moves, 8 hundredths in 40 ms are a turn; at rest they would be a
+    /// drift.
     #[test]
     fn a_turn_is_of_the_gyroscope_that_was_just_read() {
         let mut drive = Drive::new(&Config::default());
@@ -681,7 +682,7 @@ mod tests {
         assert_eq!(turned(800, 9_008, 800, [9, 1]), Some(0.0));
     }
 
-    /// A tick is 11.345 mm/s: 20 are 227 mm/s. The fielded program took a hundredth of that.
+    /// A tick is 11.345 mm/s: 20 are 227 mm/s. The fielded program reported a hundredth of that.
     #[test]
     fn speeds_are_told_in_mm_per_second() {
         let told = |defects| {

@@ -1,13 +1,13 @@
-//! The report's promise: searches the maze by itself and comes home.
+//! Autonomous search of the maze and return home, as the report promises.
 //!
 //! ```text
 //! seeks: view -> way -> look round -> next view ... nothing left -> goes home -> is home
 //! ```
 //!
-//! A view is dropped as soon as what it was to show is seen, which is mostly on the way to it, and
-//! given up when the way takes much longer than its length, or the robot shuffles on the spot.
-//! Before it believes that nothing is left, what it has given up gets one more chance: something
-//! that moves may have been in the way.
+//! The robot drops a view as soon as its target is seen, mostly on the path to it. It gives a view
+//! up if the drive takes much longer than the path's length, or if the robot makes no progress.
+//! Before the search ends, all given-up views get one more chance, because a moving obstacle may
+//! have blocked the path.
 
 use core::f32::consts::FRAC_PI_2;
 
@@ -19,19 +19,19 @@ use crate::pose::{Point, Pose, normalised};
 
 /// Scans after which the view is judged again: a second.
 const JUDGE_SCANS: u8 = 5;
-/// After so many views in a row that show less than so many cells, 0.02 m2, only large ones are
-/// tried, after twice as many only walls that were not felt, and after three times as many none:
-/// what is left is noise of the map, not floor.
+/// Number of views in a row that each add fewer cells than the second figure, 0.02 m2. After them
+/// only large views are tried, after twice as many only unfelt walls, and after three times as many
+/// no view. The rest is noise of the map, not floor.
 const VAIN_VIEWS: u8 = 6;
 const NEWS_CELLS: u32 = 25;
-/// Fewer known cells than the floor that the robot stands on, 0.08 m2, are no map.
+/// Minimum number of known cells of a map: the floor under the robot, 0.08 m2.
 const FOOTPRINT_CELLS: u32 = 90;
-/// A view that showed fewer cells showed nothing.
+/// Minimum number of new cells of a view that showed something.
 const NOTHING_CELLS: u32 = 3;
-/// Scans for which the robot looks at what it came for.
+/// Scans for which the robot stays at a view.
 const LOOK_SCANS: u8 = 4;
-/// Scans that a path may take: 20 s, and 13 cm/s; and ten seconds more if the robot is nearly
-/// there.
+/// Maximum number of scans for a path: 20 s, plus a share for 13 cm/s; and ten seconds more if the
+/// robot is nearly there.
 const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
 const NEARLY_SCANS: u16 = 50;
@@ -40,31 +40,31 @@ const NEARLY_MM: f32 = 500.0;
 /// stuck and gives the view up.
 const SHUFFLE_MM: f32 = 300.0;
 const SHUFFLE_SCANS: u8 = 75;
-/// Two views that are no farther apart are there for the same walls, millimetres: both feel what is
-/// 0.42 m away.
+/// Two views no farther apart than this, millimetres, serve the same walls: both feel walls 0.42 m
+/// away.
 const SAME_WALLS_MM: f32 = 500.0;
 /// Speed of the wheels in a turn on the spot that shows the walls to the heat sensors: 45 degrees a
 /// second.
 const TURN: i8 = 9;
-/// Both sides together see everything in half a turn.
+/// Turn on the spot, radians: both sides together see everything in half a turn.
 const TURN_RAD: f32 = 3.4;
 
-/// Beside the middle of a heat sensor's view, seen from the robot's middle, this is felt well: a
-/// plate of 10 cm there fills a fifth of what it sees.
+/// Angle from the middle of a heat sensor's view, relative to the robot's middle, within which a
+/// wall counts as felt. A plate of 10 cm there fills a fifth of the view.
 const FELT_RAD: f32 = 0.16;
 
-/// How far the robot has got with its search.
+/// Progress of the search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// It looks for what is unknown.
+    /// The robot searches unknown areas.
     Seeks,
-    /// Nothing that it can reach is unknown: it goes home.
+    /// No reachable area is unknown: the robot drives home.
     GoesHome,
     /// The robot is home.
     IsHome,
 }
 
-/// Where the robot has stayed on its way, and for how many scans.
+/// Position near which the robot has stayed, and for how many scans.
 #[derive(Clone, Copy, Debug)]
 struct Shuffle {
     about: Point,
@@ -85,17 +85,17 @@ impl Shuffle {
     }
 }
 
-/// What is done at a view.
+/// Current action at a view.
 #[derive(Clone, Copy, Debug)]
 enum At {
-    /// On the way there.
+    /// Driving to the view.
     Way {
         view: View,
         scans: u16,
         age: u8,
         shuffle: Shuffle,
     },
-    /// Standing there and looking.
+    /// Standing and looking.
     Look { place: Point, scans: u8 },
     /// Turning on the spot; `turned` radians of it are done since `heading`.
     Turn {
@@ -105,7 +105,7 @@ enum At {
     },
 }
 
-/// What the robot knows and sees when it decides.
+/// The robot's knowledge and scan for a decision.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight<'a> {
     pub(super) map: &'a Grid,
@@ -123,15 +123,15 @@ pub(super) struct Explore {
     home: Option<Point>,
     frontiers: Frontiers,
     at: Option<At>,
-    /// Whether what was given up got its other chance.
+    /// Whether the given-up views have had their second chance.
     is_second: bool,
     views: u16,
-    /// Cells known at the last view that showed something, and views since.
+    /// Cells known at the last view that added some, and views since.
     known: u32,
     vain: u8,
-    /// The last view, and the cells known when it was chosen.
+    /// The last view, and the number of cells known at its choice.
     last: Option<(Point, u32)>,
-    /// The last view that it did not get to.
+    /// The last view that the robot did not reach.
     unreached: Option<Point>,
 }
 
@@ -152,7 +152,7 @@ impl Explore {
         }
     }
 
-    /// Whether it was ever asked for.
+    /// Whether a search was ever ordered.
     pub(super) const fn has_begun(&self) -> bool {
         self.home.is_some()
     }
@@ -161,12 +161,13 @@ impl Explore {
         self.progress
     }
 
-    /// Places that the robot has looked from.
+    /// Number of views that the robot has looked from.
     pub(super) const fn views(&self) -> u16 {
         self.views
     }
 
-    /// Goes on from here: what lies behind the robot's back may have changed.
+    /// Interrupts the search, which continues from the robot's later position, because the
+    /// surroundings may have changed. A finished search starts again.
     pub(super) const fn pause(&mut self) {
         self.at = None;
         if matches!(self.progress, Progress::IsHome) {
@@ -177,7 +178,8 @@ impl Explore {
         }
     }
 
-    /// Whatever is left unknown, the robot goes home: to where its search began, or else `start`.
+    /// Sends the robot home, even if unknown areas remain: to the start of its search, or else to
+    /// `start`.
     pub(super) fn go_home(&mut self, start: Point) {
         self.home.get_or_insert(start);
         self.progress = Progress::GoesHome;
@@ -189,7 +191,7 @@ impl Explore {
         self.frontiers.take_points()
     }
 
-    /// Updates the felt walls with the heat sensors' readings at `pose`; a warm place beside the
+    /// Updates the felt walls with the heat sensors' readings at `pose`; a warm wall beside the
     /// robot without a known victim stays unfelt.
     fn feel(
         &mut self,
@@ -206,7 +208,7 @@ impl Explore {
         self.frontiers.feel(map, pose.position(), bearings);
     }
 
-    /// One step of the search, once a scan.
+    /// Runs one step of the search, once a scan.
     pub(super) fn step(&mut self, navigator: &mut Navigator, sight: Sight<'_>) -> [i8; 2] {
         if self.sought == Sought::FloorAndHeat {
             self.feel(sight);
@@ -252,7 +254,8 @@ impl Explore {
         }
     }
 
-    /// Unknown cells that are worth a way after so many views in vain; `None` if nothing is.
+    /// Minimum number of unknown cells that justify a path after so many views in vain; `None`
+    /// after too many.
     const fn least(&self) -> Option<u16> {
         if self.vain <= VAIN_VIEWS {
             Some(Outlook::SMALL)
@@ -281,7 +284,7 @@ impl Explore {
             self.frontiers.showed_nothing(map, place);
         }
         if known < FOOTPRINT_CELLS {
-            // Where nothing is known, nothing can be chosen: the lidar has yet to see something.
+            // In an unknown map no view can be chosen: the lidar must see something first.
             (self.vain, self.is_second) = (0, false);
             return HALT;
         }
@@ -359,9 +362,9 @@ impl Explore {
         set_point
     }
 
-    /// What is to be seen from `place` is given up, and places beside it are not tried either: from
-    /// afar the map shows a way there again and again. Its walls may be felt from another place, if
-    /// this one was not another place already.
+    /// Gives up the targets seen from `place`, and rejects positions beside it: from afar the map
+    /// shows a path there again and again. The walls may still be felt from another position,
+    /// unless this was already the second one.
     fn cannot_reach(&mut self, map: &Grid, place: Point) -> [i8; 2] {
         let before = self.unreached.replace(place);
         let sought = match before.is_some_and(|before| before.distance_mm(place) < SAME_WALLS_MM) {
@@ -427,8 +430,8 @@ mod tests {
     use super::*;
     use crate::navigation::Settings;
 
-    /// As long as the lidar has shown nothing, nothing can be sought; that is no reason to believe
-    /// that all is known. A known room without a way out is.
+    /// Until the lidar has shown something, the search waits; an empty map does not mean a complete
+    /// one. A known room without an exit does.
     #[test]
     fn a_search_without_a_map_waits() {
         let body = Body {
@@ -465,7 +468,7 @@ mod tests {
         axle_mm: 260.0,
     };
 
-    /// A known room from 0.3 m to 1.5 m; its right wall has a door of 0.6 m if that is open.
+    /// A known room from 0.3 m to 1.5 m; if `is_open`, its right wall has a door of 0.6 m.
     fn room(is_open: bool) -> std::boxed::Box<Grid> {
         let mut map = std::boxed::Box::new(Grid::new(10.0));
         for (x, y) in (27..=152).flat_map(|x| (27..=152).map(move |y| (x, y))) {
@@ -476,8 +479,8 @@ mod tests {
         map
     }
 
-    /// One step of a robot that stands there; the heat sensors feel nothing, and the lidar sees
-    /// something far away all around.
+    /// One step of a standing robot; the heat sensors feel nothing, and the lidar sees distant
+    /// walls all around.
     fn step(explore: &mut Explore, map: &Grid, pose: Pose) -> [i8; 2] {
         let seen = (0..60_u8).map(|index| {
             let (sin, cos) = crate::pose::sin_cos(f32::from(index) * 0.1);
@@ -498,8 +501,8 @@ mod tests {
         heading: 0.0,
     };
 
-    /// Up to six views in vain all counts, up to twelve only what is large, up to eighteen only
-    /// heat.
+    /// Up to six views in vain everything counts, up to twelve only large views, up to eighteen
+    /// only heat.
     #[test]
     fn after_views_in_vain_less_is_worth_a_way() {
         let mut explore = Explore::new(Sought::Floor);
@@ -519,7 +522,7 @@ mod tests {
         assert_eq!(least, expected);
     }
 
-    /// 25 cells of 30 mm more than at the last view that showed something are news.
+    /// 25 new cells of 30 mm since the last view that added some count as news.
     #[test]
     fn twenty_five_cells_are_news() {
         let map = room(false);
@@ -533,7 +536,7 @@ mod tests {
         assert_eq!([24, 25].map(vain), [(4, false), (0, true)]);
     }
 
-    /// Nine by ten cells are the floor that the robot stands on; with fewer there is no map yet.
+    /// Nine by ten cells are the floor under the robot; with fewer there is no map yet.
     #[test]
     fn ninety_cells_are_a_map() {
         let seconds = [90, 89].map(|cells: usize| {
@@ -586,8 +589,8 @@ mod tests {
         assert_eq!([stayed(75, 300.0), stayed(75, 301.0)], [None, Some(0)]);
     }
 
-    /// A way of 10 cells may take 100 scans and two for each cell, and 50 more as soon as less than
-    /// half a metre of it is left.
+    /// A path of 10 cells may take 100 scans and two for each cell, and 50 more as soon as less
+    /// than half a metre remains.
     #[test]
     fn a_way_that_takes_too_long_is_given_up() {
         let map = room(true);
@@ -608,8 +611,8 @@ mod tests {
         assert!(after(1_399.0, 170).is_some() && after(1_399.0, 171).is_none());
     }
 
-    /// Each fifth scan the view is judged again: behind an open door it still shows something, in a
-    /// closed room nothing.
+    /// Each fifth scan the view is judged again: behind an open door it still shows unknown cells,
+    /// in a closed room none.
     #[test]
     fn a_view_is_judged_again_each_second() {
         let after = |map: &Grid, age| {
@@ -626,7 +629,7 @@ mod tests {
                 ..
             })
         ));
-        // Another view is chosen; there is none.
+        // The search chooses another view, but there is none.
         assert!(matches!(after(&closed, 5), Some(At::Way { scans: 7, .. })));
         let mut explore = on_the_way(1_200.0, 10, 7, 5);
         explore
@@ -643,8 +646,8 @@ mod tests {
         ));
     }
 
-    /// At its view the robot stands for four scans more as long as something is to be seen there,
-    /// then it gives that up.
+    /// At its view the robot stands for four scans while the view still shows something, then it
+    /// gives the view up.
     #[test]
     fn the_robot_looks_for_a_second_where_it_has_arrived() {
         let (open, closed) = (room(true), room(false));
@@ -670,8 +673,8 @@ mod tests {
         assert!(explore.at.is_none());
     }
 
-    /// Beside a wall that was not felt the robot turns on the spot, half a turn and a little more;
-    /// what was not felt by then is given up.
+    /// Beside an unfelt wall the robot turns on the spot, half a turn and a little more; walls
+    /// still unfelt then are given up.
     #[test]
     fn the_robot_turns_before_walls_that_it_has_not_felt() {
         let map = room(false);
@@ -696,7 +699,7 @@ mod tests {
         }
         assert_eq!(turn(2.91), (HALT, -1.0));
         assert!(!explore.frontiers.outlook(&map, place).is_to_be_felt());
-        // What has been felt meanwhile ends the turn as well.
+        // The turn also ends if all walls have been felt.
         explore.at = Some(At::Turn {
             place,
             heading: 0.0,
@@ -706,7 +709,7 @@ mod tests {
         assert!(explore.at.is_none());
     }
 
-    /// Both heat sensors look aside: what lies ahead is not felt, and not what is warm.
+    /// Both heat sensors look sideways: walls ahead are not felt, nor are warm ones.
     #[test]
     fn only_what_lies_beside_is_felt() {
         let map = room(false);
@@ -723,14 +726,14 @@ mod tests {
             before - explore.frontiers.outlook(&map, pose.position()).unfelt
         };
         assert_eq!(unfelt(0.0, [true; 2]), 0);
-        // Turned to the right its left sensor sees the room, its right one the wall behind.
+        // Turned to the right, the left sensor faces the room and the right one the wall behind.
         assert_eq!(unfelt(-FRAC_PI_2, [true, false]), 0);
         assert!(unfelt(-FRAC_PI_2, [false, true]) > 0);
         assert!(unfelt(FRAC_PI_2, [true, false]) > 0);
         assert_eq!(unfelt(FRAC_PI_2, [false, true]), 0);
     }
 
-    /// Home is where the search began, or what it is told if it never did.
+    /// Home is the start of the search, or the given position if no search was started.
     #[test]
     fn the_robot_goes_home_to_where_it_began() {
         let map = room(false);
@@ -764,7 +767,7 @@ mod tests {
         assert_eq!(explore.home, Some(MIDDLE.position()));
     }
 
-    /// Nearer than half a metre to a place that was not reached either, walls are given up, too.
+    /// Nearer than half a metre to another unreached view, walls are given up, too.
     #[test]
     fn walls_are_given_up_beside_a_place_that_was_not_reached() {
         let map = room(false);

@@ -1,4 +1,4 @@
-//! What is out of the ordinary with the robot, what it does about that, and how it tells the PC.
+//! Faults and warnings of the robot, its reaction to them, and their report to the PC.
 
 use protocols::Instant;
 use protocols::pcui::diagnosis::{Condition, Conditions, Diagnosis, Search};
@@ -10,18 +10,18 @@ use super::{Progress, Rescue};
 use crate::pose::Pose;
 use crate::slam::Improvement;
 
-/// Charge at which the robot goes home, in percent, and from which on a battery counts as another
-/// one.
+/// Charge at which the robot drives home, in percent, and from which a battery counts as a new one.
 const LOW_PERCENT: i8 = 10;
 const FULL_PERCENT: i8 = 30;
-/// Readings in a row that say so, one a second: a motor that starts costs a little as well.
+/// Number of low readings in a row, one a second: the start of a motor also lowers the charge for a
+/// moment.
 const LOW_READINGS: u8 = 5;
-/// How fast it drives then: 136 mm/s.
+/// Speed of the drive home: 136 mm/s.
 const SLOW_CRUISE: i8 = 12;
-/// What lies so near to the rim of the map may lie beyond it.
+/// A robot so near to the map's edge may be beyond it.
 const RIM_MM: f32 = 50.0;
 
-/// What is watched.
+/// State of the watched parts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Health {
     low_readings: u8,
@@ -40,13 +40,12 @@ impl Health {
         }
     }
 
-    /// An operator has ordered the robot to continue: the base does not report the release of its
-    /// button.
+    /// Notes the operator's order to continue: the base does not report the release of its button.
     pub(super) const fn goes_on(&mut self) {
         self.is_stopped = false;
     }
 
-    /// Takes a reading of the battery; whether it has just become low.
+    /// Takes a reading of the battery; returns whether the battery has just become low.
     const fn take_battery(&mut self, battery: Battery) -> bool {
         if battery.percent > LOW_PERCENT {
             self.low_readings = 0;
@@ -61,7 +60,7 @@ impl Health {
 }
 
 impl Rescue {
-    /// Goes on with setting the radio up, and tells if that could not be done.
+    /// Continues the setup of the radio, and reports a failure.
     pub(super) fn set_radio_up(&mut self, now: Instant) {
         let Some(setup) = &mut self.radio_setup else {
             return;
@@ -75,19 +74,20 @@ impl Rescue {
         }
     }
 
-    /// Whether the radio is there for the PC.
+    /// Whether the radio is available for the PC.
     pub(super) const fn uses_radio(&self) -> bool {
         self.switches.pc_link && self.radio_setup.is_none()
     }
 
-    /// Looks at what the base has told since: its battery, its stop button.
+    /// Reads the base's new reports: its battery, its stop button.
     pub(super) fn watch_health(&mut self, now: Instant) {
         if let Some(battery) = self.drive.take_battery()
             && self.health.take_battery(battery)
         {
             self.screen.notices.push(now, Notice::GoesHome);
             self.navigator.slow_down(SLOW_CRUISE);
-            // A list of waypoints is the PC's affair: it is told, and may send others.
+            // A list of waypoints is the PC's task: the PC gets the warning and may send other
+            // waypoints.
             if matches!(self.mode, Mode::Exploration | Mode::Explore) {
                 if self.mode != Mode::Explore {
                     self.set_mode(now, Mode::Explore);
@@ -114,7 +114,7 @@ impl Rescue {
         self.health.is_off_map = is_off_map;
     }
 
-    /// Whether the robot is where its map ends.
+    /// Whether the robot is at the edge of its map.
     pub const fn is_off_map(&self) -> bool {
         self.health.is_off_map
     }
@@ -124,14 +124,14 @@ impl Rescue {
         self.mapper.improvements()
     }
 
-    /// Where the wheels alone, or the gyroscope with them, put the robot, which began at the
-    /// origin, and when; `None` before their first reading.
+    /// Pose by the wheels alone, or with the gyroscope, relative to the origin, and its time;
+    /// `None` before the first reading.
     pub fn dead_reckoned(&self) -> Option<(Instant, Pose)> {
         let odometry = &self.drive.odometry;
         Some((odometry.updated_at()?, odometry.pose()))
     }
 
-    /// Whether the lidar turns at its speed.
+    /// Whether the lidar's speed is stable.
     pub const fn lidar_speed_is_stable(&self) -> bool {
         self.lidar.speed_is_stable()
     }
@@ -183,7 +183,8 @@ mod tests {
         })
     }
 
-    /// 20 mm from the rim of a map of 3 m the robot is off it, in its middle it is not.
+    /// 20 mm from the edge of a map of 3 m the robot counts as off the map, in its middle it does
+    /// not.
     #[test]
     fn leaving_the_map_is_told() {
         let is_told = |x_mm| {
@@ -196,7 +197,7 @@ mod tests {
         assert_eq!([1_500.0, 2_980.0, 20.0].map(is_told), [false, true, true]);
     }
 
-    /// Five in a row; a full one makes it forget, one of 20 percent does not.
+    /// Five low readings in a row count; a full one resets the count, one of 20 percent does not.
     #[test]
     fn a_low_battery_is_believed_after_five_readings() {
         let mut health = Health::new();

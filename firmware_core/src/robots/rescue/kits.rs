@@ -1,13 +1,14 @@
-//! Rescue kits: each is dropped once, whatever is lost on the wire.
+//! Rescue kits: each is dropped exactly once, even if messages are lost.
 //!
-//! The base counts what has left its magazine, over restarts as well, and drops until its count is
-//! what it was told: to be told again drops nothing, and what it forgot it is told again.
+//! The base counts the kits that have left its magazine, over restarts as well, and drops kits
+//! until its count equals the ordered target. A repeated order therefore drops no extra kit, and
+//! the program repeats an order that the base has lost.
 
 /// Kits that are still to be dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kits {
     waiting: u8,
-    /// What the base's count is to come to; `None` as long as it has not told its count.
+    /// Target of the base's count; `None` until the base has reported its count.
     target: Option<u8>,
 }
 
@@ -17,18 +18,18 @@ impl Kits {
         target: None,
     };
 
-    /// One more.
+    /// Adds a kit.
     pub(super) fn add(&mut self) {
         self.waiting = self.waiting.saturating_add(1);
         self.target = self.target.map(|target| target.saturating_add(1));
     }
 
-    /// Whether the base is to be asked for its count.
+    /// Whether kits are waiting, so the base's count is needed.
     pub(super) const fn is_waiting(&self) -> bool {
         self.waiting > 0
     }
 
-    /// So many have left the magazine: what the base is to be told, if any are missing.
+    /// Takes the base's count `dropped`; returns the target to send, if kits are missing.
     pub(super) fn counted(&mut self, dropped: u8) -> Option<u8> {
         let all = dropped.saturating_add(self.waiting);
         let target = *self.target.get_or_insert(all);
@@ -69,7 +70,7 @@ mod tests {
         assert_eq!((kits.counted(2), kits), (None, Kits::NONE));
     }
 
-    /// A magazine of 255 is empty then.
+    /// A magazine of 255 kits is then empty.
     #[test]
     fn more_than_there_are_is_not_waited_for() {
         let mut kits = Kits::NONE;

@@ -10,21 +10,21 @@ use crate::scan::{Turn, TurnAssembler};
 
 /// Silence after which the robot counts as blind: more than a whole turn.
 const SILENCE_MAX: Duration = Duration::from_millis(300);
-/// Time without a complete turn after which it does.
+/// Time without a complete turn after which the robot counts as blind.
 const TURNLESS_MAX: Duration = Duration::from_millis(700);
-/// Turns behind the first one after a silence before the robot drives again: what was just found
-/// again may be lost again.
+/// Turns after the first one behind a silence before the robot drives again: the lidar may fail
+/// again.
 const STEADY_TURNS: u8 = 2;
-/// Packets missing in a row, of 90 a turn, with which the robot still drives: what is narrower than
-/// these 40 degrees at the distance that it keeps, a scan or two ago showed.
+/// Maximum number of missing packets in a row, of 90 a turn, with which the robot still drives. An
+/// obstacle narrower than these 40 degrees at the robot's clearance was visible a scan or two ago.
 const GAP_MAX: u8 = 10;
-/// Quiet time after which a half-received packet is given up. Nothing depends on it: a packet that
+/// Idle time after which a partial packet is discarded. The value is uncritical: a packet that
 /// begins inside a broken one is found anyway.
 const IDLE_GAP: Duration = Duration::from_millis(20);
 const TARGET_RPM: f32 = 300.0;
 const PACKETS: u32 = 90;
 
-/// From the lidar's bytes to turns, and the motor that turns it.
+/// The lidar's parser, turn assembler and motor regulator.
 #[derive(Clone, Debug)]
 pub(super) struct Lidar {
     line: LineConfig,
@@ -39,10 +39,10 @@ pub(super) struct Lidar {
     sees: bool,
     /// Turns still to come before the lidar counts as steady.
     unsteady: u8,
-    /// The fielded program waits for the lidar with everything else (XV-08).
+    /// Defect: the whole program waits for the lidar (XV-08).
     waits: bool,
     is_blocked: bool,
-    /// It kicks the motor whenever it loses the stream (XV-09).
+    /// Defect: the motor gets its start duty whenever the stream is lost (XV-09).
     kicks: bool,
     pub(super) counters: Counters,
 }
@@ -58,7 +58,7 @@ pub(super) struct Counters {
 }
 
 impl Counters {
-    /// Nothing has happened yet.
+    /// All counters at 0.
     const NONE: Self = Self {
         packets: 0,
         lost_packets: 0,
@@ -115,7 +115,7 @@ impl Lidar {
         self.decoder.idle();
     }
 
-    /// Looks for silence.
+    /// Checks for silence.
     pub(super) fn tick(&mut self, now: Instant) {
         self.motor.tick(now);
         let is_silent = now - self.packet_at >= SILENCE_MAX || now - self.turn_at >= TURNLESS_MAX;
@@ -144,12 +144,12 @@ impl Lidar {
         self.sees
     }
 
-    /// Whether the lidar has been there for a turn or two, and has looked everywhere.
+    /// Whether the lidar has worked for a turn or two, without a large gap.
     pub(super) const fn is_steady(&self) -> bool {
         self.unsteady == 0 && self.assembler.turn().gap <= GAP_MAX
     }
 
-    /// Whether the program stands still because no packet comes.
+    /// Whether the program is blocked because no packet arrives.
     pub(super) const fn is_blocked(&self) -> bool {
         self.is_blocked
     }
@@ -162,7 +162,7 @@ impl Lidar {
         self.has_turn
     }
 
-    /// The turn that has not been looked at yet.
+    /// The newest unprocessed turn.
     pub(super) fn take_turn(&mut self) -> &Turn {
         self.has_turn = false;
         self.assembler.turn()
@@ -228,7 +228,7 @@ mod tests {
         Instant::from_millis(millis)
     }
 
-    /// Packets of a turn of 200 ms that begins at `start`, but those.
+    /// Packets of a turn of 200 ms that begins at `start`, without those in `lost`.
     fn turn(lidar: &mut Lidar, start: u64, lost: core::ops::Range<u8>) {
         for index in (0..90_u8).filter(|index| !lost.contains(index)) {
             let packet = Frame::new(index, SpeedWord(300 * 64), [RawReading([0; 4]); 4]);
@@ -237,7 +237,7 @@ mod tests {
         }
     }
 
-    /// Two turns; of the second, before the program asks for it, ten packets in a row are lost.
+    /// Two turns; ten packets in a row of the second one are lost before the program asks for it.
     #[test]
     fn turns_and_packets_are_counted() {
         let mut lidar = lidar();
@@ -270,7 +270,7 @@ mod tests {
         assert!(lidar.sees() && lidar.counters.silences == 0);
         lidar.tick(last + Duration::from_millis(300));
         assert!(!lidar.sees() && !lidar.has_turn() && lidar.counters.silences == 1);
-        // Nothing is due before that: the motor is spun up again after a second.
+        // The next due time is that of the motor's restart, after a second.
         assert_eq!(lidar.next_at(), last + Duration::from_secs(1));
         lidar.tick(last + Duration::from_millis(400));
         assert_eq!(lidar.counters.silences, 1);
@@ -285,7 +285,7 @@ mod tests {
         assert!(!lidar.sees());
     }
 
-    /// Behind a silence the third turn is the first to be trusted.
+    /// After a silence the third turn is the first to be trusted.
     #[test]
     fn a_lidar_that_comes_back_is_steady_after_two_turns() {
         let mut lidar = lidar();
@@ -298,7 +298,8 @@ mod tests {
         assert_eq!(steady, [(true, false), (true, false), (true, true)]);
     }
 
-    /// A byte of 86.8 us is still to come behind the packet; half a packet is given up after 20 ms.
+    /// The packet is complete when its last byte of 86.8 us has passed; half a packet is discarded
+    /// after 20 ms.
     #[test]
     fn a_packet_ends_with_its_last_byte() {
         let packet = Frame::new(3, SpeedWord(300 * 64), [RawReading([0; 4]); 4]);
@@ -323,7 +324,7 @@ mod tests {
         assert!(lidar.counters.bad_packets > 0 && lidar.counters.packets == 2);
     }
 
-    /// XV-08: the fielded program waits for its lidar, and continues as if nothing had been.
+    /// XV-08: the fielded program waits for its lidar, and then continues normally.
     #[test]
     fn the_fielded_program_waits_for_its_lidar() {
         let mut lidar = lidar();

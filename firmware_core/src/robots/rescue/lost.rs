@@ -3,23 +3,23 @@ use protocols::pcui::message::Mode;
 use super::Rescue;
 use crate::slam::{Certainty, Mapper};
 
-/// How far the robot may roll and turn without a measurement, from one turn of the lidar to the
-/// next: it drives 45 mm.
+/// Maximum distance and turn without a measurement, from one turn of the lidar to the next: the
+/// robot drives 45 mm.
 const UNSEEN_MM: f32 = 50.0;
 const UNSEEN_RAD: f32 = 0.1;
-/// The most for such a motion, by the turn and in all: its base stops the motors after a second.
+/// Maximum of such a motion, per turn and in total: the base stops the motors after a second.
 const BLIND_TURN: [f32; 2] = [50.0, 0.17];
 const BLIND_MOST: [f32; 2] = [280.0, 1.2];
-/// Turns in a row that fit nowhere before a robot counts as lost.
+/// Number of unfitting turns in a row after which the robot counts as lost.
 const LOST_AFTER: u8 = 3;
-/// Turns in a row after which a lost robot may be anywhere; before, it most likely turned or rolled
-/// on without a measurement.
+/// Number of turns in a row after which a lost robot may be anywhere; before, an unmeasured turn or
+/// roll is more likely.
 const ANYWHERE_AFTER: u8 = 30;
 
-/// Whether the robot knows where it is.
+/// Whether the robot knows its pose.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lost {
-    /// Turns in a row whose place in the map is not known.
+    /// Turns in a row without a known pose in the map.
     turns: u8,
 }
 
@@ -32,8 +32,8 @@ impl Lost {
         self.turns >= LOST_AFTER
     }
 
-    /// Tells `mapper`, before it is given the next turn, what the wheels missed: the motion of this
-    /// turn, or some before it.
+    /// Notes in `mapper`, before it gets the next turn, the motion that the wheels missed in this
+    /// turn or in some before.
     pub(super) fn before(mapper: &mut Mapper, knows_motion: bool, has_gap: bool) {
         if !knows_motion {
             mapper.doubt(UNSEEN_MM, UNSEEN_RAD);
@@ -44,7 +44,7 @@ impl Lost {
         }
     }
 
-    /// Takes how sure the pose of the newest turn is.
+    /// Takes the certainty of the newest turn's pose.
     pub(super) const fn after(&mut self, mapper: &mut Mapper, certainty: Certainty) {
         self.turns = match certainty {
             Certainty::Doubtful | Certainty::Ambiguous => self.turns.saturating_add(1),
@@ -59,8 +59,8 @@ impl Lost {
 }
 
 impl Rescue {
-    /// Whether the robot has to go to a place and does not know where it is: it stands, because
-    /// looking for itself takes its processor longer than its decisions hold.
+    /// Whether the robot is lost while it needs its pose for a goal. It then stops, because the
+    /// search of the whole map takes longer than its decisions hold.
     pub fn is_lost(&self) -> bool {
         matches!(self.mode, Mode::Waypoint | Mode::Explore) && self.lost.is_lost()
     }

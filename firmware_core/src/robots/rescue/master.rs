@@ -86,7 +86,7 @@ impl Master for Rescue {
                 self.phase = Phase::Matched { since };
             }
         }
-        // A program that waits for its lidar looks at nothing else (XV-08).
+        // A program blocked by its lidar does nothing else (XV-08).
         if !self.lidar.is_blocked() {
             self.attend_at = self.next_attention();
         }

@@ -3,9 +3,9 @@ use protocols::{Instant, pcui};
 
 use super::{FOR_EVER, ORDER_HOLDS, Rescue, SET_POINT_MAX};
 
-/// What the PC wants.
+/// Orders of the PC.
 impl Rescue {
-    /// Does what a frame from the PC says.
+    /// Executes a frame from the PC.
     pub(super) fn obey(&mut self, now: Instant, frame: &pcui::Frame) {
         match frame.message() {
             Ok(Message::Waypoints(list)) => self.take_waypoints(now, list),
@@ -22,7 +22,7 @@ impl Rescue {
         self.follow_waypoints(now);
     }
 
-    /// Sets off when there are waypoints, stops when there are none any more.
+    /// Starts to drive if there are waypoints, stops if there are none any more.
     pub(super) fn follow_waypoints(&mut self, now: Instant) {
         match self.mode {
             Mode::Stop | Mode::Exploration if !self.waypoints.is_empty() => {

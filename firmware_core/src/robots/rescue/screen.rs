@@ -1,4 +1,4 @@
-//! What the robot's display shows: the map on the left; on the right a page of buttons, figures or
+//! Content of the robot's display: the map on the left; on the right a page of buttons, figures or
 //! settings; a status bar that opens into a list of messages; tabs below.
 //!
 //! ```text
@@ -13,7 +13,7 @@
 //! ```
 //!
 //! Map size, scale, gray and the robot's two legs are the fielded program's. Its page of figures
-//! was empty, its switch for the scan drew nothing; here both do what they say.
+//! was empty, its switch for the scan drew nothing; here both work.
 
 mod draw;
 mod layout;
@@ -33,14 +33,15 @@ use crate::waypoints::Waypoints;
 pub(super) use layout::{Action, Hit};
 pub(super) use notice::{Notice, Notices};
 
-/// How often it is checked what changed.
+/// Interval of the checks for changes.
 const LOOK_PERIOD: Duration = Duration::from_millis(500);
-/// How often all of the map is checked. The fielded program drew it again every 200 ms, over a
-/// parallel bus; here it would fill the line, because walls waver with every scan.
+/// Interval of the checks of the whole map. The fielded program redrew it every 200 ms, over a
+/// parallel bus. Here that would fill the line, because the cells of walls change a little with
+/// every scan.
 const SWEEP_PERIOD: Duration = Duration::from_secs(4);
-/// Two taps at one place within this time are a double tap.
+/// Maximum time between the two taps of a double tap.
 const DOUBLE_TAP: Duration = Duration::from_millis(600);
-/// How far apart they may be, pixels.
+/// Maximum distance between the two taps, pixels.
 const DOUBLE_TAP_REACH: u16 = 12;
 
 /// Pages of the right half.
@@ -51,7 +52,7 @@ pub(super) enum Page {
     Settings,
 }
 
-/// What can be switched on the display.
+/// Switches on the display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Switches {
     /// Scans are drawn into the map, not only matched.
@@ -65,7 +66,7 @@ pub(super) struct Switches {
 }
 
 impl Switches {
-    /// As the robot starts: it maps and talks to the PC.
+    /// Switches at the robot's start: mapping and the PC link are on.
     pub(super) const AT_START: Self = Self {
         mapping: true,
         lidar: true,
@@ -86,24 +87,24 @@ pub(super) struct Figures {
     pub(super) arrivals: u32,
 }
 
-/// All that is shown.
+/// Content of the screen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View<'a> {
     pub(super) map: &'a Grid,
     pub(super) pose: Pose,
-    /// Ends of the newest scan's beams, in the robot's frame.
+    /// End points of the newest scan's beams, in the robot's frame.
     pub(super) scan: &'a [Point],
     pub(super) waypoints: &'a Waypoints,
     pub(super) mode: Mode,
     pub(super) mode_name: &'static str,
-    /// What is to be said of base and lidar.
+    /// State of base and lidar for the status bar.
     pub(super) health: Notice,
     pub(super) battery: Option<Battery>,
     pub(super) switches: Switches,
     pub(super) figures: Figures,
 }
 
-/// What decides how everything but the map looks.
+/// Values that determine all of the picture but the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Facts {
     page: Page,
@@ -161,12 +162,12 @@ impl Screen {
         self.display.transmit(buf)
     }
 
-    /// Whether [`refresh`](Self::refresh) would do anything.
+    /// Whether [`refresh`](Self::refresh) has work.
     pub(super) fn has_work(&self, now: Instant) -> bool {
         now >= self.look_at || self.display.has_work(now)
     }
 
-    /// Looks for changes when it is time to, and draws a little.
+    /// Checks for changes when due, and draws a little.
     pub(super) fn refresh(&mut self, now: Instant, view: &View<'_>) {
         if now >= self.look_at {
             self.look_at = now + LOOK_PERIOD;
@@ -187,7 +188,7 @@ impl Screen {
         display.paint(now, |tile| draw::everything(tile, view, &shown));
     }
 
-    /// Marks what may look different now.
+    /// Marks the areas that may have changed.
     fn look(&mut self, now: Instant, view: &View<'_>) {
         self.notices.observe(now, view);
         let facts = self.facts_of(view);
@@ -230,7 +231,7 @@ impl Screen {
         }
     }
 
-    /// Takes what the pen tells; what it asks the robot for.
+    /// Takes bytes of the touch panel; returns the touched element, if any.
     pub(super) fn receive(&mut self, now: Instant, bytes: &[u8]) -> Option<Hit> {
         let place = self.display.receive(now, bytes)?;
         let hit = layout::hit(place, self.page, self.messages)?;
@@ -254,14 +255,14 @@ impl Screen {
                 None
             }
             Hit::Map(place, _) => Some(Hit::Map(place, is_double)),
-            // Pressed by mistake, it would cost the map.
+            // A double tap is required, because a touch by mistake would delete the map.
             Hit::Button(Action::Reset) if !is_double => None,
             hit @ Hit::Button(_) => Some(hit),
         }
     }
 }
 
-/// Tells one list of waypoints from another.
+/// A sum that distinguishes lists of waypoints.
 fn sum_of(waypoints: &Waypoints) -> u32 {
     let reached = u32::try_from(waypoints.reached()).unwrap_or(0);
     let start = 0x811C_9DC5_u32 ^ reached;

@@ -52,7 +52,7 @@ fn each_port_has_its_own_output() {
     );
 }
 
-/// Of what the lines tell, what damages bytes is counted.
+/// Damaged bytes on the lines are counted.
 #[test]
 fn damage_on_the_lines_is_counted() {
     let mut robot = robot();
@@ -77,7 +77,7 @@ fn damage_on_the_lines_is_counted() {
     assert_eq!(strays, 0);
 }
 
-/// A button orders a mode, or turns a switch; reset puts all back.
+/// A button orders a mode, or toggles a switch; reset restores all of them.
 #[test]
 fn buttons_do_what_they_say() {
     let mut robot = robot();
@@ -112,7 +112,7 @@ fn buttons_do_what_they_say() {
     assert_eq!(press(Action::Reset), (Mode::Stop, start));
 }
 
-/// A motor that is switched off runs out; switched on it is started afresh.
+/// A motor that is switched off runs out; when switched on it is started again.
 #[test]
 fn the_lidar_is_switched_by_its_button() {
     let mut robot = robot();
@@ -127,8 +127,8 @@ fn the_lidar_is_switched_by_its_button() {
     assert_eq!([duty(Some(Action::Lidar)), duty(None)], [Some(180), None]);
 }
 
-/// A touch of the map sets waypoints if that is switched on, in cells of 10 mm; else it tells a
-/// robot at rest where it is, and a second touch turns it by 45 degrees.
+/// With waypoints enabled a touch of the map sets a waypoint, in cells of 10 mm; else it sets the
+/// pose of a robot at rest, and a second touch turns the robot by 45 degrees.
 #[test]
 fn a_touch_of_the_map_sets_a_waypoint_or_the_robot() {
     let mut robot = robot();
@@ -167,7 +167,8 @@ fn a_touch_of_the_map_sets_a_waypoint_or_the_robot() {
     );
 }
 
-/// The stop button stops whatever the robot does, once; while it is held the PC may order on.
+/// The stop button stops the robot in any mode, once; while the button is held the PC may order the
+/// robot to continue.
 #[test]
 fn the_stop_button_ends_what_the_robot_does() {
     let config = Config {
@@ -193,7 +194,7 @@ fn the_stop_button_ends_what_the_robot_does() {
     assert!(!robot.diagnosis().conditions.has(Condition::Stopped));
 }
 
-/// Each defect by its number makes another robot, and no number none.
+/// Each known defect number changes the robot, and an unknown number gives none.
 #[test]
 fn each_defect_is_switched_by_its_number() {
     let sound = Config::default();
@@ -209,7 +210,7 @@ fn each_defect_is_switched_by_its_number() {
     assert!(defects.forgets_to_restart && defects.signed_checksum && !defects.signed_length);
 }
 
-/// An order to drive by hand is not renewed: after a second the robot explores.
+/// A manual drive order is not renewed: after a second the robot explores.
 #[test]
 fn an_order_by_hand_ends_after_a_second() {
     let mut robot = robot();
@@ -233,8 +234,8 @@ fn an_order_by_hand_ends_after_a_second() {
     );
 }
 
-/// PU-16: a byte in its first millisecond ends the fielded program; nothing is heard, said or
-/// done any more.
+/// PU-16: a byte in its first millisecond ends the fielded program; it receives, sends and does
+/// nothing any more.
 #[test]
 fn a_program_that_has_ended_does_nothing() {
     let config = Config::default().with_defect("PU-16").expect("it is known");
@@ -253,7 +254,7 @@ fn a_program_that_has_ended_does_nothing() {
     assert!(!Inspect::is_dead(&*sound) && sound.poll_at().is_some());
 }
 
-/// What is told of what the robot does, by name.
+/// Name of the robot's activity in reports.
 #[test]
 fn its_mode_has_a_name() {
     let mut robot = robot();
@@ -270,7 +271,7 @@ fn its_mode_has_a_name() {
     assert!(robot.search_progress().is_none() && Inspect::is_done(&*robot).is_none());
 }
 
-/// A base that answers all that it is asked, each byte of its registers being `value`.
+/// A base that answers every request; each byte of its registers is `value`.
 fn serve(robot: &mut Rescue, now: Instant, value: u8) {
     let order = robot.config.checksum_order;
     let mut decoder = avr::Decoder::new(order);
@@ -291,8 +292,8 @@ fn serve(robot: &mut Rescue, now: Instant, value: u8) {
     }
 }
 
-/// What thermometers and infrared sensors read is placed in the map; a robot that was never
-/// matched, or that is lost, has no place for it. 0x0101 mm are 257.
+/// Readings of thermometers and infrared sensors are placed in the map; a robot that was never
+/// matched, or that is lost, ignores them. 0x0101 mm are 257.
 #[test]
 fn what_is_felt_counts_where_the_robot_knows_its_place() {
     let config = Config {
@@ -324,7 +325,7 @@ fn what_is_felt_counts_where_the_robot_knows_its_place() {
     assert_eq!(takes(true, true), (false, false));
 }
 
-/// Rows out, taps in: a pen that comes down is one.
+/// Sent rows and received taps; a pen that comes down is one tap.
 #[test]
 fn what_the_display_gets_and_tells_is_counted() {
     let mut robot = robot();
@@ -401,8 +402,7 @@ fn a_turn_waits_for_the_encoders_for_thirty_milliseconds() {
     );
 }
 
-/// An order by hand ends a second after it; an old one of a robot that does something else is
-/// nothing to wake up for.
+/// A manual order ends after a second; an old one of a robot in another mode causes no wake-up.
 #[test]
 fn only_an_order_by_hand_has_an_end() {
     let mut robot = robot();
@@ -417,7 +417,7 @@ fn only_an_order_by_hand_has_an_end() {
     assert_eq!(robot.next_attention(), at(1_100));
 }
 
-/// The search is over when the robot is home, and not before it was asked for.
+/// The search has ended when the robot is home; before the first search there is no result.
 #[test]
 fn a_search_is_done_at_home() {
     let mut robot = robot();
@@ -433,7 +433,7 @@ fn a_search_is_done_at_home() {
     assert_eq!(robot.search_progress(), Some(Progress::IsHome));
 }
 
-/// No module answers: after all rates were tried the radio is used as it is.
+/// No module answers: after all rates were tried the radio is used without setup.
 #[test]
 fn a_radio_that_does_not_answer_is_used_all_the_same() {
     let settings = crate::radio_setup::Settings {
@@ -454,8 +454,8 @@ fn a_radio_that_does_not_answer_is_used_all_the_same() {
     assert!(is_over.is_some_and(|tenths| tenths > 5), "{is_over:?}");
 }
 
-/// Each buffer that a defect writes beside is reported by its name: an answer without a reader, two
-/// bytes and the checksum; index FF of a packet, place 380; a link to a shared waypoint.
+/// Each buffer with stray writes of a defect is reported by its name: an answer without a reader,
+/// two bytes and the checksum; index FF of a packet, offset 380; a link to a shared waypoint.
 #[test]
 fn what_is_written_beside_a_buffer_is_told_by_name() {
     let config = ["MA-06", "XV-03", "PU-09"]
@@ -486,7 +486,7 @@ fn what_is_written_beside_a_buffer_is_told_by_name() {
     assert_eq!(told, expected);
 }
 
-/// Waypoints where the robot is are reached, all of them in one step, and then it stands.
+/// Waypoints at the robot's position are all reached in one step, and then the robot stands.
 #[test]
 fn waypoints_that_the_robot_stands_on_are_reached_at_once() {
     let mut robot = robot();
@@ -517,7 +517,7 @@ fn only_a_search_that_ends_by_itself_is_told_on_the_display() {
     assert_eq!(std::format!("{:?}", robot.screen.notices), before);
 }
 
-/// A frame as it comes from the PC.
+/// Takes a frame from the PC.
 fn from_pc(robot: &mut Rescue, now: Instant, bytes: &[u8]) {
     let mut decoder = pcui::Decoder::default();
     let frames: Vec<_> = decoder.push(bytes).flatten().collect();
@@ -527,7 +527,7 @@ fn from_pc(robot: &mut Rescue, now: Instant, bytes: &[u8]) {
     robot.obey(now, frame);
 }
 
-/// Set-points by hand are cut off at 35 ticks to each side; another mode has none.
+/// Manual set-points are limited to 35 ticks to each side; another mode has none.
 #[test]
 fn an_order_by_hand_is_no_faster_than_the_base_takes() {
     let ordered = |mode, set_point| {
@@ -551,8 +551,8 @@ fn an_order_by_hand_is_no_faster_than_the_base_takes() {
     );
 }
 
-/// A list sets off a robot that stands or explores, not one that is driven by hand; the end of
-/// the list stops it, or lets it explore with field defect PU-11.
+/// A list starts a robot that stands or explores, not one in manual mode; the end of the list stops
+/// it, or lets it explore with field defect PU-11.
 #[test]
 fn a_list_from_the_pc_sets_the_robot_off() {
     let after = |config: Config, mode, counts: [usize; 2]| {
@@ -583,7 +583,7 @@ fn a_list_from_the_pc_sets_the_robot_off() {
     assert_eq!(after(fielded, Mode::Stop, [1, 0]), (Mode::Exploration, 0));
 }
 
-/// A new map begins around the robot, where it believes to be; a waypoint too many is refused.
+/// A new map starts around the robot's believed pose; a waypoint too many is refused.
 #[test]
 fn a_cleared_map_leaves_the_robot_where_it_is() {
     let mut robot = robot();
@@ -607,7 +607,7 @@ fn a_cleared_map_leaves_the_robot_where_it_is() {
     );
 }
 
-/// Each turn that is mapped costs the processor its time once.
+/// Each mapped turn reports its processor time once.
 #[test]
 fn the_work_of_each_turn_is_told_once() {
     let mut robot = robot();

@@ -1,4 +1,4 @@
-//! What the robot does when its display is touched, and what it shows there.
+//! Reactions of the robot to touches of its display, and the data for the display.
 
 use core::f32::consts::FRAC_PI_4;
 
@@ -12,14 +12,14 @@ use crate::Inspect;
 use crate::pose::Pose;
 
 impl Rescue {
-    /// Rows that were sent to the display, and taps that came from it.
+    /// Rows sent to the display, and taps received from it.
     pub const fn display_traffic(&self) -> [u32; 2] {
         let counters = self.screen.display().counters();
         [counters.rows, counters.taps]
     }
 
-    /// Draws a little, in the time that the search leaves: the fielded program's display had the
-    /// lowest priority of all as well.
+    /// Draws a little, in the time that the search leaves: the fielded program's display also had
+    /// the lowest priority.
     pub(super) fn refresh_screen(&mut self, now: Instant) {
         let is_busy = matches!(self.phase, Phase::Matched { .. });
         if self.config.display == Display::None || is_busy || !self.screen.has_work(now) {
@@ -59,7 +59,7 @@ impl Rescue {
         self.screen.refresh(now, &view);
     }
 
-    /// Does what a touch asks for.
+    /// Executes the action of a touch.
     pub(super) fn touched(&mut self, now: Instant, hit: Hit) {
         match hit {
             Hit::Button(action) => self.pressed(now, action),
@@ -87,7 +87,7 @@ impl Rescue {
             Action::Lidar => self.switch_lidar(),
             Action::PcLink => {
                 toggle(&mut self.switches.pc_link);
-                // Half a frame from before must not meet the other half of another (field defect
+                // A partial frame from before must not be completed by a later one (field defect
                 // PU-15).
                 self.pc.line_broke();
             }
@@ -114,7 +114,7 @@ impl Rescue {
         }
     }
 
-    /// Begins a new map around the robot where it believes to be.
+    /// Starts a new map around the robot's believed pose.
     fn clear_map(&mut self, now: Instant) {
         let pose = self.pose_at(now);
         self.mapper.restart();
@@ -125,7 +125,7 @@ impl Rescue {
         self.screen.notices.push(now, Notice::MapCleared);
     }
 
-    /// A waypoint behind the others.
+    /// Appends a waypoint.
     fn add_waypoint(&mut self, now: Instant, cells: [f32; 2]) {
         let cell_mm = self.mapper.grid().resolution_mm();
         #[expect(clippy::cast_possible_truncation, reason = "saturates beyond 32 m")]
@@ -137,14 +137,14 @@ impl Rescue {
         self.waypoints_touched(now);
     }
 
-    /// As when the list came from the PC: the robot sets off, or stops when nothing is left, and
-    /// the PC is told.
+    /// Follows a list of waypoints from the display, as one from the PC. The robot starts, or stops
+    /// if the list is empty, and sends the list to the PC.
     fn waypoints_touched(&mut self, now: Instant) {
         self.pc.echo_waypoints();
         self.follow_waypoints(now);
     }
 
-    /// Tells a robot at rest where it is; a double tap turns it by 45 degrees instead.
+    /// Sets the pose of a robot at rest; a double tap turns it by 45 degrees instead.
     fn place_robot(&mut self, now: Instant, cells: [f32; 2], is_double: bool) {
         if self.mode != Mode::Stop {
             self.screen.notices.push(now, Notice::StopFirst);

@@ -1,77 +1,78 @@
-//! Victims: places on the walls where the heat sensors felt one.
+//! Victims: warm positions on the walls found by the heat sensors.
 //!
-//! A sensor looks to the side. While it passes a warm object, the places on the wall right beside
-//! it are averaged, each by the square of how warm it is there: the middle of the object. A reading
-//! counts if the wall is as warm as a victim on it would make it; a victim farther away, seen past
-//! the wall's end, does not count.
+//! A sensor looks to the side. While it passes a warm object, the program averages the wall's
+//! positions right beside the sensor, weighted by the square of the excess temperature. The mean is
+//! the middle of the object. A reading counts if it is as warm as a victim on that wall would make
+//! it; a victim farther away, seen past the wall's end, does not count.
 
 use crate::pose::{Point, Pose};
 
 use super::Surroundings;
 
-/// Victims that are kept.
+/// Maximum number of stored victims.
 pub const VICTIMS_MAX: usize = 16;
-/// Warmer than its surroundings by so much, in tenths of a degree: 37 degrees on a third of what
-/// the sensor sees, in a hall of 22.
+/// Minimum excess over the ambient temperature, in tenths of a degree: 37 degrees on a third of the
+/// sensor's view, in a hall of 22.
 const WARM: i16 = 45;
 /// Excess of a victim that fills the sensor's view: 37 degrees in a hall of 22.
 const FULL: f32 = 150.0;
-/// What is kept of the surroundings' temperature at each reading, in 64ths.
+/// Share of the old estimate of the ambient temperature kept at each reading, in 64ths.
 const KEEP_64: i32 = 62;
-/// Largest drop of the estimated surroundings' temperature at once, tenths of a degree: a victim
-/// may have stood where they were first felt.
+/// Largest drop of the estimated ambient temperature at once, tenths of a degree: at the first
+/// reading a victim may have been in view.
 const COLDER_MAX: i32 = 150;
-/// From a sensor to the middle of the robot, millimetres.
+/// Distance of a sensor from the robot's middle, millimetres.
 const MOUNT_MM: f32 = 100.0;
 /// Half of a sensor's field of view, radians, and its tangent.
 const HALF_VIEW_RAD: f32 = 0.305;
 const HALF_VIEW_TAN: f32 = 0.315;
-/// A victim beyond the rim of the field of view still warms a delayed reading.
+/// Margin around the field of view in which a victim still warms a delayed reading.
 const RIM_RAD: f32 = 0.15;
 /// Half of a warm plate, millimetres.
 const HALF_PLATE_MM: f32 = 50.0;
-/// Farther from the sensor than this the place on the wall is not sure, millimetres. What a search
-/// takes for felt lies nearer: 0.42 m from the middle, and the flank of 60 mm that the map draws
-/// before a wall.
+/// Distance from the sensor above which the position on the wall is uncertain, millimetres. Walls
+/// that the search counts as felt are nearer: 0.42 m from the middle, less the flank of 60 mm that
+/// the map draws before a wall.
 const FAR_MM: f32 = 450.0;
-/// A victim farther away than this is not felt at all.
+/// Maximum distance at which a victim is felt at all.
 const FELT_MM: f32 = 1500.0;
-/// An excess over the surroundings from which a reading may be the rim of a victim, tenths of a
-/// degree.
+/// Excess over the ambient temperature from which a reading may be the edge of a victim, tenths of
+/// a degree.
 const CALM: i16 = 15;
-/// Beside the middle of the field of view a wall is looked for so far: tangent, and millimetres.
+/// Half width beside the middle of the field of view in which the wall is searched: tangent, and
+/// millimetres.
 const BESIDE_TAN: f32 = 0.1;
 const BESIDE_MM: f32 = 8.0;
-/// Cosine of the angle to a wall below which a victim's place on it is not sure.
+/// Cosine of the angle to a wall below which a victim's position on it is uncertain.
 const OBLIQUE_COS: f32 = 0.5;
-/// So far around a point of a wall others tell how it runs, millimetres.
+/// Radius around a point of a wall whose points give the wall's direction, millimetres.
 const AROUND_MM: f32 = 60.0;
-/// An object farther away than the wall by so much, millimetres, may be the source of the warmth,
-/// unless the reading exceeds that of a victim there by this factor.
+/// Distance behind the wall, millimetres, from which an object there may be the source of the
+/// warmth. It is not if the reading exceeds that of a victim there by this factor.
 const BEHIND_MM: f32 = 120.0;
 const NOT_BEHIND: f32 = 1.25;
-/// A victim on the wall reaches at least this share of the expected reading, and is felt so many
-/// times.
+/// Minimum share of the expected reading that a victim on the wall reaches, and minimum number of
+/// readings.
 const SHARE_MIN: f32 = 0.6;
 const READINGS_MIN: u8 = 2;
-/// Nearer to a victim than this it is the same one.
+/// Radius within which two victims are the same.
 const SAME_MM: f32 = 250.0;
-/// Candidates that were felt too little to be a victim, of which the last ones are kept.
+/// Maximum number of stored candidates with too few readings; the newest are kept.
 const DOUBTS_MAX: usize = 4;
-/// Nearer together than this two such are one, millimetres: what a robot that passes at 0.2 m/s
-/// feels once of a plate lies so close to what it feels of it when it comes back.
+/// Two doubtful objects nearer together than this are the same, millimetres: a robot that passes a
+/// plate at 0.2 m/s measures it once each time, at positions this close.
 const SAME_DOUBT_MM: f32 = 150.0;
 
 /// A victim.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Victim {
-    /// Where, in the map.
+    /// Position in the map.
     pub place: Point,
-    /// Sum of the weights of the readings that it is the mean of.
+    /// Sum of the weights of the averaged readings.
     weight: f32,
 }
 
-/// What passes a sensor.
+/// Warm object that passes a sensor.
 #[derive(Clone, Copy, Debug)]
 struct Passing {
     victim: Victim,
@@ -92,7 +93,7 @@ impl Passing {
         self.readings >= READINGS_MIN && self.share >= SHARE_MIN
     }
 
-    /// Both, if they are of one place.
+    /// Combines both, if they have the same position.
     fn with(mut self, other: &Self) -> Option<Self> {
         let [here, there] = [self.victim.place, other.victim.place];
         if other.readings == 0 || here.distance_mm(there) >= SAME_DOUBT_MM {
@@ -105,18 +106,18 @@ impl Passing {
     }
 }
 
-/// All of them.
+/// All victims and candidates.
 #[derive(Clone, Debug)]
 pub(super) struct Victims {
     list: [Victim; VICTIMS_MAX],
     len: usize,
-    /// What passes the sensors now.
+    /// Warm objects that pass the sensors now.
     passing: [Passing; 2],
-    /// What passed and was felt too little, the newest first.
+    /// Passed objects with too few readings, the newest first.
     doubts: [Passing; DOUBTS_MAX],
     /// The newest readings are warmer than the surroundings.
     is_warm: [bool; 2],
-    /// Temperature of the surroundings, 64ths of a tenth of a degree; 0: not known yet.
+    /// Ambient temperature, 64ths of a tenth of a degree; 0: not known yet.
     ambient_64: [i32; 2],
 }
 
@@ -141,7 +142,7 @@ impl Victims {
         &self.list[..self.len]
     }
 
-    /// Their places in whole millimetres, as the PC is told.
+    /// Positions of all victims in whole millimetres, for the PC.
     pub(super) fn told<'a>(&self, places: &'a mut [[i16; 2]; VICTIMS_MAX]) -> &'a [[i16; 2]] {
         for (place, victim) in places.iter_mut().zip(self.all()) {
             let Point { x_mm, y_mm } = victim.place;
@@ -170,8 +171,8 @@ impl Victims {
     /// a new victim.
     pub(super) fn take(&mut self, readings: [i16; 2], pose: Pose, around: &Surroundings) -> bool {
         let mut is_new = false;
-        // A base that has just started has not measured yet and tells 0: that is no cold hall, in
-        // which all others would be warm.
+        // A base that has just started has not measured yet and reports 0. This is not a cold hall,
+        // in which all other readings would count as warm.
         let measured = readings.into_iter().enumerate();
         for (index, reading) in measured.filter(|(_, reading)| *reading != 0) {
             let excess = self.excess(index, reading);
@@ -192,7 +193,7 @@ impl Victims {
         is_new
     }
 
-    /// How much warmer than its surroundings.
+    /// Excess over the ambient temperature.
     fn excess(&mut self, index: usize, reading: i16) -> i16 {
         let ambient = &mut self.ambient_64[index];
         let reading_64 = i32::from(reading) * 64;
@@ -200,9 +201,9 @@ impl Victims {
             *ambient = reading_64;
         }
         let excess = i32::from(reading) - *ambient / 64;
-        // What is warm is no surroundings, nor is the rim of it, beside which a robot may stand for
-        // long; what is colder than they were thought is.
-        // One reading that is far off says little of them.
+        // Warm readings do not count as ambient, nor does the edge of a warm object, beside which a
+        // robot may stand for long. Colder readings do count. A single outlier changes the estimate
+        // little.
         if excess < i32::from(CALM) {
             let seen = reading_64.max(*ambient - 64 * COLDER_MAX);
             *ambient = (*ambient * KEEP_64 + seen * (64 - KEEP_64)) / 64;
@@ -210,8 +211,8 @@ impl Victims {
         i16::try_from(excess).unwrap_or(0)
     }
 
-    /// Nothing warm passes this side any more: the object that passed is a victim if it was felt
-    /// enough, now or together with earlier readings there.
+    /// Ends the passage of a warm object on this side: it is a victim if it had enough readings,
+    /// now or together with earlier ones there.
     fn passed(&mut self, index: usize) -> bool {
         let mut passed = core::mem::replace(&mut self.passing[index], Passing::NOBODY);
         if passed.readings == 0 {
@@ -259,8 +260,8 @@ fn mix(victim: &mut Victim, place: Point, weight: f32) {
     victim.place.y_mm += (place.y_mm - victim.place.y_mm) * share;
 }
 
-/// The wall beside the sensor on that side (1 left, -1 right), seen from the robot, if the warmth
-/// is on it, and its share of the reading that a victim there would cause.
+/// The wall beside the sensor on that side (1 left, -1 right), relative to the robot, if the warmth
+/// comes from the wall. Also the reading as a share of that of a victim there.
 fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f32)> {
     let seen_by = |point: Point| {
         let seen = Point::new(point.x_mm, side * point.y_mm - MOUNT_MM);
@@ -271,7 +272,7 @@ fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f3
         (ahead > 0.0 && aside.abs() <= ahead * HALF_VIEW_TAN).then_some(seen)
     };
     let seen = || around.points().filter_map(|(point, _)| seen_by(point));
-    // Of a wall that runs along the robot, the point right beside the sensor.
+    // For a wall parallel to the robot, the point right beside the sensor.
     let (mut wall, mut near) = (None, FAR_MM);
     for point in seen() {
         let Point {
@@ -288,7 +289,7 @@ fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f3
     if along[0] < OBLIQUE_COS {
         return None;
     }
-    // What lies farther away than the wall does where it runs on.
+    // Points farther away than the wall's continuation.
     let behind = |point: &Point| {
         (point.y_mm - wall.y_mm) * along[0] - (point.x_mm - wall.x_mm) * along[1] > BEHIND_MM
     };
@@ -300,7 +301,7 @@ fn warm_wall(around: &Surroundings, side: f32, excess: f32) -> Option<(Point, f3
     is_there.then(|| (place, excess / plate_there(wall, along)))
 }
 
-/// Where the wall runs around a point of it: a unit vector, forward or straight away.
+/// Direction of the wall around a point of it: a unit vector, forward or straight away.
 fn direction(at: Point, seen: impl Iterator<Item = Point>) -> [f32; 2] {
     let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
     for point in seen.filter(|point| point.distance_mm(at) <= AROUND_MM) {
@@ -311,7 +312,7 @@ fn direction(at: Point, seen: impl Iterator<Item = Point>) -> [f32; 2] {
     [cos, sin]
 }
 
-/// Reading above the surroundings for a victim at that place on a wall that runs so.
+/// Excess of a victim at that position on a wall with direction `along`.
 fn plate_there(wall: Point, along: [f32; 2]) -> f32 {
     let bearing = |half: f32| {
         let [x, y] = [wall.x_mm + half * along[0], wall.y_mm + half * along[1]];
@@ -321,7 +322,7 @@ fn plate_there(wall: Point, along: [f32; 2]) -> f32 {
     FULL * seen / (2.0 * HALF_VIEW_RAD)
 }
 
-/// Reading above the surroundings for a victim straight ahead of the sensor.
+/// Excess of a victim straight ahead of the sensor.
 fn expected(far_mm: f32) -> f32 {
     let seen = libm::atan2f(HALF_PLATE_MM, far_mm) / HALF_VIEW_RAD;
     FULL * seen.min(1.0)
@@ -407,7 +408,7 @@ mod tests {
         assert_eq!((found, victims.all().len()), (VICTIMS_MAX, VICTIMS_MAX));
     }
 
-    /// The robot's side passes the wall at 270 mm with these readings, standing.
+    /// Number of victims after the robot's side stood at the wall at 270 mm with these readings.
     fn told(readings: &[i16], around: &Surroundings) -> usize {
         let mut victims = Victims::new();
         for left in [&[220], readings, &[220]].concat() {
@@ -417,7 +418,7 @@ mod tests {
     }
 
     /// A robot that passes quickly feels a victim once, and once more on its way back; single
-    /// readings in two places are noise.
+    /// readings at two positions are noise.
     #[test]
     fn what_is_felt_once_and_once_more_is_somebody() {
         let found = |places: &[i16]| {
@@ -431,13 +432,13 @@ mod tests {
         };
         assert_eq!(found(&[300, 440]), Some(370.0));
         assert_eq!(found(&[300, 450]), None);
-        // The four last ones are remembered.
+        // The last four are stored.
         assert_eq!(found(&[300, 700, -100, -500, 300]), Some(300.0));
         assert_eq!(found(&[300, 700, -100, -500, -900, 300]), None);
     }
 
     /// 170 mm before a sensor a victim fills 16.4 of 17.5 degrees: 14 degrees more than the hall. A
-    /// reading of 7 is its rim or another victim, a single reading is noise.
+    /// reading of 7 is its edge or another victim, a single reading is noise.
     #[test]
     fn what_is_too_cold_for_its_wall_or_read_once_is_nobody() {
         assert_eq!(told(&[320, 320], &wall()), 1);
@@ -446,7 +447,7 @@ mod tests {
     }
 
     /// A board that ends beside the robot at 270 mm, and another one behind it at 650 mm: a victim
-    /// there makes 4.5 degrees, and may make 5.5, but not 9.
+    /// on the farther one causes 4.5 degrees, and may cause 5.5, but not 9.
     #[test]
     fn somebody_past_the_end_of_a_board_is_not_on_it() {
         let near = (-40..=1_i16).map(|n| Point::new(f32::from(n) * 10.0, 370.0));
@@ -473,9 +474,8 @@ mod tests {
         assert_eq!(victims.are_explained(turned_away), [false, false]);
     }
 
-    /// A victim that reaches exactly six tenths of the expected reading, felt twice, counts; a
-    /// hand's breadth less does not, nor does a single reading. 250 mm from a victim is another
-    /// one.
+    /// A victim with exactly six tenths of the expected reading, felt twice, counts; one with a
+    /// little less does not, nor does a single reading. 250 mm from a victim a new one starts.
     #[test]
     fn a_victim_fills_six_tenths_twice_and_is_another_one_from_250_mm_on() {
         let passed = |victims: &mut Victims, x_mm: f32, readings: u8, share: f32| {
@@ -497,7 +497,7 @@ mod tests {
         let mut victims = Victims::new();
         assert!(passed(&mut victims, 0.0, 2, 0.6));
         assert!(!passed(&mut victims, 249.0, 2, 0.6));
-        // The middle of both of the same weight is 124.5.
+        // The middle of two victims with equal weights is 124.5.
         assert_eq!(victims.all()[0].place.x_mm, 124.5);
         assert!(passed(&mut victims, 374.5, 2, 0.6));
         assert_eq!(victims.all().len(), 2);
@@ -505,8 +505,8 @@ mod tests {
         assert_eq!(victims.told(&mut places), [[125, 0], [375, 0]]);
     }
 
-    /// 170 mm before the sensor a victim makes 14.07 degrees, six tenths of which are 8.44; 340 mm
-    /// away it makes 7.18, and at most 8.97 is believed to come from there. A reading of 8.7 may
+    /// 170 mm before the sensor a victim causes 14.07 degrees, six tenths of which are 8.44; 340 mm
+    /// away it causes 7.18, and at most 8.97 are attributed to that distance. A reading of 8.7 may
     /// come from there if there is a board behind in the field of view, but not beside it, 107 mm
     /// from its middle.
     #[test]
@@ -519,14 +519,14 @@ mod tests {
         };
         assert_eq!(told(&[307, 307], &with(110, 440.0)), 1);
         assert_eq!(told(&[307, 307], &with(98, 440.0)), 0);
-        // 100 mm behind the wall is the wall.
+        // A point 100 mm behind the wall counts as the wall.
         assert_eq!(told(&[307, 307], &with(50, 370.0)), 1);
-        // On the other side, and under the sensor, there is nothing to be seen.
+        // On the other side, and under the sensor, there are no points.
         assert_eq!(told(&[307, 307], &with(0, -440.0)), 1);
     }
 
-    /// 45 tenths are warm, 44 are not; 15 tenths are the rim of a victim, and do not count for the
-    /// surroundings.
+    /// 45 tenths are warm, 44 are not; 15 tenths are the edge of a victim, and do not count as
+    /// ambient.
     #[test]
     fn warmth_begins_at_its_limits() {
         let mut victims = Victims::new();
@@ -548,9 +548,9 @@ mod tests {
         assert_eq!([felt(235), felt(234)], [(0, true), (0, false)]);
     }
 
-    /// Seen by the left sensor, which looks from 100 mm to the left: the nearest of what is right
-    /// beside it, less than 450 mm away. Beside it is a tenth of the distance and 8 mm: 25 mm of
-    /// 170. Of two as near it is the first.
+    /// Seen by the left sensor, which looks from 100 mm to the left: the nearest of the points
+    /// right beside it, less than 450 mm away. Beside it means within a tenth of the distance and 8
+    /// mm: 25 mm of 170. Of two equally near points the first counts.
     #[test]
     fn the_wall_is_the_nearest_beside_the_sensor() {
         let wall = |points: &[[f32; 2]]| {
@@ -568,17 +568,17 @@ mod tests {
         assert_eq!(wall(&[[20.0, 270.0], [0.0, 271.0]]), Some([0.0, 271.0]));
     }
 
-    /// A wall that runs at 49 degrees to the robot, 228 mm before the sensor: of a victim there it
-    /// sees from 32.8 mm before its axis at 190.3 mm to 32.8 mm behind it at 265.7 mm, which is
-    /// (atan(0.1725) + atan(0.1235)) / 0.61 of 150 tenths, 72.2. A part of it that is farther away
-    /// is no other wall; at 61 degrees the sensor cannot tell.
+    /// A wall at 49 degrees to the robot, 228 mm before the sensor. The sensor sees a victim there
+    /// from 32.8 mm before its axis at 190.3 mm to 32.8 mm behind it at 265.7 mm, which is
+    /// (atan(0.1725) + atan(0.1235)) / 0.61 of 150 tenths, 72.2. A farther part of the same wall
+    /// does not count as another wall; at 61 degrees the result is uncertain.
     #[test]
     fn a_wall_seen_obliquely_shows_less_of_somebody() {
         let seen = |degrees: f32| {
             let (sin, cos) = libm::sincosf(degrees.to_radians());
             let wall = (0..=200_i16).map(|n| f32::from(n) * 5.0 - 500.0);
             let wall = wall.map(|at| Point::new(at * cos, 328.0 + at * sin));
-            // Nearer than the axis nothing is beside the sensor.
+            // No point nearer than the axis is beside the sensor.
             let wall = wall.filter(|point| point.x_mm >= 0.0 || point.x_mm < -60.0);
             warm_wall(&Surroundings::of(wall), 1.0, 72.2)
         };
@@ -589,9 +589,9 @@ mod tests {
         assert!(seen(-59.0).is_some() && seen(-61.0).is_none());
     }
 
-    /// Behind a board 100 mm away there may be something 120 mm farther off. One 121 mm behind it
-    /// makes 150 * atan(50 / 221) / 0.305 = 109.4 tenths, five quarters of which are 136.8; at the
-    /// rim of the field of view, 63 mm of 200, it counts as well.
+    /// Behind a board 100 mm away there may be an object 120 mm farther off. An object 121 mm
+    /// behind the board causes 150 * atan(50 / 221) / 0.305 = 109.4 tenths, five quarters of which
+    /// are 136.8; at the edge of the field of view, 63 mm of 200, it counts as well.
     #[test]
     fn what_is_behind_a_wall_counts_from_its_limits_on() {
         let is_there = |behind: [f32; 2], excess: f32| {

@@ -1,43 +1,44 @@
 //! Driving to a pose in three steps: turn towards it, drive there, turn to its heading.
 //!
 //! ```text
-//! TURN --looks there--> DRIVE --is there--> ALIGN --looks as told--> SETTLE --still does--> done
+//! TURN --faces goal--> DRIVE --at goal--> ALIGN --at heading--> SETTLE --at rest--> done
 //! ```
 //!
-//! Gains and tolerance: public code of the robot. Its step 2 could not go back; here a goal that is
-//! suddenly aside, as after a corrected pose, is turned to again. It ended in the moment in which
-//! it looked as told, also when it swept past; here it has to stand.
+//! Gains and tolerance: public code of the robot. Its step 2 could not return to step 1; here the
+//! robot turns again if the goal is suddenly aside, for example after a corrected pose. Its step 3
+//! ended as soon as the heading was right, even while the robot turned past it; here the robot has
+//! to stand.
 
 use super::motion::Velocity;
 use crate::pose::{Point, Pose, normalised};
 
-/// Distance, in metres, and angle at which the robot is there.
+/// Tolerance at the goal: distance, in metres, and angle.
 const TOLERANCE: f32 = 0.02;
-/// How far the heading may be off when the robot stands: braking takes it a little farther.
+/// Maximum heading error of the standing robot: braking adds a little.
 const SETTLED_RAD: f32 = 0.015;
 /// Turning speed per angle.
 const TURN_GAIN: f32 = 10.0;
 const STEER_GAIN: f32 = 8.0;
 const TURN_MAX_RAD_S: f32 = 4.0;
-/// Slower the robot does not turn before it looks as told.
+/// Minimum turning speed until the heading is right.
 const TURN_MIN_RAD_S: f32 = 0.5;
-/// Speed per distance, and the highest.
+/// Speed per distance, and the maximum speed.
 const SPEED_GAIN: f32 = 2.0;
 const SPEED_MAX_M_S: f32 = 0.5;
-/// A goal farther aside than this is not driven to.
+/// Maximum bearing of a goal that the robot drives to.
 const ASIDE_RAD: f32 = 0.5;
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// The last turn may go the long way round.
+    /// The last turn may take the longer direction.
     pub turns_the_long_way: bool,
-    /// A new goal on the way is begun in the step of the old one.
+    /// A new goal during a manoeuvre starts in the step of the old one.
     pub keeps_the_step: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         turns_the_long_way: false,
         keeps_the_step: false,
@@ -48,7 +49,7 @@ impl Defects {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Goal {
     pub(super) position: Point,
-    /// `None`: any.
+    /// `None`: any heading.
     pub(super) heading: Option<f32>,
 }
 
@@ -80,7 +81,7 @@ impl Autoposition {
         }
     }
 
-    /// A goal, perhaps on the way to another one.
+    /// Sets a goal, possibly during the drive to another one.
     pub(super) const fn set_goal(&mut self, goal: Goal) {
         self.goal = goal;
         if !self.defects.keeps_the_step {
@@ -88,16 +89,16 @@ impl Autoposition {
         }
     }
 
-    /// The manoeuvre begins.
+    /// Starts the manoeuvre.
     pub(super) const fn begin(&mut self) {
         self.step = Step::Turn;
     }
 
-    /// How to move from `pose`, which does not change where `is_at_rest`; `None`: the robot is
-    /// there.
+    /// Velocity at `pose`, which does not change while the robot `is_at_rest`; `None`: the robot
+    /// has arrived.
     pub(super) fn step(&mut self, pose: Pose, is_at_rest: bool) -> Option<Velocity> {
         let aim = Aim::new(pose, self.goal.position);
-        // Each step may be done at once, in this order.
+        // Steps may end at once, so check them in this order.
         if self.step == Step::Turn {
             if aim.distance_m < TOLERANCE {
                 self.step = Step::Align;
@@ -150,7 +151,7 @@ impl Autoposition {
     }
 }
 
-/// Where a position is, as the robot sees it.
+/// Position relative to the robot.
 struct Aim {
     distance_m: f32,
     /// To the left.
@@ -194,8 +195,9 @@ mod tests {
         })
     }
 
-    /// Ten times the angle, at most 4 rad/s; from 0.02 rad on it drives, twice the distance and at
-    /// most half a metre a second, and steers eight times the angle. Half a radian aside it turns.
+    /// Ten times the angle, at most 4 rad/s; from 0.02 rad on the robot drives, with twice the
+    /// distance and at most half a metre a second, and steers eight times the angle. At a bearing
+    /// of half a radian it turns.
     #[test]
     fn it_turns_towards_the_goal_and_drives_there() {
         let mut moves = moving(None, Defects::NONE);
@@ -226,8 +228,8 @@ mod tests {
         assert_eq!(moves.step(Pose::new(981.0, 0.0, 0.0), true), None);
     }
 
-    /// At the goal it turns to its heading, no slower than half a radian a second, until a
-    /// hundredth; then it stands, and is there within 0.015 rad once it is at rest.
+    /// At the goal the robot turns to its heading, at least with half a radian a second, until a
+    /// hundredth; then it stands, and has arrived within 0.015 rad once it is at rest.
     #[test]
     fn it_settles_as_it_was_told_to_look() {
         let mut moves = moving(Some(1.0), Defects::NONE);
@@ -242,7 +244,7 @@ mod tests {
         assert_eq!(moves.step(here(1.014), true), None);
     }
 
-    /// From -3 to 3 rad it is 0.283 rad the short way, and 6 the other.
+    /// From -3 to 3 rad it is 0.283 rad in the shorter direction, and 6 in the other.
     #[test]
     fn the_last_turn_may_go_the_long_way() {
         let turned = |turns_the_long_way| {
@@ -255,7 +257,7 @@ mod tests {
         assert!(is(turned(false), 0.0, -2.831_85) && is(turned(true), 0.0, 4.0));
     }
 
-    /// Another goal is turned to, unless the step is kept: then the robot steers for it.
+    /// The robot first turns to a new goal, unless the step is kept: then it steers for the goal.
     #[test]
     fn another_goal_begins_with_a_turn() {
         let next = |keeps_the_step, begins: bool| {
@@ -278,7 +280,8 @@ mod tests {
         assert!(is(next(true, false), 0.5, 2.966_37));
     }
 
-    /// From the limits on: a hundredth off it still turns, 0.015 rad off it is not there yet.
+    /// At the limits: with a hundredth left it still turns, with 0.015 rad left it has not arrived
+    /// yet.
     #[test]
     fn the_limits_themselves_are_still_too_far() {
         let mut moves = moving(Some(0.01), Defects::NONE);

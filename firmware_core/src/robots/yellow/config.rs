@@ -4,14 +4,14 @@ use crate::pose::Pose;
 /// Settings of the robot before it starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
-    /// Where the robot stands when it is switched on: its odometry begins there.
+    /// Pose of the robot at power-on: its odometry starts there.
     pub start: Pose,
-    /// Faults of the fielded program to show, see [`Config::with_defect`].
+    /// Enabled defects of the fielded program, see [`Config::with_defect`].
     pub defects: Defects,
 }
 
 impl Config {
-    /// At the origin, without a fault. A constant, so that the robot can be a `static`.
+    /// The robot at the origin, without a defect. A constant, so that the robot can be a `static`.
     pub const DEFAULT: Self = Self {
         start: Pose {
             x_mm: 0.0,

@@ -10,35 +10,35 @@
 //! | YN | lines |
 //! | YR | reactive driving |
 //!
-//! All were read in the public code of the robot; YF-05 follows from the numbers of its messages'
-//! fields.
+//! All were found in the public code of the robot; YF-05 follows from the field numbers of its
+//! messages.
 
 use super::{Config, autoposition, infrared, lidar, radio, reactive, state, wheels};
 use crate::lines;
 
-/// Faults of the fielded program to show; none by default.
+/// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Of the PC link.
+    /// Defects of the PC link.
     pub radio: radio::Defects,
-    /// Of the lidar's driver.
+    /// Defects of the lidar's driver.
     pub lidar: lidar::Defects,
-    /// Of the state machine.
+    /// Defects of the state machine.
     pub state: state::Defects,
-    /// Of motion control and odometry.
+    /// Defects of motion control and odometry.
     pub wheels: wheels::Defects,
-    /// Of manoeuvres.
+    /// Defects of manoeuvres.
     pub autoposition: autoposition::Defects,
-    /// Of the search for lines.
+    /// Defects of the search for lines.
     pub lines: lines::Defects,
-    /// Of the reactive drive.
+    /// Defects of the reactive drive.
     pub reactive: reactive::Defects,
-    /// Of the IR sensors.
+    /// Defects of the IR sensors.
     pub infrared: infrared::Defects,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         radio: radio::Defects::NONE,
         lidar: lidar::Defects::NONE,
@@ -51,10 +51,10 @@ impl Defects {
     };
 }
 
-/// Switches a defect on.
+/// Function that enables a defect.
 type Switch = fn(&mut Defects);
 
-/// Every defect that the program can have.
+/// All defects of the program.
 #[rustfmt::skip]
 const SWITCHES: [(&str, Switch); 25] = [
     ("YF-01", |d| d.radio.framing.deliver_corrupt = true),
@@ -74,7 +74,7 @@ const SWITCHES: [(&str, Switch); 25] = [
     }),
     ("YL-05", |d| d.lidar.scans.copies = true),
     ("YS-01", |d| d.state.manual_never_ends = true),
-    // The manoeuvre's end and what it erases are 10 ms apart in the fielded machine.
+    // In the fielded machine the manoeuvre's end and the erasure of the order are 10 ms apart.
     ("YS-02", |d| {
         d.state.end_erases_order = true;
         d.state.is_slow = true;
@@ -100,14 +100,14 @@ impl Config {
         SWITCHES.iter().map(|(id, _)| *id)
     }
 
-    /// The robot with the defect `id` of the fielded program; `None` if there is no such.
+    /// The robot with the defect `id` of the fielded program; `None` if the id is unknown.
     pub fn with_defect(mut self, id: &str) -> Option<Self> {
         let (_, switch) = SWITCHES.iter().find(|(known, _)| *known == id)?;
         switch(&mut self.defects);
         Some(self)
     }
 
-    /// The robot as it was fielded: with every defect.
+    /// The robot with every defect of the fielded program.
     #[must_use]
     pub fn fielded(mut self) -> Self {
         for (_, switch) in SWITCHES {

@@ -1,5 +1,5 @@
-//! Protection of manoeuvres against walls. A pose may be wrong without a sign of it: a goal then
-//! lies behind a wall that the IR sensor ahead sees.
+//! Protection of manoeuvres against walls. A pose may be wrong without notice: then a goal may lie
+//! behind a wall that the IR sensor ahead sees.
 
 use core::time::Duration;
 
@@ -7,17 +7,17 @@ use protocols::Instant;
 
 use super::motion::Velocity;
 
-/// Speed per room ahead, 1/s: from 0.5 m/s the robot stops within 9 cm, most of it the time until
-/// the sensor tells.
+/// Speed per room ahead, 1/s: from 0.5 m/s the robot stops within 9 cm, mostly because of the
+/// sensor's delay.
 const GAIN: f32 = 3.0;
-/// Room that is none: below 7 cm the sensor tells more than there is.
+/// Distance that counts as no room: below 7 cm the sensor reads too far.
 const NEAR_M: f32 = 0.1;
-/// For so long after it was told the wall is as near.
+/// Time for which a near wall counts after its last reading.
 const HELD: Duration = Duration::from_secs(1);
-/// A touch so slow does no harm; goals beside a wall are reached all the same.
+/// Speed at which a touch does no harm, so that goals beside a wall can be reached.
 const CREEP_M_S: f32 = 0.04;
 
-/// What was seen ahead of late.
+/// Time until which a wall ahead counts as near.
 #[derive(Clone, Debug)]
 pub(super) struct Guard {
     near_until: Instant,
@@ -28,7 +28,7 @@ impl Guard {
         near_until: Instant::ZERO,
     };
 
-    /// `wanted`, no faster ahead than the room of `ahead_m` allows.
+    /// `wanted`, with its forward speed limited by the room of `ahead_m`.
     pub(super) fn limited(&mut self, now: Instant, ahead_m: f32, wanted: Velocity) -> Velocity {
         if ahead_m <= NEAR_M {
             self.near_until = now + HELD;
@@ -50,7 +50,7 @@ impl Guard {
 mod tests {
     use super::*;
 
-    /// By hand: 3 times what is left of the room beyond 10 cm, and 4 cm/s.
+    /// By hand: 3 times the room beyond 10 cm, and 4 cm/s.
     #[test]
     fn speed_follows_the_room_ahead() {
         let mut guard = Guard::NEW;
@@ -64,7 +64,7 @@ mod tests {
         assert_eq!(guard.limited(now, 0.05, back), back);
     }
 
-    /// A wall at 3 cm looks as one at 17 cm: it is near for a second more.
+    /// A wall at 3 cm reads like one at 17 cm: it counts as near for a second more.
     #[test]
     fn a_wall_that_was_near_stays_so_for_a_second() {
         let mut guard = Guard::NEW;

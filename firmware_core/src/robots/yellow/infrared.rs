@@ -9,7 +9,7 @@ use protocols::peripherals::{ADC_MAX, Sample};
 pub(super) const SENSORS: [u8; 3] = [0, 1, 5];
 /// Voltage of the largest value.
 const REFERENCE_VOLTS: f32 = 3.3;
-/// Farthest distance that the sensor tells.
+/// Maximum distance that the sensor measures.
 pub(super) const FAR_M: f32 = 0.8;
 const NEAR_M: f32 = 0.1;
 const FAR_VOLTS: f32 = 0.4;
@@ -23,21 +23,21 @@ const FIELDED_M: f32 = 0.58;
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// A curve that is right near the robot only: 0.8 m are read as 0.38 m.
+    /// A curve that is correct only near the robot: 0.8 m are read as 0.38 m.
     pub reads_short: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self { reads_short: false };
 }
 
-/// The distances read last.
+/// The last distances.
 #[derive(Clone, Debug)]
 pub(super) struct Infrared {
     defects: Defects,
     distances_m: [f32; SENSORS.len()],
-    /// Which sensor is read next.
+    /// Index of the sensor that is read next.
     next: usize,
 }
 
@@ -50,7 +50,7 @@ impl Infrared {
         }
     }
 
-    /// Takes a value; the channel that the ADC shall read next comes out.
+    /// Takes a value; returns the channel that the ADC must read next.
     pub(super) fn take(&mut self, sample: &Sample) -> u8 {
         let known = SENSORS.iter().position(|it| *it == sample.channel);
         if let Some(slot) = known.and_then(|at| self.distances_m.get_mut(at)) {

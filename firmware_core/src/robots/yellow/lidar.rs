@@ -1,4 +1,4 @@
-//! The driver of the RPLIDAR A1: starts it, takes its nodes, and notices when none come.
+//! The driver of the RPLIDAR A1: starts the lidar, takes its nodes, and detects silence.
 //!
 //! ```text
 //! motor on --1 s--> SCAN --nodes--> ... --1 s of silence--> HEALTH? --good--> SCAN
@@ -6,8 +6,8 @@
 //!                    +-------------------1 s----- RESET <------+
 //! ```
 //!
-//! A lidar in Protection Stop takes scan requests without a word (protocol document LR001), so
-//! silence is all that tells. Duty and waiting time: public code of the robot, `LIDAR`.
+//! A lidar in Protection Stop ignores scan requests silently (protocol document LR001), so silence
+//! is the only sign. Duty and waiting time: public code of the robot, `LIDAR`.
 
 use core::time::Duration;
 
@@ -20,38 +20,39 @@ use crate::fifo::Fifo;
 
 /// Duty of the motor, 0.6 of 255.
 const MOTOR_DUTY: u8 = 153;
-/// From the motor's start, or a reset, to the first request.
+/// Time from the motor's start, or a reset, to the first request.
 const START: Duration = Duration::from_secs(1);
-/// Without nodes for so long the lidar is asked how it is.
+/// Time without nodes after which the driver requests the lidar's health.
 const SILENCE: Duration = Duration::from_secs(1);
-/// The same before the first node: it comes when the head turns evenly.
+/// The same before the first node: it arrives only when the head turns evenly.
 const SPIN_UP: Duration = Duration::from_secs(3);
-/// Time for its answer.
+/// Timeout for the answer.
 const ANSWER: Duration = Duration::from_millis(100);
-/// Quiet time after which a half-received node is given up: forty of them.
+/// Idle time after which a partial node is discarded: the time of forty nodes.
 const IDLE_GAP: Duration = Duration::from_millis(20);
-/// A turn takes 0.1 s to 1 s: a shorter one has two beginnings, a longer one none.
+/// A turn takes 0.1 s to 1 s: a shorter one has two start marks, a longer one has lost its mark.
 const TURN_MIN: Duration = Duration::from_millis(80);
 const TURN_MAX: Duration = Duration::from_millis(1_500);
-/// Behind three quarters of a turn its first quarter is the next one's.
+/// Angle of three quarters of a turn: after it, angles of the first quarter belong to the next
+/// turn.
 const THREE_QUARTERS_Q6: u16 = 270 * 64;
 const QUARTER_Q6: u16 = 90 * 64;
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Seven bytes are skipped, then five are a node whatever they are.
+    /// Seven bytes are skipped, then every five bytes count as a node, whatever their content.
     pub unchecked: bool,
-    /// The seven are skipped once, not after each start.
+    /// The seven bytes are skipped once, not after each start.
     pub skips_once: bool,
     /// Silence is not noticed.
     pub notices_no_silence: bool,
-    /// Of the set.
+    /// Defects of the set of turns.
     pub scans: scans::Defects,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         unchecked: false,
         skips_once: false,
@@ -60,16 +61,16 @@ impl Defects {
     };
 }
 
-/// Where the driver is.
+/// State of the driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// Nothing was done yet.
+    /// The motor is off; initial state.
     Off,
     /// The motor speeds up, or the lidar starts again.
     Starting { until: Instant },
-    /// A scan was asked for.
+    /// A scan was requested.
     Scanning,
-    /// The health was asked for.
+    /// The health was requested.
     Asking { until: Instant },
 }
 
@@ -81,15 +82,15 @@ pub(super) struct Lidar {
     decoder: Decoder,
     groups: Groups,
     order: Order,
-    /// Of the last node that was believed.
+    /// Angle of the last accepted node.
     angle_q6: u16,
     pub(super) scans: Scans,
     requests: Fifo<16>,
     duty: Option<u8>,
     received_at: Instant,
-    /// When a node came last, or a scan was asked for.
+    /// Time of the last node, or of the scan request.
     node_at: Instant,
-    /// How long the next one may take.
+    /// Maximum time until the next node.
     patience: Duration,
     turn_at: Instant,
     pub(super) counters: Counters,
@@ -168,9 +169,9 @@ impl Lidar {
         self.order.gap();
     }
 
-    /// What is due by `now`.
+    /// Runs all work due by `now`.
     pub(super) fn tick(&mut self, now: Instant) {
-        // Nodes may come that make no turn: what was seen before them is old.
+        // Nodes may arrive without completing a turn: the points from before are then outdated.
         let is_old = now - self.turn_at > 2 * TURN_MAX && !self.defects.unchecked;
         if is_old && !self.scans.points().is_empty() {
             self.scans.forget();
@@ -205,7 +206,7 @@ impl Lidar {
         }
     }
 
-    /// Whether the motor is to be told something.
+    /// Whether a new duty must be sent to the motor.
     pub(super) const fn has_duty(&self) -> bool {
         self.duty.is_some()
     }
@@ -223,7 +224,7 @@ impl Lidar {
         self.requests.pop(buf)
     }
 
-    /// Groups of five bytes that were no node.
+    /// Groups of five bytes that were not a node.
     pub(super) const fn bad_groups(&self) -> u32 {
         self.groups.bad
     }
@@ -264,7 +265,7 @@ impl Lidar {
     }
 
     fn send(&mut self, command: Command) {
-        // A request that does not fit is asked for again by the silence that follows.
+        // A request that does not fit is repeated after the following silence.
         self.requests.push(command.request().as_bytes());
     }
 
@@ -273,7 +274,7 @@ impl Lidar {
         (self.node_at, self.patience) = (now, SILENCE);
     }
 
-    /// The node with which a turn begins may have been lost.
+    /// Processes an accepted node. The node with a turn's start mark may have been lost.
     fn believe(&mut self, now: Instant, group: Group) {
         let is_behind = self.angle_q6 > THREE_QUARTERS_Q6 && group.angle_q6 < QUARTER_Q6;
         self.angle_q6 = group.angle_q6;
@@ -284,7 +285,7 @@ impl Lidar {
     fn take(&mut self, now: Instant, group: Group, begins: bool) {
         if begins {
             self.counters.turns = self.counters.turns.saturating_add(1);
-            // A turn whose beginning was lost is two.
+            // A turn with a lost start counts as two.
             if now - self.turn_at <= TURN_MAX {
                 self.scans.turn_ends();
             }
@@ -295,10 +296,10 @@ impl Lidar {
     }
 }
 
-/// The fielded parser: bytes by their number.
+/// The fielded parser: groups bytes by their count.
 #[derive(Clone, Debug)]
 struct Groups {
-    /// Bytes of the descriptor that are still to be skipped.
+    /// Bytes of the descriptor still to skip.
     skips: u8,
     bytes: [u8; 5],
     len: usize,
@@ -355,7 +356,7 @@ mod tests {
         }
     }
 
-    /// The motor is told its duty once; a second later a scan is asked for.
+    /// The motor gets its duty once; a second later the program requests a scan.
     #[test]
     fn a_scan_is_asked_for_when_the_motor_turns() {
         let mut lidar = Lidar::new(Defects::NONE);
@@ -372,13 +373,14 @@ mod tests {
         let mut buf = [0; 16];
         let len = lidar.transmit(&mut buf);
         assert_eq!(buf[..len], *Command::Scan.request().as_bytes());
-        // Three seconds until the first node, one second behind each.
+        // Three seconds until the first node, one second after each.
         assert_eq!(lidar.next_at(), at(4_005));
         lidar.count(at(1_500));
         assert_eq!((lidar.next_at(), lidar.counters.nodes), (at(2_500), 1));
     }
 
-    /// Silence is asked about; no answer within 100 ms is a reset, which takes a second.
+    /// After a silence the health is requested; without an answer within 100 ms the lidar is reset,
+    /// which takes a second.
     #[test]
     fn a_silent_lidar_is_asked_and_started_again() {
         let mut lidar = Lidar::new(Defects::NONE);
@@ -400,8 +402,9 @@ mod tests {
         assert_eq!(buf[..len], *Command::Reset.request().as_bytes());
     }
 
-    /// A turn begins where the node says so, or where three quarters are followed by a quarter; no
-    /// sooner than 80 ms after the one before, and one of more than 1.5 s is none.
+    /// A turn begins at a node's start mark, or where the fourth quarter is followed by the first.
+    /// It begins no sooner than 80 ms after the one before, and one of more than 1.5 s does not
+    /// count.
     #[test]
     fn a_turn_begins_behind_three_quarters() {
         let turns = |nodes: &[(u64, u16, bool)]| {
@@ -420,8 +423,8 @@ mod tests {
         assert_eq!(turns(&[(79, 5, true)]), 0);
     }
 
-    /// Seven bytes, then fives, whatever they are: 0x3E is quality 15 and no start; 0x2D01 halved
-    /// are 90 degrees of 64 parts, 0x0FA2 quarters are 1000.5 mm; 0 is none.
+    /// Seven bytes, then groups of five with any content: 0x3E is quality 15 and no start; 0x2D01
+    /// halved are 90 degrees of 64 parts, 0x0FA2 quarters are 1000.5 mm; 0 is no reading.
     #[test]
     fn the_fielded_parser_takes_five_bytes_for_a_node() {
         let mut groups = Groups::NEW;
@@ -450,7 +453,7 @@ mod tests {
         );
     }
 
-    /// Two turns of 1.5 s without one that ended make what was seen old.
+    /// Twice the longest turn, 1.5 s, without a completed turn makes the points outdated.
     #[test]
     fn what_was_seen_long_ago_is_forgotten() {
         let mut lidar = Lidar::new(Defects::NONE);

@@ -1,6 +1,6 @@
-//! Speeds of the robot, changed no faster than its wheels can follow.
+//! Speeds of the robot, limited to the acceleration of its wheels.
 
-/// How the robot moves, or shall move.
+/// Actual or target motion of the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Velocity {
     /// Ahead, m/s.
@@ -10,7 +10,7 @@ pub struct Velocity {
 }
 
 impl Velocity {
-    /// Stands.
+    /// Standstill.
     pub const ZERO: Self = Self::new(0.0, 0.0);
 
     /// These speeds.
@@ -21,16 +21,16 @@ impl Velocity {
         }
     }
 
-    /// Whether both are numbers.
+    /// Whether both values are finite.
     pub(super) fn is_finite(self) -> bool {
         self.linear_m_s.is_finite() && self.angular_rad_s.is_finite()
     }
 }
 
-/// Highest speeds (public code of the robot, `Motion`).
+/// Maximum speeds (public code of the robot, `Motion`).
 const LINEAR_MAX_M_S: f32 = 4.0;
 const ANGULAR_MAX_RAD_S: f32 = 3.0;
-/// Highest accelerations, from the same place.
+/// Maximum accelerations, from the same source.
 const ACCELERATION_M_S2: f32 = 1.5;
 const DECELERATION_M_S2: f32 = 3.0;
 const ANGULAR_RAD_S2: f32 = 15.0;
@@ -50,7 +50,7 @@ pub(super) fn approach(velocity: Velocity, target: Velocity, seconds: f32) -> Ve
     }
 }
 
-/// At most `up` away from zero, or `down` towards it; zero itself is not crossed in one step.
+/// Moves by at most `up` away from zero, or `down` towards it; one step does not cross zero.
 fn towards(now: f32, target: f32, up: f32, down: f32) -> f32 {
     let slows_down = now * (target - now) < 0.0;
     let most = if slows_down { down } else { up };
@@ -73,8 +73,8 @@ mod tests {
         velocity.linear_m_s
     }
 
-    /// By hand: 0.5 m/s at 1.5 m/s2 take 333 ms; stopping at 3.0 m/s2 takes 167 ms; a reversal
-    /// from 0.3 to -0.3 takes 100 ms down and 200 ms up.
+    /// By hand: 0.5 m/s at 1.5 m/s2 take 333 ms; stopping at 3.0 m/s2 takes 167 ms; a reversal from
+    /// 0.3 to -0.3 takes 100 ms down and 200 ms up.
     #[test]
     fn speeding_up_takes_twice_as_long_as_slowing_down() {
         assert!((run(0.0, 0.5, 200) - 0.3).abs() < 1e-4);
@@ -101,7 +101,8 @@ mod tests {
         assert!(!Velocity::new(0.0, f32::INFINITY).is_finite());
     }
 
-    /// 15 rad/s2 either way, and a hundredth of a second: 0.15 rad/s, and not past what is wanted.
+    /// 15 rad/s2 in either direction, and a hundredth of a second: 0.15 rad/s, and not past the
+    /// target.
     #[test]
     fn turning_gathers_speed_and_loses_it_alike() {
         let turned = |from, to| {

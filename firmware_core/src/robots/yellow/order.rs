@@ -1,20 +1,22 @@
-//! Which nodes are believed.
+//! Plausibility check of the lidar's nodes.
 //!
-//! A node has two check bits and no checksum: a quarter of all wrong places in the stream look like
-//! one, and a node that lost a byte takes one of the next. But the head turns evenly. So a node is
-//! believed if another follows it without a byte in between, about where the head must be then, and
-//! if it is itself about where the head can have come to since the last one that was believed.
+//! A node has two check bits and no checksum. A quarter of all wrong offsets in the stream
+//! therefore look like a node, and a node that lost a byte takes one of the next. But the head
+//! turns evenly. The program therefore accepts a node under two conditions. Another node follows
+//! without a byte in between, at about the next angle of the head. And the head can have reached
+//! the node's own angle since the last accepted node.
 
 use protocols::rplidar::Node;
 
-/// Neighbours differ by 1.8 degrees at most, 10 turns a second of 2,000 samples; an invalid one is
-/// up to 7 degrees ahead of where it belongs. 64ths of a degree.
+/// Maximum angle between neighbouring nodes, 64ths of a degree. Neighbours differ by 1.8 degrees at
+/// most (10 turns a second of 2,000 samples); an invalid node is up to 7 degrees ahead of its true
+/// angle.
 const APART_Q6: u16 = 10 * 64;
-/// As far as the head turns from one node to the next, rounded up.
+/// Maximum turn of the head from one node to the next, rounded up.
 const STEP_Q6: u32 = 116;
 const TURN_Q6: u16 = 360 * 64;
 
-/// What five bytes say.
+/// Content of a node's five bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Group {
     pub(super) starts_turn: bool,
@@ -34,12 +36,12 @@ impl Group {
     }
 }
 
-/// The order of the nodes.
+/// Order of the nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Order {
-    /// The last node, if nothing came since.
+    /// The last node, if no other bytes came since.
     last: Option<Group>,
-    /// Where the last one that was believed lies.
+    /// Angle of the last accepted node.
     believed_q6: Option<u16>,
     /// Nodes since.
     since: u32,
@@ -52,12 +54,12 @@ impl Order {
         since: 0,
     };
 
-    /// Something came that is no node.
+    /// Notes bytes that are no node.
     pub(super) const fn gap(&mut self) {
         self.last = None;
     }
 
-    /// A node came; the one before it, if it is to be believed.
+    /// Takes a node; returns the one before it, if that is accepted.
     pub(super) fn take(&mut self, group: Group) -> Option<Group> {
         self.since = self.since.saturating_add(1);
         let before = self.last.replace(group)?;
@@ -76,12 +78,12 @@ impl Order {
     }
 }
 
-/// How far `to` lies ahead of `from`, less than a turn.
+/// Angle from `from` to `to`, less than a turn.
 const fn ahead(from: u16, to: u16) -> u16 {
     (to % TURN_Q6 + TURN_Q6 - from % TURN_Q6) % TURN_Q6
 }
 
-/// Whether that is at most `most`, or as little back as neighbours may lie.
+/// Whether the angle is at most `most`, or backwards by no more than neighbours differ.
 const fn is_near(ahead_q6: u16, most: u16) -> bool {
     ahead_q6 <= most || ahead_q6 >= TURN_Q6 - APART_Q6
 }
@@ -101,7 +103,7 @@ mod tests {
         }
     }
 
-    /// Angles that are believed of these, in degrees.
+    /// Accepted angles of these, in degrees.
     fn believed(order: &mut Order, degrees: impl IntoIterator<Item = u16>) -> Vec<u16> {
         let nodes = degrees.into_iter();
         nodes
@@ -117,12 +119,13 @@ mod tests {
             [350, 351, 359, 0]
         );
         order.gap();
-        // Neither the one before the gap nor one that nothing follows; invalid ones lie ahead.
+        // The node before the gap and one without a successor are rejected; invalid nodes lie
+        // ahead.
         assert_eq!(believed(&mut order, [3, 200, 5, 12, 9, 10]), [5, 12, 9]);
     }
 
-    /// The seventh bit of each byte is cleared, so that 256 degrees and more are told as 0 and
-    /// more: these come in order, but too early.
+    /// The seventh bit of each byte is cleared, so 256 degrees and more arrive as 0 and more: these
+    /// nodes are in order, but too early.
     #[test]
     fn the_head_cannot_be_elsewhere_at_once() {
         let mut order = Order::NEW;
@@ -132,7 +135,7 @@ mod tests {
         assert_eq!((twice, seen.iter().max()), (2, Some(&254)));
     }
 
-    /// Whatever was believed, the head is where it is when it comes by there.
+    /// A wrong first angle is corrected when the head reaches the true one.
     #[test]
     fn a_wrong_beginning_is_forgotten() {
         let mut order = Order::NEW;

@@ -1,4 +1,4 @@
-//! What runs on the PC for the robot: the four functions of its window (reactive drive, mapping,
+//! The robot's program on the PC: the four functions of its window (reactive drive, mapping,
 //! localisation, navigation), stop and driving by hand, over the telemetry link.
 
 mod atlas;
@@ -32,39 +32,39 @@ use crate::map_view::MapView;
 use crate::pose::{Point, Pose};
 use crate::{Master, Work};
 
-/// What a person at the PC may ask for.
+/// Commands of an operator at the PC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PcCommand {
-    /// The robot drives by its IR sensors.
+    /// Drives by the robot's IR sensors.
     Reactive {
         /// Nominal speed, m/s.
         speed_m_s: f32,
     },
-    /// Whatever continues ends, and the motors are off.
+    /// Ends any task and switches the motors off.
     Stop,
-    /// Speeds by hand, until something else is asked for.
+    /// Drives with manual speeds until another command.
     Manual {
         /// Ahead, m/s.
         linear_m_s: f32,
         /// To the left, rad/s.
         angular_rad_s: f32,
     },
-    /// The robot explores until the map is complete; what is known already stays.
+    /// Explores until the map is complete; the known part is kept.
     MapStart,
-    /// The map is forgotten.
+    /// Clears the map.
     MapReset,
-    /// The robot finds itself on the map.
+    /// Finds the robot's pose on the map.
     Localise,
-    /// The robot drives to a place of the map.
+    /// Drives to a position of the map.
     Navigate {
         /// Along x, metres.
         x_m: f32,
         /// Along y, metres.
         y_m: f32,
-        /// Where it shall look at the end, radians; `None`: anywhere.
+        /// Heading at the end, radians; `None`: any.
         heading_rad: Option<f32>,
     },
-    /// The robot is told where it stands.
+    /// Sends the robot its pose.
     SetPose {
         /// Along x, metres.
         x_m: f32,
@@ -75,7 +75,7 @@ pub enum PcCommand {
     },
 }
 
-/// What a command set going.
+/// Task that a command starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
     /// Driving by the IR sensors.
@@ -86,48 +86,48 @@ pub enum Task {
     Manual,
     /// Making the map.
     Mapping,
-    /// Finding itself.
+    /// Finding the robot's pose.
     Localising,
     /// Driving to a goal.
     Navigating,
-    /// Telling the robot its pose.
+    /// Sending the robot its pose.
     SettingPose,
 }
 
-/// How far the last task is.
+/// State of the last task.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TaskState {
-    /// None was begun.
+    /// No task was started.
     #[default]
     Standby,
-    /// It continues.
+    /// The task is running.
     InProgress,
-    /// It ended well.
+    /// The task ended well.
     Done,
-    /// It ended.
+    /// The task failed.
     Failed(Failure),
 }
 
-/// Why a task ended before its time.
+/// Reason why a task failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Failure {
-    /// The robot was not heard for long.
+    /// The robot was silent for too long.
     Silent,
-    /// The robot did not do what it was told, though told again.
+    /// The robot did not obey a command, although the command was repeated.
     NoAnswer,
-    /// No way leads there.
+    /// No path leads to the goal.
     NoWay,
     /// The robot sees no wall.
     NothingSeen,
-    /// Several places look alike, and no view tells them apart.
+    /// Several positions look alike, and no view distinguishes them.
     Ambiguous,
     /// The map became too large.
     TooLarge,
 }
 
 impl Failure {
-    /// The state of a task that ended so, as in messages to people.
+    /// The failure as a state in messages for operators.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Silent => "failed: robot is silent",
@@ -140,15 +140,15 @@ impl Failure {
     }
 }
 
-/// Why a command was not taken.
+/// Reason why a command was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Refused {
-    /// Something else continues; it has to be stopped first.
+    /// Another task is running; stop it first.
     Busy(Task),
     /// There is no map.
     NoMap,
-    /// A number is none.
+    /// A number is not finite.
     NoNumber,
 }
 
@@ -164,9 +164,9 @@ impl fmt::Display for Refused {
 
 impl core::error::Error for Refused {}
 
-/// How often a task looks after itself, besides at each message.
+/// Period of a task's own steps, in addition to each message.
 const TICK: Duration = Duration::from_millis(50);
-/// A task gives up on a robot that is silent for longer.
+/// Maximum silence of the robot before the task fails.
 const SILENT_MAX: Duration = Duration::from_secs(10);
 
 /// The PC's program.
@@ -177,10 +177,10 @@ pub struct PcProgram {
     task: Option<Task>,
     state: TaskState,
     run: Option<Run>,
-    /// The pose at the beginning, until the robot has it.
+    /// The initial pose, until the robot has confirmed it.
     start: Option<Pose>,
     telling: Option<Tell>,
-    /// When the robot was heard last, or the task began.
+    /// Time of the robot's last message, or of the task's begin.
     alive: Instant,
     tick: Option<Instant>,
 }
@@ -204,10 +204,10 @@ impl PcProgram {
         }
     }
 
-    /// Takes a command. A task that needs the robot waits until it is heard.
+    /// Takes a command. A task that needs the robot waits for the robot's first message.
     ///
     /// # Errors
-    /// If it cannot be taken now: nothing changes.
+    /// If the command is not possible now: nothing changes.
     pub fn command(&mut self, now: Instant, command: PcCommand) -> Result<(), Refused> {
         self.check(command)?;
         if let Some((task, run)) = Run::new(now, &self.link, command) {
@@ -263,10 +263,10 @@ impl PcProgram {
         }
     }
 
-    /// Takes over a map that was saved, of cells of 10 cm.
+    /// Loads a saved map of cells of 10 cm.
     ///
     /// # Errors
-    /// If it is too large, or lies nowhere: there is no whole map then.
+    /// If the map is too large, or its position is not finite: the map is then incomplete.
     pub fn load_map(&mut self, map: &MapView<'_>) -> Result<(), NotWritten> {
         self.atlas.load(map)
     }
@@ -281,7 +281,7 @@ impl PcProgram {
         self.state
     }
 
-    /// How far the last task is, for people.
+    /// State of the last task, for operators.
     pub const fn status(&self) -> &'static str {
         match self.state {
             TaskState::Standby => "standby",
@@ -292,35 +292,35 @@ impl PcProgram {
         }
     }
 
-    /// What was received last, and when.
+    /// The last telemetry and its time of arrival.
     pub fn telemetry(&self) -> Option<(Instant, &Telemetry)> {
         let heard = self.link.heard();
         heard.map(|heard| (heard.at, &*heard.message))
     }
 
-    /// Where the robot says that it is: in the map's frame if it knows.
+    /// The pose that the robot reports: in the map's frame if it knows that frame.
     pub fn believed_pose(&self) -> Option<Pose> {
         self.link.heard().and_then(Heard::pose)
     }
 
-    /// The walls that the robot told last, in the frame of the pose that it told with them.
+    /// The last walls that the robot sent, in the frame of the pose sent with them.
     pub fn lines(&self) -> impl Iterator<Item = Segment> {
         let sight = self.link.sight().into_iter();
         sight.flat_map(|sight| sight.lines.iter().map(|line| line.to_world(sight.pose)))
     }
 
-    /// What the last look showed.
+    /// The map of the last look.
     pub fn local_map(&self) -> Option<MapView<'_>> {
         self.atlas.local.as_ref()?.view()
     }
 
-    /// All that is known.
+    /// The whole known map.
     pub fn global_map(&self) -> Option<MapView<'_>> {
         self.atlas.global.view()
     }
 
-    /// The last roadmap: vertices, edges as pairs of vertices, and the way that was chosen; places
-    /// in the map's frame.
+    /// The last roadmap: vertices, edges as pairs of vertices, and the chosen path; positions in
+    /// the map's frame.
     pub fn roadmap(&self) -> (&[Point], &[(usize, usize)], &[Point]) {
         let Atlas {
             vertices,
@@ -331,17 +331,17 @@ impl PcProgram {
         (vertices, edges, way)
     }
 
-    /// What the last localisation said, also where places looked alike.
+    /// The last localisation, even if it was ambiguous.
     pub const fn estimate(&self) -> Option<Estimate> {
         self.atlas.estimate
     }
 
-    /// Whether the robot was heard once, but not for 0.9 s.
+    /// Whether the robot has sent messages before, but none for 0.9 s.
     pub const fn is_silent(&self) -> bool {
         self.link.is_silent()
     }
 
-    /// Names every counter with its value, always in the same order.
+    /// Reports every counter with its name and value, always in the same order.
     pub fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
         let counts = self.link.counts;
         report("frames", counts.frames);
@@ -356,7 +356,7 @@ impl PcProgram {
         report("ambiguous", self.atlas.ambiguous);
     }
 
-    /// Does what is due of the task; the robot was heard.
+    /// Runs the due part of the task, once the robot has sent a message.
     fn step(&mut self, now: Instant) -> Result<bool, Failure> {
         if let Some(heard) = self.link.heard() {
             self.alive = self.alive.max(heard.at);
@@ -382,7 +382,7 @@ impl PcProgram {
         }
     }
 
-    /// Whether something is to be done without being asked.
+    /// Whether the program must act without a message.
     const fn is_active(&self) -> bool {
         self.run.is_some() || self.telling.is_some()
     }

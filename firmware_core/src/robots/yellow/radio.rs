@@ -12,27 +12,26 @@ use super::scans::Scans;
 use crate::lines::{self, Lines};
 use crate::pose::{Point, Pose};
 
-/// From one telemetry to the next.
+/// Period of telemetry.
 const PERIOD: Duration = Duration::from_millis(200);
-/// Quiet time after which a half-received frame is given up. Nothing but the count of bad frames
-/// depends on it, for a start byte begins a frame anywhere; a radio may pause within one.
+/// Idle time after which a partial frame is discarded. The value only affects the count of bad
+/// frames, because a start byte begins a frame anywhere; a radio may pause within a frame.
 const IDLE_GAP: Duration = Duration::from_secs(1);
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Of the framing.
+    /// Defects of the framing.
     pub framing: telemetry::Defects,
-    /// A scan that does not fit into the buffer leaves the message before in it, which is sent
-    /// again.
+    /// A scan too large for the buffer leaves the previous message in it, which is sent again.
     pub resends_stale: bool,
-    /// Its own message is a telecommand to it, if the radio sends it back: nothing in a frame tells
-    /// who it is from. A scan's fields are those of a pose.
+    /// The robot's own message counts as a telecommand if the radio sends it back, because a frame
+    /// does not name its sender. A scan's fields are read as those of a pose.
     pub obeys_itself: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         framing: telemetry::Defects {
             deliver_corrupt: false,
@@ -44,7 +43,7 @@ impl Defects {
     };
 }
 
-/// What the robot tells.
+/// State that the robot sends.
 pub(super) struct View<'a> {
     pub(super) state: State,
     pub(super) pose: Pose,
@@ -60,7 +59,7 @@ pub(super) struct Radio {
     decoder: telemetry::Decoder,
     received_at: Instant,
     next_at: Instant,
-    /// What the PC asked for and has not got yet.
+    /// Requests of the PC that are not answered yet.
     scan_step_deg: Option<u32>,
     lines: Option<LinesRequest>,
     payload: [u8; PAYLOAD_MAX],
@@ -76,12 +75,12 @@ pub(super) struct Counters {
     pub(super) telecommands: u32,
     pub(super) bad_frames: u32,
     pub(super) bad_messages: u32,
-    /// Its own messages that came back.
+    /// The robot's own messages that came back.
     pub(super) echoes: u32,
     pub(super) telemetry: u32,
-    /// The line was still busy.
+    /// Messages skipped because the line was still busy.
     pub(super) skipped: u32,
-    /// Scans that did not fit as they were asked for.
+    /// Scans that were too large at the requested resolution.
     pub(super) over_size: u32,
     pub(super) lines_left_out: u32,
 }
@@ -113,7 +112,7 @@ impl Radio {
         }
     }
 
-    /// Takes bytes from the front of `input` until a telecommand is there.
+    /// Takes bytes from the front of `input` until a telecommand is complete.
     pub(super) fn receive(&mut self, now: Instant, input: &mut &[u8]) -> Option<Telecommand> {
         if now - self.received_at >= IDLE_GAP {
             self.line_broke();
@@ -142,8 +141,8 @@ impl Radio {
         None
     }
 
-    /// Whether it is what the robot told last. No telecommand is that by chance: its time of
-    /// sending would be the same.
+    /// Whether `payload` is the robot's own last message. A telecommand cannot equal it by chance,
+    /// because the time of sending would have to be the same.
     fn is_own(&self, payload: &[u8]) -> bool {
         self.payload_len > 0 && *payload == self.payload[..self.payload_len]
     }
@@ -152,7 +151,7 @@ impl Radio {
         self.decoder.idle();
     }
 
-    /// The program has come to look at what was received.
+    /// Notes that the program has read the received bytes.
     pub(super) fn read_done(&mut self) {
         self.decoder.read_done();
     }
@@ -161,7 +160,7 @@ impl Radio {
         self.next_at
     }
 
-    /// Tells, if it is time to.
+    /// Sends telemetry when due.
     pub(super) fn tick(&mut self, now: Instant, view: &View<'_>) {
         if now < self.next_at {
             return;
@@ -217,8 +216,8 @@ impl Radio {
         }
     }
 
-    /// Writes the message, with the scan if one was asked for: as fine as asked, or as fine as
-    /// fits.
+    /// Writes the message, with the scan if one was requested: at the requested resolution, or at
+    /// the finest that fits.
     fn encode(&mut self, telemetry: &mut Telemetry, scans: &Scans) {
         let asked = self.scan_step_deg.take();
         let mut step = asked.unwrap_or(1).max(1);
@@ -257,7 +256,7 @@ fn scan(timestamp_ms: u32, step: u32, scans: &Scans) -> Lidar {
     }
 }
 
-/// How lines are to be found: 0 asks for the robot's own figure.
+/// Settings of the line search: 0 selects the robot's own value.
 fn settings(request: LinesRequest, defects: lines::Defects) -> lines::Settings {
     let or = |value: u32, own: f32| match u16::try_from(value) {
         Ok(0) | Err(_) => own,
@@ -285,7 +284,7 @@ fn told(line: lines::Line) -> Line {
     }
 }
 
-/// Metres instead of millimetres.
+/// Converts millimetres to metres.
 fn odometry(pose: Pose) -> Odometry {
     Odometry {
         pose: message::Pose {
@@ -304,7 +303,7 @@ fn infrared(timestamp_ms: u32, distances_m: [f32; 3]) -> Infrared {
     }
 }
 
-/// The lowest 32 bits, as a counter of milliseconds wraps.
+/// The lowest 32 bits: a counter of milliseconds that wraps.
 fn to_u32(millis: u64) -> u32 {
     u32::try_from(millis & u64::from(u32::MAX)).expect("masked to 32 bits")
 }

@@ -1,7 +1,7 @@
 //! Driving by three IR sensors alone, without a map.
 //!
-//! Speed follows the room ahead, turning the difference between left and right (course law); the
-//! fielded formula is the one that turned back at corners in the demonstration.
+//! The speed depends on the room ahead, the turn on the difference between left and right (course
+//! law). With the fielded formula the robot turned back at corners in the demonstration.
 
 use core::time::Duration;
 
@@ -10,32 +10,32 @@ use protocols::telemetry::message;
 
 use super::motion::Velocity;
 
-/// How long the robot backs away.
+/// Duration of backing away.
 const BACK: Duration = Duration::from_millis(300);
-/// Speed of backing away, of the nominal one.
+/// Speed of backing away, relative to the nominal speed.
 const BACK_PART: f32 = -0.1;
 /// Fastest turn.
 const TURN_RAD_S: f32 = 2.0;
-/// Differences between left and right below this are none.
+/// Differences between left and right below this count as 0.
 const SAME_M: f32 = 0.02;
-/// Room ahead behind which an escape has ended.
+/// Room ahead at which an escape ends.
 const ROOM_M: f32 = 0.2;
-/// More than the nearest distance by this: the robot is not about to touch.
+/// Margin above the nearest distance: the robot is not about to touch.
 const MARGIN_M: f32 = 0.03;
-/// Longest turn of an escape: a whole one at its speed.
+/// Maximum duration of an escape: a whole turn at its speed.
 const ESCAPE_MAX: Duration = Duration::from_millis(3_200);
-/// The fielded program's fastest turn in its formula.
+/// The fastest turn in the fielded program's formula.
 const FIELDED_TURN: f32 = 4.0;
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Its formula: always at the ends of what is possible, and a little to the left.
+    /// The fielded formula: always at the limits of the speeds, and a little to the left.
     pub fielded_formula: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         fielded_formula: false,
     };
@@ -47,26 +47,26 @@ struct Figures {
     distance_min_m: f32,
     distance_max_m: f32,
     speed_m_s: f32,
-    /// rad/s a metre.
+    /// Turn rate per metre of difference, rad/s.
     turn_gain: f32,
 }
 
-/// What the robot is doing about what it sees.
+/// Current reaction to the distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     Drive,
-    /// Too near.
+    /// Backs away from an obstacle that is too near.
     Back {
         until: Instant,
     },
-    /// Turns to where there is more room: +1 to the left.
+    /// Turns to the side with more room: +1 to the left.
     Escape {
         sign: f32,
         until: Instant,
     },
 }
 
-/// The law, and where it is.
+/// The law and its state.
 #[derive(Clone, Debug)]
 pub(super) struct Reactive {
     defects: Defects,
@@ -95,7 +95,7 @@ impl Reactive {
         }
     }
 
-    /// Takes what the PC wants; what is missing or below zero goes back to the robot's own.
+    /// Takes the PC's figures; missing or negative ones return to the robot's defaults.
     pub(super) fn order(&mut self, order: &message::Reactive) {
         let own = Self::new(self.defects).figures;
         let is_meant = |it: &f32| it.is_finite() && *it >= 0.0;
@@ -113,12 +113,12 @@ impl Reactive {
         };
     }
 
-    /// Begins again.
+    /// Restarts the law.
     pub(super) const fn begin(&mut self) {
         self.phase = Phase::Drive;
     }
 
-    /// What to do about these distances: ahead, right front, left front, in metres.
+    /// Velocity for these distances: ahead, right front, left front, in metres.
     pub(super) fn step(&mut self, now: Instant, distances_m: [f32; 3]) -> Velocity {
         if self.defects.fielded_formula {
             return self.fielded(distances_m);
@@ -140,7 +140,7 @@ impl Reactive {
             Phase::Drive if is_near => {
                 self.phase = Phase::Back { until: now + BACK };
             }
-            // Straight ahead of a wall with as much room left as right, the law would wait.
+            // Straight ahead of a wall with equal room on both sides the law would stop forever.
             Phase::Drive if self.is_stuck(distances_m) => {
                 self.phase = self.escape(now, left - right);
             }
@@ -220,8 +220,8 @@ mod tests {
         Reactive::new(Defects::NONE)
     }
 
-    /// 0.3 m/s from 0.4 m on; from 0.4 to 0.1 m ahead it falls evenly. 10 rad/s a metre between
-    /// left and right, at most 2; less than 2 cm are none.
+    /// 0.3 m/s from 0.4 m on; from 0.4 to 0.1 m ahead the speed falls linearly. 10 rad/s for each
+    /// metre between left and right, at most 2; less than 2 cm count as 0.
     #[test]
     fn speed_follows_the_room_ahead_and_the_turn_the_difference() {
         let is = |distances_m, linear: f32, angular: f32| {
@@ -235,8 +235,8 @@ mod tests {
         assert!(is([0.7, 0.3, 0.35], 0.3, 0.5));
     }
 
-    /// At 0.1 m on any side it backs away with a tenth of its speed for 0.3 s, then turns to where
-    /// there is more room, at most 3.2 s.
+    /// At 0.1 m on any side the robot backs away with a tenth of its speed for 0.3 s, then turns to
+    /// the side with more room, for at most 3.2 s.
     #[test]
     fn what_is_too_near_is_left_backwards_and_turned_away_from() {
         for near in [[0.1, 0.3, 0.4], [0.3, 0.1, 0.4], [0.3, 0.4, 0.1]] {
@@ -268,8 +268,8 @@ mod tests {
         assert!(!ends([0.2, 0.14, 0.14]) && !ends([0.21, 0.12, 0.14]) && !ends([0.21, 0.14, 0.12]));
     }
 
-    /// Straight before a wall, nearer than 0.16 m, with as much room to both sides, the law would
-    /// stand: the robot turns at once, to the left.
+    /// Straight before a wall, nearer than 0.16 m, with equal room on both sides, the law would
+    /// stop: the robot turns at once, to the left.
     #[test]
     fn straight_before_a_wall_it_turns() {
         let mut law = law();
@@ -309,7 +309,7 @@ mod tests {
         assert!(is(told([1.2, 0.1, 1.2]), [-0.4, 0.0]));
     }
 
-    /// A law that begins again drives, whatever it did before.
+    /// A restarted law drives, independent of its earlier phase.
     #[test]
     fn a_law_that_begins_anew_drives() {
         let mut law = law();
@@ -319,8 +319,8 @@ mod tests {
         assert_eq!(law.step(at(1), [0.9; 3]), Velocity::new(0.3, 0.0));
     }
 
-    /// 0.3 and 8 times 4 m/s by the room ahead, 1.2 of 2.4 m, and by that to both sides, 0.5: 8.3;
-    /// and a little to the left with 40 / 2.4 rad/s a metre.
+    /// 0.3 and 8 times 4 m/s by the room ahead, 1.2 of 2.4 m, and by the room on both sides, 0.5:
+    /// 8.3; and a little to the left with 40 / 2.4 rad/s a metre.
     #[test]
     fn the_fielded_formula_runs_to_its_ends() {
         let mut law = Reactive::new(Defects {
@@ -340,7 +340,8 @@ mod tests {
         ));
     }
 
-    /// Less than 2 cm of difference, and less than 0.16 m ahead: each limit itself is not stuck.
+    /// Less than 2 cm of difference, and less than 0.16 m ahead: at each limit itself the robot is
+    /// not stuck.
     #[test]
     fn a_robot_is_stuck_straight_before_a_wall() {
         let law = law();

@@ -6,7 +6,7 @@ use crate::map_view::MapView;
 use crate::pose::{Point, Pose};
 
 impl Inspect for Yellow {
-    /// By odometry: this robot makes no map.
+    /// The pose by odometry: this robot makes no map.
     fn estimate(&self) -> Option<(Instant, Pose)> {
         self.posed_at.map(|at| (at, self.wheels.pose()))
     }

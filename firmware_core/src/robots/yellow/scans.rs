@@ -1,10 +1,10 @@
-//! The lidar's set: five turns, one distance each half degree, with the noise taken out.
+//! Set of five lidar turns: one filtered distance each half degree.
 //!
-//! The sensor gives about one sample a degree, each turn at other angles. A direction takes the
-//! middle of its samples of the last turns; one that has less than three takes those of its
-//! neighbours as well. The middle is the mean of what is left without the ends: as little moved by
-//! one wild sample as the median, and with less of the noise. The fielded set has one place a
-//! degree, which holds whatever came last, and copies it five times.
+//! The sensor gives about one sample a degree, each turn at other angles. The distance of a
+//! direction is the trimmed mean of its samples of the last turns; a direction with fewer than
+//! three samples also uses those of its neighbours. The trimmed mean leaves out the extremes: one
+//! outlier changes it as little as the median, and it has less noise. The fielded set has one slot
+//! a degree, which holds the last sample, and copies it five times.
 
 use crate::pose::{Point, sin_cos};
 
@@ -12,16 +12,16 @@ use crate::pose::{Point, sin_cos};
 pub(super) const BINS: usize = 720;
 /// Turns of a set.
 const TURNS: usize = 5;
-/// A direction with fewer samples has no distance.
+/// Minimum number of samples for a distance.
 const SAMPLES_MIN: usize = 3;
-/// What the sensor can measure, and farther than what nothing is believed.
+/// Range of the sensor, and the distance beyond which readings are ignored.
 const NEAREST_MM: f32 = 150.0;
 const FARTHEST_MM: f32 = 5_000.0;
-/// Samples of one direction that differ more are of two surfaces.
+/// Minimum difference of two samples of one direction that belong to two surfaces.
 const SURFACE_MM: u16 = 100;
-/// Told where nothing was measured.
+/// Sent for a direction without a measurement.
 pub(super) const NOTHING_MM: i32 = 10_000;
-/// Weaker readings the fielded program takes for none.
+/// The fielded program ignores weaker readings.
 const FIELDED_QUALITY_MIN: u8 = 10;
 
 /// Enabled defects of the fielded program; none by default.
@@ -29,14 +29,14 @@ const FIELDED_QUALITY_MIN: u8 = 10;
 pub struct Defects {
     /// A set is five copies of the newest distances, one a degree.
     pub copies: bool,
-    /// Angles are whole degrees, cut off.
+    /// Angles are truncated to whole degrees.
     pub whole_degrees: bool,
-    /// Distances stay until others come.
+    /// Distances stay until new ones arrive.
     pub never_ages: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         copies: false,
         whole_degrees: false,
@@ -44,20 +44,20 @@ impl Defects {
     };
 }
 
-/// The last turns and what was made of them.
+/// The last turns and the distances computed from them.
 #[derive(Clone, Debug)]
 pub(super) struct Scans {
     defects: Defects,
-    /// Millimetres by turn and direction; 0: nothing.
+    /// Millimetres by turn and direction; 0: no measurement.
     turns: [[u16; BINS]; TURNS],
-    /// The turn that is being filled.
+    /// Index of the turn that is being filled.
     turn: usize,
     quality: [u8; BINS],
     /// The newest set.
     set_mm: [u16; BINS],
     points: [Point; BINS],
     point_count: usize,
-    /// Writes beside the fielded program's array.
+    /// Writes outside the fielded program's array.
     pub(super) stray: u32,
     pub(super) sets: u32,
 }
@@ -77,7 +77,7 @@ impl Scans {
         }
     }
 
-    /// A sample at `angle_q6`, 64ths of a degree clockwise; `None`: nothing was measured.
+    /// Takes a sample at `angle_q6`, 64ths of a degree clockwise; `None`: no measurement.
     pub(super) fn sample(&mut self, angle_q6: u16, distance_mm: Option<f32>, quality: u8) {
         let Some(bin) = self.bin(angle_q6) else {
             self.stray = self.stray.saturating_add(1);
@@ -88,28 +88,28 @@ impl Scans {
             false => (NEAREST_MM..=FARTHEST_MM).contains(it),
         };
         let distance_mm = distance_mm.filter(is_valid).map_or(0, to_u16);
-        // Two samples of a turn may share a direction: one that failed does not undo the other.
+        // Two samples of a turn may share a direction: a failed one does not replace a valid one.
         if distance_mm > 0 || self.defects.copies {
             self.quality[bin] = quality;
             self.turns[self.turn][bin] = distance_mm;
         }
     }
 
-    /// A turn is complete: what it has brought is checked, and the oldest one forgotten.
+    /// Completes a turn: computes its distances, and discards the oldest turn.
     pub(super) fn turn_ends(&mut self) {
         for bin in 0..BINS {
             self.set_mm[bin] = self.combined(bin);
         }
         self.sets = self.sets.saturating_add(1);
         self.draw();
-        // The median of five copies is the copy, so one place for it is enough.
+        // The median of five copies is the copy, so storing one turn is enough.
         if !self.defects.copies {
             self.turn = (self.turn + 1) % TURNS;
             self.turns[self.turn] = [0; BINS];
         }
     }
 
-    /// The sensor is silent: nothing is known any more.
+    /// Discards all distances of a silent sensor.
     pub(super) fn forget(&mut self) {
         if self.defects.never_ages {
             return;
@@ -124,7 +124,7 @@ impl Scans {
         &self.points[..self.point_count]
     }
 
-    /// Distance in whole millimetres and quality in that direction, counter-clockwise from ahead.
+    /// Distance in whole millimetres, and quality, in that direction, counter-clockwise from ahead.
     pub(super) fn reading(&self, degrees: usize) -> (i32, i32) {
         let bin = degrees * 2 % BINS;
         let distance_mm = match self.set_mm[bin] {
@@ -138,12 +138,13 @@ impl Scans {
         self.defects.whole_degrees || self.defects.copies
     }
 
-    /// The direction of an angle, counter-clockwise; the fielded program leaves its array.
+    /// Index of the direction of an angle, counter-clockwise; the fielded program can leave its
+    /// array.
     fn bin(&self, angle_q6: u16) -> Option<usize> {
         if self.has_whole_degrees() {
             let degrees = usize::from(angle_q6 / 64);
             return match self.defects.whole_degrees {
-                // Ahead is 360, the array ends before.
+                // Ahead gives index 360, beyond the array's end.
                 true => 360_usize.checked_sub(degrees).filter(|it| *it < 360),
                 false => Some((720 - degrees % 360) % 360),
             }
@@ -203,8 +204,8 @@ impl Samples {
     }
 
     /// The mean without a quarter of the samples at each end, but at least one: the median of three
-    /// or four. Of two surfaces, as at the end of a wall, the nearer the median: between them
-    /// nothing was measured. 0 if there are too few.
+    /// or four. If the samples are of two surfaces, as at the end of a wall, the surface nearer to
+    /// the median counts: no point between them was measured. 0 if there are too few samples.
     fn middle(&mut self) -> u16 {
         if self.len < SAMPLES_MIN {
             return 0;
@@ -223,7 +224,7 @@ impl Samples {
     }
 }
 
-/// Whole millimetres of a distance that was found valid.
+/// A valid distance in whole millimetres.
 fn to_u16(distance_mm: f32) -> u16 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -247,7 +248,7 @@ mod tests {
         samples.middle()
     }
 
-    /// By hand; a wild sample at either end does not count.
+    /// By hand; an outlier at either end does not count.
     #[test]
     fn the_middle_is_without_the_ends() {
         assert_eq!(middle(&[1_000, 1_010]), 0);
@@ -258,17 +259,18 @@ mod tests {
     }
 
     /// A wall ends at 1 m before one at 2 m. By hand: without the ends 1000, 1000, 2000, 2000, 2000
-    /// are left. Their median is 2000; nothing is at their mean of 1600.
+    /// are left. Their median is 2000; no surface is at their mean of 1600.
     #[test]
     fn nothing_is_seen_between_two_surfaces() {
         let items = [2_000, 1_000, 2_010, 1_000, 2_000, 1_000, 2_000];
         assert_eq!(middle(&items), 2_000);
         assert_eq!(middle(&[1_000, 1_000, 2_000, 2_000]), 1_000);
-        // 100 mm are one surface, seen at a flat angle.
+        // A difference of 100 mm belongs to one surface, seen at a flat angle.
         assert_eq!(middle(&[900, 1_000, 1_100, 1_100]), 1_050);
     }
 
-    /// 90 degrees to the right are 270 to the left; a sixteenth of a degree below ahead is ahead.
+    /// 90 degrees to the right are 270 to the left; a sixteenth of a degree below ahead counts as
+    /// ahead.
     #[test]
     fn angles_are_turned_round() {
         let scans = Scans::new(Defects::NONE);
@@ -281,11 +283,12 @@ mod tests {
             [360 * 64 - 4, 15, 16].map(|q6| scans.bin(q6)),
             [Some(0), Some(0), Some(719)]
         );
-        // The format goes up to 511 degrees, whose 152nd is 208 the other way round; rounded up.
+        // The format goes up to 511 degrees. Its 152nd after a turn is 208 in the other direction;
+        // rounded up.
         assert_eq!(scans.bin(u16::MAX >> 1), Some(416));
     }
 
-    /// Three samples of five turns are enough, two are not; those of the next half degree help.
+    /// Three samples of five turns are enough, two are not; samples of the next half degree help.
     #[test]
     fn three_samples_make_a_distance() {
         let mut scans = Scans::new(Defects::NONE);
@@ -300,7 +303,7 @@ mod tests {
         assert_eq!(scans.reading(350), (1_000, 47));
         assert_eq!(scans.reading(340), (NOTHING_MM, 47));
         assert_eq!(scans.reading(330), (1_000, 47));
-        // Another turn without anything, and the first one is forgotten.
+        // Another turn without a sample, and the first turn is discarded.
         scans.turn_ends();
         assert_eq!(scans.reading(350).0, NOTHING_MM);
     }
@@ -318,8 +321,8 @@ mod tests {
         assert_eq!(told, [NOTHING_MM, 151, 4_999, NOTHING_MM]);
     }
 
-    /// Whole degrees are cut off; the one program writes 360 less them, which leaves its array
-    /// ahead, the other takes them round.
+    /// Angles are cut to whole degrees; one program stores at 360 minus the angle, which is outside
+    /// its array for an angle of 0; the other wraps it.
     #[test]
     fn fielded_angles_are_whole_degrees() {
         let bins = |defects| {
@@ -344,7 +347,7 @@ mod tests {
         assert_eq!((scans.stray, scans.turns[0][718]), (1, 1_000));
     }
 
-    /// A copy is what came last, good or not; weak readings and far ones are none.
+    /// A copied set holds the last sample, good or not; weak and far readings do not count.
     #[test]
     fn a_copied_set_holds_what_came_last() {
         let copies = Defects {
@@ -368,8 +371,8 @@ mod tests {
         assert_eq!(scans.sets, 6);
     }
 
-    /// Points lie at half degrees counter-clockwise; forgotten, there are none, but for the program
-    /// that never forgets.
+    /// Points lie at half degrees counter-clockwise; after `forget` there are none, except in the
+    /// program that never forgets.
     #[test]
     fn a_set_is_drawn_counter_clockwise() {
         let seen = |never_ages| {
@@ -387,9 +390,9 @@ mod tests {
             (points, scans.points().len())
         };
         let (points, after) = seen(false);
-        // The half degrees beside each take its samples as well.
+        // The neighbouring half degrees use its samples as well.
         assert_eq!((points.len(), after, seen(true).1), (6, 0, 6));
-        // 270.5 degrees clockwise are 89.5 the other way round.
+        // 270.5 degrees clockwise are 89.5 counter-clockwise.
         let (sin, cos) = sin_cos(89.5_f32.to_radians());
         assert!(points[1].distance_mm(Point::new(2_000.0 * cos, 2_000.0 * sin)) < 0.1);
         assert!(

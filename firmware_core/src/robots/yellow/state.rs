@@ -1,4 +1,4 @@
-//! What the robot does: the state machine around the motors' drivers.
+//! State machine of the robot and its motor drivers.
 //!
 //! ```text
 //!            0.5 s                     +-> MANUAL --------+
@@ -6,35 +6,35 @@
 //!                                      +-> AUTO POSITION -+            0.5 s
 //! ```
 //!
-//! The user button switches the reactive drive on, and everything off. From one activity to another
-//! the way leads over ON, where the robot stands.
+//! The user button switches the reactive drive on, and everything off. Every change from one
+//! activity to another passes through ON, where the robot stands.
 
 use core::time::Duration;
 
 use protocols::Instant;
 use protocols::telemetry::message::State;
 
-/// How long the drivers take to switch on or off.
+/// Time that the drivers take to switch on or off.
 const SWITCHING: Duration = Duration::from_millis(500);
-/// Silence of the PC after which driving by hand ends.
+/// Silence of the PC after which manual driving ends.
 const MANUAL_HOLDS: Duration = Duration::from_secs(2);
-/// A manoeuvre that is interrupted stands for so long before it ends: two messages, so that the PC
-/// sees that it had begun.
+/// Time that an interrupted manoeuvre stands before it ends: two messages, so that the PC sees that
+/// the manoeuvre had started.
 const INTERRUPTED: Duration = Duration::from_millis(400);
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// The watchdog of MANUAL is declared and never looked at.
+    /// The watchdog of MANUAL is declared but never checked.
     pub manual_never_ends: bool,
-    /// The end of a manoeuvre wants OFF, whatever was ordered meanwhile.
+    /// The end of a manoeuvre requests OFF, even if another order came meanwhile.
     pub end_erases_order: bool,
     /// The machine runs each 10 ms instead of each 1 ms.
     pub is_slow: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         manual_never_ends: false,
         end_erases_order: false,
@@ -42,27 +42,27 @@ impl Defects {
     };
 }
 
-/// What the robot is doing.
+/// Mode of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The motors' drivers are off.
     Off,
-    /// They are being switched on.
+    /// The drivers are being switched on.
     SwitchOn,
-    /// They are on, and the robot stands.
+    /// The drivers are on, and the robot stands.
     On,
-    /// Speeds of the PC.
+    /// Driving with speeds of the PC.
     Manual,
-    /// By the IR sensors.
+    /// Driving by the IR sensors.
     AutoReactive,
-    /// To a pose.
+    /// Driving to a pose.
     AutoPosition,
     /// The drivers are being switched off.
     SwitchOff,
 }
 
 impl Mode {
-    /// What the PC is told: it does not know of the drivers.
+    /// State as the PC sees it: the PC does not know the drivers.
     pub const fn told(self) -> State {
         match self {
             Self::Off | Self::SwitchOn | Self::On | Self::SwitchOff => State::Off,
@@ -72,7 +72,7 @@ impl Mode {
         }
     }
 
-    /// Name as in messages to people.
+    /// Name in messages for operators.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Off => "off",
@@ -95,7 +95,7 @@ impl Mode {
     }
 }
 
-/// The robot's order.
+/// Requested mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Desired {
     Off,
@@ -112,11 +112,11 @@ pub(super) struct Machine {
     since: Instant,
     desired: Desired,
     button: bool,
-    /// When the PC was heard last.
+    /// Time of the PC's last message.
     heard_at: Instant,
-    /// A manoeuvre has ended, and this has not been dealt with.
+    /// A manoeuvre has ended, and the machine has not reacted yet.
     has_arrived: bool,
-    /// A manoeuvre was interrupted, and ends then.
+    /// Time at which an interrupted manoeuvre ends.
     ends_at: Option<Instant>,
     pub(super) time_outs: u32,
     pub(super) arrivals: u32,
@@ -157,12 +157,12 @@ impl Machine {
         !matches!(self.mode, Mode::Off)
     }
 
-    /// The PC was heard.
+    /// Notes a message of the PC.
     pub(super) const fn heard(&mut self, now: Instant) {
         self.heard_at = now;
     }
 
-    /// What the PC wants.
+    /// Takes the state that the PC requests.
     pub(super) const fn order(&mut self, state: State) {
         self.desired = match Mode::of(state) {
             Some(mode) => Desired::Active(mode),
@@ -174,7 +174,7 @@ impl Machine {
         self.ends_at = None;
     }
 
-    /// The manoeuvre has come to its end: the next step deals with it.
+    /// Notes the end of the manoeuvre: the next step handles it.
     pub(super) const fn arrived(&mut self) {
         if !self.has_arrived {
             self.arrivals = self.arrivals.saturating_add(1);
@@ -182,7 +182,7 @@ impl Machine {
         self.has_arrived = true;
     }
 
-    /// The way was lost for a while: a manoeuvre that goes by it ends where it is.
+    /// Notes a loss of odometry: a manoeuvre that depends on it ends at the current pose.
     pub(super) fn interrupt(&mut self, now: Instant) {
         if self.mode == Mode::AutoPosition && !self.has_arrived && self.ends_at.is_none() {
             self.interruptions = self.interruptions.saturating_add(1);
@@ -190,12 +190,12 @@ impl Machine {
         }
     }
 
-    /// Whether the manoeuvre only stands until it ends.
+    /// Whether the manoeuvre is interrupted and waits for its end.
     pub(super) const fn is_interrupted(&self) -> bool {
         self.ends_at.is_some()
     }
 
-    /// The button's state; only its going down counts.
+    /// Takes the button's state; only a press counts.
     pub(super) const fn button(&mut self, is_down: bool) {
         if is_down && !self.button {
             self.desired = match self.mode {
@@ -206,7 +206,7 @@ impl Machine {
         self.button = is_down;
     }
 
-    /// One step; true if the robot does something else now.
+    /// Runs one step; returns true if the mode has changed.
     pub(super) fn step(&mut self, now: Instant) -> bool {
         let is_over = self.ends_at.is_some_and(|at| now >= at);
         if core::mem::take(&mut self.has_arrived) || is_over {
@@ -252,7 +252,7 @@ mod tests {
         Instant::from_millis(millis)
     }
 
-    /// A machine that was told so at 0, and has come as far as it comes by 600 ms.
+    /// A machine that got the order at 0, in its state at 600 ms.
     fn told(state: State, defects: Defects) -> Machine {
         let mut machine = Machine::new(defects);
         machine.heard(at(0));
@@ -285,8 +285,8 @@ mod tests {
         assert!(machine.step(at(9_511)) && !machine.drivers_are_on());
     }
 
-    /// Two seconds without a word of the PC end a drive by hand, and no other one; the fielded
-    /// watchdog is never looked at.
+    /// Two seconds without a message of the PC end a manual drive, and no other one; the fielded
+    /// watchdog is never checked.
     #[test]
     fn a_drive_by_hand_ends_after_two_seconds_of_silence() {
         let after = |state, defects, millis| {
@@ -309,8 +309,8 @@ mod tests {
         assert_eq!(after(State::Manual, fielded, 9_000), (Mode::Manual, 0));
     }
 
-    /// A manoeuvre that is interrupted stands for 400 ms; another order continues at once. What
-    /// goes by no pose is not interrupted.
+    /// An interrupted manoeuvre stands for 400 ms; another order continues at once. Modes without a
+    /// pose are not interrupted.
     #[test]
     fn an_interrupted_manoeuvre_stands_before_it_ends() {
         let mut machine = told(State::AutoPosition, Defects::NONE);
@@ -332,8 +332,8 @@ mod tests {
         );
     }
 
-    /// An end is counted once, and wants OFF; an order that came meanwhile is kept, but by the
-    /// fielded program.
+    /// An end is counted once, and requests OFF; an order that came meanwhile is kept, except by
+    /// the fielded program.
     #[test]
     fn the_end_of_a_manoeuvre_erases_no_order() {
         let after = |end_erases_order, order: Option<State>| {
@@ -358,7 +358,7 @@ mod tests {
         );
     }
 
-    /// The button's going down counts: on when all is off, off whatever continues.
+    /// A press of the button counts: it switches on if all is off, and off in any active mode.
     #[test]
     fn the_button_switches_on_and_off() {
         let mut machine = Machine::new(Defects::NONE);

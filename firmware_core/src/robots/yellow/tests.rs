@@ -55,7 +55,7 @@ fn each_port_has_its_own_output() {
     assert_eq!(bauds, [115_200, BOARD_BAUD, BOARD_BAUD, 38_400]);
 }
 
-/// Of what the lines tell, what damages bytes is counted.
+/// Damaged bytes on the lines are counted.
 #[test]
 fn damage_on_the_lines_is_counted() {
     let mut robot = robot();
@@ -76,7 +76,8 @@ fn damage_on_the_lines_is_counted() {
     assert_eq!(damaged, [&("line errors", 8)]);
 }
 
-/// It sleeps until the next step of its state machine, a millisecond, or what is due before.
+/// The program sleeps until the next step of its state machine, a millisecond, or until an earlier
+/// event.
 #[test]
 fn a_step_is_taken_each_millisecond() {
     let mut robot = robot();
@@ -94,7 +95,7 @@ fn place(x: f32, y: f32, alpha: f32) -> message::Pose {
     message::Pose { x, y, alpha }
 }
 
-/// Metres become millimetres; a number that is none is refused, and so is driving to nowhere.
+/// Metres become millimetres; not-a-number is refused, and so is a drive without a goal.
 #[test]
 fn what_is_no_number_is_refused() {
     let obeyed = |command: Telecommand| {
@@ -145,7 +146,7 @@ fn what_is_no_number_is_refused() {
     }
 }
 
-/// AUTO_POSITION needs a goal in the same telecommand, whose heading may be any.
+/// AUTO_POSITION needs a goal in the same telecommand; the goal's heading may be any.
 #[test]
 fn a_goal_comes_with_its_order() {
     let ordered = |desired_pose| {
@@ -168,7 +169,8 @@ fn a_goal_comes_with_its_order() {
     assert_eq!(ordered(Some(place(1.0, 1.0, ANY_HEADING))), (true, 0));
 }
 
-/// Each defect by its number makes another robot, all of them the fielded one, and no number none.
+/// Each known defect number changes the robot, all of them give the fielded one, and an unknown
+/// number gives none.
 #[test]
 fn the_fielded_robot_has_every_defect() {
     let (sound, fielded) = (Config::DEFAULT, Config::DEFAULT.fielded());

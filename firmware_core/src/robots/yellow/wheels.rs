@@ -1,8 +1,8 @@
-//! From the encoders' counters to duties of the motors' PWM, and to the pose, each millisecond.
+//! Computes the duties of the motors' PWM and the pose from the encoders' counters, each
+//! millisecond.
 //!
-//! The right motor is mounted the other way round: where the robot drives ahead its counter runs
-//! down and its duty is below a half. Figures: public code of the robot, `Controller` and
-//! `Peripherals.h`.
+//! The right motor is mounted mirrored: when the robot drives ahead, its counter decreases and its
+//! duty is below a half. Figures: public code of the robot, `Controller` and `Peripherals.h`.
 
 use core::f32::consts::TAU;
 
@@ -15,59 +15,59 @@ use crate::pose::{Pose, normalised, sin_cos};
 const PERIOD_S: f32 = 0.001;
 const COUNTS_PER_TURN: f32 = 1_200.0;
 const WHEEL_RADIUS_M: f32 = 0.0375;
-/// Distance of the wheels.
+/// Distance between the wheels.
 const BASE_M: f32 = 0.18;
-/// Millimetres of a count.
+/// Millimetres per count.
 const COUNT_MM: f32 = TAU * WHEEL_RADIUS_M * 1_000.0 / COUNTS_PER_TURN;
-/// Turns per minute of a count a sample: 50.
+/// Turns per minute at one count per sample: 50.
 const COUNT_RPM: f32 = 60.0 / (COUNTS_PER_TURN * PERIOD_S);
-/// Turns per minute of a speed of 1 m/s.
+/// Turns per minute at 1 m/s.
 const RPM_PER_M_S: f32 = 60.0 / (TAU * WHEEL_RADIUS_M);
-/// What a motor turns per volt.
+/// Speed of a motor per volt.
 const RPM_PER_VOLT: f32 = 40.0;
 const SUPPLY_VOLTS: f32 = 12.0;
 /// A double pole at 300 rad/s: 1 - exp(-0.3) of the difference each sample.
 const FILTER: f32 = 0.259_182;
-/// Gain of the controller in volts per rpm, ahead and back as the motor sees it.
+/// Gain of the controller in volts per rpm, ahead and back in the motor's own direction.
 const GAIN_AHEAD: f32 = 0.2;
 const GAIN_BACK: f32 = 0.1;
-/// Time constant of the integral part and the most that it adds. It makes up for the friction,
-/// half a volt, and for motors that are not all alike.
+/// Time constant of the integral part, and its maximum. It compensates the friction, half a volt,
+/// and differences between motors.
 const INTEGRAL_S: f32 = 0.1;
 const INTEGRAL_MAX_VOLTS: f32 = 2.0;
-/// The bridge is never driven to its ends.
+/// Minimum distance of the duty from its limits.
 const DUTY_LEAST: f32 = 0.02;
 const DUTY_GREATEST: f32 = 0.98;
 /// Duty at which the motor stands.
 const DUTY_STOP: u16 = DUTY_MAX / 2;
-/// More counts in a sample are no motion but a counter that began again: ten samples of full speed.
+/// Maximum counts of a sample, ten times full speed; more mean a restarted counter.
 const COUNTS_MAX: u16 = 100;
-/// Counts of a sample at full speed: 12 V turn a wheel at 480 rpm.
+/// Counts per sample at full speed: 12 V turn a wheel at 480 rpm.
 const FULL_SPEED_COUNTS: u16 = 10;
-/// Above this the fielded program takes the old speed.
+/// Speed above which the fielded program keeps the old value.
 const RPM_BELIEVED: f32 = 1_500.0;
 
-/// Volts over time without a count, in volts a sample, behind which an encoder must have failed: a
-/// sound wheel counts within 50 when it begins to turn, and one that turns loses 5 cm until then.
+/// Volts over time without a count, in volts a sample, above which the encoder has failed. A
+/// working wheel counts within 50 when it starts to turn; a turning wheel loses 5 cm until then.
 const SILENCE_MAX: f32 = 120.0;
 
-/// A wheel that turns slower stands: 20 ms behind its last count.
+/// Maximum speed of a standing wheel: reached 20 ms after its last count.
 const REST_RPM: f32 = 1.0;
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Defects {
-    /// Counters are subtracted as they are, and a speed above 1500 rpm, as it comes out when one
-    /// wraps, is replaced by the one before.
+    /// Counters are subtracted without regard to wrapping. A speed above 1500 rpm, as results from
+    /// a wrap, is replaced by the one before.
     pub replaces_jumps: bool,
-    /// The way of a sample is taken along the heading at its end.
+    /// The motion of a sample is applied along the heading at its end.
     pub end_point_rule: bool,
     /// There is no integral part: friction leaves an error.
     pub proportional_only: bool,
 }
 
 impl Defects {
-    /// None.
+    /// No defects.
     pub const NONE: Self = Self {
         replaces_jumps: false,
         end_point_rule: false,
@@ -75,7 +75,7 @@ impl Defects {
     };
 }
 
-/// One motor and its encoder, as the motor sees itself.
+/// One motor and its encoder, in the motor's own direction.
 #[derive(Clone, Copy, Debug)]
 struct Wheel {
     counter: Option<u16>,
@@ -84,7 +84,7 @@ struct Wheel {
     filter: [f32; 2],
     target_rpm: f32,
     integral_volts: f32,
-    /// What was put on the motor since the last count, volts a sample.
+    /// Sum of the voltage applied since the last count, volts a sample.
     silence: f32,
 }
 
@@ -98,13 +98,13 @@ impl Wheel {
         silence: 0.0,
     };
 
-    /// By how much the counter is from the last one.
+    /// Difference of the counter from the last one.
     fn change(&self, counter: u16) -> i16 {
         let before = self.counter.unwrap_or(counter);
         counter.wrapping_sub(before).cast_signed()
     }
 
-    /// Takes the counter, which `began_anew` or not; false if it cannot be believed.
+    /// Takes the counter, which `began_anew` or not; returns false if the counter is implausible.
     fn measure(&mut self, counter: u16, began_anew: bool, defects: &Defects) -> bool {
         let change = self.change(counter);
         let before = self.counter.replace(counter).unwrap_or(counter);
@@ -133,7 +133,7 @@ impl Wheel {
         } else {
             GAIN_BACK
         };
-        // What was learned of the friction is of no use at rest or the other way round.
+        // The integral part that compensates friction is useless at rest or in the other direction.
         if self.target_rpm * target_rpm <= 0.0 || defects.proportional_only {
             self.integral_volts = 0.0;
         }
@@ -154,7 +154,7 @@ impl Wheel {
         to_duty(bounded)
     }
 
-    /// Forgets what the motor was to do.
+    /// Resets the motor's control.
     const fn halt(&mut self) {
         (self.target_rpm, self.integral_volts, self.silence) = (0.0, 0.0, 0.0);
     }
@@ -164,9 +164,9 @@ impl Wheel {
 #[derive(Clone, Debug)]
 pub(super) struct Wheels {
     defects: Defects,
-    /// Left, right.
+    /// Left and right wheel.
     wheels: [Wheel; 2],
-    /// What the profile has come to.
+    /// Current speeds of the profile.
     velocity: Velocity,
     pose: Pose,
     disbelieved: u32,
@@ -183,8 +183,8 @@ impl Wheels {
         }
     }
 
-    /// One sample: where the robot is now, and the duties that bring it to `target`; without one
-    /// the motors are off.
+    /// Takes one sample: updates the pose, and returns the duties that approach `target`; without a
+    /// target the motors are off.
     pub(super) fn step(&mut self, counters: [u16; 2], target: Option<Velocity>) -> [u16; 2] {
         let anew = self.began_anew(counters);
         for (wheel, counter) in self.wheels.iter_mut().zip(counters) {
@@ -207,8 +207,8 @@ impl Wheels {
         ]
     }
 
-    /// Whether the board that counts was restarted: both counters are about 0, and at least one
-    /// came there faster than it can.
+    /// Whether the counting board was restarted: both counters are about 0, and at least one
+    /// changed faster than a wheel can turn.
     fn began_anew(&self, counters: [u16; 2]) -> bool {
         let is_fast = |counts: i16| counts.unsigned_abs() > FULL_SPEED_COUNTS;
         let mut changes = self.wheels.iter().zip(counters);
@@ -218,14 +218,14 @@ impl Wheels {
             && changes.any(|(wheel, counter)| is_fast(wheel.change(counter)))
     }
 
-    /// The duties that leave the motors alone; speeds begin at rest again.
+    /// The duties that do not drive the motors; speeds restart from 0.
     pub(super) fn halt(&mut self) -> [u16; 2] {
         self.velocity = Velocity::ZERO;
         self.wheels.iter_mut().for_each(Wheel::halt);
         [DUTY_STOP; 2]
     }
 
-    /// Whether a wheel that is driven does not count.
+    /// Whether a driven wheel does not count.
     pub(super) fn is_silent(&self) -> bool {
         self.wheels.iter().any(|wheel| wheel.silence > SILENCE_MAX)
     }
@@ -241,17 +241,17 @@ impl Wheels {
         self.pose
     }
 
-    /// Takes a better pose from another source.
+    /// Sets a better pose from another source.
     pub(super) const fn correct(&mut self, pose: Pose) {
         self.pose = pose;
     }
 
-    /// Samples whose counters were no motion.
+    /// Samples with counters that could not be a motion.
     pub(super) const fn disbelieved(&self) -> u32 {
         self.disbelieved
     }
 
-    /// The pose after the way of one sample, taken along the heading in its middle.
+    /// Moves the pose by the motion of one sample, along the heading in its middle.
     fn advance(&mut self) {
         let [left, right] = [self.wheels[0].counts, -self.wheels[1].counts];
         let way_mm = (left + right) / 2.0 * COUNT_MM;
@@ -270,7 +270,7 @@ impl Wheels {
     }
 }
 
-/// A duty as the hardware takes it.
+/// Converts a duty to the hardware's value.
 fn to_duty(part: f32) -> u16 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -289,8 +289,8 @@ mod tests {
         (found - expected).abs() < 2e-3 * expected.abs().max(0.01)
     }
 
-    /// Ten counts a sample are 500 rpm: 0.259182 of it in the first pole and the same of that in
-    /// the second; then 225.594 and 83.353. Across the end of the counter as well.
+    /// Ten counts a sample are 500 rpm: 0.259182 of it in the first pole and the same share of that
+    /// in the second; then 225.594 and 83.353. Across the end of the counter as well.
     #[test]
     fn counts_become_a_filtered_speed() {
         for start in [500_u16, u16::MAX - 4] {
@@ -303,8 +303,8 @@ mod tests {
         }
     }
 
-    /// A hundred counts in a sample are believed either way, one more are a counter that began
-    /// again. The fielded program takes the speed before for one above 1500 rpm, 30 counts.
+    /// A hundred counts in a sample are accepted in either direction, one more is a restarted
+    /// counter. The fielded program keeps the speed before for one above 1500 rpm, 30 counts.
     #[test]
     fn a_jump_is_no_motion() {
         let counts = |change: i16, defects| {
@@ -326,13 +326,13 @@ mod tests {
         };
         let found = [30, -30, 31, -31].map(|change| counts(change, jumps).1);
         assert_eq!(found, [30.0, -30.0, 7.0, 7.0]);
-        // Below 0 the counter is taken for a leap ahead.
+        // A counter below 0 counts as a jump ahead.
         assert_eq!(counts(-1_001, jumps).1, 7.0);
     }
 
     /// 20 rpm from rest: 0.2 V a rpm ahead and a volt for 40 are 4.5 of 24 V beside a half; each
-    /// sample 0.04 V more. Back it is 0.1 V a rpm, and begins again. 100 rpm are more than the
-    /// bridge is driven to.
+    /// sample adds 0.04 V. Backwards it is 0.1 V a rpm, and the integral restarts. 100 rpm need
+    /// more than the bridge's limit.
     #[test]
     fn a_duty_is_what_speed_and_error_take() {
         let mut wheel = Wheel::NEW;
@@ -349,13 +349,13 @@ mod tests {
             [wheel.control(20.0, &fielded), wheel.control(20.0, &fielded)],
             [6_875; 2]
         );
-        // A wheel that turns at 20 rpm wants what keeps it there: half a volt.
+        // A wheel at 20 rpm needs half a volt to keep its speed.
         let mut wheel = Wheel {
             filter: [20.0; 2],
             ..Wheel::NEW
         };
         assert_eq!(wheel.control(20.0, &Defects::NONE), 5_208);
-        // Two volts are the most that is added.
+        // The integral part adds at most two volts.
         let mut wheel = Wheel::NEW;
         let duties = [(); 60].map(|()| wheel.control(20.0, &Defects::NONE));
         assert_eq!((wheel.integral_volts, duties[59]), (2.0, 7_708));
@@ -388,7 +388,7 @@ mod tests {
     }
 
     /// 0.19635 mm a count: 100 ahead on both sides are 19.635 mm along x. 40 on the right alone are
-    /// 7.854 mm of 180, 0.043633 rad, and half of the way, 3.927 mm, along half of that.
+    /// 7.854 mm of 180, 0.043633 rad, and half of the distance, 3.927 mm, along half of that angle.
     #[test]
     fn the_pose_follows_the_middle_of_each_sample() {
         let after = |counters: [u16; 2], defects| {
@@ -412,8 +412,8 @@ mod tests {
         assert!(is(right.heading, -0.043_633) && is(right.y_mm, -0.085_66));
     }
 
-    /// From rest at 1.5 m/s2 and 15 rad/s2, a sample: 0.0015 m/s are 0.382 rpm, 0.015 rad/s half of
-    /// 180 mm beside that 0.00135 m/s, 0.3438 rpm. The right motor turns the other way.
+    /// From rest at 1.5 m/s2 and 15 rad/s2, a sample: 0.0015 m/s are 0.382 rpm; 0.015 rad/s at half
+    /// of 180 mm are 0.00135 m/s, 0.3438 rpm. The right motor turns in the other direction.
     #[test]
     fn wheels_share_speed_and_turn() {
         let targets = |target| {
@@ -433,7 +433,7 @@ mod tests {
         near(targets(Velocity::new(-1.0, -1.0)), [-0.038_2, 0.725_74]);
     }
 
-    /// One turn a minute is rest, also backwards; and only when nothing is asked for.
+    /// One turn a minute counts as rest, also backwards; and only without a target.
     #[test]
     fn a_drive_is_at_rest_below_one_turn_a_minute() {
         let mut wheels = Wheels::new(Pose::default(), Defects::NONE);

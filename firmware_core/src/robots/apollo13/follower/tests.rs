@@ -34,9 +34,9 @@ fn touches(map: &Costmap, pose: CarPose) -> bool {
     obstacles.any(|cell| outline().overlaps(pose, map.middle_m(cell), 0.05))
 }
 
-/// Drives along the path by a car of 0.258 m whose speed lags by 0.3 s and whose angles are those
-/// of the table; told poses are 1 cm and half a degree off. Where it ends, and whether it touched
-/// anything.
+/// Drives a car of 0.258 m along the path; its speed lags by 0.3 s, its angles are those of the
+/// table, and its reported poses are 1 cm and half a degree off. Returns the end pose, and whether
+/// the car touched an obstacle.
 fn drive(map: &Costmap, path: Vec<CarPose>, random: &mut Pcg32) -> (Step, CarPose, bool) {
     let car = CarGeometry {
         wheelbase_m: 0.258,
@@ -67,7 +67,7 @@ fn drive(map: &Costmap, path: Vec<CarPose>, random: &mut Pcg32) -> (Step, CarPos
     (Step::Lost, truth, has_touched)
 }
 
-/// AP12: 20 goals at random: within 0.30 m and 0.30 rad, nothing touched, in 95 % at least.
+/// AP12: 20 random goals: at least 95 % are reached within 0.30 m and 0.30 rad, without a touch.
 #[test]
 fn ap12_goals_are_reached() {
     let (map, mut random) = (hall(), Pcg32::new(11));
@@ -98,7 +98,7 @@ fn ap12_goals_are_reached() {
     assert!(reached >= 19, "{reached} of {tried}");
 }
 
-/// Ahead for a metre, then back for half of one: where it turns is not cut short.
+/// A path of a metre forwards, then half a metre backwards: the car does not cut its turning point.
 #[test]
 fn a_path_with_a_turning_point_is_driven_both_ways() {
     let at = |x_m: f64| CarPose {
@@ -150,8 +150,8 @@ fn the_car_steers_along_the_arc_through_its_point() {
     assert!((steering(0.02).to_degrees() - 6.31).abs() < 0.01);
 }
 
-/// Of a way that ends 0.2 m ahead the straight on is followed: the point 0.3 m ahead is that of the
-/// test above; of a way back it lies behind, and the wheels are turned as much.
+/// On a path that ends 0.2 m ahead the straight continuation is followed: the point 0.3 m ahead is
+/// that of the test above. On a path backwards it lies behind, and the steering angle is the same.
 #[test]
 fn beyond_the_end_of_a_way_it_goes_straight_on() {
     for way in [1.0, -1.0] {
@@ -176,8 +176,8 @@ fn beyond_the_end_of_a_way_it_goes_straight_on() {
     }
 }
 
-/// A way of 1 m along x; each limit a little to both sides: 5 cm before the end, 0.40 m beside the
-/// way, at its end 0.30 m and 0.30 rad.
+/// A path of 1 m along x; each limit a little to both sides: 5 cm before the end, 0.40 m beside the
+/// path, 0.30 m and 0.30 rad at its end.
 #[test]
 fn a_way_ends_or_is_lost_at_its_limits() {
     let at = |x_m: f64, y_m: f64, heading_rad: f64| CarPose {
@@ -200,8 +200,8 @@ fn a_way_ends_or_is_lost_at_its_limits() {
     assert_eq!(step(at(1.0, 0.0, -0.31)), Step::Lost);
 }
 
-/// Half a circle of 0.5 m to the left: its end lies beside the car when it begins, and is driven
-/// to all the same.
+/// Half a circle of 0.5 m to the left: its end lies beside the car at the start, and the car still
+/// drives the whole path.
 #[test]
 fn a_way_that_turns_round_is_driven_to_its_end() {
     let poses = (0..=30).map(|step| {
@@ -223,8 +223,8 @@ fn a_way_that_turns_round_is_driven_to_its_end() {
 }
 
 /// On a path with a pose each 25 cm, 12.5 cm to the left, the point half a metre ahead is a pose:
-/// 2 * 0.125 / (0.25 + 0.015625) times 0.25 m. Halfway between two poses the earlier one counts,
-/// from where it is 0.375 m ahead: 2 * 0.125 / (0.140625 + 0.015625).
+/// 2 * 0.125 / (0.25 + 0.015625) times 0.25 m. Halfway between two poses the earlier one counts, at
+/// 0.375 m ahead: 2 * 0.125 / (0.140625 + 0.015625).
 #[test]
 fn a_pose_as_far_as_the_point_ahead_is_the_point() {
     let steering = |x_m: f64| {
@@ -251,8 +251,8 @@ fn a_pose_as_far_as_the_point_ahead_is_the_point() {
     assert!((steering(0.125) - 0.0625 / 0.156_25).abs() < 1e-12);
 }
 
-/// A whole circle of 36 poses: halfway round its end lies beside the car, and later behind a
-/// quarter of it ahead; it is driven to its end.
+/// A whole circle of 36 poses. Halfway round, the end lies beside the car; later the end is ahead
+/// of it with a quarter left. The car drives to the end.
 #[test]
 fn a_way_that_comes_back_to_its_beginning_is_driven_to_its_end() {
     let poses = (0..=36).map(|step| {
@@ -272,7 +272,7 @@ fn a_way_that_comes_back_to_its_beginning_is_driven_to_its_end() {
     assert_eq!(follower.step(poses[36]), Step::Arrived);
 }
 
-/// 40 cm beside a way is not yet lost, nor is what is 30 cm and 0.3 rad off its end.
+/// 40 cm beside a path is not yet lost, nor is 30 cm and 0.3 rad off its end.
 #[test]
 fn what_is_as_far_off_as_may_be_is_not_lost() {
     let beside = |y_m: f64, heading_rad: f64| {

@@ -41,8 +41,8 @@ fn straight() -> Vec<CarPose> {
 }
 
 /// The limits are 0.30 m and 0.30 rad, each tried a little to both sides, the heading also across
-/// pi; a place has no heading; an exact goal has limits of its own. Without a map, what is not
-/// reached is given up.
+/// pi. A position has no heading; an exact goal has limits of its own. Without a map, an unreached
+/// goal is given up.
 #[test]
 fn a_goal_is_reached_when_the_car_is_near_enough() {
     let at = |x_m: f64, heading_rad: f64| CarPose {
@@ -100,7 +100,7 @@ fn it_is_after_the_goal_that_it_plans_for_or_drives_to() {
     assert_eq!(pilot.state(), GoalState::None);
 }
 
-/// One plan a second; the eighth that does not help is the last one.
+/// One plan a second; the eighth failed plan is the last one.
 #[test]
 fn a_goal_inside_a_wall_is_given_up_after_eight_plans() {
     let map = hall([3.0, 0.5]);
@@ -120,7 +120,7 @@ fn a_goal_inside_a_wall_is_given_up_after_eight_plans() {
     assert_eq!(pilot.plans(), 8);
 }
 
-/// Seven failures; then the car has got on by 0.29 m, which is nothing, or by 0.31 m.
+/// Seven failures; then the car has moved by 0.29 m, which does not count, or by 0.31 m.
 #[test]
 fn where_the_car_has_got_on_plans_count_anew() {
     let map = hall([3.0, 0.5]);
@@ -136,9 +136,9 @@ fn where_the_car_has_got_on_plans_count_anew() {
     }
 }
 
-/// Along a straight way: a pillar on it whose near face is 1.5 m ahead meets the nose of a pose
-/// 1.2 m ahead; one at 2.2 m that of none within 1.5 m; one behind the car is no matter. Looked at
-/// is each 0.2 s.
+/// A straight path. A pillar with its near face 1.5 m ahead touches the nose at a pose 1.2 m ahead;
+/// one at 2.2 m touches no pose within 1.5 m; one behind the car does not count. The check runs
+/// each 0.2 s.
 #[test]
 fn a_way_that_something_stands_on_is_planned_anew() {
     let clear = hall([3.0, 0.3]);
@@ -166,8 +166,8 @@ fn a_way_that_something_stands_on_is_planned_anew() {
     );
 }
 
-/// The nose reaches 0.36 m ahead of the axle, the sides 0.165 m: 0.3 m before a wall the car is
-/// free along it only.
+/// The nose reaches 0.36 m ahead of the axle, the sides 0.165 m: 0.3 m before a wall the car fits
+/// only parallel to it.
 #[test]
 fn the_car_fits_beside_a_wall_that_it_cannot_face() {
     let (map, pilot) = (hall([3.0, 0.5]), pilot());
@@ -183,8 +183,9 @@ fn the_car_fits_beside_a_wall_that_it_cannot_face() {
     assert!(!pilot.is_free(&map, CarPose { x_m: 7.0, ..START }));
 }
 
-/// To a place behind it beside a wall the car turns round in several moves. Of 24 such ways some
-/// pass where a heading between two of the lattice's looks too near; none is planned twice.
+/// To a goal behind it beside a wall the car turns round in several moves. Of 24 such paths some
+/// pass where a heading between two of the lattice's seems too near the wall; no path is planned
+/// twice.
 #[test]
 fn a_map_that_has_not_changed_blocks_no_way_that_was_planned_on_it() {
     let map = hall([3.0, 0.5]);

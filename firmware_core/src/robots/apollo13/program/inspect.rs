@@ -1,4 +1,4 @@
-//! What an observer may look at.
+//! State that an observer may read.
 
 use protocols::Instant;
 
@@ -92,7 +92,7 @@ mod tests {
         assert_eq!(hear(&mut car, "/1/kill", 1.0), "killed");
     }
 
-    /// 1.5 m, -0.25 m and a radian, as of the last time it was asked.
+    /// 1.5 m, -0.25 m and a radian, at the time of the last poll.
     #[test]
     fn its_place_is_told_in_millimetres() {
         let mut car = Apollo13::new(Config {

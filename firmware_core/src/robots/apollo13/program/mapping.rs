@@ -1,4 +1,4 @@
-//! Drives over a floor that there is no plan of, and keeps what it drew as the plan.
+//! Exploration of a floor without a plan; the drawn map becomes the plan.
 
 use core::time::Duration;
 
@@ -12,20 +12,21 @@ use crate::robots::apollo13::floor::{Floor, FloorPlan};
 use crate::robots::apollo13::pilot::GoalState;
 use crate::robots::apollo13::survey::{Choice, Survey};
 
-/// How often the map under way becomes the floor to drive by.
+/// Period at which the drawn map becomes the floor to drive by.
 const FLOOR_EVERY: Duration = Duration::from_secs(1);
 
-/// So near a goal the next one is chosen, metres, and no oftener than this.
+/// Distance to a goal at which the next one is chosen, metres, and the minimum time between two
+/// choices.
 const NEAR_M: f64 = 1.2;
 const CHOOSES_EVERY: Duration = Duration::from_secs(2);
-/// A car that gets on by less than this, metres, in so long shuffles before something that only
-/// shows from where it stands: that place is not for it.
+/// Minimum progress, metres, within this time. A car below it is stuck before an obstacle that only
+/// shows from its own position: it gives the goal up.
 const GOT_ON_M: f64 = 0.3;
 const GETS_ON_WITHIN: Duration = Duration::from_secs(15);
 
 impl Apollo13 {
-    /// A map is begun when mapping is ordered: the plan that the car was given does not count. When
-    /// something else is ordered, the car continues by what it drew.
+    /// Starts a map when mapping is ordered: the configured plan is dropped. At another order, the
+    /// drawn map becomes the plan.
     pub(super) fn begin_or_end_mapping(&mut self, pose: CarPose) {
         let is_mapping = self.arbiter.mode() == Mode::Mapping;
         match (is_mapping, self.survey.take()) {
@@ -36,7 +37,7 @@ impl Apollo13 {
                 self.pilot.set_goal(None);
                 self.survey = Some(Survey::new(pose.shifted(CAMERA_AHEAD_M)));
             }
-            // Killed, or two orders at once: that passes.
+            // Kill switch, or two orders at once: these are temporary.
             (false, Some(survey)) if !self.is_ordered() => self.survey = Some(survey),
             (false, Some(survey)) => {
                 self.config.floor = survey.plan();
@@ -50,19 +51,19 @@ impl Apollo13 {
         }
     }
 
-    /// Whether one driver is ordered.
+    /// Whether exactly one driver is ordered.
     fn is_ordered(&self) -> bool {
         !matches!(self.arbiter.mode(), Mode::Killed | Mode::Contradiction)
     }
 
-    /// What the camera saw: onto the map, which says where the car is.
+    /// Enters the camera's scan into the map, which gives the car's pose.
     pub(super) fn survey_sight(&mut self) {
         let now = self.now;
         let Some(survey) = self.survey.as_mut().filter(|survey| survey.is_due(now)) else {
             return;
         };
         let camera = self.odometry.pose().shifted(CAMERA_AHEAD_M);
-        // What has no depth may be too near as well as too far.
+        // A missing depth may mean too near as well as too far.
         let found = survey.draw(now, camera, &self.sight.beams(false));
         if self.seen.is_none_or(|seen| now - seen >= FLOOR_EVERY) {
             self.seen = Some(now);
@@ -71,8 +72,8 @@ impl Apollo13 {
         self.move_origin(found.shifted(-CAMERA_AHEAD_M));
     }
 
-    /// Whether the car has got on within the last while, at least by what counts as such; a car
-    /// that has not starts to count again.
+    /// Whether the car has made enough progress within the last period; if not, the period
+    /// restarts.
     fn gets_on(&mut self, pose: CarPose) -> bool {
         let (since, at) = *self.got_on.get_or_insert((self.now, pose));
         let has_moved = at.distance_m(pose) > GOT_ON_M;
@@ -83,7 +84,7 @@ impl Apollo13 {
         has_moved || !is_late
     }
 
-    /// The next place to look from, when the car is near the last one: it need not stop there.
+    /// Chooses the next view when the car is near the last one; the car need not stop there.
     pub(super) fn explore(&mut self, pose: CarPose) {
         let is_under_way = matches!(self.pilot.state(), GoalState::Driving | GoalState::Planning);
         let is_far = |goal: CarPose| goal.distance_m(pose) > NEAR_M;
@@ -116,7 +117,7 @@ mod tests {
     use super::super::Config;
     use super::*;
 
-    /// Within 15 s it has to come farther than 0.3 m; either way it then counts again.
+    /// Within 15 s the car has to move farther than 0.3 m; in both cases the time restarts.
     #[test]
     fn a_car_gets_on_by_more_than_30_cm_in_15_seconds() {
         let mut car = Apollo13::new(Config::default());

@@ -11,21 +11,21 @@ use crate::robots::apollo13::floor::FloorPlan;
 use crate::robots::apollo13::gates::Passage;
 use crate::robots::apollo13::pilot::GoalState;
 
-/// How near the car must be to its place before a gate, metres and radians: half a heading of the
-/// lattice, and what following adds.
+/// Tolerance at the pose before a gate, metres and radians: half a heading step of the lattice, and
+/// the error of following.
 const BEFORE_GATE: [f64; 2] = [0.15, 0.30];
-/// Without a gate to drive through for so long, the car looks for one elsewhere.
+/// Time without a gate after which the car searches elsewhere.
 const SEARCHES_AFTER: Duration = Duration::from_secs(2);
-/// How often it looks whether one has come into sight.
+/// Interval of the checks for a gate in sight.
 const LOOKS_EVERY: Duration = Duration::from_secs(1);
-/// Places to look from, as parts of the map's width and height, and whichever way from each.
+/// Lookouts, as shares of the map's width and height, with several headings each.
 const LOOKOUTS: [[f64; 2]; 3] = [[0.5, 0.5], [0.25, 0.5], [0.75, 0.5]];
 const HEADINGS: u32 = 4;
-/// So many places without a gate are enough.
+/// Maximum number of lookouts without a gate.
 const LOOKOUTS_MAX: u32 = 3 * HEADINGS;
 
 impl Apollo13 {
-    /// Goes on to the next part of a passage, or to the next gate.
+    /// Continues with the next part of a passage, or with the next gate.
     pub(super) fn choose_gate(&mut self, pose: CarPose) {
         let is_done = match self.pilot.state() {
             GoalState::None | GoalState::Reached => true,
@@ -35,7 +35,7 @@ impl Apollo13 {
             }
             _ => false,
         };
-        // A gate is worth more than a place to look from.
+        // A gate takes precedence over a lookout.
         let is_search = self.passage.is_none() && self.search.places > 0;
         let is_old = |looked: Instant| self.now - looked >= LOOKS_EVERY;
         let is_due = is_search && self.search.looked.is_none_or(is_old);
@@ -64,7 +64,7 @@ impl Apollo13 {
         }
     }
 
-    /// There is no gate in sight; `is_there`: nor on the way to another place.
+    /// Handles the case of no gate in sight; `is_there`: the car has also reached its lookout.
     fn look_elsewhere(&mut self, is_there: bool) {
         let now = self.now;
         self.search.looked = Some(now);
@@ -87,7 +87,7 @@ impl Apollo13 {
     }
 }
 
-/// The place to look from of this number.
+/// The lookout with this number.
 fn lookout(plan: &FloorPlan, number: u32) -> CarPose {
     let index = usize::try_from(number / HEADINGS).unwrap_or_default();
     let [across, along] = LOOKOUTS[index % LOOKOUTS.len()];
@@ -100,7 +100,7 @@ fn lookout(plan: &FloorPlan, number: u32) -> CarPose {
     }
 }
 
-/// The straight way through a gate, a pose each 5 cm.
+/// The straight path through a gate, a pose each 5 cm.
 fn through(passage: Passage) -> alloc::vec::Vec<CarPose> {
     let length = passage.before.distance_m(passage.behind);
     let steps = libm::ceil(length / 0.05).clamp(1.0, 1_000.0);
@@ -117,8 +117,9 @@ fn through(passage: Passage) -> alloc::vec::Vec<CarPose> {
 mod tests {
     use super::*;
 
-    /// 6 m by 4 m whose corner is -1, 2: the middle is 2, 4, the others a quarter of the width to
-    /// its sides; four headings from each. After the twelfth they begin again.
+    /// A plan of 6 m by 4 m with its corner at (-1, 2): the middle is (2, 4), the other lookouts
+    /// lie a quarter of the width to its sides; four headings from each. After the twelfth the
+    /// sequence restarts.
     #[test]
     fn lookouts_lie_in_the_middle_and_to_its_sides() {
         let plan = FloorPlan {
@@ -169,7 +170,7 @@ mod tests {
             );
             assert_eq!((pose.y_m, pose.heading_rad), (2.0, 0.0));
         }
-        // Places that coincide: there and there.
+        // Poses that coincide give two poses.
         let on_the_spot = Passage {
             behind: before,
             ..passage
@@ -206,7 +207,7 @@ mod tests {
         }
     }
 
-    /// There is no way to the place before its gate: the gate is none of the car's any more.
+    /// There is no path to the pose before the gate: the car gives up the gate.
     #[test]
     fn a_gate_that_cannot_be_reached_is_given_up() {
         let mut car = car();
@@ -221,8 +222,8 @@ mod tests {
         assert_eq!(car.pilot.state(), GoalState::None);
     }
 
-    /// On the way to a gate, or to any other goal, no gate is looked for; on the way to a place to
-    /// look from, once a second.
+    /// On a drive to a gate, or to any other goal, no gate is searched; on a drive to a lookout,
+    /// once a second.
     #[test]
     fn gates_are_looked_for_on_the_way_to_a_place_to_look_from() {
         let looked = |passage, places, since_ms: Option<u64>| {
@@ -241,7 +242,7 @@ mod tests {
         assert!(!looked(None, 3, Some(999)));
     }
 
-    /// A gate of 0.8 m that comes into sight ends the search, but not what the car was asked for.
+    /// A gate of 0.8 m that comes into sight ends the search, but not the gate mode.
     #[test]
     fn a_gate_in_sight_ends_the_search() {
         let mut car = car();
@@ -258,7 +259,7 @@ mod tests {
         assert_eq!(car.pilot.goal(), Some(passage.before));
         let search = car.search;
         assert!(search.is_asked && search.since.is_none() && search.places == 0);
-        // It is there: straight through.
+        // The car is at the pose before the gate: straight through.
         car.choose_gate(HERE);
         assert_eq!(car.pilot.goal(), Some(passage.before));
         car.pilot.drive(car.now, passage.before, || None);
@@ -267,8 +268,8 @@ mod tests {
         assert_eq!(car.pilot.path(), through(passage));
     }
 
-    /// After two seconds without a gate the car looks for one elsewhere if the operator asked for
-    /// more of them: in the middle of the map, 3 m by 2 m, the first of four ways.
+    /// After two seconds without a gate the car searches elsewhere if the operator asked for more
+    /// gates: in the middle of the map, 3 m by 2 m, at the first of four headings.
     #[test]
     fn after_two_seconds_a_gate_is_looked_for_elsewhere() {
         let goes = |is_asked: bool, after_ms: u64| {
@@ -289,7 +290,7 @@ mod tests {
         assert_eq!(goes(true, 1_999), None);
         assert_eq!(goes(false, 5_000), None);
         assert_eq!(goes(true, 2_000), Some((3.0, 2.0, 1)));
-        // After the twelfth place there is none.
+        // After the twelfth lookout there is none.
         let mut car = car();
         car.search = Search {
             is_asked: true,

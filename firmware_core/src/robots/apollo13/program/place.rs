@@ -1,11 +1,11 @@
-//! Where the car is on its map, by guesses.
+//! Localisation of the car on its map by guesses.
 
 use super::{CAMERA_AHEAD_M, Config};
 use crate::ackermann::CarPose;
 use crate::particles::{LikelihoodField, Localiser, Noise, Settings as ParticleSettings};
 
-/// Of the odometry: a fifth of what it tells. With the seed's figures, ten times that, the guesses
-/// spread over the hall while the camera looks at a box that is on no map.
+/// Noise of the odometry: a fifth of its motion. With the seed's figures, ten times as much, the
+/// guesses spread over the hall while the camera looks at a box that is on no map.
 const NOISE: Noise = Noise {
     turn_by_turn: 0.04,
     turn_by_way: 0.04,
@@ -13,7 +13,7 @@ const NOISE: Noise = Noise {
     way_by_turn: 0.04,
 };
 
-/// Guesses about `start` on the map that the car has.
+/// Guesses around `start` on the car's map.
 pub(super) fn localiser(config: &Config, start: CarPose) -> Localiser {
     let floor = &config.floor;
     let field = LikelihoodField::new(

@@ -1,15 +1,16 @@
-//! How far the search for gates has come.
+//! Progress of the search for gates.
 
 use protocols::Instant;
 
 /// The search for gates that are not in sight.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Search {
-    /// The operator set the car's pose while no gate was known: there are more gates.
+    /// Whether the operator set the car's pose while no gate was known, which means that there are
+    /// more gates.
     pub(super) is_asked: bool,
-    /// Since when there is none.
+    /// Time since which there is no gate.
     pub(super) since: Option<Instant>,
-    /// How many places were looked from.
+    /// Number of lookouts visited.
     pub(super) places: u32,
     pub(super) looked: Option<Instant>,
 }

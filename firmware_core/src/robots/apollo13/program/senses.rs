@@ -1,4 +1,4 @@
-//! What the program receives and sees.
+//! Input of the program: lines, frames and messages of its ports.
 
 use core::time::Duration;
 
@@ -15,24 +15,22 @@ use crate::particles::Localiser;
 use crate::robots::apollo13::wall::Side;
 use crate::robots::apollo13::witness::{Finding, Told};
 
-/// Readings beyond this are none, metres: what the fielded program publishes.
+/// Maximum valid ultrasonic range, metres, as published by the fielded program.
 const ULTRASOUND_MAX_M: f64 = 3.0;
-/// Way that an odometer has counted less than the board while it was silent, and not by chance,
+/// Distance by which a silent odometer has counted less than the board, more than by chance,
 /// metres: three pulses.
 const MISSED_M: f64 = 0.08;
-/// Scans are entered into the floor no oftener; the fielded costmap did it each 200 ms.
+/// Minimum time between scans entered into the floor; the fielded costmap did it each 200 ms.
 const SEE_EVERY: Duration = Duration::from_millis(100);
-/// Where the ultrasonic sensor ahead receives nothing up to here, columns without a depth are open
-/// floor, metres.
+/// Minimum ultrasonic range ahead, metres, with which columns without a depth count as open floor.
 const OPEN_M: f64 = 0.60;
 
-/// Of a scan at least so much fits where the car is, unless a box that is on no map fills the
-/// picture.
+/// Minimum fit of a scan at the car's true pose, unless a box that is on no map fills the picture.
 const FIT_MIN: f64 = 0.35;
-/// After so many scans that do not fit, some guesses are laid elsewhere, so far: metres, metres,
-/// radians. First as by a gyroscope that failed, 25 cm of way later as if carried.
+/// Number of unfitting scans after which some guesses are placed elsewhere, and the offsets:
+/// metres, metres, radians. First for a failed gyroscope; 25 cm of path later for a carried car.
 const SEARCHES: [(u8, [f64; 3]); 2] = [(5, [0.2, 0.2, 0.5]), (20, [1.0, 1.0, 0.3])];
-/// Part of the guesses that are laid elsewhere.
+/// Share of the guesses that are placed elsewhere.
 const SEARCHED: f64 = 0.05;
 
 impl Apollo13 {
@@ -61,7 +59,7 @@ impl Apollo13 {
             .for_each(|frame| self.take_readings(frame.readings()));
     }
 
-    /// A frame that came is given out when the line has been quiet behind it.
+    /// Releases a received frame after a quiet line.
     pub(super) fn let_board_idle(&mut self) {
         let is_quiet = |heard| self.now - heard >= car_board::IDLE_GAP;
         if !self.board_heard.is_some_and(is_quiet) {
@@ -120,7 +118,7 @@ impl Apollo13 {
         let lines: Vec<_> = self.lines.push(bytes).flatten().collect();
         for line in lines {
             let content = line.content();
-            // Behind a terminal driver that makes LF of CR, each second line is empty.
+            // A terminal driver that converts CR to LF makes each second line empty.
             if content.is_empty() {
                 continue;
             }
@@ -143,17 +141,18 @@ impl Apollo13 {
 
     fn take_line(&mut self, reading: odometer::Reading) {
         let before = self.pose();
-        // Its clock falls back when it is reset.
+        // The odometer's clock falls back at a reset.
         let is_reset = reading.time_s < self.odometer_s;
         let has_missed = self.watch.is_silent(self.now) && self.has_missed_way(reading.distance_m);
         self.watch.hear(self.now, is_reset);
-        // Of a gyroscope whose offset was taken while the car turned nothing is believed.
+        // Ignore a gyroscope whose offset was measured while the car turned.
         if is_reset || has_missed || self.watch.is_misled() {
             self.bridge();
             self.odometry.begin_anew();
             self.gyro.begin_anew();
         } else {
-            // It counted on while its lines were lost, and better than the board.
+            // The odometer kept counting while its lines were lost, and counts better than the
+            // board.
             self.odometry.clone_from(&self.at_line.0);
         }
         self.odometer_s = reading.time_s;
@@ -164,8 +163,8 @@ impl Apollo13 {
         self.gates.moved(before, self.pose());
     }
 
-    /// Whether an odometer that was silent has counted less than the board since its last line: one
-    /// that waits for its gyroscope does not look at its encoder.
+    /// Whether a silent odometer has counted less than the board since its last line: during the
+    /// gyroscope's calibration it does not read its encoder.
     fn has_missed_way(&self, travel_m: f64) -> bool {
         let (odometry, board) = &self.at_line;
         let by_board = board.motion_to(self.by_board.pose_at(self.now));
@@ -173,8 +172,8 @@ impl Apollo13 {
             < libm::hypot(by_board.ahead_m, by_board.left_m)
     }
 
-    /// What a gyroscope that is stuck does not tell, the steering does. The other dialects tell the
-    /// rate too coarsely to see whether it is.
+    /// Replaces the turn of a stuck gyroscope by that of the steering. The other dialects round the
+    /// rate too coarsely to detect a stuck one.
     fn turn_as_steered(&mut self, reading: odometer::Reading) {
         if self.config.dialect != Some(odometer::Dialect::Fixed) {
             return;
@@ -188,7 +187,7 @@ impl Apollo13 {
         }
     }
 
-    /// Pulses of the board, which bridge what the odometer does not tell.
+    /// Takes pulses of the board, which bridge gaps of the odometer.
     fn take_pulses(&mut self, pulses: u16) {
         if self.by_board.hear(self.now, pulses) {
             self.watch.roll(self.now);
@@ -204,7 +203,7 @@ impl Apollo13 {
         self.gates.moved(before, self.pose());
     }
 
-    /// What is sent to the board is what its pulses mean from now on.
+    /// Notes the command sent to the board: it gives the direction of the following pulses.
     pub(super) fn note_command(&mut self) {
         let was_backwards = self.by_board.is_backwards();
         self.by_board.command(self.drive);
@@ -213,7 +212,7 @@ impl Apollo13 {
         }
     }
 
-    /// What the odometer and the board tell of the same way must agree.
+    /// Compares the motions of the odometer and the board, which must agree.
     fn compare(&mut self) {
         let finding = self.witness.compare(self.told());
         self.counters.doubts += u64::from(finding.is_some());
@@ -243,7 +242,7 @@ impl Apollo13 {
         }
     }
 
-    /// From the last line on, the car moved as the board tells.
+    /// Applies the board's motion since the last line.
     fn bridge(&mut self) {
         let (odometry, board) = &self.at_line;
         let motion = board.motion_to(self.by_board.pose_at(self.now));
@@ -266,7 +265,7 @@ impl Apollo13 {
         }
     }
 
-    /// What the camera saw: where the car is, and what is in the way.
+    /// Uses the camera's scan: corrects the car's pose and enters obstacles.
     fn take_sight(&mut self) {
         self.counters.scans += 1;
         if self.survey.is_some() {
@@ -297,7 +296,7 @@ impl Apollo13 {
         }
     }
 
-    /// Scans that do not fit for a while: the car may be elsewhere.
+    /// Counts unfitting scans: after a while the car may be elsewhere.
     fn judge_fit(&mut self) {
         let Some(localiser) = &mut self.localiser else {
             return;
@@ -317,7 +316,7 @@ impl Apollo13 {
         }
     }
 
-    /// What is nearer than the camera sees is no open floor.
+    /// Whether the floor ahead is open: no obstacle is nearer than the camera's minimum range.
     fn is_open_ahead(&self) -> bool {
         self.ultrasound_m[0].is_none_or(|range_m| range_m > OPEN_M)
     }
@@ -331,7 +330,7 @@ impl Apollo13 {
             turn_rad: 0.0,
         });
         self.gates.see(marker.id.into(), [place.x_m, place.y_m]);
-        // What holds it may be lower than the camera, and stays.
+        // A marker's post may be lower than the camera, so the camera must not clear it.
         let places = self.gates.markers().map(|(_, place)| place);
         self.floor.stand(places);
     }
@@ -359,8 +358,8 @@ impl Apollo13 {
         }
     }
 
-    /// A control of the phone, or what in the seed is done by mouse on the PC: a goal or a pose,
-    /// as x, y in metres and a heading in radians.
+    /// Takes a message: a control of the phone, or an order that in the seed is given by mouse on
+    /// the PC. Such an order is a goal or a pose: x and y in metres and a heading in radians.
     fn take_message(&mut self, message: &OscMessage) -> bool {
         let values: Option<Vec<f32>> = message.args.iter().map(number).collect();
         let Some(values) = values else {
@@ -377,7 +376,7 @@ impl Apollo13 {
         match (message.addr.as_str(), &values[..]) {
             ("/goal", []) => self.set_goal(None),
             ("/goal", values) => match pose(values) {
-                // Said again, as packets are lost.
+                // A repeated goal: clients repeat it because packets are lost.
                 Some(goal) if self.pilot.is_after(goal) => {}
                 Some(goal) => self.set_goal(Some(goal)),
                 None => return false,
@@ -396,7 +395,7 @@ impl Apollo13 {
     }
 }
 
-/// A number of a message, whatever its type.
+/// A number of a message, of any type.
 fn number(value: &OscType) -> Option<f32> {
     #[expect(clippy::cast_possible_truncation, reason = "controls need few digits")]
     match value {

@@ -1,4 +1,4 @@
-//! What the camera saw last: depths by their columns, or ranges by their bearings.
+//! The camera's last scan: depths by columns, or ranges by bearings.
 
 use alloc::vec::Vec;
 
@@ -9,24 +9,25 @@ use crate::pose::Point;
 
 /// Ranges that the camera can measure, metres: defaults of the fielded conversion.
 const RANGE_M: [f64; 2] = [0.45, 10.0];
-/// So many columns side by side without a depth are no gaps: nothing is there in range.
+/// Number of adjacent columns without a depth that are no gap: there is no object in range.
 const NOTHING_COLUMNS: usize = 12;
-/// Of the columns with something, so many may be gaps at most, as a part of all: otherwise the
-/// camera is blind, and what it does not see may be there.
+/// Maximum share of gaps among the columns with an object. With more gaps the camera counts as
+/// blind, and unseen space may hold obstacles.
 const GAPS_MAX: f64 = 0.1;
 
 /// The direction of a column or bearing.
 #[derive(Clone, Copy, Debug, Default)]
 struct Direction {
     bearing_rad: f64,
-    /// Ahead and to the left of what is one unit away; of a row, one unit of depth.
+    /// Ahead and to the left of a point one unit away; in a row, one unit of depth.
     ahead: f64,
     left: f64,
-    /// Range of that unit, metres.
+    /// Range of that point, metres.
     range: f64,
 }
 
-/// What tells directions apart: focal length and columns, or first bearing, step and number.
+/// Parameters that define the directions: focal length and columns, or first bearing, step and
+/// number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Lens {
     #[default]
@@ -82,7 +83,7 @@ impl Sight {
         });
     }
 
-    /// The directions of `lens`, unless it is the last one's.
+    /// Computes the directions of `lens`, unless they are already those of the last one.
     fn fit(&mut self, lens: Lens, direction: impl Fn(f64) -> Direction) {
         if self.lens != lens {
             self.lens = lens;
@@ -91,7 +92,7 @@ impl Sight {
         }
     }
 
-    /// All that is in range, each with its direction, metres.
+    /// All readings in range, each with its direction, metres.
     fn readings(&self) -> impl Iterator<Item = (&Direction, f64)> {
         let all = self.directions.iter().zip(&self.values_mm);
         let read = all.filter(|(_, mm)| **mm > 0);
@@ -101,7 +102,7 @@ impl Sight {
         })
     }
 
-    /// The places of all that is in range, for a camera so far ahead on the car.
+    /// Positions of all readings in range, for a camera `camera_ahead_m` ahead on the car.
     pub(super) fn put_points(&self, camera_ahead_m: f64, points: &mut Vec<Point>) {
         points.clear();
         points.extend(self.readings().map(|(direction, metres)| {
@@ -115,7 +116,8 @@ impl Sight {
         }));
     }
 
-    /// All that is in range as beams; where nothing is, beams of infinite range, if that `is_open`.
+    /// All readings in range as beams; directions without an object become beams of infinite range,
+    /// if the floor `is_open`.
     pub(super) fn beams(&self, is_open: bool) -> Vec<Beam> {
         let beam = |(direction, metres): (&Direction, f64)| Beam {
             bearing_rad: direction.bearing_rad,
@@ -128,7 +130,7 @@ impl Sight {
         beams
     }
 
-    /// Beams where a whole piece of the row has no depth.
+    /// Beams for pieces of the row that have no depth at all.
     fn nothing(&self) -> Vec<Beam> {
         let (mut beams, mut gaps, mut at) = (Vec::new(), 0, 0);
         for run in self
@@ -147,7 +149,7 @@ impl Sight {
             }
             at += run.len();
         }
-        // A row without any depth may as well come from a lens that is covered.
+        // A row without any depth may also come from a covered lens.
         let seen = self.values_mm.len() - beams.len();
         match gaps as f64 > GAPS_MAX * seen as f64 || seen == 0 {
             true => Vec::new(),
@@ -161,7 +163,7 @@ mod tests {
     use super::*;
     use protocols::perception::{MESSAGE_MAX, Message};
 
-    /// A row of 5 columns at a focal length of 2 pixels, and what follows from `depths_mm`.
+    /// A row of 5 columns at a focal length of 2 pixels, with the given `depths_mm`.
     fn sight(focal_tenths: u16, depths_mm: &[u16]) -> Sight {
         let mut bytes = [0; MESSAGE_MAX];
         let len = DepthRow::encode(focal_tenths, depths_mm, &mut bytes);
@@ -173,8 +175,8 @@ mod tests {
         sight
     }
 
-    /// Columns -2 to 2 over 2 pixels: 1 unit to the left at the first one, so 1 m of depth is 1.414
-    /// m away at 45 degrees. 300 mm is too near, 0 is nothing.
+    /// Columns -2 to 2 over 2 pixels: 1 unit to the left at the first column, so a depth of 1 m is
+    /// 1.414 m away at 45 degrees. 300 mm is too near, 0 is no reading.
     #[test]
     fn a_depth_is_ahead_and_a_range_is_along_its_column() {
         let sight = sight(20, &[1_000, 0, 2_000, 300, 1_000]);
@@ -195,8 +197,8 @@ mod tests {
         assert_eq!(points[0], Point::new(1_300.0, 1_000.0));
     }
 
-    /// Twelve columns side by side without a depth are open, eleven are gaps; of a camera that is
-    /// blind, or blinded here and there, nothing is known.
+    /// Twelve adjacent columns without a depth are open, eleven are gaps. A camera that is blind,
+    /// completely or in parts, shows no open floor.
     #[test]
     fn a_wide_piece_without_depths_is_open() {
         let open = |depths: &[u16]| {

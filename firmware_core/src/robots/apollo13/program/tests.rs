@@ -18,7 +18,7 @@ use crate::robots::apollo13::pilot::GoalState;
 
 const STEP: Duration = Duration::from_millis(10);
 
-/// A car on a floor, seen by ideal devices: the board 15 times a second, the odometer 95 times, the
+/// A car on a floor with ideal devices: the board 15 times a second, the odometer 95 times, the
 /// camera 10 times with 70 degrees.
 struct Car<'a> {
     program: Apollo13,
@@ -74,7 +74,7 @@ impl<'a> Car<'a> {
         way
     }
 
-    /// Runs for so long; the commands that came on the way.
+    /// Runs for `seconds`; returns the commands sent meanwhile.
     fn run(&mut self, seconds: f64) {
         let end = self.now + Duration::from_secs_f64(seconds);
         while self.now < end {
@@ -239,8 +239,8 @@ fn ap9_the_kill_switch_stops_the_motor_within_60_ms() {
     assert_eq!(car.drive.level, 0);
 }
 
-/// D1: a box that is on no map stands in the straight way; the car gets round it and touches
-/// nothing, for 20 seeds.
+/// D1: a box that is on no map stands on the straight path; the car drives around it without a
+/// touch, for 20 seeds.
 #[test]
 fn d1_an_obstacle_that_is_on_no_map_is_passed() {
     let with_box =
@@ -264,7 +264,8 @@ fn d1_an_obstacle_that_is_on_no_map_is_passed() {
     }
 }
 
-/// The odometer falls silent on the way and never answers: the car gets there by its board.
+/// The odometer falls silent during the drive and never answers: the car reaches its goal by its
+/// board's odometry.
 #[test]
 fn an_odometer_that_is_gone_for_good_is_done_without() {
     for seed in 0..3 {
@@ -283,8 +284,8 @@ fn an_odometer_that_is_gone_for_good_is_done_without() {
     }
 }
 
-/// The gyroscope is stuck for 5 s while the car turns to the left. Nothing but
-/// the steering tells of the turn, as there is no map: 3 % too much, by the wheelbase.
+/// The gyroscope is stuck for 5 s while the car turns to the left. Only the steering shows the
+/// turn, as there is no map: 3 % too much, because of the wheelbase.
 #[test]
 fn a_gyroscope_that_is_stuck_is_done_without() {
     let mut car = Car::new(Config::default(), &|_, _| false);
@@ -301,7 +302,7 @@ fn a_gyroscope_that_is_stuck_is_done_without() {
     assert!(wrapped(pose - truth).abs() < 0.05 * truth, "{pose} {truth}");
 }
 
-/// A click of 1.3 m and 0.5 rad beside where the car believes to be.
+/// A click of 1.3 m and 0.5 rad beside the car's believed pose.
 #[test]
 fn a_pose_that_somebody_says_is_believed() {
     let mut car = Car::new(in_hall(1, START), &hall);
@@ -315,8 +316,8 @@ fn a_pose_that_somebody_says_is_believed() {
     assert_eq!(car.program.gates().markers().count(), 0);
 }
 
-/// AP14: three gates of 0.8 m, each crossed once, 5 cm and more from the boxes; one of 0.35 m is
-/// left alone.
+/// AP14: three gates of 0.8 m, each crossed once, at least 5 cm from the boxes; the car ignores one
+/// of 0.35 m.
 #[test]
 fn ap14_three_gates_are_passed() {
     let open = |x: f64, y: f64| !(0.1..11.9).contains(&x) || !(0.1..3.9).contains(&y);
@@ -401,8 +402,8 @@ fn ap8_the_wall_is_followed() {
     }
 }
 
-/// Fielded: in a curve no line's sum holds, and the pose stands still; frames with 13 cm are read
-/// as 10 cm.
+/// Fielded: in a curve no line's sum is exact, and the pose stops; frames with 13 cm are read as 10
+/// cm.
 #[test]
 fn fielded_habits_lose_what_the_sound_ones_keep() {
     let line = odometer::Dialect::AsCoded.line(&odometer::Measurement {
@@ -438,7 +439,7 @@ fn fielded_habits_lose_what_the_sound_ones_keep() {
     }
 }
 
-/// Any bytes on any port: nothing is lost but they.
+/// Random bytes on any port: only those bytes are lost.
 #[test]
 fn noise_on_all_ports_is_counted() {
     let mut program = Apollo13::new(Config::default());
@@ -463,8 +464,8 @@ fn noise_on_all_ports_is_counted() {
     assert!(bad > 100, "{bad}");
 }
 
-/// 0.7 s at rest: the pose that it was given, a line each 10 ms, a frame each 70. The tenth is
-/// believed when the next one follows.
+/// 0.7 s at rest: the configured pose, a line each 10 ms, a frame each 70. The tenth frame counts
+/// when the next one follows.
 #[test]
 fn an_observer_is_told_pose_and_counts() {
     let mut car = Car::new(in_hall(1, START), &hall);
@@ -487,7 +488,7 @@ fn an_observer_is_told_pose_and_counts() {
     assert_eq!(count("board bad frames"), Some(0));
 }
 
-/// Two bytes each 20 ms to the board, each millisecond by the fielded habit; the odometer's port
+/// Two bytes each 20 ms to the board, each millisecond with the fielded defect; the odometer's port
 /// may be opened at any time.
 #[test]
 fn each_port_has_its_line_and_its_time() {
@@ -523,8 +524,8 @@ fn each_port_has_its_line_and_its_time() {
     );
 }
 
-/// Half a second after the last distance a wall is not followed any more; without one to follow
-/// never.
+/// Half a second after the last distance the car stops following a wall; without a configured wall
+/// it never follows one.
 #[test]
 fn a_wall_is_followed_as_long_as_it_is_heard() {
     let hears = |wall, heard_ms: Option<u64>| {
@@ -541,7 +542,7 @@ fn a_wall_is_followed_as_long_as_it_is_heard() {
     assert!(!hears(wall, None) && !hears(None, Some(1_000)));
 }
 
-/// 25 cm ahead is near enough to continue; nothing heard is nothing there.
+/// 25 cm ahead is far enough to continue; without an echo there is no obstacle.
 #[test]
 fn what_is_nearer_than_25_cm_is_too_near() {
     let mut car = Apollo13::new(Config::default());

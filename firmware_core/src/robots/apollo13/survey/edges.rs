@@ -1,4 +1,4 @@
-//! The open edges of what was checked, and which of them to go to.
+//! Open edges of the checked area, and the choice of the next one.
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -7,31 +7,31 @@ use super::{CELL_M, Survey};
 use crate::ackermann::{CarPose, wrapped};
 use crate::costmap::{Costmap, INSCRIBED};
 
-/// Fewer cells that hang together are no open edge: with what the car keeps from walls that is an
-/// opening of 0.9 m.
+/// Minimum number of connected cells of an open edge: with the car's clearance from walls that is
+/// an opening of 0.9 m.
 const CELLS_MIN: usize = 12;
-/// What an edge behind the car costs more than one ahead, metres: turning round takes a car several
-/// moves, if there is room at all.
+/// Extra cost of an edge behind the car, metres: turning round takes a car several moves, if there
+/// is room at all.
 const BEHIND_M: f64 = 12.0;
-/// An edge nearer than this is one of the picture's sides: the car would have to turn towards it
-/// where it stands. It costs so much more.
+/// Distance below which an edge is one of the picture's sides, and its extra cost, metres: the car
+/// would have to turn towards it on the spot.
 const NEAR_M: f64 = 1.5;
 const BESIDE_M: f64 = 8.0;
-/// How far before an edge the car stops: from there it sees what is behind.
+/// Distance before an edge at which the car stops, metres: from there it sees the area behind.
 const BEFORE_M: f64 = 0.6;
-/// Cells of the way by whose direction the car is to look at the edge.
+/// Number of path cells that give the direction of the look at the edge.
 const HEADING_CELLS: usize = 12;
 /// Edges nearer to each other than this are the same, metres.
 const SAME_M: f64 = 0.6;
-/// How often an edge is gone to before it is given up.
+/// Maximum number of drives to an edge.
 const TRIES_MAX: u8 = 3;
 
-/// Whether two places are of the same edge.
+/// Whether two positions belong to the same edge.
 pub(super) fn are_same(one: [f64; 2], other: [f64; 2]) -> bool {
     libm::hypot(one[0] - other[0], one[1] - other[1]) < SAME_M
 }
 
-/// Edges that the car went to, and how often.
+/// Edges that the car drove to, with the number of drives.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tried(Vec<([f64; 2], u8)>);
 
@@ -44,13 +44,13 @@ impl Tried {
         self.near(place).is_some_and(|at| self.0[at].1 >= TRIES_MAX)
     }
 
-    /// Edges that the car does not go to any more.
+    /// Edges that the car has given up.
     pub(super) fn given_up(&self) -> impl Iterator<Item = [f64; 2]> {
         let given_up = self.0.iter().filter(|(_, tries)| *tries >= TRIES_MAX);
         given_up.map(|(at, _)| *at)
     }
 
-    /// The car goes to the edge at this place; whether for the first time.
+    /// Counts a drive to the edge at this position; returns whether it is the first.
     pub(super) fn add(&mut self, place: [f64; 2]) -> bool {
         let near = self.near(place);
         match near {
@@ -61,8 +61,8 @@ impl Tried {
     }
 }
 
-/// Cells that the car can get to through what was checked: each with the one before it on the
-/// way, itself at the start.
+/// Cells that the car can reach through the checked area: each with its predecessor on the path,
+/// the start with itself.
 struct Reach {
     width: usize,
     before: Vec<Option<usize>>,
@@ -70,10 +70,10 @@ struct Reach {
     order: Vec<usize>,
 }
 
-/// The goal to go to, and the place of the edge to be seen from there.
+/// The next goal, and the position of the edge visible from there.
 ///
 /// # Errors
-/// If there is none, the places of edges before which the car has no room to stand.
+/// If there is none: the positions of edges before which the car has no room to stand.
 pub(super) fn next(
     survey: &Survey,
     costs: &Costmap,
@@ -114,7 +114,7 @@ const fn cell(index: usize, width: usize) -> [i32; 2] {
     [(index % width) as i32, (index / width) as i32]
 }
 
-/// The cell of an edge that is nearest to its middle.
+/// The cell of an edge nearest to its middle.
 fn middle(edge: &[usize], width: usize) -> usize {
     let along = |index: &usize| cell(*index, width).map(f64::from);
     let sum = edge
@@ -157,7 +157,8 @@ impl Reach {
                 let Some(index) = inside(to).filter(|index| reach.before[*index].is_none()) else {
                     continue;
                 };
-                // The car's own place is unseen, but open, up to where its camera begins to see.
+                // The floor under the car is unseen, but open, up to where the camera begins to
+                // see.
                 let here = costs.middle_m(to);
                 let off = libm::hypot(here[0] - pose.x_m, here[1] - pose.y_m);
                 let is_open = survey.is_free(here) || off < STANDS_M;
@@ -171,14 +172,14 @@ impl Reach {
         Some(reach)
     }
 
-    /// Cells beside which nothing is known, as they hang together.
+    /// Groups of connected cells with an unknown neighbour.
     fn edges(&self, survey: &Survey, costs: &Costmap) -> Vec<Vec<usize>> {
         let is_edge = |index: &usize| {
             let here = cell(*index, self.width);
             let place = costs.middle_m(here);
             let beside = AROUND[..4].iter();
             let mut beside = beside.map(|[dx, dy]| costs.middle_m([here[0] + dx, here[1] + dy]));
-            // The car's whole track is checked last.
+            // The track is checked last, because that test is slow.
             survey.is_free(place)
                 && beside.any(|place| survey.is_unknown(place))
                 && !survey.is_beside(place)
@@ -218,8 +219,8 @@ impl Reach {
         })
     }
 
-    /// A pose from which the edge at `at` is seen: on the way there, some way before it, where the
-    /// car has room; looking along the way.
+    /// A pose that shows the edge at `at`: on the path there, some distance before the edge, where
+    /// the car has room; looking along the path.
     fn goal(
         &self,
         costs: &Costmap,
@@ -242,7 +243,7 @@ impl Reach {
         let place = |index: usize| costs.middle_m(cell(way[index], self.width));
         let pose = |index: usize| {
             let from = place((index + HEADING_CELLS).min(way.len() - 1));
-            // At the end of a short way: from where the car is towards the edge.
+            // At the end of a short path, look from the car towards the edge.
             let to = place(index.saturating_sub(HEADING_CELLS));
             let [x_m, y_m] = place(index);
             CarPose {
@@ -256,7 +257,8 @@ impl Reach {
     }
 }
 
-/// So far around the rear axle the car stands, metres, up to where its camera sees the floor.
+/// Radius around the rear axle, metres, that the car occupies, up to where its camera sees the
+/// floor.
 const STANDS_M: f64 = 0.9;
 
 /// Neighbours; those that share an edge first.
@@ -279,7 +281,7 @@ mod tests {
 
     use super::*;
 
-    /// Three columns and two rows: neighbours end with the map.
+    /// Three columns and two rows: there are no neighbours beyond the map.
     #[test]
     fn neighbours_end_with_the_map() {
         let reach = Reach {

@@ -1,41 +1,41 @@
-//! What one scan says of the walls around, its noise taken out as far as they are straight.
+//! Wall points of one scan, smoothed where the walls are straight.
 //!
-//! A depth camera measures disparities: its depths err by the square of the depth, their inverses
-//! by the same everywhere. Seen so, a straight wall is a straight line as well: with the tangent
-//! `t` of the bearing and the depth `z`, `a x + b y = 1` is `1 / z = a + b t`. So each place is
-//! laid onto the straight line through its neighbours, as many as lie on one: of a wall 7 m ahead,
-//! whose points scatter by 7 cm, that leaves a centimetre.
+//! A depth camera measures disparities: the error of its depths grows with the square of the depth,
+//! the error of their inverses is constant. In inverse depths a straight wall is a straight line as
+//! well: with the tangent `t` of the bearing and the depth `z`, `a x + b y = 1` is `1 / z = a + b
+//! t`. Each point is therefore moved onto the straight line through as many neighbours as lie on
+//! one line. For a wall 7 m ahead this reduces a scatter of 7 cm to a centimetre.
 
 use alloc::vec::Vec;
 
 /// Standard deviation of an inverse depth, 1/m: 1.43 mm at 1 m.
 const INVERSE_SIGMA: f64 = 0.001_43;
-/// Neighbours that deviate more than this from one line, in standard deviations, do not lie on one.
+/// Maximum deviation of neighbours on one line, in standard deviations.
 const SCATTER_MAX: f64 = 1.25;
-/// Neighbours to either side that are laid onto one line, the most first.
+/// Numbers of neighbours to either side that are fitted to one line, tried from the largest.
 const BESIDE: [usize; 4] = [40, 20, 10, 5];
-/// No more of a wall than this is taken for straight, metres: to either side.
+/// Maximum length of a wall that counts as straight, metres: to either side.
 const STRAIGHT_M: f64 = 0.6;
-/// Standard deviation of the best place, metres: cells, floor, the camera's own height.
+/// Standard deviation of the best point, metres: cells, floor, the camera's own height.
 const SIGMA_MIN_M: f64 = 0.004;
-/// Standard deviation of a place that lies on no line, metres: at rest, and with the square of the
+/// Standard deviation of a point on no line, metres: constant part, and part with the square of the
 /// depth.
 const ALONE_SIGMA_M: [f64; 2] = [0.004, 0.001_5];
 
-/// A place that the camera sees, in its own frame, and its standard deviation, metres.
+/// A point that the camera sees, in its own frame, and its standard deviation, metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sighting {
     pub(super) at: [f64; 2],
     pub(super) sigma: f64,
-    /// Where the places beside it lie along, if they belong together.
+    /// Direction of the line through its neighbours, if they form one.
     pub(super) along: Option<[f64; 2]>,
 }
 
-/// Sums over the first places of a scan: number, t, q, t t, t q, q q.
+/// Sums over the first points of a scan: number, t, q, t t, t q, q q.
 type Sums = [f64; 6];
 
-/// The places that are seen in these directions, bearing and range, radians and metres, in the
-/// order of their bearings, none of them farther than `reach_m`.
+/// The points in these directions, bearing and range, radians and metres, in the order of their
+/// bearings, without those farther than `reach_m`.
 pub(super) fn sightings(seen: impl Iterator<Item = [f64; 2]>, reach_m: f64) -> Vec<Sighting> {
     let inverse = |[bearing_rad, range_m]: [f64; 2]| {
         let (sin, cos) = libm::sincos(bearing_rad);
@@ -55,7 +55,8 @@ pub(super) fn sightings(seen: impl Iterator<Item = [f64; 2]>, reach_m: f64) -> V
     all.filter(|it| is_within(it.at, reach_m)).collect()
 }
 
-/// Whether a place is no farther than this. Most are much nearer or farther, which needs no root.
+/// Whether a point is within `reach_m`. Most points are much nearer or farther, which needs no
+/// square root.
 fn is_within([x, y]: [f64; 2], reach_m: f64) -> bool {
     let (square, most) = (x * x + y * y, reach_m * reach_m);
     match square / most {
@@ -65,7 +66,7 @@ fn is_within([x, y]: [f64; 2], reach_m: f64) -> bool {
     }
 }
 
-/// The place of this index, on the line through its neighbours if there is one.
+/// The point of this index, on the line through its neighbours if there is one.
 fn laid(scan: &[[f64; 2]], sums: &[Sums], index: usize) -> Sighting {
     let [t, q] = scan[index];
     for beside in BESIDE {
@@ -89,7 +90,7 @@ fn laid(scan: &[[f64; 2]], sums: &[Sums], index: usize) -> Sighting {
     }
 }
 
-/// What lies in the direction of `t` on the line through the places between two sums, if they lie
+/// The sighting in the direction `t` on the line through the points between two sums, if they lie
 /// on one.
 fn on_line(before: &Sums, after: &Sums, t: f64) -> Option<Sighting> {
     let of = |at: usize| after[at] - before[at];

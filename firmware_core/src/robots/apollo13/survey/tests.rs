@@ -54,8 +54,8 @@ fn costs(survey: &Survey) -> Costmap {
     )
 }
 
-/// What was checked ends 4 m ahead of the camera: the car goes to there, less what it stops
-/// before, and looks along the corridor. The map has the walls where they are.
+/// The checked area ends 4 m ahead of the camera: the car drives there, less its stopping distance,
+/// and looks along the corridor. The walls on the map have the right positions.
 #[test]
 fn the_edge_ahead_is_gone_to() {
     let mut survey = Survey::new(at(0.0));
@@ -80,7 +80,7 @@ fn the_edge_ahead_is_gone_to() {
     assert_eq!(again(false), Choice::Go(goal));
 }
 
-/// The odometry turns away by a degree a metre; the walls hold the map straight.
+/// The odometry drifts by a degree a metre; the walls keep the map straight.
 #[test]
 fn the_walls_correct_the_odometry() {
     let mut survey = Survey::new(at(0.0));
@@ -102,7 +102,7 @@ fn the_walls_correct_the_odometry() {
     assert!((found.x_m - 7.96).abs() < 0.1, "{found:?}");
 }
 
-/// An edge that stays one however often the car goes there is given up; then the map is complete.
+/// An edge that remains after repeated drives is given up; then the map is complete.
 #[test]
 fn the_exploration_ends_by_itself() {
     let mut survey = Survey::new(at(0.0));
@@ -123,8 +123,8 @@ fn the_exploration_ends_by_itself() {
     assert!(!fresh.is_complete());
 }
 
-/// What the car turned away from beside its way is no edge: nothing 0.8 m from where it came by is
-/// one, whatever is known of it.
+/// An area beside the path that the car turned away from has no edge: no point within 0.8 m of the
+/// path is one, whatever its surroundings.
 #[test]
 fn what_lies_beside_the_way_is_no_edge() {
     let mut survey = Survey::new(at(0.0));
@@ -136,7 +136,7 @@ fn what_lies_beside_the_way_is_no_edge() {
     assert!(!survey.is_beside([3.0, 0.0]));
 }
 
-/// The gyroscope of a car that stands turns by a degree a second: the map does not turn with it.
+/// The gyroscope of a standing car drifts by a degree a second: the map does not turn with it.
 #[test]
 fn a_car_that_stands_does_not_turn() {
     let mut survey = Survey::new(at(0.0));
@@ -154,9 +154,9 @@ fn a_car_that_stands_does_not_turn() {
     );
 }
 
-/// The camera sits 0.309 m before the axle that such a car seems to turn about. A wall straight
-/// ahead says nothing of where along it the car is: the map does not swing with the camera either,
-/// 60 mm for each 0.2 rad.
+/// The camera sits 0.309 m before the axle, and a standing car with a drifting gyroscope seems to
+/// turn about the axle. A wall straight ahead gives no position along it: the map must not swing
+/// with the camera, 60 mm for each 0.2 rad.
 #[test]
 fn a_car_that_stands_before_a_wall_does_not_wander_along_it() {
     let wall: Vec<Beam> = (-30..=30_i32)
@@ -185,7 +185,8 @@ fn a_car_that_stands_before_a_wall_does_not_wander_along_it() {
     assert!(found.distance_m(at(0.0)) < 0.005, "{found:?}");
 }
 
-/// The map's first cell is 16 m behind and to the right of the camera's, whole cells of 50 mm.
+/// The map's first cell is 16 m behind and to the right of the camera's, a whole number of cells of
+/// 50 mm.
 #[test]
 fn the_map_lies_around_the_first_cell_of_the_camera() {
     let survey = Survey::new(CarPose {
@@ -245,8 +246,8 @@ fn a_plan_is_cut_out_around_what_is_known() {
     );
 }
 
-/// An unseen region: six cells to each side of a wall's end may be wall, a seventh is not kept off,
-/// nor what was seen to be free. The map's rim is not beside its other one.
+/// An unseen region: six cells to each side of a wall's end may be wall. The car keeps off these,
+/// but not off the seventh or off free cells. The map's edge is not adjacent to its opposite edge.
 #[test]
 fn what_nobody_has_seen_beside_a_wall_may_be_wall() {
     let mut survey = Survey::new(at(0.0));
@@ -270,8 +271,8 @@ fn what_nobody_has_seen_beside_a_wall_may_be_wall() {
     assert!(survey.is_kept_off([0, 44]) && survey.is_kept_off([SIDE - 7, 0]));
 }
 
-/// Two scans more with something than without make an obstacle, one more without a free cell. It
-/// counts to 10 and to -3, and of one scan once.
+/// Two more scans with a point than without make an obstacle, one more without a point a free cell.
+/// The count is limited to 10 and to -3, and each scan counts once.
 #[test]
 fn a_cell_is_what_most_scans_say() {
     let mut survey = Survey::new(at(0.0));
@@ -296,8 +297,8 @@ fn a_cell_is_what_most_scans_say() {
     );
 }
 
-/// What is 2 m ahead is entered and the way to it is free up to 1.925 m; what is 3.5 m ahead is not
-/// entered yet; of 10 m the first 4 were checked.
+/// An obstacle 2 m ahead is entered and the path to it is free up to 1.925 m; one 3.5 m ahead is
+/// not entered yet; of 10 m the first 4 were checked.
 #[test]
 fn a_beam_frees_its_way_and_enters_its_end() {
     let looked = |range_m: f64, x_m: f64| {
@@ -332,7 +333,7 @@ fn a_beam_frees_its_way_and_enters_its_end() {
     );
 }
 
-/// The fifth goal in a row that shows less than 100 new cells is one too many.
+/// The fifth goal in a row with fewer than 100 new cells ends the exploration.
 #[test]
 fn four_goals_may_show_nothing() {
     let mut survey = Survey::new(at(0.0));
@@ -349,7 +350,8 @@ fn four_goals_may_show_nothing() {
     );
 }
 
-/// Once, with an edge given up, back to the newest place at least 2.5 m away where there is room.
+/// Once, with an edge given up, the car drives back to the newest position at least 2.5 m away with
+/// enough room.
 #[test]
 fn the_car_goes_back_once_by_two_and_a_half_metres() {
     let mut survey = Survey::new(at(0.0));
@@ -399,7 +401,7 @@ fn an_edge_is_tried_three_times() {
     assert!(edges::are_same([1.0, 2.0], [1.3, 2.5]) && !edges::are_same([1.0, 2.0], [1.4, 2.5]));
 }
 
-/// A corridor of 1 m between walls, free from `from_m` to `to_m`, with nothing known beyond.
+/// A corridor of 1 m between walls, free from `from_m` to `to_m`, unknown beyond.
 #[expect(clippy::cast_possible_truncation, reason = "some hundred cells")]
 fn corridor(from_m: f64, to_m: f64) -> Survey {
     let mut survey = Survey::new(at(0.0));
@@ -415,7 +417,7 @@ fn corridor(from_m: f64, to_m: f64) -> Survey {
     survey
 }
 
-/// Where the car goes from 0 in a corridor: the goal, and the edge.
+/// The next goal of a car at 0 in a corridor, and the edge.
 fn goes(heading_rad: f64, from_m: f64, to_m: f64) -> (CarPose, [f64; 2]) {
     let survey = corridor(from_m, to_m);
     let pose = CarPose {
@@ -426,7 +428,7 @@ fn goes(heading_rad: f64, from_m: f64, to_m: f64) -> (CarPose, [f64; 2]) {
 }
 
 /// An edge behind costs 12 m more: 1.6 m behind is as good as 13.6 m ahead. Halfway round it costs
-/// 6 m, here and there. One nearer than 1.5 m, which is 30 cells, costs 8 m more.
+/// 6 m, at either side. An edge nearer than 1.5 m, which is 30 cells, costs 8 m more.
 #[test]
 fn an_edge_behind_or_too_near_costs_metres() {
     let is_ahead = |heading_rad, from_m, to_m| goes(heading_rad, from_m, to_m).1[0] > 0.0;
@@ -437,8 +439,8 @@ fn an_edge_behind_or_too_near_costs_metres() {
     assert!(is_ahead(-aside, -4.0, 1.55) && !is_ahead(aside, -4.0, 1.5));
 }
 
-/// The goal lies 0.6 m before the edge, on the way to it, and looks along the way. Where there is
-/// no room the car stops earlier.
+/// The goal lies 0.6 m before the edge, on the path to it, and looks along the path. Without room
+/// there, the car stops earlier.
 #[test]
 fn the_goal_lies_before_the_edge() {
     let (goal, edge) = goes(0.0, -1.6, 8.0);
@@ -468,8 +470,8 @@ fn the_goal_lies_before_the_edge() {
     );
 }
 
-/// Around 2 times 2 unknown cells there are 8 cells beside them, around 3 times 3 there are 12: an
-/// edge has at least as many.
+/// Around 2 times 2 unknown cells there are 8 adjacent cells, around 3 times 3 there are 12, the
+/// minimum of an edge.
 #[test]
 fn twelve_cells_make_an_edge() {
     let found = |side: usize| {
@@ -487,8 +489,8 @@ fn twelve_cells_make_an_edge() {
 }
 
 /// A beam of 1 m along y from a cell's middle frees the cells up to a cell and a half before its
-/// end, 0.925 m; beside it, 0.0125 rad or more, another one does. What is farther than 3 m is not
-/// entered, and frees up to 4 m.
+/// end, 0.925 m; beside it, 0.0125 rad or more, another one does. A point farther than 3 m is not
+/// entered, and its beam frees up to 4 m.
 #[test]
 fn a_beam_frees_cells_along_its_own_bearing() {
     let camera = CarPose {
@@ -539,7 +541,7 @@ fn a_beam_frees_cells_along_its_own_bearing() {
     assert_eq!([both(0.012_4), both(0.013)], [Some(0), Some(-1)]);
 }
 
-/// 0.9 m beside where it came by, but for where it still is.
+/// 0.9 m beside the passed track, except where the car still is.
 #[test]
 fn what_lies_beside_the_track_was_passed() {
     let mut survey = Survey::new(at(0.0));
@@ -550,8 +552,8 @@ fn what_lies_beside_the_track_was_passed() {
     assert!(is_beside(0.0, 0.0) && !is_beside(1.5, 0.0));
 }
 
-/// A car that moves to and fro within a metre has not passed that place, however often; what is
-/// open there may be where it wants to turn to. A metre on, it has.
+/// A car that moves to and fro within a metre has not passed that position, however often; an open
+/// area there may be its next goal. A metre on, the car has passed.
 #[test]
 fn who_moves_to_and_fro_has_not_passed() {
     let mut survey = Survey::new(at(0.0));
@@ -565,7 +567,7 @@ fn who_moves_to_and_fro_has_not_passed() {
     assert!(survey.is_beside([4.9, 0.7]));
 }
 
-/// What was given up beside the way is checked once more after the car has gone back: then it
+/// An edge given up beside the path is checked once more after the car has gone back: then it
 /// counts as an edge again.
 #[test]
 fn what_was_given_up_beside_the_way_counts_after_going_back() {
@@ -580,8 +582,8 @@ fn what_was_given_up_beside_the_way_counts_after_going_back() {
     assert!(!is_beside(&survey, 6.0) && !is_beside(&survey, 6.8) && is_beside(&survey, 7.0));
 }
 
-/// A car that came 2 m, a place each 0.25 m, and backs by 1.25 m has the last of them ahead of it
-/// again: it has not come by them. Going on it comes by them once more.
+/// A car that drove 2 m, with a position each 0.25 m, and reverses by 1.25 m has the last positions
+/// ahead of it again: they no longer count as passed. When it drives forward they count again.
 #[test]
 fn who_backs_out_has_not_come_by() {
     let mut survey = Survey::new(at(0.0));
@@ -596,8 +598,8 @@ fn who_backs_out_has_not_come_by() {
     assert_eq!(after_steps(&mut (4..=8)), 9);
 }
 
-/// Before an edge that the car has no room to stand before it goes back by some of its way and
-/// tries it again, once.
+/// Before an edge without room to stand the car drives back some of its path and tries the edge
+/// again, once.
 #[test]
 fn who_is_barred_from_an_edge_goes_back() {
     let mut survey = Survey::new(at(0.0));
@@ -610,7 +612,7 @@ fn who_is_barred_from_an_edge_goes_back() {
     assert!(!survey.is_beside([6.0, 0.5]));
 }
 
-/// Where the camera came by is kept each 20 cm.
+/// The camera's track is stored each 20 cm.
 #[test]
 fn the_track_is_kept_each_twenty_centimetres() {
     let mut survey = Survey::new(at(0.0));
@@ -621,8 +623,8 @@ fn the_track_is_kept_each_twenty_centimetres() {
     assert_eq!(kept, [1, 1, 1, 2, 2, 2, 3]);
 }
 
-/// The same corridors from a car that is 5 m farther on, along x and along y: the edge is looked
-/// for from where the car is.
+/// The same corridors for a car 5 m farther on, along x and along y: the search for the edge starts
+/// at the car.
 #[test]
 fn where_an_edge_lies_is_seen_from_the_car() {
     let quarter = core::f64::consts::FRAC_PI_2;
@@ -651,9 +653,9 @@ fn where_an_edge_lies_is_seen_from_the_car() {
     }
 }
 
-/// What a look from (0.025, 0.025) m along y says of the cells of 5 cm on its way: up to one and a
-/// half cells before its end there is nothing, in steps of half a cell; what is farther than 3 m is
-/// not entered, and 4 m are looked through.
+/// A look from (0.025, 0.025) m along y, in cells of 5 cm, in steps of half a cell: up to one and a
+/// half cells before its end the space is free; a point farther than 3 m is not entered, and 4 m
+/// are cleared.
 #[test]
 fn a_look_passes_cells_up_to_its_end() {
     let camera = CarPose {

@@ -1,11 +1,10 @@
-//! Where the camera is on a map under way: what it sees, laid onto the lines that it saw before.
+//! Camera pose on an incomplete map: each scan is fitted to the lines seen before.
 //!
-//! The floor is squares of 20 cm. Each keeps the mean and the spread of the points that were seen
-//! in it, and is a piece of a line if they lie along one, as in the normal distributions transform
-//! (Biber and Strasser, 2003). A scan is moved until its points lie on those lines, by Gauss's and
-//! Newton's method, and held by what the odometry says: along a corridor nothing else tells how far
-//! the car went. A piece that is well known stays as it is: what is seen of it later, round a ring
-//! and back, is laid onto it and does not move it.
+//! The floor is squares of 20 cm. Each square stores the mean and the spread of its points. It is a
+//! piece of a line if they lie along one, as in the normal distributions transform (Biber and
+//! Strasser, 2003). The Gauss-Newton method moves a scan until its points lie on those lines, with
+//! the odometry as prior: along a corridor no other source measures the distance. A well-known
+//! piece stays fixed: later points, for example after a loop, are fitted to it and do not move it.
 
 use alloc::vec::Vec;
 
@@ -18,46 +17,45 @@ const SQUARE_M: f64 = 0.20;
 const SIDE: usize = 160;
 /// Standard deviation of the best point, metres.
 const SIGMA_M: f64 = 0.004;
-/// Points that a line needs, by number and by weight; at a weight of 1 a point is as good as can
-/// be.
+/// Minimum number and weight of a line's points; a weight of 1 is that of an ideal point.
 const POINTS_MIN: f64 = 8.0;
 const WEIGHT_MIN: f64 = 0.2;
-/// Standard deviations of a line's points, metres: across it at most, along it at least.
+/// Standard deviations of a line's points, metres: maximum across it, minimum along it.
 const ACROSS_MAX_M: f64 = 0.02;
 const ALONG_MIN_M: f64 = 0.025;
-/// At this weight a piece stays as it is. Points of one scan are wrong together, as the camera's
-/// pose is: some dozen scans, from near and far, are to have a say.
+/// Weight at which a piece stays fixed. Points of one scan share the error of the camera's pose, so
+/// some dozen scans, from near and far, should contribute.
 const WEIGHT_MAX: f64 = 400.0;
-/// So many scans later, one minute, what was drawn is believed before all that is newer.
+/// Number of scans, one minute, after which an old piece takes precedence over newer ones.
 const OLD_AFTER: u32 = 300;
-/// Points of a scan that are laid onto lines at most.
+/// Maximum number of points of a scan that are fitted to lines.
 const LAID_MAX: usize = 160;
-/// Farther points are neither laid nor drawn, metres: the camera's own end is near.
+/// Maximum distance of points that are fitted or drawn, metres: it is near the camera's own limit.
 const REACH_M: f64 = 9.0;
-/// Rounds of one search, and how far a point may lie from its line in the first half of them and in
-/// the rest, metres.
+/// Rounds of one search, and the maximum distance of a point from its line in the first half of
+/// them and in the rest, metres.
 const ROUNDS: u8 = 8;
 const OFF_MAX_M: [f64; 2] = [0.25, 0.12];
-/// From here on a point that is off counts less, metres.
+/// Distance from the line above which a point counts less, metres.
 const HUBER_M: f64 = 0.03;
-/// Points beside each other are wrong together: what one counts for.
+/// Weight of one point: neighbouring points share their error.
 const POINT: f64 = 0.15;
-/// Part of the direction in which points lie that may lie across a line.
+/// Maximum width of a line's points relative to their length.
 const ASKEW_MAX: f64 = 0.35;
-/// Standard deviation of the odometry: of a way and of what is added at each step, metres and
-/// radians.
+/// Standard deviation of the odometry: share of the motion, and a constant for each step, metres
+/// and radians.
 const WAY: [f64; 2] = [0.05, 0.002];
 const SIDEWAYS: [f64; 2] = [0.01, 0.001];
 const TURN: [f64; 2] = [0.01, 0.002];
-/// What of a correction of the heading is taken for the gyroscope's bias, and that at most, radians
-/// from one scan to the next.
+/// Share of a heading correction that is attributed to the gyroscope's bias, and its maximum,
+/// radians from one scan to the next.
 const BIASED: f64 = 0.03;
 const BIAS_MAX_RAD: f64 = 0.005;
-/// The scan is drawn when the camera has moved so far, metres and radians.
+/// Minimum motion of the camera before a scan is drawn, metres and radians.
 const MOVED: [f64; 2] = [0.02, 0.01];
-/// So many scans are drawn first, wherever the camera is: a line needs [`POINTS_MIN`].
+/// Number of first scans that are always drawn: a line needs [`POINTS_MIN`].
 const AT_REST: u32 = 8;
-/// Of the points that had a line near, so many must lie on it for a scan to be believed.
+/// Minimum share of the points with a line nearby that must lie on it for a valid scan.
 const FIT_MIN: f64 = 0.4;
 
 /// A piece of line.
@@ -67,15 +65,15 @@ struct Line {
     normal: [f64; 2],
 }
 
-/// What was seen in a square.
+/// Points seen in a square.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    /// Scan in which it was begun.
+    /// Scan in which the piece was started.
     began: u32,
     points: f64,
     weight: f64,
     sum: [f64; 2],
-    /// Of x x, x y and y y.
+    /// Sums of x x, x y and y y.
     squares: [f64; 3],
     line: Option<Line>,
 }
@@ -125,25 +123,25 @@ impl Piece {
     }
 }
 
-/// Lines, and where the camera is among them.
+/// Lines, and the camera's pose among them.
 #[derive(Clone, Debug)]
 pub(super) struct Tracker {
     /// The corner of the squares, metres.
     corner_m: [f64; 2],
-    /// Place in `pieces` of what is in a square, plus 1; 0 is nothing.
+    /// Index in `pieces` of each square's piece, plus 1; 0 is none.
     squares: Vec<u32>,
     pieces: Vec<Piece>,
     pose: CarPose,
-    /// Where the camera was when a scan was drawn last.
+    /// Pose of the camera at the last drawn scan.
     drawn: Option<CarPose>,
     scans: u32,
     is_fitting: bool,
-    /// By how much the odometry turns by itself from one scan to the next.
+    /// Turn by which the odometry drifts from one scan to the next.
     bias_rad: f64,
 }
 
 impl Tracker {
-    /// Nothing was seen; the camera is at `pose`.
+    /// A tracker without lines; the camera is at `pose`.
     pub(super) fn new(pose: CarPose) -> Self {
         let half = SIDE as f64 / 2.0 * SQUARE_M;
         Self {
@@ -158,7 +156,7 @@ impl Tracker {
         }
     }
 
-    /// A car that stands: what the odometry turns is its own.
+    /// Measures the odometry's drift on a standing car.
     pub(super) fn rest(&mut self, motion: Motion) -> CarPose {
         self.learn(motion.turn_rad - self.bias_rad);
         self.pose
@@ -169,13 +167,13 @@ impl Tracker {
         self.bias_rad = bias_rad.clamp(-BIAS_MAX_RAD, BIAS_MAX_RAD);
     }
 
-    /// Whether the last scan lay where the lines are, as far as there were any.
+    /// Whether the last scan fitted the lines, as far as there were any.
     pub(super) const fn is_fitting(&self) -> bool {
         self.is_fitting
     }
 
-    /// The camera moved so by the odometry, and sees these places: bearing and range, radians and
-    /// metres. Where it is now.
+    /// Takes the camera's motion by odometry, and its view: bearing and range, radians and metres.
+    /// Returns the camera's pose.
     pub(super) fn track(
         &mut self,
         motion: Motion,
@@ -198,7 +196,7 @@ impl Tracker {
     }
 
     fn has_moved(&self) -> bool {
-        // The first scans are drawn at rest, or there would be no lines to begin with.
+        // The first scans are drawn at rest, or there would be no lines to start with.
         self.scans <= AT_REST
             || self.drawn.is_none_or(|drawn| {
                 let turned = wrapped(self.pose.heading_rad - drawn.heading_rad).abs();
@@ -249,7 +247,8 @@ impl Tracker {
         if self.is_fitting { pose } else { told }
     }
 
-    /// The line that a point most likely lies on, how far it is off, and how exactly that is known.
+    /// The most likely line of a point, the point's distance from it, and the accuracy of that
+    /// distance.
     fn line_near(&self, [x, y]: [f64; 2]) -> Option<(Line, f64, f64)> {
         let mut best: Option<(bool, f64, Line, f64, f64)> = None;
         let [column, row] = self.square([x, y])?;
@@ -335,7 +334,7 @@ struct Sum {
 }
 
 impl Sum {
-    /// What holds the pose where the odometry says.
+    /// The odometry's pull on the pose.
     fn held(told: CarPose, motion: Motion, pose: CarPose) -> Self {
         let way_m = libm::hypot(motion.ahead_m, motion.left_m);
         let turn_rad = motion.turn_rad.abs();
@@ -357,7 +356,7 @@ impl Sum {
         sum
     }
 
-    /// Something is off by so much, and would be less so along `slope`.
+    /// Adds an error of this size, which falls along `slope`.
     fn add(&mut self, [a, b, c]: [f64; 3], off: f64, weight: f64) {
         let products = [a * a, a * b, a * c, b * b, b * c, c * c];
         for (sum, product) in self.matrix.iter_mut().zip(products) {
@@ -368,7 +367,7 @@ impl Sum {
         }
     }
 
-    /// By Cramer's rule; no change if there is no one answer.
+    /// The solution by Cramer's rule; no change if the solution is not unique.
     fn solved(&self) -> [f64; 3] {
         let [a, b, c, d, e, f] = self.matrix;
         let [x, y, z] = self.right;
@@ -405,7 +404,7 @@ mod tests {
         assert_eq!(Sum::default().solved(), [0.0; 3]);
     }
 
-    /// Points along a line at 30 degrees, a centimetre to either side of it; a heap is none.
+    /// Points along a line at 30 degrees, a centimetre to either side of it; a cluster is no line.
     #[test]
     fn points_along_a_line_are_a_piece_of_it() {
         let (sin, cos) = libm::sincos(30_f64.to_radians());
@@ -455,8 +454,8 @@ mod tests {
         assert_eq!((sum.matrix[5], sum.right[2]), (5.5, -2.0));
     }
 
-    /// After 5 m ahead and half a radian: 0.252 m along, 0.051 m aside, 0.007 rad. Whatever its
-    /// heading, a pose that nothing else moves goes back to where the odometry says.
+    /// After 5 m ahead and half a radian: 0.252 m along, 0.051 m aside, 0.007 rad. At any heading,
+    /// a pose without other constraints returns to the odometry's pose.
     #[test]
     fn the_odometry_holds_along_aside_and_in_turn() {
         let motion = Motion {
@@ -503,8 +502,8 @@ mod tests {
         }
     }
 
-    /// Eight points on the corners of a rectangle around (3, -2), turned by atan(3/4): spreads are
-    /// its half sides.
+    /// Eight points on the corners of a rectangle around (3, -2), turned by atan(3/4): the standard
+    /// deviations are half its sides.
     fn rectangle(along: f64, across: f64, weight: f64) -> Piece {
         let mut piece = Piece::new(0);
         for (sign, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].repeat(2) {
@@ -535,7 +534,7 @@ mod tests {
         assert_eq!(found.map(u8::from), [0, 0, 0, 0, 0, 0, 0, 1]);
     }
 
-    /// 3 % of what it turns at rest is taken for the odometry's own, at most 5 mrad a scan.
+    /// 3 % of a turn at rest is attributed to the odometry's bias, at most 5 mrad a scan.
     #[test]
     fn a_bias_is_learned_slowly_and_bounded() {
         for sign in [1.0, -1.0] {
@@ -554,7 +553,7 @@ mod tests {
         }
     }
 
-    /// A wall 2.1 m ahead, each 2 cm a point as good as can be: ten in each square.
+    /// A wall 2.1 m ahead, an ideal point each 2 cm: ten in each square.
     fn before_a_wall() -> Tracker {
         let mut tracker = Tracker::new(CarPose::default());
         let wall: Vec<Sighting> = (-50..50)
@@ -581,9 +580,9 @@ mod tests {
         );
     }
 
-    /// 5 cm behind the wall a point lies on it, off by that; sqrt(1 + 20 / 10) times 4 mm. In the
-    /// next row of squares the wall is still near, two rows on it is not. Beyond its end it
-    /// continues for a quarter of a metre from the middle of its last piece.
+    /// A point 5 cm behind the wall lies on its line, with that distance; sqrt(1 + 20 / 10) times 4
+    /// mm. In the next row of squares the wall is still near, two rows away it is not. Beyond its
+    /// end the wall continues for a quarter of a metre from the middle of its last piece.
     #[test]
     fn a_point_lies_on_the_line_beside_it() {
         let tracker = before_a_wall();
@@ -598,7 +597,7 @@ mod tests {
         assert!(is_near(2.1, -1.14) && !is_near(2.1, -1.16));
     }
 
-    /// What was drawn 300 scans ago is believed before what is newer, even if that is nearer.
+    /// A line drawn 300 scans ago takes precedence over newer ones, even if those are nearer.
     #[test]
     fn an_old_line_is_believed_before_a_new_one() {
         let mut tracker = before_a_wall();
@@ -619,7 +618,7 @@ mod tests {
         assert!(x_m(&tracker).is_some_and(|x_m| (x_m - 2.1).abs() < 1e-9));
     }
 
-    /// The first eight scans are drawn anyway; then each 2 cm and each hundredth of a radian.
+    /// The first eight scans are always drawn; then each 2 cm and each hundredth of a radian.
     #[test]
     fn a_scan_is_drawn_where_the_camera_has_moved() {
         let mut tracker = Tracker::new(CarPose::default());
@@ -638,10 +637,11 @@ mod tests {
         assert!(!moved(-0.019, -0.009) && moved(-0.02, 0.0) && moved(0.0, 0.01));
     }
 
-    /// The odometry says 3 cm ahead, 1 cm left of the truth and turned: the wall says how far it is
-    /// away and how it is turned, the odometry what is along it. 80 points of 0.15 by the squares
-    /// of 4 and of 6.928 mm, 2344, whose squares along the wall add up to 17.06 square metres, are
-    /// 39,990; a turn within 0.012 rad is 6,944: of 0.02 rad there remain 0.00296.
+    /// The odometry says 3 cm ahead, 1 cm left of the truth and turned: the wall gives the distance
+    /// to it and the heading, the odometry the position along it. 80 points have a weight of 0.15
+    /// by the squares of 4 and of 6.928 mm, 2344 each. Their squared distances along the wall add
+    /// up to 17.06 square metres: 39,990. A turn within 0.012 rad weighs 6,944: of 0.02 rad there
+    /// remain 0.00296.
     #[test]
     fn a_scan_is_laid_onto_the_wall() {
         let mut tracker = before_a_wall();
@@ -667,7 +667,7 @@ mod tests {
         assert!(pose.x_m.abs() < 0.001, "{pose:?}");
         assert!((pose.heading_rad - 0.002_96).abs() < 1e-4, "{pose:?}");
         assert!((pose.y_m - 0.01).abs() < 0.003, "{pose:?}");
-        // Places that lie across the wall are not of it.
+        // Points with a direction across the wall do not belong to it.
         let across = seen.iter().map(|it| Sighting {
             along: Some([1.0, 0.0]),
             ..*it
@@ -701,13 +701,13 @@ mod tests {
         // Ten points, each of a quarter of the weight: 4 mm by the root of 1 + 20 / 2.5.
         assert!((sigma - 0.012).abs() < 1e-9, "{sigma}");
         assert!(tracker.line_near([1.6, 4.1]).is_none() && tracker.line_near([0.5, 3.6]).is_none());
-        // From the middle of its last piece, 0.1, it continues for a quarter of a metre.
+        // From the middle of its last piece, 0.1, the line continues for a quarter of a metre.
         assert!(
             tracker.line_near([-0.14, 4.1]).is_some() && tracker.line_near([-0.16, 4.1]).is_none()
         );
     }
 
-    /// Of two lines as new the nearer one, where a step along counts a fifth.
+    /// Of two equally new lines the nearer one is taken; a distance along the line counts a fifth.
     #[test]
     fn of_two_lines_the_nearer_is_taken() {
         let mut tracker = before_a_wall();
@@ -739,7 +739,7 @@ mod tests {
         }
     }
 
-    /// Places on the wall before the camera, each 2 cm, so far behind it.
+    /// Points on the wall before the camera, each 2 cm, at a distance behind it.
     fn behind_the_wall(of: &[(core::ops::Range<i32>, f64)]) -> Vec<Sighting> {
         let one = |n: i32, behind_m: f64| Sighting {
             at: [2.1 + behind_m, f64::from(n) * 0.02 + 0.01],
@@ -757,8 +757,8 @@ mod tests {
         turn_rad: 0.0,
     };
 
-    /// In its first rounds a point may be 25 cm off its line, in the rest 12 cm: an odometry that
-    /// is 20 cm off is found, one that is 26 cm off is not.
+    /// In the first rounds a point may be 25 cm from its line, in the rest 12 cm: an odometry error
+    /// of 20 cm is corrected, one of 26 cm is not.
     #[test]
     fn a_line_is_sought_far_first_and_near_then() {
         let seen = behind_the_wall(&[(-40..40, 0.0)]);
@@ -776,8 +776,8 @@ mod tests {
         assert_eq!(laid(0.26), (0.26, false));
     }
 
-    /// Sixty points on the wall and twenty 10 cm behind it, which count for no more than at 3 cm:
-    /// sixty times x is twenty times 3 cm, so that the camera is drawn 1 cm.
+    /// Sixty points on the wall and twenty 10 cm behind it, which count as if at 3 cm. Sixty times
+    /// x is twenty times 3 cm, so the camera moves by 1 cm.
     #[test]
     fn what_is_far_off_its_line_draws_no_more() {
         let seen = behind_the_wall(&[(-40..-10, 0.0), (-10..10, 0.1), (10..40, 0.0)]);
@@ -786,8 +786,8 @@ mod tests {
         assert!((pose.x_m + 0.01).abs() < 0.002, "{pose:?}");
     }
 
-    /// Two walls of a room, 2.1 m along x and 1.5 m along y, seen from places and in directions at
-    /// random: laid from 3 cm, 2 cm and 0.015 rad beside it the camera is where it truly is.
+    /// Two walls of a room, 2.1 m along x and 1.5 m along y, seen from random positions and
+    /// directions: from an error of 3 cm, 2 cm and 0.015 rad the camera's true pose is found.
     #[test]
     fn a_scan_of_a_corner_is_laid_where_it_was_seen_from() {
         let walls = || {

@@ -1,4 +1,4 @@
-//! Draws whatever touches a tile.
+//! Drawing of everything that touches a tile.
 
 use core::fmt::{self, Write};
 
@@ -27,15 +27,15 @@ const ROBOT: Rgb565 = Rgb565::CSS_CRIMSON;
 const WAYPOINT: Rgb565 = Rgb565::CSS_PURPLE;
 const REACHED: Rgb565 = Rgb565::CSS_PLUM;
 
-/// Length of the robot's legs, and half the angle between them: the fielded program's.
+/// Length of the robot's legs, and half the angle between them, as in the fielded program.
 const LEG_PIXELS: f32 = 10.0;
 const LEG_ANGLE: f32 = 20.0 * core::f32::consts::PI / 180.0;
-/// Battery from which it is shown in red.
+/// Battery charge below which it is shown in red.
 const BATTERY_LOW_PERCENT: i8 = 20;
-/// Messages that fit the list.
+/// Number of messages in the list.
 const MESSAGES_SHOWN: usize = 16;
 
-/// What is shown besides the robot's own state.
+/// Content of the screen besides the robot's own state.
 pub(super) struct Shown<'a> {
     pub(super) page: Page,
     /// The list of messages, if it is open.
@@ -43,7 +43,7 @@ pub(super) struct Shown<'a> {
     pub(super) last: Entry,
 }
 
-/// Text of bounded length; what does not fit is cut off.
+/// Text of bounded length; longer text is cut off.
 struct Words {
     bytes: [u8; 48],
     len: usize,
@@ -55,7 +55,7 @@ impl Words {
             bytes: [0; 48],
             len: 0,
         };
-        // An error only says that it was cut off.
+        // An error only means that the text was cut off.
         let _ = words.write_fmt(args);
         words
     }
@@ -134,7 +134,7 @@ fn text(tile: &mut Tile, at: Point, words: &str, font: &MonoFont<'_>, colour: Rg
     }
 }
 
-/// From black to white.
+/// Shades from black to white.
 const SHADES: [u16; 8] = {
     let mut shades = [0; 8];
     let mut shade: u16 = 0;
@@ -146,7 +146,7 @@ const SHADES: [u16; 8] = {
     shades
 };
 
-/// Cells in inverted gray: what is free is white.
+/// Draws the cells in inverted gray: free cells are white.
 fn map(tile: &mut Tile, view: &View<'_>) {
     let (columns, rows) = tile.part_of(&MAP);
     for y in rows {
@@ -157,7 +157,7 @@ fn map(tile: &mut Tile, view: &View<'_>) {
         let pixels = tile.pixels_mut(y, columns.clone());
         for (pixel, x) in pixels.iter_mut().zip(columns.clone()) {
             let cell = cells.get(cell_of(x - MAP.top_left.x)).copied();
-            // Eight shades: a cell that wavers a little is not sent again and again.
+            // Use eight shades, so that small changes of a cell are not sent again.
             let shade = (255 - cell.unwrap_or(crate::grid::UNKNOWN)) >> 5;
             *pixel = SHADES[usize::from(shade)];
         }
@@ -169,7 +169,7 @@ fn cell_of(pixel: i32) -> usize {
     usize::try_from((2 * pixel + 1) * layout::CELLS_PER_2_PIXELS / 4).unwrap_or(usize::MAX)
 }
 
-/// Pixel of a place on the map.
+/// Pixel of a position on the map.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "saturates far outside the display"
@@ -292,7 +292,7 @@ fn field(tile: &mut Tile, button: &Button, view: &View<'_>, page: Page) {
     text(tile, at, button.label, &FONT_6X13_BOLD, ink);
 }
 
-/// Where the robot is going.
+/// Draws the current target.
 fn target(tile: &mut Tile, view: &View<'_>) {
     let list = view.waypoints;
     let words = match list.target() {

@@ -1,4 +1,4 @@
-//! Where everything is: the same table draws the buttons and finds the one that was touched.
+//! Layout of the screen: the same table draws the buttons and finds the touched one.
 
 use embedded_graphics::geometry::{Point, Size};
 use embedded_graphics::primitives::Rectangle;
@@ -25,7 +25,7 @@ const fn area(x: u16, y: u16, width: u16, height: u16) -> Rectangle {
     )
 }
 
-/// What a button asks for.
+/// Action of a button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum Action {
     Show(Page),
@@ -41,11 +41,11 @@ pub(in super::super) enum Action {
     Reset,
 }
 
-/// What was touched.
+/// Touched element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in super::super) enum Hit {
     Button(Action),
-    /// A place on the map, in cells from its lower left corner; and whether by a double tap.
+    /// A position on the map, in cells from its lower left corner, and whether it was a double tap.
     Map([f32; 2], bool),
 }
 
@@ -95,7 +95,7 @@ const SETTINGS_BUTTONS: [Button; 3] = [
     button(218, 112, "RESET: tap twice", Action::Reset),
 ];
 
-/// The fields that can be touched besides map and status bar.
+/// The touchable fields besides map and status bar.
 pub(super) fn buttons(page: Page, messages: bool) -> impl Iterator<Item = &'static Button> {
     let own: &[Button] = match page {
         _ if messages => &[],
@@ -106,7 +106,7 @@ pub(super) fn buttons(page: Page, messages: bool) -> impl Iterator<Item = &'stat
     TAB_BUTTONS.iter().chain(own)
 }
 
-/// Whether a button is a switch that is on, or the choice in force.
+/// Whether a button is an active switch or the current choice.
 pub(super) fn is_lit(action: Action, page: Page, mode: Mode, switches: Switches) -> bool {
     match action {
         Action::Show(shown) => shown == page,
@@ -120,7 +120,7 @@ pub(super) fn is_lit(action: Action, page: Page, mode: Mode, switches: Switches)
     }
 }
 
-/// What lies at `place`.
+/// The element at `place`.
 pub(super) fn hit(place: [u16; 2], page: Page, messages: bool) -> Option<Hit> {
     let at = Point::new(place[0].into(), place[1].into());
     if STATUS.contains(at) {

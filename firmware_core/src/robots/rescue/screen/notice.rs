@@ -6,12 +6,12 @@ use super::View;
 
 /// Messages kept, as on the fielded robot.
 const KEPT: usize = 25;
-/// Base and lidar need a while to start.
+/// Time that base and lidar need to start.
 const GRACE: Instant = Instant::from_secs(3);
-/// Battery from which it is worth a message.
+/// Battery charge below which a message is shown.
 const BATTERY_LOW_PERCENT: i8 = 20;
 
-/// A message for a person beside the robot.
+/// A message for an operator beside the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum Notice {
     Started,
@@ -72,19 +72,19 @@ impl Notice {
     }
 }
 
-/// A message and when it came, in seconds since the start.
+/// A message and its time, in seconds since the start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) at_s: u32,
     pub(super) notice: Notice,
 }
 
-/// The newest messages, and what they were about.
+/// The newest messages, and the state that they reported.
 #[derive(Clone, Debug)]
 pub(in super::super) struct Notices {
     entries: [Entry; KEPT],
     count: u32,
-    /// What was last known of base and lidar.
+    /// Last known state of base and lidar.
     health: Notice,
     is_battery_low: bool,
     arrivals: u32,
@@ -102,7 +102,7 @@ impl Notices {
         arrivals: 0,
     };
 
-    /// Messages so far, also those that are forgotten.
+    /// Number of messages so far, including discarded ones.
     pub(super) const fn count(&self) -> u32 {
         self.count
     }
@@ -124,7 +124,7 @@ impl Notices {
         self.count = self.count.saturating_add(1);
     }
 
-    /// Tells what changed since the last look.
+    /// Adds messages for changes since the last call.
     pub(super) fn observe(&mut self, now: Instant, view: &View<'_>) {
         if view.health != self.health && now >= GRACE {
             self.health = view.health;

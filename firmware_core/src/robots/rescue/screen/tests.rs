@@ -1,4 +1,4 @@
-//! The picture as the display gets it, judged by where things are and what they say.
+//! Tests of the picture as the display gets it, by positions and content.
 
 extern crate std;
 
@@ -34,8 +34,8 @@ impl Picture {
         self.0[y * 480 + x]
     }
 
-    /// Whether these words stand there, and every pixel of theirs, and no other one of the place of
-    /// their letters, has this colour.
+    /// Whether these words are at this position in this colour: every pixel of their letters, and
+    /// no other pixel of the area.
     fn says(&self, at: (i32, i32), words: &str, font: &MonoFont<'_>, ink: u16) -> bool {
         let mut expected = Self::of(0);
         let style = MonoTextStyle::new(font, Rgb565::new(31, 63, 31));
@@ -78,7 +78,7 @@ impl DrawTarget for Picture {
     }
 }
 
-/// What a display shows that got everything that there was to send at `now`.
+/// The picture on a display that has received all data due at `now`.
 fn sent(screen: &mut Screen, now: Instant, view: &View<'_>, picture: &mut Picture) {
     let mut decoder = panel::Decoder::default();
     for _ in 0..5_000 {
@@ -220,8 +220,8 @@ fn the_robot_is_a_tip_with_two_legs() {
     assert!((17..=19).contains(&all), "{all}");
 }
 
-/// The robot looks along y: what is 150 mm ahead of it is 10 pixels above, 150 mm to its left 10 to
-/// the left. What lies outside the map is not drawn.
+/// The robot looks along y: a point 150 mm ahead of it is 10 pixels above it, one 150 mm to its
+/// left is 10 pixels to the left. Points outside the map are not drawn.
 #[test]
 fn the_scan_is_drawn_if_it_is_asked_for() {
     let (map, waypoints) = (Grid::new(10.0), Waypoints::new());
@@ -253,7 +253,7 @@ fn the_scan_is_drawn_if_it_is_asked_for() {
 }
 
 /// (300, 300) mm is (26, 211), (1200, 300) mm is (86, 211); (4000, 300) mm is off the map, and so
-/// is the way to it. The first one is reached.
+/// is the path to it. The first one is reached.
 #[test]
 fn waypoints_are_dots_with_numbers_and_ways_between() {
     let map = Grid::new(10.0);
@@ -316,7 +316,7 @@ fn the_status_bar_tells_mode_message_and_battery() {
     assert_eq!(battery(2_900, None), (false, false, true, true));
 }
 
-/// Buttons of 128 x 36 pixels, labels in their middles, what is on in another colour.
+/// Buttons of 128 x 36 pixels, labels in their middles, active buttons in another colour.
 #[test]
 fn buttons_show_what_is_on() {
     let (map, waypoints) = (Grid::new(10.0), Waypoints::new());
@@ -366,7 +366,7 @@ fn buttons_show_what_is_on() {
     assert_eq!(picture.at(349, 113), lit);
 }
 
-/// The tab in the middle shows the figures, which are followed as long as they are seen.
+/// The tab in the middle shows the figures, which are updated while they are visible.
 #[test]
 fn the_page_of_figures_tells_them() {
     let (map, waypoints) = (Grid::new(10.0), Waypoints::new());
@@ -431,8 +431,9 @@ fn the_status_bar_opens_into_the_messages() {
     assert_eq!(hit, Some(Hit::Button(Action::Order(Mode::Stop))));
 }
 
-/// Pixel 20 of row 50 from below: 20.5 and 50.5 times 1.5 cells. Twice within 0.6 s and 12 pixels
-/// is a double tap, a third time is a first one again. Reset wants two, others one.
+/// Pixel 20 of row 50 from below: 20.5 and 50.5 times 1.5 cells. Two taps within 0.6 s and 12
+/// pixels are a double tap, a third tap is a first one again. Reset needs a double tap, other
+/// buttons one tap.
 #[test]
 fn the_map_is_touched_once_or_twice() {
     let place = [30.75, 75.75];
@@ -469,8 +470,8 @@ fn the_map_is_touched_once_or_twice() {
     assert_eq!(pc_link, Some(Hit::Button(Action::PcLink)));
 }
 
-/// Of base and lidar nothing is said in the first 3 s, then what changed; a waypoint each time that
-/// there is one more. 25 messages are kept.
+/// For base and lidar no message comes in the first 3 s, then one for each change; one comes for
+/// each new waypoint. 25 messages are kept.
 #[test]
 fn messages_tell_what_changed() {
     let (map, waypoints) = (Grid::new(10.0), Waypoints::new());
@@ -508,7 +509,7 @@ fn messages_tell_what_changed() {
     );
 }
 
-/// What the robot has told so far, the newest first.
+/// Messages of the robot so far, the newest first.
 fn told(robot: &super::super::Rescue) -> Vec<Notice> {
     robot
         .screen
@@ -522,7 +523,7 @@ fn robot() -> std::boxed::Box<super::super::Rescue> {
     std::boxed::Box::new(super::super::Rescue::new(super::super::Config::default()))
 }
 
-/// 20 mm from the rim, there again, back in the middle, and at the rim once more.
+/// 20 mm from the edge, there again, back in the middle, and at the edge once more.
 #[test]
 fn each_time_that_the_map_ends_is_told_once() {
     let mut robot = robot();
@@ -540,7 +541,7 @@ fn each_time_that_the_map_ends_is_told_once() {
     assert_eq!([count(1_500.0, 1_500.0), count(1_500.0, 10.0)], [2, 3]);
 }
 
-/// When the search turns into the way home, once.
+/// One message when the search turns into the drive home.
 #[test]
 fn that_nothing_is_left_is_told_once() {
     let mut robot = robot();
@@ -575,7 +576,7 @@ fn that_nothing_is_left_is_told_once() {
     );
 }
 
-/// A waypoint that is set is drawn at once, not with the next sweep over the map.
+/// A new waypoint is drawn at once, not with the next sweep over the map.
 #[test]
 fn a_new_waypoint_is_drawn_at_once() {
     let (map, mut waypoints) = (Grid::new(10.0), Waypoints::new());
@@ -591,7 +592,7 @@ fn a_new_waypoint_is_drawn_at_once() {
     assert!(!screen.has_work(now));
 }
 
-/// All of the map is drawn with each look if the scan is on it, which moves.
+/// The whole map is drawn with each check while the moving scan is shown on it.
 #[test]
 fn a_map_with_the_scan_on_it_is_drawn_with_each_look() {
     let (map, waypoints) = (Grid::new(10.0), Waypoints::new());

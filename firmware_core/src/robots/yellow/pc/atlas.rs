@@ -1,4 +1,4 @@
-//! What the PC knows of the place: the maps, the walls, and the last roadmap.
+//! The PC's maps: cells, walls, and the last roadmap.
 
 use alloc::collections::{BTreeMap, VecDeque};
 use alloc::vec::Vec;
@@ -18,13 +18,13 @@ use crate::pose::{Point, Pose};
 use crate::prm::{Dice, plan, plan_once};
 use crate::walls::Walls;
 
-/// Cells around what is known.
+/// Margin around the known cells.
 const MARGIN: u8 = 2;
-/// The fielded program's: five around each local map, and five each time the map grows.
+/// The fielded program's margin: five around each local map, and five each time the map grows.
 const MARGIN_WIDE: u8 = 10;
-/// 102.4 m square.
+/// Maximum size, 102.4 m square.
 const CELLS_MAX: usize = 1_024 * 1_024;
-/// The farthest that a whole number of 10 cm in 8 bits tells, mm.
+/// Maximum distance in whole 10 cm in 8 bits, mm.
 const EIGHT_BITS_MM: f32 = 12_700.0;
 
 impl From<NotWritten> for Failure {
@@ -33,10 +33,10 @@ impl From<NotWritten> for Failure {
     }
 }
 
-/// An obstacle that is looked through more often than it was seen, times this, is none.
+/// Maximum ratio of clearings to sightings of an obstacle.
 const DOUBTS: u8 = 2;
 
-/// How often a cell was seen to be an obstacle, and to be free.
+/// Number of sightings of a cell as an obstacle, and as free.
 #[derive(Clone, Copy, Debug, Default)]
 struct Evidence {
     wall: u8,
@@ -44,7 +44,7 @@ struct Evidence {
 }
 
 impl Evidence {
-    /// The value of a cell, after another look at it.
+    /// The value of a cell after another look.
     fn after(&mut self, value: u8) -> u8 {
         match value {
             OBSTACLE => self.wall = self.wall.saturating_add(1),
@@ -57,7 +57,7 @@ impl Evidence {
     }
 }
 
-/// Maps, walls and ways.
+/// Maps, walls and paths.
 #[derive(Clone, Debug)]
 pub(super) struct Atlas {
     mapping: Mapping,
@@ -105,7 +105,7 @@ impl Atlas {
         }
     }
 
-    /// Forgets the place.
+    /// Clears all maps, walls and paths.
     pub(super) fn clear(&mut self) {
         let margin = if self.mapping.wide_margin {
             MARGIN_WIDE
@@ -121,7 +121,7 @@ impl Atlas {
         self.way.clear();
     }
 
-    /// Takes over a map that was saved; its walls are known no closer than its cells.
+    /// Loads a saved map; its walls are only as accurate as its cells.
     pub(super) fn load(&mut self, map: &MapView<'_>) -> Result<(), NotWritten> {
         self.clear();
         let [x, y] = map.origin_mm();
@@ -139,7 +139,7 @@ impl Atlas {
         Ok(())
     }
 
-    /// Where the robot stands, by the walls that are known.
+    /// Pose of the robot by the known walls.
     pub(super) fn corrected(&self, sight: &Sight) -> Pose {
         match self.mapping.odometry_alone {
             true => sight.pose,
@@ -155,7 +155,7 @@ impl Atlas {
         }
     }
 
-    /// Puts what is seen from `pose` on the map.
+    /// Enters the scan `sight`, taken from `pose`, into the map.
     pub(super) fn add(&mut self, pose: Pose, sight: &Sight) -> Result<(), NotWritten> {
         let limited = |mm: f32| match self.mapping.eight_bits {
             true => mm.clamp(-EIGHT_BITS_MM, EIGHT_BITS_MM),
@@ -173,8 +173,8 @@ impl Atlas {
         Ok(())
     }
 
-    /// Cells of a look, each by all that was ever seen of it: a wall that a bad look has put
-    /// somewhere must not bar the way forever.
+    /// Enters the cells of a look, each weighted by all earlier looks: a wall from one bad look
+    /// must not block the path forever.
     fn weigh(&mut self, local: &CellMap) -> Result<(), NotWritten> {
         let known = local.iter().filter(|(_, value)| *value != UNKNOWN);
         for (cell, value) in known {
@@ -184,18 +184,18 @@ impl Atlas {
         Ok(())
     }
 
-    /// The course's choice of where to look next.
+    /// The course's choice of the next view.
     pub(super) fn random_view(&mut self) -> Option<Cell> {
         frontier::random_view(&self.global, &self.global.eroded(), &mut self.dice)
     }
 
-    /// Whether the robot is told where the walls say that it is.
+    /// Whether the program sends the robot the pose that the walls give.
     pub(super) fn corrects(&self) -> bool {
         !self.mapping.odometry_alone && !self.walls.is_empty()
     }
 
-    /// The places of a way over `map`, without the beginning; `None` if no way leads there. The
-    /// roadmap can be checked afterwards.
+    /// The points of a path over `map`, without the start; `None` if no path leads there. The
+    /// roadmap can be read afterwards.
     pub(super) fn plan(&mut self, map: &CellMap, from: Pose, to: Point) -> Option<VecDeque<Point>> {
         let start = map.cell_of(from.position()).ok()?;
         let end = map.cell_of(to).ok()?;
@@ -216,7 +216,8 @@ impl Atlas {
         Some(self.way.iter().skip(1).copied().collect())
     }
 
-    /// What the robot at `from` drives of `way` before it looks around; the rest is kept.
+    /// The part of `way` that the robot at `from` drives before it looks around; the rest stays in
+    /// `way`.
     pub(super) fn stretch(
         &self,
         from: Pose,
@@ -235,8 +236,8 @@ mod tests {
     use super::*;
     use crate::local_map::Segment;
 
-    /// A cell of a wall that one look has put there is free after three looks through it, one that
-    /// two have seen after five; until a look more sees it.
+    /// A wall cell with one sighting is free after three clearings, one with two sightings after
+    /// five; another sighting makes it a wall again.
     #[test]
     fn what_is_looked_through_is_no_wall() {
         let mut seen = Evidence::default();
@@ -247,7 +248,7 @@ mod tests {
         assert_eq!(Evidence::default().after(FREE), FREE);
     }
 
-    /// A map that is forgotten leaves nothing: no cells, no evidence, no walls, no way.
+    /// A cleared map has no cells, no evidence, no walls and no path.
     #[test]
     fn a_place_that_is_forgotten_is_unknown() {
         let mut atlas = Atlas::new(&PcConfig::default());
@@ -269,7 +270,7 @@ mod tests {
             [value(&atlas, 0, 1), value(&atlas, 1, 1)],
             [Some(UNKNOWN), Some(FREE)]
         );
-        // Corners that are a little off lie in the same cells.
+        // Corners with a small error lie in the same cells.
         let map = MapView::new(2, CELL_MM, [99.9, -100.1], &cells);
         atlas.load(&map).expect("small");
         assert_eq!(
@@ -285,8 +286,8 @@ mod tests {
         assert!(atlas.global.iter().all(|(_, value)| value == UNKNOWN));
     }
 
-    /// A wall a metre ahead, seen from 13 m to either side. A program with 8 bits believes to be no
-    /// farther away than 12.7 m.
+    /// A wall a metre ahead, seen from 13 m to either side. A program with 8 bits limits its own
+    /// position to 12.7 m.
     #[test]
     fn eight_bits_tell_no_more_than_12_7_m() {
         let wall = |eight_bits: bool, at: [f32; 2]| {

@@ -1,4 +1,4 @@
-//! How the PC's program is to behave: ours by default, the course's or the fielded program's ways
+//! Settings of the PC's program: ours by default; variants of the course or of the fielded program
 //! as switches.
 
 use protocols::telemetry::Defects;
@@ -6,85 +6,84 @@ use protocols::telemetry::Defects;
 use crate::localise::Votes;
 use crate::pose::Pose;
 
-/// Settings of the PC's program; the default is ours in everything but where the course's report is
-/// followed.
+/// Settings of the PC's program; the default is ours, except where it follows the course's report.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PcConfig {
-    /// Where its random numbers begin.
+    /// Seed of its random numbers.
     pub seed: u64,
-    /// Where the robot stands at the beginning, in the map's frame; it is told so. `None`: its own
-    /// odometry is the map's frame.
+    /// Initial pose of the robot in the map's frame, which is sent to the robot. `None`: the
+    /// robot's odometry is the map's frame.
     pub start: Option<Pose>,
-    /// How commands go out.
+    /// Sending of commands.
     pub sending: Sending,
-    /// What is wrong with reading frames.
+    /// Defects of reading frames.
     pub framing: Defects,
-    /// How the map is kept.
+    /// Method of mapping.
     pub mapping: Mapping,
-    /// Where to look next.
+    /// Choice of the next view.
     pub view: NextView,
-    /// How ways are found.
+    /// Method of planning.
     pub planning: Planning,
-    /// How goals are followed.
+    /// Method of following goals.
     pub following: Following,
-    /// How the robot finds itself on the map.
+    /// Method of localisation on the map.
     pub votes: Votes,
 }
 
-/// Ways of the fielded program to send commands; all off by default. Source: published client code
-/// of the robot.
+/// The fielded program's methods of sending commands; all off by default. Source: published client
+/// code of the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sending {
     /// At most one queued command goes out per telemetry frame, so about five a second.
     pub one_per_frame: bool,
-    /// Bytes go out one a millisecond.
+    /// Bytes are sent one a millisecond.
     pub byte_per_ms: bool,
-    /// Requests of state and lines empty the queue that drive commands wait in.
+    /// Requests of state and lines discard the queue in which drive commands wait.
     pub requests_clear_queue: bool,
-    /// Requests are sent once, and speeds by hand are not repeated.
+    /// Requests are sent once, and manual speeds are not repeated.
     pub ask_once: bool,
 }
 
-/// Ways of the fielded program to keep the map; all off by default.
+/// The fielded program's methods of mapping; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mapping {
-    /// Coordinates are whole cells of 8 bits, so they stop at 12.7 m.
+    /// Coordinates are whole cells in 8 bits, so they saturate at 12.7 m.
     pub eight_bits: bool,
-    /// The map grows by five cells more each time, and keeps them.
+    /// The map grows by five extra cells each time, and keeps them.
     pub wide_margin: bool,
-    /// Scans are put where the odometry says, without a look at the walls that are known.
+    /// Scans are entered at the odometry's pose, without a correction by known walls.
     pub odometry_alone: bool,
 }
 
-/// Where to look next, and when the map is complete.
+/// Choice of the next view, and the test for a complete map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NextView {
-    /// The most unknown behind open edges of the known, less the way; complete without such edges.
+    /// The most unknown cells behind open edges, less the path's cost; complete without such edges.
     #[default]
     Frontier,
-    /// The course's: among a twentieth of the free cells, drawn by chance, the one whose 36 rays
-    /// meet most unknown cells; complete when they meet none.
+    /// The course's: among a twentieth of the free cells, drawn at random, the cell with rays (36)
+    /// through the most unknown cells; complete when no ray meets any.
     Random,
 }
 
-/// How ways are found.
+/// Method of planning paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Planning {
     /// A roadmap of 100 vertices, doubled up to 800, then a search from cell to cell; corners are
-    /// cut where the way is free.
+    /// cut where the path stays free.
     #[default]
     Retried,
     /// The course's: 100 vertices, once.
     Once,
 }
 
-/// How goals are followed.
+/// Method of following goals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Following {
-    /// A robot that rests somewhere else is told again, five times at most.
+    /// A robot that rests away from its goal gets the goal again, five times at most.
     #[default]
     Rested,
-    /// The course's: a robot that moved less than 1 cm is told again, forever; one that stopped
-    /// halfway never.
+    /// The course's: a robot that moved less than 1 cm gets the goal again, forever; one that
+    /// stopped halfway never gets it again.
     Moved,
 }

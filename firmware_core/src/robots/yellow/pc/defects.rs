@@ -1,9 +1,9 @@
-//! Ways of the fielded PC program, each behind its own number.
+//! Variants of the fielded PC program, each behind its own number.
 
 use super::config::{Following, NextView, PcConfig, Planning};
 use crate::localise::Votes;
 
-/// Enables one.
+/// Function that enables one.
 type Switch = fn(&mut PcConfig);
 
 /// All defects of the program.
@@ -25,12 +25,12 @@ const SWITCHES: [(&str, Switch); 11] = [
 ];
 
 impl PcConfig {
-    /// Numbers of the ways that [`with_defect`](Self::with_defect) knows.
+    /// Numbers of the variants that [`with_defect`](Self::with_defect) knows.
     pub fn defects() -> impl Iterator<Item = &'static str> {
         SWITCHES.iter().map(|(id, _)| *id)
     }
 
-    /// The program with the way `id` of the fielded one; `None` if there is no such.
+    /// The program with the variant `id` of the fielded one; `None` if the id is unknown.
     pub fn with_defect(mut self, id: &str) -> Option<Self> {
         let (_, switch) = SWITCHES.iter().find(|(known, _)| *known == id)?;
         switch(&mut self);

@@ -1,4 +1,4 @@
-//! Driving from place to place, each the goal of one drive of the robot's own.
+//! Driving from point to point, each the goal of one manoeuvre of the robot.
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -12,28 +12,29 @@ use super::config::Following;
 use super::link::{Kind, Link};
 use crate::pose::{Point, Pose, normalised};
 
-/// How often the robot is checked: the fielded program.
+/// Interval of the checks of the robot, as in the fielded program.
 const POLL: Duration = Duration::from_millis(500);
-/// The robot is there if it rests and is nowhere farther off, mm: the fielded program.
+/// Tolerance per axis of a robot that rests at its goal, mm, as in the fielded program.
 const ARRIVED_MM: f32 = 50.0;
-/// And looks so, if that was asked for: twice what the robot allows itself.
+/// Tolerance of the heading, if one was requested: twice the robot's own.
 const ARRIVED_RAD: f32 = 0.06;
-/// Looks at a robot that rests elsewhere before it is told again.
+/// Checks of a robot that rests elsewhere before the goal is sent again.
 const POLLS_RESTING: u32 = 3;
-/// Looks at a robot that drives but does not get on: 10 s.
+/// Checks of a robot that drives without progress: 10 s.
 const POLLS_STUCK: u32 = 20;
-/// Less than this is no motion: the fielded program.
+/// Minimum motion, as in the fielded program.
 const MOVED_MM: f32 = 10.0;
 const MOVED_RAD: f32 = 0.05;
-/// Maximum number of times that it is told again.
+/// Maximum number of times that a goal is sent again.
 const RESENDS_MAX: u32 = 5;
-/// A robot that has come so far, mm, looks to its goal, unless that is nearer than this. It steers
-/// by what it is aside: a third of a radian is another goal.
+/// Distance, mm, after which the robot must head for its goal, unless the goal is nearer than the
+/// second figure. The robot steers by the goal's bearing: an error of a third of a radian means
+/// another goal.
 const ON_ITS_WAY_MM: f32 = 50.0;
 const BESIDE_MM: f32 = 250.0;
 const ASTRAY_RAD: f32 = 0.33;
 
-/// Where to go, and where to look there.
+/// Position of the goal, and the heading there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Goal {
     pub(super) place: Point,
@@ -41,7 +42,7 @@ pub(super) struct Goal {
 }
 
 impl Goal {
-    /// Come by at `place`.
+    /// A goal to pass at `place`, with any heading.
     pub(super) const fn passed(place: Point) -> Self {
         Self {
             place,
@@ -49,7 +50,7 @@ impl Goal {
         }
     }
 
-    /// Whether `pose` is no farther off, also in its heading if that was asked for.
+    /// Whether `pose` is within these limits, including its heading if one was requested.
     pub(super) fn is_near(self, pose: Pose, most_mm: f32, most_rad: f32) -> bool {
         let is_near = |one: f32, other: f32| (one - other).abs() < most_mm;
         let looks = |heading: f32| normalised(pose.heading - heading).abs() < most_rad;
@@ -59,22 +60,22 @@ impl Goal {
     }
 }
 
-/// As far as the robot drives before it looks around again, mm. On a floor on which a wheel errs by
-/// 2 mm a metre its middle is then 7 mm beside the way, and seldom 20.
+/// Distance between two looks around, mm. On a floor on which a wheel errs by 2 mm a metre the
+/// robot's middle is then 7 mm beside the path, and seldom 20.
 const STRETCH_MM: f32 = 800.0;
-/// A rest of the way that is no stretch of its own.
+/// Maximum rest of a path that is added to the last stretch.
 const REST_MM: f32 = 250.0;
 
-/// The part of a way up to the next look.
+/// The part of a path up to the next look.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
     pub(super) drive: Drive,
-    /// Whether it ends where the way ends.
+    /// Whether the stretch ends where the path ends.
     pub(super) is_last: bool,
 }
 
 impl Stretch {
-    /// All of `way`.
+    /// A stretch of all of `way`.
     pub(super) fn whole(
         following: Following,
         way: &mut VecDeque<Point>,
@@ -90,7 +91,7 @@ impl Stretch {
         }
     }
 
-    /// What comes first of `way`, which begins at `from` and keeps the rest.
+    /// Takes the first stretch of `way`, which begins at `from`; the rest stays in `way`.
     pub(super) fn cut(
         following: Following,
         from: Point,
@@ -121,37 +122,37 @@ impl Stretch {
     }
 }
 
-/// How far a drive is.
+/// Progress of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
     Driving,
     /// The robot rests at the last goal.
     Arrived,
-    /// It drove, and rests elsewhere: it does not know the way any more.
+    /// The robot drove, and rests elsewhere: its odometry failed.
     Interrupted,
 }
 
-/// A way that is driven.
+/// A path being driven.
 #[derive(Clone, Debug)]
 pub(super) struct Drive {
     following: Following,
     goals: VecDeque<Goal>,
-    /// How near counts as there, mm and radians.
+    /// Tolerance at the goal, mm and radians.
     within: (f32, f32),
     sent: Option<Sent>,
 }
 
-/// The goal that the robot was told.
+/// The goal that was sent to the robot.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     next_poll: Instant,
     /// The last message that was checked.
     number: u64,
-    /// Where the robot was told.
+    /// The robot's pose when the goal was sent.
     told_at: Pose,
-    /// Where it was last known to move.
+    /// Pose at which the robot was last known to move.
     from: Pose,
-    /// It was seen to obey.
+    /// Whether the robot was seen to obey.
     drove: bool,
     resting: u32,
     stuck: u32,
@@ -168,7 +169,7 @@ impl Drive {
         }
     }
 
-    /// The same, but nearer than usual: a robot that is nearly there has to move first.
+    /// Reduces the tolerance: a robot that is nearly there must move first.
     pub(super) const fn nearer(&mut self, within_mm: f32, within_rad: f32) {
         self.within = (within_mm, within_rad);
     }
@@ -189,10 +190,10 @@ impl Drive {
             tell(now, link, goal);
             return Ok(Progress::Driving);
         };
-        // Of what it says while it drives all may be lost.
+        // All messages that the robot sends while it drives may be lost.
         let obeys = state == State::AutoPosition || sent.has_moved(pose);
         sent.drove |= number > sent.number && obeys;
-        // A sum does not tell that two bytes have changed places: an order may arrive as another.
+        // A sum does not detect two exchanged bytes, so an order may arrive changed.
         let is_watched = self.following == Following::Rested && state == State::AutoPosition;
         if is_watched && sent.is_astray(pose, goal) {
             sent.told_at = pose;
@@ -217,7 +218,7 @@ impl Drive {
             if self.following == Following::Rested && sent.resends == RESENDS_MAX {
                 return Err(Failure::NoAnswer);
             }
-            // Off, or on the way there: it takes half a second.
+            // The state is Off, or on the way to it, which takes half a second.
             let has_ended = sent.drove && state != State::AutoPosition;
             if self.following == Following::Rested && has_ended {
                 return Ok(Progress::Interrupted);
@@ -244,13 +245,13 @@ impl Sent {
         }
     }
 
-    /// Whether the robot is elsewhere than it was last known to move.
+    /// Whether the robot has left the pose at which it was last known to move.
     fn has_moved(&self, pose: Pose) -> bool {
         let turned = normalised(pose.heading - self.from.heading).abs();
         pose.position().distance_mm(self.from.position()) > MOVED_MM || turned > MOVED_RAD
     }
 
-    /// Whether the robot drives elsewhere.
+    /// Whether the robot drives in a wrong direction.
     fn is_astray(&self, pose: Pose, goal: Goal) -> bool {
         let at = pose.position();
         let (dx, dy) = (goal.place.x_mm - at.x_mm, goal.place.y_mm - at.y_mm);
@@ -259,7 +260,7 @@ impl Sent {
             && normalised(libm::atan2f(dy, dx) - pose.heading).abs() > ASTRAY_RAD
     }
 
-    /// Whether the robot rests, or drives without getting on.
+    /// Whether the robot rests, or drives without progress.
     fn is_off(&mut self, state: State, pose: Pose) -> bool {
         if self.has_moved(pose) {
             self.from = pose;
@@ -318,8 +319,8 @@ mod tests {
         )
     }
 
-    /// By hand: 500 mm along x, and up; the first look is 300 mm up, the second 800 mm farther, and
-    /// what is left then, 200 mm, is no stretch of its own.
+    /// By hand: 500 mm along x, and up; the first stretch ends 300 mm up, the second 800 mm
+    /// farther, and the rest, 200 mm, is no stretch of its own.
     #[test]
     fn a_way_is_cut_after_800_mm() {
         let corner = Point::new(500.0, 0.0);
@@ -331,7 +332,7 @@ mod tests {
         assert_eq!(way, [end]);
         assert_eq!(cut(look, &mut way), (alloc::vec![end], true));
         assert_eq!(way, []);
-        // 1051 mm are too much for one.
+        // 1051 mm are too much for one stretch.
         let far = Point::new(1_051.0, 0.0);
         let (first, is_last) = cut(Point::default(), &mut VecDeque::from([far]));
         assert_eq!(
@@ -358,8 +359,8 @@ mod tests {
         Pose::new(x_mm, 0.0, heading)
     }
 
-    /// At rest it is told again at the third look, then at the sixth; what drives is told again at
-    /// the twentieth look without getting on by more than 10 mm or 0.05 rad.
+    /// A resting robot gets the goal again at the third check, then at the sixth. A robot that
+    /// drives without progress of more than 10 mm or 0.05 rad gets it again at the twentieth check.
     #[test]
     fn a_robot_that_rests_or_does_not_get_on_is_told_again() {
         let mut resting = sent();
@@ -373,10 +374,10 @@ mod tests {
         };
         assert_eq!(told_at(0.0, 0.0), Some(19));
         assert_eq!([told_at(10.1, 0.0), told_at(0.0, -0.051)], [None; 2]);
-        // Each 11th look at 1 mm or at 5 mrad a look is one that got on.
+        // Each 11th check at 1 mm or at 5 mrad a check counts as progress.
         assert_eq!([told_at(1.0, 0.0), told_at(0.0, 0.005)], [None; 2]);
         assert_eq!(told_at(0.4, 0.0), Some(19));
-        // A rest that is interrupted by a look at a robot that drives begins again.
+        // A check of the driving robot restarts the count of a resting one.
         let mut both = sent();
         let states = [
             State::Off,
@@ -390,8 +391,8 @@ mod tests {
         assert_eq!(again, [false, false, false, false, false, true]);
     }
 
-    /// Told at 1 m to go 1 m to the left, the robot sets out 19.5 degrees, 0.34 rad, beside that
-    /// way: 51 mm later it is told again, and not while it has come less far or is nearly there.
+    /// At 1 m the robot gets a goal 1 m to the left and starts 19.5 degrees, 0.34 rad, beside that
+    /// direction. 51 mm later it gets the goal again, but not earlier and not near its goal.
     #[test]
     fn a_robot_that_drives_elsewhere_is_astray() {
         let goal = Goal::passed(Point::new(1_000.0, 1_000.0));
@@ -401,11 +402,11 @@ mod tests {
         };
         assert!(is_astray(51.0, 0.34) && is_astray(51.0, -0.34) && is_astray(749.0, 0.34));
         assert!(!is_astray(49.0, 0.34) && !is_astray(51.0, 0.32) && !is_astray(751.0, 0.34));
-        // Beyond its goal it looks away from it.
+        // Beyond the goal the robot heads away from it.
         assert!(is_astray(1_251.0, 0.0) && !is_astray(1_249.0, 0.0));
     }
 
-    /// Told where it rests at 1 m: more than 10 mm or 0.05 rad is a motion.
+    /// The robot got its goal while it rested at 1 m: more than 10 mm or 0.05 rad is a motion.
     #[test]
     fn a_robot_that_is_elsewhere_has_moved() {
         let has_moved = |x_mm: f32, turn_rad: f32| sent().has_moved(at(x_mm, turn_rad));
@@ -414,7 +415,8 @@ mod tests {
         assert!(has_moved(1_000.0, 0.051) && has_moved(1_000.0, -0.051));
     }
 
-    /// The fielded rule counts looks, whatever the robot does, and asks for 10 mm from the start.
+    /// The fielded rule counts checks, in any state of the robot, and requires 10 mm from the
+    /// start.
     #[test]
     fn the_fielded_rule_tells_again_what_has_not_moved() {
         let told = |x_mm: f32| {

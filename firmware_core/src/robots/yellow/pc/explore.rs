@@ -1,5 +1,5 @@
-//! Making the map: look, put it on the map, choose where to look next, drive a stretch of the way
-//! there, until nothing is left.
+//! Exploration: look, enter the scan into the map, choose the next view, drive a stretch of the
+//! path there, until no view is left.
 
 use alloc::collections::{BTreeMap, BTreeSet};
 
@@ -15,38 +15,39 @@ use crate::cell_map::Cell;
 use crate::frontier::{View, next_view, open_edges, reach};
 use crate::pose::Pose;
 
-/// What a view of an open edge costs that shows nothing, and a drive towards it.
+/// Cost of a view of an open edge that shows nothing, and of a drive towards it.
 const VIEW_COSTS: u8 = 4;
 const DRIVE_COSTS: u8 = 1;
-/// What may be spent on an open edge before it is given up: the lidar cannot see what is behind.
+/// Maximum cost of an open edge before it is given up: the lidar cannot see the area behind it.
 const COSTS_MAX: u8 = 12;
-/// Ways that are looked for before the next view counts as unreachable.
+/// Paths planned before the next view counts as unreachable.
 const PLANS_MAX: usize = 50;
-/// Times that the robot may turn to another view on its way to one.
+/// Maximum number of changes to another view during a drive.
 const TURNS_MAX: u8 = 2;
-/// Drives in sequence that may fail: the robot is asked where it is, and another one begins.
+/// Maximum number of failed drives in a row: after each, the program requests the robot's pose and
+/// starts another one.
 const FAILURES_MAX: u32 = 5;
 
-/// How far the mapping is.
+/// Progress of the exploration.
 #[derive(Clone, Debug)]
 pub(super) struct Explore {
     phase: Phase,
     costs: BTreeMap<Cell, u8>,
     given_up: BTreeSet<Cell>,
-    /// Where the robot is on its way to, to look around; and the open edges to be seen from there.
+    /// The current view, and the open edges visible from there.
     place: Option<Cell>,
     edges: BTreeSet<Cell>,
-    /// How often it turned to others on the way, while these were still worth it.
+    /// Number of changes to another view while the current one still showed some.
     turns: u8,
     failures: u32,
-    /// The robot does not know how far it has rolled.
+    /// The distance that the robot has rolled is unknown.
     is_lost: bool,
 }
 
 #[derive(Clone, Debug)]
 enum Phase {
     Look(Look),
-    /// The robot is told where it is, then the next view is chosen.
+    /// The program sends the robot its pose, then chooses the next view.
     Tell(Tell, Pose),
     Drive(Stretch),
 }
@@ -65,7 +66,7 @@ impl Explore {
         }
     }
 
-    /// Whether the map is complete.
+    /// Runs one step; returns whether the map is complete.
     pub(super) fn step(
         &mut self,
         now: Instant,
@@ -124,7 +125,7 @@ impl Explore {
         Ok(false)
     }
 
-    /// Chooses the next view and the way there; true if there is nothing more to see.
+    /// Chooses the next view and the path there; true if no view is left.
     fn go_on(&mut self, atlas: &mut Atlas, pose: Pose) -> Result<bool, Failure> {
         let map = atlas.global.clone();
         for _ in 0..PLANS_MAX {
@@ -151,7 +152,7 @@ impl Explore {
     fn choose(&mut self, atlas: &Atlas, pose: Pose) -> Result<Option<Cell>, Failure> {
         let map = &atlas.global;
         let start = map.cell_of(pose.position())?;
-        // Walled in by what was seen from a pose that was none: such a map is not complete.
+        // Walls entered from a wrong pose enclose the robot: such a map is not complete.
         let reach = reach(map, &map.eroded(), start);
         if reach.is_empty() {
             return Err(Failure::NoWay);
@@ -160,8 +161,8 @@ impl Explore {
         let Some(View { place, edges }) = next_view(map, start, &open) else {
             return Ok(None);
         };
-        // On the way now this place looks better, now that one, as a wall that is seen obliquely
-        // comes and goes: a robot that always takes the best one goes to and fro.
+        // During a drive the best view changes, because walls seen obliquely appear and disappear:
+        // a robot that always takes the best view drives to and fro.
         let goes_on = self.place.filter(|place| reach.contains_key(place));
         let is_worth = self.edges.intersection(&open).count() * 2 >= self.edges.len();
         if goes_on.is_some() && is_worth && self.edges.is_disjoint(&edges) {
@@ -174,7 +175,7 @@ impl Explore {
         Ok(Some(place))
     }
 
-    /// The open edges that are driven to have cost so much more.
+    /// Adds to the cost of the current open edges.
     fn spend(&mut self, more: u8) {
         for edge in &self.edges {
             let costs = self.costs.entry(*edge).or_default();
@@ -193,8 +194,8 @@ mod tests {
     use crate::grid::{FREE, OBSTACLE};
 
     /// A room of 70 by 9 cells, longer than a view, with a door of five cells at each end. From
-    /// near its left end the left door is the better view; a robot on its way to the right one
-    /// turns twice, and then continues as long as half of its goal is still open.
+    /// near its left end the left door is the better view. A robot that drives to the right one
+    /// turns twice, and then continues while half of its goal is still open.
     #[test]
     fn who_is_on_the_way_goes_on() {
         let mut atlas = Atlas::new(&PcConfig::default());
@@ -235,8 +236,8 @@ mod tests {
         assert!(chosen(&mut explore, &atlas).is_some_and(|x| x < 8));
     }
 
-    /// Three views of four, or twelve drives of one, and it is given up; what was never driven to
-    /// costs nothing.
+    /// An edge is given up after three views of cost four, or twelve drives of cost one; an edge
+    /// without a drive costs nothing.
     #[test]
     fn an_open_edge_that_costs_twelve_is_given_up() {
         let (one, other) = (Cell::new(3, 4), Cell::new(3, 5));

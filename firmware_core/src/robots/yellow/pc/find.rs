@@ -1,5 +1,5 @@
-//! Finding the robot on the map: look, compare; if places look alike, continue a little and look
-//! again.
+//! Localisation of the robot on the map: look, compare; if positions look alike, drive on a little
+//! and look again.
 
 use alloc::collections::BTreeSet;
 
@@ -16,21 +16,20 @@ use crate::localise::{Estimate, Matches, Votes};
 use crate::pose::Pose;
 use crate::walls::Walls;
 
-/// Maximum number of looks: places that still look alike then are alike.
+/// Maximum number of looks: positions that still look alike then cannot be distinguished.
 const LOOKS_MAX: u32 = 8;
-/// A second place that scores so well beside the first, of 1, may be the place all the same: scores
-/// are those of cells of 10 cm, and the wrong one of two rooms alike has come to 0.89 to 1. The
-/// walls themselves decide.
+/// Ratio of scores from which a second pose may be the true one. Scores are of cells of 10 cm, and
+/// the wrong one of two similar rooms has reached 0.89 to 1. The exact walls decide.
 const CLOSE: f32 = 0.8;
-/// So much of what fits at the first place fits there, too: a wall that was mapped skewed may be
-/// missing.
+/// Minimum share of the first pose's fit that the second one needs: a wall that was mapped skewed
+/// may be missing.
 const AS_MANY: f32 = 0.75;
 
 /// The progress.
 #[derive(Clone, Debug)]
 pub(super) struct Find {
     phase: Phase,
-    /// What fits so far, and where the odometry was then.
+    /// Matches so far, and the odometry's pose then.
     known: Option<(Pose, Matches)>,
     looks: u32,
 }
@@ -51,7 +50,7 @@ impl Find {
         }
     }
 
-    /// Whether the robot knows where it is.
+    /// Runs one step; returns whether the robot knows its pose.
     pub(super) fn step(
         &mut self,
         now: Instant,
@@ -69,7 +68,7 @@ impl Find {
                 match stretch.drive.step(now, link)? {
                     Progress::Driving => return Ok(false),
                     Progress::Arrived => {}
-                    // The distance from the last place of a look is unknown.
+                    // The distance since the last look is unknown.
                     Progress::Interrupted => self.known = None,
                 }
                 self.phase = Phase::Look(Look::new(link));
@@ -89,7 +88,7 @@ impl Find {
         };
         let estimate = matches.estimate(atlas.votes).ok_or(Failure::NothingSeen)?;
         atlas.estimate = Some(estimate);
-        // The course's programs take what they get.
+        // The course's programs accept any result.
         let is_doubtful =
             estimate.is_ambiguous() || has_rival(&estimate, &atlas.walls, &sight.lines);
         if atlas.votes != Votes::Best || !is_doubtful {
@@ -112,7 +111,7 @@ impl Find {
     }
 }
 
-/// Whether what is seen fits the walls at the second place, which scores less, as well.
+/// Whether the scan fits the walls at the second-best pose as well.
 fn has_rival(estimate: &Estimate, walls: &Walls, lines: &[Segment]) -> bool {
     let share = |pose| walls.share_known(pose, lines);
     let is_close = estimate.ratio > CLOSE && !walls.is_empty();
@@ -124,7 +123,7 @@ mod tests {
     use super::*;
     use crate::pose::Point;
 
-    /// Two rooms of 1.6 m, 2.4 m apart; of the second one a wall of four was not mapped, or two.
+    /// Two rooms of 1.6 m, 2.4 m apart; one or two of the second room's four walls were not mapped.
     #[test]
     fn what_fits_the_walls_of_another_room_is_not_certain() {
         let corners = [
@@ -154,7 +153,7 @@ mod tests {
         let of_four = [4, 3, 2, 0].map(|mapped| is_doubtful(0.89, mapped));
         assert_eq!(of_four, [true, true, false, false]);
         assert!(!is_doubtful(0.79, 4));
-        // Of a map that was read from a file the cells are known, not the walls.
+        // A map from a file has known cells, but no walls.
         let nothing = Estimate {
             pose: one,
             score: 0.95,

@@ -1,7 +1,8 @@
-//! A drive to a goal in stretches. Odometry drifts with the way, so behind each stretch the robot
-//! looks around and is told where the walls say that it is; also at the goal, to which it drives
-//! once more if it is beside it. Where no way is known it goes as near as it can and puts what it
-//! sees there on the map: what bars the way may have been seen wrongly.
+//! A drive to a goal in stretches. Odometry drifts with the distance. After each stretch the robot
+//! therefore looks around, and the program sends it the pose that the walls give. This is also done
+//! at the goal, and the robot drives to the goal once more if it is beside it. Without a known path
+//! the robot drives as near as it can. It enters its scan there into the map, because the blocking
+//! obstacle may be an error of the map.
 
 use alloc::collections::VecDeque;
 
@@ -16,38 +17,38 @@ use crate::cell_map::Cell;
 use crate::frontier::reach;
 use crate::pose::{Point, Pose};
 
-/// As near to the goal as the robot comes by one drive: its own 20 mm, and what it rolls on.
+/// Accuracy of one drive: the robot's own 20 mm, and its rolling on.
 const NEAR_MM: f32 = 30.0;
 const NEAR_RAD: f32 = 0.04;
-/// Maximum number of drives from beside the goal to the goal.
+/// Maximum number of corrections beside the goal.
 const AGAIN_MAX: u32 = 4;
-/// Drives that the robot may end by itself before they are over.
+/// Maximum number of drives that the robot ends early.
 const INTERRUPTIONS_MAX: u32 = 5;
-/// Maximum number of looks for a way where none is known.
+/// Maximum number of searches for a path where none is known.
 const SEARCHES_MAX: u32 = 4;
 
 /// A drive to a goal.
 #[derive(Clone, Debug)]
 pub(super) struct Journey {
     goal: Goal,
-    /// The places that are still to be driven to, the goal's last.
+    /// Remaining points of the path, the goal's last.
     way: VecDeque<Point>,
     phase: Phase,
     again: u32,
-    /// The way does not lead to the goal, but to where more is to be seen of it.
+    /// The path does not lead to the goal, but to a view that may show a path.
     searches: bool,
     searched: u32,
     interruptions: u32,
-    /// The robot does not know how far it has rolled.
+    /// The distance that the robot has rolled is unknown.
     is_lost: bool,
 }
 
 #[derive(Clone, Debug)]
 enum Phase {
-    /// Nothing was done yet.
+    /// Initial phase.
     Begin,
     Drive(Stretch),
-    /// At the end of a stretch, perhaps the last one.
+    /// A look at the end of a stretch, which may be the last one.
     Look(Look, bool),
     Tell(Tell, Pose, bool),
 }
@@ -66,7 +67,7 @@ impl Journey {
         }
     }
 
-    /// Whether the robot is there.
+    /// Runs one step; returns whether the robot has arrived.
     pub(super) fn step(
         &mut self,
         now: Instant,
@@ -121,7 +122,7 @@ impl Journey {
         }
     }
 
-    /// Another way is chosen from wherever the robot is.
+    /// Requests another path from the robot's current pose.
     fn interrupt(&mut self) -> Result<(), Failure> {
         self.interruptions += 1;
         if self.interruptions > INTERRUPTIONS_MAX {
@@ -159,7 +160,7 @@ impl Journey {
         Ok(())
     }
 
-    /// The way to the goal, or to where it may be found.
+    /// The path to the goal, or to a view that may show one.
     fn choose(&mut self, atlas: &mut Atlas, pose: Pose) -> Result<VecDeque<Point>, Failure> {
         let map = atlas.global.clone();
         let way = atlas.plan(&map, pose, self.goal.place);
@@ -194,7 +195,7 @@ mod tests {
         heading: None,
     };
 
-    /// Ten columns and twenty rows of free cells, beside which nothing is known.
+    /// Ten columns and twenty rows of free cells with unknown surroundings.
     fn known() -> Atlas {
         let cells = [[FREE; 10], [UNKNOWN; 10]].concat().repeat(20);
         let mut atlas = Atlas::new(&PcConfig::default());
@@ -203,7 +204,7 @@ mod tests {
         atlas
     }
 
-    /// Five interruptions are borne, each time from wherever the robot is by then.
+    /// Five interruptions are accepted; each time the drive continues from the robot's pose.
     #[test]
     fn a_drive_that_is_interrupted_too_often_is_given_up() {
         let mut journey = Journey::new(GOAL);
@@ -216,8 +217,8 @@ mod tests {
         assert_eq!(journey.interrupt(), Err(Failure::NoAnswer));
     }
 
-    /// 30 mm from the goal is not there yet, 29 are; four more drives, and no fifth. The end of a
-    /// stretch, or of a way to look for one, is no try.
+    /// 30 mm from the goal the robot has not arrived yet, at 29 it has; it gets four more drives,
+    /// and no fifth. The end of a stretch, or of a drive to a view, does not count.
     #[test]
     fn a_robot_beside_its_goal_tries_four_times_more() {
         let mut atlas = known();
@@ -236,7 +237,7 @@ mod tests {
         }
         let fifth = journey.go_on(&mut atlas, beside(-30.0), true);
         assert_eq!(fifth, Err(Failure::NoAnswer));
-        // Where it looks counts as well if it was asked for: 0.04 rad.
+        // A requested heading counts as well: 0.04 rad.
         let looking = Goal {
             heading: Some(0.04),
             ..GOAL
@@ -247,9 +248,9 @@ mod tests {
         assert_eq!(journey.go_on(&mut atlas, pose, true), Ok(true));
     }
 
-    /// The goal is a metre beyond what is known: from the left side the nearest place that can be
-    /// reached, eight columns on, is driven to, four times; without walls to correct itself by it
-    /// is not even looked for.
+    /// The goal is a metre beyond the known area. The robot starts on the left side and drives to
+    /// the nearest reachable cell, eight columns on, four times. Without walls for a correction it
+    /// does not search at all.
     #[test]
     fn a_way_is_looked_for_four_times_where_none_is_known() {
         let beyond = Goal::passed(Point::new(1_950.0, 1_050.0));
@@ -270,7 +271,7 @@ mod tests {
         }
         let fifth = journey.choose(&mut atlas, start);
         assert_eq!(fifth, Err(Failure::NoWay));
-        // A way that is known is no search.
+        // A drive on a known path is no search.
         let mut journey = Journey::new(GOAL);
         let way = journey.choose(&mut atlas, start).expect("it is free");
         assert_eq!(way.back(), Some(&GOAL.place));

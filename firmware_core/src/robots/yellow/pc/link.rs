@@ -1,4 +1,4 @@
-//! The telemetry link as the PC sees it: what was received, what goes out, what is asked again.
+//! The PC's side of the telemetry link: received messages, sent commands, repeated requests.
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -14,9 +14,10 @@ use super::config::{PcConfig, Sending};
 use crate::local_map::Segment;
 use crate::pose::{Point, Pose, normalised};
 
-/// Without a frame for so long the robot is silent; it tells each 200 ms. YE13: known within 1 s.
+/// Time without a frame after which the robot counts as silent; it sends each 200 ms. YE13: known
+/// within 1 s.
 const SILENT: Duration = Duration::from_millis(900);
-/// A quiet line: no byte of a frame comes so late.
+/// Idle time after which a partial frame is discarded: no byte of a frame comes so late.
 const QUIET: Duration = Duration::from_millis(100);
 /// Longest telecommand with all its fields, and the frame around it.
 const COMMAND_MAX: usize = 256;
@@ -25,25 +26,25 @@ const FRAME_MAX: usize = 2 * COMMAND_MAX + 8;
 const OUT_MAX: usize = 16_384;
 /// Maximum number of commands that wait for a frame.
 const QUEUE_MAX: usize = 64;
-/// A byte's time of the fielded program.
+/// Time per byte in the fielded program.
 const BYTE_PAUSE: Duration = Duration::from_millis(1);
 
 /// A message of the robot.
 #[derive(Clone, Debug)]
 pub(super) struct Heard {
     pub(super) at: Instant,
-    /// Counted from 1.
+    /// Number of the message, from 1.
     pub(super) number: u64,
     pub(super) message: Box<Telemetry>,
 }
 
 impl Heard {
-    /// What the robot says to do.
+    /// The robot's own report of its state.
     pub(super) fn state(&self) -> Option<State> {
         self.message.state
     }
 
-    /// Where it says to be.
+    /// The robot's reported pose.
     pub(super) fn pose(&self) -> Option<Pose> {
         pose_of(&self.message)
     }
@@ -66,7 +67,7 @@ pub(super) fn wire_pose(pose: Pose) -> telemetry::message::Pose {
     }
 }
 
-/// What the robot saw, and from where.
+/// A scan of the robot, with its pose.
 #[derive(Clone, Debug)]
 pub(super) struct Sight {
     number: u64,
@@ -74,12 +75,12 @@ pub(super) struct Sight {
     pub(super) lines: Vec<Segment>,
 }
 
-/// Smaller corrections are not worth a message.
+/// Minimum correction that is sent.
 const CORRECTION_MM: f32 = 5.0;
 const CORRECTION_RAD: f32 = 0.005;
 
 impl Sight {
-    /// What a test saw from `pose`.
+    /// A test's scan from `pose`.
     #[cfg(test)]
     pub(super) const fn of(pose: Pose, lines: Vec<Segment>) -> Self {
         Self {
@@ -89,8 +90,7 @@ impl Sight {
         }
     }
 
-    /// Whether the robot truly is at `pose`, and so far from where it believes to be that it is
-    /// worth telling.
+    /// Whether the robot's true `pose` differs enough from its believed one to be sent.
     pub(super) fn is_off(&self, pose: Pose) -> bool {
         let shift = pose.position().distance_mm(self.pose.position());
         let turn = normalised(pose.heading - self.pose.heading).abs();
@@ -98,7 +98,7 @@ impl Sight {
     }
 }
 
-/// What a command is for the fielded program's queue.
+/// Kind of a command for the fielded program's queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// A request of a state, of lines or of another pose.
@@ -131,7 +131,7 @@ pub(super) struct Link {
     is_silent: bool,
     queue: VecDeque<Telecommand>,
     out: VecDeque<u8>,
-    /// Bytes of `out` that may go.
+    /// Number of bytes of `out` that may be sent.
     released: usize,
     next_byte: Instant,
     pub(super) counts: Counts,
@@ -179,12 +179,12 @@ impl Link {
         self.sight.as_ref().filter(|sight| sight.number > number)
     }
 
-    /// Whether the robot was heard once, but not of late.
+    /// Whether the robot has sent messages before, but none recently.
     pub(super) const fn is_silent(&self) -> bool {
         self.is_silent
     }
 
-    /// Whether nothing is asked twice.
+    /// Whether requests are sent only once.
     pub(super) const fn asks_once(&self) -> bool {
         self.sending.ask_once
     }
@@ -261,7 +261,7 @@ impl Link {
         silence.into_iter().chain(byte).min()
     }
 
-    /// Sends a command, or lets it wait as the fielded program does.
+    /// Sends a command, or queues it as the fielded program does.
     pub(super) fn send(&mut self, now: Instant, kind: Kind, command: Telecommand) {
         self.counts.commands += 1;
         if self.sending.requests_clear_queue && kind == Kind::Request {
@@ -300,11 +300,11 @@ impl Link {
     }
 }
 
-/// A command that is sent until its effect is seen.
+/// A command that is repeated until its effect is seen.
 #[derive(Clone, Debug)]
 pub(super) struct Request {
     command: Telecommand,
-    /// The last message when it was sent first.
+    /// Number of the last message before the first sending.
     since: u64,
     wait: Duration,
     due: Option<Instant>,
@@ -314,9 +314,10 @@ pub(super) struct Request {
 /// Maximum number of times that a request is sent: with 30 % of commands lost, one in 17 millions
 /// fails.
 const SENT_MAX: u32 = 14;
-/// An answer comes with the next message, within 200 ms and the time of its bytes.
+/// Timeout of an answer: it comes with the next message, within 200 ms and the time of its bytes.
 const ANSWER: Duration = Duration::from_millis(700);
-/// Drivers take 500 ms to be on or off, and the next message tells.
+/// Timeout of a change of state: drivers take 500 ms to switch on or off, and the next message
+/// reports it.
 const SWITCHED: Duration = Duration::from_millis(1_200);
 
 impl Request {
@@ -338,7 +339,7 @@ impl Request {
         request
     }
 
-    /// Asks to rest.
+    /// A request to rest.
     pub(super) fn to_rest(link: &Link) -> Self {
         let state = Some(State::Off);
         let command = Telecommand {
@@ -348,17 +349,17 @@ impl Request {
         Self::of_state(link.number(), command)
     }
 
-    /// The number of the last message before it was sent first.
+    /// The number of the last message before the first sending.
     pub(super) const fn since(&self) -> u64 {
         self.since
     }
 
-    /// Whether it was sent.
+    /// Whether the request was sent.
     pub(super) const fn is_sent(&self) -> bool {
         self.sent > 0
     }
 
-    /// Sends it, and again when no answer came in time.
+    /// Sends the request, and repeats it when no answer came in time.
     pub(super) fn poll(&mut self, now: Instant, link: &mut Link) -> Result<(), Failure> {
         if self.due.is_some_and(|due| now < due || link.asks_once()) {
             return Ok(());
@@ -375,14 +376,15 @@ impl Request {
     }
 }
 
-/// Telling the robot where it is.
+/// A request that sets the robot's pose.
 #[derive(Clone, Debug)]
 pub(super) struct Tell {
     pose: Pose,
     request: Request,
 }
 
-/// The robot rests meanwhile, so what it tells back is what it was told.
+/// Tolerance of the confirmed pose: the robot rests meanwhile, so it reports the pose that it was
+/// sent.
 const TOLD_MM: f32 = 20.0;
 const TOLD_RAD: f32 = 0.02;
 
@@ -398,7 +400,7 @@ impl Tell {
         }
     }
 
-    /// Whether the robot says so itself.
+    /// Runs one step; returns whether the robot has confirmed the pose.
     pub(super) fn step(&mut self, now: Instant, link: &mut Link) -> Result<bool, Failure> {
         let heard = link.heard_since(self.request.since());
         let told = heard.and_then(Heard::pose).is_some_and(|pose| {
@@ -474,7 +476,7 @@ mod tests {
         assert_eq!((told.x, told.y, told.alpha), (1.5, -0.25, 0.5));
     }
 
-    /// Nine tenths of a second behind its last message the robot is silent, once.
+    /// Nine tenths of a second after its last message the robot counts as silent, once.
     #[test]
     fn a_robot_is_silent_after_900_ms() {
         let mut link = link(Sending::default());
@@ -492,7 +494,7 @@ mod tests {
         );
     }
 
-    /// 5 mm or 5 mrad are worth a message, also across half a turn.
+    /// A correction of 5 mm or 5 mrad is sent, also across half a turn.
     #[test]
     fn small_corrections_are_not_told() {
         let half = core::f32::consts::PI - 0.001_6;
@@ -508,7 +510,7 @@ mod tests {
         assert!(is_off(100.0, 200.0, half - 0.006) && !is_off(100.0, 200.0, half - 0.004));
     }
 
-    /// As many commands as there is room for on the wire; each one more is lost and counted.
+    /// Commands beyond the room on the wire are lost and counted.
     #[test]
     fn commands_that_do_not_fit_are_counted() {
         let mut link = link(Sending::default());
@@ -528,7 +530,7 @@ mod tests {
             (link.transmit(&mut buf), link.released, link.out.len()),
             (fit * len - 10, 0, 0)
         );
-        // 64 may wait for a frame.
+        // 64 commands may wait for a frame.
         let mut link = self::link(Sending {
             one_per_frame: true,
             ..Sending::default()
@@ -540,7 +542,7 @@ mod tests {
         assert!(link.out.is_empty());
     }
 
-    /// YP-03: a request empties the queue of what was waiting; a drive does not.
+    /// YP-03: a request discards all waiting commands; a drive does not.
     #[test]
     fn a_request_may_clear_the_queue() {
         let lost = |kind, requests_clear_queue| {
@@ -578,7 +580,7 @@ mod tests {
         assert_eq!((link.transmit(&mut buf), link.released), (2, 0));
     }
 
-    /// A request goes out at once, again each 700 ms without an answer, and fourteen times at most.
+    /// A request goes out at once, again each 700 ms without an answer, and at most fourteen times.
     #[test]
     fn a_request_is_sent_until_it_is_answered() {
         let mut link = link(Sending::default());
@@ -596,8 +598,8 @@ mod tests {
         assert_eq!(Request::of_state(7, rest()).wait, SWITCHED);
     }
 
-    /// The robot says 19 mm and 19 mrad beside what it was told: it was told. Before it was asked
-    /// nothing counts.
+    /// A report within 19 mm and 19 mrad of the sent pose confirms it. A report from before the
+    /// request does not count.
     #[test]
     fn a_pose_was_told_when_the_robot_says_so() {
         let told = |x_mm: f32, heading: f32| {

@@ -1,4 +1,4 @@
-//! A look around: the robot rests, and is asked for the lines that its lidar sees.
+//! A look around: the robot rests, and the program requests the lines of its lidar.
 
 use core::time::Duration;
 
@@ -9,22 +9,22 @@ use super::Failure;
 use super::link::{Link, Request, Sight};
 use crate::walls::Walls;
 
-/// How long the robot rests before, so that the lidar sees nothing from before: the fielded
-/// program.
+/// Rest time before the request, so that the lidar's set contains no older turns: the fielded
+/// program's value.
 const REST: Duration = Duration::from_secs(2);
-/// A lidar that shows no wall may have lost its turns, and one that shows others than a moment ago
-/// shows nonsense: it is asked again after so long, five turns of it,
+/// Interval of repeated requests, five turns of the lidar. A lidar that shows no wall may have lost
+/// its turns; one whose walls differ from the previous ones gives wrong data.
 const AGAIN: Duration = Duration::from_secs(1);
-/// so often. A lidar that has to be started again needs 5 s.
+/// Maximum number of repeats. A lidar that has to be started again needs 5 s.
 const AGAIN_MAX: u32 = 12;
-/// Fewer walls than this are none, mm.
+/// Minimum length of the walls in a scan, mm.
 const WALLS_MIN_MM: f32 = 300.0;
-/// And fewer than this the first time, mm: all that comes is laid on what was seen first, and a
-/// lidar that tells little tells that skewed. A robot between walls sees more.
+/// Higher limit for the first look, mm: all later scans are aligned to the first one, and a lidar
+/// with few points gives a skewed one. A robot between walls sees more.
 const FIRST_MIN_MM: f32 = 2_000.0;
-/// Two sights of one place have most of their walls in common.
+/// Minimum share of common walls of two scans from the same pose.
 const SHARE_MIN: f32 = 0.6;
-/// Lines as the robot finds them by itself: 0 asks for its own figures.
+/// Lines with the robot's own settings: 0 selects its own values.
 const LINES: LinesRequest = LinesRequest {
     gap_mm: 0,
     tolerance_mm: 0,
@@ -35,20 +35,20 @@ const LINES: LinesRequest = LinesRequest {
 #[derive(Clone, Debug)]
 pub(super) struct Look {
     phase: Phase,
-    /// What was seen a moment ago.
+    /// The previous scan.
     before: Walls,
-    /// How often what was seen was not believed.
+    /// Number of rejected scans.
     again: u32,
 }
 
 /// The progress.
 #[derive(Clone, Debug)]
 enum Phase {
-    /// The robot is to rest.
+    /// Waiting until the robot rests.
     Stopping(Request),
-    /// It rests.
+    /// The robot rests until this time.
     Resting(Instant),
-    /// It is asked.
+    /// The lines were requested.
     Asking(Request),
 }
 
@@ -61,8 +61,8 @@ impl Look {
         }
     }
 
-    /// The robot's view, as soon as it is believed: it is `known`, or seen twice. With `None` it is
-    /// believed at once: a robot that does not know its place compares it with the whole map.
+    /// The robot's view, once it is accepted: it matches `known`, or was seen twice. With `None` it
+    /// is accepted at once, because a robot without a known pose compares it with the whole map.
     pub(super) fn step(
         &mut self,
         now: Instant,
@@ -99,7 +99,7 @@ impl Look {
         Ok(None)
     }
 
-    /// The sight, unless another one may show more.
+    /// The scan, unless another one may show more.
     fn judged(
         &mut self,
         now: Instant,
@@ -134,8 +134,8 @@ mod tests {
     use crate::local_map::Segment;
     use crate::pose::{Point, Pose};
 
-    /// The first sight of all is believed from 2 m of walls on, another one from 300 mm on; each
-    /// when it was seen twice.
+    /// The very first scan is accepted from 2 m of walls on, another one from 300 mm on; each when
+    /// it was seen twice.
     #[test]
     fn little_is_not_believed_the_first_time() {
         let link = Link::new(&PcConfig::default());

@@ -1,4 +1,4 @@
-//! What continues: one task, step by step.
+//! The running task, step by step.
 
 use core::time::Duration;
 
@@ -14,16 +14,16 @@ use super::link::{Kind, Link, Request, Tell};
 use super::{Failure, PcCommand, Task};
 use crate::pose::{Point, Pose};
 
-/// Speeds by hand are told again so often; the robot stops by itself after 2 s.
+/// Period at which manual speeds are sent again; the robot stops by itself after 2 s.
 const BY_HAND: Duration = Duration::from_millis(500);
 
-/// A task and how far it is.
+/// A task and its progress.
 #[derive(Clone, Debug)]
 pub(super) enum Run {
     /// The request, and whether it was obeyed.
     Reactive(Request, bool),
     Stop(Request),
-    /// The command, and when it is told next; `None`: never again.
+    /// The command, and when to send it next; `None`: never again.
     Manual(Telecommand, Option<Instant>),
     Map(Explore),
     Find(Find),
@@ -32,7 +32,7 @@ pub(super) enum Run {
 }
 
 impl Run {
-    /// What a command sets going; nothing if it only forgets the map.
+    /// The task that a command starts; none if the command only clears the map.
     pub(super) fn new(now: Instant, link: &Link, command: PcCommand) -> Option<(Task, Self)> {
         let begun = match command {
             PcCommand::Reactive { speed_m_s } => {
@@ -88,7 +88,7 @@ impl Run {
         Some(begun)
     }
 
-    /// Whether it has ended well. Only called when the robot was heard.
+    /// Returns whether the task has ended well. Call it only while the robot sends messages.
     pub(super) fn step(
         &mut self,
         now: Instant,

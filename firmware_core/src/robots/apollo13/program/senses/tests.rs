@@ -32,7 +32,7 @@ fn numbers_of_a_phone_may_have_any_type() {
     assert_eq!(number(&OscType::Nil), None);
 }
 
-/// Three numbers are a goal or a pose, nothing ends the way to a goal.
+/// Three numbers are a goal or a pose; a goal without numbers ends the drive.
 #[test]
 fn a_goal_and_a_pose_are_three_numbers() {
     let mut car = car();
@@ -57,7 +57,7 @@ fn a_goal_and_a_pose_are_three_numbers() {
     assert!(!car.take_message(&text));
 }
 
-/// A message within so many bundles is taken up to eight, and each packet is counted once.
+/// A message within up to eight nested bundles is taken, and each packet is counted once.
 #[test]
 fn bundles_are_opened_eight_deep() {
     let within = |bundles: u8| {
@@ -83,8 +83,7 @@ fn bundles_are_opened_eight_deep() {
     assert_eq!([car.counters.packets, car.counters.bad_packets], [0, 2]);
 }
 
-/// 0 is nothing new, up to 3 m is a range, farther is none; at 0.6 m something may be on the
-/// floor.
+/// 0 is no new range, up to 3 m is a range, more is none; at 0.6 m an obstacle may be on the floor.
 #[test]
 fn ultrasound_counts_up_to_three_metres() {
     let mut car = car();
@@ -105,7 +104,8 @@ fn ultrasound_counts_up_to_three_metres() {
     assert_eq!((car.battery_mv(), car.counters.frames), (7_000, 4));
 }
 
-/// Half a metre to the left and 2 m ahead of the camera, whose axes point right, down and ahead.
+/// Half a metre to the left and 2 m ahead of the camera; the camera's axes point right, down and
+/// ahead.
 #[test]
 fn a_marker_stands_where_the_camera_sees_it() {
     let mut car = car();
@@ -121,8 +121,8 @@ fn a_marker_stands_where_the_camera_sees_it() {
     assert!((x_m - 2.0 - CAMERA_AHEAD_M).abs() < 1e-9 && (y_m - 0.5).abs() < 1e-9);
 }
 
-/// The wall on the right, 5 cm too near: away from it. A reading of the other side, and 0, say
-/// nothing of it.
+/// The wall is on the right, 5 cm too near: steer away from it. A reading of the other side, and 0,
+/// do not count.
 #[test]
 fn the_wall_s_own_sensor_steers() {
     let mut car = Apollo13::new(Config {
@@ -143,7 +143,8 @@ fn the_wall_s_own_sensor_steers() {
     assert_eq!(hear(0, 35), (true, angle_rad));
 }
 
-/// An empty line is what a terminal driver makes of a carriage return, and no bad one.
+/// An empty line comes from a terminal driver that changes a carriage return, and does not count as
+/// bad.
 #[test]
 fn messages_without_meaning_are_counted() {
     let mut car = car();
@@ -155,7 +156,7 @@ fn messages_without_meaning_are_counted() {
     assert_eq!(car.misfits, 0);
 }
 
-/// A frame is given out by the quiet behind it, once.
+/// A quiet line releases a frame, once.
 #[test]
 fn a_frame_counts_when_the_board_is_quiet() {
     let mut car = car();
@@ -176,7 +177,7 @@ fn a_frame_counts_when_the_board_is_quiet() {
     assert_eq!(car.ultrasound_m()[0], Some(1.0));
 }
 
-/// While it was silent the odometer counted 8 cm less than the board, three pulses, or more: half a
+/// While it was silent the odometer counted at least 8 cm less than the board, three pulses: half a
 /// metre by the board, and 41, 43 or minus 43 cm by the odometer.
 #[test]
 fn an_odometer_that_missed_three_pulses_was_deaf() {
@@ -194,7 +195,7 @@ fn an_odometer_that_missed_three_pulses_was_deaf() {
     assert_eq!(missed, [true, true, false, false, false]);
 }
 
-/// Frames that tell of what cannot be are counted and tell nothing.
+/// Frames with impossible values are counted and ignored.
 #[test]
 fn frames_of_the_board_that_are_damaged_are_counted() {
     let mut car = car();
@@ -217,8 +218,8 @@ fn frames_of_the_board_that_are_damaged_are_counted() {
     assert_eq!((car.counters.bad_frames, car.counters.frames), (2 * bad, 0));
 }
 
-/// In a hall of 10 m, ten beams that end in mid-air fit nothing: after 40 such scans the car is
-/// lost, once. Each scan that fits takes two of them back.
+/// In a hall of 10 m, ten beams that end in free space do not fit: after 40 such scans the car is
+/// lost, which counts once. Each fitting scan takes two of them back.
 #[test]
 fn a_car_is_lost_after_forty_scans_that_do_not_fit() {
     let is_rim = |at: usize| {
@@ -261,7 +262,7 @@ fn a_car_is_lost_after_forty_scans_that_do_not_fit() {
 }
 
 /// 1.25 + 0.5 + 1.5 + 12345 is 12348.25, but the sketch rounds before it adds: the fielded host
-/// refuses the line. 100 is 100.
+/// refuses the line. 100 is exact.
 #[test]
 fn an_exact_sum_refuses_what_was_rounded() {
     let heard = |sums_exactly, line: &[u8]| {
@@ -288,8 +289,8 @@ fn an_exact_sum_refuses_what_was_rounded() {
     );
 }
 
-/// An odometer that was reset counts from 0 again, and its clock goes back: the car is where it
-/// was. A clock that stands is none that was reset.
+/// An odometer that was reset counts from 0 again, and its clock falls back: the car's pose stays.
+/// A clock that stands is no reset.
 #[test]
 fn an_odometer_that_was_reset_moves_nobody() {
     let mut car = car();

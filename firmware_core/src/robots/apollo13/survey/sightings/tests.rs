@@ -5,8 +5,8 @@ use std::vec::Vec;
 use super::*;
 use crate::random::Pcg32;
 
-/// A camera of 525 pixels before a wall that is `depth_m` away in its middle and comes nearer by
-/// `slope` a metre to the left; each of the 640 inverse depths is off by 0.00143 / m.
+/// A camera of 525 pixels before a wall that is `depth_m` away in its middle and nearer by `slope`
+/// for each metre to the left; each of the 640 inverse depths has an error of 0.00143 / m.
 fn scan(depth_m: f64, slope: f64, seed: u64) -> Vec<[f64; 2]> {
     let mut random = Pcg32::new(seed);
     (0..640)
@@ -19,8 +19,8 @@ fn scan(depth_m: f64, slope: f64, seed: u64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// 6 m ahead single depths are off by 36 * 1.43 = 51 mm. 0.6 m to either side are 52 columns: the
-/// mean of the 40 nearest to either side is off by 51 / 9 = 5.7 mm.
+/// 6 m ahead single depths have an error of 36 * 1.43 = 51 mm. 0.6 m to either side are 52 columns:
+/// the mean of the 40 nearest to either side has an error of 51 / 9 = 5.7 mm.
 #[test]
 fn a_wall_far_ahead_is_as_straight_as_it_is() {
     for (slope, seed) in [(0.0, 1), (0.2, 2), (-0.2, 3)] {
@@ -38,7 +38,8 @@ fn a_wall_far_ahead_is_as_straight_as_it_is() {
     }
 }
 
-/// A pillar's edge: 2 m to the left of the middle, 3 m to the right. No place is laid between.
+/// A pillar's edge: 2 m to the left of the middle, 3 m to the right. No point is moved between
+/// them.
 #[test]
 fn no_place_lies_between_a_pillar_and_what_is_behind() {
     let [near, far] = [scan(2.0, 0.0, 4), scan(3.0, 0.0, 5)];
@@ -50,7 +51,7 @@ fn no_place_lies_between_a_pillar_and_what_is_behind() {
     }
 }
 
-/// A few places, and what is none: they stay what they are, or are left out.
+/// A few points without neighbours stay unchanged; invalid readings are left out.
 #[test]
 fn what_has_no_neighbours_stays_where_it_is() {
     let seen = [[0.1, 2.0], [0.0, f64::INFINITY], [-0.1, 1.0], [-0.2, 12.0]];
@@ -74,10 +75,10 @@ fn even(depth_m: f64) -> Vec<Sighting> {
     sightings(seen, 99.0)
 }
 
-/// 6 m ahead 81 places count, whose mean is off by 36 * 1.43 mm / 9. The first place of all is the
-/// end of 41, 20 from their middle, of which the mean square is (41^2 - 1) / 12 = 140: by
+/// 6 m ahead 81 points count, and their mean has an error of 36 * 1.43 mm / 9. The very first point
+/// is the end of 41, 20 from their middle, and their mean square is (41^2 - 1) / 12 = 140: by
 /// sqrt((1 + 400 / 140) / 41) = 0.30673 of 51.48 mm. 12 m ahead 80 columns are 1.83 m, more than
-/// 1.2: so 41 places count. Right ahead at 1 m the best is 4 mm.
+/// 1.2: so 41 points count. Right ahead at 1 m the best is 4 mm.
 #[test]
 fn a_place_is_as_sure_as_the_mean_of_its_neighbours() {
     let is = |found: f64, expected: f64| (found - expected).abs() < 2e-6;
@@ -95,7 +96,7 @@ fn a_place_is_as_sure_as_the_mean_of_its_neighbours() {
     assert!(across[0].abs() < 1e-9 && is(across[1].abs(), 1.0));
 }
 
-/// 3, 4 and 5: what is as far away as the reach is within it, and 1 mm less is not.
+/// 3, 4 and 5: a point at exactly the reach is within it, at a reach 1 mm shorter it is not.
 #[test]
 fn the_reach_is_a_distance() {
     assert!(is_within([3.0, 4.0], 5.0) && is_within([3.0, -4.0], 5.002));
@@ -103,7 +104,7 @@ fn the_reach_is_a_distance() {
     assert!(is_within([0.3, 0.4], 5.0));
 }
 
-/// What has no depth, each tenth column of a wall, is no neighbour of anything.
+/// Columns without a depth, each tenth of a wall, are left out as neighbours.
 #[test]
 fn what_has_no_depth_is_left_out() {
     let wall = scan(3.0, 0.1, 6);
@@ -123,8 +124,8 @@ fn what_has_no_depth_is_left_out() {
     );
 }
 
-/// Columns 16 cm apart on a wall 8 m ahead: five to either side span 1.6 m, more than is taken for
-/// straight, but fewer neighbours are none.
+/// Columns 16 cm apart on a wall 8 m ahead: five to either side span 1.6 m, longer than the
+/// straight limit, but fewer neighbours are not used.
 #[test]
 fn five_neighbours_to_either_side_are_asked_however_far_they_are() {
     let wall = (-10..=10).map(|column| {
