@@ -46,7 +46,7 @@ impl MovesOnSoundOrders {
             sound: 0,
             damaged: 0,
         });
-        let ear = ear.map(|ear| Shared::new(ear));
+        let ear = ear.map(Shared::new);
         if let Some(ear) = &ear {
             rig.add_tap(Box::new(Listener(ear.clone())));
         }
