@@ -1,9 +1,8 @@
 //! The model car's fielded program, its boards and its sketch.
 //!
 //! Defects of the program are shown by the program itself on a bench of bytes. Defects of a board
-//! or
-//! the sketch are shown by the emulated device in a world of its own. Wrong formulas are shown by
-//! figures.
+//! or the sketch are shown by the emulated device in a world of its own. Wrong formulas are shown
+//! by figures.
 
 mod boards;
 mod laws;

@@ -1,6 +1,5 @@
 //! Incidents that the seed report describes in prose, each as a run in a simulated world, in
-//! virtual
-//! time.
+//! virtual time.
 //!
 //! Long incidents are shortened if the same mechanism appears in less time; `sees` says so.
 

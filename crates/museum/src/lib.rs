@@ -1,11 +1,9 @@
 //! The museum: the defects of the robots' fielded programs, each reproducible.
 //!
 //! A [`Bug`] is a row of the catalogue. If it can be reproduced, its exhibit is a function. The
-//! function
-//! feeds the same stimulus to the defective and to the sound [`Variant`] and records bytes on the
-//! wire
-//! and named figures. No result is stored in advance: all results come from the code that runs, in
-//! virtual time.
+//! function feeds the same stimulus to the defective and to the sound [`Variant`] and records bytes
+//! on the wire and named figures. No result is stored in advance: all results come from the code
+//! that runs, in virtual time.
 
 mod apollo13;
 mod base;

@@ -61,10 +61,8 @@ fn heading(psi_deg: f32) -> f32 {
 }
 
 /// Final set-points of the program with the seed report's steering. Its navigator passes through
-/// the
-/// headings `psis`, 100 mm forward with each. Its waypoint is a metre away, in the direction in
-/// which
-/// psi would be `target`.
+/// the headings `psis`, 100 mm forward with each. Its waypoint is a metre away, in the direction in
+/// which psi would be `target`.
 fn steer(variant: Variant, id: &str, psis: impl Iterator<Item = f32>, target: f32) -> [i8; 2] {
     let mut navigator = Navigator::new(Settings {
         steering: Steering::DOCUMENT,

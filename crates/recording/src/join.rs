@@ -460,8 +460,7 @@ mod tests {
     }
 
     /// Equal chunk lengths are stored as one length and a count of at most 255: three pairs store
-    /// 512
-    /// chunks.
+    /// 512 chunks.
     #[test]
     fn pieces_that_are_alike_take_no_room() {
         let written = |piece: usize| {
@@ -477,8 +476,7 @@ mod tests {
     }
 
     /// After the time of the longest chunk, 640 us, no chunk can follow an open record. Other
-    /// records
-    /// then no longer wait for it.
+    /// records then no longer wait for it.
     #[test]
     fn a_record_ends_by_silence() {
         let (mut joiner, mut out) = (joiner(), Vec::new());
@@ -499,8 +497,7 @@ mod tests {
     }
 
     /// At 650 us, the longest chunk may still follow the record that ended at 10 us. The record of
-    /// the
-    /// other line, which ended at 0 us, can no longer continue.
+    /// the other line, which ended at 0 us, can no longer continue.
     #[test]
     fn the_longest_piece_joins_when_others_are_over() {
         let records = read(|joiner, out| {

@@ -4,8 +4,8 @@
 //! The format is pcapng with link type 250 and one interface per link. Each record is one chunk as
 //! it *reached its receiver*, or several chunks that arrived back to back. If the line changed or
 //! delayed the bytes, the record also holds the bytes as sent, and a comment describes the damage.
-//! A capture therefore needs no other file to be understood.
-//! Bytes still in flight at the end of the run were not received and are not in the file.
+//! A capture therefore needs no other file to be understood. Bytes still in flight at the end of
+//! the run were not received and are not in the file.
 
 mod conclusion;
 mod files;

@@ -45,8 +45,8 @@ fn about_in(scenario: &Scenario, clock: &str) -> Section {
     }
 }
 
-/// A tap that writes a capture. An error stops the recording, not the run.
-/// [`Tap::take_trouble`] returns the error at once, [`Tap::finish`] at the end.
+/// A tap that writes a capture. An error stops the recording, not the run. [`Tap::take_trouble`]
+/// returns the error at once, [`Tap::finish`] at the end.
 #[derive(Debug)]
 pub struct Recording {
     writer: WriterThread,

@@ -242,10 +242,8 @@ pub struct Record {
     /// The bytes as sent, if they differ from the received ones or left earlier.
     pub sent: Option<Sent>,
     /// Lengths of the chunks in which the bytes reached the receiver; empty for one chunk. The
-    /// chunks
-    /// arrived back to back, the last complete at [`at`](Self::at). With the baud rate, these
-    /// lengths
-    /// give the arrival time of each chunk to the nanosecond, which a replay needs.
+    /// chunks arrived back to back, the last complete at [`at`](Self::at). With the baud rate,
+    /// these lengths give the arrival time of each chunk to the nanosecond, which a replay needs.
     pub pieces: Vec<u8>,
     /// Comments on the record, e.g. which fault struck.
     pub comment: String,
@@ -292,8 +290,7 @@ impl Record {
     }
 
     /// Reads the record of a packet block. `links` are the links of its section, `first` is the
-    /// index
-    /// of the first of them. `None` if the block is invalid.
+    /// index of the first of them. `None` if the block is invalid.
     pub(super) fn read(block: &Block, links: &[Interface], first: usize) -> Option<Self> {
         let (order, body) = (block.order, &block.body);
         let index = usize::try_from(order.u32_at(body, 0)?).ok()?;
@@ -379,8 +376,7 @@ pub(super) struct Packet<'a> {
 
 impl Packet<'_> {
     /// Appends the packet block. The fixed parts are built in arrays and copied at once, because
-    /// this
-    /// function dominates the cost of a capture.
+    /// this function dominates the cost of a capture.
     pub(super) fn write(&self, out: &mut Vec<u8>) {
         let start = out.len();
         out.extend_from_slice(&self.head());

@@ -115,8 +115,8 @@ fn a_packet_has_the_bytes_of_the_standard() {
     assert_eq!(out, expected);
 }
 
-/// A section of another machine: most significant byte first, microseconds, no sequence numbers,
-/// an unknown block in between. The bytes are written by hand.
+/// A section of another machine: most significant byte first, microseconds, no sequence numbers, an
+/// unknown block in between. The bytes are written by hand.
 #[test]
 fn a_big_endian_file_with_unknown_blocks_is_read() {
     #[rustfmt::skip]

@@ -178,8 +178,7 @@ impl Dir {
     }
 
     /// Writes the file `name` atomically: after a full disk or a kill, the earlier file or none
-    /// remains.
-    /// An existing entry of that name, such as a link, is replaced.
+    /// remains. An existing entry of that name, such as a link, is replaced.
     ///
     /// # Errors
     /// System errors; if `name` is a directory or leads outside.
@@ -188,8 +187,7 @@ impl Dir {
     }
 
     /// Writes the file `name` atomically, as [`write`](Self::write) does; `write` supplies the
-    /// bytes in
-    /// several steps.
+    /// bytes in several steps.
     ///
     /// # Errors
     /// As [`write`](Self::write).

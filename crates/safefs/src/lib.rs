@@ -14,8 +14,7 @@
 //! - A name that was read from a file must be a single component; otherwise it is refused.
 //!
 //! Paths from the user are resolved as usual up to the last component, which is not followed if it
-//! is
-//! a link. The default folder `hilrig-out`, which the user never types, is not followed either.
+//! is a link. The default folder `hilrig-out`, which the user never types, is not followed either.
 
 mod dir;
 mod named;

@@ -27,9 +27,8 @@ fn place(path: &Path) -> io::Result<(Dir, OsString)> {
 }
 
 /// Writes the file `path` atomically: after a full disk or a kill, the earlier file or none
-/// remains.
-/// A link of that name is replaced and its target stays unchanged. A pipe or a device is written
-/// directly.
+/// remains. A link of that name is replaced and its target stays unchanged. A pipe or a device is
+/// written directly.
 ///
 /// # Errors
 /// System errors. In that case `path` stays unchanged.

@@ -4,8 +4,7 @@
 //! The report is one self-contained file. Text is part of the page itself, so that a reader can
 //! search and print it without the script; the script draws the rest from JSON. All text from a
 //! scenario or a line is escaped, and a content security policy allows only the report's own
-//! script.
-//! The same case produces the same bytes.
+//! script. The same case produces the same bytes.
 
 mod data;
 mod faults;

@@ -80,8 +80,7 @@ pub(crate) fn pu_08(variant: Variant) -> Observation {
 }
 
 /// 2 bytes plus 9 for each of 57 waypoints make 515. Receivers with the fielded defects, here
-/// PU-01,
-/// accept 511.
+/// PU-01, accept 511.
 pub(crate) fn pu_13(variant: Variant) -> Observation {
     let mut desk = Operator::with_map(variant);
     let mut sent = Ok(Vec::new());

@@ -1,6 +1,5 @@
 //! Figure 8 of the rescue robot's report. The robot is pushed by 40 cm within a second and is back
-//! in
-//! position after six searches; 32 tries of these searches were improvements.
+//! in position after six searches; 32 tries of these searches were improvements.
 
 use core::time::Duration;
 
@@ -96,8 +95,7 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
         plot = plot.line(format!("{name}, worst"), places(|spread| spread.worst));
     }
     // Searches of one robot, try by try, as in the report: the robot with the most typical number
-    // of
-    // improvements.
+    // of improvements.
     let usual = Spread::of(of(0).iter().map(Pushed::improvements)).median;
     let strangeness = |one: &Pushed| (one.improvements() - usual).abs();
     let shown = of(0).iter();

@@ -95,8 +95,7 @@ pub(crate) const FIELDED: Budget = Budget {
 };
 
 /// Time of the first scan after `blackout`, and time until scans take less than 200 ms again; a
-/// scan
-/// begins with a turn of the lidar.
+/// scan begins with a turn of the lidar.
 pub(crate) fn after_blackout(settings: Settings, blackout: Duration) -> [Duration; 2] {
     let turn = Duration::from_millis(200);
     let mut mapper: Box<Mapper> = mapper(settings);
@@ -141,9 +140,8 @@ pub(super) fn sl_04(variant: Variant) -> Observation {
 }
 
 /// The map shows a wall of 204 of 255, 20 mm from its edge, and beside it a wall of 255. The scan
-/// is
-/// the first wall and one point in front of the second. At the correct pose, the mean is about 200.
-/// 40 mm nearer to the edge, all points but one lie outside the map, and that one is on 255.
+/// is the first wall and one point in front of the second. At the correct pose, the mean is about
+/// 200. 40 mm nearer to the edge, all points but one lie outside the map, and that one is on 255.
 pub(super) fn sl_10(variant: Variant) -> Observation {
     let mut settings = settings(variant, "SL-10");
     // The strongest update, so that one scan draws the map; a hole of two cells.

@@ -89,8 +89,8 @@ fn a_file_that_is_no_capture_is_left_alone() {
     fs::remove_dir_all(folder).expect("ours");
 }
 
-/// A process that reserves a name, or is killed before the first byte, leaves an empty file.
-/// The recording overwrites this file and uses no number for it.
+/// A process that reserves a name, or is killed before the first byte, leaves an empty file. The
+/// recording overwrites this file and uses no number for it.
 #[test]
 fn an_empty_file_of_the_same_name_is_written_over() {
     let folder = folder("empty");

@@ -15,8 +15,7 @@ const SCENARIO: &str = include_str!("../../../scenarios/apollo13-wall.toml");
 /// Gain on the integral of the distance error, rad/(m s). The report has no figure.
 const INTEGRAL: f64 = 0.01;
 /// Times at which control begins and at which the car has settled, and the last check before the
-/// end
-/// of the corridor.
+/// end of the corridor.
 const FROM: Duration = Duration::from_secs(1);
 const SETTLED: Duration = Duration::from_secs(9);
 const UNTIL: Duration = Duration::from_secs(34);

@@ -75,8 +75,7 @@ mod tests {
     }
 
     /// Four tiles in a row are passed twice, in a ring once. A star of three arms is passed twice
-    /// along
-    /// each arm.
+    /// along each arm.
     #[test]
     fn a_tour_is_as_short_as_the_maze_allows() {
         let row = [[0, 1], [1, 2], [2, 3]];
