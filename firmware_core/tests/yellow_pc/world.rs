@@ -1,15 +1,15 @@
-//! Walls: blocks of 10 cm, made of a drawing in which walls are thin and rooms are wide.
+//! Walls of 10 cm blocks, from a drawing in which walls are thin and rooms are wide.
 
 /// Edge of a block, metres.
 pub(crate) const BLOCK_M: f64 = 0.1;
 
-/// The cell of 10 cm that a coordinate lies in.
+/// The cell of 10 cm that contains a coordinate.
 #[expect(clippy::cast_possible_truncation, reason = "a few metres")]
 pub(crate) fn cell(along_m: f64) -> i64 {
     (along_m / BLOCK_M).floor() as i64
 }
 
-/// Blocks, and where they lie.
+/// Blocks with their positions.
 #[derive(Clone, Debug)]
 pub(crate) struct World {
     solid: Vec<Vec<bool>>,
@@ -18,8 +18,8 @@ pub(crate) struct World {
 }
 
 impl World {
-    /// Of a drawing with `#` for walls; lines and columns of even index become one block wide,
-    /// those between `room` blocks. The last line is the lowest.
+    /// A world from a drawing with `#` for walls. Lines and columns of even index become one block
+    /// wide, the others `room` blocks. The last line is the lowest.
     pub(crate) fn labyrinth(drawing: &str, room: usize, origin: [f64; 2]) -> Self {
         let times = |index: usize| if index.is_multiple_of(2) { 1 } else { room };
         let lines: Vec<&str> = drawing.lines().filter(|line| !line.is_empty()).collect();
@@ -101,7 +101,7 @@ impl World {
         nearest
     }
 
-    /// Points on all faces of walls that look into a room, metres.
+    /// Points on all wall faces towards a room, metres.
     pub(crate) fn faces(&self) -> Vec<[f64; 2]> {
         let mut points = Vec::new();
         for (y, row) in (0_i64..).zip(&self.solid) {
