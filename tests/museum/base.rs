@@ -1,5 +1,5 @@
-//! The base's firmware. Bytes and times: field-bug catalogue, section a, and the wire behaviour
-//! observed of build b77a6df.
+//! The base's firmware. Bytes and times: field-bug catalogue, section a, and the observed behaviour
+//! of build b77a6df on the wire.
 
 use super::{assert_figure, figure, shown, wing_holds};
 

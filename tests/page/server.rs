@@ -23,7 +23,7 @@ impl Process {
     /// Starts `hilrig` with readable stdout.
     pub(crate) fn start(arguments: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
-        // A page comes back to a server with the same token.
+        // A page reconnects only to a server with the same token.
         command.env("HILRIG_TOKEN", "the-token-of-all-tests");
         command.args(arguments).stdout(Stdio::piped());
         command.stderr(Stdio::null()).stdin(Stdio::null());

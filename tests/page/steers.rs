@@ -1,4 +1,4 @@
-//! Actions of an operator at the page reach the robot, and the saved session repeats them.
+//! An operator's actions on the page reach the robot, and the saved session repeats them.
 
 use fantoccini::actions::KeyAction;
 use hilrig::robots::rescue::pc_program;

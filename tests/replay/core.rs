@@ -1,4 +1,4 @@
-//! A capture fed to the robot's program in virtual time.
+//! Replay of a capture to the robot's program in virtual time.
 
 use core::time::Duration;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! A capture played into real pseudo-terminals, and the command that does it.
+//! Replay of a capture into real pseudo-terminals, and its command.
 
 use std::fs::File;
 use std::io::Write as _;

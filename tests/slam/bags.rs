@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use crate::command::{Session, text};
 use crate::ros::{laser_scan, odometry, room_messages};
 
-/// A message: the topic's number (0: scans, 1: odometry), its time, and its bytes.
+/// A message: the number of its topic (0: scans, 1: odometry), its time, and its bytes.
 type Message = (u16, f64, Vec<u8>);
 
 fn zstd(bytes: &[u8]) -> Vec<u8> {

@@ -1,6 +1,6 @@
 //! Replay of a capture: into the robot's program in virtual time, or into ports.
 //!
-//! In virtual time the robot is wired as for any run, but the bytes to the program come from the
+//! In virtual time the robot is wired as for any run. The bytes to the program come from the
 //! capture, each at its recorded nanosecond. The devices still receive the program's bytes and
 //! judge it; their replies are discarded. An unchanged program therefore sends the same bytes at
 //! the same time, and the devices give the same verdicts.

@@ -134,7 +134,7 @@ pub struct Reproduction {
 }
 
 impl Reproduction {
-    /// Whether the defective variant shows the defect and the sound one does not.
+    /// Whether the defective variant has the defect and the sound one does not.
     pub const fn holds(&self) -> bool {
         self.defective.has_defect && !self.sound.has_defect
     }

@@ -103,7 +103,7 @@ const FLAGS: u16 = 2;
 pub struct Interface {
     /// Name of the link.
     pub name: String,
-    /// Bits per second; zero if the file does not say.
+    /// Bits per second; zero if the file has no rate.
     pub baud: u32,
     pub(super) link_type: u16,
     pub(super) resolution: u8,
@@ -237,7 +237,7 @@ pub struct Record {
     pub direction: Direction,
     /// Its kind.
     pub kind: Kind,
-    /// The bytes as the receiver got them.
+    /// The bytes as received.
     pub bytes: Bytes,
     /// The bytes as sent, if they differ from the received ones or left earlier.
     pub sent: Option<Sent>,

@@ -240,7 +240,7 @@ mod tests {
         assert_eq!(records.collect::<Vec<_>>(), [[1], [2], [3]]);
     }
 
-    /// 4096 deliveries, or 128 KiB of them.
+    /// A batch is full with 4096 deliveries or 128 KiB.
     #[test]
     fn a_batch_is_full_of_deliveries_or_of_bytes() {
         let full_after = |bytes: &[u8], most: usize| {

@@ -7,10 +7,10 @@ use engine::picture::Picture;
 use engine::robots::Display;
 use engine::run::score::{is_wall, outline};
 
-/// Gray of an unknown cell in a ROS map, as its own savers write it.
+/// Gray of an unknown cell in a ROS map, as map_server writes it.
 const ROS_UNKNOWN: u8 = 205;
 
-/// Cells that differ less than this from unknown count as unknown.
+/// Minimum difference of a known cell from the value for unknown.
 const UNKNOWN_BAND: u8 = 12;
 
 /// Size from which a map is drawn without magnification.
@@ -102,7 +102,7 @@ pub fn ros_image(grid: MapView<'_>) -> Picture<u8> {
     })
 }
 
-/// Corner of least x and y, metres.
+/// Corner with minimum x and y, metres.
 fn origin_m(map: MapView<'_>) -> [f64; 2] {
     map.origin_mm().map(|mm| f64::from(mm) / 1000.0)
 }

@@ -173,8 +173,8 @@ pub(crate) fn is_wall<const W: usize, const H: usize>(
     here >= 190 && (ridge(1, 0) || ridge(0, 1))
 }
 
-/// Share of the map's wall cells within a cell and a half of a true wall, and share of the points
-/// on visible true walls within this distance of a wall cell.
+/// Two shares: wall cells of the map within a cell and a half of a true wall; points on visible
+/// true walls within this distance of a wall cell.
 pub(crate) fn overlap<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
     walls: &[Wall],

@@ -7,7 +7,7 @@ use protocols::pcui::message::Mode;
 
 use crate::bench::{Bench, SECOND, boxed, flat};
 
-/// Visits both rooms through the door and returns.
+/// A tour through both rooms and the door, and back.
 const TOUR: [[i16; 2]; 7] = [
     [1000, 1550],
     [1900, 1550],

@@ -198,8 +198,8 @@ fn a_hanging_main_loop_does_not_drive_on() {
 }
 
 /// A search of the whole map takes some two seconds, and the robot rolls on during the first of
-/// them, longer than the odometry keeps readings. A campaign found this defect: a robot that was
-/// lost once drove on a little after each search, and was lost again because of it.
+/// them. This is longer than the odometry keeps readings. A campaign found this defect: a robot
+/// that was lost once drove on a little after each search, and was lost again because of it.
 #[test]
 fn the_way_rolled_during_a_long_search_is_not_forgotten() {
     let mut bench = driving(9);

@@ -75,7 +75,7 @@ impl Motor {
         } else {
             volts - self.friction_volts * volts.signum()
         };
-        // First order, 60 ms, a millisecond at a time.
+        // First-order response with a time constant of 60 ms, a millisecond at a time.
         self.rpm += (driven * self.rpm_per_volt - self.rpm) * (1.0 - libm::exp(-1.0 / 60.0));
         if !self.is_uncounted {
             self.counts += self.rpm / 60.0 * 0.001 * 1_200.0;
@@ -194,7 +194,7 @@ impl Bench {
         Inspect::mode(&self.robot)
     }
 
-    /// Speed of the body ahead and to the left, m/s and rad/s.
+    /// Forward speed of the body, m/s, and its turn rate to the left, rad/s.
     pub(crate) fn speed(&self) -> [f64; 2] {
         let (left, right) = (self.motors[0].speed_m_s(), -self.motors[1].speed_m_s());
         [(left + right) / 2.0, (right - left) / 0.18]

@@ -188,8 +188,8 @@ fn ye6_the_fielded_formula_touches_a_wall_in_the_corner() {
     assert!(!through || bench.clearance_m <= BODY_M, "{:?}", bench.body);
 }
 
-/// B4, worked out by hand: v_p = 0.5, d = (0.2, 0.15, 0.25), d_max = 0.3: v = 0.3 + 4 * 2/3 * 2/3 =
-/// 2.08 m/s, turn = 0.1 + 40 / 3 = 13.4 rad/s, which equals the figures of the evaluation.
+/// B4, worked out by hand: v_p = 0.5, d = (0.2, 0.15, 0.25), d_max = 0.3. The speed is v = 0.3 + 4
+/// * 2/3 * 2/3 = 2.08 m/s, the turn 0.1 + 40 / 3 = 13.4 rad/s; the evaluation has the same figures.
 #[test]
 fn the_fielded_formula_is_always_at_its_ends() {
     // Sensors on a ring of 9 cm: walls at 0.29 m ahead, at 0.24 m and 0.34 m along 60 degrees.

@@ -30,8 +30,8 @@ fn the_base_message_is_short() {
         (Some(State::Off), &None, &None)
     );
     let infrared = told.infrared.as_ref().expect("distances");
-    // Walls 0.5 m ahead, sensors on a ring of 9 cm: 0.41 m ahead, 0.487 m at 60 degrees; noise of
-    // 15 mV is 17 mm there.
+    // Walls 0.5 m ahead, sensors on a ring of 9 cm: distances of 0.41 m ahead and 0.487 m at 60
+    // degrees. There, noise of 15 mV is 17 mm.
     for (read, truth) in infrared.distances_m.iter().zip([0.41, 0.487, 0.487]) {
         assert!((read - truth).abs() < 0.06, "{read} {truth}");
     }

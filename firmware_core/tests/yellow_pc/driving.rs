@@ -19,7 +19,7 @@ fn world() -> World {
     World::labyrinth(LABYRINTH, CORRIDOR, [0.0, 0.0])
 }
 
-/// Starts and goals in the middle of corridors, so that there is room for the robot.
+/// Starts and goals in the middle of corridors, with enough space for the robot.
 fn pairs(world: &World) -> Vec<(At, At)> {
     let all = places(world, 400, 12).into_iter();
     let wide: Vec<At> = all
@@ -155,8 +155,8 @@ fn ye12_a_robot_whose_odometry_drifts_is_told_where_it_is() {
     );
 }
 
-/// A robot that stops on its path, after 6 cm and 6 degrees that its wheels did not count,
-/// localises itself before the next drive command. With the old pose, it would miss the goal.
+/// A robot stops on its path after 6 cm and 6 degrees that its wheels did not count. It localises
+/// itself before the next drive command. With the old pose, it would miss the goal.
 #[test]
 fn a_robot_that_stops_on_its_way_looks_around_before_it_goes_on() {
     let mut bench = mapped(21, PcConfig::default());

@@ -55,7 +55,7 @@ impl World {
         [middle(column, self.origin[0]), middle(row, self.origin[1])]
     }
 
-    /// Metres to the first wall in this direction.
+    /// Distance to the first wall in this direction, metres.
     pub(crate) fn ray(&self, from: [f64; 2], angle: f64) -> f64 {
         let (sin, cos) = libm::sincos(angle);
         let direction = [cos, sin];
@@ -82,7 +82,7 @@ impl World {
         f64::MAX
     }
 
-    /// Metres to the nearest wall, at most 0.3.
+    /// Distance to the nearest wall, metres, at most 0.3.
     pub(crate) fn clearance(&self, [px, py]: [f64; 2]) -> f64 {
         let (x, y) = self.block_of([px, py]);
         let mut nearest = 0.3_f64;

@@ -1,5 +1,5 @@
-//! Damage of a whole stream: a host's terminal in text mode, a wrong rate, a line of seven bits, an
-//! echo, doubled or swapped bytes, a checksum in the other byte order.
+//! Damage of a whole stream. Causes: a host's terminal in text mode, a wrong rate, a line of seven
+//! bits. Further causes: an echo, doubled or swapped bytes, a checksum in the other byte order.
 //!
 //! A diagnosis needs proof in the bytes. A stream of nearly only valid frames gets no diagnosis,
 //! whatever it contains; only an echo consists of valid frames.

@@ -10,13 +10,13 @@
 //! 0000010                                          the end
 //! ```
 //!
-//! What the cells mean is not guessed from one row: of all layouts that these tools have, the first
-//! is taken in which every offset follows from the bytes before it, and the text beside the bytes,
-//! if there is any, says the same.
+//! The format of the cells is not derived from one row. The reader uses the first known layout that
+//! satisfies two conditions. Every offset follows from the bytes before it, and the text column, if
+//! present, shows the same bytes.
 //!
-//! Lines of other words are heads: each begins a message, whose time and direction they may tell.
-//! Rows that are indented among others that are not are the other direction, as Wireshark shows a
-//! conversation. Rulers of columns say nothing; a prompt at an end of the file is left out.
+//! Lines of words are heads: each begins a message and may contain its time and direction. Indented
+//! rows among unindented ones are the other direction, as Wireshark shows a conversation. Rulers of
+//! columns and a shell prompt at an end of the file are ignored.
 
 mod layout;
 mod lines;

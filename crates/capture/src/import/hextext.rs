@@ -1,4 +1,4 @@
-//! Hex text as people paste it.
+//! Hex text in the forms in which people paste it.
 //!
 //! ```text
 //! AB 24 0A 00 D9                      pairs; also AB240A00D9, AB:24:0A, AB,24,0A
@@ -8,8 +8,8 @@
 //! AB 24 0A   // set the motors        a comment
 //! ```
 //!
-//! A line that begins with a time or a direction begins a message; lines without either continue
-//! with it. In a file that has neither, each line is a message, unless the lines are only wrapped.
+//! A line with a time or a direction begins a message; lines without either continue it. In a file
+//! without times and directions, each line is a message, unless the lines are only wrapped.
 
 mod base;
 mod literal;

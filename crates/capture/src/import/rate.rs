@@ -165,8 +165,8 @@ fn edges(levels: &Levels, line: LineConfig) -> Vec<Vec<f64>> {
     own.collect()
 }
 
-/// Quality of the fit of a line. A line fits only if nearly all edges lie on whole bits, single
-/// bits occur beside longer pulses, and nearly all characters have correct stop bits and parity.
+/// Quality of the fit of a line. A line fits only if nearly all edges lie on whole bits, and single
+/// bits occur beside longer pulses. Nearly all characters must have correct stop bits and parity.
 fn fit(levels: &Levels, line: LineConfig, edges_min: usize) -> Option<Fit> {
     let bit = 1e9 / f64::from(line.baud.max(1));
     let (mut all, mut near, mut squares) = (0_usize, 0_usize, 0.0);

@@ -1,5 +1,5 @@
-//! Levels of a logic analyzer as CSV: sigrok, DSView, Saleae's digital export; and voltages, as
-//! Saleae's analog export and oscilloscopes have them, by a threshold.
+//! Levels of a logic analyzer as CSV: sigrok, DSView, Saleae's digital export. Voltages of Saleae's
+//! analog export and of oscilloscopes are converted with a threshold.
 //!
 //! ```text
 //! ; Channels (2/2): RX, TX            sigrok-cli -O csv: a row a sample

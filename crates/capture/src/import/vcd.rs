@@ -133,7 +133,7 @@ fn changes<'a>(
                     wire.set(now, first);
                 }
             }
-            // The value of a signal of several bits, and its name.
+            // The value of a multi-bit signal, and its name.
             "b" | "B" | "r" | "R" | "s" => drop(words.next()),
             "$" if word == "$comment" => drop(declared(&mut words)),
             "$" => {}

@@ -183,7 +183,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
         })
     }
 
-    /// Sets the wheels' speeds, in ticks per 40 ms.
+    /// Sets the speeds of the wheels, in ticks per 40 ms.
     pub(super) fn drive(&mut self, ticks: [f64; 2]) {
         let body = self.world.body().clone();
         let dead = f64::from(body.dead_zone_drive);

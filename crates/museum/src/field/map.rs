@@ -66,9 +66,8 @@ pub(super) fn f_02(variant: Variant) -> Observation {
     seen.judged(drawn == 0)
 }
 
-/// A drive at 0.3 m/s past a wall at 45 degrees on the right, in the direction in which a turn of
-/// the lidar begins and ends. The figure is the spread of the wall's points in the scans, across
-/// the wall.
+/// A drive at 0.3 m/s past a wall at 45 degrees on the right; a turn of the lidar begins and ends
+/// in this direction. The figure is the spread of the wall's points in the scans, across the wall.
 pub(super) fn f_07(variant: Variant) -> Observation {
     let body = BodyConfig {
         full_speed_m_s: 0.3,

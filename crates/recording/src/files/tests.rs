@@ -1,6 +1,6 @@
 use super::*;
 
-/// A recording's first bytes; each file begins with them.
+/// First bytes of a recording; each file begins with them.
 fn head() -> Vec<u8> {
     [&SECTION.to_le_bytes()[..], b"head"].concat()
 }

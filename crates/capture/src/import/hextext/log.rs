@@ -1,7 +1,7 @@
 //! Logs of programs that show bytes among words.
 //!
 //! ```text
-//! [01][03][00][00][00][02][C4][0B]                      libmodbus; what came is in < >
+//! [01][03][00][00][00][02][C4][0B]                      libmodbus; received bytes are in < >
 //! Tx:000123-01 03 00 00 00 0A C5 CD                     Modbus Poll
 //! [12:11:23][D][uart_debug:114]: >>> 55:AA:03:07        ESPHome
 //! send: 0x1 0x3 0x0 0x0 0x0 0x2 0xc4 0xb                pymodbus
@@ -11,8 +11,9 @@
 //! I (357) uart: ab 24 0a 00 d9                          ESP-IDF
 //! ```
 //!
-//! The bytes of a line are its longest run of hex numbers, at best at its end. A line without such
-//! a run is a comment, and is said to be left out. Each message needs a direction or a time.
+//! The bytes of a line are its longest run of hex numbers, preferably at its end. A line without
+//! such a run is a comment; a note counts the omitted lines. Each message needs a direction or a
+//! time.
 
 use super::prefix::{self, Clock, Prefix};
 use super::{Message, Whole, emit};
