@@ -145,7 +145,7 @@ impl Recorded {
         self.origin()..self.end
     }
 
-    /// Begin of the program's session: the opening of its first port, if the capture contains it.
+    /// Start of the program's session: the opening of its first port, if the capture contains it.
     /// If not, the first event, or a short time before it if the capture's clock begins with the
     /// session. Earlier idle time is left out.
     pub fn origin(&self) -> Instant {

@@ -126,7 +126,7 @@ fn pieces(records: &[Record], index: usize, link: &Interface) -> Vec<Piece> {
             if bytes.is_empty() {
                 continue;
             }
-            // At an unknown rate, the begin of a message equals its end.
+            // At an unknown rate, the start of a message equals its end.
             let begins = match link.baud {
                 0 => at,
                 _ => rate.byte_end(at, bytes.len() as u64),

@@ -427,7 +427,7 @@ impl Lane {
             let end = usize::try_from(end.saturating_sub(self.told)).unwrap_or(usize::MAX);
             let end = end.min(len);
             if let Some((before, was)) = last {
-                // At an unknown rate, the begin of a chunk equals its end.
+                // At an unknown rate, the start of a chunk equals its end.
                 let begins = match self.rate.baud {
                     1 => at,
                     _ => self.rate.byte_end(at, (end - before) as u64),

@@ -99,7 +99,7 @@ fn chunks(numbers: &mut Numbers<'_>) -> Result<Levels, ImportError> {
     Ok(levels)
 }
 
-/// Reads one block of changes and returns its begin.
+/// Reads one block of changes and returns its start.
 fn chunk(
     numbers: &mut Numbers<'_>,
     has_rate: bool,

@@ -4,7 +4,7 @@
 //! {"traceEvents": [{"ph": "B", "ts": 509.0, "pid": "uart-1", "tid": "RX", "name": "AB"}, ..
 //! ```
 //!
-//! Times are in microseconds. The two events of a byte mark the begin and the end of its data bits.
+//! Times are in microseconds. The two events of a byte mark the start and the end of its data bits.
 
 use serde::Deserialize;
 

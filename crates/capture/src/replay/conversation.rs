@@ -88,7 +88,7 @@ pub struct Conversation {
     /// Number of due messages of the stream, and the origin of their times.
     streaming: usize,
     stream_from: Instant,
-    /// The stream after a request: its exchange, the number of remaining messages, and the begin of
+    /// The stream after a request: its exchange, the number of remaining messages, and the start of
     /// its present repetition.
     flow: Option<(usize, usize, Instant)>,
     numbered: u64,

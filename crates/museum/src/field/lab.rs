@@ -34,7 +34,7 @@ pub(super) enum Sense {
 
 /// Beams by which the read position of an unsynchronised mapper shifts each turn.
 const DRIFT_BEAMS: usize = 4;
-/// Speed of a wheel at one tick per 40 ms, and the maximum speed of the path.
+/// Speed of a wheel at one tick per 40 ms, and the maximum driving speed, ticks per 40 ms.
 const TICK_M_S: f64 = 0.000_453_79 / 0.040;
 const CRUISE_TICKS: f64 = 20.0;
 const TURN: Duration = Duration::from_millis(200);
