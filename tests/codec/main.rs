@@ -1,6 +1,7 @@
-//! A format that the tool has never seen, registered from outside as a user's own crate would.
+//! A format that is unknown to the tool, registered from outside as a user's own crate would do.
 //!
-//! In a process of its own: the table is the process's, and other tests go over all of it.
+//! The test needs its own process: the codec table belongs to the process, and other tests iterate
+//! over all of it.
 
 use std::sync::Once;
 
@@ -14,7 +15,7 @@ use hilrig::search::fuzz::{Behaviour, Subject as _, Wires};
 use hilrig::search::shrink::{self, Effort, Repair};
 use protocols::{Candidate, Decoder, Format, FrameError, Instant};
 
-/// `C3`, a length of at most 16, as many bytes, a hash of them, high byte first.
+/// `C3`, a length of at most 16, as many bytes, and their hash, high byte first.
 #[derive(Clone, Copy, Default)]
 struct Gripper;
 
@@ -100,7 +101,7 @@ impl Wire for Gripper {
     }
 }
 
-/// Frames whose checksum holds the other way round, and as it stands.
+/// Number of frames whose checksum is correct in the other byte order, and in the expected one.
 fn other_order(bytes: &[u8]) -> [u64; 2] {
     let mut counts = [0; 2];
     for at in 0..bytes.len() {
@@ -170,7 +171,7 @@ fn it_comes_behind_what_is_built_in_and_only_once() {
     assert_eq!(error, "there is something called \"gripper\" already");
 }
 
-/// The format of the line is not given: the bytes show it.
+/// The format of the line is not given: the decoder recognises it by the bytes.
 #[test]
 fn decode_guesses_it_and_tells_it_in_its_words() {
     let row = gripper();
@@ -202,8 +203,8 @@ fn diagnose_names_its_swapped_checksum() {
     }
 }
 
-/// What matters is a valid frame whose second byte is 37: all else goes, the checksum is made
-/// again.
+/// Only a valid frame whose second byte is 37 matters: shrinking removes all other bytes and
+/// recomputes the checksum.
 #[test]
 fn shrink_cuts_it_out_and_repairs_its_checksum() {
     let row = gripper();

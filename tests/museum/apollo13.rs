@@ -1,4 +1,4 @@
-//! The model car: figures by hand or of the catalogue.
+//! The model car: figures worked out by hand or from the catalogue.
 
 use hilrig::museum::{self, Live};
 
@@ -22,13 +22,13 @@ fn a_carriage_return_makes_10_cm_of_13() {
     assert_figure("AF-10", "40 cm ahead after ten frames, m", "none", "0.40");
 }
 
-/// The battery's low byte 1C and the next frame's first, 00: 28 mV.
+/// The battery's low byte 1C and the first byte of the next frame, 00: 28 mV.
 #[test]
 fn a_lost_byte_makes_a_battery_of_28_millivolts() {
     assert_figure("AF-09", "battery, mV", "28", "7200");
 }
 
-/// 3.7 s less the loop are 368 to 372 lines.
+/// 3.7 s minus the loop are 368 to 372 lines.
 #[test]
 fn no_line_of_a_curve_is_believed() {
     let curve = shown("AF-03");
@@ -43,15 +43,15 @@ fn no_line_of_a_curve_is_believed() {
     );
 }
 
-/// 2 bytes each of 1000 ms, or each of 50 times 20 ms; 2000 of 11520 are 17 per cent.
+/// 2 bytes per millisecond for 1000 ms, or 50 times per 20 ms; 2000 of 11520 are 17 per cent.
 #[test]
 fn commands_each_millisecond_take_a_sixth_of_the_line() {
     assert_figure("AF-04", "bytes in a second", "2000", "100");
     assert_figure("AF-04", "of the line, per cent", "17", "0");
 }
 
-/// 25 of 2000 are 0.205 of the sensor's 0.061: 0.36 rad/s and its bias of 0.5 degrees a second come
-/// to 0.076. 5 s of 5.1 degrees are 26.
+/// 25 of 2000 are 0.205 of the sensor's 0.061: 0.36 rad/s with a bias of 0.5 degrees a second gives
+/// 0.076. 5 s of 5.1 degrees are 26.
 #[test]
 fn rates_and_turns_are_those_of_the_catalogue() {
     assert_figure("AF-12", "0.36 rad/s are told as", "0.08", "0.36");
@@ -62,7 +62,7 @@ fn rates_and_turns_are_those_of_the_catalogue() {
     assert!((22.0..=26.0).contains(&degrees), "{degrees}");
 }
 
-/// Of 1343 edges in 1000 looks 657 count and 343 pairs cancel; see the encoder's own test.
+/// Of 1343 edges in 1000 polls, 657 count and 343 pairs cancel; see the encoder's own test.
 #[test]
 fn a_polled_encoder_loses_half_and_then_runs_backwards() {
     assert_figure("AF-11", "counted at 0.22 m/s", "1.00", "1.00");
@@ -71,16 +71,15 @@ fn a_polled_encoder_loses_half_and_then_runs_backwards() {
     assert!(figure(&shown.defective, "counted at 0.90 m/s").starts_with("-0.2"));
 }
 
-/// Value 1 is 5.2 degrees, value 0 is 6.0. Half a radian round the circle of 15 degrees lies
-/// 0.2416 m to the left and 0.4300 m ahead: by the report's sign atan(0.1247 / 0.0214) is 80.3
-/// degrees.
+/// Value 1 is 5.2 degrees, value 0 is 6.0. Half a radian along the circle of 15 degrees ends 0.2416
+/// m to the left and 0.4300 m ahead. With the report's sign, atan(0.1247 / 0.0214) is 80.3 degrees.
 #[test]
 fn laws_of_the_report_lead_elsewhere() {
     assert_figure("AF-17", "5.9 degrees become", "5.2", "6.0");
     assert_figure("AF-18", "steering to where 15 degrees lead", "80.3", "15.0");
 }
 
-/// The goal is the gate's middle with the car's own heading, 0, wherever the gate looks to.
+/// The goal is the gate's middle with the car's own heading, 0, whatever the gate's direction.
 #[test]
 fn the_fielded_gates_are_anywhere() {
     assert_figure(
@@ -90,6 +89,6 @@ fn the_fielded_gates_are_anywhere() {
         "none",
     );
     assert_figure("AF-20", "heading in a gate of 45 degrees", "0", "45");
-    // 0.3 m of one sighting in thirty.
+    // 0.3 m from one of thirty sightings.
     assert_figure("AF-21", "off the gate's middle, m", "0.30", "0.01");
 }

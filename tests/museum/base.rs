@@ -1,5 +1,5 @@
-//! The base's firmware. Bytes and times: field-bug catalogue, section a, and the wire behaviour
-//! observed of build b77a6df.
+//! The base's firmware. Bytes and times: field-bug catalogue, section a, and the observed behaviour
+//! of build b77a6df on the wire.
 
 use super::{assert_figure, figure, shown, wing_holds};
 
@@ -8,7 +8,7 @@ fn every_defect_of_the_base_shows_and_only_in_the_fielded_builds() {
     wing_holds(&["AV-", "H-AV-"]);
 }
 
-/// Both sides heard the same bytes: the sound base shares the fielded byte order.
+/// Both variants receive the same bytes: the sound base has the fielded byte order.
 #[test]
 fn the_write_that_never_stops_is_the_catalogues() {
     let av_02 = shown("AV-02");
@@ -38,7 +38,7 @@ fn a_write_behind_the_map_is_applied_and_looks_refused() {
     assert_eq!(told, "refused");
 }
 
-/// 12000 mV are 2EE0, of which 2E = 46 is left.
+/// 12000 mV are 2EE0, of which 2E = 46 remains.
 #[test]
 fn twelve_volts_read_as_46_millivolts() {
     assert_figure(
@@ -64,7 +64,7 @@ fn the_build_of_2014_goes_full_ahead_for_minus_twenty() {
     );
 }
 
-/// P4: a write to address 59 lands in the header of its own acknowledgement.
+/// P4: a write to address 59 changes the header of its own acknowledgement.
 #[test]
 fn a_write_lands_in_the_header_of_its_own_acknowledgement() {
     assert_figure(

@@ -7,7 +7,7 @@ fn every_defect_of_the_master_shows_and_only_with_its_switch() {
     wing_holds(&["MA-"]);
 }
 
-/// 126 bytes and the checksum's first are 127; ten of them fit.
+/// 126 bytes and the first byte of the checksum are 127; ten of them fit.
 #[test]
 fn a_damaged_count_runs_117_bytes_over_the_buffer() {
     assert_figure("MA-02", "writes beside the buffer", "117", "0");
@@ -28,7 +28,7 @@ fn a_short_reply_mixes_new_bytes_with_old_ones() {
     assert!(sent.ends_with("AB 24 82 09 09 01 63"), "{sent}");
 }
 
-/// E0 2E 5A are the battery's, 01 is left of the encoder.
+/// E0 2E 5A are the battery's bytes; 01 remains of the encoder.
 #[test]
 fn an_acknowledgement_as_data_is_whatever_lay_there() {
     assert_figure(

@@ -35,7 +35,7 @@ fn negative_figures_are_shown_without_their_sign() {
     assert_figure("UI-04", "waypoint as shown", "65516, 5", "-20, 5");
 }
 
-/// The list that PU-07 is about comes about by UI-05.
+/// UI-05 produces the list that PU-07 uses.
 #[test]
 fn the_wrong_waypoint_is_deleted_and_the_deadly_list_is_sent() {
     assert_figure("UI-05", "numbers in the list", "0, 1, 0", "0, 1, 2");
@@ -69,7 +69,8 @@ fn a_deleted_waypoint_ends_the_robots_program() {
     assert_figure("PU-08", "the program", "has ended", "runs");
 }
 
-/// 2 + 9 * 57 are 515, beyond the fielded 511; the frame is 17 longer. Ours take 100.
+/// 2 + 9 * 57 are 515, beyond the fielded 511; the frame is 17 longer. Our PC program accepts 100
+/// waypoints.
 #[test]
 fn the_57th_waypoint_is_on_the_screen_only() {
     let pu_13 = shown("PU-13");

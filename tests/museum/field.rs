@@ -1,4 +1,4 @@
-//! What the seed report tells of in prose. Figures: field-bug catalogue, section g.
+//! Incidents that the seed report describes in prose. Figures: field-bug catalogue, section g.
 
 use super::{assert_figure, figure, shown, wing_holds};
 
@@ -17,7 +17,7 @@ fn what_the_report_tells_of_the_robot_shows() {
     wing_holds(&["F-05", "F-09", "F-10", "F-12"]);
 }
 
-/// 60 mm of way during a turn are 42 mm across a wall at 45 degrees: five cells; asked for are at
+/// A movement of 60 mm during a turn is 42 mm across a wall at 45 degrees: five cells. Required: at
 /// least three, and at most two with compensation.
 #[test]
 fn walls_are_thick_without_compensation() {
@@ -25,14 +25,14 @@ fn walls_are_thick_without_compensation() {
     assert!(raw >= 3.0 && sound <= 2.0, "{raw} {sound}");
 }
 
-/// Asked for: 99.9 per cent with a lock.
+/// Required: 99.9 per cent with a lock.
 #[test]
 fn rows_arrive_unless_poses_are_written_into_them() {
     let [torn, sound] = numbers("F-05", "rows that arrive whole, per cent");
     assert!(torn < 99.9 && sound >= 99.9, "{torn} {sound}");
 }
 
-/// Asked for: within 50 mm after six searches.
+/// Required: within 50 mm after six searches.
 #[test]
 fn a_pushed_robot_is_found_by_its_search() {
     let [wheels, search] = numbers("F-08", "error six searches after a push, mm");
@@ -42,8 +42,8 @@ fn a_pushed_robot_is_found_by_its_search() {
     );
 }
 
-/// The report blames the number of tries; yet what this search finds with more of them is the best
-/// place by its own score, and no better pose. The other mapper's error is half as large.
+/// The report blames the number of tries. With more tries, this search finds the best pose by its
+/// own score, but not a better pose. The error of the other mapper is half as large.
 #[test]
 fn the_reports_search_is_poor_among_furniture_with_any_tries() {
     for name in [
@@ -63,7 +63,7 @@ fn a_blackout_makes_the_next_scan_last_a_second() {
     assert_figure("F-09", name, "1060", "314");
 }
 
-/// Asked for: two seconds.
+/// Required: two seconds.
 #[test]
 fn a_client_that_opens_its_port_once_stays_alone() {
     let f_12 = shown("F-12");
@@ -73,7 +73,7 @@ fn a_client_that_opens_its_port_once_stays_alone() {
     assert!(after <= 2000, "{after}");
 }
 
-/// A figure of both variants.
+/// A figure of both variants, as numbers.
 fn numbers(id: &str, name: &str) -> [f64; 2] {
     let reproduction = shown(id);
     [&reproduction.defective, &reproduction.sound]

@@ -1,5 +1,5 @@
-//! The museum: every exhibit shows its defect with the switch on, and not with it off; the figures
-//! are those of the field-bug catalogue.
+//! The museum: every exhibit shows its defect with the switch on, and does not with it off. The
+//! figures are those of the field-bug catalogue.
 
 mod apollo13;
 mod base;
@@ -36,7 +36,7 @@ fn assert_figure(id: &str, name: &str, defective: &str, sound: &str) {
     assert_eq!(found, [defective, sound], "{id}: {name}");
 }
 
-/// What holds for all of them is one test a wing, so that they run side by side.
+/// Assertions about all exhibits, as one test per wing, so that the wings run in parallel.
 fn wing_holds(prefixes: &[&str]) {
     let of_wing = |id: &str| prefixes.iter().any(|prefix| id.starts_with(prefix));
     let mut shown = 0;
@@ -54,14 +54,14 @@ fn wing_holds(prefixes: &[&str]) {
     assert!(shown > 0, "{prefixes:?}");
 }
 
-/// Rows of the catalogue of the rescue robot: sections a to f, and F-01 to F-13; and of yellow, by
-/// the switches of its two programs, with two more that come of YL-01 and one of YP-09. Those of
-/// apollo13 are told in their own test.
+/// Number of catalogue rows: the rescue robot's sections a to f, and F-01 to F-13. For yellow, the
+/// switches of its two programs, two more rows from YL-01 and one from YP-09. The rows of apollo13
+/// are counted in their own test.
 const ROWS: usize = 112 + 25 + 11 + 3;
 
 /// 99 rows of the sections a to f: 25 of the base, 10 of the bus, 12 of the lidar, 15 of the
-/// mapper, 22 of the PC link, 5 of navigation, 10 of the PC program; and 13 failures told in prose.
-/// At least 85 per cent are live; each of the others has its reason.
+/// mapper, 22 of the PC link, 5 of navigation, 10 of the PC program; and 13 failures described in
+/// prose. At least 85 per cent are live; each of the others has its reason.
 #[test]
 fn all_rows_are_there_and_nearly_all_are_live() {
     let wings = [
@@ -89,7 +89,7 @@ fn no_number_is_given_twice() {
     assert_eq!(ids.len(), before);
 }
 
-/// Every switch of the programs is shown by an exhibit of its number.
+/// Every switch of the programs has an exhibit with its number.
 #[test]
 fn every_switch_of_the_programs_has_its_exhibit() {
     use firmware_core::robots::{rescue, yellow};

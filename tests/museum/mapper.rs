@@ -13,8 +13,8 @@ fn seventeen_overruns_make_65486_tries() {
     assert_figure("SL-03", "time of the next scan, s", "9.8", "0.0");
 }
 
-/// By the report's price of a try: 1.06 and 4.66 s after 60 and 300 s; in time again after 71 s and
-/// 21 minutes (1260 s; within half a minute, as it is told).
+/// With the report's time per try: 1.06 and 4.66 s after 60 and 300 s. Scans are in time again
+/// after 71 s and 21 minutes (1260 s; within half a minute, the precision of the report).
 #[test]
 fn a_blackout_costs_what_the_catalogue_says() {
     let sl_04 = shown("SL-04");
@@ -49,7 +49,7 @@ fn the_odometrys_errors_are_the_catalogues() {
     assert_figure("SL-09", "x after 100 and 50 ticks, mm", "-2.97", "+1.48");
 }
 
-/// One cell of 255 is 255 * 1024; kept in 16 bits, that is -1024.
+/// One cell of 255 is 255 * 1024; in 16 bits, that is -1024.
 #[test]
 fn one_point_at_the_edge_wins_and_the_score_wraps() {
     let sl_10 = shown("SL-10");

@@ -1,4 +1,4 @@
-//! Yellow's programs. Bytes and figures: what is known of the robot's public code, part B.
+//! Yellow's programs. Bytes and figures: knowledge of the robot's public code, part B.
 
 use super::{assert_figure, figure, shown, wing_holds};
 
@@ -32,7 +32,8 @@ fn every_defect_of_yellows_pc_shows_and_only_with_its_switch() {
     wing_holds(&["YP-"]);
 }
 
-/// 0.25 is 3E800000, 1.0 is 3F800000; the sound program sees the checksum and stands.
+/// 0.25 is 3E800000, 1.0 is 3F800000; the sound program detects the wrong checksum and stands
+/// still.
 #[test]
 fn a_flipped_bit_is_one_metre_a_second() {
     let name = "speed after 0.25 with a flipped bit, m/s";
@@ -41,7 +42,7 @@ fn a_flipped_bit_is_one_metre_a_second() {
     assert_figure("YP-05", name, "1000", "250");
 }
 
-/// 360 points of the link are 3525 bytes of 3200; 180 of them fit.
+/// 360 points on the link are 3525 bytes for a buffer of 3200; 180 of them fit.
 #[test]
 fn an_answer_that_is_too_long_is_the_message_before() {
     let name = "the answer is younger than the message before by, ms";
@@ -49,7 +50,7 @@ fn an_answer_that_is_too_long_is_the_message_before() {
     assert_figure("YF-04", "points of the scan", "0", "180");
 }
 
-/// Two groups a millisecond; of those that begin elsewhere up to half look like nodes by chance.
+/// Two groups a millisecond; up to half of the groups at a wrong offset look like nodes by chance.
 #[test]
 fn hardly_a_group_is_a_node_once_a_byte_is_lost() {
     for id in ["YL-01", "YL-01b", "YL-01c", "YL-02"] {
@@ -60,7 +61,7 @@ fn hardly_a_group_is_a_node_once_a_byte_is_lost() {
     }
 }
 
-/// The mean of what is left of 970, 970, 1000, 1030 and 1030 mm without the ends is 1000.
+/// The mean of 970, 970, 1000, 1030 and 1030 mm without the extremes is 1000.
 #[test]
 fn five_copies_jump_where_five_turns_stand() {
     let yl_05 = shown("YL-05");
@@ -73,7 +74,7 @@ fn five_copies_jump_where_five_turns_stand() {
     assert_ne!(seen[0], seen[1]);
 }
 
-/// Half a turn more than the short way's 0.28 rad: 0.28 - 2 pi = -6.0.
+/// The long direction instead of the short 0.28 rad: 0.28 - 2 pi = -6.0.
 #[test]
 fn the_long_way_is_six_radians() {
     assert_figure(
@@ -84,7 +85,7 @@ fn the_long_way_is_six_radians() {
     );
 }
 
-/// 5 counts of 0.19635 mm; the fielded program takes the left wheel's 0 of before.
+/// 5 counts of 0.19635 mm; the fielded program uses the left wheel's previous value 0.
 #[test]
 fn a_wrap_costs_a_wheel_its_way() {
     assert_figure(
@@ -95,7 +96,7 @@ fn a_wrap_costs_a_wheel_its_way() {
     );
 }
 
-/// A chord of 180 mm, laid aside by half of 9 counts' 9.8 mrad.
+/// A chord of 180 mm, shifted by half of the 9.8 mrad of 9 counts.
 #[test]
 fn half_a_turn_on_one_wheel_is_off_by_a_millimetre() {
     assert_figure(
@@ -106,8 +107,8 @@ fn half_a_turn_on_one_wheel_is_off_by_a_millimetre() {
     );
 }
 
-/// By hand: of 9 V for 12, n = 3/4 (K (n* - n) + n*/40) 40. The right motor runs backwards, where
-/// K = 0.1: n = 3.75/4 n*, which is 6.25 % short.
+/// Worked out by hand: with 9 V instead of 12, n = 3/4 (K (n* - n) + n*/40) 40. The right motor
+/// runs backwards, where K = 0.1: n = 3.75/4 n*, which is 6.25 % short.
 #[test]
 fn a_weak_battery_costs_some_per_cent_without_an_integral_part() {
     let ym_03 = shown("YM-03");
@@ -134,7 +135,7 @@ fn an_octagon_has_less_than_eight_walls() {
     assert_eq!(figure(&shown("YN-05").sound, "lines of one wall"), "1");
 }
 
-/// Telemetry each 200 ms takes one order with it.
+/// Telemetry each 200 ms carries one order.
 #[test]
 fn orders_of_one_moment_go_out_with_the_frames() {
     let name = "three orders of one moment arrive after, ms";
@@ -142,7 +143,8 @@ fn orders_of_one_moment_go_out_with_the_frames() {
     assert_figure("YP-03", "speeds that the robot was told", "0", "1");
 }
 
-/// 20.05 + 1 m are the cell that ends at 21.1, and at most two of margin; 12.7 m in place of 20.05.
+/// 20.05 + 1 m lies in the cell that ends at 21.1, with at most two cells of margin; 12.7 m instead
+/// of 20.05.
 #[test]
 fn eight_bits_end_at_12_7_metres() {
     let yp_06 = shown("YP-06");

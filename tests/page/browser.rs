@@ -21,8 +21,8 @@ use super::server::{Server, folder};
 /// Browsers are large: one at a time.
 static ONE: Mutex<()> = Mutex::new(());
 
-/// How often a condition is checked, and how many times: a minute on an idle machine, more on a
-/// busy one. A deadline for a test that hangs, not a measure of anything.
+/// Interval and maximum number of the checks of a condition: a minute on an idle machine, more on a
+/// busy one. This limit only ends a hanging test; it measures nothing.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 const LOOKS_MAX: u32 = 900;
 
@@ -36,8 +36,8 @@ pub(crate) struct Browser {
 }
 
 impl Browser {
-    /// A browser that shows `server`'s page, connected; a run that was held continues. `None`, and
-    /// a word, on a machine without a browser; CI has to have one.
+    /// Opens a browser that shows `server`'s page, connected; a paused run continues. Returns
+    /// `None` with a message on a machine without a browser; CI must have one.
     pub(crate) fn at(name: &str, server: &Server) -> Option<Self> {
         let browser = Self::start(name)?;
         browser.go(&server.url());
@@ -49,7 +49,7 @@ impl Browser {
         Some(browser)
     }
 
-    /// A browser without a page. It reaches this machine only.
+    /// Starts a browser without a page. It can connect to this machine only.
     pub(crate) fn start(name: &str) -> Option<Self> {
         let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let mut command = Command::new("chromedriver");
@@ -83,7 +83,7 @@ impl Browser {
             "--disable-sync",
             "--enable-precise-memory-info",
             "--js-flags=--expose-gc",
-            // No proxy listens at the port of "discard"; this machine itself needs none.
+            // No proxy listens at the port of "discard"; connections to this machine need none.
             "--proxy-server=http://127.0.0.1:9",
             "--window-size=1280,1040",
         ];
@@ -109,13 +109,13 @@ impl Browser {
         self.client.as_ref().expect("until dropped")
     }
 
-    /// Goes to another address.
+    /// Opens another address.
     pub(crate) fn go(&self, url: &str) {
         let gone = self.runtime.block_on(self.client().goto(url));
         gone.expect("the page loads");
     }
 
-    /// What was said on the console until `last` was, a line each.
+    /// Lines on the console until `last` appeared.
     pub(crate) fn console(&self, last: &str) -> Vec<String> {
         let log = self.profile.join("chrome_debug.log");
         for _ in 0..LOOKS_MAX {
@@ -183,7 +183,7 @@ impl Browser {
         ));
     }
 
-    /// Where a place of the map, in mm, is in the window.
+    /// Converts a position on the map, mm, to window coordinates.
     fn in_window(&self, [x, y]: [i32; 2]) -> [f64; 2] {
         self.value("document.getElementById('world').scrollIntoView()");
         let place = self.value(&format!(
@@ -211,7 +211,7 @@ impl Browser {
         }
     }
 
-    /// Clicks a place of the map.
+    /// Clicks a position on the map.
     pub(crate) fn click_map(&self, place: [i32; 2]) {
         let button = MOUSE_BUTTON_LEFT;
         self.mouse(vec![
@@ -221,7 +221,7 @@ impl Browser {
         ]);
     }
 
-    /// Clicks a place of the map with the other button.
+    /// Clicks a position on the map with the other button.
     pub(crate) fn right_click_map(&self, place: [i32; 2]) {
         let button = MOUSE_BUTTON_RIGHT;
         self.mouse(vec![
@@ -231,7 +231,7 @@ impl Browser {
         ]);
     }
 
-    /// Drags from one place of the map to another.
+    /// Drags from one position on the map to another.
     pub(crate) fn drag_map(&self, from: [i32; 2], to: [i32; 2]) {
         let button = MOUSE_BUTTON_LEFT;
         self.mouse(vec![
@@ -242,19 +242,19 @@ impl Browser {
         ]);
     }
 
-    /// Presses a key down, or lets it go.
+    /// Presses or releases a key.
     pub(crate) fn key(&self, action: KeyAction) {
         let keys = KeyActions::new("keys".to_owned()).then(action);
         let done = self.runtime.block_on(self.client().perform_actions(keys));
         done.expect("the key moves");
     }
 
-    /// Pauses the run; the time at which it stands, everything the page shows belonging to it.
+    /// Pauses the run; returns its time once everything on the page belongs to that time.
     pub(crate) fn pause(&self) -> u64 {
-        // Looked at and clicked at once: a run that ends between the two would be played on.
+        // The check and the click are one script: a run that ended between them would be continued.
         self.value("(hilrig.now.paused || document.getElementById('play').click(), true)");
         self.wait("hilrig.now.paused && hilrig.now.at_ns === hilrig.now.looked_ns");
-        // What was drawn last is what was told last.
+        // Draws the last received state.
         self.value("(draw(), true)");
         self.value("hilrig.now.at_ns").as_u64().expect("a time")
     }

@@ -22,7 +22,7 @@ fn a_paused_run_moves_by_steps() {
     browser.wait(&format!("hilrig.now.at_ns > {}", before + 1_000_000_000));
 }
 
-/// A restart is another run, from zero, with the seed that was asked for.
+/// A restart is a new run, from zero, with the requested seed.
 #[test]
 fn a_run_begins_anew_with_another_seed() {
     let server = Server::held("empty-room", "30");
@@ -40,7 +40,7 @@ fn a_run_begins_anew_with_another_seed() {
     assert!(server.case().contains("seed = 7"));
 }
 
-/// The server ends and another one takes its place: the page finds it by itself.
+/// The server ends and another one replaces it: the page reconnects by itself.
 #[test]
 fn a_page_comes_back_when_its_server_does() {
     let first = Server::held("empty-room", "1");

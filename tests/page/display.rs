@@ -1,4 +1,4 @@
-//! The robot's display on the page: what it shows, and what a click on it does.
+//! The robot's display on the page: its picture, and the effect of a click.
 
 use hilrig::show::render;
 use serde_json::json;
@@ -11,8 +11,8 @@ use super::server::Server;
 const PIXELS: &str = "Array.from(document.getElementById('screen').getContext('2d')\
     .getImageData(0, 0, 480, 272).data).filter((_, index) => index % 4 !== 3)";
 
-/// A click on the tab of settings: they appear, every pixel is the one that the robot's display
-/// holds at that nanosecond, and the saved session has the same tap.
+/// A click on the settings tab shows the settings. Every pixel is equal to the robot's display at
+/// that nanosecond, and the saved session contains the same tap.
 #[test]
 fn a_click_on_the_robots_display_touches_it() {
     let server = Server::held_on("rescue-flat", "4", "display");
@@ -28,7 +28,7 @@ fn a_click_on_the_robots_display_touches_it() {
     browser.wait("hilrig.events.some((event) => event.rule === 'tapped')");
     let tapped = "hilrig.events.find((event) => event.rule === 'tapped').detail";
     let tapped = browser.value(tapped);
-    // Events of a mouse are told in whole pixels of a page on which the picture is smaller.
+    // Mouse events have whole pixels of a page on which the picture is smaller.
     let near = |x: i32| (399..=401).contains(&x);
     let places = tapped
         .as_str()
@@ -36,7 +36,7 @@ fn a_click_on_the_robots_display_touches_it() {
     let place = places.and_then(|(x, y)| Some((x.parse().ok()?, y.parse::<i32>().ok()?)));
     let is_near = place.is_some_and(|(x, y)| near(x) && near(y + 144));
     assert!(is_near, "{tapped}");
-    // What it drew came in frames, all sound.
+    // The drawing arrived in frames, all valid.
     let drawn = "hilrig.slow.lanes.find((lane) => lane.name === 'display')['to-device'].tally";
     browser.wait(&format!("{drawn}.frames > 100 && {drawn}.errors === 0"));
     let at = browser.value("hilrig.now.at_ns").as_u64().expect("a time");

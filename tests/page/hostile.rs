@@ -1,9 +1,9 @@
-//! Clients that mean no good, or no sense: refused or bounded, and the run is none the worse.
+//! Hostile and faulty clients: they are refused or limited, and the run is not affected.
 
 use super::again;
 use super::server::{Page, Server};
 
-/// The time that a page is shown, after one more second of the run.
+/// Time of the page's state after one more second of the run.
 fn a_second_passes(page: &mut Page) {
     let now = page.hear("now", |_| true).expect("shown");
     let until = now["at_ns"].as_u64().expect("a time") + 1_000_000_000;
@@ -11,7 +11,7 @@ fn a_second_passes(page: &mut Page) {
     assert!(page.hear("now", later).is_some());
 }
 
-/// Whatever was tried, the session done again gives the same bytes: nothing got in.
+/// A repetition of the session gives the same bytes: no attempt changed the run.
 fn nothing_got_in(server: &Server) {
     let case = server.case();
     assert!(
@@ -46,7 +46,7 @@ fn foreign_origins_and_hosts_are_refused() {
         assert_eq!(foreign.0, 403, "{path}");
         assert_eq!(server.ask(path, &["Host: evil.example"]).0, 403, "{path}");
     }
-    // The first of two headers may be sound, and a proxy between may use the second.
+    // The first of two headers may be valid, but a proxy may use the second.
     let own = format!("Origin: http://{}", server.host);
     assert_eq!(server.ask("/", &[&host, &own]).0, 200);
     for doubled in [
@@ -98,15 +98,15 @@ fn each_request_names_the_token() {
     nothing_got_in(&server);
 }
 
-/// More connections that send half a header than the server keeps: the page is served all the same,
-/// in place of the oldest of them.
+/// More connections with half a header than the server keeps: the page is still served, in place of
+/// the oldest connection.
 #[test]
 fn half_headers_do_not_keep_the_page_away() {
     use std::io::{Read as _, Write as _};
     let server = Server::of("empty-room", "1");
     let half = (0..200).map(|_| {
         let mut socket = server.connect();
-        // One that was closed meanwhile cannot be written to.
+        // A connection that was closed in the meantime cannot be written to.
         let _ = socket.write_all(b"GET / HTTP/1.1\r\nX: ");
         socket
     });
@@ -114,7 +114,7 @@ fn half_headers_do_not_keep_the_page_away() {
     assert_eq!(server.get("/").0, 200);
     let mut page = server.page().expect("there is room");
     a_second_passes(&mut page);
-    // All of them end: the read comes back, with a reset or nothing.
+    // All of them end: the read returns a reset or nothing.
     for mut socket in half {
         let mut byte = [0; 64];
         while matches!(socket.read(&mut byte), Ok(1..)) {}
@@ -167,8 +167,8 @@ fn a_huge_message_costs_the_page_its_connection_and_nobody_else() {
     nothing_got_in(&server);
 }
 
-/// Fifty pages of which forty-nine never read a byte: the fiftieth sees the run continue, the
-/// fifty-first is refused, and places are given back.
+/// Of fifty pages, forty-nine never read a byte. The fiftieth sees the run continue, a fifty-first
+/// is refused, and closed pages free their slots.
 #[test]
 fn fifty_pages_that_do_not_read_hold_nothing_up() {
     let flat = super::server::endless("rescue-flat", "fifty");
@@ -182,7 +182,7 @@ fn fifty_pages_that_do_not_read_hold_nothing_up() {
         a_second_passes(&mut reading);
     }
     drop(idle);
-    // Their tasks notice when they next send.
+    // The tasks notice the closed connections when they next send.
     let free = (0..2_000).any(|_| {
         a_second_passes(&mut reading);
         server.page().is_ok()
@@ -191,7 +191,7 @@ fn fifty_pages_that_do_not_read_hold_nothing_up() {
     nothing_got_in(&server);
 }
 
-/// A flood of commands that mean something: bounded, and the run still answers.
+/// A flood of valid commands is limited, and the run still replies.
 #[test]
 fn a_flood_of_commands_is_bounded() {
     let server = Server::of("empty-room", "1");

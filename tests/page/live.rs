@@ -1,4 +1,4 @@
-//! The page beside a rig whose clock is the wall's: `--ui` of `up` and of `run --realtime`.
+//! The page of a rig in real time: `--ui` of `up` and of `run --realtime`.
 
 use std::fs;
 use std::process::Command;
@@ -7,7 +7,8 @@ use serde_json::json;
 
 use super::server::{Process, Server, folder, scenario};
 
-/// The rig's own PC listens to the page, the clock does not; what was done is in the case.
+/// The page controls the rig's own PC program, but not the clock, which is the wall clock; the case
+/// contains the actions.
 #[test]
 fn a_rig_on_ports_is_shown_and_steered() {
     let dir = folder("live");
@@ -24,7 +25,7 @@ fn a_rig_on_ports_is_shown_and_steered() {
 
     let now = page.hear("now", |now| !now["pc"]["size_mm"].is_null());
     assert!(now.expect("shown")["truth"].is_array());
-    // The program is elsewhere: its belief is what it tells.
+    // The program runs elsewhere: its believed pose is the one that it sends.
     page.hear("now", |now| now["believed"].is_array());
     assert!(page.send(r#"{"do":"pause"}"#));
     let refused = page.hear("refused", |_| true).expect("told");
@@ -54,7 +55,7 @@ fn a_rig_on_ports_is_shown_and_steered() {
     );
 }
 
-/// A judged run may be watched: the page sees it begin and continue, the verdict comes as ever.
+/// A judged run may be watched: the page sees it begin and continue, and the verdict is unchanged.
 #[test]
 fn a_judged_run_in_real_time_is_shown() {
     let dir = folder("judged");
@@ -74,7 +75,7 @@ fn a_judged_run_in_real_time_is_shown() {
     assert!(dir.join("out/result.json").exists());
 }
 
-/// In virtual time a run is over before a page can show it.
+/// A run in virtual time is over before a page can show it.
 #[test]
 fn a_page_beside_a_run_in_virtual_time_is_refused_with_advice() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));

@@ -1,12 +1,12 @@
-//! A log that is watched while it is mapped.
+//! A log that is watched during mapping.
 
 use core::fmt::Write as _;
 
 use super::browser::Browser;
 use super::server::{Process, Server, folder};
 
-/// A robot in the middle of a room of 6 m by 4 m that turns on its spot, 5 degrees a second: 60
-/// scans, each second one, as a CARMEN log.
+/// A robot in the middle of a room of 6 m by 4 m that turns on the spot, 5 degrees a second: 60
+/// scans, one every second, as a CARMEN log.
 fn room() -> String {
     let mut log = String::new();
     for scan in 0..60 {
@@ -26,7 +26,7 @@ fn room() -> String {
     path.to_str().expect("plain letters").to_owned()
 }
 
-/// At stake: an observer sees another map than the saved one, or an empty page.
+/// At stake: the page shows another map than the saved one, or no map.
 #[test]
 fn a_log_is_watched_while_it_is_mapped() {
     let (log, out) = (room(), folder("log-out"));
@@ -39,7 +39,7 @@ fn a_log_is_watched_while_it_is_mapped() {
     browser.wait("hilrig.now?.over === true && hilrig.maps.mapper?.width > 0");
     assert_eq!(browser.value("hilrig.now.mode"), "60 of 60 scans");
     assert_eq!(browser.value("document.body.className"), "log no-pc");
-    // The wall ahead, the free floor before it, and nothing known behind it.
+    // The wall ahead, the free floor in front of it, and unknown cells behind it.
     let cell = |x: f64| {
         let at = format!(
             "(() => {{ const {{ width, resolution_m: edge, origin_m: [x, y], cells }} = \
@@ -52,7 +52,7 @@ fn a_log_is_watched_while_it_is_mapped() {
     assert!(wall > Some(190), "{wall:?}");
     assert!(cell(2.0) < 64, "{}", cell(2.0));
     assert_eq!(cell(3.2), 127);
-    // Half a minute earlier half of the scans were known.
+    // Half a minute earlier, half of the scans were known.
     browser.value("goTo(30000)");
     browser.wait("hilrig.past !== null");
     let mode = browser.value("hilrig.past.now.mode");

@@ -1,7 +1,7 @@
-//! The page as a user meets it: the command, its server, and a real browser in front of it.
+//! The page from the user's side: the command, its server, and a real browser.
 //!
-//! Nothing here depends on how long something takes: a test waits for what it expects, and what
-//! it compares, it compares at a virtual time at which the run stands still.
+//! No test depends on the duration of an action: a test waits for an expected state, and compares
+//! values at a virtual time at which the run is paused.
 
 mod browser;
 mod clock;
@@ -24,7 +24,7 @@ use hilrig::scenario::Scenario;
 use protocols::Instant;
 use serde_json::{Value, json};
 
-/// The run that a page showed, done again from its case, up to `at_ns`.
+/// Repeats the run of a page from its case, up to `at_ns`.
 fn again(case: &str, at_ns: u64) -> Run {
     let path = Path::new("<case>");
     let (scenario, source) = Scenario::parse(path, case.to_owned()).expect("a sound scenario");
@@ -33,7 +33,7 @@ fn again(case: &str, at_ns: u64) -> Run {
     run
 }
 
-/// A browser tells 1.0 as 1: all numbers alike.
+/// Converts all numbers to floating point, because a browser writes 1.0 as 1.
 fn plain(value: Value) -> Value {
     match value {
         Value::Number(number) => json!(number.as_f64()),

@@ -1,4 +1,4 @@
-//! What a robot has to show besides its map: on the page as it runs, in the report afterwards.
+//! Overlays of a robot besides its map: on the page during the run, and in the report afterwards.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use super::server::{Server, folder};
 use super::{again, plain};
 
 const PICTURE: &str = "document.getElementById('world').toDataURL()";
-/// Its switch and its name.
+/// Labels of the overlay switches.
 const SWITCHES: &str = "[...document.querySelectorAll('#overlays label')]";
 
 fn names(list: &Value) -> Vec<&str> {
@@ -22,9 +22,9 @@ fn names(list: &Value) -> Vec<&str> {
     names.map(|name| name.as_str().expect("a name")).collect()
 }
 
-/// IR beams, walls of the lidar, roadmap and the way through it are those of the robot and its PC
-/// at that nanosecond; each can be switched off; the local map can be chosen, and its size is the
-/// PC's.
+/// IR beams, lidar walls, roadmap and planned path equal those of the robot and its PC program at
+/// that nanosecond. Each can be switched off. The local map can be selected, and has the PC
+/// program's size.
 #[test]
 fn what_a_robot_sees_and_plans_is_shown() {
     let server = Server::held("yellow-map", "30");
@@ -62,7 +62,7 @@ fn what_a_robot_sees_and_plans_is_shown() {
     let (_, local) = layers.first().expect("a local map");
     let size = browser.value("[hilrig.maps.local.width, hilrig.maps.local.height]");
     assert_eq!(size, json!([local.width(), local.height()]));
-    // The states: of the robot, and of what the PC does.
+    // The states of the robot and of the PC program.
     assert_eq!(
         browser.value("hilrig.now.mode"),
         json!(run.instruments().mode(&run.rig))
@@ -80,8 +80,8 @@ fn what_a_robot_sees_and_plans_is_shown() {
     }
 }
 
-/// A box of 1 m that looks along y: its right side is at x = 0.2, its front at y = 0.8, where a
-/// circle of its reach would have neither.
+/// A box of 1 m that faces along y: its right side is at x = 0.2, its front at y = 0.8. A circle of
+/// the same reach would have neither.
 #[test]
 fn a_robot_is_drawn_as_the_outline_that_it_has() {
     let server = Server::held("yellow-reactive", "1");
@@ -109,8 +109,8 @@ fn a_robot_is_drawn_as_the_outline_that_it_has() {
     );
 }
 
-/// The report of a run of it, from disk: what was planned at a time can be switched off, and the
-/// local map is there.
+/// The report of a run, opened from disk: the plans at a time can be switched off, and the local
+/// map is available.
 #[test]
 fn a_report_shows_what_was_seen_and_planned() {
     let dir = folder("report-overlays");
@@ -132,7 +132,7 @@ fn a_report_shows_what_was_seen_and_planned() {
     assert!(browser.value(PICTURE) == with);
     browser.set("#map", "local");
     assert_ne!(browser.value(PICTURE), with);
-    // Before the first look there was neither a roadmap nor a way.
+    // Before the first scan there was neither a roadmap nor a path.
     browser.set("#map", "");
     browser.set("#time", "1");
     let early = browser.value(PICTURE);

@@ -1,4 +1,4 @@
-//! Back in time: what the page shows of a time that is over is what the core was at that time.
+//! Past times: the page's state for a past time equals the state of the core at that time.
 
 use emulators::rng::Rng;
 use hilrig::Shared;
@@ -13,7 +13,7 @@ use super::browser::Browser;
 use super::server::Server;
 use super::{again, plain};
 
-/// Counts the bytes that come out of each direction of each link.
+/// Counters of the bytes on each direction of each link.
 struct Bytes(Shared<[u64; 32]>);
 
 impl Tap for Bytes {
@@ -24,7 +24,7 @@ impl Tap for Bytes {
     }
 }
 
-/// What `run` is now, as the page has it in `hilrig.past`.
+/// Asserts that `hilrig.past` on the page equals the present state of `run`.
 fn assert_shown(browser: &Browser, run: &Run, counts: &[u64]) {
     let shown = |what: &str| plain(browser.value(&format!("hilrig.past.{what}")));
     let (instruments, rig) = (run.instruments(), &run.rig);
@@ -53,7 +53,7 @@ fn assert_shown(browser: &Browser, run: &Run, counts: &[u64]) {
         let cells = browser.value("Array.from(hilrig.past.maps.robot.cells)");
         assert!(cells == json!(map.cells()), "another map");
     }
-    // The plots go on the same axis: the sample at that time, if there is one, has its figures.
+    // The plots use the same axis: a sample at that time, if there is one, has the same figures.
     let told = "hilrig.samples.find((one) => one[0] === hilrig.past.now.at_ns / 1e6)";
     let columns = "hilrig.series.map((one, index) => [one.group, one.name, index])";
     let axes = instruments.axes(rig).into_iter();
@@ -71,14 +71,15 @@ fn assert_shown(browser: &Browser, run: &Run, counts: &[u64]) {
     }
 }
 
-/// At random times, each from what the page shows to a run of its own from the saved session.
+/// Compares the page at random times with a new run from the saved session.
 #[test]
 fn all_that_is_shown_of_a_time_is_what_the_core_was_then() {
     let server = Server::held("rescue-flat", "30");
     let Some(browser) = Browser::at("past", &server) else {
         return;
     };
-    // To the end: the case of a mission that continues asks for less.
+    // The run is played to its end: the case of an unfinished mission would have fewer
+    // expectations.
     browser.wait("hilrig.now.over");
     browser.pause();
     let mut rng = Rng::stream(20_261_122, "times");
@@ -103,9 +104,9 @@ fn all_that_is_shown_of_a_time_is_what_the_core_was_then() {
     assert_eq!(browser.value("hilrig.past"), Value::Null);
 }
 
-/// A waypoint is added, the run continues, all are deleted, and from a moment between it continues
-/// in another way: what was done before is done, what came after is not, and the session done
-/// again gives the same bytes.
+/// A waypoint is added, the run continues, all waypoints are deleted. The run then continues from a
+/// time in between in another way. Earlier actions are kept and later ones dropped, and a
+/// repetition of the session gives the same bytes.
 #[test]
 fn a_run_goes_on_from_an_earlier_time_in_another_way() {
     let server = Server::held_on("rescue-flat", "4", "branch");
@@ -142,7 +143,7 @@ fn a_run_goes_on_from_an_earlier_time_in_another_way() {
     assert_eq!(browser.value(added), true);
     let run = again(&server.case(), at_ns);
     assert_eq!(browser.value("hilrig.slow.trace"), run.rig.trace_hash());
-    // It continues from there, and has all that came before.
+    // The run continues from there and keeps all earlier events.
     browser.click("#step");
     browser.wait(&format!("hilrig.now.at_ns === {}", at_ns + 1_000_000_000));
     let at_ns = browser.pause();

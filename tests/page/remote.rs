@@ -1,12 +1,12 @@
-//! The page's PC program on a port, against a robot that is no part of its process.
+//! The page's PC program on a port, with a robot in another process.
 
 use serde_json::json;
 
 use super::server::{Process, Server, folder, scenario};
 
-/// Three processes: the rig on pseudo-terminals, the robot's program, the page. The map comes over
-/// the radio; a waypoint goes there and is confirmed; the page finds a rig that ends and starts
-/// again by itself.
+/// Three processes: the rig on pseudo-terminals, the robot's program, the page. The map arrives
+/// over the radio; a waypoint is sent and confirmed; the page reconnects by itself to a restarted
+/// rig.
 #[test]
 fn the_program_runs_against_a_robot_on_a_port() {
     let dir = folder("remote");
@@ -43,8 +43,8 @@ fn the_program_runs_against_a_robot_on_a_port() {
     page.hear("now", |now| now["pc"]["heard_ms"].as_u64() < Some(1_000));
 }
 
-/// The same with the other robot that has a PC: it is told to drive by its sensors, says so, and is
-/// driven by hand.
+/// The same with yellow, the other robot with a PC program: it is ordered to drive by its sensors,
+/// confirms this, and is driven manually.
 #[test]
 fn yellows_pc_runs_against_a_robot_on_a_port() {
     let dir = folder("remote-yellow");

@@ -1,4 +1,4 @@
-//! report.html from disk, in a real browser that reaches no network.
+//! report.html from disk, in a real browser without a network.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use super::server::folder;
 /// The right arrow key, as WebDriver names it.
 const RIGHT: char = '\u{E014}';
 
-/// The demo's first seconds with a fault, and a demand on the map that they cannot meet.
+/// The first seconds of the demo with a fault, and an expectation on the map that they cannot meet.
 fn case() -> String {
     let text = include_str!("../../scenarios/rescue-flat.toml");
     let text = text.replace("\"180s\"", "\"9s\"");
@@ -25,9 +25,9 @@ fn case() -> String {
     format!("{text}\n{fault}")
 }
 
-/// The file is opened without a server behind it, and it requests no resource but the page itself.
-/// It shows the verdicts, jumps to an event, continues by key, and hides layers; its script says no
-/// word to the console, where the browser would put whatever the policy refused.
+/// The file is opened without a server and requests no further resource. It shows the verdicts,
+/// jumps to an event, continues by key, and hides layers. The console stays empty; the browser
+/// would report violations of the policy there.
 #[test]
 fn a_report_opens_from_disk_without_a_network() {
     let dir = folder("report");
@@ -51,7 +51,7 @@ fn a_report_opens_from_disk_without_a_network() {
     assert_eq!(browser.value(failed), first.expect("too short a run").name);
 
     let time = "Number(document.getElementById('time').value)";
-    // It opens where the first check failed: the fault is at work from 2 s to 3 s.
+    // It opens at the first failed check: the fault acts from 2 s to 3 s.
     let failed = browser.value(time).as_f64().expect("a time");
     assert!((2.0..=3.5).contains(&failed), "{failed}");
     let event = "Number(document.querySelector('#events .jump').dataset.at)";
@@ -82,7 +82,7 @@ fn a_report_opens_from_disk_without_a_network() {
     browser.value("console.error('the end')");
     assert_eq!(browser.console("the end"), Vec::<String>::new());
 
-    // The display's picture is the one of display.png: its middle and a corner.
+    // The display's picture equals display.png, compared at its middle and a corner.
     let picture = outcome.display.as_ref().expect("the demo has one");
     for [x, y] in [[240, 136], [3, 3], [280, 90]] {
         let pixel = "document.getElementById('display').getContext('2d')";

@@ -1,4 +1,4 @@
-//! `hilrig ui` as a process, and the plainest of clients: bytes on a TCP socket.
+//! `hilrig ui` as a process, and a minimal client: bytes on a TCP socket.
 
 use std::io::{BufRead, BufReader, Lines, Read, Write};
 use std::net::TcpStream;
@@ -10,20 +10,20 @@ use core::time::Duration;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
-/// How long a socket may be silent before a test fails, on a machine with other work as well.
+/// Maximum silence of a socket before a test fails.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A running command that is ended with the test.
+/// A running command that ends with the test.
 pub(crate) struct Process {
     child: Child,
     out: Lines<BufReader<ChildStdout>>,
 }
 
 impl Process {
-    /// Starts `hilrig`; what it says on stdout can be read.
+    /// Starts `hilrig` with readable stdout.
     pub(crate) fn start(arguments: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
-        // A page comes back to a server with the same token.
+        // A page reconnects only to a server with the same token.
         command.env("HILRIG_TOKEN", "the-token-of-all-tests");
         command.args(arguments).stdout(Stdio::piped());
         command.stderr(Stdio::null()).stdin(Stdio::null());
@@ -32,19 +32,19 @@ impl Process {
         Self { child, out }
     }
 
-    /// Its number.
+    /// Process id.
     pub(crate) fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// The first line of stdout that begins with `head`, without it.
+    /// Rest of the first stdout line that begins with `head`.
     pub(crate) fn line(&mut self, head: &str) -> String {
         let out = self.out.by_ref();
         let found = out.find_map(|line| Some(line.ok()?.strip_prefix(head)?.to_owned()));
         found.expect("the command says where it is")
     }
 
-    /// Tells it to end, and waits until it has: whether it found everything well.
+    /// Sends the end signal and waits for the end; returns whether the exit was successful.
     pub(crate) fn end(&mut self) -> bool {
         let pid = i32::try_from(self.id()).ok().and_then(Pid::from_raw);
         let told = kill_process(pid.expect("a child"), Signal::TERM);
@@ -52,7 +52,7 @@ impl Process {
         self.ended()
     }
 
-    /// Waits until it ends by itself: whether it found everything well.
+    /// Waits until the process ends by itself; returns whether the exit was successful.
     pub(crate) fn ended(&mut self) -> bool {
         // A process blocks once its output pipe is full, so its output is read.
         self.out.by_ref().for_each(drop);
@@ -67,7 +67,7 @@ impl Drop for Process {
     }
 }
 
-/// A folder of one's own below the target folder.
+/// A separate folder below the target folder.
 pub(crate) fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("page-{name}"));
     let _ = std::fs::remove_dir_all(&folder);
@@ -80,8 +80,8 @@ pub(crate) fn scenario(name: &str) -> String {
     format!("{}/scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The path of a shipped scenario that continues for an hour whatever comes of its mission; `test`
-/// is whose it is.
+/// Path of a copy of a shipped scenario that runs for an hour, whatever the result of its mission;
+/// `test` names the test that owns it.
 pub(crate) fn endless(name: &str, test: &str) -> String {
     let text = std::fs::read_to_string(scenario(name)).expect("shipped");
     let lines = text.lines().map(|line| match line {
@@ -94,22 +94,22 @@ pub(crate) fn endless(name: &str, test: &str) -> String {
     path.to_str().expect("plain letters").to_owned()
 }
 
-/// A page being served.
+/// A server with its page.
 pub(crate) struct Server {
     process: Process,
     /// Host and port.
     pub(crate) host: String,
-    /// What each request must name.
+    /// Token that each request must contain.
     pub(crate) token: String,
 }
 
 impl Server {
-    /// `hilrig ui` with these arguments.
+    /// Starts `hilrig ui` with these arguments.
     pub(crate) fn start(arguments: &[&str]) -> Self {
         Self::of_process(Process::start(&[&["ui"], arguments].concat()))
     }
 
-    /// The page of a command that has one beside other things.
+    /// The page of a command that has a page besides other functions.
     pub(crate) fn of_process(mut process: Process) -> Self {
         let url = process.line("page at http://");
         let (host, token) = url.split_once("/?").expect("its token");
@@ -125,13 +125,13 @@ impl Server {
         &mut self.process
     }
 
-    /// A shipped scenario at `speed`.
+    /// Serves a shipped scenario at `speed`.
     pub(crate) fn of(name: &str, speed: &str) -> Self {
         Self::start(&[&scenario(name), "--speed", speed])
     }
 
-    /// A shipped scenario that stands at its beginning until a browser plays it at `speed`: on a
-    /// busy machine a run would be over before the browser is there.
+    /// Serves a shipped scenario that is paused at its beginning until a browser plays it at
+    /// `speed`. On a busy machine, the run would otherwise be over before the browser is connected.
     pub(crate) fn held(name: &str, speed: &str) -> Self {
         Self::start(&[&scenario(name), "--speed", speed, "--paused"])
     }
@@ -154,13 +154,13 @@ impl Server {
         socket
     }
 
-    /// The answer to a GET with `headers` and the token: status and body.
+    /// Response to a GET with `headers` and the token: status and body.
     pub(crate) fn ask(&self, path: &str, headers: &[&str]) -> (u16, String) {
         let joint = if path.contains('?') { '&' } else { '?' };
         self.ask_as_it_is(&format!("{path}{joint}{}", self.token), headers)
     }
 
-    /// The answer to a GET with `headers`: status and body.
+    /// Response to a GET with `headers`: status and body.
     pub(crate) fn ask_as_it_is(&self, path: &str, headers: &[&str]) -> (u16, String) {
         let mut socket = self.connect();
         let headers: String = headers.iter().map(|line| format!("{line}\r\n")).collect();
@@ -176,7 +176,7 @@ impl Server {
         (status.expect("an answer"), body.unwrap_or_default())
     }
 
-    /// The answer to a GET of its own page.
+    /// Response to a GET of its own page.
     pub(crate) fn get(&self, path: &str) -> (u16, String) {
         self.ask(path, &[&format!("Host: {}", self.host)])
     }
@@ -188,7 +188,7 @@ impl Server {
         case
     }
 
-    /// A page without a browser; the status of the answer if it is none.
+    /// Opens a page without a browser; returns the status of the response if it is refused.
     pub(crate) fn page(&self) -> Result<Page, u16> {
         let mut socket = self.connect();
         let request = format!(
@@ -215,7 +215,8 @@ impl Server {
 pub(crate) struct Page(TcpStream);
 
 impl Page {
-    /// Sends a text; a mask of zeros leaves it as it is. `false` if the server has hung up.
+    /// Sends a text; a mask of zeros leaves it unchanged. `false` if the server has closed the
+    /// connection.
     pub(crate) fn send(&mut self, text: &str) -> bool {
         let mut frame = vec![0x81];
         match text.len() {
@@ -230,7 +231,7 @@ impl Page {
         self.0.write_all(&frame).is_ok()
     }
 
-    /// The next message: its kind (1 text, 2 bytes) and what it says; `None` at the end.
+    /// The next message: its kind (1 text, 2 bytes) and its content; `None` at the end.
     fn frame(&mut self) -> Option<(u8, Vec<u8>)> {
         let mut head = [0; 2];
         self.0.read_exact(&mut head).ok()?;
@@ -252,7 +253,8 @@ impl Page {
         (head[0] & 0x0F != 8).then_some((head[0] & 0x0F, payload))
     }
 
-    /// The next message of `kind` for which `condition` holds; `None` if the server hangs up.
+    /// The next message of `kind` for which `condition` holds; `None` if the server closes the
+    /// connection.
     pub(crate) fn hear(&mut self, kind: &str, condition: impl Fn(&Value) -> bool) -> Option<Value> {
         for _ in 0..100_000 {
             let (opcode, payload) = self.frame()?;

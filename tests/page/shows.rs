@@ -1,4 +1,4 @@
-//! The page shows the run as it is: compared with the same run done again from its case.
+//! The page shows the actual run: it is compared with a repetition from its case.
 
 use firmware_core::robots::rescue::Rescue;
 use hilrig::robots::rescue::pc_program;
@@ -9,7 +9,7 @@ use super::browser::Browser;
 use super::server::Server;
 use super::{again, plain};
 
-/// Cells of a map that are not unknown.
+/// Number of cells of a map that are not unknown.
 const KNOWN: &str =
     "(hilrig.maps.robot ? hilrig.maps.robot.cells.filter((c) => c !== 127).length : 0)";
 
@@ -20,15 +20,15 @@ fn cells(browser: &Browser, map: &str) -> Vec<u8> {
     cells.map(|value| cell(value).expect("a byte")).collect()
 }
 
-/// The map grows before one's eyes; then the run stands still, and every cell of both maps, the
-/// poses and the waypoints are those of the program, of the PC and of the world at that nanosecond.
+/// The map grows on the page; then the run is paused. Every cell of both maps, the poses and the
+/// waypoints equal those of the program, the PC and the world at that nanosecond.
 #[test]
 fn maps_poses_and_waypoints_are_those_of_the_core_at_that_time() {
     let server = Server::held("rescue-flat", "4");
     let Some(browser) = Browser::at("shows", &server) else {
         return;
     };
-    // From the beginning, so slowly that a browser on a busy machine sees it too.
+    // The run starts from the beginning, slowly enough for a browser on a busy machine.
     browser.set("#speed", "0.25");
     browser.wait("hilrig.now.speed === 0.25");
     browser.click("#more summary");
@@ -86,7 +86,7 @@ fn maps_poses_and_waypoints_are_those_of_the_core_at_that_time() {
     assert_eq!(pc_program::waypoints(pc), waypoints);
 }
 
-/// A reload begins with nothing and ends with the same.
+/// A reloaded page begins empty and ends with the same content.
 #[test]
 fn a_page_that_is_loaded_again_shows_the_same() {
     let server = Server::held("two-rooms", "10");
@@ -103,8 +103,8 @@ fn a_page_that_is_loaded_again_shows_the_same() {
     assert_eq!(browser.value("hilrig.samples.length"), samples);
 }
 
-/// A name made of markup, in a scenario and from a robot's wire, is text on the page. (The link of
-/// a device of one's own may be named freely; so may a fault's kind be asked for.)
+/// A name made of markup, in a scenario or from a robot's line, is text on the page. (The user can
+/// freely choose the link name of a described device, and request any fault kind.)
 #[test]
 fn text_is_never_markup() {
     let server = Server::held("empty-room", "1");
@@ -120,7 +120,7 @@ fn text_is_never_markup() {
     browser.wait("document.querySelector('#events li').textContent.includes('onerror')");
     assert_eq!(browser.value("document.querySelectorAll('img').length"), 0);
     assert_eq!(browser.value("window.pwned === undefined"), true);
-    // Not even a script of the page's own could: the policy forbids it.
+    // The policy forbids even an inline script of the page itself.
     let trap = "'<p onclick=\"window.pwned=1\" id=trap></p>'";
     browser.value(&format!(
         "(document.body.insertAdjacentHTML('beforeend', {trap}), \
@@ -129,7 +129,7 @@ fn text_is_never_markup() {
     assert_eq!(browser.value("window.pwned === undefined"), true);
 }
 
-/// The slider shows the run as it was: the recorded pose, and the map with fewer cells.
+/// The slider shows past states of the run: the recorded pose, and a map with fewer cells.
 #[test]
 fn the_slider_shows_what_was_recorded() {
     let server = Server::held("rescue-flat", "10");

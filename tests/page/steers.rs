@@ -1,4 +1,4 @@
-//! Actions of an operator at the page reach the robot, and the saved session repeats them.
+//! An operator's actions on the page reach the robot, and the saved session repeats them.
 
 use fantoccini::actions::KeyAction;
 use hilrig::robots::rescue::pc_program;
@@ -8,7 +8,7 @@ use super::again;
 use super::browser::Browser;
 use super::server::Server;
 
-/// A room without a mission, the PC connected.
+/// A room without a mission, with the PC connected.
 fn room(name: &str) -> Option<(Server, Browser)> {
     let room = super::server::endless("empty-room", name);
     let server = Server::start(&[&room, "--speed", "2", "--paused"]);
@@ -25,14 +25,14 @@ fn waypoints(browser: &Browser) -> Vec<[i64; 2]> {
     serde_json::from_value(list).expect("places")
 }
 
-/// Near enough for a canvas whose pixels are some 4 mm.
+/// Whether two positions are equal, on a canvas with pixels of about 4 mm.
 fn near(found: [i64; 2], expected: [i32; 2]) -> bool {
     let far = |axis: usize| found[axis].abs_diff(i64::from(expected[axis])) > 8;
     !far(0) && !far(1)
 }
 
-/// Click, click, drag, right click: the list of the page, that of the robot, and that of the
-/// session done again are the same.
+/// Click, click, drag, right click: the lists of the page, of the robot, and of the repeated
+/// session are equal.
 #[test]
 fn waypoints_are_added_dragged_and_deleted_by_mouse() {
     let Some((server, browser)) = room("waypoints") else {
@@ -62,7 +62,7 @@ fn waypoints_are_added_dragged_and_deleted_by_mouse() {
     assert_eq!(json!(pc_program::waypoints(pc)), list);
 }
 
-/// UI-06 in front of a real browser: beside the map there is nothing to click.
+/// UI-06 in a real browser: a click beside the map has no effect.
 #[test]
 fn a_click_beside_the_map_is_refused_in_words() {
     let Some((_server, browser)) = room("beside") else {
@@ -75,7 +75,8 @@ fn a_click_beside_the_map_is_refused_in_words() {
     assert!(waypoints(&browser).is_empty());
 }
 
-/// Modes by their buttons, then by hand: forward while the key is down, and at rest after it.
+/// Modes by their buttons, then manual driving: forward while the key is down, and at rest after
+/// it.
 #[test]
 fn modes_are_ordered_and_keys_drive() {
     let Some((_server, browser)) = room("drive") else {
@@ -102,7 +103,7 @@ fn modes_are_ordered_and_keys_drive() {
     );
 }
 
-/// A page that is gone while a key is down: the server of the page orders the robot to stop.
+/// If a page closes while a key is down, its server orders the robot to stop.
 #[test]
 fn a_page_that_is_gone_does_not_drive_on() {
     let Some((server, browser)) = room("gone") else {
@@ -117,7 +118,8 @@ fn a_page_that_is_gone_does_not_drive_on() {
     assert!(stopped.is_some());
 }
 
-/// A fault by click strikes, is counted on its wire, can be ended, and is in the saved session.
+/// A fault added by click strikes, is counted on its line, can be ended, and is in the saved
+/// session.
 #[test]
 fn a_fault_by_click_strikes_and_joins_the_session() {
     let Some((server, browser)) = room("faults") else {

@@ -1,5 +1,5 @@
-//! A capture as a regression test: it fails for what the captured program did wrong, and passes
-//! once that is mended.
+//! A capture as a regression test: it fails for the defect of the captured program, and passes
+//! after the correction.
 
 use std::fs;
 use std::path::Path;
@@ -18,12 +18,12 @@ use protocols::{Instant, LineConfig, Port};
 
 use crate::support::*;
 
-/// How a program is broken.
+/// Defect of a program.
 #[derive(Clone, Copy)]
 enum Defect {
-    /// A bit of each 50th byte towards the base is wrong, from the 200th on.
+    /// From the 200th byte to the base on, a bit of each 50th byte is wrong.
     Mangles,
-    /// It hangs after this time: neither receives nor thinks nor speaks.
+    /// The program hangs from this time on: it neither receives, nor computes, nor sends.
     HangsAt(Instant),
 }
 
@@ -113,7 +113,7 @@ impl Inspect for Broken {
     }
 }
 
-/// The case of a run of a program with `defect`, written and read again; the rules broken.
+/// The case of a run of a program with `defect`, written and read again, and the violated rules.
 fn case_of(name: &str, defect: Option<Defect>) -> (Case, Vec<String>) {
     let path = folder(name).join("capture.pcapng");
     let (capture, events) = captured(in_a_room("4s", ""), &path, |rig| {
@@ -153,8 +153,8 @@ fn failed(judgement: &Judgement) -> Vec<&str> {
     failed.map(|check| &*check.name).collect()
 }
 
-/// The base complained of the captured program; it complains of it again when the case is played,
-/// and has nothing to complain of once the program is sound.
+/// The base reports a violation by the captured program. It reports it again when the case is
+/// played, and no violation once the program is correct.
 #[test]
 fn a_broken_rule_fails_the_case_until_the_program_is_mended() {
     let (case, rules) = case_of("case-rule", Some(Defect::Mangles));
@@ -182,9 +182,9 @@ fn a_program_that_hung_fails_the_case_until_it_talks_again() {
     assert!(mended.passed(), "{mended}");
 }
 
-/// A fielded defect, switched on by the scenario: each reply's checksum is stored behind the reply
-/// buffer. The wire shows nothing of it; the case fails for it until the switch is off. All of it
-/// by commands.
+/// A fielded defect, enabled in the scenario: each reply's checksum is stored after the end of the
+/// reply buffer. The line does not show it; the case fails until the switch is off. All steps use
+/// commands.
 #[test]
 fn a_fielded_defect_fails_the_case_until_it_is_switched_off() {
     let folder = folder("case-defect");
@@ -204,7 +204,7 @@ fn a_fielded_defect_fails_the_case_until_it_is_switched_off() {
     assert_eq!(said.matches("\n  FAIL").count(), 1, "{said}");
     assert!(said.contains(&reason), "{reason}\n{said}");
 
-    // What `case from` wrote can be made smaller: the same check fails with fewer bytes.
+    // A case from `case from` can be minimised: the same check fails with fewer bytes.
     let (status, said, told) = hilrig(&folder, &["shrink", "case.toml", "--out", "small"]);
     assert_eq!(status.code(), Some(0), "{said}{told}");
     assert!(said.starts_with("memory-intact\n") && said.contains(" lines of bytes left of "));
@@ -222,9 +222,9 @@ fn a_fielded_defect_fails_the_case_until_it_is_switched_off() {
     assert_eq!(status.code(), Some(0), "{said}");
 }
 
-/// A run without a fault pins what the program sends: another program fails at its first byte
-/// that differs. The checks of every run must pass again, but for collisions: a mended program goes
-/// another way.
+/// A run without a fault fixes the program's output: another program fails at its first different
+/// byte. The checks of every run must pass again, except the collision check: a corrected program
+/// drives another path.
 #[test]
 fn a_sound_run_becomes_a_case_that_pins_the_outputs() {
     let (case, _) = case_of("case-sound", None);
@@ -235,12 +235,12 @@ fn a_sound_run_becomes_a_case_that_pins_the_outputs() {
     assert!(same.passed(), "{same}");
     let other = run(&case, Some(Defect::Mangles));
     assert!(failed(&other).contains(&"same-outputs"), "{other}");
-    // Byte 250 of the line is the first that is mangled, number 249 from zero.
+    // Byte 250 of the line is the first damaged one, number 249 from zero.
     let detail = &other.checks[0].detail;
     assert!(detail.contains("base to-device, byte 249: "), "{detail}");
 }
 
-/// One command makes the case and the test that runs it; another runs the case.
+/// One command makes the case and the test that runs it; another command runs the case.
 #[test]
 fn a_command_turns_a_capture_into_a_test() {
     let folder = folder("case-command");
@@ -287,9 +287,9 @@ fn a_command_turns_a_capture_into_a_test() {
     assert!(junit.contains("testsuite name=\"stall\""), "{junit}");
 }
 
-/// Written by the first version of the format: half a second of the robot in its room, cut from a
-/// longer run. It must continue running in every later version. Only what it expects is fixed, not
-/// that programs send the same bytes forever.
+/// A case from the first version of the format: half a second of the robot in its room, cut from a
+/// longer run. Every later version must be able to run it. Only its expectations are fixed, not the
+/// bytes that programs send.
 #[test]
 fn a_case_of_version_1_still_runs() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/replay/cases/v1.toml");
@@ -310,7 +310,7 @@ fn write(capture: &Capture, path: &Path) {
     fs::write(path, bytes).expect("writable");
 }
 
-/// Three seconds of a lidar's output, as a user's dump of one wire: no scenario, no answers. The
+/// Three seconds of a lidar's output, as a user's dump of one line: no scenario, no replies. The
 /// third packet has a wrong bit.
 fn lidar_dump(folder: &Path) {
     let path = folder.join("dump.pcapng");
@@ -330,8 +330,8 @@ fn lidar_dump(folder: &Path) {
     write(&capture, &path);
 }
 
-/// A dump of one wire has no answers, so it says nothing of a program: only the decoder can break
-/// again.
+/// A dump of one line has no replies, so it tests no program: only a regression of the decoder can
+/// be detected.
 #[test]
 fn a_dump_of_one_direction_becomes_a_case_of_its_decoder() {
     let folder = folder("case-decoder");
@@ -351,7 +351,7 @@ fn a_dump_of_one_direction_becomes_a_case_of_its_decoder() {
         text.contains(" BAD 22 bytes ") && text.contains("checksum"),
         "{text}"
     );
-    // Another decoder, as the expectation sees it: it finds other words, or another cause.
+    // Another decoder from the expectation's view: it finds other words, or another cause.
     let other = text.replacen(" rpm, from 8 deg: ", " rpm, from 9 deg: ", 1);
     assert_ne!(other, text);
     fs::write(folder.join("d.toml"), other).expect("writable");
@@ -374,7 +374,7 @@ fn a_dump_of_one_direction_becomes_a_case_of_its_decoder() {
     assert!(said.contains("FAIL diagnosis-lidar-to-master"), "{said}");
 }
 
-/// A decoder's case has no robot; what is expected of a program needs one.
+/// A decoder's case has no robot; expectations of a program need one.
 #[test]
 fn a_case_without_a_robot_expects_nothing_of_a_program() {
     let folder = folder("case-no-robot");
@@ -392,8 +392,8 @@ fn a_case_without_a_robot_expects_nothing_of_a_program() {
     );
 }
 
-/// The program of a live run was a user's. Its case can be run with that program; without it the
-/// robot's own is tested, and a message must say so.
+/// The program of a live run was a foreign one. Its case can be run with that program. Without it,
+/// the robot's own program is tested, and a message must say so.
 #[test]
 fn a_case_of_a_foreign_program_says_which_program_it_tests() {
     let folder = folder("case-foreign");
@@ -442,7 +442,7 @@ fn a_case_that_makes_no_sense_is_refused_with_its_line() {
 }
 
 proptest! {
-    /// Anything may stand in a file: lines of the shipped case cut, doubled, mixed and replaced.
+    /// A file may have any content: lines of the shipped case are cut, doubled, mixed and replaced.
     #[test]
     fn no_text_of_a_case_panics(
         edits in prop::collection::vec((0_usize..400, 0_usize..4, "[ -~]{0,30}"), 1..6)

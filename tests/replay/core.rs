@@ -1,4 +1,4 @@
-//! A capture fed to the robot's program in virtual time.
+//! Replay of a capture to the robot's program in virtual time.
 
 use core::time::Duration;
 use std::path::Path;
@@ -11,8 +11,8 @@ use protocols::Instant;
 
 use crate::support::*;
 
-/// What goes wrong on the way must be in the capture for the replay to be true: damage of every
-/// kind, and a late line.
+/// Damage on the lines must be in the capture for an exact replay: damage of every kind, and a late
+/// line.
 const FAULTS: &str = r#"
 [link.base]
 latency = "300us"
@@ -51,8 +51,8 @@ fn violations(events: &[Logged]) -> Vec<String> {
     own.map(Logged::to_string).collect()
 }
 
-/// The same program, told the same bytes at the same nanoseconds, sends the same bytes at the same
-/// nanoseconds; the devices find the same broken rules; and all that twice.
+/// The same program with the same bytes at the same nanoseconds sends the same bytes at the same
+/// nanoseconds. The devices find the same violations. A second replay is equal.
 #[test]
 fn a_runs_own_capture_replays_without_a_difference() {
     let path = folder("own").join("capture.pcapng");
@@ -71,14 +71,14 @@ fn a_runs_own_capture_replays_without_a_difference() {
     assert!(!found.is_empty(), "the faults make the base complain");
     let second = replayed(&capture, Voice::Program);
     assert_eq!(first.trace_hash, second.trace_hash);
-    // Without the program: the devices judge what the capture says was sent.
+    // Without the program: the devices judge the recorded bytes.
     let judged = replayed(&capture, Voice::Capture);
     let found: Vec<String> = judged.violations.iter().map(Logged::to_string).collect();
     assert_eq!(found, violations(&events));
 }
 
-/// A recorder that slept, or a clock that was set, in the middle of a run: the program is not run
-/// through a whole day of nothing, and that is told.
+/// A suspended recorder, or a changed clock, in the middle of a run: the program does not run
+/// through a whole day of silence, and a note says so.
 #[test]
 fn a_day_of_silence_in_a_capture_is_played_as_a_minute() {
     let folder = folder("day");
@@ -108,7 +108,7 @@ fn a_day_of_silence_in_a_capture_is_played_as_a_minute() {
             assert!(told.contains("s on; played as 60 s"), "{told}");
         }
     }
-    // Poses behind the silence keep the capture's own times.
+    // Poses after the silence keep the capture's own times.
     let way = std::fs::read_to_string(folder.join("way.tum")).expect("written");
     let last = way.lines().last().and_then(|line| line.split(' ').next());
     let last: f64 = last.and_then(|at| at.parse().ok()).expect("a time");
@@ -119,7 +119,7 @@ fn a_day_of_silence_in_a_capture_is_played_as_a_minute() {
     assert!((61_000_000_000..63_000_000_000).contains(&end), "{end}");
 }
 
-/// A byte in the middle of what the program sent to its base is changed in the capture.
+/// The capture has one changed byte in the middle of the bytes to the base.
 #[test]
 fn one_changed_byte_is_told_at_its_place() {
     let path = folder("changed").join("capture.pcapng");

@@ -1,4 +1,4 @@
-//! Captures in the forms of other tools, read back by those tools.
+//! Captures in the formats of other tools, read back by those tools.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -25,7 +25,7 @@ fn run(name: &str, duration: &str) -> (PathBuf, Capture) {
     (folder, capture)
 }
 
-/// Exports the run's folder as `out`; what the command says.
+/// Exports the run's folder as `out`; returns the output of the command.
 fn export(folder: &Path, out: &str, more: &[&str]) -> String {
     let arguments = [&["export", "out", "-o", out][..], more].concat();
     let (status, said, error) = hilrig(folder, &arguments);
@@ -33,13 +33,13 @@ fn export(folder: &Path, out: &str, more: &[&str]) -> String {
     said
 }
 
-/// Python with the readers of others, which `tests/run.sh` installs.
+/// Path of a Python tool of others, which `tests/run.sh` installs.
 fn tool(name: &str) -> PathBuf {
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent();
     target.expect("a folder in it").join("tools/bin").join(name)
 }
 
-/// Python's reader of tables gives each direction's bytes.
+/// Python's CSV reader gives each direction's bytes.
 #[test]
 fn a_table_holds_all_bytes() {
     if !has("python3") {
@@ -65,8 +65,8 @@ fn a_table_holds_all_bytes() {
     }
 }
 
-/// sigrok's decoder finds in the drawn levels the bytes that were drawn: a millionth of a second is
-/// fine enough for the bus with its million baud at ten samples a bit.
+/// sigrok's decoder finds the drawn bytes in the levels. A resolution of a microsecond is
+/// sufficient for the bus with 1 Mbaud at ten samples a bit.
 #[test]
 fn sigrok_decodes_the_drawn_lines() {
     if !has("sigrok-cli") {
@@ -89,7 +89,7 @@ fn sigrok_decodes_the_drawn_lines() {
     }
 }
 
-/// The reader of others: channels, their data, known schemas, the scenario.
+/// An independent reader finds channels, their data, known schemas, and the scenario.
 #[test]
 fn pythons_mcap_reader_reads_the_run() {
     let python = tool("python");
@@ -138,7 +138,7 @@ fn pythons_mcap_reader_reads_the_run() {
     assert_eq!(out.lines().collect::<Vec<_>>(), expected, "{said}");
 }
 
-/// evo finds the believed way beside the true one. The replay believes what the run believed.
+/// evo compares the believed path with the true one. The replay gives the believed path of the run.
 #[test]
 fn evo_reads_the_believed_way() {
     let (folder, _) = run("export-tum", "3s");
@@ -152,7 +152,7 @@ fn evo_reads_the_believed_way() {
     }
     let mut evo = Command::new(evo);
     evo.args(["tum", "out/true.tum", "way.tum", "--t_max_diff", "0.2"]);
-    // It keeps its settings in the home folder.
+    // evo keeps its settings in the home folder.
     let said = printed(evo.current_dir(&folder).env("HOME", &folder));
     let said = String::from_utf8(said).expect("text");
     let rmse = said.lines().find(|line| line.trim().starts_with("rmse"));
@@ -160,9 +160,9 @@ fn evo_reads_the_believed_way() {
     assert!(rmse.is_some_and(|rmse| rmse < 0.1), "{said}");
 }
 
-/// A reader written from map_server's rules: occupancy is (255 - gray) / 255, over the first
-/// threshold a wall, below the second free, else unknown. In a room of 2.4 m at the corner 0.3 m
-/// the lines of the first row are the top ones.
+/// A reader written from map_server's rules: occupancy is (255 - gray) / 255. Above the first
+/// threshold a cell is a wall, below the second free, otherwise unknown. The room of 2.4 m has its
+/// corner at 0.3 m; the first rows of the picture are its top.
 #[test]
 fn a_reader_of_ros_maps_finds_walls_and_unknown_cells() {
     let (folder, _) = run("export-map", "3s");
@@ -185,7 +185,7 @@ fn a_reader_of_ros_maps_finds_walls_and_unknown_cells() {
     };
     let (walls, unknown) = (counts(wall, 1.0), counts(free, wall));
     let frees = grays.len() - walls - unknown;
-    // The room is 2.4 m square; what lies behind its walls is unknown.
+    // The room is 2.4 m square; cells behind its walls are unknown.
     let room = (2.4 / cell_m) * (2.4 / cell_m);
     assert!(
         frees as f64 > 0.5 * room && frees as f64 <= 1.1 * room,
@@ -213,7 +213,7 @@ fn pgm(bytes: &[u8]) -> (usize, usize, &[u8]) {
     (width, height, &rest[1..])
 }
 
-/// Both messages are read by the reader of public logs; a turn has up to 360 points, the front half
+/// The reader of public logs reads both messages; a turn has up to 360 points, the front half
 /// fewer.
 #[test]
 fn a_carmen_log_is_read_as_public_ones_are() {

@@ -1,4 +1,4 @@
-//! Dumps of other tools: each made by the tool itself, where it is free software.
+//! Dumps of other tools: each dump comes from the tool itself if it is free software.
 
 use std::fs::{self, File};
 use std::io::Write as _;
@@ -15,14 +15,14 @@ use serialport::{SerialPort as _, TTYPort};
 use crate::support::*;
 use crate::tools::{has, printed};
 
-/// What is sent through each tool: every value, line ends, a lidar's packet head.
+/// Bytes that pass through each tool: every value, line ends, a lidar's packet head.
 fn sample() -> Vec<u8> {
     let mut bytes = b"\n\r\n--\n> \xFA\xA0\0\0".to_vec();
     bytes.extend(0..=255);
     bytes
 }
 
-/// The bytes of `dump` that the command imports, each direction by itself.
+/// Bytes that the command imports from `dump`, separately for each direction.
 fn imported(folder: &Path, dump: &str, more: &[&str]) -> [Vec<u8>; 2] {
     let arguments = [&["import", dump, "-o", "out.pcapng"][..], more].concat();
     let (status, said, error) = hilrig(folder, &arguments);
@@ -80,7 +80,7 @@ fn what_jpnevulator_dumped_is_imported() {
     }
 }
 
-/// The log is what came, byte by byte; it is imported as bytes alone.
+/// The log contains the received bytes one by one; it is imported as raw bytes.
 #[test]
 fn what_tio_logged_is_imported() {
     if !has("tio") {
@@ -96,13 +96,13 @@ fn what_tio_logged_is_imported() {
     let tio = Running(Some(
         tio.stderr(Stdio::null()).spawn().expect("it is there"),
     ));
-    // It drops what came before it was connected, and says nothing of when that is.
+    // tio discards bytes from before its connection, and does not report the connection.
     wait_until("a first byte", || {
         ours.write_all(&[0x55]).expect("there is room");
         fs::read(&log).is_ok_and(|log| !log.is_empty())
     });
     ours.write_all(&sample()).expect("there is room");
-    // Its log reaches the file when a buffer is full: more behind it pushes it out.
+    // The log is written to the file when a buffer is full: further bytes flush it.
     let sample = sample();
     let found = || {
         let log = fs::read(&log).unwrap_or_default();
@@ -136,8 +136,8 @@ fn samples(bytes: &[(u8, u8)]) -> Vec<u8> {
     levels
 }
 
-/// At 921,600 samples a second a bit of 115,200 baud is 8 samples. The first stop bit ends 40 + 80
-/// samples from the start, which is 130,208 ns; a byte without stop bit is a framing error.
+/// At 921,600 samples a second, a bit of 115,200 baud is 8 samples. The first stop bit ends 40 + 80
+/// samples from the start, at 130,208 ns; a byte without stop bit is a framing error.
 #[test]
 fn what_sigrok_decoded_is_imported_with_its_times() {
     if !has("sigrok-cli") {
@@ -168,14 +168,14 @@ fn what_sigrok_decoded_is_imported_with_its_times() {
     assert_eq!(no_rate.2, expected);
 }
 
-/// `program` with `arguments`, run in `folder`; what it printed is `dump.txt` there.
+/// Runs `program` with `arguments` in `folder` and writes its output to `dump.txt` there.
 fn dumped(folder: &Path, program: &str, arguments: &[&str]) {
     let mut tool = Command::new(program);
     tool.args(arguments).current_dir(folder);
     fs::write(folder.join("dump.txt"), printed(&mut tool)).expect("writable");
 }
 
-/// Dumps of a file in every layout that these tools have, in archives and encodings of Windows.
+/// Dumps of a file in every layout of these tools, in archives and in encodings of Windows.
 #[test]
 fn what_dump_tools_wrote_is_imported() {
     let folder = folder("dumps");
@@ -241,7 +241,7 @@ fn what_dump_tools_wrote_is_imported() {
     }
 }
 
-/// Packets that Wireshark's tools made, of private link types; those of a network are refused.
+/// Packets from Wireshark's tools, of private link types; network packets are refused.
 #[test]
 fn what_wireshark_wrote_is_imported() {
     if !has("text2pcap") || !has("od") {
@@ -277,7 +277,7 @@ fn what_wireshark_wrote_is_imported() {
 }
 
 /// Two lines of a logic analyzer: as sigrok's own session, as VCD, as CSV, as a trace. The rate is
-/// told by the pulses; sample 40 + 80 of 921,600 a second ends the first byte.
+/// derived from the pulses; sample 40 + 80 of 921,600 a second ends the first byte.
 #[test]
 fn what_a_logic_analyzer_saw_is_imported_with_both_directions() {
     if !has("sigrok-cli") {
@@ -325,7 +325,7 @@ fn what_a_logic_analyzer_saw_is_imported_with_both_directions() {
         );
         let capture = Capture::read(&folder.join("out.pcapng")).expect("written");
         let first = capture.records[0].at.as_nanos();
-        // A trace tells where the data bits end, a bit earlier.
+        // A trace contains the end of the data bits, a bit earlier.
         assert!(first.abs_diff(130_208) <= 9_000, "{file}: {first}");
     }
     let channel = ["--channel", "1", "--from", "program"];
@@ -339,7 +339,7 @@ fn what_a_logic_analyzer_saw_is_imported_with_both_directions() {
     assert!(error.contains("is no UART at 9600 baud"), "{error}");
 }
 
-/// socat without -v, and what -v alone cannot tell.
+/// The output of socat -x without -v, and of -v alone, which cannot be imported.
 #[test]
 fn what_socat_dumped_in_hex_alone_is_imported() {
     if !has("socat") {
@@ -369,7 +369,7 @@ fn what_socat_dumped_in_hex_alone_is_imported() {
     }
 }
 
-/// A capture goes out as CSV and VCD and comes back with its bytes and directions.
+/// A capture is exported as CSV and VCD and imported with the same bytes and directions.
 #[test]
 fn what_we_export_we_import() {
     let folder = folder("own-forms");
@@ -391,8 +391,8 @@ fn what_we_export_we_import() {
     }
 }
 
-/// Files that are known to be something else, and broken ones: each with its next step, and no
-/// capture is left behind.
+/// Files of other known kinds, and damaged ones: each error has its next step, and no capture
+/// remains.
 #[test]
 fn foreign_and_broken_files_are_refused_with_the_next_step() {
     let folder = folder("foreign");
@@ -441,7 +441,7 @@ fn options() -> Options {
     }
 }
 
-/// What is in a dump: time, direction, kind, bytes.
+/// Records in a dump: time, direction, kind, bytes.
 fn records(text: &str) -> Vec<(u64, Direction, Kind, Vec<u8>)> {
     let format = Format::detect(text.as_bytes()).expect("one of the known forms");
     let imported = read(text.as_bytes(), format, &options()).expect("sound");
@@ -450,8 +450,8 @@ fn records(text: &str) -> Vec<(u64, Direction, Kind, Vec<u8>)> {
     records.map(tuple).collect()
 }
 
-/// Forms as the analyzer's source writes them. The start of the byte is given; at 115,200 baud it
-/// is over 86,805 ns later.
+/// Formats from the analyzer's source. The start of the byte is given; at 115,200 baud the byte
+/// ends 86,805 ns later.
 #[test]
 fn saleaes_two_tables_are_imported() {
     let way = Direction::ToMaster;
@@ -473,7 +473,7 @@ fn saleaes_two_tables_are_imported() {
     assert_eq!(records(new), expected);
 }
 
-/// The fraction is microseconds filled up to nine digits: known gaps say so. 1,795,247,928 s after
+/// The fraction is microseconds, padded to nine digits, as known gaps show. 1,795,247,928 s after
 /// the epoch, by `date -u`.
 #[test]
 fn socats_fraction_is_microseconds() {
@@ -540,7 +540,7 @@ const FORMATS: [Format; 21] = [
     Format::Raw,
 ];
 
-/// One sound dump of each form, to be damaged.
+/// One valid dump of each format, to be damaged.
 const SOUND: [&str; 19] = [
     "> 2026/11/21 07:58:48.000761120  length=4 from=0 to=3\n fa a0 0a   ...\n 41   A\n--\n",
     "2026-11-21 07:58:50.596918: A\n00000000\tFA A0 0A 41\t...A\n",
@@ -563,7 +563,7 @@ const SOUND: [&str; 19] = [
     "Outgoing data at 12:11:23\n  00000000  ab 24 0a   .$.\n      00000000  00 d9   ..\n",
 ];
 
-/// A dump of any content is records, or an error with a place inside it.
+/// A dump of any content gives records, or an error with a position inside it.
 fn judge(bytes: &[u8]) -> Result<(), TestCaseError> {
     for format in FORMATS {
         match read(bytes, format, &options()) {
@@ -571,7 +571,7 @@ fn judge(bytes: &[u8]) -> Result<(), TestCaseError> {
                 let again = Capture::of(&imported.to_pcapng(format));
                 prop_assert_eq!(&again.records, imported.records());
             }
-            // A file without lines has a place in bytes, if any.
+            // A file without lines has a byte offset, if any.
             Err(error) if error.line == 0 => prop_assert!(error.offset <= bytes.len(), "{error}"),
             Err(error) => {
                 prop_assert!(error.line >= 1 && error.offset <= bytes.len(), "{}", error);
@@ -593,7 +593,7 @@ proptest! {
         judge(&bytes)?;
     }
 
-    /// Mostly sound, which gets deeper than noise.
+    /// Mostly valid text, which exercises more of the parsers than noise.
     #[test]
     fn no_damaged_dump_panics_an_importer(
         which in 0_usize..19,
@@ -613,7 +613,7 @@ proptest! {
     }
 }
 
-/// Longest times that a tool can write do not overflow.
+/// The longest times that a tool can write do not overflow.
 #[test]
 fn the_end_of_time_is_no_panic() {
     let texts = [

@@ -1,5 +1,4 @@
-//! Bytes of the field in files, and back again: recorded, replayed, imported, exported, kept as
-//! cases.
+//! Bytes of the field in files: recorded, replayed, imported, exported, and kept as cases.
 
 mod case;
 mod core;

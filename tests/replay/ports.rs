@@ -1,4 +1,4 @@
-//! A capture played into real pseudo-terminals, and the command that does it.
+//! Replay of a capture into real pseudo-terminals, and its command.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -14,7 +14,7 @@ use rustix::process::Signal;
 use crate::record::bytes;
 use crate::support::*;
 
-/// A capture of one link, whose chunks are a millisecond apart from 1 ms on; UTC.
+/// A capture of one link, with chunks a millisecond apart from 1 ms on; UTC.
 fn field(path: &Path, link: &str, chunks: &[(Direction, &[u8])]) {
     let mut out = Vec::new();
     let section = Section {
@@ -45,9 +45,9 @@ fn shown(path: &Path) -> String {
     path.to_str().expect("UTF-8").to_owned()
 }
 
-/// A file of 30,000 bytes is replayed into a terminal of a recorder, behind which a client reads:
-/// the client and the second file have each byte of the first in its order. Twenty times as fast
-/// as recorded, faster than the client reads.
+/// A file of 30,000 bytes is replayed into a recorder's terminal, and a client reads at the other
+/// side. The client and the second file receive each byte of the first in order. The replay is
+/// twenty times as fast as the recording, faster than the client reads.
 #[test]
 fn what_was_recorded_is_replayed_and_recorded_again_byte_by_byte() {
     let folder = folder("chain");
@@ -60,7 +60,8 @@ fn what_was_recorded_is_replayed_and_recorded_again_byte_by_byte() {
     let ends = [&device, &program].map(|path| format!("x=pty:{}", shown(path)));
     let record = Running::start(&["record", "--tap", &ends[0], &ends[1], "-o", &shown(&second)]);
     let mut client = client(&program);
-    // Once something passes, the recorder has seen both ends open; that is in its file too.
+    // Once a byte passes, the recorder has noticed that both ports are open; this byte is in its
+    // file too.
     let mut probe = crate::support::client(&device);
     let mut got = Vec::new();
     wait_until("a first byte", || {
@@ -110,7 +111,7 @@ fn request_and_reply(path: &Path) -> [Vec<u8>; 2] {
     [request, reply]
 }
 
-/// The capture takes the part of the program and compares what the device on the port answers.
+/// The capture replaces the program and compares the replies of the device on the port.
 fn answered(name: &str, answer: impl Fn(&[u8]) -> Vec<u8>) -> (Option<i32>, String) {
     let folder = folder(name);
     let file = folder.join("field.pcapng");
@@ -149,8 +150,8 @@ fn a_device_that_answers_as_captured_passes() {
     );
 }
 
-/// The reply was complete 2 ms after the epoch, 1 ms after the file's first record; its fourth
-/// byte is the first of the data. AB + 24 + 82 + 13 + 34 = 198.
+/// The reply was complete 2 ms after the epoch, 1 ms after the file's first record; its fourth byte
+/// is the first of the data. AB + 24 + 82 + 13 + 34 = 198.
 #[test]
 fn a_device_that_answers_otherwise_is_told_with_byte_and_frame() {
     let (code, said) = answered("otherwise", |reply| {
@@ -213,8 +214,7 @@ fn a_stepped_replay_sends_one_piece_a_line() {
     );
 }
 
-/// The capture takes the part of the program on the ports of a rig that runs in another process;
-/// its devices answer.
+/// The capture replaces the program on the ports of a rig in another process, whose devices reply.
 #[test]
 fn a_capture_is_played_into_the_ports_of_a_running_rig() {
     let folder = folder("dir");
@@ -265,7 +265,7 @@ fn a_capture_without_a_robot_asks_for_one() {
     );
 }
 
-/// The whole way by commands: a run's capture reproduces its outputs.
+/// All steps by commands: the replay of a run's capture reproduces its outputs.
 #[test]
 fn a_runs_capture_is_replayed_by_the_command() {
     let folder = folder("command");
@@ -277,9 +277,9 @@ fn a_runs_capture_is_replayed_by_the_command() {
     assert_eq!(last, Some(expected));
 }
 
-/// A client that opens the port, reads and closes it before all was said is told of, and ends the
-/// replay: its directory is free again. As a conversation, the request is missing; by time, bytes
-/// are left.
+/// A client that opens the port, reads and closes it early causes a message and ends the replay;
+/// its directory is then free again. As a conversation, the request is missing; by time, bytes are
+/// left.
 #[test]
 fn a_client_that_closes_early_ends_the_replay_with_a_word() {
     let folder = folder("closed");
@@ -290,7 +290,7 @@ fn a_client_that_closes_early_ends_the_replay_with_a_word() {
     let words = ["replay", &shown(&file), "--to", &to, "--expect"];
     let replay = Running::start(&words);
     let client = client(&port);
-    // Long enough to be seen: nothing tells of a port that is open between two looks only.
+    // The port is open long enough to be noticed: an opening between two polls leaves no sign.
     let mut looks = 0;
     wait_until("some looks", || {
         looks += 1;
@@ -308,7 +308,7 @@ fn a_client_that_closes_early_ends_the_replay_with_a_word() {
         "{said}"
     );
 
-    // The directory can be taken again, and a client that asks has its conversation.
+    // The directory can be used again, and a client that sends its request gets its conversation.
     let replay = Running::start(&words);
     let mut client = crate::support::client(&port);
     client.write_all(&request).expect("open");

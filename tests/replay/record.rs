@@ -1,4 +1,4 @@
-//! Between two ports: every byte passes, in order, and is in the file.
+//! A recorder between two ports: every byte passes in order and is in the file.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -25,9 +25,9 @@ pub(crate) fn bytes(capture: &Capture, direction: Direction) -> Vec<u8> {
     own.flat_map(|record| record.bytes.clone()).collect()
 }
 
-/// 3000 bytes of all values one way and 3000 others back, in pieces of 1 to 97 bytes. Prints how
-/// long the recorder held them: the promise is less than a millisecond, but no verdict depends on
-/// what else the machine does.
+/// 3000 bytes of all values in one direction and 3000 others back, in pieces of 1 to 97 bytes. The
+/// test prints the latency of the recorder. The specified maximum is a millisecond, but no verdict
+/// depends on the load of the machine.
 #[test]
 fn what_passes_two_terminals_is_in_the_file_byte_by_byte() {
     let folder = folder("passes");
@@ -87,7 +87,7 @@ fn what_passes_two_terminals_is_in_the_file_byte_by_byte() {
     );
 }
 
-/// Starts `hilrig record` between two new terminals; clients of both.
+/// Starts `hilrig record` between two new terminals; returns clients of both.
 fn recording(folder: &Path, out: &str) -> Running {
     let [a, b] = ["a", "b"].map(|name| format!("{name}=pty:{}", folder.join(name).display()));
     Running::start(&["record", "--tap", &a, &b, "-o", out])
@@ -99,8 +99,8 @@ fn a_signal_ends_a_recording_with_a_whole_file() {
     let path = folder.join("field.pcapng");
     let running = recording(&folder, path.to_str().expect("UTF-8"));
     let [mut a, mut b] = ["a", "b"].map(|name| client(&folder.join(name)));
-    // The rig sends nothing to a client that it has not noticed yet, so the test writes until it
-    // answers.
+    // The rig sends nothing to a client that it has not noticed yet, so the test writes until the
+    // rig replies.
     let mut heard = Vec::new();
     wait_until("a first byte", || {
         a.write_all(b"x").expect("open");
@@ -116,7 +116,7 @@ fn a_signal_ends_a_recording_with_a_whole_file() {
     assert!(bytes(&capture, Direction::ToMaster).len() >= heard.len());
 }
 
-/// Hours of another recording must not be lost to a command from the shell's history.
+/// A repeated command must not overwrite hours of another recording.
 #[test]
 fn a_file_that_is_there_already_is_not_overwritten() {
     let folder = folder("again");
@@ -149,8 +149,8 @@ fn a_disk_without_room_is_told_at_once() {
     );
 }
 
-/// A limit on the size of files stands for a disk that fills up in the middle of a block: 8 KiB,
-/// in units of 1024 bytes. The signal that goes with it is ignored, as it would be absent.
+/// A limit on the file size replaces a disk that becomes full in the middle of a block: 8 KiB, in
+/// units of 1024 bytes. The limit's signal is ignored, because a full disk sends none.
 #[test]
 fn a_disk_that_fills_up_leaves_a_whole_file() {
     let folder = folder("fills");

@@ -1,4 +1,4 @@
-//! What all tests of this binary need: a folder of their own, clients of ports, processes.
+//! Common parts of all tests of this binary: a separate folder, clients of ports, processes.
 
 use core::time::Duration;
 use std::fs;
@@ -15,12 +15,12 @@ use protocols::Instant;
 use rustix::process::{Pid, Signal, kill_process};
 use serialport::TTYPort;
 
-/// How long a test waits for what must happen. Only a failing test waits that long.
+/// Maximum time that a test waits for an event. Only a failing test waits that long.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// How long a client waits for one more byte.
+/// Time that a client waits for one more byte.
 const QUIET: Duration = Duration::from_millis(20);
 
-/// A folder that no other test and no other test run uses, empty.
+/// An empty folder that no other test and no other test run uses.
 pub(crate) fn folder(name: &str) -> PathBuf {
     let name = format!("replay-{name}-{}", std::process::id());
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -29,7 +29,7 @@ pub(crate) fn folder(name: &str) -> PathBuf {
     path
 }
 
-/// Tries again until `done`, for as long as patience lasts.
+/// Retries until `done`, at most for `PATIENCE`.
 pub(crate) fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
     let clock = WallClock::start();
     while !done() {
@@ -41,7 +41,7 @@ pub(crate) fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// A client as most programs are: raw mode, exclusive use, 115200 baud.
+/// A typical client: raw mode, exclusive use, 115200 baud.
 pub(crate) fn client(path: &Path) -> TTYPort {
     let mut opened = None;
     wait_until("a port", || {
@@ -52,7 +52,7 @@ pub(crate) fn client(path: &Path) -> TTYPort {
     opened.expect("waited for")
 }
 
-/// Adds what the client can read now to `all`.
+/// Appends the bytes that the client can read now to `all`.
 pub(crate) fn read_some(client: &mut TTYPort, all: &mut Vec<u8>) {
     let mut buf = [0; 1024];
     if let Ok(len) = client.read(&mut buf) {
@@ -60,7 +60,7 @@ pub(crate) fn read_some(client: &mut TTYPort, all: &mut Vec<u8>) {
     }
 }
 
-/// The command, started; killed when dropped.
+/// A running command, killed when dropped.
 pub(crate) struct Running(pub(crate) Option<Child>);
 
 impl Running {
@@ -82,7 +82,7 @@ impl Running {
         kill_process(pid, signal).expect("it is our own process");
     }
 
-    /// Waits for the end; what it said.
+    /// Waits for the end; returns status and output.
     pub(crate) fn end(mut self) -> (ExitStatus, String, String) {
         let mut child = self.0.take().expect("ended once");
         wait_until("the end of the command", || {
@@ -127,7 +127,7 @@ pub(crate) fn in_a_room(duration: &str, more: &str) -> (Scenario, Source) {
     Scenario::parse(Path::new("<test>"), text).expect("sound")
 }
 
-/// Runs for the scenario's duration and writes the capture; `prepare` may change the rig before.
+/// Runs for the scenario's duration and writes the capture; `prepare` may change the rig first.
 pub(crate) fn captured(
     (scenario, source): (Scenario, Source),
     path: &Path,

@@ -1,11 +1,11 @@
-//! Tools of others that write what we read and read what we write.
+//! Tools of others that write our input formats and read our output formats.
 
 use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-/// Whether there is a `tool`. CI must have it; elsewhere its absence is said loudly, past the test
-/// runner's capture of what passing tests print.
+/// Whether `tool` is installed. CI must have it; elsewhere its absence is reported on the terminal,
+/// past the test runner's capture of output.
 pub(crate) fn has(tool: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let found = std::env::split_paths(&path).any(|folder| folder.join(tool).is_file())
@@ -19,7 +19,7 @@ pub(crate) fn has(tool: &str) -> bool {
     found
 }
 
-/// What `command` prints; it must succeed.
+/// Output of `command`, which must succeed.
 pub(crate) fn printed(command: &mut Command) -> Vec<u8> {
     let output = command.output().expect("the tool starts");
     let said = String::from_utf8_lossy(&output.stderr);

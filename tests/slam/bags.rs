@@ -1,5 +1,5 @@
-//! Bags of ROS 2: compressed chunks and messages, SQLite, folders of several files; and what is
-//! damaged in them.
+//! Bags of ROS 2: compressed chunks and messages, SQLite, folders of several files; and damage in
+//! each of them.
 
 use std::io::Write as _;
 
@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use crate::command::{Session, text};
 use crate::ros::{laser_scan, odometry, room_messages};
 
-/// A message: the topic's number (0: scans, 1: odometry), its time, and its bytes.
+/// A message: the number of its topic (0: scans, 1: odometry), its time, and its bytes.
 type Message = (u16, f64, Vec<u8>);
 
 fn zstd(bytes: &[u8]) -> Vec<u8> {
@@ -25,7 +25,7 @@ fn lz4(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().expect("memory")
 }
 
-/// A file of SQLite with pages of 512 bytes, so that a scan goes over several.
+/// An SQLite file with pages of 512 bytes, so that a scan extends over several pages.
 struct Sqlite {
     pages: Vec<Vec<u8>>,
 }
@@ -50,7 +50,7 @@ enum Field<'a> {
     Blob(&'a [u8]),
 }
 
-/// A row's values behind their kinds.
+/// Encodes the values of a row after their types.
 fn record(fields: &[Field<'_>]) -> Vec<u8> {
     let (mut kinds, mut values) = (Vec::new(), Vec::new());
     for field in fields {
@@ -63,7 +63,7 @@ fn record(fields: &[Field<'_>]) -> Vec<u8> {
         kinds.extend(varint(kind));
         values.extend(value);
     }
-    // The length counts itself: one byte here, since the kinds are few.
+    // The length includes itself: one byte here, because there are few types.
     [&varint(kinds.len() + 1)[..], &kinds, &values].concat()
 }
 
@@ -73,7 +73,7 @@ impl Sqlite {
         u32::try_from(self.pages.len()).expect("few")
     }
 
-    /// A leaf's cell; what has no room goes to further pages.
+    /// A leaf's cell; a payload that does not fit continues on further pages.
     fn cell(&mut self, row: usize, record: &[u8]) -> Vec<u8> {
         let head = [varint(record.len()), varint(row)].concat();
         if record.len() <= PAGE - 35 {
@@ -92,7 +92,7 @@ impl Sqlite {
         [&head[..], here, &next.to_be_bytes()].concat()
     }
 
-    /// A page of cells; `right` if it is an inner one.
+    /// A page of cells; `right` is given for an inner page.
     fn page(start: usize, cells: &[Vec<u8>], right: Option<u32>) -> Vec<u8> {
         let mut page = vec![0; PAGE];
         let head = if right.is_some() { 12 } else { 8 };
@@ -112,7 +112,7 @@ impl Sqlite {
         page
     }
 
-    /// A table of these rows, a leaf for each, under as many inner pages as it takes.
+    /// A table of these rows, one leaf each, with the required number of inner pages.
     fn table(&mut self, rows: &[Vec<u8>]) -> u32 {
         let mut below: Vec<(u32, usize)> = Vec::new();
         for (number, record) in (1..).zip(rows) {
@@ -133,7 +133,7 @@ impl Sqlite {
         below[0].0
     }
 
-    /// A bag of these messages.
+    /// A bag with these messages.
     fn bag(messages: &[Message]) -> Vec<u8> {
         let mut file = Self {
             pages: vec![Vec::new()],
@@ -184,7 +184,7 @@ impl Sqlite {
     }
 }
 
-/// The room's log through `hilrig slam`: all 160 scans, and the end as it is in truth, to 50 mm.
+/// Maps the room's log with `hilrig slam`: all 160 scans, and the true end position within 50 mm.
 fn maps_the_room(session: &Session, log: &str) {
     let (_, truth) = room_messages();
     let output = session.hilrig(&["slam", log, "--out", "out"]);
@@ -212,19 +212,19 @@ fn a_bag_in_sqlite_becomes_a_map_and_a_way() {
     let file = Sqlite::bag(&room_messages().0);
     session.write("bag.db3", &file);
     maps_the_room(&session, "bag.db3");
-    // A recorder that packs whole files.
+    // A recorder that compresses whole files.
     session.write("bag.db3.zstd", &zstd(&file));
     maps_the_room(&session, "bag.db3.zstd");
 }
 
-/// In three files, the first of them named last; its metadata tells the order. One is missing: the
-/// others are mapped.
+/// Three files, the first of them last by name; the metadata gives the order. If one is missing,
+/// the others are mapped.
 #[test]
 fn the_files_of_a_folder_are_one_recording() {
     let session = Session::new("folder");
     let (mut messages, _) = room_messages();
     for (_, _, data) in &mut messages {
-        // A recorder that packs each message.
+        // A recorder that compresses each message.
         *data = zstd(data);
     }
     let (first, rest) = messages.split_at(100);
@@ -251,7 +251,7 @@ fn the_files_of_a_folder_are_one_recording() {
     );
 }
 
-/// Cut in half: the rows of the pages that are left, and a finding for each that is not.
+/// A file cut in half: the rows of the remaining pages are read, and each missing one is a finding.
 #[test]
 fn of_a_cut_bag_the_rest_is_read() {
     let file = Sqlite::bag(&room_messages().0);
@@ -259,7 +259,7 @@ fn of_a_cut_bag_the_rest_is_read() {
     db3::read_into(&mut contents, &file[..file.len() / 2]).expect("the tables are listed first");
     assert!(contents.findings.count(Kind::Part) > 0);
     let log = contents.log();
-    // The table's inner pages stand behind their leaves here, and are gone.
+    // The table's inner pages come after their leaves here, and are cut off.
     assert!(log.is_err(), "{log:?}");
 
     let mut spoilt = file.clone();
@@ -294,7 +294,8 @@ fn an_sqlite_file_of_something_else_is_told() {
 
 proptest! {
     #![proptest_config(ProptestConfig::default())]
-    /// Bytes changed or cut off anywhere: what can be read is read, nothing panics or runs on.
+    /// Bytes are changed or cut anywhere: readable data is read, and the reader neither panics nor
+    /// hangs.
     #[test]
     fn no_damage_to_a_bag_panics_the_reader(
         flips in proptest::collection::vec((any::<usize>(), 1_u8..), 0..6), cut: usize,
@@ -325,12 +326,12 @@ mod chunks {
     use crate::messages::file;
     use hilrig::slam::bag::mcap::read;
 
-    /// The opcode of a chunk, and where its records' size, checksum and compression stand.
+    /// The opcode of a chunk, and the offsets of its records' size, checksum and compression.
     const CHUNK: u8 = 6;
     const SIZE: usize = 16;
     const NAME: usize = 28;
 
-    /// From a chunk's header and records to its body.
+    /// Function from a chunk's header and records to its body.
     type Change = fn(&[u8], &[u8]) -> Vec<u8>;
 
     /// The records of a file, each with its opcode.
@@ -346,13 +347,13 @@ mod chunks {
         records
     }
 
-    /// The same file, its chunks made again by `change`: from header and records to body.
+    /// The file with each chunk rebuilt by `change`, from header and records to body.
     fn changed(file: &[u8], mut change: impl FnMut(&[u8], &[u8]) -> Vec<u8>) -> Vec<u8> {
         let magic = &file[..8];
         let mut out = magic.to_vec();
         for (opcode, mut body) in records(file) {
             if opcode == CHUNK {
-                // No name of a compression, and eight bytes of length.
+                // An empty compression name, and eight bytes of length.
                 body = change(&body[..NAME], &body[NAME + 12..]);
             }
             out.push(opcode);
@@ -389,8 +390,8 @@ mod chunks {
         }
     }
 
-    /// The second chunk of each file: damaged, of another size or checksum than it names, too large
-    /// to be unpacked, packed by something unknown. It is told, and all other scans are there.
+    /// The second chunk of each file is damaged: wrong data, a wrong size or checksum, too large to
+    /// unpack, or an unknown compression. The damage is reported, and all other scans are present.
     #[test]
     fn a_damaged_chunk_costs_its_own_scans() {
         let plain = file(&room_messages().0);
@@ -446,7 +447,7 @@ mod chunks {
         }
     }
 
-    /// An uncompressed chunk with a wrong bit is told and used: the other scans in it are sound.
+    /// An uncompressed chunk with a wrong bit is reported and used: its other scans are valid.
     #[test]
     fn a_wrong_bit_in_a_plain_chunk_is_told() {
         let mut bytes = file(&few());
@@ -458,7 +459,7 @@ mod chunks {
         assert_eq!((log.shots.len(), log.findings.count(Kind::Part)), (2, 1));
     }
 
-    /// Files that end in a compressed chunk give what is before.
+    /// A file that ends in a compressed chunk gives the data before this chunk.
     #[test]
     fn of_a_cut_file_the_rest_is_read() {
         let plain = file(&room_messages().0);

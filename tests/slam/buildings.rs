@@ -1,4 +1,4 @@
-//! The whole mapper in a building that was never built.
+//! The whole mapper in generated buildings.
 
 use emulators::world::Pose;
 use hilrig::slam::map::walls;
@@ -6,7 +6,7 @@ use hilrig::slam::mapping::building::{Building, Pass};
 use hilrig::slam::mapping::motion::distance;
 use hilrig::slam::mapping::{Kind, Localiser, Mapper, Settings, Shot, WallPoint};
 
-/// The mapper after all scans of a building, and where each was taken in truth.
+/// The mapper after all scans of a building, and the true pose of each scan.
 fn mapped(seed: u64, closes_loops: bool) -> (Mapper, Vec<Pose>) {
     let building = Building::generate(seed);
     let mut mapper = Mapper::new(Settings {
@@ -26,8 +26,8 @@ fn mapped(seed: u64, closes_loops: bool) -> (Mapper, Vec<Pose>) {
     (mapper, truth.collect())
 }
 
-/// At stake: a robot that comes back after 100 m knows where it is. The same twice to the bit; and
-/// without loops it is farther off than with them.
+/// At stake: a robot that returns after 100 m knows its pose. Two runs are equal to the bit.
+/// Without loop closure, the error is larger than with it.
 #[test]
 fn a_way_around_a_building_ends_where_it_began() {
     let (mapper, truth) = mapped(SEED, true);
@@ -50,12 +50,11 @@ fn a_way_around_a_building_ends_where_it_began() {
     assert!(off(&without) > 2.0 * far, "{} {far}", off(&without));
 }
 
-/// A building whose way leads around a block more than once.
+/// A building whose path leads around a block more than once.
 const SEED: u64 = 16;
 
-/// The map of one way through a building, and the way back on it with other noise: where a scan is
-/// laid and where the map has its place differ by centimetres, on the cloud of points and on cells
-/// of 50 mm.
+/// Maps one path through a building, then localises the same path with other noise on that map. The
+/// scan poses and the map differ by centimetres, both on the point cloud and on cells of 50 mm.
 #[test]
 fn a_way_is_found_on_the_map_of_another() {
     let session = crate::command::Session::new("known");
@@ -88,7 +87,7 @@ fn a_way_is_found_on_the_map_of_another() {
             ..115 => 254,
             _ => 205,
         });
-        // Pictures begin with their top row.
+        // A picture begins with its top row.
         let rows: Vec<u8> = gray.collect();
         let rows: Vec<u8> = rows.chunks(sheet.width).rev().flatten().copied().collect();
         let head = format!("P5\n{} {}\n255\n", sheet.width, sheet.height);

@@ -1,11 +1,11 @@
-//! `hilrig slam` as a user meets it.
+//! `hilrig slam` from the user's side.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use crate::room;
 
-/// A folder of its own, removed afterwards.
+/// A separate folder, removed afterwards.
 pub(crate) struct Session(PathBuf);
 
 impl Session {
@@ -58,8 +58,8 @@ pub(crate) fn text(bytes: &[u8]) -> &str {
     core::str::from_utf8(bytes).expect("the command speaks UTF-8")
 }
 
-/// The robot ends 33 turns later where it is in truth, to 50 mm, although its wheels lie by five
-/// per cent; and the ROS map names its picture and corner.
+/// After 33 turns, the robot's end pose is correct within 50 mm, although the wheels are wrong by
+/// five per cent. The ROS map names its picture and corner.
 #[test]
 fn a_log_becomes_a_map_and_a_way() {
     let session = Session::new("room");
@@ -114,8 +114,8 @@ fn what_cannot_be_used_is_told_and_the_rest_mapped() {
     assert!(text(&output.stdout).contains(", 1 skipped,"));
 }
 
-/// On the map of its first pass the robot is found again, begun a metre off in the map as it was
-/// told; the map's folder stays as it was.
+/// The robot is localised on the map of its first pass, with a start pose that is wrong by a metre;
+/// the map's folder stays unchanged.
 #[test]
 fn a_log_is_found_on_a_map_that_there_is() {
     let session = Session::new("on-map");
@@ -144,7 +144,7 @@ fn a_log_is_found_on_a_map_that_there_is() {
             .split(' ')
             .filter_map(|field| field.parse().ok())
             .collect();
-        // The way began at (1, -2), looking to +y.
+        // The path began at (1, -2), facing +y.
         let off = libm::hypot(last[1] - (1.0 - truth.y), last[2] - (truth.x - 2.0));
         assert!(off < 0.06, "{map}: {off} m off");
     }

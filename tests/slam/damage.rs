@@ -1,4 +1,4 @@
-//! Damaged logs: what is left is used, what is not is counted with its line, nothing panics.
+//! Damaged logs: valid data is used, invalid data is counted with its line, and nothing panics.
 
 use firmware_core::pose::Point;
 use firmware_core::slam::Mode;
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 
 use crate::room;
 
-/// Five beams, wheels at (x, 0, 0), at a time.
+/// Five beams and odometry (x, 0, 0) at a time.
 fn scan(ranges: &str, x: f64, time: f64) -> String {
     format!("FLASER {ranges} {x} 0 0 {x} 0 0 {time} host {time}\n")
 }
@@ -41,7 +41,8 @@ fn what_is_no_number_is_told_with_line_and_field() {
     assert_eq!(told[1], "line 3: ranges is \"x\", expected a number");
 }
 
-/// Not-a-number, negative, infinite and endless readings are no returns; the scan's others count.
+/// Not-a-number, negative, infinite and endless readings are no returns; the other readings of the
+/// scan are used.
 #[test]
 fn absurd_readings_are_counted_and_the_others_used() {
     let log = read(&scan("6 NaN -3 inf 1e300 2 1", 0.0, 1.0));
@@ -59,7 +60,7 @@ fn scans_without_a_return_are_skipped() {
     assert_eq!(log.findings.told()[0], "line 2: none of 0 beams came back");
 }
 
-/// The motion up to a skipped scan is not lost: the next one has both.
+/// The motion until a skipped scan is kept: the next scan includes both motions.
 #[test]
 fn a_scan_from_the_past_is_skipped_but_the_wheels_go_on() {
     let times = [1.0, 5.0, 2.0, 6.0];
@@ -105,8 +106,8 @@ fn a_file_of_something_else_is_an_error_that_says_so() {
     assert!(carmen::read(b"").is_err());
 }
 
-/// Behind each scan of a corrected log the odometry begins again at the mapper's pose: wheels 0.5 m
-/// and 0.4 m, corrections of 0.1 m to the left that are no motion of the robot.
+/// After each scan of a corrected log, the odometry starts again at the mapper's pose. The wheels
+/// move 0.5 m and 0.4 m; the corrections of 0.1 m to the left are not motion of the robot.
 #[test]
 fn of_a_corrected_log_only_the_motion_between_the_scans_is_the_wheels() {
     let odom = |x: f64, y: f64, t: f64| format!("ODOM {x} {y} 0 0 0 0 {t} host {t}\n");
@@ -139,8 +140,8 @@ fn of_a_corrected_log_only_the_motion_between_the_scans_is_the_wheels() {
     );
 }
 
-/// Five beams of the old kind make a half circle: the first looks to the right, the last to the
-/// left. ROBOTLASER1 says it itself, and where the laser sits: 0.2 m ahead.
+/// Five beams of the old kind make a half circle: the first points to the right, the last to the
+/// left. ROBOTLASER1 contains the angles and the laser's position: 0.2 m ahead.
 #[test]
 fn beams_look_where_the_kind_of_message_says() {
     let log = read(&scan("5 1 9 1 9 1", 0.0, 1.0));
@@ -165,7 +166,7 @@ fn beams_look_where_the_kind_of_message_says() {
     }
 }
 
-/// What may happen to a file on its way.
+/// Damage of a file.
 #[derive(Clone, Debug)]
 enum Damage {
     Flip(usize, u8),
@@ -241,7 +242,7 @@ proptest! {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
-    /// Whatever was read can be mapped, and every pose is a number.
+    /// Any result of reading can be mapped, and every pose is a number.
     #[test]
     fn no_damage_to_a_log_panics_the_mapper(damages in damages()) {
         if let Ok(log) = carmen::read(&damaged(&room::log().0, &damages)) {
@@ -257,7 +258,7 @@ proptest! {
     }
 }
 
-/// Time of no interest.
+/// A clock for tests that do not measure time.
 pub(crate) fn still() -> WallClock {
     WallClock::start()
 }

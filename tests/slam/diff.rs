@@ -1,9 +1,9 @@
-//! `hilrig map diff` as a user meets it.
+//! `hilrig map diff` from the user's side.
 
 use crate::command::{Session, text};
 
-/// A room of 2 m x 1.2 m in cells of 50 mm as the map server saves it, its corner this many cells
-/// from the picture's.
+/// A room of 2 m x 1.2 m in cells of 50 mm, in the map server's format. `corner` is its offset from
+/// the picture's corner, in cells.
 fn room(session: &Session, name: &str, corner: [usize; 2]) {
     let mut gray = String::from("P2\n60 60\n255\n");
     for y in (0..60_usize).rev() {
@@ -23,7 +23,7 @@ fn room(session: &Session, name: &str, corner: [usize; 2]) {
     session.write(&format!("{name}.yaml"), yaml.as_bytes());
 }
 
-/// Three cells of 50 mm to the right: laid back by 150 mm, then the same.
+/// The map is shifted three cells of 50 mm to the right: aligned by 150 mm, it is equal.
 #[test]
 fn a_shifted_map_is_laid_back_and_passes() {
     let session = Session::new("diff");
@@ -52,7 +52,7 @@ fn a_shifted_map_is_laid_back_and_passes() {
     assert!(session.has("diff.png"));
 }
 
-/// As they lie, walls three cells apart have no counterpart within 100 mm.
+/// Without alignment, walls three cells apart have no counterpart within 100 mm.
 #[test]
 fn maps_that_lie_apart_fail_where_they_must_not() {
     let session = Session::new("diff-apart");

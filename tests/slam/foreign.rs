@@ -1,5 +1,4 @@
-//! Logs as others write them: what their lines mean where that is not obvious, and what a file that
-//! cannot be read is told to be.
+//! Logs of other tools: the meaning of ambiguous lines, and the errors for unreadable files.
 
 use hilrig::slam::{Log, carmen};
 
@@ -10,13 +9,13 @@ fn read(text: &str) -> Log {
     carmen::read(text.as_bytes()).expect("a good log")
 }
 
-/// A beam of 2 m straight ahead, from a laser whose pose and robot's pose are `laser` and `robot`.
+/// A beam of 2 m straight ahead; `laser` and `robot` are the poses of the laser and of the robot.
 fn scan(laser: &str, robot: &str, time: f64) -> String {
     format!("FLASER 3 99 2 99 {laser} {robot} {time} host {time}\n")
 }
 
-/// Poses that are the same are the laser's own; where they tell how far the laser is from the
-/// robot, that counts; only where they lie in different frames PARAM has to tell.
+/// Equal poses are the laser's own. Poses that show the offset of the laser from the robot define
+/// it. Only if the poses are in different frames, PARAM defines the offset.
 #[test]
 fn the_laser_sits_where_its_pose_says() {
     let ahead_mm = |laser: &str| {
@@ -29,15 +28,15 @@ fn the_laser_sits_where_its_pose_says() {
     assert!(near(ahead_mm("40 30 0"), 2250.0));
 }
 
-/// What the navigation looks at is no limit of the laser.
+/// The range limit of the navigation is not a limit of the laser.
 #[test]
 fn readings_beyond_what_the_navigation_uses_count() {
     let text = "PARAM robot_front_laser_max 1.5 host 0\n".to_owned() + &scan("0 0 0", "0 0 0", 1.0);
     assert_eq!(read(&text).shots[0].points.len(), 1);
 }
 
-/// NEFF, the number of particles that were left, is written by a mapper: the poses are the
-/// mapper's, and without wheel data in between the robot's motion is unknown.
+/// A mapper writes NEFF, the number of remaining particles. The poses are therefore the mapper's,
+/// and without odometry in between, the robot's motion is unknown.
 #[test]
 fn a_log_with_a_count_of_particles_was_corrected() {
     let scans = scan("0 0 0", "0 0 0", 1.0) + &scan("5 0 0", "5 0 0", 2.0);
@@ -68,7 +67,7 @@ fn a_file_of_another_kind_is_told_with_what_to_do() {
     }
 }
 
-/// A bag of ROS 2 is a folder; what is no recording in it is passed over.
+/// A bag of ROS 2 is a folder; files in it that are no recordings are skipped.
 #[test]
 fn a_folder_without_one_recording_is_told() {
     let session = Session::new("bag");
@@ -81,8 +80,8 @@ fn a_folder_without_one_recording_is_told() {
     assert!(told(&session).contains("holds 2 recordings and no metadata.yaml"));
 }
 
-/// The seed's mapper is as good as its draw: the seed says which it was. A wheel that jumps by two
-/// metres is told.
+/// The result of the seed's mapper depends on its random numbers, so the seed is reported. A jump
+/// of two metres in the odometry is reported.
 #[test]
 fn the_draw_has_a_seed_and_jumps_are_told() {
     let session = Session::new("draw");
@@ -97,7 +96,7 @@ fn the_draw_has_a_seed_and_jumps_are_told() {
     let first = way("1");
     assert!(first == way("1") && first != way("2"));
 
-    // From the 80th scan on the wheels say that they are 0.6 m farther: the walls know better.
+    // From the 80th scan on, the odometry is 0.6 m ahead; the walls correct this.
     let jumping: String = log.lines().enumerate().map(pushed).collect();
     session.write("jumping.log", jumping.as_bytes());
     let output = session.hilrig(&["slam", "jumping.log", "--out", "out"]);
@@ -107,7 +106,7 @@ fn the_draw_has_a_seed_and_jumps_are_told() {
     assert!(told.contains("jumps away from the wheels: 1,"), "{told}");
 }
 
-/// A line of the log, its poses moved along x from the 160th on.
+/// A line of the log; from the 160th line on, its poses are moved along x.
 fn pushed((number, line): (usize, &str)) -> String {
     let mut words: Vec<String> = line.split(' ').map(str::to_owned).collect();
     let places = match words[0].as_str() {

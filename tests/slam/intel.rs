@@ -22,14 +22,14 @@ fn way(survey: &Survey) -> Vec<u8> {
     poses.flat_map(f64::to_le_bytes).collect()
 }
 
-/// Every pose to the bit, and the map.
+/// Fingerprint of every pose to the bit, and of the map.
 fn print(survey: &Survey) -> String {
     let mut bytes = way(survey);
     bytes.extend_from_slice(&whole(&survey.map));
     fingerprint(&bytes)
 }
 
-/// The robot's whole grid, of which a survey keeps what was drawn.
+/// The robot's whole grid, of which a survey keeps only the drawn part.
 fn whole(map: &Sheet) -> Vec<u8> {
     let mut cells = vec![UNKNOWN; CELLS * CELLS];
     let first = |axis: usize| {
@@ -45,9 +45,9 @@ fn whole(map: &Sheet) -> Vec<u8> {
     cells
 }
 
-/// With loops closed: at most 0.075 m in the mean and 0.045 m in the median, and nothing doubtful;
-/// the same on every host and build. The mean is that of the wheels between the scans, which lie
-/// 0.55 m apart: poses fitted to the relations themselves come to 0.041 m.
+/// With loop closure: at most 0.075 m on average and 0.045 m in the median, and no doubtful pose;
+/// the same on every host and build. The mean is limited by the odometry between the scans, which
+/// lie 0.55 m apart: poses fitted to the relations themselves reach 0.041 m.
 #[test]
 fn loops_are_closed_in_the_intel_lab() {
     let Some((text, relations)) = data() else {
@@ -70,12 +70,13 @@ fn loops_are_closed_in_the_intel_lab() {
     assert_eq!(fingerprint(&bytes), LOOPS_SAME_EVERYWHERE);
 }
 
-/// Of poses and map with loops closed; changes with the mapper, never with the host or the build.
+/// Fingerprint of poses and map with loop closure; it changes with the mapper, never with the host
+/// or the build.
 const LOOPS_SAME_EVERYWHERE: &str = "5170dde322fb42d7";
 
-/// At most 0.075 m on average over 2,984 relations, with the settings that every log has; another
+/// At most 0.075 m on average over 2,984 relations, with the settings of every log. Another
 /// tinySLAM has 0.077 m in the median of nine seeds, the particle filter that corrected this log
-/// 0.065 m. Twice the same to the bit, and the same as on every other host and build.
+/// 0.065 m. Two runs are equal to the bit, and equal on every host and build.
 #[test]
 fn the_intel_lab_is_mapped_to_75_mm_the_same_each_time() {
     let Some((text, relations)) = data() else {
@@ -95,11 +96,11 @@ fn the_intel_lab_is_mapped_to_75_mm_the_same_each_time() {
     assert_eq!(print(&first), SAME_EVERYWHERE);
 }
 
-/// Of poses and map; changes with the mapper, never with the host or the build.
+/// Fingerprint of poses and map; it changes with the mapper, never with the host or the build.
 const SAME_EVERYWHERE: &str = "881959826a170f5b";
 
-/// The evaluation itself: the poses that the log was corrected with score 0.065 m, as published
-/// within 5 mm (Kuemmerle et al.: 0.070 m for the particle filter).
+/// The evaluation itself: the corrected poses of the log score 0.065 m, as published within 5 mm
+/// (Kuemmerle et al.: 0.070 m for the particle filter).
 #[test]
 fn the_evaluation_gives_the_published_figure_for_the_corrected_poses() {
     let Some((text, relations)) = data() else {

@@ -1,4 +1,4 @@
-//! The public Intel Lab log, its hand-checked relations, and the way by the wheels.
+//! The public Intel Lab log, its hand-checked relations, and the path from odometry alone.
 
 use std::io::Read as _;
 
@@ -22,8 +22,8 @@ pub(crate) fn data() -> Option<(Vec<u8>, String)> {
     Some((text, String::from_utf8(relations).expect("numbers")))
 }
 
-/// The wheels' way over all ODOM lines that have a time: poses differ by wheel odometry from one
-/// FLASER to the next, and the jump to each FLASER is the mapper's.
+/// Path from odometry alone, over all ODOM lines with a time. Between two FLASER lines, poses
+/// differ by odometry; the jump at each FLASER line is the mapper's correction.
 pub(crate) fn wheels(text: &[u8]) -> Track {
     let (mut raw, mut last, mut all) = (Pose::default(), None, Vec::new());
     for line in String::from_utf8_lossy(text).lines() {

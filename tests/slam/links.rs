@@ -1,4 +1,4 @@
-//! The mapper over what passed a robot's links: its capture, and the MCAP that is made of it.
+//! Mapping from a robot's links: from its capture, and from the MCAP file made of it.
 
 use std::path::Path;
 
@@ -12,13 +12,13 @@ fn driven(name: &str) -> Session {
     let short = scenario.replace("duration = \"90s\"", "duration = \"40s\"");
     assert_ne!(short, scenario);
     session.write("short.toml", short.as_bytes());
-    // It does not reach all its waypoints, so it fails; the capture is what is wanted.
+    // The robot does not reach all its waypoints, so the run fails; only the capture is needed.
     session.hilrig(&["run", "short.toml", "--out", "run"]);
     assert!(session.has("run/capture.pcapng"));
     session
 }
 
-/// What the command said; it must have succeeded.
+/// Output of the command, which must succeed.
 fn done(session: &Session, arguments: &[&str]) -> [String; 2] {
     let output = session.hilrig(arguments);
     let said = [&output.stdout, &output.stderr].map(|bytes| text(bytes).to_owned());
@@ -26,7 +26,7 @@ fn done(session: &Session, arguments: &[&str]) -> [String; 2] {
     said
 }
 
-/// Farthest place (m) of a trajectory from another at the nearest time.
+/// Maximum distance (m) of a trajectory from another at the nearest time.
 fn farthest(session: &Session, way: &str, truth: &str) -> f64 {
     let poses = |name: &str| -> Vec<[f64; 3]> {
         let numbers = |line: &str| -> Option<Vec<f64>> {
@@ -48,7 +48,7 @@ fn farthest(session: &Session, way: &str, truth: &str) -> f64 {
     worst
 }
 
-/// The same turns and counts as the robot's program had: its map, and the way as it truly was.
+/// The turns and counts are those of the robot's program: they give its map, and the true path.
 #[test]
 fn a_robots_capture_and_its_mcap_give_the_runs_map() {
     let session = driven("links");
@@ -91,7 +91,7 @@ fn a_robots_capture_and_its_mcap_give_the_runs_map() {
 #[cfg(not(feature = "mcap"))]
 fn mcap_gives_the_same(_session: &Session) {}
 
-/// It holds the same bytes at the same times, so there is no difference at all; cut in half, it
+/// The MCAP file has the same bytes at the same times, so the results are equal. Cut in half, it
 /// gives the first half.
 #[cfg(feature = "mcap")]
 fn mcap_gives_the_same(session: &Session) {

@@ -1,4 +1,5 @@
-//! The mapper over logs: what is read, what is left out, and how right the way is.
+//! The mapper on logs: the data that is read, the data that is left out, and the accuracy of the
+//! path.
 
 mod bags;
 mod buildings;

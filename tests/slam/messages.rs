@@ -1,4 +1,4 @@
-//! Other people's MCAP files: laser scans and odometry as messages, sound and damaged.
+//! MCAP files of other tools: laser scans and odometry as messages, valid and damaged.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -14,7 +14,8 @@ use proptest::prelude::*;
 use crate::command::{Session, text};
 use crate::ros::{laser_scan, odometry, room_messages};
 
-/// A file of these messages, each with its topic's number (0: scans, 1: odometry) and its time.
+/// A file with these messages, each with the number of its topic (0: scans, 1: odometry) and its
+/// time.
 pub(crate) fn file(messages: &[(u16, f64, Vec<u8>)]) -> Vec<u8> {
     let options = WriteOptions::new().compression(None).chunk_size(Some(4096));
     let mut writer = options.create(Cursor::new(Vec::new())).expect("memory");
@@ -47,7 +48,7 @@ pub(crate) fn file(messages: &[(u16, f64, Vec<u8>)]) -> Vec<u8> {
     writer.into_inner().into_inner()
 }
 
-/// As from its CARMEN log: the robot ends where it is in truth, to 50 mm.
+/// As from its CARMEN log: the robot's end position is correct within 50 mm.
 #[test]
 fn scans_and_odometry_of_ros_become_a_map_and_a_way() {
     let session = Session::new("messages");
@@ -73,8 +74,8 @@ fn scans_and_odometry_of_ros_become_a_map_and_a_way() {
     assert!(off < 0.05, "{off} m off");
 }
 
-/// Not-a-number, a message cut short, a pose from nowhere, a scan without beams, time that runs
-/// backwards: each is counted, the others are used.
+/// Not-a-number, a cut message, a pose at an absurd distance, a scan without beams, time that runs
+/// backwards: each is counted, and the other messages are used.
 #[test]
 fn what_is_wrong_with_messages_is_counted() {
     let good = [1.0, 2.0, f32::NAN, 3.0, -1.0];
@@ -95,7 +96,7 @@ fn what_is_wrong_with_messages_is_counted() {
     let log = read(&file(&messages)).log().expect("two scans are good");
     let counts = [Kind::Blind, Kind::Unreadable, Kind::Absurd, Kind::Backwards];
     assert_eq!(counts.map(|kind| log.findings.count(kind)), [1, 2, 1, 1]);
-    // What is nearer than the laser says that it can measure, is no reading.
+    // A distance below the laser's stated minimum range is not a reading.
     assert_eq!((log.shots.len(), log.findings.absurd_readings), (2, 2));
     let told = log.findings.told();
     assert_eq!(told[0], "/scan at 3.000000 s: ends before ranges");
@@ -121,7 +122,7 @@ fn a_file_without_scans_says_what_was_expected() {
 
 proptest! {
     #![proptest_config(ProptestConfig::default())]
-    /// Bytes changed, cut off or left out anywhere: what can be read is read, nothing panics.
+    /// Bytes are changed, cut or left out anywhere: readable data is read, and nothing panics.
     #[test]
     fn no_damage_to_a_file_panics_the_reader(
         flips in proptest::collection::vec((any::<usize>(), 1_u8..), 0..6),

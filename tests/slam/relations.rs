@@ -1,7 +1,7 @@
-//! Judges a trajectory by relations: the pose at t2, seen from the pose at t1, is compared.
-//! By Kuemmerle et al. 2009 the error of a relation is the estimated relative pose seen from the
-//! given one. A pose between two scans is reckoned from the scan before by the wheels, and the
-//! correction that the next scan brings is spread over the gap by way and angle.
+//! Judgement of a trajectory by relations: the pose at t2, relative to the pose at t1, is compared.
+//! The error of a relation is the estimated relative pose relative to the given one (Kuemmerle et
+//! al. 2009). A pose between two scans follows from the scan before by odometry. The correction of
+//! the next scan is spread over the gap by distance and angle.
 
 use emulators::world::{Pose, wrap_angle};
 use hilrig::slam::motion::{between, moved};
@@ -9,9 +9,9 @@ use hilrig::slam::motion::{between, moved};
 /// Poses by time.
 pub(crate) struct Track(Vec<(f64, Pose)>);
 
-/// Times carry six digits.
+/// Tolerance of times, which have six digits.
 const SLACK_S: f64 = 0.006;
-/// Longest way from a relation's time to the next pose.
+/// Maximum time between a relation and the next pose.
 const GAP_MAX_S: f64 = 1.0;
 
 impl Track {
@@ -26,7 +26,8 @@ impl Track {
             .saturating_sub(1)
     }
 
-    /// The pose at a time, along the way between its neighbours, and the time to the nearer one.
+    /// The pose at a time, interpolated along the path between its neighbours, and the time to the
+    /// nearer one.
     fn interpolated(&self, time: f64) -> (Pose, f64) {
         let index = self.at_or_before(time);
         let (at, pose) = self.0[index];
@@ -42,7 +43,7 @@ impl Track {
         )
     }
 
-    /// Way and angle from one time to another.
+    /// Distance and angle from one time to another.
     fn progress(&self, from: f64, to: f64) -> (f64, f64) {
         let (first, last) = (self.at_or_before(from), self.at_or_before(to));
         self.0[first..=last.max(first)]
@@ -75,14 +76,14 @@ fn pose_at(scans: &Track, wheels: &Track, time: f64) -> (Pose, f64) {
     (moved(pose, step), gap)
 }
 
-/// How far a trajectory is off.
+/// Errors of a trajectory.
 pub(crate) struct Errors {
     /// Number of relations.
     pub(crate) count: usize,
-    /// Error of position in the mean and in the median, metres.
+    /// Mean and median error of position, metres.
     pub(crate) mean_m: f64,
     pub(crate) median_m: f64,
-    /// Error of heading in the mean, degrees.
+    /// Mean error of heading, degrees.
     pub(crate) mean_deg: f64,
 }
 
@@ -116,8 +117,8 @@ pub(crate) fn judge(scans: &Track, wheels: &Track, relations: &str, shift_s: f64
     }
 }
 
-/// Two scans a second apart; the wheels say 1 m ahead, the second scan 1.2 m. Half-way the wheels
-/// are at 0.5 m, so is half of the correction: 0.6 m.
+/// Two scans a second apart; by odometry the motion is 1 m ahead, by the second scan 1.2 m.
+/// Half-way, the odometry gives 0.5 m, plus half of the correction: 0.6 m.
 #[test]
 fn the_correction_is_spread_over_the_gap() {
     let at = |x: f64| Pose::new(x, 0.0, 0.0);

@@ -1,4 +1,4 @@
-//! A CARMEN log of a small room, made up: a robot drives a square, its wheels slip.
+//! A generated CARMEN log of a small room: a robot drives a square, and its wheels slip.
 
 use core::fmt::Write as _;
 use emulators::world::Pose;
@@ -33,14 +33,14 @@ fn cast(from: Pose, angle: f64) -> f64 {
     nearest
 }
 
-/// The log, and where the robot truly ended, seen from where it began.
+/// The log, and the robot's true end pose relative to its start.
 pub(crate) fn log() -> (String, Pose) {
     let mut text = String::from("# a room\nPARAM robot_front_laser_max 20.0 nohost 0\n");
     let mut truth = Pose::new(1.0, 1.0, 0.0);
     let mut wheels = Pose::default();
     let mut time = 0.0;
     for step in 0..160_u32 {
-        // Straight on for 18 steps of 100 mm, then a quarter turn in two; the wheels say too much.
+        // 18 straight steps of 100 mm, then a quarter turn in two steps; the odometry is too long.
         let is_turn = step % 20 >= 18;
         let motion = if is_turn {
             Pose::new(0.0, 0.0, core::f64::consts::FRAC_PI_4)

@@ -4,7 +4,7 @@ use emulators::world::Pose;
 
 use crate::room;
 
-/// A message of ROS 2, as CDR lays it out: little-endian numbers aligned to their size.
+/// A ROS 2 message in CDR: little-endian numbers aligned to their size.
 #[derive(Default)]
 struct Cdr(Vec<u8>);
 
@@ -66,7 +66,7 @@ pub(crate) fn odometry(at_s: f64, pose: Pose) -> Vec<u8> {
     cdr.message()
 }
 
-/// The room's log, which is a CARMEN one, as messages.
+/// The room's CARMEN log as messages.
 pub(crate) fn room_messages() -> (Vec<(u16, f64, Vec<u8>)>, Pose) {
     let (log, truth) = room::log();
     let mut messages = Vec::new();

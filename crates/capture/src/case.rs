@@ -1,5 +1,5 @@
-//! A regression test as a file: the bytes that reached the program, as values, and what is
-//! expected of it.
+//! Cases: regression tests as files. A case holds the bytes that reached the program, as values,
+//! and the expected behaviour.
 //!
 //! ```text
 //! case = 1
@@ -9,9 +9,9 @@
 //! [scenario]                  which robot it is; none: only decoders are tested
 //! ```
 //!
-//! Within a line, groups of digits are chunks that arrived back to back at the link's rate, the
-//! last one complete at the time given; `!` is a character without a stop bit. A case holds no
-//! seed that could lose its meaning: later versions continue reading it.
+//! Within a line, groups of digits are chunks that arrived back to back at the link's rate. The
+//! last chunk is complete at the given time. `!` is a character without a stop bit. A case contains
+//! no seed, whose meaning could change between versions, so later versions can still read it.
 
 mod bytes;
 mod decoder;
@@ -51,29 +51,29 @@ pub struct Case {
     /// Version of the format, 1.
     #[serde(deserialize_with = "known_version")]
     pub case: u32,
-    /// Short name.
+    /// Short name of the case.
     pub name: String,
     /// Human-readable origin.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub description: String,
-    /// Tool and version that wrote it.
+    /// Tool and version that wrote the case.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub tool: String,
     /// Duration, ns.
     pub end_ns: u64,
-    /// Whether the captured program was none of ours: a robot's own program is tested in its place,
-    /// unless the case is run with a foreign program.
+    /// Whether the captured program was a foreign one. The robot's own program is tested in its
+    /// place, unless the case is run with a foreign program.
     #[serde(default, rename = "foreign", skip_serializing_if = "is_false")]
     pub is_foreign: bool,
-    /// Source of the answers for a foreign program; the robot's own program is played to by time.
+    /// Source of the replies to a foreign program; the robot's own program gets them by time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub play: Option<Play>,
-    /// The expectations.
+    /// Expected behaviour.
     pub expect: Expectation,
     /// The bytes.
     #[serde(default)]
     pub link: Vec<LinkBytes>,
-    /// The robot whose program is tested; none: only decoders are.
+    /// The robot whose program is tested; `None`: only decoders are tested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<Scenario>,
 }
@@ -123,13 +123,13 @@ fn known_version<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u3
     }
 }
 
-/// Error when a case cannot be read, made or run.
+/// Error of reading, making or running a case.
 #[derive(Debug, thiserror::Error)]
 pub enum CaseError {
     /// The file cannot be read, or is no case.
     #[error(transparent)]
     File(ScenarioError),
-    /// A line of bytes makes no sense.
+    /// A line of bytes is invalid.
     #[error("{}: link {link}: {message}", .path.display())]
     Bytes {
         /// The file.
@@ -139,16 +139,16 @@ pub enum CaseError {
         /// The error, with its line.
         message: String,
     },
-    /// It cannot be played.
+    /// The case cannot be played.
     #[error(transparent)]
     Replay(ReplayError),
-    /// It is of a program that is not built in.
+    /// The case is of a program that is not built in.
     #[error("{}: is of a program of your own, expected --exec CMD", .path.display())]
     NeedsProgram {
         /// The file.
         path: PathBuf,
     },
-    /// It expects something of a program and has none.
+    /// The case has expectations of a program but names no program.
     #[error("{}: expected a [scenario] that says whose program is meant", .path.display())]
     NoRobot {
         /// The file.
@@ -156,13 +156,13 @@ pub enum CaseError {
     },
 }
 
-/// Silence at the end after which a program that used to talk is taken to have stopped.
+/// Silence at the end from which on a program that used to send counts as stopped.
 const SILENCE: Duration = Duration::from_secs(1);
-/// Pieces from which on a link is one on which the program talks all the time.
+/// Minimum number of chunks on a link on which the program sends continuously.
 const TALK_MIN: usize = 10;
 
 impl Case {
-    /// Whether `text` is meant to be a case, not a scenario.
+    /// Whether `text` is intended as a case, not as a scenario.
     pub fn is_meant(text: &str) -> bool {
         let mut lines = text.lines().map(str::trim_start);
         let first = lines.find(|line| !line.is_empty() && !line.starts_with('#'));
@@ -175,7 +175,7 @@ impl Case {
     /// Reads a case from `text`; `path` is for messages and relative files.
     ///
     /// # Errors
-    /// If it is none.
+    /// If `text` is no case.
     pub fn parse(path: &Path, text: String) -> Result<(Self, Source), CaseError> {
         let path = path.to_owned();
         match toml::from_str(&text) {
@@ -190,7 +190,7 @@ impl Case {
     /// Reads a case file.
     ///
     /// # Errors
-    /// If it cannot be read or is none.
+    /// If the file cannot be read or is no case.
     pub fn read(path: &Path) -> Result<(Self, Source), CaseError> {
         let text = std::fs::read_to_string(path).map_err(|source| {
             let path = path.to_owned();
@@ -199,14 +199,14 @@ impl Case {
         Self::parse(path, text)
     }
 
-    /// The case as a file.
+    /// Text of the case file.
     pub fn to_toml(&self) -> String {
         toml::to_string_pretty(self).expect("every field has a TOML form")
     }
 
-    /// Makes a case of what was recorded of `scenario`'s robot. If its program broke rules, they
-    /// must not be broken again; if it stopped talking, it must talk to the end; if a check of
-    /// every run fails, it must pass; else the program must send the same bytes again.
+    /// Makes a case from a recording of `scenario`'s robot. If the program violated rules, it must
+    /// not violate them again. If it stopped sending, it must send to the end. If a check of every
+    /// run fails, the check must pass. Otherwise the program must send the same bytes again.
     ///
     /// # Errors
     /// If the robot cannot be wired.
@@ -237,8 +237,8 @@ impl Case {
         let never: BTreeSet<String> = judged.violations.iter().map(rule).collect();
         let failed = |check: &&Check| check.status == Status::Fail;
         let is_sound = !judged.checks.iter().any(|check| failed(&check));
-        // A mended program goes another way than the robot whose sensors were captured, so it is
-        // asked not to collide only if that is what went wrong.
+        // A corrected program drives another path than the captured robot. The case therefore
+        // requires no freedom from collisions, unless a collision was the failure.
         let asked = |check: &&Check| check.name != "no-collision-at-speed" || failed(check);
         let checks = judged.checks.iter().filter(asked);
         Ok(Self {
@@ -261,10 +261,10 @@ impl Case {
         })
     }
 
-    /// The bytes, ready to be played.
+    /// The bytes as a recording that can be played.
     ///
     /// # Errors
-    /// If a line of them makes no sense.
+    /// If a line of bytes is invalid.
     pub fn recorded(&self, path: &Path) -> Result<Recorded, CaseError> {
         let links = self.link.iter().map(|link| {
             link.passage().map_err(|message| CaseError::Bytes {
@@ -283,15 +283,15 @@ impl Case {
     /// Plays the case to the robot's program and judges it.
     ///
     /// # Errors
-    /// If it cannot be played.
+    /// If the case cannot be played.
     pub fn run(&self, source: &Source) -> Result<Judgement, CaseError> {
         self.run_with(source, |program| program)
     }
 
-    /// The same with another program, made from the robot's.
+    /// As [`run`](Self::run), with another program, which is made from the robot's.
     ///
     /// # Errors
-    /// If it cannot be played.
+    /// If the case cannot be played.
     pub fn run_with(
         &self,
         source: &Source,
@@ -347,14 +347,14 @@ impl Case {
     }
 }
 
-/// Longest case, as long as the longest scenario: a week.
+/// Maximum length of a case, equal to that of a scenario: a week.
 const END_MAX: u64 = 7 * 86_400 * 1_000_000_000;
 
 fn rule(logged: &engine::rig::Logged) -> String {
     format!("{} {}", logged.source, logged.event.rule)
 }
 
-/// Whether a program talks all the time on a line, until it stops for good.
+/// Whether a program sends continuously on a line until it stops for good.
 fn talks(sent: &Track) -> bool {
     let times: Vec<Instant> = sent.pieces().map(|(at, _)| at).collect();
     times.len() >= TALK_MIN && times.windows(2).all(|pair| pair[1] - pair[0] <= SILENCE)
@@ -382,7 +382,7 @@ pub struct Judgement {
 }
 
 impl Judgement {
-    /// Whether every check passed. A case that expects nothing fails: it would prove nothing.
+    /// Whether every check passed. A case without expectations fails, because it proves nothing.
     pub fn passed(&self) -> bool {
         let is = |status| self.checks.iter().any(|check| check.status == status);
         is(Status::Pass) && !is(Status::Fail)
@@ -390,7 +390,7 @@ impl Judgement {
 }
 
 impl fmt::Display for Judgement {
-    /// A line for the case, one for each check.
+    /// One line for the case, and one for each check.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verdict = if self.passed() { "PASS" } else { "FAIL" };
         write!(f, "{verdict} {}", self.name)?;
@@ -450,7 +450,7 @@ impl LinkBytes {
 mod tests {
     use super::*;
 
-    /// Pieces at these milliseconds.
+    /// Chunks at these milliseconds.
     fn track(millis: impl IntoIterator<Item = u64>) -> Track {
         let mut track = Track::default();
         for at in millis {
@@ -459,7 +459,7 @@ mod tests {
         track
     }
 
-    /// Ten pieces or more, never a second and more without one.
+    /// Ten chunks or more, and no pause longer than a second.
     #[test]
     fn who_talks_all_the_time_talks_ten_times_and_never_pauses_for_longer_than_a_second() {
         assert!(talks(&track((0..10).map(|piece| piece * 1000))));
@@ -476,7 +476,7 @@ mod tests {
         assert!(is_silent(&Track::default(), end));
     }
 
-    /// The first key is what counts, whatever stands before it for people.
+    /// The first key decides, after any comments.
     #[test]
     fn a_case_begins_with_its_version() {
         for text in [
@@ -525,7 +525,7 @@ mod tests {
         assert_eq!(parsed(&foreign.to_toml()), Ok(foreign));
     }
 
-    /// No program is needed where decoders alone are asked; a case longer than a week is one week.
+    /// A case of decoders alone needs no program; a case longer than a week is cut to one week.
     #[test]
     fn what_needs_a_program_says_so() {
         let plain = Expectation::default();
@@ -548,7 +548,7 @@ mod tests {
         assert_eq!(recorded.end, Instant::from_secs(7 * 86_400));
     }
 
-    /// Links have rates that a line can have.
+    /// A link needs a baud rate that a line can have.
     #[test]
     fn a_link_with_an_absurd_rate_is_refused() {
         let passage = |baud| {
@@ -572,7 +572,7 @@ mod tests {
         }
     }
 
-    /// A verdict needs something that passed, and nothing that failed.
+    /// A passed case has at least one passed check and no failed one.
     #[test]
     fn a_case_that_proves_nothing_fails() {
         let judgement = |statuses: &[Status]| Judgement {

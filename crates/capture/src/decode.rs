@@ -1,4 +1,4 @@
-//! Captures and dumps in words, and what is wrong with all of them.
+//! Decoding of captures and dumps to text, and diagnosis of damage that affects a whole stream.
 
 pub mod diagnose;
 pub mod profile;

@@ -38,7 +38,7 @@ impl Track {
         pieces.map(|(start, &(end, at))| (at, &self.bytes[start..end]))
     }
 
-    /// Time at which byte `index` was complete: that of its piece's last byte.
+    /// Time at which byte `index` was complete: that of the last byte of its piece.
     pub fn time_of(&self, index: usize) -> Option<Instant> {
         let piece = self.ends.partition_point(|&(end, _)| end <= index);
         self.ends.get(piece).map(|&(_, at)| at)
@@ -49,8 +49,8 @@ impl Track {
         self.ends.last().map(|&(_, at)| at)
     }
 
-    /// The longest time by which a piece of `other` ended earlier or later, over the bytes that
-    /// both have.
+    /// Maximum time by which a piece of `other` ended earlier or later, over the bytes that both
+    /// have.
     pub fn largest_shift(&self, other: &Self) -> Duration {
         let shift = |&(end, at): &(usize, Instant)| {
             let there = other.time_of(end - 1)?;
@@ -60,7 +60,7 @@ impl Track {
     }
 }
 
-/// The first difference between what was expected on a line and what came.
+/// The first difference between the expected and the actual bytes of a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Divergence {
     /// Name of the link.
@@ -75,15 +75,15 @@ pub struct Divergence {
     pub expected: Option<u8>,
     /// The actual byte; `None`: end of the stream.
     pub got: Option<u8>,
-    /// The frame that the byte belongs to, in words: as expected, and as it came.
+    /// The frame that contains the byte: the expected and the actual one, as text.
     pub frames: [String; 2],
     /// Further notes on the position; may be empty.
     pub note: String,
 }
 
 impl Divergence {
-    /// The difference between a message that was `expected` and the one that came; at least one of
-    /// them there is. `at`, `start`: when the last byte came, and the number of the first.
+    /// The difference between the `expected` message and the actual one; at least one of them is
+    /// present. `at` is the time of the last byte, `start` the number of the first byte.
     pub(crate) fn between(
         (link, direction): (&str, Direction),
         (at, start): (Instant, usize),
@@ -110,7 +110,7 @@ impl Divergence {
     }
 }
 
-/// Compares what came on a line with what was expected.
+/// Compares the actual with the expected bytes of a line.
 pub fn compare(
     link: &str,
     direction: Direction,
@@ -134,14 +134,14 @@ pub fn compare(
     })
 }
 
-/// Bytes before and behind the one in question that are decoded: a frame is shorter, and what
-/// comes before is the same on both sides.
+/// Number of bytes before and after the differing one that are decoded. A frame is shorter, and the
+/// bytes before are equal on both sides.
 const AROUND: usize = 4096;
 
-/// Longest text of a frame: a row of a map is longer.
+/// Maximum length of the text of a frame; a row of a map is longer.
 const WORDS_MAX: usize = 200;
 
-/// A whole message: as a frame, as text, or as bytes around `byte`.
+/// Text of a whole message: as a frame, as text, or as bytes around `byte`.
 fn message_words(codec: Option<&'static Codec>, message: &[u8], byte: usize) -> String {
     let place = byte.min(message.len().saturating_sub(1));
     let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n');
@@ -160,7 +160,7 @@ fn message_words(codec: Option<&'static Codec>, message: &[u8], byte: usize) -> 
     }
 }
 
-/// The frame that contains `byte` of `bytes`.
+/// Text of the frame that contains `byte` of `bytes`.
 fn words(codec: Option<&'static Codec>, bytes: &[u8], byte: usize) -> String {
     if byte >= bytes.len() {
         return "nothing more".to_owned();
@@ -197,7 +197,7 @@ fn words(codec: Option<&'static Codec>, bytes: &[u8], byte: usize) -> String {
     }
 }
 
-/// Some bytes around `byte`, that one in brackets.
+/// Bytes around `byte` in hex, that one in brackets.
 fn hex(bytes: &[u8], byte: usize) -> String {
     let range = byte.saturating_sub(8)..bytes.len().min(byte + 9);
     let shown = range.map(|index| {
@@ -211,7 +211,7 @@ fn hex(bytes: &[u8], byte: usize) -> String {
 }
 
 impl fmt::Display for Divergence {
-    /// Three lines: place and bytes, the frame as expected, the frame as it came; then the note.
+    /// Three lines: place and bytes, the expected frame, the actual frame; then the note.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let byte = |byte: Option<u8>| match byte {
             Some(byte) => format!("{byte:#04x}"),
@@ -251,8 +251,8 @@ mod tests {
         frame.as_bytes().to_vec()
     }
 
-    /// Two register reads of five bytes; in the second another register is asked for, so its
-    /// second byte differs: number 6 of the line, complete at 2 ms. No such register has a name.
+    /// Two register reads of five bytes. The second reads another register, so its second byte
+    /// differs: number 6 of the line, complete at 2 ms. The register has no name.
     #[test]
     fn the_first_different_byte_is_told_with_its_frame() {
         let expected = track(&[(1, &read(36)), (2, &read(60))]);
@@ -307,7 +307,7 @@ mod tests {
         );
     }
 
-    /// The largest difference in either direction; none for bytes that only one side has.
+    /// The largest difference in either direction; bytes of one side only do not count.
     #[test]
     fn a_shift_is_earlier_or_later() {
         let here = track(&[(10, b"a"), (20, b"b"), (90, b"c")]);
@@ -318,7 +318,7 @@ mod tests {
         assert_eq!(shift(&[]), 0);
     }
 
-    /// Eight bytes on both sides, the one in question in brackets.
+    /// Eight bytes on both sides, the differing one in brackets.
     #[test]
     fn bytes_of_no_protocol_are_shown_around_the_place() {
         let bytes: Vec<u8> = (0..=20).collect();

@@ -1,7 +1,7 @@
-//! Captures in the forms of other tools.
+//! Export of captures to the formats of other tools.
 //!
-//! Bytes are written as they reached their receiver, lidar turns as far as they are whole. What the
-//! program believed, its way and its map, is not on the wire: it comes from a replay.
+//! Bytes are written as they reached their receiver; lidar turns are written as far as they are
+//! complete. The program's path and map are not on the wire: they come from a replay.
 
 mod carmen;
 mod csv;
@@ -25,7 +25,7 @@ use show::render;
 
 pub use carmen::Laser;
 
-/// Forms that can be written.
+/// Export formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Format {
@@ -45,7 +45,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The form that a file's name asks for.
+    /// The format for a file name extension.
     pub fn of(path: &Path) -> Option<Self> {
         Some(match path.extension()?.to_str()? {
             "csv" => Self::Csv,
@@ -59,12 +59,12 @@ impl Format {
         })
     }
 
-    /// Whether the form holds nothing but what the program believed.
+    /// Whether the format holds only the program's believed pose or map.
     pub fn is_belief(self) -> bool {
         matches!(self, Self::Tum | Self::RosMap)
     }
 
-    /// Whether the form holds bytes and nothing else.
+    /// Whether the format holds only bytes.
     pub fn is_bytes(self) -> bool {
         matches!(self, Self::Csv | Self::Vcd)
     }
@@ -73,18 +73,18 @@ impl Format {
 /// The program's pose and map.
 #[derive(Clone, Debug, Default)]
 pub struct Belief {
-    /// Its way; times begin with the capture.
+    /// The program's path; times begin with the capture.
     pub way: Vec<(Instant, Pose)>,
     /// Its map at the end.
     pub map: Option<KeptMap>,
 }
 
 impl Belief {
-    /// Replays `recorded` and asks the program every few milliseconds, as a run does. Long
-    /// silences are played shorter; the times of the way are those of the capture all the same.
+    /// Replays `recorded` and reads the program's pose every few milliseconds, as a run does. Long
+    /// silences are shortened for the replay; the times of the path are still those of the capture.
     ///
     /// # Errors
-    /// If it cannot be replayed.
+    /// If the capture cannot be replayed.
     pub fn of(
         recorded: &Recorded,
         scenario: &Scenario,
@@ -122,7 +122,7 @@ impl Belief {
 pub struct Export<'a> {
     /// The capture.
     pub capture: &'a Capture,
-    /// The same, ready to be played.
+    /// The same capture, ready to be played.
     pub recorded: &'a Recorded,
     /// The program's pose and map, if the program is known.
     pub belief: Option<&'a Belief>,
@@ -130,10 +130,10 @@ pub struct Export<'a> {
     pub laser: Laser,
 }
 
-/// An export came to nothing.
+/// Error of an export.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// The capture has nothing that the form could hold.
+    /// The capture contains no data for the format.
     #[error("{0}")]
     Nothing(&'static str),
     /// The file could not be written.
@@ -142,10 +142,10 @@ pub enum ExportError {
 }
 
 impl Export<'_> {
-    /// Writes `path` as `format`; what is in it, in words.
+    /// Writes `path` as `format` and returns a description of the content.
     ///
     /// # Errors
-    /// If there is nothing to write, or it cannot be written.
+    /// If there is no data to write, or the file cannot be written.
     pub fn write(&self, format: Format, path: &Path) -> Result<String, ExportError> {
         let (bytes, words) = match format {
             Format::Csv => {

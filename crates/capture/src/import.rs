@@ -1,9 +1,9 @@
-//! Files of other tools as captures.
+//! Import of files of other tools as captures.
 //!
-//! `FORMATS` has one row per form: what it is recognised by, and the function that reads it.
-//! [`open`] unpacks a file, finds its row and refuses files that are known to be something else,
-//! with the command that converts them. A reader is strict: what does not fit is an error with its
-//! line and byte, because a dump that is half understood tests something that never happened.
+//! `FORMATS` has one row per format: the mark that identifies it, and the function that reads it.
+//! [`open`] unpacks a file and finds its row. It refuses files of other known kinds and names the
+//! command that converts them. A reader is strict: unexpected content is an error with its line and
+//! byte, because a partly understood dump would test events that never happened.
 
 mod cells;
 mod decoded;
@@ -46,7 +46,7 @@ use std::path::Path;
 
 pub use imported::{ImportError, Imported, Options};
 
-/// Forms that can be read.
+/// Import formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Format {
@@ -96,27 +96,27 @@ pub enum Format {
     Raw,
 }
 
-/// How sure the detection of a form is.
+/// Certainty of the detection of a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Look {
-    /// The bytes could also be what a device sent.
+    /// The bytes could also come from a device.
     Perhaps,
-    /// Nothing but that tool writes this.
+    /// Only that tool writes such a file.
     Surely,
 }
 
-/// One form.
+/// One format.
 struct Row {
     format: Format,
     /// Name, as on the command line.
     name: &'static str,
-    /// What it is recognised by, for people.
+    /// The mark that identifies it, for the user.
     mark: &'static str,
     look: fn(&[u8]) -> Option<Look>,
     read: fn(&[u8], &Options, &mut Imported) -> Result<(), ImportError>,
 }
 
-/// All forms. Detection takes the first row that is sure, then the first that is not.
+/// All formats. Detection takes the first certain row, otherwise the first possible one.
 const FORMATS: &[Row] = &[
     row(
         Format::Pcap,
@@ -277,7 +277,7 @@ const fn row(
     }
 }
 
-/// Diagnostics of a tool may come before its first line of data.
+/// Number of lines that are examined: a tool's diagnostics may precede its first line of data.
 const LINES_LOOKED_AT: usize = 50;
 
 fn any_line(bytes: &[u8], is: fn(&[u8]) -> bool) -> Option<Look> {
@@ -291,7 +291,7 @@ impl Format {
         self.row().name
     }
 
-    /// The form of a file, if its beginning shows one; raw bytes show none.
+    /// Format of a file, if its beginning shows one; raw bytes show none.
     pub fn detect(bytes: &[u8]) -> Option<Self> {
         let found = FORMATS
             .iter()
@@ -305,7 +305,7 @@ impl Format {
         best.map(|(_, format)| format)
     }
 
-    /// The form of a file, if nothing but that tool writes such a file.
+    /// Format of a file, if only that tool writes such a file.
     fn certain(bytes: &[u8]) -> Option<Self> {
         let is = |row: &&Row| (row.look)(bytes) == Some(Look::Surely);
         FORMATS.iter().find(is).map(|row| row.format)
@@ -317,23 +317,23 @@ impl Format {
     }
 }
 
-/// A file with its form.
+/// A file with its format.
 #[derive(Clone, Debug)]
 pub struct Opened<'a> {
     /// The file's content: unpacked, and as UTF-8 without a byte-order mark if it is text.
     pub bytes: Cow<'a, [u8]>,
-    /// The form, if the content shows one.
+    /// The format, if the content shows one.
     pub format: Option<Format>,
-    /// Whether nothing but that tool writes such a file.
+    /// Whether only that tool writes such a file.
     pub is_certain: bool,
-    /// What was unpacked on the way.
+    /// Names of the layers that were unpacked.
     pub notes: Vec<String>,
 }
 
-/// Unpacks a file whose form is known from elsewhere.
+/// Unpacks a file whose format is already known.
 ///
 /// # Errors
-/// If it cannot be unpacked.
+/// If the file cannot be unpacked.
 pub fn unpacked(bytes: &[u8]) -> Result<Opened<'_>, ImportError> {
     let mut notes = Vec::new();
     let bytes = unpack::unpack(bytes, &mut notes)?;
@@ -345,10 +345,10 @@ pub fn unpacked(bytes: &[u8]) -> Result<Opened<'_>, ImportError> {
     })
 }
 
-/// Unpacks a file and recognises its form.
+/// Unpacks a file and detects its format.
 ///
 /// # Errors
-/// If the file is known to be something else, with the next step; or if it cannot be unpacked.
+/// If the file is of another known kind, with the next step; or if it cannot be unpacked.
 pub fn open<'a>(bytes: &'a [u8], path: &Path) -> Result<Opened<'a>, ImportError> {
     let mut notes = Vec::new();
     let bytes = unpack::unpack(bytes, &mut notes)?;
@@ -368,7 +368,7 @@ pub fn open<'a>(bytes: &'a [u8], path: &Path) -> Result<Opened<'a>, ImportError>
     })
 }
 
-/// What was looked for, for the message that a file has none of these forms.
+/// The marks of all formats, for the error that a file has none of them.
 pub fn looked_for(bytes: &[u8]) -> String {
     let rows = FORMATS
         .iter()
@@ -382,7 +382,7 @@ pub fn looked_for(bytes: &[u8]) -> String {
 /// Reads a file of `format`.
 ///
 /// # Errors
-/// At the first line that does not fit, or if nothing was in it.
+/// At the first unexpected line, or if the file has no data.
 pub fn read(bytes: &[u8], format: Format, options: &Options) -> Result<Imported, ImportError> {
     let mut imported = Imported::new();
     let row = format.row();

@@ -1,7 +1,7 @@
-//! Captures put to use: decoded, compared, replayed, kept as cases, imported, exported.
+//! Use of captures: decoding, comparison, replay, cases, import, export.
 //!
-//! The file itself, and what writes and reads it, is the crate `recording`, whose items stand here
-//! as well.
+//! The file format, its reader and its writer are in the crate `recording`, whose items are
+//! re-exported here.
 
 pub mod case;
 pub mod decode;

@@ -1,9 +1,9 @@
-//! A capture fed back: into the robot's program in virtual time, or into ports.
+//! Replay of a capture: into the robot's program in virtual time, or into ports.
 //!
-//! In virtual time the robot is wired as for any run, but what reaches the program comes from the
-//! capture, byte by byte at the recorded nanosecond. The devices still hear the program and judge
-//! it; what they would say to it is thrown away. So a program that is the same as in the captured
-//! run sends the same bytes at the same time, and the devices judge it as they did then.
+//! In virtual time the robot is wired as for any run. The bytes to the program come from the
+//! capture, each at its recorded nanosecond. The devices still receive the program's bytes and
+//! judge it; their replies are discarded. An unchanged program therefore sends the same bytes at
+//! the same time, and the devices give the same verdicts.
 
 mod conversation;
 mod listen;
@@ -37,20 +37,20 @@ pub enum ReplayError {
     /// The robot cannot be wired.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// The capture does not fit the robot, or says nothing.
+    /// The capture does not fit the robot, or has no data.
     #[error("{0}")]
     Capture(String),
 }
 
-/// Idle time at the beginning of a capture that is played; the rest is left out.
+/// Maximum idle time at the beginning that is played; the rest is left out.
 const IDLE_MAX: Duration = Duration::from_secs(2);
 
-/// Bytes that reach the other end of a line at one moment.
+/// Bytes that reach the end of a line at one time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Arrival {
     /// Time of its last byte.
     pub at: Instant,
-    /// The bytes; none: a character without a stop bit.
+    /// The bytes; empty: a character without a stop bit.
     pub bytes: Vec<u8>,
 }
 
@@ -83,8 +83,8 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// What `capture` says, up to `until` after its beginning. A capture whose clock is not that
-    /// of a run begins with its first record.
+    /// Content of `capture` up to `until` after its beginning. A capture with a clock that is not
+    /// that of a run begins with its first record.
     pub fn of(capture: &Capture, until: Option<Duration>) -> Self {
         let clock = capture
             .sections
@@ -131,7 +131,7 @@ impl Recorded {
             .map_or(Instant::ZERO, Section::start);
         let lasted = capture.conclusion.as_ref().and_then(Conclusion::end);
         if let Some(lasted) = lasted {
-            // A program that fell silent has a run behind its last byte.
+            // After a program fell silent, the run continued.
             let end = (start + (lasted - Instant::ZERO)) - zero;
             let end = until.map_or(end, |until| until.min(end));
             this.end = this.end.max(Instant::ZERO + end);
@@ -144,9 +144,9 @@ impl Recorded {
         self.origin()..self.end
     }
 
-    /// When the session of the program begins: when it opened its first port, as far as the capture
-    /// says so; else at the first thing that happened, or a little before it where the capture's
-    /// clock begins with the session. Idle time before that is left out.
+    /// Start of the program's session: the opening of its first port, if the capture contains it.
+    /// If not, the first event, or a short time before it if the capture's clock begins with the
+    /// session. Earlier idle time is left out.
     pub fn origin(&self) -> Instant {
         let opened = self.links.iter().flat_map(|link| &link.opened);
         if let Some(&opened) = opened.min() {
@@ -159,7 +159,7 @@ impl Recorded {
 }
 
 impl Passage {
-    /// The line's coding; a capture that does not say is played as if at the usual rate.
+    /// Coding of the line; a capture without a baud rate is played at the usual rate.
     pub fn line(&self) -> LineConfig {
         LineConfig::new_8n1(match self.baud {
             0 => 115_200,
@@ -196,19 +196,19 @@ impl Passage {
     }
 }
 
-/// The sender to the devices in a replay.
+/// Source of the bytes to the devices in a replay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Voice {
     /// The program.
     Program,
-    /// The capture: the program is not heard, so the devices judge what was recorded.
+    /// The capture: the devices judge the recorded bytes, not those of the program.
     Capture,
 }
 
-/// A replay under way.
+/// A running replay.
 pub struct Replay {
     rig: Rig,
-    /// Link of the rig, line, and what arrives there.
+    /// Link of the rig, line, and bytes that arrive there.
     feed: Vec<Feed>,
     expected: Vec<(usize, Passage)>,
     sent: Shared<Vec<Track>>,
@@ -233,9 +233,9 @@ pub struct Replayed {
     pub heard: usize,
     /// Bytes of the program on each link, with those of the capture.
     pub links: Vec<Played>,
-    /// Rules that the program broke, as the devices saw it.
+    /// Rules that the program violated, as judged by the devices.
     pub violations: Vec<Logged>,
-    /// Verdicts of the checkers that watch every run.
+    /// Verdicts of the checkers of every run.
     pub checks: Vec<Check>,
     /// Fingerprint of all bytes.
     pub trace_hash: String,
@@ -250,23 +250,23 @@ pub struct Played {
     pub expected: Track,
     /// Bytes of the program now.
     pub got: Track,
-    /// State of the conversation, if it was one.
+    /// State of the conversation, in a replay by requests.
     pub talk: Option<Talked>,
 }
 
 /// State of a conversation.
 #[derive(Clone, Debug)]
 pub struct Talked {
-    /// Comparison of its requests with those of the capture.
+    /// Comparison of the program's requests with those of the capture.
     pub tally: Tally,
-    /// Bytes that the other end said.
+    /// Number of bytes that the capture's side sent.
     pub said: u64,
-    /// The first request that the capture does not have, or one that was not made.
+    /// The first request that the capture does not contain, or one that is missing.
     pub divergence: Option<Divergence>,
 }
 
 impl Talked {
-    /// State of `talk` so far.
+    /// The present state of `talk`.
     pub fn of(talk: &Conversation) -> Self {
         Self {
             tally: talk.tally(),
@@ -277,17 +277,17 @@ impl Talked {
 }
 
 impl Replayed {
-    /// The earliest difference between what the program sent and what the capture says.
+    /// The earliest difference between the bytes of the program and the capture.
     pub fn divergence(&self) -> Option<Divergence> {
         Played::first_divergence(&self.links)
     }
 
-    /// Bytes that the program sent.
+    /// Number of bytes that the program sent.
     pub fn sent(&self) -> usize {
         self.links.iter().map(|one| one.got.bytes().len()).sum()
     }
 
-    /// The longest time by which the program sent something earlier or later than captured.
+    /// Maximum time by which the program sent a byte earlier or later than captured.
     pub fn largest_shift(&self) -> Duration {
         let shifts = self
             .links
@@ -298,7 +298,7 @@ impl Replayed {
 }
 
 impl Played {
-    /// The earliest difference on `links` between what was sent and what the capture says.
+    /// The earliest difference on `links` between the sent and the captured bytes.
     pub fn first_divergence(links: &[Self]) -> Option<Divergence> {
         let of = |one: &Self| match &one.talk {
             Some(talk) => talk.divergence.clone(),
@@ -313,7 +313,7 @@ impl Replay {
     /// Wires the robot of `scenario` for a replay of `recorded`.
     ///
     /// # Errors
-    /// If the robot cannot be wired, or `recorded` has nothing for its program.
+    /// If the robot cannot be wired, or `recorded` has no bytes for its program.
     pub fn new(
         recorded: &Recorded,
         scenario: &Scenario,
@@ -366,7 +366,7 @@ impl Replay {
         let sent = Shared::new(vec![Track::default(); rig.links().len()]);
         rig.add_tap(Box::new(Listener(sent.clone())));
         let mut watched = scenario.clone();
-        // A capture that ends before the phases do says nothing of them.
+        // A capture that ends before the phases do contains no result for them.
         let lasts = |phases: &PhasesSpec| phases.windows()[3].until <= recorded.end;
         watched.phases = watched.phases.filter(lasts);
         let watchers = Watchers::of(&watched, &mut rig, &*instruments);
@@ -382,7 +382,7 @@ impl Replay {
         })
     }
 
-    /// Puts another program in the place of the robot's.
+    /// Replaces the robot's program by another one.
     pub fn replace_program(&mut self, replace: impl FnOnce(Box<dyn Program>) -> Box<dyn Program>) {
         self.rig.replace_program(replace);
     }
@@ -397,15 +397,15 @@ impl Replay {
         &*self.instruments
     }
 
-    /// Whether all of the capture was played.
+    /// Whether the whole capture was played.
     pub fn is_over(&self) -> bool {
         self.rig.now() >= self.end
     }
 
-    /// Plays on for `span`, at most to the end.
+    /// Continues the replay for `span`, at most to the end.
     pub fn run_for(&mut self, span: Duration) {
         let until = (self.rig.now() + span).min(self.end);
-        // What arrives at the same nanosecond is delivered together, as it was.
+        // Bytes that arrive at the same nanosecond are delivered together, as captured.
         while let Some(at) = self.next_arrival().filter(|&at| at <= until) {
             for feed in &mut self.feed {
                 let line = self.rig.lines_mut(feed.link).expect("one of its links");
@@ -474,7 +474,7 @@ impl Feed {
 /// The scenario in a capture's section header, if it has one.
 ///
 /// # Errors
-/// If it cannot be read.
+/// If the scenario cannot be read.
 pub fn scenario_of(
     capture: &Capture,
     path: &std::path::Path,

@@ -1,5 +1,5 @@
-//! The dissector for Wireshark: a Lua file that knows the formats of the codec table, and the
-//! register names of the register table.
+//! The dissector for Wireshark: a Lua file with the formats of the codec table and the register
+//! names of the register table.
 
 use core::fmt::Write as _;
 use std::sync::Arc;
@@ -14,8 +14,8 @@ use engine::codec::{self, Codec, Lua, LuaField};
 pub const FILE_NAME: &str = "hilrig.lua";
 
 const TEMPLATE: &str = include_str!("wireshark/hilrig.lua");
-/// Where in the template the names of registers belong, the fields, the functions and the table of
-/// the formats.
+/// Places in the template for the register names, the fields, the functions and the table of
+/// formats.
 const PLACES: [&str; 4] = [
     "--@REGISTERS\n",
     "--@FIELDS\n",
@@ -40,7 +40,7 @@ pub fn dissector() -> String {
     dissector_of(&[])
 }
 
-/// The whole file, with described devices: their formats come first.
+/// The whole file with described devices, whose formats come first.
 pub fn dissector_of(descriptions: &[Arc<Description>]) -> String {
     let rows = codec::all().into_iter();
     let rows: Vec<(&Codec, &Lua)> = rows.filter_map(|row| Some((row, row.lua()?))).collect();
@@ -57,7 +57,7 @@ pub fn dissector_of(descriptions: &[Arc<Description>]) -> String {
     })
 }
 
-/// The parts of described devices; one of a name that an earlier one has gets a number.
+/// The parts of described devices; a device with the name of an earlier one gets a number.
 fn described(descriptions: &[Arc<Description>]) -> Vec<LuaPart> {
     let mut names: Vec<String> = Vec::new();
     let parts = descriptions.iter().map(|description| {
@@ -116,7 +116,7 @@ fn registers() -> String {
     out
 }
 
-/// Each field once, though formats share some.
+/// All fields, once each, because formats share some.
 fn fields(rows: &[(&Codec, &Lua)]) -> String {
     let (mut out, mut told) = (String::new(), Vec::<LuaField>::new());
     for field in rows.iter().flat_map(|(_, lua)| lua.fields) {
@@ -138,7 +138,7 @@ fn fields(rows: &[(&Codec, &Lua)]) -> String {
     out
 }
 
-/// Each text once, though formats share some.
+/// All source texts, once each, because formats share some.
 fn sources(rows: &[(&Codec, &Lua)]) -> String {
     let mut sources: Vec<&str> = Vec::new();
     for (_, lua) in rows {
@@ -174,7 +174,7 @@ mod tests {
         assert!(!lua.contains("--@"), "every place is filled");
     }
 
-    /// A format that is in the table and not in the dissector would be guessed as another one.
+    /// A format of the table that the dissector lacks would be mistaken for another one.
     #[test]
     fn the_dissector_knows_every_row_and_shares_what_rows_share() {
         let lua = dissector();

@@ -1,4 +1,4 @@
-//! `hilrig demo` by itself: only what the demo needs is compiled.
+//! The program of `hilrig demo` alone, compiled with only the parts that the demo needs.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -43,7 +43,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs the mission, writes its folder, prints its verdict: whether it passed.
+/// Runs the mission, writes its result folder and prints its verdict; returns whether it passed.
 #[expect(
     clippy::disallowed_methods,
     reason = "tells how long the run took; no verdict depends on it"

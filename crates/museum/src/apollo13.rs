@@ -1,7 +1,8 @@
 //! The model car's fielded program, its boards and its sketch.
 //!
-//! What the program has is shown by the program itself on a bench of bytes; what a board or the
-//! sketch has, by the emulated device in a world of its own; laws, by figures.
+//! Defects of the program are shown by the program itself on a bench of bytes. Defects of a board
+//! or the sketch are shown by the emulated device in a world of its own. Wrong formulas are shown
+//! by figures.
 
 mod boards;
 mod laws;

@@ -1,5 +1,5 @@
-//! The base's firmware, each build of which is a set of quirks. The sound one is the documented
-//! base with the fielded byte order of the checksum, so that both can be sent the same bytes.
+//! The base's firmware. Each build is a set of quirks. The sound build is the documented base with
+//! the fielded byte order of the checksum, so that both builds accept the same bytes.
 
 mod bench;
 mod frames;

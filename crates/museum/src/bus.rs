@@ -126,7 +126,7 @@ impl Line {
         self.transmit();
     }
 
-    /// The left encoder by the answer to the read in flight; `None` if there is none yet.
+    /// The left encoder from the reply to the read in flight; `None` without a reply.
     fn left(&mut self) -> Option<i32> {
         let done = self.link.take_completion()?;
         let left = match done.outcome {
@@ -136,7 +136,7 @@ impl Line {
         Some(left)
     }
 
-    /// Asks and is answered; the left encoder.
+    /// Sends a request and its reply; returns the left encoder.
     fn ask(&mut self, request: Request, reply: &[u8]) -> Option<i32> {
         self.submit(request);
         self.reply(reply);
@@ -163,7 +163,7 @@ fn ma_01(variant: Variant) -> Observation {
     line.stray([1, 10])
 }
 
-/// 126 bytes and the checksum's first: 117 of them beyond ten.
+/// 126 bytes and the first byte of the checksum: 117 of them beyond the ten expected.
 fn ma_02(variant: Variant) -> Observation {
     let mut line = Line::new(variant, "MA-02");
     line.ask(
@@ -197,7 +197,7 @@ fn ma_04(variant: Variant) -> Observation {
     line.seen.judged(left == Some(0x0102_0909))
 }
 
-/// The buffer held the battery's bytes last: 12000 mV, 90 per cent.
+/// The buffer last held the battery's bytes: 12000 mV, 90 per cent.
 fn ma_05(variant: Variant) -> Observation {
     let mut line = Line::new(variant, "MA-05");
     line.ask(WHEELS, &REPLY);
@@ -208,7 +208,7 @@ fn ma_05(variant: Variant) -> Observation {
     line.seen.judged(left == Some(0x015A_2EE0))
 }
 
-/// Three bytes of data, and the checksum's first.
+/// Three bytes of data, and the first byte of the checksum.
 fn ma_06(variant: Variant) -> Observation {
     let mut line = Line::new(variant, "MA-06");
     line.ask(WHEELS, &REPLY);

@@ -1,4 +1,4 @@
-//! The PC program: the fielded one beside ours, at the same bytes and under the same clicks.
+//! The PC program: the fielded one and ours, with the same bytes and the same clicks.
 
 mod clicks;
 mod screen;
@@ -105,14 +105,14 @@ impl Operator {
         }
     }
 
-    /// One that was told of a map of 3 m x 3 m.
+    /// An operator whose program received a map of 3 m x 3 m.
     fn with_map(variant: Variant) -> Self {
         let mut desk = Self::new(variant);
         desk.take(&properties(10, [3_000, 3_000], [1_000, 1_000], 90));
         desk
     }
 
-    /// Hears bytes of the robot that are not worth showing.
+    /// Passes bytes of the robot to the program without recording them.
     fn take(&mut self, bytes: &[u8]) {
         match &mut self.program {
             Program::Fielded(client) => client.receive(bytes),
@@ -120,13 +120,13 @@ impl Operator {
         }
     }
 
-    /// Hears bytes of the robot.
+    /// Passes bytes of the robot to the program and records them.
     fn receive(&mut self, bytes: &[u8]) {
         self.seen.bytes("robot", &PCUI, bytes);
         self.take(bytes);
     }
 
-    /// Clicks at a place of the map; what is sent, or why nothing is.
+    /// Clicks at a position on the map; returns the bytes sent, or the reason for sending none.
     fn click(&mut self, at: [i16; 2]) -> Result<Vec<u8>, String> {
         let gesture = Gesture::Add {
             at: at.map(i32::from),
@@ -137,7 +137,7 @@ impl Operator {
         }
     }
 
-    /// Deletes a waypoint by its place in the list.
+    /// Deletes a waypoint by its index in the list.
     fn delete(&mut self, index: usize) -> Result<Vec<u8>, String> {
         let at = self.places().get(index).copied().unwrap_or_default();
         match &mut self.program {
@@ -146,7 +146,7 @@ impl Operator {
         }
     }
 
-    /// The waypoints' places as they are shown.
+    /// Positions of the waypoints as displayed.
     fn places(&self) -> Vec<[i32; 2]> {
         match &self.program {
             Program::Fielded(client) => client.places(),
@@ -157,7 +157,7 @@ impl Operator {
         }
     }
 
-    /// The pose as it is shown: x, y, psi.
+    /// Pose as displayed: x, y, psi.
     fn pose(&self) -> Option<[i32; 3]> {
         match &self.program {
             Program::Fielded(client) => client.pose(),
@@ -169,7 +169,7 @@ impl Operator {
         }
     }
 
-    /// The map's cells as they are held, row by row.
+    /// Cells of the map as stored, row by row.
     fn cells(&self) -> &[u8] {
         match &self.program {
             Program::Fielded(client) => client.held().map_or(&[], |held| &held.cells),
@@ -177,7 +177,7 @@ impl Operator {
         }
     }
 
-    /// The map as it is painted, its last row first.
+    /// The map as painted, last row first.
     fn painting(&self) -> Vec<u8> {
         match &self.program {
             Program::Fielded(client) => client.painting(),
@@ -188,7 +188,7 @@ impl Operator {
         }
     }
 
-    /// Notes what was sent, or why nothing was.
+    /// Records the bytes sent, or the reason for sending none.
     fn note_sent(&mut self, sent: &Result<Vec<u8>, String>) {
         match sent {
             Ok(bytes) => self.seen.bytes("PC", &PCUI, bytes),
@@ -201,7 +201,7 @@ impl Operator {
     }
 }
 
-/// What our PC program writes because of a gesture.
+/// Bytes that our PC program sends after a gesture.
 fn said(pc: &mut Pc, gesture: Gesture) -> Result<Vec<u8>, String> {
     let action = pc_program::answer(pc, gesture).map_err(|why| why.to_string())?;
     let done = pc.perform(Instant::ZERO, pc_action(&action)?);

@@ -1,12 +1,11 @@
-//! The reports' own experiments, done again in the rig: a table and a plot beside the report's
-//! figures.
+//! Experiments of the reports, repeated in the rig: a table and a plot beside the report's figures.
 //!
 //! ```text
 //! experiment --plan: seeds--> runs in virtual time --> findings: table, plot, figures
 //! ```
 //!
-//! Each is a row of [`all`]. What it finds comes from runs alone; a report's figure stands beside
-//! it as text, and nothing is judged: the reader sees how far a model carries.
+//! Each experiment is a row of [`all`]. Its findings come from runs alone. The figure of the report
+//! stands beside them as text, without a verdict: the reader judges the accuracy of the model.
 
 mod car;
 mod heading;
@@ -25,14 +24,14 @@ use core::ops::Range;
 pub use plot::Plot;
 pub use table::Table;
 
-/// What is to be done.
+/// Plan of an experiment.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
     /// The first seed.
     pub first_seed: u64,
-    /// So many, one after the other.
+    /// Number of consecutive seeds.
     pub seeds: u64,
-    /// Runs at a time.
+    /// Number of parallel runs.
     pub jobs: usize,
 }
 
@@ -46,14 +45,14 @@ impl Plan {
     }
 }
 
-/// A figure that was found, and what the report says of it.
+/// A result figure, and the figure of the report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
     /// A short description.
     pub name: String,
-    /// As found, with its unit.
+    /// Our figure with its unit.
     pub ours: String,
-    /// As the report has it; empty if it has none.
+    /// The figure of the report; empty if it has none.
     pub report: &'static str,
 }
 
@@ -67,29 +66,29 @@ impl Figure {
     }
 }
 
-/// What an experiment found.
+/// Results of an experiment.
 #[derive(Clone, Debug)]
 pub struct Findings {
-    /// All of it.
+    /// The whole table.
     pub table: Table,
-    /// The report's picture of it.
+    /// Our version of the report's plot.
     pub plot: Plot,
-    /// The result.
+    /// Figures that summarise the result.
     pub figures: Vec<Figure>,
 }
 
 /// An experiment of a report.
 #[derive(Clone, Debug)]
 pub struct Experiment {
-    /// By which it is asked for.
+    /// Name on the command line.
     pub name: &'static str,
     /// Short description of the experiment.
     pub about: &'static str,
-    /// Where the report has it.
+    /// Place in the report.
     pub place: &'static str,
-    /// Seeds unless told otherwise.
+    /// Default seeds.
     pub seeds: Range<u64>,
-    /// Does it; told how many runs of how many are done.
+    /// Performs the experiment; calls back with the number of finished runs and of all runs.
     pub perform: fn(&Plan, &(dyn Fn(usize, usize) + Sync)) -> Findings,
 }
 

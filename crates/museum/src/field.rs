@@ -1,6 +1,7 @@
-//! What the seed report tells of in prose: each a run in a simulated world, in virtual time.
+//! Incidents that the seed report describes in prose, each as a run in a simulated world, in
+//! virtual time.
 //!
-//! Long stories are shortened, as far as the same mechanism shows in less time; `sees` says so.
+//! Long incidents are shortened if the same mechanism appears in less time; `sees` says so.
 
 mod lab;
 mod map;

@@ -28,14 +28,14 @@ pub(super) fn chain(count: i16) -> Vec<Waypoint> {
     list(&links)
 }
 
-/// A frame with that list.
+/// A frame with this list.
 pub(super) fn list_frame(waypoints: &[Waypoint]) -> Vec<u8> {
     let mut bytes = [0; FRAME_MAX];
     let len = message::encode_waypoints(waypoints.iter().copied(), &mut bytes);
     bytes[..len.expect("at most 56")].to_vec()
 }
 
-/// A frame with that order.
+/// A frame with this order.
 pub(super) fn order(mode: message::Mode, set_point: [i8; 2]) -> Vec<u8> {
     let mut bytes = [0; FRAME_MAX];
     let len = message::encode_order(&Order { mode, set_point }, &mut bytes);

@@ -1,9 +1,9 @@
-//! The museum: the defects of the robots' fielded programs, each live.
+//! The museum: the defects of the robots' fielded programs, each reproducible.
 //!
-//! A [`Bug`] is a row of the catalogue. Where it can be shown, its exhibit is a function that feeds
-//! the same stimulus to the defective and to the sound [`Variant`] and notes what is observed:
-//! bytes on the wire, and named figures. Nothing shown is written down beforehand; all of it comes
-//! from the code that runs, in virtual time.
+//! A [`Bug`] is a row of the catalogue. If it can be reproduced, its exhibit is a function. The
+//! function feeds the same stimulus to the defective and to the sound [`Variant`] and records bytes
+//! on the wire and named figures. No result is stored in advance: all results come from the code
+//! that runs, in virtual time.
 
 mod apollo13;
 mod base;
@@ -22,12 +22,12 @@ mod yellow;
 
 pub use observation::{Difference, Exchange, Figure, Observation};
 
-/// Which of the two programs, firmwares or clients is checked.
+/// Variant of a program, firmware or client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
-    /// The fielded one, with the defect in question.
+    /// The fielded one, with the defect of the exhibit.
     Defective,
-    /// Without the defect.
+    /// The same without the defect.
     Sound,
 }
 
@@ -37,7 +37,7 @@ impl Variant {
         self == Self::Defective
     }
 
-    /// For people.
+    /// Name for the user.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Defective => "defective",
@@ -51,25 +51,25 @@ impl Variant {
 pub struct Bug {
     /// Its number, e.g. `AV-02`.
     pub id: &'static str,
-    /// Which program has it, and on which link.
+    /// The affected program, and the link.
     pub place: &'static str,
-    /// What sets it off, and what the user sees.
+    /// The trigger, and the effect that the user sees.
     pub sees: &'static str,
-    /// How it is shown here.
+    /// The demonstration.
     pub live: Live,
 }
 
-/// How a defect is shown.
+/// Demonstration of a defect.
 #[derive(Clone, Copy, Debug)]
 pub enum Live {
-    /// By its exhibit.
+    /// An exhibit.
     Exhibit {
-        /// What is switched on: a firmware of the base, a defect of the program, a client.
+        /// The switched element: a firmware of the base, a defect of the program, or a client.
         by: &'static str,
-        /// Looks at one of the two variants.
+        /// Observes one of the two variants.
         show: fn(Variant) -> Observation,
     },
-    /// Not at all, for this reason.
+    /// No demonstration, for this reason.
     Not(&'static str),
 }
 
@@ -90,7 +90,7 @@ impl Bug {
         }
     }
 
-    /// One behind a switch of the robot's program.
+    /// A defect that a switch in the robot's program enables.
     const fn mutant(
         id: &'static str,
         place: &'static str,
@@ -100,12 +100,12 @@ impl Bug {
         Self::new(id, place, sees, "the program with this defect", show)
     }
 
-    /// Both variants on the same stimulus; `None` if the defect has no exhibit.
+    /// Runs both variants with the same stimulus; `None` if the defect has no exhibit.
     pub fn reproduce(&self) -> Option<Reproduction> {
         self.reproduce_telling(|_| {})
     }
 
-    /// The same, telling which variant is checked next.
+    /// As `reproduce`; `begins` is called with each variant before it runs.
     pub fn reproduce_telling(&self, mut begins: impl FnMut(Variant)) -> Option<Reproduction> {
         let Live::Exhibit { by, show } = self.live else {
             return None;
@@ -122,30 +122,30 @@ impl Bug {
     }
 }
 
-/// A defect shown and shown absent.
+/// Observations of a defect in both variants.
 #[derive(Clone, Debug)]
 pub struct Reproduction {
-    /// What was switched on.
+    /// The switched element.
     pub by: &'static str,
     /// With the defect.
     pub defective: Observation,
-    /// Without.
+    /// Without the defect.
     pub sound: Observation,
 }
 
 impl Reproduction {
-    /// Whether the defective variant shows the defect and the sound one does not.
+    /// Whether the defective variant has the defect and the sound one does not.
     pub const fn holds(&self) -> bool {
         self.defective.has_defect && !self.sound.has_defect
     }
 
-    /// The figures in which the two differ.
+    /// The figures that differ between the variants.
     pub fn differences(&self) -> Vec<Difference> {
         self.defective.differences(&self.sound)
     }
 }
 
-/// The defects of one robot's programs.
+/// The defects of the programs of one robot.
 #[derive(Clone, Copy, Debug)]
 pub struct Wing {
     /// The robot's name, as in a scenario.
@@ -184,7 +184,7 @@ const WINGS: [Wing; 3] = [
     },
 ];
 
-/// The robots whose programs' defects are shown.
+/// The robots, each with the defects of its programs.
 pub fn wings() -> impl Iterator<Item = &'static Wing> {
     WINGS.iter()
 }
@@ -194,12 +194,12 @@ pub fn catalogue() -> impl Iterator<Item = &'static Bug> {
     wings().flat_map(Wing::bugs)
 }
 
-/// The defect called `id`, in whatever case.
+/// The defect with this id; upper and lower case are equal.
 pub fn find(id: &str) -> Option<&'static Bug> {
     catalogue().find(|bug| bug.id.eq_ignore_ascii_case(id))
 }
 
-/// The numbers most like `id`, for an error message about a mistyped one.
+/// The ids most similar to `id`, for an error message about a mistyped id.
 pub fn suggestions(id: &str) -> Vec<&'static str> {
     let wanted = id.to_ascii_uppercase();
     let mut ranked: Vec<_> = catalogue()
@@ -209,7 +209,7 @@ pub fn suggestions(id: &str) -> Vec<&'static str> {
     ranked.into_iter().take(3).map(|(_, id)| id).collect()
 }
 
-/// Insertions, removals and replacements that make `b` of `a`.
+/// Number of insertions, removals and replacements that turn `a` into `b`.
 fn edits(a: &str, b: &str) -> usize {
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, x) in a.bytes().enumerate() {

@@ -1,4 +1,4 @@
-//! What the robot's program makes of the lidar's stream.
+//! The lidar stream in the robot's program.
 
 use core::time::Duration;
 
@@ -91,7 +91,7 @@ pub(super) const ROWS: [Bug; 12] = [
     ),
 ];
 
-/// What a stream of packets came to.
+/// Result of reading a stream of packets.
 struct Read {
     packets: Vec<xv11::Frame>,
     errors: Vec<FrameError>,
@@ -149,7 +149,7 @@ fn xv_02(variant: Variant) -> Observation {
     seen.judged(distance == 1000 + 8192)
 }
 
-/// A sound packet but for its index byte.
+/// A packet that is valid except for its index byte.
 fn xv_03(variant: Variant) -> Observation {
     let mut seen = Observation::default();
     let mut places = Vec::new();
@@ -184,7 +184,7 @@ fn xv_04(variant: Variant) -> Observation {
     seen.judged(read.packets.is_empty() && stray.count == 1889 && stray.first == 64_908)
 }
 
-/// A turn of distances at random.
+/// A turn of random distances.
 fn random_turn(rng: &mut Rng) -> Vec<u8> {
     let mut distance = || {
         let mm = rng.uniform() * 6000.0;
@@ -231,7 +231,8 @@ fn arrival(turn: u64, index: u8) -> Instant {
     Instant::from_nanos(turn * 200_000_000 + (u64::from(index) + 1) * 200_000_000 / 90)
 }
 
-/// A turn of packets at `distance_mm`, without those in `lost`; how many turns ended.
+/// Feeds a turn of packets with this reading, without those in `lost`; returns how many turns
+/// ended.
 fn feed(assembler: &mut TurnAssembler, turn: u64, reading: Reading, lost: &[u8]) -> usize {
     let kept = (0..90).filter(|index| !lost.contains(index));
     kept.filter(|index| {
@@ -296,7 +297,7 @@ fn xv_08(variant: Variant) -> Observation {
     robot.judged(requests == 0 && set_points != [0, 0])
 }
 
-/// The lidar reports 310 rpm until the duty has come down, then a packet is damaged.
+/// The lidar reports 310 rpm until the duty has decreased, then a packet is damaged.
 fn xv_09(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "XV-09");
     let send = |robot: &mut Robot, damage: u8| {

@@ -1,5 +1,5 @@
-//! The mapper as it was fielded: its search, its drawing, its odometry. Both variants are the seed
-//! report's way to map; they differ in the defect only.
+//! The fielded mapper: its search, its drawing, its odometry. Both variants map with the method of
+//! the seed report; only the defect differs.
 
 mod drawing;
 pub(super) mod search;
@@ -131,7 +131,7 @@ fn scan_of(points: &[Point]) -> Scan {
     Scan::from_points(points, Instant::ZERO, Instant::ZERO)
 }
 
-/// The four walls of a room, `half` millimetres away, seen from its middle.
+/// The four walls of a room, at distances `half`, millimetres, seen from its middle.
 fn room([half_x, half_y]: [f32; 2]) -> Scan {
     let beam = |degree: u16| {
         let (sin, cos) = firmware_core::pose::sin_cos(f32::from(degree).to_radians());

@@ -47,7 +47,7 @@ pub(super) const ROWS: [Bug; 5] = [
     ),
 ];
 
-/// Nothing nearer than three metres, all around.
+/// Surroundings without obstacles within three metres.
 fn open_floor() -> Surroundings {
     Surroundings::of((0..360_u16).map(|degree| {
         let (sin, cos) = sin_cos(f32::from(degree).to_radians());
@@ -55,13 +55,13 @@ fn open_floor() -> Surroundings {
     }))
 }
 
-/// psi is counted clockwise from the negative x axis.
+/// Converts psi, which counts clockwise from the negative x axis.
 fn heading(psi_deg: f32) -> f32 {
     (180.0 - psi_deg).to_radians()
 }
 
-/// What the program steers in the end, with the seed report's steering: its navigator goes through
-/// the headings `psis`, 100 mm on with each, and has a waypoint a metre away in the direction in
+/// Final set-points of the program with the seed report's steering. Its navigator passes through
+/// the headings `psis`, 100 mm forward with each. Its waypoint is a metre away, in the direction in
 /// which psi would be `target`.
 fn steer(variant: Variant, id: &str, psis: impl Iterator<Item = f32>, target: f32) -> [i8; 2] {
     let mut navigator = Navigator::new(Settings {
@@ -86,7 +86,7 @@ fn steer(variant: Variant, id: &str, psis: impl Iterator<Item = f32>, target: f3
     wheels
 }
 
-/// The psi of a robot that turns from 90 to `end`, 30 degrees at a time.
+/// The psi values of a robot that turns from 90 to `end`, 30 degrees at a time.
 fn turning_to(end: i16) -> impl Iterator<Item = f32> {
     let steps = (end - 90) / 30;
     (0..=steps.abs()).map(move |step| f32::from(90 + 30 * step * steps.signum()))

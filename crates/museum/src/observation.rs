@@ -10,18 +10,18 @@ pub struct Exchange {
     pub from: &'static str,
     /// The bytes.
     pub bytes: Vec<u8>,
-    /// What they say, frame by frame.
+    /// Their meaning, frame by frame.
     pub words: String,
 }
 
 impl Exchange {
-    /// The bytes in hexadecimal, long ones shortened in the middle.
+    /// The bytes in hexadecimal; a long sequence is shortened in the middle.
     pub fn hex(&self) -> String {
         hex(&self.bytes)
     }
 }
 
-/// Something that was checked, under a stable name.
+/// An observed value under a stable name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Figure {
     /// A short description.
@@ -30,37 +30,37 @@ pub struct Figure {
     pub value: String,
 }
 
-/// A figure whose value is not the same in two observations.
+/// A figure whose value differs between two observations.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// A short description.
+    /// Name of the figure.
     pub name: &'static str,
-    /// With the defect.
+    /// Value with the defect.
     pub defective: String,
-    /// Without.
+    /// Value without it.
     pub sound: String,
 }
 
-/// What was seen of one variant.
+/// Observations of one variant.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Observation {
     /// The decisive bytes, in order.
     pub wire: Vec<Exchange>,
     /// The figures, in order.
     pub figures: Vec<Figure>,
-    /// Whether it behaves as the catalogue says that the defective one does.
+    /// Whether the variant behaves as the catalogue says of the defective one.
     pub has_defect: bool,
 }
 
 impl Observation {
-    /// Notes bytes on the wire.
+    /// Records bytes on the wire.
     pub(super) fn bytes(&mut self, from: &'static str, codec: &'static Codec, bytes: &[u8]) {
         let words = words(codec, bytes);
         let bytes = bytes.to_vec();
         self.wire.push(Exchange { from, bytes, words });
     }
 
-    /// Notes a figure.
+    /// Records a figure.
     pub(super) fn figure(&mut self, name: &'static str, value: impl Display) {
         let value = value.to_string();
         self.figures.push(Figure { name, value });
@@ -73,13 +73,13 @@ impl Observation {
         self
     }
 
-    /// The value of the figure called `name`.
+    /// Value of the figure `name`.
     pub fn value(&self, name: &str) -> Option<&str> {
         let figure = self.figures.iter().find(|figure| figure.name == name)?;
         Some(&figure.value)
     }
 
-    /// All that `from` sent, in hexadecimal.
+    /// All bytes that `from` sent, in hexadecimal.
     pub fn sent_by(&self, from: &str) -> String {
         let own = self.wire.iter().filter(|exchange| exchange.from == from);
         own.map(Exchange::hex).collect::<Vec<_>>().join(" ")
@@ -97,10 +97,10 @@ impl Observation {
     }
 }
 
-/// Bytes that are shown whole.
+/// Maximum number of bytes that are shown completely.
 const SHOWN_MAX: usize = 40;
 
-/// Bytes in hexadecimal, long ones shortened in the middle.
+/// Formats bytes in hexadecimal; a long sequence is shortened in the middle.
 pub(super) fn hex(bytes: &[u8]) -> String {
     if bytes.len() <= SHOWN_MAX {
         return pairs(bytes);
@@ -110,7 +110,7 @@ pub(super) fn hex(bytes: &[u8]) -> String {
     format!("{} .. {between} more .. {}", pairs(head), pairs(tail))
 }
 
-/// What `bytes` say, frame by frame; what is no frame is told as such.
+/// Meaning of `bytes`, frame by frame; bytes outside of frames are marked.
 fn words(codec: &'static Codec, bytes: &[u8]) -> String {
     let found = codec.found(bytes);
     let told = found.iter().map(|one| match &one.what {

@@ -152,7 +152,7 @@ pub(super) const ROWS: [Bug; 22] = [
     },
 ];
 
-/// A list with some of the fielded program's faults.
+/// A waypoint list with the selected faults of the fielded program.
 pub(super) fn waypoints(variant: Variant, id: &str) -> Waypoints {
     Waypoints::with_defects(config(variant, id).defects.waypoints)
 }

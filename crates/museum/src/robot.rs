@@ -1,5 +1,4 @@
-//! The robot's program on a bench: a base that answers at once, a lidar that is packets, a PC that
-//! is bytes.
+//! The robot's program on a bench: a base that replies at once, a lidar as packets, a PC as bytes.
 
 use core::time::Duration;
 
@@ -15,7 +14,7 @@ use engine::codec::PCUI;
 
 pub(super) const MS: Duration = Duration::from_millis(1);
 
-/// The program's settings for `variant`; the defective one has `id`.
+/// Settings of the program for `variant`; the defective one has the defect `id`.
 pub(super) fn config(variant: Variant, id: &str) -> Config {
     let sound = Config {
         checksum_order: ChecksumOrder::HighFirst,
@@ -27,7 +26,7 @@ pub(super) fn config(variant: Variant, id: &str) -> Config {
     }
 }
 
-/// A distance of good strength.
+/// A distance with good signal strength.
 pub(super) fn range(distance_mm: u16) -> Reading {
     Reading::Range {
         distance_mm,
@@ -36,7 +35,7 @@ pub(super) fn range(distance_mm: u16) -> Reading {
     }
 }
 
-/// A packet at 300 turns a minute whose four readings are alike.
+/// A packet at 300 turns a minute with four equal readings.
 pub(super) fn packet(index: u8, reading: Reading) -> xv11::Frame {
     packet_at(300, index, reading)
 }
@@ -55,11 +54,11 @@ pub(super) struct Robot {
     /// Requests that reached the base.
     pub(super) requests: usize,
     decoder: avr::Decoder,
-    /// Data received by the PC.
+    /// Bytes received by the PC.
     pub(super) radio: Vec<u8>,
-    /// What the lidar's motor was told last.
+    /// Last duty that the lidar's motor received.
     pub(super) duty: Option<u8>,
-    /// What every beam measures; `None`: the lidar is unplugged.
+    /// Reading of every beam; `None`: the lidar is unplugged.
     pub(super) scene: Option<Reading>,
     sent_packets: u64,
 }
@@ -109,7 +108,7 @@ impl Robot {
         }
     }
 
-    /// A packet each 2.222 ms.
+    /// Feeds a packet each 2.222 ms.
     fn turn_lidar(&mut self) {
         let due = self.now.as_nanos() * 450 / 1_000_000_000;
         while self.sent_packets < due {
@@ -165,13 +164,13 @@ impl Robot {
         self.program.receive(Rescue::RADIO, self.now, bytes);
     }
 
-    /// The set-points that the base was told last.
+    /// Last set-points that the base received.
     pub(super) fn set_points(&self) -> [i8; 2] {
         [registers::SPEED_LEFT_TO, registers::SPEED_RIGHT_TO]
             .map(|register| self.registers[usize::from(register)].cast_signed())
     }
 
-    /// Notes the base's set-points.
+    /// Records the base's set-points.
     pub(super) fn note_set_points(&mut self, name: &'static str) -> [i8; 2] {
         let [left, right] = self.set_points();
         self.seen.figure(name, format!("{left}, {right}"));
@@ -194,7 +193,7 @@ impl Robot {
     }
 }
 
-/// Notes whether the program still runs; whether it has ended.
+/// Records whether the program still runs; returns whether it has ended.
 pub(super) fn note_end(robot: &mut Robot) -> bool {
     let before = robot.radio.len();
     robot.run(500 * MS);

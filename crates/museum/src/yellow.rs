@@ -1,4 +1,4 @@
-//! Yellow: what its program and the PC's did wrong, as read in their public code.
+//! Yellow: defects of its program and of the PC program, found by reading their public code.
 
 mod bench;
 mod desk;
@@ -14,7 +14,7 @@ use firmware_core::robots::yellow::Config;
 
 use super::{Bug, Variant};
 
-/// All of them, in the order of their numbers.
+/// All defects, in the order of their numbers.
 pub(super) const ROOMS: [&[Bug]; 7] = [
     &link::ROWS,
     &lidar::ROWS,
@@ -25,7 +25,7 @@ pub(super) const ROOMS: [&[Bug]; 7] = [
     &maps::ROWS,
 ];
 
-/// The program's settings for `variant`; the defective one has `id`.
+/// Settings of the program for `variant`; the defective one has the defect `id`.
 fn config(variant: Variant, id: &str) -> Config {
     match variant {
         Variant::Defective => Config::DEFAULT

@@ -1,4 +1,4 @@
-//! How the run of a capture ended: its verdict, in a block at the end of the file.
+//! Conclusion of a recorded run: its verdict, in a block at the end of the capture.
 //!
 //! A pcapng custom block, which other tools skip:
 //!
@@ -16,7 +16,7 @@ use crate::record::ENTERPRISE;
 use engine::run::Outcome;
 use engine::run::check::{Check, Status};
 
-/// Marks our custom block.
+/// Mark of the conclusion in a custom block.
 const MARK: &[u8; 4] = b"hcon";
 
 /// The end of a run.
@@ -24,12 +24,12 @@ const MARK: &[u8; 4] = b"hcon";
 pub struct Conclusion {
     /// Facts as `key=value`, one a line: `verdict`, `end_ns`, `program`, `failed`.
     pub facts: String,
-    /// The scenario with its faults as they struck, so that a run of it is the same run.
+    /// The scenario with the exact hits of its faults, so that a second run gives the same bytes.
     pub case: String,
 }
 
 impl Conclusion {
-    /// How `outcome` ended; `command` is the foreign program's, if there was one.
+    /// Conclusion of `outcome`; `command` is the command of the foreign program, if there was one.
     pub fn of(outcome: &Outcome, command: Option<&str>) -> Self {
         let verdict = if outcome.passed() { "pass" } else { "fail" };
         let failed = |check: &&Check| check.status == Status::Fail;
@@ -45,31 +45,31 @@ impl Conclusion {
         Self { facts, case }
     }
 
-    /// The fact called `key`.
+    /// Returns the value of the fact `key`.
     pub fn fact(&self, key: &str) -> Option<&str> {
         let mut facts = self.facts.lines().filter_map(|line| line.split_once('='));
         facts.find(|(name, _)| *name == key).map(|(_, value)| value)
     }
 
-    /// Whether the program was a foreign one.
+    /// Whether the client was a foreign program.
     pub fn is_foreign(&self) -> bool {
         self.fact("program") == Some("exec")
     }
 
-    /// Whether the run failed, and the checks that did.
+    /// The failed checks; `None` if the run passed.
     pub fn failed(&self) -> Option<Vec<&str>> {
         let failed = self.fact("failed").unwrap_or_default().split(',');
         (self.fact("verdict") == Some("fail"))
             .then(|| failed.filter(|name| !name.is_empty()).collect())
     }
 
-    /// When the run ended, since its beginning.
+    /// Time of the end of the run, since its beginning.
     pub fn end(&self) -> Option<Instant> {
         let end = self.fact("end_ns")?.parse().ok()?;
         Some(Instant::from_nanos(end))
     }
 
-    /// Appends its block to the capture at `path`.
+    /// Appends this block to the capture at `path`.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -79,7 +79,7 @@ impl Conclusion {
         safefs::append(path)?.write_all(&block)
     }
 
-    /// Appends its block.
+    /// Appends this block to `out`.
     pub(super) fn write(&self, out: &mut Vec<u8>) {
         pcapng::write_block(out, pcapng::CUSTOM_BLOCK, |out| {
             out.extend_from_slice(&ENTERPRISE.to_le_bytes());
@@ -90,7 +90,7 @@ impl Conclusion {
         });
     }
 
-    /// What `block` says, if it is one of these.
+    /// Reads a conclusion; `None` if `block` is another kind of block.
     pub(super) fn read(block: &Block) -> Option<Self> {
         let body = &block.body;
         let is_ours = block.order.u32_at(body, 0)? == ENTERPRISE && body.get(4..8)? == MARK;
@@ -132,7 +132,7 @@ mod tests {
         );
     }
 
-    /// Another tool's custom block is skipped, and counted as such.
+    /// The reader skips and counts the custom block of another tool.
     #[test]
     fn a_custom_block_of_another_tool_is_none() {
         let mut bytes = Vec::new();

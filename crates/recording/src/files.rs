@@ -1,5 +1,6 @@
-//! The files of a recording: the newest has the plain name, older ones are put aside, the oldest
-//! go. Other processes may move or delete those at any time; a recording does without.
+//! Files of a recording. The newest file has the plain name; a full file is renamed with a number;
+//! the oldest files are deleted. Other processes may move or delete these files at any time; the
+//! recording continues.
 
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
@@ -7,28 +8,29 @@ use std::path::{Path, PathBuf};
 
 use crate::pcapng::SECTION;
 
-/// How much a recording may take.
+/// Limits on the disk space of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// A file that has grown to this is put aside and a new one begun.
+    /// Size at which a file is renamed and the next file begins.
     pub file_bytes: u64,
-    /// Files put aside that are kept; older ones are deleted.
+    /// Number of renamed files that are kept; older ones are deleted.
     pub files: u64,
-    /// What becomes of files that are there already.
+    /// Treatment of existing files.
     pub existing: Existing,
 }
 
-/// What becomes of a file that has a recording's name already.
+/// Treatment of a file that already has the name of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// It is replaced.
+    /// The existing file is replaced.
     Replaced,
-    /// It is put aside as if this recording had written it, and numbers continue where they were.
+    /// The existing file is renamed as if this recording had written it; numbers continue from the
+    /// highest existing one.
     SetAside,
 }
 
 impl Default for Limits {
-    /// Three quarters of an hour a file, at 6 MB a minute of the rescue robot; 2 GiB in all.
+    /// A file lasts 45 minutes at 6 MB a minute, the rate of the rescue robot; 2 GiB in all.
     fn default() -> Self {
         Self {
             file_bytes: 256 << 20,
@@ -38,7 +40,7 @@ impl Default for Limits {
     }
 }
 
-/// Writes whole blocks, and begins the next file when one is full.
+/// Writer of whole blocks, which begins the next file when one is full.
 #[derive(Debug)]
 pub(super) struct Files {
     path: PathBuf,
@@ -50,7 +52,7 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// Begins the first file with `head`, as each file begins.
+    /// Begins the first file with `head`; each later file begins with the same bytes.
     pub(super) fn create(path: &Path, head: Vec<u8>, limits: Limits) -> io::Result<Self> {
         let mut set_aside = 0;
         if limits.existing == Existing::SetAside {
@@ -78,10 +80,11 @@ impl Files {
         Ok(())
     }
 
-    /// After an error nothing more can be written; what is in the file stays whole.
+    /// Appends whole blocks. After an error, nothing more can be written; the file keeps whole
+    /// blocks only.
     pub(super) fn write(&mut self, blocks: &[u8]) -> io::Result<()> {
         if let Err(error) = self.file.write_all(blocks) {
-            // A piece of a block may have come through before the disk was full.
+            // A part of a block may have been written before the disk was full.
             let _ = self.file.set_len(self.written);
             return Err(error);
         }
@@ -92,8 +95,8 @@ impl Files {
         Ok(())
     }
 
-    /// `capture.1.pcapng` is the first put aside. One that is gone needs neither be named nor
-    /// deleted.
+    /// Renames the full file; `capture.1.pcapng` is the first. A file that another process removed
+    /// needs neither a rename nor a deletion.
     fn rotate(&mut self) -> io::Result<()> {
         self.set_aside += 1;
         or_gone(safefs::rename(
@@ -110,15 +113,16 @@ impl Files {
     }
 }
 
-/// The file with this number among those put aside.
+/// Path of the renamed file with this number.
 fn aside(path: &Path, number: u64) -> PathBuf {
     path.with_extension(format!("{number}.{EXTENSION}"))
 }
 
 const EXTENSION: &str = "pcapng";
 
-/// The files around `path` that the same recording may have written, in the order of time, and the
-/// place of `path` among them: those put aside, the newest last. A gap in their numbers ends them.
+/// Files that the same recording as `path` may have written, in order of time, and the index of
+/// `path` among them: renamed files first, the newest file last. A gap in the numbers ends the
+/// list.
 pub(super) fn around(path: &Path) -> (Vec<PathBuf>, usize) {
     let alone = || (vec![path.to_owned()], 0);
     let Some(stem) = path.file_stem().map(Path::new) else {
@@ -131,7 +135,7 @@ pub(super) fn around(path: &Path) -> (Vec<PathBuf>, usize) {
         Some(_) => path.with_file_name(stem).with_extension(EXTENSION),
         None => path.to_owned(),
     };
-    // No other name, as 01, is one that a recording gave.
+    // A recording never writes a name such as 01.
     if number.is_some_and(|number| aside(&newest, number) != path) {
         return alone();
     }
@@ -160,7 +164,7 @@ fn or_gone(done: io::Result<()>) -> io::Result<()> {
     }
 }
 
-/// The highest number of a file put aside; 0 if there is none.
+/// The highest number of a renamed file; 0 if there is none.
 fn last_number(path: &Path) -> io::Result<u64> {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
@@ -179,17 +183,17 @@ fn last_number(path: &Path) -> io::Result<u64> {
     Ok(last)
 }
 
-/// Whether an earlier recording is at `path`.
+/// Whether `path` holds an earlier recording.
 ///
 /// # Errors
-/// If something else is there, which must not be touched.
+/// If `path` holds another file, which the recording must not overwrite.
 fn holds_capture(path: &Path) -> io::Result<bool> {
     let meta = match fs::metadata(path) {
         Ok(meta) => meta,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
         Err(error) => return Err(error),
     };
-    // A pipe, say, with another reader.
+    // For example a pipe that another process reads.
     if !meta.is_file() || meta.len() == 0 {
         return Ok(false);
     }

@@ -1,9 +1,9 @@
-//! Chunks of a run, joined into records and put in order.
+//! Joins the chunks of a run into records and sorts the records by time.
 //!
-//! A line may travel byte by byte, and a record a byte would cost more than the run. What follows
-//! back to back becomes one record that says so ([`Record::pieces`](super::Record)). A
-//! record is therefore finished some time after its first byte; others wait for it, so that the
-//! file stays in the order of time.
+//! A line may deliver byte by byte, and one record per byte would cost more than the run itself.
+//! Chunks that arrive back to back become one record, which stores their lengths
+//! ([`Record::pieces`](super::Record)). A record is therefore finished some time after its first
+//! byte. Later records wait for it, so that the file stays in order of time.
 
 use core::mem::take;
 
@@ -12,46 +12,46 @@ use engine::rig::line::Direction;
 use engine::rig::{Link, Rig};
 use protocols::{Instant, LineConfig, LineEvent};
 
-/// Maximum number of bytes of one record; also bounds how long others wait.
+/// Maximum number of bytes of one record; also limits how long other records wait.
 const JOINED_MAX: usize = 512;
-/// Finished records that are put in order in one go.
+/// Number of finished records that are sorted in one batch.
 const BATCH: usize = 64;
-/// Longest piece that is joined; lines have none that is longer.
+/// Maximum length of a chunk that is joined; no line has a longer one.
 const PIECE_MAX: usize = 64;
-/// Records and bytes that wait at most; then nothing is waited for.
+/// Maximum number of waiting records and bytes; beyond it, records are written without waiting.
 const WAITING_MAX: usize = 512;
 const ARENA_MAX: usize = 64 << 10;
 
-/// Joins the chunks of all lines of a rig. Its times are in nanoseconds.
+/// Joiner of the chunks of all lines of a rig. Times are in nanoseconds.
 #[derive(Debug)]
 pub(super) struct Joiner {
-    /// Two of each link, numbered by [`line_of`].
+    /// Two lines for each link, numbered by [`line_of`].
     lines: Vec<Open>,
-    /// Before this no open record ends by silence.
+    /// Before this time, no open record ends by silence.
     stale_at: u64,
     waiting: Vec<Waiting>,
-    /// The bytes of those that wait.
+    /// Bytes of the waiting records.
     arena: Vec<u8>,
     sequence: u64,
-    /// Added to all times.
+    /// Offset that is added to all times.
     epoch: u64,
 }
 
-/// The number of a line among those of all links.
+/// Number of a line among the lines of all links.
 pub(super) const fn line_of(link: usize, direction: Direction) -> usize {
     2 * link + direction as usize
 }
 
-/// A record that may continue; none while it has no bytes.
+/// A record that may continue; without bytes, there is no open record.
 #[derive(Debug)]
 struct Open {
     bytes: Vec<u8>,
-    /// Lengths of its pieces, as pairs of length and count.
+    /// Lengths of its chunks, as pairs of length and count.
     runs: Vec<u8>,
     /// When its last byte arrived.
     at: u64,
     delay: u64,
-    /// Time on the wire of so many bytes.
+    /// Time on the wire of 0 to `PIECE_MAX` bytes.
     times: [u64; PIECE_MAX + 1],
 }
 
@@ -70,12 +70,12 @@ impl Open {
         }
     }
 
-    /// After this nothing can follow back to back: not even the longest piece.
+    /// Time after which no chunk, not even the longest, can follow back to back.
     fn ends(&self) -> Option<u64> {
         (!self.bytes.is_empty()).then(|| self.at.saturating_add(self.times[PIECE_MAX]))
     }
 
-    /// Takes a piece if it follows back to back; whether it did.
+    /// Appends a chunk if it follows back to back; returns whether it did.
     fn joins(&mut self, at: u64, piece: &[u8], delay: u64) -> bool {
         let joins = !self.bytes.is_empty()
             && self.bytes.len() + piece.len() <= JOINED_MAX
@@ -98,12 +98,12 @@ impl Open {
     }
 }
 
-/// A record that waits for its place.
+/// A finished record that waits for earlier records.
 #[derive(Debug)]
 struct Waiting {
     at: u64,
     delay: u64,
-    /// Its bytes begin here in the arena, and its runs behind them.
+    /// Start of its bytes in the arena; its runs follow the bytes.
     start: usize,
     lens: [usize; 2],
     line: u32,
@@ -111,7 +111,7 @@ struct Waiting {
     extra: Option<Box<Extra>>,
 }
 
-/// What few records have.
+/// Fields that few records have.
 #[derive(Debug)]
 pub(super) struct Extra {
     pub(super) sent: Option<(Instant, Vec<u8>)>,
@@ -121,9 +121,9 @@ pub(super) struct Extra {
 const NEVER: u64 = u64::MAX;
 
 impl Joiner {
-    /// For the lines of `rig`, whose run begins at `epoch`.
+    /// A joiner for the lines of `rig`, whose run begins at `epoch`.
     pub(super) fn new(rig: &Rig, epoch: Instant) -> Self {
-        // The rate that the file states, in both directions: a reader has no other to go by.
+        // The rate in the file, used for both directions: a reader knows no other rate.
         let of_link = |link: &Link| {
             let [line, _] = rig.line_configs(link.line(Direction::ToMaster));
             [Open::new(line), Open::new(line)]
@@ -138,7 +138,8 @@ impl Joiner {
         }
     }
 
-    /// Bytes arrived at `at` as they were sent, `delay` nanoseconds after their last bit.
+    /// Adds bytes that arrived unchanged at `at`, `delay` nanoseconds after their last bit was
+    /// sent.
     pub(super) fn bytes(
         &mut self,
         line: usize,
@@ -169,7 +170,7 @@ impl Joiner {
         }
     }
 
-    /// Makes an item that is never merged with others.
+    /// Adds an item that is never merged with others.
     pub(super) fn single(
         &mut self,
         line: usize,
@@ -187,20 +188,20 @@ impl Joiner {
         }
     }
 
-    /// It is `now`, and whatever was due before has arrived.
+    /// Advances the time to `now`; everything due earlier has already arrived.
     pub(super) fn reached(&mut self, now: Instant) {
         if self.stale_at < now.as_nanos() {
             self.close_stale(now.as_nanos());
         }
     }
 
-    /// Nothing more comes.
+    /// Finishes all open records at the end of the run.
     pub(super) fn finish(&mut self, out: &mut Vec<u8>) {
         (0..self.lines.len()).for_each(|line| self.close(line));
         self.emit(out);
     }
 
-    /// Ends all records whose next piece should have been here before `now`.
+    /// Ends all records whose next chunk was due before `now`.
     fn close_stale(&mut self, now: u64) {
         self.stale_at = NEVER;
         for line in 0..self.lines.len() {
@@ -219,7 +220,7 @@ impl Joiner {
         }
         let (mut bytes, mut runs) = (take(&mut open.bytes), take(&mut open.runs));
         let (at, delay) = (open.at, open.delay);
-        // One piece needs no word about pieces.
+        // One chunk needs no list of lengths.
         let several = if runs.len() == 2 && runs[1] == 1 {
             &[]
         } else {
@@ -258,7 +259,7 @@ impl Joiner {
         self.waiting.insert(self.waiting.len() - later, record);
     }
 
-    /// Writes all records that nothing earlier can follow.
+    /// Writes all records that no unfinished record can precede.
     pub(super) fn emit(&mut self, out: &mut Vec<u8>) {
         if self.waiting.len() >= WAITING_MAX || self.arena.len() >= ARENA_MAX {
             (0..self.lines.len()).for_each(|line| self.close(line));
@@ -294,7 +295,7 @@ impl Joiner {
     }
 }
 
-/// An event of a line, in words.
+/// Text of a line event.
 pub const fn event_words(event: LineEvent) -> &'static str {
     match event {
         LineEvent::Opened => "port opened",
@@ -323,7 +324,7 @@ mod tests {
         Joiner::new(&rig, Instant::from_secs(5))
     }
 
-    /// What is read of what `join` writes.
+    /// Records that a reader finds in the output of `join`.
     fn read(join: impl FnOnce(&mut Joiner, &mut Vec<u8>)) -> Vec<Record> {
         let mut file = Vec::new();
         Section::default().write(&mut file);
@@ -341,7 +342,7 @@ mod tests {
         capture.records
     }
 
-    /// Link, microseconds since the run began, bytes, pieces.
+    /// Fields of each record: link, microseconds since the run began, bytes, chunk lengths.
     fn told(records: &[Record]) -> Vec<(usize, u64, Vec<u8>, Vec<u8>)> {
         let micros = |one: &Record| one.at.as_micros() - 5_000_000;
         let told = |one: &Record| {
@@ -359,7 +360,8 @@ mod tests {
         Instant::from_micros(micros)
     }
 
-    /// 10 us a byte: at 20 and 40 us the next ones are complete; at 51 us one is too late by one.
+    /// At 10 us a byte, the next chunks are complete at 20 and 40 us; at 51 us, a chunk is 1 us
+    /// late.
     #[test]
     fn what_follows_back_to_back_is_one_record() {
         let records = read(|joiner, out| {
@@ -378,7 +380,8 @@ mod tests {
         assert!(records.iter().all(|one| one.sent.is_none()));
     }
 
-    /// What is late was sent earlier; the same lateness joins, another one does not.
+    /// A late chunk was sent earlier. Chunks with equal delay join; another delay begins a new
+    /// record.
     #[test]
     fn what_is_late_says_when_it_was_sent() {
         let records = read(|joiner, out| {
@@ -395,7 +398,7 @@ mod tests {
         assert_eq!(sent, [(33, vec![1, 2]), (42, vec![3])]);
     }
 
-    /// A record is finished after its first byte: what happened meanwhile elsewhere stands before.
+    /// A record is finished after its first byte. Events of other lines in between precede it.
     #[test]
     fn records_are_in_the_order_of_time() {
         let records = read(|joiner, out| {
@@ -423,7 +426,7 @@ mod tests {
         assert_eq!((&*records[1].comment, &*records[2].comment), ("fault", ""));
     }
 
-    /// An event ends the record of its own line: what follows begins another.
+    /// An event ends the record of its own line; later bytes begin another record.
     #[test]
     fn what_stands_alone_is_joined_with_nothing() {
         let records = read(|joiner, out| {
@@ -435,7 +438,7 @@ mod tests {
         assert_eq!(bytes, [vec![1], vec![], vec![2]]);
     }
 
-    /// 512 bytes at most, pieces of 64 at most.
+    /// A record holds at most 512 bytes; a joined chunk at most 64.
     #[test]
     fn a_record_does_not_grow_for_ever() {
         let records = read(|joiner, out| {
@@ -456,8 +459,8 @@ mod tests {
         assert_eq!(lens, [128, 65, 1]);
     }
 
-    /// Pieces that are alike are written as one length and their number, at most 255: three pairs
-    /// tell of 512.
+    /// Equal chunk lengths are stored as one length and a count of at most 255: three pairs store
+    /// 512 chunks.
     #[test]
     fn pieces_that_are_alike_take_no_room() {
         let written = |piece: usize| {
@@ -472,8 +475,8 @@ mod tests {
         assert!(ones > whole && ones <= whole + 8, "{ones} {whole}");
     }
 
-    /// Nothing follows an open record after the time of its longest piece, 640 us: then others need
-    /// not wait for it any more.
+    /// After the time of the longest chunk, 640 us, no chunk can follow an open record. Other
+    /// records then no longer wait for it.
     #[test]
     fn a_record_ends_by_silence() {
         let (mut joiner, mut out) = (joiner(), Vec::new());
@@ -493,8 +496,8 @@ mod tests {
         assert!(joiner.waiting.is_empty() && joiner.arena.is_empty());
     }
 
-    /// At 650 us the longest piece may still follow what ended at 10 us, though then it is known
-    /// that nothing follows what another line had at 0 us.
+    /// At 650 us, the longest chunk may still follow the record that ended at 10 us. The record of
+    /// the other line, which ended at 0 us, can no longer continue.
     #[test]
     fn the_longest_piece_joins_when_others_are_over() {
         let records = read(|joiner, out| {
@@ -508,7 +511,7 @@ mod tests {
         assert_eq!(told(&records), expected);
     }
 
-    /// Records are written a batch at a time, whether they stand alone or were joined.
+    /// Records are written in batches, both single and joined ones.
     #[test]
     fn a_full_batch_is_written() {
         let (mut joiner, mut out) = (joiner(), Vec::new());
@@ -527,7 +530,7 @@ mod tests {
         assert!(!out.is_empty() && joiner.waiting.is_empty());
     }
 
-    /// What an open record holds back has an end: by number, and by bytes.
+    /// The number and the bytes of the records that wait for an open record are limited.
     #[test]
     fn an_open_record_holds_back_so_many_others() {
         let (mut joiner, mut out) = (joiner(), Vec::new());
@@ -555,7 +558,7 @@ mod tests {
         assert!(!out.is_empty() && joiner.waiting.is_empty());
     }
 
-    /// As comments of a capture and lines of its CSV have them.
+    /// Captures use these texts in comments, and CSV exports use them in lines.
     #[test]
     fn each_event_has_its_words() {
         let events = [

@@ -1,11 +1,11 @@
-//! Captures: every byte of a run with its nanosecond, its link and what befell it, in a file that
-//! Wireshark opens.
+//! Captures: every byte of a run with its time in nanoseconds, its link and its damage, in a file
+//! that Wireshark opens.
 //!
-//! The form is pcapng with link type 250, one interface a link. Each record is one chunk as it
-//! *reached its receiver*, or several that came back to back; where the line changed or delayed it,
-//! the record also holds the bytes as sent, and a comment says in words what was done to them, so
-//! that a capture explains itself.
-//! Bytes on their way when the run ends were not received and are not in the file.
+//! The format is pcapng with link type 250 and one interface per link. Each record is one chunk as
+//! it *reached its receiver*, or several chunks that arrived back to back. If the line changed or
+//! delayed the bytes, the record also holds the bytes as sent, and a comment describes the damage.
+//! A capture therefore needs no other file to be understood. Bytes still in flight at the end of
+//! the run were not received and are not in the file.
 
 mod conclusion;
 mod files;
@@ -26,30 +26,30 @@ pub use live::{Recording, about, about_live};
 use pcapng::{Block, BlockError, Blocks};
 pub use record::{Interface, Kind, Record, Section, Sent};
 
-/// What comes next in a capture.
+/// One item of a capture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Item {
-    /// A section begins.
+    /// Start of a section.
     Section(Section),
-    /// A link is introduced; links are numbered in the order of these.
+    /// Description of a link; links are numbered in the order of their descriptions.
     Interface(Interface),
-    /// Something happened.
+    /// An event with its time.
     Record(Record),
 }
 
-/// Reads a capture from bytes fed in any pieces.
+/// Reader of a capture, which accepts bytes in pieces of any size.
 #[derive(Clone, Debug, Default)]
 pub struct Reader {
     blocks: Blocks,
     links: Vec<Interface>,
-    /// Index of the section's first link in all links of the file.
+    /// Index of the section's first link among all links of the file.
     first: usize,
     skipped: u64,
     senseless: u64,
     conclusion: Option<Conclusion>,
 }
 
-/// Maximum number of links of one section; further ones make no sense.
+/// Maximum number of links of one section; the reader counts further ones as senseless.
 const LINKS_MAX: usize = 1024;
 
 impl Reader {
@@ -58,8 +58,7 @@ impl Reader {
         self.blocks.push(bytes);
     }
 
-    /// The next item. `None` if more bytes are needed, or after an error, behind which nothing can
-    /// be read.
+    /// The next item. `None` if more bytes are needed, or after an error, which ends the reading.
     pub fn next_item(&mut self) -> Option<Result<Item, BlockError>> {
         loop {
             match self.blocks.next_block()? {
@@ -98,22 +97,22 @@ impl Reader {
         item
     }
 
-    /// How the run ended, as far as it was read.
+    /// The conclusion of the run, if the reader has reached it.
     pub const fn conclusion(&self) -> Option<&Conclusion> {
         self.conclusion.as_ref()
     }
 
-    /// Bytes at the end that are no whole block.
+    /// Number of bytes of an incomplete block at the end.
     pub fn pending(&self) -> usize {
         self.blocks.pending()
     }
 
-    /// Blocks of kinds that captures of ours do not have.
+    /// Number of blocks of unknown kinds.
     pub const fn skipped(&self) -> u64 {
         self.skipped
     }
 
-    /// Blocks of known kinds that made no sense: too short, of an unknown link, of another link
+    /// Number of invalid blocks of known kinds: too short, of an unknown link, or of another link
     /// type.
     pub const fn senseless(&self) -> u64 {
         self.senseless
@@ -129,18 +128,18 @@ pub struct Capture {
     pub links: Vec<Interface>,
     /// All records in the order of the file.
     pub records: Vec<Record>,
-    /// Why reading stopped before the end, if it did.
+    /// The error that stopped the reading before the end, if any.
     pub broken: Option<BlockError>,
-    /// Bytes at the end that are no whole block: the file was cut there.
+    /// Number of bytes of an incomplete block at the end, where the file was cut.
     pub cut: usize,
-    /// Blocks that were skipped, because unknown or senseless.
+    /// Number of skipped blocks: unknown or invalid.
     pub skipped: u64,
-    /// How the run ended, if it is the capture of one that was judged.
+    /// The conclusion, if the capture is of a judged run.
     pub conclusion: Option<Conclusion>,
 }
 
 impl Capture {
-    /// All that can be read of `bytes`.
+    /// Reads as much as possible of `bytes`.
     pub fn of(bytes: &[u8]) -> Self {
         let (mut capture, mut reader) = (Self::default(), Reader::default());
         capture.feed(&mut reader, bytes);
@@ -148,7 +147,7 @@ impl Capture {
         capture
     }
 
-    /// All that can be read of a file.
+    /// Reads as much as possible of a file.
     pub fn read(path: &Path) -> io::Result<Self> {
         let (mut capture, mut reader) = (Self::default(), Reader::default());
         let mut file = File::open(path)?;
@@ -164,9 +163,9 @@ impl Capture {
         Ok(capture)
     }
 
-    /// All that can be read of the recording that a file is of: with what it put aside before this
-    /// file and wrote after it, as the numbers of its records tell. Returns how many files those
-    /// are, too.
+    /// Reads the whole recording to which a file belongs. The numbers of the records decide which
+    /// files before and after this one belong to the recording. Returns the number of these files,
+    /// too.
     pub fn read_recording(path: &Path) -> io::Result<(Self, usize)> {
         let (mut whole, mut files) = (Self::read(path)?, 1);
         let (paths, place) = files::around(path);
@@ -187,7 +186,7 @@ impl Capture {
         Ok((whole, files))
     }
 
-    /// Whether `next` is what the same recording wrote next.
+    /// Whether `next` is the next file of the same recording.
     fn leads_to(&self, next: &Self) -> bool {
         let last = self.records.last().and_then(|record| record.sequence);
         let first = next.records.first().and_then(|record| record.sequence);

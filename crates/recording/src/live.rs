@@ -1,4 +1,4 @@
-//! Writes the capture of a run while it continues.
+//! Writer of the capture of a run while the run continues.
 
 use core::fmt::Write as _;
 use std::io;
@@ -18,13 +18,13 @@ use engine::rig::line::{Delivery, Direction, Original};
 use engine::rig::trace::{Side, Tap, fingerprint};
 use engine::scenario::Scenario;
 
-/// What a section says of a run of `scenario`: name, fingerprints of the whole and of its faults,
-/// seed, that its clock is virtual, and the scenario itself.
+/// Description of a run of `scenario` for the section: name, fingerprints of the scenario and of
+/// its faults, seed, virtual clock, and the scenario itself.
 pub fn about(scenario: &Scenario) -> Section {
     about_in(scenario, "virtual")
 }
 
-/// The same of a run on the wall clock that began at `start`, UTC since 1970.
+/// Description of a run in real time that began at `start`, UTC since 1970.
 pub fn about_live(scenario: &Scenario, start: Instant) -> Section {
     about_in(scenario, &format!("utc\nstart_ns={}", start.as_nanos()))
 }
@@ -45,27 +45,26 @@ fn about_in(scenario: &Scenario, clock: &str) -> Section {
     }
 }
 
-/// A tap that writes a capture. An error stops it, not the run; [`Tap::take_trouble`] tells at
-/// once, [`Tap::finish`] in the end.
+/// A tap that writes a capture. An error stops the recording, not the run. [`Tap::take_trouble`]
+/// returns the error at once, [`Tap::finish`] at the end.
 #[derive(Debug)]
 pub struct Recording {
     writer: WriterThread,
     is_stopped: bool,
-    /// Why it stopped, if not by itself.
+    /// The error that stopped the recording, if any.
     error: Option<io::Error>,
     is_told: bool,
-    /// In a live run only: when what was gathered was last written.
+    /// Time of the last write of the gathered bytes; only in a live run.
     flushed_at: Option<Instant>,
 }
 
-/// Bytes of the file that are written at once; fewer if the file is to stay small.
+/// Number of bytes that are written at once; fewer if the maximum file size is small.
 const PIECE: u64 = 256 << 10;
-/// Time of a live run after which what was gathered is written at the latest: what a killed process
-/// may lose.
+/// Maximum time between writes in a live run. A killed process loses at most this much.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
 
 impl Recording {
-    /// Begins the capture of `rig` in the file `path`; `section` as from [`about`] or
+    /// Begins the capture of `rig` in the file `path`. `section` comes from [`about`] or
     /// [`about_live`].
     pub fn create(path: &Path, rig: &Rig, section: Section, limits: Limits) -> io::Result<Self> {
         let mut head = Vec::new();
@@ -97,7 +96,8 @@ impl Recording {
 }
 
 impl Tap for Recording {
-    /// All that is written comes from [`arrived`](Tap::arrived), which knows both sides.
+    /// Does nothing: everything written comes from [`arrived`](Tap::arrived), which knows both
+    /// sides.
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
@@ -164,12 +164,12 @@ impl Tap for Recording {
 
 impl Drop for Recording {
     fn drop(&mut self) {
-        // Callers that need its errors have called it before.
+        // A caller that needs the errors of `finish` has already called it.
         let _ = self.finish();
     }
 }
 
-/// What the line did to the bytes, for a comment; nothing if it only delayed them.
+/// Text of a comment about damage by the line; empty if the line only delayed the bytes.
 fn words(original: &Original) -> String {
     let mut out = String::new();
     let mut say = |what: core::fmt::Arguments<'_>| {
@@ -195,7 +195,7 @@ mod tests {
     use crate::Capture;
     use engine::rig::bare;
 
-    /// When a rig is dropped early, by an error or a panic, the file has everything so far.
+    /// If an error or a panic drops the rig early, the file holds all bytes up to that point.
     #[test]
     fn a_recording_that_is_dropped_is_whole() {
         let (mut rig, [ends]) = bare::linked(["one"], 9600);

@@ -5,32 +5,32 @@
 //! option: | code 2 | length 2 | value, padded to 4 |, closed by code 0
 //! ```
 //!
-//! A reader of our own because a capture must be readable up to the byte at which a machine died,
-//! and because damage must be reported with its offset.
+//! The project has its own reader for two reasons. A capture must be readable up to the byte at
+//! which a machine failed, and an error must give the offset of the damage.
 
 use bytes::{Bytes, BytesMut};
 
-/// Begins a section; reads the same in both byte orders.
+/// Block type of a section header; its bytes are the same in both byte orders.
 pub const SECTION: u32 = 0x0A0D_0D0A;
-/// Describes one interface.
+/// Block type of an interface description.
 pub const INTERFACE: u32 = 1;
-/// One packet.
+/// Block type of a packet.
 pub const PACKET: u32 = 6;
-/// What one tool alone knows.
+/// Block type of a custom block, which only one tool understands.
 pub const CUSTOM_BLOCK: u32 = 0x0BAD;
-/// Says the byte order of a section.
+/// Byte-order magic of a section.
 const MAGIC: u32 = 0x1A2B_3C4D;
-/// Longest block that is believed. Ours stay below a kilobyte.
+/// Maximum accepted length of a block. Blocks of this project stay below 1 KiB.
 const BLOCK_MAX: u32 = 16 << 20;
-/// Option: a text for people.
+/// Option code of a comment for the reader.
 pub const COMMENT: u16 = 1;
-/// Option: private bytes, which tools copy.
+/// Option code of private bytes, which other tools copy.
 pub const CUSTOM: u16 = 2989;
 
 /// Byte order of a section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
-    /// Minimum significant byte first; what we write.
+    /// Least significant byte first; the order of the writer.
     #[default]
     Little,
     /// Most significant byte first.
@@ -38,7 +38,7 @@ pub enum Order {
 }
 
 impl Order {
-    /// Two bytes as a number.
+    /// Converts two bytes to a number.
     pub const fn u16(self, bytes: [u8; 2]) -> u16 {
         match self {
             Self::Little => u16::from_le_bytes(bytes),
@@ -46,7 +46,7 @@ impl Order {
         }
     }
 
-    /// Four bytes as a number.
+    /// Converts four bytes to a number.
     pub const fn u32(self, bytes: [u8; 4]) -> u32 {
         match self {
             Self::Little => u32::from_le_bytes(bytes),
@@ -54,7 +54,7 @@ impl Order {
         }
     }
 
-    /// Eight bytes as a number.
+    /// Converts eight bytes to a number.
     pub const fn u64(self, bytes: [u8; 8]) -> u64 {
         match self {
             Self::Little => u64::from_le_bytes(bytes),
@@ -62,54 +62,54 @@ impl Order {
         }
     }
 
-    /// The number at `at` of `bytes`, if they are that long.
+    /// The number at offset `at` of `bytes`; `None` if `bytes` ends before it.
     pub fn u32_at(self, bytes: &[u8], at: usize) -> Option<u32> {
         let bytes = bytes.get(at..at.checked_add(4)?)?;
         Some(self.u32(bytes.try_into().ok()?))
     }
 
-    /// The number at `at` of `bytes`, if they are that long.
+    /// The number at offset `at` of `bytes`; `None` if `bytes` ends before it.
     pub fn u16_at(self, bytes: &[u8], at: usize) -> Option<u16> {
         let bytes = bytes.get(at..at.checked_add(2)?)?;
         Some(self.u16(bytes.try_into().ok()?))
     }
 }
 
-/// A file cannot be read on from here.
+/// An error after which the rest of the file cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("at byte {offset}: {why}")]
 pub struct BlockError {
-    /// Where the unreadable block begins, in bytes from the start of the file.
+    /// Offset of the unreadable block, in bytes from the start of the file.
     pub offset: u64,
     /// The error.
     pub why: BlockFault,
 }
 
-/// What is wrong with a block.
+/// Kinds of damage to a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BlockFault {
     /// The file does not begin with a section header.
     #[error("no pcapng section header")]
     NotPcapng,
-    /// The byte-order magic of a section is neither way round.
+    /// The byte-order magic of a section matches neither byte order.
     #[error("byte-order magic is {found:#010x}")]
     Magic {
-        /// What stands in its place.
+        /// The value in the file.
         found: u32,
     },
-    /// The length is no multiple of 4, less than an empty block or beyond belief.
+    /// The length is not a multiple of 4, shorter than an empty block, or above the maximum.
     #[error("block length {found} is impossible")]
     Length {
-        /// What the block says.
+        /// The length in the file.
         found: u32,
     },
-    /// The length at the end is not the one at the beginning.
+    /// The length at the end of the block differs from the length at its beginning.
     #[error("block ends with length {found}, expected {expected}")]
     Lengths {
-        /// At the beginning.
+        /// Length at the beginning.
         expected: u32,
-        /// At the end.
+        /// Length at the end.
         found: u32,
     },
 }
@@ -117,17 +117,17 @@ pub enum BlockFault {
 /// One whole block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Where it begins in the file.
+    /// Offset of the block in the file.
     pub offset: u64,
-    /// Its type.
+    /// Type of the block.
     pub kind: u32,
-    /// Byte order of its numbers.
+    /// Byte order of the numbers in the block.
     pub order: Order,
-    /// What lies between the two lengths.
+    /// Bytes between the two lengths.
     pub body: Bytes,
 }
 
-/// Cuts a stream of bytes, fed in any pieces, into blocks.
+/// Splitter of a byte stream, fed in pieces of any size, into blocks.
 #[derive(Clone, Debug, Default)]
 pub struct Blocks {
     buf: BytesMut,
@@ -145,7 +145,7 @@ impl Blocks {
         self.buf.extend_from_slice(bytes);
     }
 
-    /// Bytes of a block that is not whole yet.
+    /// Number of bytes of an incomplete block.
     pub fn pending(&self) -> usize {
         self.buf.len()
     }
@@ -208,7 +208,7 @@ impl Blocks {
     }
 }
 
-/// The options in `bytes`, up to the end mark, the end, or the first that does not fit.
+/// The options in `bytes`, up to the end mark, the end of `bytes`, or the first incomplete option.
 pub fn options(order: Order, mut bytes: &[u8]) -> impl Iterator<Item = (u16, &[u8])> {
     core::iter::from_fn(move || {
         let (code, len) = (order.u16_at(bytes, 0)?, order.u16_at(bytes, 2)?);
@@ -226,7 +226,7 @@ pub const fn padded(len: usize) -> usize {
     len.next_multiple_of(4)
 }
 
-/// Appends a block to `out`; `body` appends what lies between the lengths.
+/// Appends a block to `out`; `body` appends the bytes between the lengths.
 pub fn write_block(out: &mut Vec<u8>, kind: u32, body: impl FnOnce(&mut Vec<u8>)) {
     let start = out.len();
     out.extend_from_slice(&kind.to_le_bytes());
@@ -238,7 +238,7 @@ pub fn write_block(out: &mut Vec<u8>, kind: u32, body: impl FnOnce(&mut Vec<u8>)
     out.extend_from_slice(&length.to_le_bytes());
 }
 
-/// Fills up to a multiple of four bytes since `start`.
+/// Pads to a multiple of four bytes since `start`.
 pub fn pad(out: &mut Vec<u8>, start: usize) {
     let len = padded(out.len() - start);
     out.resize(start + len, 0);
@@ -251,7 +251,7 @@ pub fn write_section_head(out: &mut Vec<u8>) {
     out.extend_from_slice(&[0xFF; 8]);
 }
 
-/// Appends an option; a value too long for one is cut.
+/// Appends an option; a value above the maximum length is cut.
 pub fn write_option(out: &mut Vec<u8>, code: u16, value: &[u8]) {
     let value = &value[..value.len().min(usize::from(u16::MAX))];
     let len = u16::try_from(value.len()).unwrap_or(u16::MAX);
@@ -286,7 +286,8 @@ mod tests {
         assert_eq!([8, usize::MAX].map(|at| big.u16_at(&bytes, at)), [None; 2]);
     }
 
-    /// Filled up to four bytes each; what does not fit, or stands behind the mark, is none.
+    /// Each option is padded to four bytes. An option that is cut, or follows the end mark, is
+    /// ignored.
     #[test]
     fn options_end_at_the_mark_or_where_one_is_cut() {
         let mut bytes = Vec::new();
@@ -372,7 +373,7 @@ mod tests {
         assert_eq!(said(44, 24), Some(ends));
         let magic = "at byte 0: byte-order magic is 0x1a2b3c4e".to_owned();
         assert_eq!(said(8, 0x4E), Some(magic));
-        // Sixteen megabytes are believed, and waited for.
+        // The reader accepts a length of 16 MiB and waits for the bytes.
         assert_eq!(
             (said(35, 1), said(32, 24)),
             (impossible(28, 0x0100_0014), None)

@@ -1,6 +1,6 @@
-//! What a capture says: sections, links and records, and how each becomes a block.
+//! Sections, links and records of a capture, and their blocks.
 //!
-//! A packet is twelve bytes of header as Wireshark's `rtacser` reads them, then the payload:
+//! A packet is a header of twelve bytes as Wireshark's `rtacser` reads it, then the payload:
 //!
 //! ```text
 //! | seconds 4 | microseconds 4 | event 1 | control lines 1 | 0 0 | payload |   (big-endian)
@@ -14,41 +14,42 @@ use engine::rig::line::Direction;
 
 /// Link type "RTAC serial".
 pub(crate) const LINK_TYPE: u16 = 250;
-/// Enterprise number of private options; this one is set aside for examples.
+/// Enterprise number of private options; RFC 5612 reserves this one for examples.
 pub(super) const ENTERPRISE: u32 = 32_473;
-/// Marks our option with the sequence number.
+/// Mark of the private option with the sequence number.
 const SEQUENCE: &[u8; 4] = b"hseq";
 const SEQUENCE_HEAD: [u8; 12] = [0xAD, 0x0B, 16, 0, 0xD9, 0x7E, 0, 0, b'h', b's', b'e', b'q'];
-/// Marks our option with the bytes as sent.
+/// Mark of the private option with the bytes as sent.
 const SENT: &[u8; 4] = b"hsnt";
-/// Marks our option with the lengths of joined chunks.
+/// Mark of the private option with the lengths of joined chunks.
 const PIECES: &[u8; 4] = b"hpcs";
-/// Marks our option with the scenario.
+/// Mark of the private option with the scenario.
 const SCENARIO: &[u8; 4] = b"hscn";
-/// An option holds less than 64 KiB; what is longer comes in several.
+/// Maximum length of a part of a long option value: an option holds less than 64 KiB.
 const OPTION_PIECE: usize = 60_000;
-/// Bytes of the header before a packet's payload.
+/// Length of the header before the payload of a packet.
 const HEADER_LEN: usize = 12;
 
-/// What a capture says of itself.
+/// Description of a capture, from its section header.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Section {
     /// Tool and version.
     pub tool: String,
     /// Facts as `key=value`, e.g. `seed=1`; one a line.
     pub about: String,
-    /// The scenario of the run as TOML, so that a replay knows the robot; empty if there was none.
+    /// The scenario of the run as TOML, from which a replay knows the robot; empty without
+    /// scenario.
     pub scenario: String,
 }
 
 impl Section {
-    /// The fact called `key`.
+    /// Returns the value of the fact `key`.
     pub fn fact(&self, key: &str) -> Option<&str> {
         let mut facts = self.about.lines().filter_map(|line| line.split_once('='));
         facts.find(|(name, _)| *name == key).map(|(_, value)| value)
     }
 
-    /// Appends its block.
+    /// Appends the section header block.
     pub fn write(&self, out: &mut Vec<u8>) {
         pcapng::write_block(out, pcapng::SECTION, |out| {
             pcapng::write_section_head(out);
@@ -61,13 +62,12 @@ impl Section {
         });
     }
 
-    /// Whether the program whose bytes these are was in this process: only such a run's clock is
-    /// virtual.
+    /// Whether the recorded client ran inside this process: only such a run has a virtual clock.
     pub fn is_of_own_program(&self) -> bool {
         self.fact("clock") == Some("virtual")
     }
 
-    /// When the run began: zero in virtual time; on the wall clock, since 1970, UTC.
+    /// Time of the beginning of the run: zero in virtual time; UTC since 1970 in real time.
     pub fn start(&self) -> Instant {
         let nanos = self.fact("start_ns").and_then(|nanos| nanos.parse().ok());
         Instant::from_nanos(nanos.unwrap_or(0))
@@ -103,14 +103,14 @@ const FLAGS: u16 = 2;
 pub struct Interface {
     /// Name of the link.
     pub name: String,
-    /// Bits per second; zero if the file does not say.
+    /// Bits per second; zero if the file has no rate.
     pub baud: u32,
     pub(super) link_type: u16,
     pub(super) resolution: u8,
 }
 
 impl Interface {
-    /// A link of ours.
+    /// A link of this tool.
     pub fn new(name: &str, baud: u32) -> Self {
         Self {
             name: name.to_owned(),
@@ -120,12 +120,12 @@ impl Interface {
         }
     }
 
-    /// Whether its packets are those of a serial line in this tool's form.
+    /// Whether the packets of this interface use the serial format of this tool.
     pub fn is_serial(&self) -> bool {
         self.link_type == LINK_TYPE
     }
 
-    /// Appends its block.
+    /// Appends the interface description block.
     pub fn write(&self, out: &mut Vec<u8>) {
         pcapng::write_block(out, pcapng::INTERFACE, |out| {
             out.extend_from_slice(&LINK_TYPE.to_le_bytes());
@@ -158,7 +158,7 @@ impl Interface {
         Some(interface)
     }
 
-    /// A time in this interface's units; the end of time if it lies beyond.
+    /// Converts a time in units of this interface; returns the maximum time on overflow.
     fn instant(&self, units: u64) -> Instant {
         let exponent = u32::from(self.resolution & 0x7F);
         let base: u128 = if self.resolution & 0x80 == 0 { 10 } else { 2 };
@@ -168,14 +168,14 @@ impl Interface {
     }
 }
 
-/// What a record is about.
+/// Kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Bytes arrived, or were lost on the way.
+    /// Bytes arrived, or were lost on the line.
     Data,
-    /// The line told something besides bytes.
+    /// The line reported an event besides bytes.
     Line(LineEvent),
-    /// An event that our lines do not have, by its number.
+    /// An event number that the lines of this tool do not have.
     Other(u8),
 }
 
@@ -193,7 +193,7 @@ impl Kind {
         }
     }
 
-    /// Only an open port raises a control line of ours: data terminal ready.
+    /// Control lines of a record: only an open port raises one, data terminal ready (DTR).
     const fn control_lines(self) -> u8 {
         match self {
             Self::Line(LineEvent::Closed) => 0,
@@ -215,43 +215,43 @@ impl Kind {
     }
 }
 
-/// Bytes as they left the sender, where the line changed or delayed them.
+/// Bytes as they left the sender, if the line changed or delayed them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sent {
-    /// When the last bit was on the wire.
+    /// Time at which the last bit was sent.
     pub at: Instant,
     /// The bytes.
     pub bytes: Bytes,
 }
 
-/// One thing that happened on one direction of one link.
+/// One event on one direction of one link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// Index of the link among all of the file.
+    /// Index of the link among all links of the file.
     pub link: usize,
-    /// Number of the record in the whole run, if the file says.
+    /// Number of the record in the whole run, if the file contains it.
     pub sequence: Option<u64>,
-    /// When it reached the receiver.
+    /// Time of arrival at the receiver.
     pub at: Instant,
     /// Direction.
     pub direction: Direction,
     /// Its kind.
     pub kind: Kind,
-    /// The bytes as the receiver got them.
+    /// The bytes as received.
     pub bytes: Bytes,
-    /// The bytes as sent, if those are others or left earlier.
+    /// The bytes as sent, if they differ from the received ones or left earlier.
     pub sent: Option<Sent>,
-    /// Lengths of the chunks in which the bytes reached the receiver, if several: back to back, the
-    /// last of them complete at [`at`](Self::at). Empty: one chunk. Together with the baud rate
-    /// this says to the nanosecond what the receiver was told when, which a replay needs.
+    /// Lengths of the chunks in which the bytes reached the receiver; empty for one chunk. The
+    /// chunks arrived back to back, the last complete at [`at`](Self::at). With the baud rate,
+    /// these lengths give the arrival time of each chunk to the nanosecond, which a replay needs.
     pub pieces: Vec<u8>,
-    /// What is said of it, e.g. which fault struck.
+    /// Comments on the record, e.g. which fault struck.
     pub comment: String,
 }
 
 impl Record {
-    /// The chunks that reached the receiver, each with the time of its last byte; `line` is that
-    /// of the link. A record without bytes has none.
+    /// The chunks that reached the receiver, each with the time of its last byte. `line` is the
+    /// configuration of the link. A record without bytes has no chunks.
     pub fn chunks(&self, line: LineConfig) -> Vec<(Instant, &[u8])> {
         let mut end = self.bytes.len();
         let mut at = self.at;
@@ -273,7 +273,7 @@ impl Record {
         chunks
     }
 
-    /// Appends its block; `interface` is the link's number in the section.
+    /// Appends the packet block; `interface` is the number of the link in the section.
     pub fn write(&self, interface: u32, out: &mut Vec<u8>) {
         let packet = Packet {
             interface,
@@ -289,8 +289,8 @@ impl Record {
         packet.write(out);
     }
 
-    /// The record of a packet block; `links` are those of its section, `first` the index of the
-    /// first of them. `None` if the block makes no sense.
+    /// Reads the record of a packet block. `links` are the links of its section, `first` is the
+    /// index of the first of them. `None` if the block is invalid.
     pub(super) fn read(block: &Block, links: &[Interface], first: usize) -> Option<Self> {
         let (order, body) = (block.order, &block.body);
         let index = usize::try_from(order.u32_at(body, 0)?).ok()?;
@@ -359,7 +359,7 @@ impl Record {
     }
 }
 
-/// A record whose bytes lie somewhere else: what is written without a copy.
+/// A record whose bytes are stored elsewhere, so that it is written without a copy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Packet<'a> {
     pub(super) interface: u32,
@@ -369,14 +369,14 @@ pub(super) struct Packet<'a> {
     pub(super) bytes: &'a [u8],
     pub(super) sequence: Option<u64>,
     pub(super) sent: Option<(Instant, &'a [u8])>,
-    /// Lengths of its pieces as pairs of length and count; empty if it is one.
+    /// Lengths of its chunks as pairs of length and count; empty for one chunk.
     pub(super) pieces: &'a [u8],
     pub(super) comment: &'a str,
 }
 
 impl Packet<'_> {
-    /// Appends its block. The fixed parts are laid out in arrays and copied at once: this is what
-    /// a run's capture costs.
+    /// Appends the packet block. The fixed parts are built in arrays and copied at once, because
+    /// this function dominates the cost of a capture.
     pub(super) fn write(&self, out: &mut Vec<u8>) {
         let start = out.len();
         out.extend_from_slice(&self.head());
@@ -409,12 +409,12 @@ impl Packet<'_> {
         }
         let length = u32::try_from(out.len() + 8 - start).expect("chunks are short");
         out[start + 4..start + 8].copy_from_slice(&length.to_le_bytes());
-        // The mark after the last option, and the length again.
+        // The end mark of the options, and the repeated length.
         let [a, b, c, d] = length.to_le_bytes();
         out.extend_from_slice(&[0, 0, 0, 0, a, b, c, d]);
     }
 
-    /// Block type, room for its length, packet header, header of the link type.
+    /// Block type, space for the length, packet header, and header of the link type.
     fn head(&self) -> [u8; 28 + HEADER_LEN] {
         let nanos = self.at.as_nanos();
         let half = |part: u64| u32::try_from(part & 0xFFFF_FFFF).expect("masked");
@@ -441,7 +441,7 @@ impl Packet<'_> {
     }
 }
 
-/// Lengths as pairs of a length and how often it follows.
+/// Encodes lengths as pairs of a length and its repetition count.
 fn runs(lengths: &[u8]) -> Vec<u8> {
     let mut runs: Vec<u8> = Vec::new();
     for &length in lengths {
@@ -453,7 +453,7 @@ fn runs(lengths: &[u8]) -> Vec<u8> {
     runs
 }
 
-/// The lengths of `runs`, if they are those of `total` bytes; else none, as if not told.
+/// Decodes `runs` if the lengths add up to `total` bytes; otherwise returns an empty list.
 fn lengths(runs: &[u8], total: usize) -> Vec<u8> {
     let (pairs, _) = runs.as_chunks();
     let sum: usize = pairs
@@ -477,7 +477,7 @@ const fn direction(outbound: bool) -> Direction {
     }
 }
 
-/// Whether a private option is ours and marked so.
+/// Whether a private option belongs to this tool and has this mark.
 fn is_private(order: Order, value: &[u8], mark: &[u8; 4]) -> bool {
     order.u32_at(value, 0) == Some(ENTERPRISE) && value.get(4..8) == Some(mark)
 }

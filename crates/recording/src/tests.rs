@@ -68,7 +68,7 @@ fn what_was_written_is_read() {
     assert_eq!((capture.broken, capture.cut, capture.skipped), (None, 0, 0));
 }
 
-/// Records are numbered through; what a damaged file says of its last one may be any number.
+/// Records are numbered across files; the last number of a damaged file may have any value.
 #[test]
 fn files_of_a_recording_follow_by_number() {
     let of = |sequence| Capture {
@@ -93,8 +93,8 @@ fn a_scenario_longer_than_an_option_comes_in_several() {
     assert_eq!(Capture::of(&out).sections, [section]);
 }
 
-/// pcapng draft, section 4.3, with the RTAC header as Wireshark's dissector reads it: laid out by
-/// hand, so that a mistake common to reader and writer shows.
+/// pcapng draft, section 4.3, with the RTAC header as Wireshark's dissector reads it. The bytes are
+/// written by hand, so that the test finds an error common to reader and writer.
 #[test]
 fn a_packet_has_the_bytes_of_the_standard() {
     let mut out = Vec::new();
@@ -115,8 +115,8 @@ fn a_packet_has_the_bytes_of_the_standard() {
     assert_eq!(out, expected);
 }
 
-/// A section of another machine: most significant byte first, microseconds, no sequence numbers,
-/// an unknown block between. Laid out by hand.
+/// A section of another machine: most significant byte first, microseconds, no sequence numbers, an
+/// unknown block in between. The bytes are written by hand.
 #[test]
 fn a_big_endian_file_with_unknown_blocks_is_read() {
     #[rustfmt::skip]
@@ -138,7 +138,7 @@ fn a_big_endian_file_with_unknown_blocks_is_read() {
     assert_eq!(record.direction, Direction::ToDevice);
 }
 
-/// What a machine that dies leaves behind: all whole blocks are there, wherever the cut is.
+/// A failed machine leaves a cut file. The reader finds all whole blocks, wherever the cut is.
 #[test]
 fn a_file_cut_at_any_byte_yields_all_whole_blocks() {
     let (bytes, records) = sample();
@@ -171,7 +171,7 @@ fn an_error_names_its_offset() {
 }
 
 proptest! {
-    /// Any bytes, in any pieces: no panic, and the same items.
+    /// Any bytes, in pieces of any size: no panic, and the same items.
     #[test]
     fn garbage_is_read_the_same_in_all_pieces(
         damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),

@@ -1,5 +1,5 @@
-//! The thread that makes a file of what lines delivered, so that a run waits neither for a disk nor
-//! for the form of the file.
+//! Writer thread: encodes delivered bytes and writes them to the file, so that a run waits neither
+//! for the disk nor for the encoding.
 
 use core::mem::{replace, take};
 use std::io;
@@ -12,15 +12,15 @@ use crate::files::Files;
 use crate::join::{Extra, Joiner};
 use crate::record::Kind;
 
-/// What lines delivered, in the order in which they did.
+/// Deliveries of all lines, in their order.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     happened: Vec<Happened>,
-    /// The bytes of all of them, one after the other.
+    /// The bytes of all deliveries, one after the other.
     bytes: Vec<u8>,
-    /// What those have to say that are never joined.
+    /// Further fields of the deliveries that are never joined.
     extras: Vec<Extra>,
-    /// All before this time is in; write it.
+    /// All deliveries before this time are in the batch; they can be written.
     reached: Option<Instant>,
 }
 
@@ -28,21 +28,22 @@ pub(super) struct Batch {
 #[derive(Clone, Copy, Debug)]
 struct Happened {
     at: Instant,
-    /// From its last bit to its arrival.
+    /// Time from its last bit to its arrival.
     delay_ns: u64,
     line: u32,
     len: u32,
-    /// Data that may be joined, or one with an [`Extra`].
+    /// `None` for data that may be joined; otherwise the kind of a delivery with an [`Extra`].
     single: Option<Kind>,
 }
 
 impl Batch {
-    /// Bytes arrived on `line` at `at` as they were sent, `delay_ns` after their last bit.
+    /// Adds bytes that arrived unchanged on `line` at `at`, `delay_ns` after their last bit was
+    /// sent.
     pub(super) fn bytes(&mut self, line: usize, at: Instant, bytes: &[u8], delay_ns: u64) {
         self.put(line, at, bytes, delay_ns, None);
     }
 
-    /// Makes an item that is never merged with others.
+    /// Adds an item that is never merged with others.
     pub(super) fn single(
         &mut self,
         line: usize,
@@ -82,16 +83,16 @@ impl Batch {
     }
 }
 
-/// A batch goes to the thread when it is that long.
+/// Number of deliveries at which a batch goes to the thread.
 const HAPPENED_MAX: usize = 4096;
 const BYTES_MAX: usize = 128 << 10;
-/// Batches on their way. When the thread cannot keep up, the run waits.
+/// Maximum number of batches in flight. If the thread falls behind, the run waits.
 const BATCHES_MAX: usize = 4;
 
-/// The end of the thread at which deliveries go in.
+/// The rig's side of the thread, which accepts deliveries.
 #[derive(Debug)]
 pub(super) struct WriterThread {
-    /// What was not sent yet.
+    /// Deliveries that were not sent yet.
     pub(super) batch: Batch,
     full: Option<SyncSender<Batch>>,
     empty: Receiver<Batch>,
@@ -99,7 +100,7 @@ pub(super) struct WriterThread {
 }
 
 impl WriterThread {
-    /// `piece`: bytes of the file that are written at once.
+    /// Starts the thread; `piece` is the number of bytes of the file that are written at once.
     pub(super) fn start(joiner: Joiner, files: Files, piece: usize) -> io::Result<Self> {
         let (full, batches) = sync_channel::<Batch>(BATCHES_MAX);
         let (back, empty) = sync_channel(BATCHES_MAX);
@@ -114,7 +115,7 @@ impl WriterThread {
             for mut batch in batches {
                 state.take(&mut batch)?;
                 batch.clear();
-                // The recorder may be gone, or have enough of them.
+                // The recorder may have ended, or may hold enough batches.
                 let _ = back.try_send(batch);
             }
             state.finish()
@@ -132,7 +133,7 @@ impl WriterThread {
         !self.batch.is_full() || self.send()
     }
 
-    /// Has all that was due before `now` written; false if no more can be.
+    /// Requests the write of everything due before `now`; false if no more can be written.
     pub(super) fn reached(&mut self, now: Instant) -> bool {
         self.batch.reached = Some(now);
         self.send()
@@ -145,7 +146,7 @@ impl WriterThread {
         full.is_some_and(|full| full.send(batch).is_ok())
     }
 
-    /// Waits until all is written; the first error, if there was one.
+    /// Waits until all is written; returns the first error, if any.
     pub(super) fn finish(&mut self) -> io::Result<()> {
         if !self.batch.is_empty() {
             self.send();
@@ -158,7 +159,7 @@ impl WriterThread {
     }
 }
 
-/// What the thread works with.
+/// State of the thread.
 struct WriterState {
     joiner: Joiner,
     files: Files,
@@ -214,7 +215,7 @@ mod tests {
     use crate::{Capture, Limits};
     use engine::rig::bare;
 
-    /// A batch that comes back from the thread is used again: what was in it is not written twice.
+    /// A batch that the thread returns is reused; its old content is not written twice.
     #[test]
     fn a_batch_that_comes_back_is_empty() {
         let (rig, _) = bare::linked(["one"], 9600);
@@ -239,7 +240,7 @@ mod tests {
         assert_eq!(records.collect::<Vec<_>>(), [[1], [2], [3]]);
     }
 
-    /// 4096 deliveries, or 128 KiB of them.
+    /// A batch is full with 4096 deliveries or 128 KiB.
     #[test]
     fn a_batch_is_full_of_deliveries_or_of_bytes() {
         let full_after = |bytes: &[u8], most: usize| {

@@ -1,4 +1,4 @@
-//! A directory by its handle.
+//! A directory, addressed by an open handle.
 
 mod socket;
 
@@ -13,24 +13,26 @@ use std::path::{Component, Path, PathBuf};
 use rustix::fs::{self, AtFlags, CWD, FileType, Mode, OFlags, Stat};
 use rustix::io::Errno;
 
-/// Root of the default folders. No user types it, so a link of this name is not the user's wish.
+/// Root of the default folders. The user never types this name, so a link with this name was not
+/// intended by the user.
 const DEFAULT_ROOT: &str = "hilrig-out";
-/// Rights of new files and folders before the umask.
+/// Permissions of new files and folders before the umask.
 const FILE_MODE: u32 = 0o666;
 const FOLDER_MODE: u32 = 0o777;
 
-/// A handle for `openat`, without the right to list where the system knows such handles.
+/// Flags of a handle for `openat`, without the right to list where the system supports such
+/// handles.
 #[cfg(target_os = "linux")]
 const HANDLE: OFlags = OFlags::PATH;
 #[cfg(not(target_os = "linux"))]
 const HANDLE: OFlags = OFlags::RDONLY;
 
-/// Whether the last component of a path may be a link.
+/// Treatment of a link as the last component of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Last {
-    /// It is opened only if it is a directory itself.
+    /// The component is opened only if it is a directory, not a link.
     NoLink,
-    /// It is an ancestor of what the user named.
+    /// A link is followed: the component is an ancestor of the path that the user named.
     Followed,
 }
 
@@ -50,17 +52,17 @@ impl Dir {
         Self::open_as(path, Last::NoLink)
     }
 
-    /// Opens the directory `path`; missing directories are made.
+    /// Opens the directory `path` and creates missing directories.
     ///
     /// # Errors
-    /// If `path` cannot be made, is no directory, or is a link.
+    /// If `path` cannot be created, is no directory, or is a link.
     pub fn create(path: &Path) -> io::Result<Self> {
         Self::create_as(path, Last::NoLink)
     }
 
     pub(crate) fn open_as(path: &Path, last: Last) -> io::Result<Self> {
         let (Some(name), Some(parent)) = (path.file_name(), path.parent()) else {
-            // The root, the working directory or a path that ends in `..`.
+            // The path is the root, the working directory, or ends in `..`.
             let path = if path == Path::new("") {
                 Path::new(".")
             } else {
@@ -88,7 +90,7 @@ impl Dir {
         parent.folder(name, path, last)
     }
 
-    /// Opens the folder `relative` below this one; missing folders are made.
+    /// Opens the folder `relative` below this one and creates missing folders.
     ///
     /// # Errors
     /// If `relative` leads outside, is no directory, or a component is a link.
@@ -105,7 +107,7 @@ impl Dir {
         Ok(dir)
     }
 
-    /// A second handle of the same directory.
+    /// Opens a second handle of the same directory.
     ///
     /// # Errors
     /// If the process has no descriptor left.
@@ -114,7 +116,7 @@ impl Dir {
         Ok(Self { fd, path })
     }
 
-    /// The path that the directory was opened by.
+    /// The path with which the directory was opened.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -130,7 +132,7 @@ impl Dir {
         }
     }
 
-    /// Opens the folder `name`, which is called `path` in messages.
+    /// Opens the folder `name`; error messages call it `path`.
     fn folder(&self, name: &OsStr, path: &Path, last: Last) -> io::Result<Self> {
         let mut flags = HANDLE | OFlags::DIRECTORY | OFlags::CLOEXEC;
         if last == Last::NoLink {
@@ -148,7 +150,7 @@ impl Dir {
         }
     }
 
-    /// What has the name `name`, if anything has. A link is described itself.
+    /// Status of the entry `name`, if it exists. The status of a link is that of the link itself.
     fn stat(&self, name: &OsStr) -> io::Result<Option<Stat>> {
         match fs::statat(self.fd(), name, AtFlags::SYMLINK_NOFOLLOW) {
             Ok(stat) => Ok(Some(stat)),
@@ -157,7 +159,7 @@ impl Dir {
         }
     }
 
-    /// The kind of what has the name `name`.
+    /// File type of the entry `name`.
     pub(crate) fn kind(&self, name: &OsStr) -> io::Result<Option<FileType>> {
         Ok(self
             .stat(name)?
@@ -175,16 +177,17 @@ impl Dir {
         }
     }
 
-    /// Writes the file `name` as a whole: a full disk or a kill leaves the earlier file or none.
-    /// What had the name, a link for one, is replaced.
+    /// Writes the file `name` atomically: after a full disk or a kill, the earlier file or none
+    /// remains. An existing entry of that name, such as a link, is replaced.
     ///
     /// # Errors
-    /// Those of the system; if `name` is a directory or leads outside.
+    /// System errors; if `name` is a directory or leads outside.
     pub fn write(&self, name: impl AsRef<Path>, bytes: impl AsRef<[u8]>) -> io::Result<()> {
         self.write_with(name, |file| file.write_all(bytes.as_ref()))
     }
 
-    /// As [`write`](Self::write), with bytes that `write` writes bit by bit.
+    /// Writes the file `name` atomically, as [`write`](Self::write) does; `write` supplies the
+    /// bytes in several steps.
     ///
     /// # Errors
     /// As [`write`](Self::write).
@@ -207,15 +210,15 @@ impl Dir {
         written.inspect_err(|_| drop(dir.unlink(&part)))
     }
 
-    /// A new, empty file `name`. What had the name, a link for one, is removed.
+    /// Creates an empty file `name`. An existing entry of that name, such as a link, is removed.
     ///
     /// # Errors
-    /// Those of the system; if `name` is a directory or leads outside.
+    /// System errors; if `name` is a directory or leads outside.
     pub fn create_file(&self, name: impl AsRef<Path>) -> io::Result<File> {
         let (dir, name) = self.place(name.as_ref())?;
         match dir.new_file(&name) {
             Err(error) if may_be_fixed(&error) => {
-                // A file that may be written in a directory that may not, or one that is mounted.
+                // The file may be writable in a read-only directory, or may be a mount point.
                 let file = dir.open_own(&name, OFlags::WRONLY).map_err(|_| error)?;
                 file.set_len(0)?;
                 Ok(file)
@@ -238,15 +241,16 @@ impl Dir {
         Ok(fd.into())
     }
 
-    /// The file `name` to be appended to, made if it is missing.
+    /// Opens the file `name` for appending and creates it if it is missing.
     ///
     /// # Errors
-    /// If `name` is a link, a second name of another file, no plain file, or another user's.
+    /// If `name` is a link, has a second name (hard link), is no plain file, or belongs to another
+    /// user.
     pub fn append(&self, name: impl AsRef<Path>) -> io::Result<File> {
         self.own(name.as_ref(), OFlags::RDWR | OFlags::APPEND)
     }
 
-    /// The file `name` to be read and written, made if it is missing.
+    /// Opens the file `name` for reading and writing and creates it if it is missing.
     ///
     /// # Errors
     /// As [`append`](Self::append).
@@ -261,7 +265,7 @@ impl Dir {
                 let new = OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
                 let mode = Mode::from_raw_mode(FILE_MODE);
                 match fs::openat(dir.fd(), &name, flags | new, mode) {
-                    // Another process was faster.
+                    // Another process created the file in the meantime.
                     Err(Errno::EXIST) => dir.open_own(&name, flags),
                     made => Ok(made?.into()),
                 }
@@ -270,7 +274,7 @@ impl Dir {
         }
     }
 
-    /// Opens an existing file only if writing it changes nothing outside of this directory.
+    /// Opens an existing file only if writing it changes nothing outside this directory.
     fn open_own(&self, name: &OsStr, flags: OFlags) -> io::Result<File> {
         let flags = flags | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let file: File = match fs::openat(self.fd(), name, flags, Mode::empty()) {
@@ -297,7 +301,7 @@ impl Dir {
         Ok(file)
     }
 
-    /// Opens a pipe or a device to be written.
+    /// Opens a pipe or a device for writing.
     pub(crate) fn open_special(&self, name: &OsStr, flags: OFlags) -> io::Result<File> {
         let flags = flags | OFlags::WRONLY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         Ok(fs::openat(self.fd(), name, flags, Mode::empty())?.into())
@@ -307,10 +311,10 @@ impl Dir {
         fs::fstat(&self.fd).ok().map(|stat| stat.st_uid)
     }
 
-    /// The bytes of the plain file `name`, at most `most` of them.
+    /// Reads at most `most` bytes of the plain file `name`.
     ///
     /// # Errors
-    /// If there is none, or `name` is a link, a pipe or something else.
+    /// If `name` is missing, a link, a pipe, or another special file.
     pub fn read(&self, name: impl AsRef<Path>, most: u64) -> io::Result<Vec<u8>> {
         let (dir, name) = self.existing(name.as_ref())?;
         let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -323,19 +327,19 @@ impl Dir {
         Ok(bytes)
     }
 
-    /// Removes the file `name`; a link goes itself.
+    /// Removes the file `name`; of a link, only the link itself.
     ///
     /// # Errors
-    /// If there is none, or it is a directory or leads outside.
+    /// If `name` is missing, is a directory, or leads outside.
     pub fn remove_file(&self, name: impl AsRef<Path>) -> io::Result<()> {
         let (dir, name) = self.existing(name.as_ref())?;
         dir.unlink(&name)
     }
 
-    /// Removes the folder `name` with all that is in it. Links go themselves.
+    /// Removes the folder `name` and its content; of a link, only the link itself.
     ///
     /// # Errors
-    /// If something in it cannot be removed.
+    /// If an entry cannot be removed.
     pub fn remove_tree(&self, name: impl AsRef<Path>) -> io::Result<()> {
         let (dir, name) = self.existing(name.as_ref())?;
         if dir.kind(&name)? != Some(FileType::Directory) {
@@ -360,7 +364,7 @@ impl Dir {
         Ok(())
     }
 
-    /// Names of all that is in the directory, in order.
+    /// Sorted names of all entries of the directory.
     ///
     /// # Errors
     /// If it cannot be listed.
@@ -377,10 +381,10 @@ impl Dir {
         Ok(names)
     }
 
-    /// Gives the file `from` the name `to`; both lie below this directory.
+    /// Renames the file `from` to `to`; both lie below this directory.
     ///
     /// # Errors
-    /// Those of the system.
+    /// System errors.
     pub fn rename(&self, from: impl AsRef<Path>, to: impl AsRef<Path>) -> io::Result<()> {
         let (from, old) = self.existing(from.as_ref())?;
         let (to, new) = self.place(to.as_ref())?;
@@ -388,16 +392,16 @@ impl Dir {
         Ok(())
     }
 
-    /// Makes `name` a link to `target`. The name must be free.
+    /// Creates a symbolic link `name` to `target`. No entry of that name may exist.
     ///
     /// # Errors
-    /// Those of the system.
+    /// System errors.
     pub fn link(&self, name: impl AsRef<Path>, target: &Path) -> io::Result<()> {
         fs::symlinkat(target, self.fd(), one(name.as_ref())?)?;
         Ok(())
     }
 
-    /// Where the link `name` leads.
+    /// Target of the link `name`.
     ///
     /// # Errors
     /// If `name` is no link.
@@ -410,13 +414,13 @@ impl Dir {
         Ok(fs::unlinkat(self.fd(), name, AtFlags::empty())?)
     }
 
-    /// The folder of the file `relative`, made if need be, and the file's name in it.
+    /// The folder of the file `relative`, created if missing, and the name of the file in it.
     fn place(&self, relative: &Path) -> io::Result<(Self, OsString)> {
         let (parent, name) = split(relative)?;
         Ok((self.below(parent)?, name))
     }
 
-    /// As `place`, but no folder is made.
+    /// As `place`, but without creating folders.
     fn existing(&self, relative: &Path) -> io::Result<(Self, OsString)> {
         let (parent, name) = split(relative)?;
         let mut dir = self.again()?;
@@ -431,7 +435,7 @@ impl Dir {
     }
 }
 
-/// The folder and the name of a file below a directory.
+/// Splits a relative path into its folder and its file name.
 fn split(relative: &Path) -> io::Result<(&Path, OsString)> {
     let name = match relative.components().next_back() {
         Some(Component::Normal(name)) => name.to_owned(),
@@ -454,7 +458,7 @@ fn is_default(path: &Path) -> bool {
     path.components().next() == Some(Component::Normal(DEFAULT_ROOT.as_ref()))
 }
 
-/// Errors after which a file that exists may be written in place.
+/// Whether a file can still be written in place after this error.
 fn may_be_fixed(error: &io::Error) -> bool {
     matches!(
         Errno::from_io_error(error),

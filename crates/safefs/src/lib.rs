@@ -1,20 +1,20 @@
 //! Files written relative to a directory handle, never through a link.
 //!
-//! Everything that hilrig writes goes through this crate. A folder of results may have been
-//! prepared by another user, with links to files elsewhere, second names of them (hard links) or
-//! pipes in it. Therefore:
+//! Everything that hilrig writes goes through this crate. Another user may have prepared a result
+//! folder with links to files elsewhere, second names of files (hard links), or pipes. Therefore:
 //!
 //! - A [`Dir`] is a handle. Its files are opened, renamed and removed relative to that handle, so
-//!   that no parent folder can be exchanged in between.
-//! - Below a [`Dir`] no link is ever followed. Each component is opened by itself with
-//!   `O_NOFOLLOW`, which is what `openat2` with `RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS` does, and
-//!   works on every Unix.
-//! - A file is new (`O_EXCL`) and takes its name by a rename or after whatever had the name was
-//!   removed: the target of a link, the other names of a file and the reader of a pipe see nothing.
-//! - A name that was read from a file is one component, or it is refused.
+//!   that another process cannot exchange a parent folder in between.
+//! - Below a [`Dir`], no link is ever followed. Each component is opened separately with
+//!   `O_NOFOLLOW`. This equals `openat2` with `RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS` and works on
+//!   every Unix.
+//! - A file is new (`O_EXCL`). It gets its name by a rename, or after an existing entry of that
+//!   name was removed. The target of a link, the other names of a file and the reader of a pipe are
+//!   not affected.
+//! - A name that was read from a file must be a single component; otherwise it is refused.
 //!
-//! Paths that the user gives are resolved as usual up to their last component, which is not
-//! followed. The default folder `hilrig-out`, which no user types, is not followed either.
+//! Paths from the user are resolved as usual up to the last component, which is not followed if it
+//! is a link. The default folder `hilrig-out`, which the user never types, is not followed either.
 
 mod dir;
 mod named;

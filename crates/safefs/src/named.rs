@@ -1,4 +1,4 @@
-//! Files by the names that a user gives them.
+//! Files with names that the user gave.
 
 use core::time::Duration;
 use std::ffi::{OsStr, OsString};
@@ -12,11 +12,11 @@ use rustix::io::Errno;
 
 use crate::dir::{Dir, Last};
 
-/// How often, and how long after each other, a pipe is tried that no program reads yet.
+/// Number of attempts, and pause between them, to open a pipe that has no reader yet.
 const PIPE_TRIES: u32 = 100;
 const PIPE_PAUSE: Duration = Duration::from_millis(50);
 
-/// The directory of the file that the user called `path`, and its name there.
+/// The directory of the file `path`, and the name of the file in it.
 fn place(path: &Path) -> io::Result<(Dir, OsString)> {
     let Some(name) = path.file_name() else {
         let message = "expected the name of a file";
@@ -26,12 +26,12 @@ fn place(path: &Path) -> io::Result<(Dir, OsString)> {
     Ok((Dir::open_as(parent, Last::Followed)?, name.to_owned()))
 }
 
-/// Writes the file `path` as a whole: a full disk or a kill leaves the earlier file or none. A
-/// link of that name is replaced, and its target is not touched. A pipe or a device is written as
-/// it is.
+/// Writes the file `path` atomically: after a full disk or a kill, the earlier file or none
+/// remains. A link of that name is replaced and its target stays unchanged. A pipe or a device is
+/// written directly.
 ///
 /// # Errors
-/// Those of the system. Then `path` is as it was.
+/// System errors. In that case `path` stays unchanged.
 pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<()> {
     if let Some(mut file) = standing(path)? {
         return file.write_all(bytes.as_ref());
@@ -40,11 +40,11 @@ pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> io::Result<()> {
     dir.write(name, bytes)
 }
 
-/// A new, empty file `path`. A link of that name is replaced, and its target is not touched. A
-/// pipe or a device is opened as it is.
+/// Creates an empty file `path`. A link of that name is replaced and its target stays unchanged. A
+/// pipe or a device is opened directly.
 ///
 /// # Errors
-/// Those of the system; if a pipe has no reader after five seconds.
+/// System errors; if a pipe has no reader after five seconds.
 pub fn create(path: &Path) -> io::Result<File> {
     if let Some(file) = standing(path)? {
         return Ok(file);
@@ -53,16 +53,16 @@ pub fn create(path: &Path) -> io::Result<File> {
     dir.create_file(name)
 }
 
-/// Makes the folder in which the file `path` shall be.
+/// Creates the folder for the file `path`.
 ///
 /// # Errors
-/// Those of the system.
+/// System errors.
 pub fn create_parent(path: &Path) -> io::Result<()> {
     let parent = path.parent().unwrap_or(Path::new(""));
     Dir::create_as(parent, Last::Followed).map(drop)
 }
 
-/// The file `path` to be appended to, made if it is missing.
+/// Opens the file `path` for appending and creates it if it is missing.
 ///
 /// # Errors
 /// As [`Dir::append`].
@@ -71,7 +71,7 @@ pub fn append(path: &Path) -> io::Result<File> {
     dir.append(name)
 }
 
-/// The file `path` to be read and written, made if it is missing.
+/// Opens the file `path` for reading and writing and creates it if it is missing.
 ///
 /// # Errors
 /// As [`Dir::append`].
@@ -80,10 +80,10 @@ pub fn open_or_create(path: &Path) -> io::Result<File> {
     dir.open_or_create(name)
 }
 
-/// Removes the file `path`; a link goes itself.
+/// Removes the file `path`; of a link, only the link itself.
 ///
 /// # Errors
-/// If there is none, or it is a directory.
+/// If `path` is missing or is a directory.
 pub fn remove_file(path: &Path) -> io::Result<()> {
     let (dir, name) = place(path)?;
     dir.remove_file(name)
@@ -98,10 +98,10 @@ pub fn remove_dir(path: &Path) -> io::Result<()> {
     dir.remove_dir(name)
 }
 
-/// Gives the file `from` the name `to` in the same directory. A link is renamed itself.
+/// Renames the file `from` to `to` in the same directory. A link is renamed itself.
 ///
 /// # Errors
-/// Those of the system; if `to` is in another directory.
+/// System errors; if `to` is in another directory.
 pub fn rename(from: &Path, to: &Path) -> io::Result<()> {
     let (dir, name) = place(from)?;
     match to.file_name() {
@@ -110,8 +110,7 @@ pub fn rename(from: &Path, to: &Path) -> io::Result<()> {
     }
 }
 
-/// What has the name `path` and is written as it is: a pipe, a device, a descriptor of this
-/// process.
+/// Opens `path` if it is written directly: a pipe, a device, or a descriptor of this process.
 fn standing(path: &Path) -> io::Result<Option<File>> {
     if is_descriptor(path) {
         let flags = OFlags::WRONLY | OFlags::CLOEXEC;
@@ -129,7 +128,7 @@ fn standing(path: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// Opens a pipe without waiting forever for its reader.
+/// Opens a pipe; fails after five seconds without a reader.
 #[expect(
     clippy::disallowed_methods,
     reason = "no rig runs yet: a reader that starts at the same time is waited for"
@@ -151,7 +150,7 @@ fn open_pipe(dir: &Dir, name: &OsStr) -> io::Result<File> {
     Err(io::Error::new(io::ErrorKind::TimedOut, message))
 }
 
-/// Links that the system has for the descriptors of a process.
+/// Whether `path` is one of the system's links to the descriptors of a process.
 fn is_descriptor(path: &Path) -> bool {
     let is_number = |name: &OsStr| {
         let name = name.as_encoded_bytes();

@@ -1,4 +1,4 @@
-//! Folders that another user prepared: whatever has a name, nothing outside changes.
+//! Tests with folders that another user prepared: whatever the entry is, nothing outside changes.
 
 use std::fs;
 use std::io::Write as _;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::Dir;
 
-/// A folder of its own with `out` to write to and `victim`, which must stay as it is.
+/// A test folder with `out` as the target folder and `victim`, which must stay unchanged.
 struct Trap(PathBuf);
 
 impl Trap {
@@ -49,7 +49,7 @@ fn pipe(path: &Path) {
     mknodat(CWD, path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).expect("a free name");
 }
 
-/// Puts something of each kind at `path`.
+/// Creates an entry of each kind at `path`.
 fn prepare(trap: &Trap, path: &Path, kind: &str) {
     match kind {
         "link" => symlink(trap.victim(), path),
@@ -219,7 +219,7 @@ fn a_pipe_that_is_read_is_written_to() {
 fn a_socket_is_for_its_owner_alone() {
     let trap = Trap::new("socket");
     let dir = Dir::open(&trap.out()).expect("is there");
-    // The umask belongs to the process: other tests of it make files meanwhile.
+    // The umask belongs to the whole process: other tests create files at the same time.
     let listener = dir.listen("control").expect("a free name");
     let mode = fs::metadata(trap.out().join("control")).expect("is there");
     assert_eq!(mode.permissions().mode() & 0o777, 0o600);

@@ -1,4 +1,4 @@
-//! The result folder: everything that a run leaves behind, for people, for CI and for other tools.
+//! The result folder: all files of a finished run, for the user, for CI and for other tools.
 
 use core::fmt::Write as _;
 use core::time::Duration;
@@ -49,22 +49,22 @@ pub struct ResultFile<'a> {
     pub map_hash: Option<String>,
 }
 
-/// A file of the result folder could not be written.
+/// Error when a file of the result folder cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {}: {source}", .path.display())]
 pub struct FolderError {
-    /// Which file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Why.
+    /// Cause of the error.
     pub source: io::Error,
 }
 
-/// A folder that is being filled.
+/// A result folder that is being written.
 #[derive(Debug)]
 pub struct Folder(Dir);
 
 impl Folder {
-    /// The folder at `path`, made if need be.
+    /// Opens the folder at `path` and creates it if it is missing.
     pub fn at(path: &Path) -> Result<Self, FolderError> {
         Ok(Self(Dir::create(path).map_err(failed(path))?))
     }
@@ -87,7 +87,7 @@ fn failed(path: &Path) -> impl FnOnce(io::Error) -> FolderError {
     move |source| FolderError { path, source }
 }
 
-/// Writes all files of `outcome`, a run that took `wall`, into `dir`, which is made if need be.
+/// Writes all files of `outcome`, a run that took `wall`, into `dir`, which is created if missing.
 pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), FolderError> {
     let folder = Folder::at(dir)?;
     folder.put("result.json", result_json(outcome, wall))?;

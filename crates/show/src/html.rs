@@ -1,8 +1,8 @@
-//! Text in HTML that cannot be taken for markup, wherever it comes from.
+//! Escaping of text in HTML, so that text from any source is never read as markup.
 
 use core::fmt::{self, Write as _};
 
-/// Displays its text without any markup, also inside of quoted attributes.
+/// Formatter that escapes all markup, also inside quoted attributes.
 pub struct Escaped<'a>(pub &'a str);
 
 impl fmt::Display for Escaped<'_> {
@@ -18,7 +18,7 @@ impl fmt::Display for Escaped<'_> {
     }
 }
 
-/// `text` without any markup.
+/// Returns `text` with all markup escaped.
 pub fn escape(text: &str) -> String {
     Escaped(text).to_string()
 }

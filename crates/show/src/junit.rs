@@ -1,4 +1,4 @@
-//! Verdicts as JUnit, which every CI shows.
+//! Verdicts as JUnit XML, which every CI displays.
 
 use core::time::Duration;
 
@@ -8,16 +8,16 @@ use engine::TOOL;
 use engine::run::Outcome;
 use engine::run::check::{Check, Status};
 
-/// Verdicts that belong together in a JUnit file.
+/// Verdicts of one run or case.
 #[derive(Clone, Copy, Debug)]
 pub struct Suite<'a> {
     /// Name of the scenario or case.
     pub name: &'a str,
-    /// With which seed, if there was one.
+    /// Seed of the run, if it had one.
     pub seed: Option<u64>,
     /// All verdicts.
     pub checks: &'a [Check],
-    /// The command that repeats it.
+    /// The command that repeats the run.
     pub again: Option<&'a str>,
     /// The probable cause, if the program under test failed.
     pub probable_cause: Option<&'a str>,
@@ -35,8 +35,8 @@ impl<'a> From<&'a Outcome> for Suite<'a> {
     }
 }
 
-/// The verdicts of `suites` as JUnit: one suite a run, one case a check. `wall` is what all of
-/// them took.
+/// The verdicts of `suites` as JUnit XML: one suite per run, one test case per check. `wall` is the
+/// total wall time.
 pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) -> String {
     let mut report = Report::new(TOOL);
     report.set_time(wall);

@@ -1,4 +1,4 @@
-//! Results of hilrig to look at: the result folder, its report, maps and pictures.
+//! Presentation of results: the result folder, its report, maps and pictures.
 
 pub mod folder;
 pub mod html;

@@ -1,6 +1,7 @@
-//! What each check requires, in a sentence. It says nothing on whether that came true.
+//! One sentence for each check: the property that the check requires. It does not say whether the
+//! check passed.
 
-/// What checks require, by their names or how these begin.
+/// Required properties, by the name of the check or its prefix.
 const MEANINGS: [(&str, &str); 25] = [
     (
         "set-points-in-range",
@@ -83,8 +84,8 @@ const MEANINGS: [(&str, &str); 25] = [
     ),
 ];
 
-/// What the check called `name` requires, if it is a known one: a sentence that is true of a run
-/// that failed as well.
+/// Property that the check `name` requires, if the check is known. The sentence is also correct for
+/// a run that failed.
 pub fn meaning(name: &str) -> Option<String> {
     let is_it = |(begin, _): &&(&str, &str)| name.starts_with(begin);
     let (_, required) = MEANINGS.iter().find(is_it)?;

@@ -37,7 +37,7 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// The figures of `outcome`, which took `wall`.
+    /// Figures of `outcome`, whose run took `wall`.
     pub fn of(outcome: &Outcome, wall: Duration) -> Self {
         let (sim_s, wall_s) = (outcome.ran.as_secs_f64(), wall.as_secs_f64());
         let rounded = |value: f64| (value * 1e4).round() / 1e4;
@@ -59,7 +59,8 @@ impl Metrics {
     }
 }
 
-/// `523`, `9.8`, `0.26`: two digits that count below ten, so that little is not shown as nothing.
+/// Formats a factor as `523`, `9.8` or `0.26`: two significant digits below ten, so that a small
+/// factor does not become zero.
 pub fn factor(value: f64) -> String {
     let places = match value {
         10.0.. => 0,

@@ -1,7 +1,7 @@
-//! One moment of a run as a picture in SVG, for pages without a script: what is solid, waypoints,
-//! the true way and the believed one until then, and where the robot was and believed to be.
+//! One moment of a run as an SVG picture, for pages without a script. It shows solid shapes,
+//! waypoints, the true and the believed path up to the moment, and both poses of the robot.
 //!
-//! Colours are the page's own: it names them as the classes `shape`, `waypoint`, `truth` and
+//! The page defines the colours: the picture uses the classes `shape`, `waypoint`, `truth` and
 //! `belief`.
 
 use core::fmt::{self, Write as _};
@@ -13,14 +13,14 @@ use super::report::failed_at;
 use super::view::{Outline, millimetres};
 use engine::run::Outcome;
 
-/// Maximum number of points of a way.
+/// Maximum number of points of a path.
 const WAY_MAX: usize = 300;
 /// Free space around the world, as a share of its longer side.
 const MARGIN: f64 = 0.03;
 /// Size of a waypoint, as a share of the longer side.
 const DOT: f64 = 0.012;
 
-/// The moment of the first failed check that tells its time, or else the end of `outcome`.
+/// Picture of the first failed check that names its time; otherwise of the end of `outcome`.
 pub fn of_failure(outcome: &Outcome) -> String {
     let mut out = String::new();
     let end = outcome.ran.as_secs_f64();
@@ -29,7 +29,7 @@ pub fn of_failure(outcome: &Outcome) -> String {
     out
 }
 
-/// Minimum and maximum x and y of all that is drawn: a world may be empty, and a robot beside it.
+/// Bounds of everything drawn, in x and y. The world may be empty, so the robot is included.
 fn bounds(outcome: &Outcome, at: f64) -> [f64; 4] {
     let until = |time: Instant| time.as_secs_f64() <= at;
     let truth = outcome.truth.iter().filter(|(time, _)| until(*time));
@@ -57,7 +57,7 @@ fn write_moment(outcome: &Outcome, at: f64, out: &mut String) -> fmt::Result {
     let [x0, y0, x1, y1] = bounds(outcome, at);
     let side = (x1 - x0).max(y1 - y0).max(0.1);
     let margin = side * MARGIN;
-    // Pictures have y downwards.
+    // The y axis of an SVG picture points down.
     let corner = [x0 - margin, -y1 - margin];
     let size = [x1 - x0 + 2.0 * margin, y1 - y0 + 2.0 * margin];
     let [x, y, width, height] = [corner[0], corner[1], size[0], size[1]].map(millimetres);
@@ -87,7 +87,7 @@ fn write_moment(outcome: &Outcome, at: f64, out: &mut String) -> fmt::Result {
     )
 }
 
-/// The way until `at`, seconds, and the robot at its end.
+/// Writes the path until `at`, seconds, and the robot at its end.
 fn write_robot(
     class: &str,
     poses: impl Iterator<Item = (Instant, Pose)>,
@@ -120,7 +120,7 @@ fn write_robot(
     out.write_str("</g></g>")
 }
 
-/// As far as the robot reaches ahead, metres.
+/// Distance from the robot's centre to its front edge, metres.
 fn reach(footprint: &Outline) -> f64 {
     match footprint {
         Outline::Circle([_, _, radius]) => *radius,
@@ -155,8 +155,8 @@ mod tests {
     use super::*;
     use engine::run::check::{Check, Status};
 
-    /// A second of a robot that stands at 1.5 m, 1.2 m, looking along y, between a wall and a
-    /// pillar; a check that failed at 0.4 s.
+    /// A run of one second: the robot stands at 1.5 m, 1.2 m, facing along y, between a wall and a
+    /// pillar. A check failed at 0.4 s.
     fn outcome() -> Outcome {
         let text = "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"1s\"\n\
              [mission]\nwaypoints_m = [[2.0, 2.5]]\n\
@@ -188,7 +188,7 @@ mod tests {
         }
     }
 
-    /// Shrunk until nothing is left of the world but the robot.
+    /// A shrunk world in which only the robot is left.
     #[test]
     fn a_robot_in_an_empty_world_is_in_the_picture() {
         let mut outcome = outcome();
@@ -205,7 +205,7 @@ mod tests {
         );
     }
 
-    /// A failure that tells no time is shown in the end; the way until then has its last point.
+    /// A failure without a time shows the end of the run; the path then includes its last point.
     #[test]
     fn a_failure_without_a_time_is_shown_in_the_end() {
         let mut outcome = outcome();

@@ -7,29 +7,29 @@ use engine::picture::Picture;
 use engine::robots::Display;
 use engine::run::score::{is_wall, outline};
 
-/// Gray of an unknown cell in a ROS map, as its own savers write it.
+/// Gray of an unknown cell in a ROS map, as map_server writes it.
 const ROS_UNKNOWN: u8 = 205;
 
-/// Cells that differ less than this from unknown count as unknown.
+/// Minimum difference of a known cell from the value for unknown.
 const UNKNOWN_BAND: u8 = 12;
 
-/// From this size on a map needs no magnifying to be seen.
+/// Size from which a map is drawn without magnification.
 const LARGE_CELLS: usize = 1500;
 
-/// What a cell is to a reader of the map.
+/// State of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cell {
-    /// Never or hardly seen.
+    /// Never or rarely observed.
     Unknown,
-    /// Seen through.
+    /// Observed as free.
     Free,
     /// A wall.
     Wall,
-    /// The slope beside a wall: neither.
+    /// The transition beside a wall: neither wall nor free.
     Between,
 }
 
-/// Judges a cell.
+/// Classifies a cell.
 pub fn cell(grid: MapView<'_>, x: usize, y: usize) -> Cell {
     let value = grid.get(x, y).unwrap_or(127);
     if is_wall(grid, x, y) {
@@ -77,7 +77,7 @@ fn block_character(grid: MapView<'_>, x: usize, y: usize, block: usize) -> char 
         }
     }
     let [unknown, free, wall, between] = counts;
-    // A wall is a line: it fills a block's length, not its area.
+    // A wall is a line: it fills the length of a block, not its area.
     if wall * 2 >= block {
         '#'
     } else if free >= unknown && free >= between && free > 0 {
@@ -102,18 +102,18 @@ pub fn ros_image(grid: MapView<'_>) -> Picture<u8> {
     })
 }
 
-/// Corner of least x and y, metres.
+/// Corner with minimum x and y, metres.
 fn origin_m(map: MapView<'_>) -> [f64; 2] {
     map.origin_mm().map(|mm| f64::from(mm) / 1000.0)
 }
 
-/// The text of the yaml file that belongs to [`ros_image`]. `free_thresh` is 0.196: with the 0.25
-/// that nav2 takes by default, an unknown cell of gray 205 would be read as free.
+/// Text of the yaml file for [`ros_image`]. `free_thresh` is 0.196: with the default 0.25 of nav2,
+/// an unknown cell of gray 205 would count as free.
 pub fn ros_yaml(grid: MapView<'_>, image: &str) -> String {
     ros_yaml_at(origin_m(grid), f64::from(grid.cell_mm()) / 1000.0, image)
 }
 
-/// The same for a map whose lower left corner lies at `origin`, metres.
+/// Text of the yaml file for a map whose lower left corner lies at `origin`, metres.
 pub fn ros_yaml_at([x, y]: [f64; 2], cell_m: f64, image: &str) -> String {
     format!(
         "image: {image}\nmode: trinary\nresolution: {cell_m}\norigin: [{x:?}, {y:?}, 0.0]\nnegate: 0\n\
@@ -121,8 +121,8 @@ pub fn ros_yaml_at([x, y]: [f64; 2], cell_m: f64, image: &str) -> String {
     )
 }
 
-/// The map as the program holds it, dark where it believes a wall, with the true way (green) and
-/// the believed way (red).
+/// The program's map, dark at believed walls, with the true path (green) and the believed path
+/// (red).
 pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> Picture {
     let (width, height) = (grid.width(), grid.height());
     let scale = if width.max(height) > LARGE_CELLS {
@@ -155,12 +155,12 @@ pub fn picture(grid: MapView<'_>, truth: &[Pose], estimate: &[Pose]) -> Picture 
     image
 }
 
-/// What is on a display.
+/// Picture of a display.
 pub fn display(display: Display<'_>) -> Picture {
     display.picture()
 }
 
-/// Two by two pixels, as far as they lie inside.
+/// Draws two by two pixels, as far as they lie inside the picture.
 pub fn dot(image: &mut Picture, x: f64, y: f64, colour: [u8; 3]) {
     for (x, y) in [(x, y), (x + 1.0, y), (x, y + 1.0), (x + 1.0, y + 1.0)] {
         if x >= 0.0 && y >= 0.0 {

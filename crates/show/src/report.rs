@@ -1,10 +1,10 @@
-//! report.html: a run to look at in any browser, without a network: what was demanded and what
-//! came of it, world, map and ways at any time, the wires, what happened.
+//! report.html: the result of a run for any browser, without a network. It shows expectations and
+//! verdicts, world, map and paths at any time, the lines, and the events.
 //!
-//! One file that holds everything. What is text stands in the page itself, so that it can be read,
-//! searched and printed without its script; the script draws the rest from JSON. Everything that
-//! came from a scenario or a wire is escaped, and a policy keeps all but our own script from
-//! running. The same case makes the same bytes.
+//! The report is one self-contained file. Text is part of the page itself, so that a reader can
+//! search and print it without the script; the script draws the rest from JSON. All text from a
+//! scenario or a line is escaped, and a content security policy allows only the report's own
+//! script. The same case produces the same bytes.
 
 mod data;
 mod faults;
@@ -26,15 +26,15 @@ const SCRIPT: &str = include_str!("report/report.js");
 const STYLE: &str = include_str!("report/report.css");
 const STAGE: &str = include_str!("report/stage.html");
 
-/// Maximum number of events that are listed; events.txt has all of them.
+/// Maximum number of listed events; events.txt has all of them.
 const EVENTS_MAX: usize = 500;
-/// Maximum number of faults whose beginning is marked in the time line.
+/// Maximum number of faults whose beginning is marked on the time line.
 const FAULTS_MAX: usize = 200;
 
 /// The report of `outcome`.
 pub fn html(outcome: &Outcome) -> String {
     let events = listed(&outcome.events);
-    // No "<" can end the element that holds the data.
+    // Without "<", the data cannot end the element that holds it.
     let data = data::json(outcome, &events).replace('<', "\\u003c");
     let nonce = trace::fingerprint(data.as_bytes());
     let policy = format!(
@@ -81,12 +81,12 @@ pub fn html(outcome: &Outcome) -> String {
     )
 }
 
-/// When the first of the failed checks of `outcome` that tell a time failed, seconds.
+/// Earliest time, seconds, of those failed checks of `outcome` that name a time.
 pub(crate) fn failed_at(outcome: &Outcome) -> Option<f64> {
     data::failures(outcome).next()
 }
 
-/// World, map and wires over time; the wires alone where there is no robot.
+/// World, map and lines over time; only the lines if there is no robot.
 fn stage(outcome: &Outcome) -> String {
     match outcome.has_body {
         true => STAGE.to_owned(),
@@ -96,7 +96,7 @@ fn stage(outcome: &Outcome) -> String {
     }
 }
 
-/// The events that are listed: broken rules before notes if there are too many.
+/// The listed events: violations before notes if there are too many.
 fn listed(events: &[Logged]) -> Vec<&Logged> {
     let violations = events.iter().filter(|logged| logged.is_violation());
     let notes = events.iter().filter(|logged| !logged.is_violation());
@@ -148,7 +148,7 @@ fn event_list(outcome: &Outcome, events: &[&Logged]) -> String {
     section("events", "Events", &list)
 }
 
-/// Says that not everything is shown, if so.
+/// A note that the list is incomplete, if so.
 fn more(all: usize, shown: usize, file: &str) -> String {
     if all == shown {
         return String::new();
@@ -157,7 +157,7 @@ fn more(all: usize, shown: usize, file: &str) -> String {
 }
 
 fn figures(outcome: &Outcome) -> String {
-    // Wall time is no part of the run: it would make each report another one.
+    // Wall time is not part of the run: it would make each report different.
     let metrics = Metrics::of(outcome, Duration::ZERO);
     let share = |value: Option<f64>| value.map(|value| format!("{value:.3}"));
     let figure = |value: Option<f64>, unit: &str| value.map(|value| format!("{value:.1} {unit}"));
@@ -194,7 +194,7 @@ fn counters(outcome: &Outcome) -> String {
 mod tests {
     use super::*;
 
-    /// What is inlined must not end the element that it stands in.
+    /// Inlined text must not end its element.
     #[test]
     fn nothing_inlined_ends_its_element() {
         for part in [SCRIPT, view::SCRIPT, view::LANES] {

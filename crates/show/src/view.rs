@@ -1,4 +1,4 @@
-//! What the live page and report.html show, as plain JSON, and the script that draws it.
+//! JSON for the live page and report.html, and the script that draws it.
 //!
 //! The script, `view/view.js`, documents the JSON that each of its functions takes.
 
@@ -11,7 +11,7 @@ pub const SCRIPT: &str = include_str!("view/view.js");
 /// The time line: lanes, marks and plots on a canvas; needs [`SCRIPT`] and defines `hilrigLanes`.
 pub const LANES: &str = include_str!("view/lanes.js");
 
-/// Bytes as text, RFC 4648 section 4, for `bytes` of the script: a third shorter than digits.
+/// Bytes as base64, RFC 4648 section 4, for `bytes` of the script: a third shorter than hex digits.
 pub(crate) fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
@@ -31,7 +31,8 @@ pub(crate) fn base64(bytes: &[u8]) -> String {
     String::from_utf8(out).expect("letters")
 }
 
-/// A picture as runs of count, red, green and blue, top row first: `drawPicture` of the script.
+/// Encodes a picture as runs of count, red, green and blue, top row first, for `drawPicture` of the
+/// script.
 pub fn picture_runs(picture: &Picture) -> Vec<u8> {
     let runs = picture.pixels().chunk_by(|a, b| a == b);
     let parts = runs.flat_map(|run| run.chunks(u8::MAX.into()));
@@ -62,7 +63,7 @@ mod tests {
         }
     }
 
-    /// 300 pixels of one colour and one of another: 255, 45 and 1.
+    /// 300 pixels of one colour and one of another: runs of 255, 45 and 1.
     #[test]
     fn a_picture_is_runs_of_at_most_255() {
         let mut picture = Picture::from_fn(301, 1, |_, _| [1, 2, 3]);

@@ -1,4 +1,4 @@
-//! Lengths of time as files and command lines have them.
+//! Durations in files and on command lines.
 
 use core::fmt;
 use core::time::Duration;
@@ -32,7 +32,7 @@ impl Span {
         Self(Duration::from_millis(millis))
     }
 
-    /// The moment that lies this long after the run began.
+    /// The time this long after the beginning of the run.
     pub fn instant(self) -> Instant {
         Instant::ZERO + self.0
     }
@@ -77,7 +77,7 @@ impl core::str::FromStr for Span {
 }
 
 impl fmt::Display for Span {
-    /// The largest unit in which it is a whole number.
+    /// Formats in the largest unit that gives a whole number.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let nanos = self.0.as_nanos();
         let fitting = [
@@ -153,7 +153,8 @@ mod tests {
         assert!(nanos("5 parsecs").is_err());
     }
 
-    /// U10: seven days are 604,800 s. What is longer says so; what is no number does not.
+    /// U10: seven days are 604,800 s. The error for a longer span names this limit; the error for a
+    /// text that is no number does not.
     #[test]
     fn u10_a_span_beyond_a_week_names_its_limit() {
         let read = |text: &str| text.parse::<Span>();

@@ -1,4 +1,5 @@
-//! A long corridor without ends in sight (seed figure S11): the scan says nothing along it.
+//! A long corridor without visible ends (seed figure S11): the scan does not determine the position
+//! along it.
 
 use firmware_core::pose::Pose;
 use firmware_core::slam::Settings;
@@ -6,8 +7,8 @@ use firmware_core::slam::Settings;
 use crate::measure::Run;
 use crate::world::World;
 
-/// 2 m wide, 12 m long, of which 6 m in the middle are driven without an end wall in range
-/// (3 m here): errors along the axis at the end, of the mapper and of the odometry alone.
+/// Errors along the axis at the end, of the mapper and of the odometry alone. The corridor is 2 m
+/// wide and 12 m long; the robot drives the middle 6 m without an end wall in range (3 m here).
 fn along_axis(settings: Settings, seed: u64) -> (f32, f32) {
     let walls = vec![
         [0.0, 500.0, 12_000.0, 500.0],
@@ -46,8 +47,8 @@ fn the_documents_search_slips_along_a_corridor() {
     assert!(mapper > 1.2 * wheels, "{mapper} {wheels}");
 }
 
-/// At most 1.2 times the odometry's error in the middle one of nine runs. In a single one the
-/// wheels may do better by luck: they count too much, and a wrong heading takes some of that off.
+/// At most 1.2 times the odometry's error in the median of nine runs. In a single run, the odometry
+/// may be better by luck: it counts too much, and a wrong heading compensates for a part of this.
 #[test]
 fn the_core_leaves_the_odometry_alone_along_a_corridor() {
     let mut runs: Vec<(f32, f32)> = (1..=9)

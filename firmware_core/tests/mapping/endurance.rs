@@ -36,9 +36,9 @@ fn heading_error(settings: Settings, sense: Sense, minutes: u32) -> f32 {
         .abs()
 }
 
-/// The failure of the report, after its 20 minutes of wall following: fixed weight 10 of 256 as
-/// it was fielded, no motion compensation, and a mapper that is not synchronised with the lidar's
-/// turn. Measured: 8.6, 10.8 and 15.5 degrees after 5, 10 and 20 minutes.
+/// The failure of the report after its 20 minutes of wall following. The weight is fixed at 10 of
+/// 256, as fielded; there is no motion compensation, and the mapper is not synchronised with the
+/// lidar's turn. Measured: 8.6, 10.8 and 15.5 degrees after 5, 10 and 20 minutes.
 #[test]
 fn without_the_cures_the_map_turns_by_ten_degrees_in_20_minutes() {
     let defects = Defects {
@@ -53,15 +53,15 @@ fn without_the_cures_the_map_turns_by_ten_degrees_in_20_minutes() {
     assert!(error >= 10.0, "{error}");
 }
 
-/// The cure of the mapping mode: 0.30 degrees were measured over the same 20 minutes.
+/// The remedy is the mapping mode. Measured: 0.30 degrees over the same 20 minutes.
 #[test]
 fn the_cores_map_stays_for_20_minutes() {
     let error = heading_error(Settings::default(), Sense::Deskewed, 20);
     assert!(error <= 1.0, "{error}");
 }
 
-/// Motion compensation alone: with constant weight 0.6, 2.8 and 3.5 degrees after 5, 10 and 20
-/// minutes; with both cures 0.5 after 20.
+/// With constant weight and without motion compensation: 0.6, 2.8 and 3.5 degrees after 5, 10 and
+/// 20 minutes; with both remedies 0.5 after 20.
 #[test]
 fn without_motion_compensation_the_map_turns() {
     let defects = Defects {

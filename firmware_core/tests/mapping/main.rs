@@ -1,4 +1,4 @@
-//! Stories of the mapper in a small world: how well it knows where it is, and what its map shows.
+//! Scenarios of the mapper in a small world: accuracy of the pose and content of the map.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "the figures of a small world are small"

@@ -36,31 +36,31 @@ impl Errors {
     }
 }
 
-/// How a run makes scans of turns.
+/// Method of making scans from turns of the lidar.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) enum Sense {
-    /// As it should be.
+    /// The correct method: motion within a turn is removed.
     #[default]
     Deskewed,
-    /// The motion within the turn stays in.
+    /// The motion within the turn is kept.
     Raw,
-    /// As the robot of the report had it at first: the mapper wakes every 200 ms, whenever the
-    /// lidar's turn began, and takes what the buffer holds: the newest beams of this turn, the
-    /// others of the one before. The two clocks differ by a per cent.
+    /// The report's first version. The mapper wakes every 200 ms, independently of the lidar's
+    /// turn, and takes the content of the buffer: the newest beams from this turn, the others from
+    /// the turn before. The two clocks differ by one per cent.
     Unsynchronised,
 }
 
-/// Beams by which the free task's look at the buffer moves on from turn to turn.
+/// Beams by which the read position of the free-running task shifts each turn.
 const DRIFT_BEAMS: usize = 4;
 
-/// A mapper in a world, and the odometry pose that it has seen last.
+/// A mapper in a world, and the last odometry pose that it received.
 pub(crate) struct Run<const W: usize = 300, const H: usize = 300> {
     pub(crate) world: World,
     pub(crate) mapper: Box<Mapper<W, H>>,
     pub(crate) errors: Errors,
     pub(crate) sense: Sense,
     seen: Pose,
-    /// Of the free task: beam at which it looks, and the distances of the turn before.
+    /// State of the free-running task: its read position, and the distances of the turn before.
     looks_at: usize,
     before: [u16; 360],
 }
@@ -87,27 +87,27 @@ impl<const W: usize, const H: usize> Run<W, H> {
         self.mapper.pose()
     }
 
-    /// Stands still for a second, so that motors and mapper come to rest.
+    /// Stands still for a second, so that motors and mapper settle.
     pub(crate) fn stop(&mut self) {
         self.world.command = [0.0; 2];
         self.steps(5);
     }
 
-    /// A person pushes the robot for a second, by so many millimetres per millisecond.
+    /// A person pushes the robot for a second, by this many millimetres per millisecond.
     pub(crate) fn push_by(&mut self, [x, y]: [f64; 2]) {
         self.world.push = [x, y, 0.0];
         self.steps(5);
         self.world.push = [0.0; 3];
     }
 
-    /// So many turns of the lidar.
+    /// Advances this many turns of the lidar.
     pub(crate) fn steps(&mut self, count: u32) {
         for _ in 0..count {
             self.step();
         }
     }
 
-    /// One turn of the lidar through the mapper.
+    /// Passes one turn of the lidar through the mapper.
     pub(crate) fn step(&mut self) -> Outcome {
         self.world.turn();
         let scan = self.scan();
@@ -139,7 +139,7 @@ impl<const W: usize, const H: usize> Run<W, H> {
         }
     }
 
-    /// Stands for ten turns, then drives the tour.
+    /// Rests for ten turns, then drives the tour.
     pub(crate) fn tour(&mut self, points: &[[f64; 2]]) {
         for _ in 0..10 {
             self.step();
@@ -154,7 +154,7 @@ impl<const W: usize, const H: usize> Run<W, H> {
     }
 }
 
-/// A cell that people would call wall: high, and a ridge along x or y.
+/// Whether a cell is a visible wall: high, and a ridge along x or y.
 pub(crate) fn is_wall<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
     ix: usize,
@@ -173,8 +173,8 @@ pub(crate) fn is_wall<const W: usize, const H: usize>(
     here >= 190 && (ridge(1, 0) || ridge(0, 1))
 }
 
-/// Shares of wall cells of the map that lie within a cell and a half of a true wall, and of
-/// points along true walls (seen from somewhere) that lie so near to a wall cell.
+/// Two shares: wall cells of the map within a cell and a half of a true wall; points on visible
+/// true walls within this distance of a wall cell.
 pub(crate) fn overlap<const W: usize, const H: usize>(
     grid: &Grid<W, H>,
     walls: &[Wall],

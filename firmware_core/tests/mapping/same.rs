@@ -2,8 +2,8 @@
 
 use crate::scenes::fingerprint;
 
-/// Changes with the mapper, never with the build: `tests/every_build` asks the debug build with the
-/// forms for x86-64, and debug and release with those for a Cortex-M4.
+/// Fingerprint that changes with the mapper, never with the build. `tests/every_build` checks the
+/// debug build with the code for x86-64, and debug and release with the code for a Cortex-M4.
 const SAME_EVERYWHERE: u64 = 0x6c40_b21c_c5e2_ad7c;
 
 #[test]

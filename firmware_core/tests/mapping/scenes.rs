@@ -1,4 +1,4 @@
-//! Random scenes, from which every build of the mapper makes the same poses and maps.
+//! Random scenes, in which every build of the mapper must produce the same poses and maps.
 
 use core::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ use crate::world::{Dice, Wall, World, boxed};
 const SCENES: u64 = 4;
 const TURNS: u32 = 30;
 
-/// Of every pose, every judgement and every map of all scenes, in both modes.
+/// Fingerprint of every pose, every judgement and every map of all scenes, in both modes.
 pub(crate) fn fingerprint() -> u64 {
     let mut print = Print::default();
     for seed in 1..=SCENES {
@@ -21,7 +21,7 @@ pub(crate) fn fingerprint() -> u64 {
     print.0
 }
 
-/// Blocks in a room, a robot that drives at random; in every third scene a person pushes it.
+/// Blocks in a room, and a robot that drives at random; in every third scene a person pushes it.
 fn play(seed: u64, settings: Settings, print: &mut Print) {
     let mut dice = Dice::new(seed);
     let mut run: Run = Run::new(world(seed, &mut dice), settings);
@@ -39,7 +39,7 @@ fn world(seed: u64, dice: &mut Dice) -> World {
     for _ in 0..6 {
         let [x, y] = [0; 2].map(|_| 100.0 + dice.uniform() * 2500.0);
         let [width, height] = [0; 2].map(|_| 30.0 + dice.uniform() * 300.0);
-        // Around the robot's start there is room.
+        // The area around the robot's start stays free.
         if (x - 1400.0).abs() > 500.0 || (y - 1500.0).abs() > 500.0 {
             walls.extend(boxed(x, y, x + width, y + height));
         }

@@ -1,5 +1,5 @@
-//! A small world of straight walls, a differential drive and an XV-11, for tests and benches of
-//! the mapper: enough truth to measure against, nothing that the wire does not show.
+//! A small world of straight walls, a differential drive and an XV-11, for tests and benches of the
+//! mapper. It knows the true pose; the mapper receives only data that the wire carries.
 
 use firmware_core::odometry::{Odometry, WheelGeometry};
 use firmware_core::pose::{Point, Pose};
@@ -10,7 +10,7 @@ use protocols::xv11::{Frame, RawReading, Reading, SpeedWord};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use core::time::Duration;
 
-/// The rescue robot's drive by the seed report.
+/// The rescue robot's drive according to the seed report.
 pub(crate) const DRIVE: WheelGeometry = WheelGeometry {
     wheel_radius_mm: 26.0,
     axle_mm: 260.0,
@@ -18,7 +18,7 @@ pub(crate) const DRIVE: WheelGeometry = WheelGeometry {
     ticks_per_second_max: 900,
 };
 
-/// Its lidar: sensor degree k looks k - 90 degrees to the left of straight ahead.
+/// Its lidar: sensor degree k points k - 90 degrees to the left of straight ahead.
 pub(crate) const MOUNTING: Mounting = Mounting {
     position: Point::new(0.0, 0.0),
     first_bearing: -core::f32::consts::FRAC_PI_2,
@@ -28,7 +28,7 @@ pub(crate) const MOUNTING: Mounting = Mounting {
     delay: Duration::ZERO,
 };
 
-/// Drawn numbers of the world: xorshift64*, Box-Muller.
+/// Random numbers of the world: xorshift64*, Box-Muller.
 #[derive(Clone)]
 pub(crate) struct Dice(u64);
 
@@ -117,7 +117,7 @@ pub(crate) fn cast(walls: &[Wall], x: f64, y: f64, angle: f64) -> f64 {
     nearest
 }
 
-/// How the world departs from the ideal.
+/// Deviations of the world from the ideal.
 #[derive(Clone, Copy)]
 pub(crate) struct Imperfection {
     /// Range noise as a multiple of the XV-11's: sigma = max(0.3, 2e-6 d^2) mm.
@@ -126,7 +126,7 @@ pub(crate) struct Imperfection {
     pub(crate) slip_noise: f64,
     /// Constant slip of each wheel.
     pub(crate) slip: [f64; 2],
-    /// Farthest distance that comes back.
+    /// Maximum distance with a return.
     pub(crate) range_max_mm: f64,
 }
 
@@ -139,7 +139,7 @@ impl Imperfection {
     };
 }
 
-/// Truth and the robot's senses; a turn of the lidar is the step.
+/// The true state and the robot's sensors; a step is a turn of the lidar.
 #[derive(Clone)]
 pub(crate) struct World {
     pub(crate) walls: Vec<Wall>,
@@ -152,7 +152,7 @@ pub(crate) struct World {
     pub(crate) assembler: TurnAssembler,
     /// Odometry readings per turn.
     pub(crate) readings_per_turn: usize,
-    /// Milliseconds of a turn in which a person pushes the body by so much per millisecond.
+    /// Displacement per millisecond while a person pushes the body, for the milliseconds of a turn.
     pub(crate) push: [f64; 3],
     dice: Dice,
     wheels: [f64; 2],
@@ -200,7 +200,7 @@ impl World {
         Instant::from_nanos(self.nanos)
     }
 
-    /// One turn of the lidar; returns whether it came to an end (it does unless packets are lost).
+    /// One turn of the lidar; returns whether it was completed (always, unless packets are lost).
     pub(crate) fn turn(&mut self) -> bool {
         if self.nanos == 0 {
             self.read_wheels();
@@ -279,7 +279,7 @@ impl World {
     }
 
     /// Steers towards a point as the rescue robot does: 20 ticks minus or plus a third of the
-    /// bearing's error in degrees. True when the point is near.
+    /// bearing error in degrees. Returns whether the point is near.
     pub(crate) fn steer_to(&mut self, [x, y]: [f64; 2]) -> bool {
         let (dx, dy) = (x - self.body[0], y - self.body[1]);
         let error = libm::atan2(dy, dx) - self.body[2];

@@ -1,5 +1,5 @@
-//! A robot, a flat, a base, a lidar and a PC, as small as they can be: enough to close the loop
-//! around the rescue robot's program without any other crate. The real devices are elsewhere.
+//! A minimal robot, flat, base, lidar and PC: enough to close the loop around the rescue robot's
+//! program without another crate. The emulated devices are in other crates.
 
 use core::f64::consts::{FRAC_PI_2, TAU};
 use core::time::Duration;
@@ -32,7 +32,7 @@ pub(crate) fn boxed(x0: f64, y0: f64, x1: f64, y1: f64) -> [Wall; 4] {
     ]
 }
 
-/// Two rooms with a door of 700 mm between them, furniture and a table's legs.
+/// Two rooms with a door of 700 mm between them, furniture and the legs of a table.
 pub(crate) fn flat() -> Vec<Wall> {
     let legs = [
         (2150.0, 2250.0),
@@ -95,7 +95,7 @@ impl Dice {
     }
 }
 
-/// What the PC has heard.
+/// Data that the PC received.
 #[derive(Default)]
 pub(crate) struct Heard {
     pub(crate) properties: Vec<(Instant, MapProperties)>,
@@ -105,32 +105,32 @@ pub(crate) struct Heard {
     pub(crate) errors: usize,
 }
 
-/// Everything, advanced by one lidar beam at a time (556 us at 300 rpm).
+/// The whole system, advanced by one lidar beam at a time (556 us at 300 rpm).
 pub(crate) struct Bench {
     pub(crate) robot: Rescue,
     pub(crate) now: Instant,
     pub(crate) walls: Vec<Wall>,
     /// x, y in millimetres, heading in radians.
     pub(crate) body: [f64; 3],
-    /// What the base was told.
+    /// Last set-points that the base received.
     pub(crate) set_point: [i8; 2],
     pub(crate) lidar_is_plugged: bool,
     pub(crate) base_hears: bool,
     pub(crate) base_is_heard: bool,
-    /// Chance that an answer of the base is lost.
+    /// Probability that a reply of the base is lost.
     pub(crate) base_loss: f64,
     pub(crate) heard: Heard,
     /// Minimum distance between body and walls so far.
     pub(crate) clearance_mm: f64,
-    /// Set-points that the base was told, and when.
+    /// Set-points that the base received, with their times.
     pub(crate) writes: Vec<(Instant, [i8; 2])>,
     pub(crate) duty: u8,
-    /// Time that the processor was searching.
+    /// Time that the processor spent on searches.
     pub(crate) busy: Duration,
     pub(crate) heard_bytes: usize,
     pub(crate) radio_is_blocked: bool,
     pub(crate) polls_twice: bool,
-    /// The main loop is stuck; interrupts continue.
+    /// Whether the main loop hangs; interrupts continue.
     pub(crate) hangs: bool,
     wheels: [f64; 2],
     ticks: [f64; 2],
@@ -155,7 +155,7 @@ impl Bench {
         Self::with_config(walls, seed, config)
     }
 
-    /// A robot that searches as the seed report says, which takes 150 of 200 ms.
+    /// A robot with the search of the seed report, which takes 150 of 200 ms.
     pub(crate) fn searching(walls: Vec<Wall>, seed: u64) -> Self {
         let mapping = Settings {
             seed,
@@ -255,7 +255,7 @@ impl Bench {
         self.pc.discarded()
     }
 
-    /// Counters and set-points begin again.
+    /// Restarts the base: counters and set-points begin at zero.
     pub(crate) fn restart_base(&mut self) {
         self.ticks = [0.0; 2];
         self.set_point = [0; 2];
@@ -269,7 +269,7 @@ impl Bench {
         libm::hypot(self.body[0] - f64::from(x), self.body[1] - f64::from(y))
     }
 
-    /// Distance and angle in degrees between truth and belief now.
+    /// Present distance, and angle in degrees, between the true and the believed pose.
     pub(crate) fn pose_error(&self) -> (f64, f64) {
         let pose = self.robot.pose_at(self.now);
         let [x, y, heading] = self.body;
@@ -331,7 +331,7 @@ impl Bench {
         self.clearance_mm = self.clearance_mm.min(nearest);
     }
 
-    /// Measures a beam; a packet is on its way 1.91 ms after its last beam.
+    /// Measures a beam; a packet is complete 1.91 ms after its last beam.
     fn turn_lidar(&mut self) {
         if let Some((_, packet)) = self.packet.take_if(|(at, _)| *at <= self.now)
             && self.lidar_is_plugged
@@ -368,7 +368,7 @@ impl Bench {
         }
     }
 
-    /// Answers one beam later, about as late as the fielded base.
+    /// Replies one beam later, with about the latency of the fielded base.
     fn serve_base(&mut self) {
         let reply = core::mem::take(&mut self.reply);
         if !reply.is_empty() && self.base_is_heard && self.dice.uniform() >= self.base_loss {
@@ -411,7 +411,7 @@ impl Bench {
         data
     }
 
-    /// 460800 baud carry 25 bytes in a beam's time.
+    /// 460800 baud carry 25 bytes in the time of a beam.
     fn listen(&mut self) {
         if self.radio_is_blocked {
             return;

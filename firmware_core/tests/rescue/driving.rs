@@ -1,4 +1,4 @@
-//! Where the robot goes, and what it keeps away from.
+//! Goals of the robot, and obstacles that it avoids.
 
 use core::time::Duration;
 
@@ -7,7 +7,7 @@ use protocols::pcui::message::Mode;
 
 use crate::bench::{Bench, SECOND, boxed, flat};
 
-/// Visits both rooms through the door and returns.
+/// A tour through both rooms and the door, and back.
 const TOUR: [[i16; 2]; 7] = [
     [1000, 1550],
     [1900, 1550],
@@ -18,7 +18,7 @@ const TOUR: [[i16; 2]; 7] = [
     [1000, 1000],
 ];
 
-/// Sends the tour and follows the robot through it; the time it took.
+/// Sends the tour and follows the robot through it; returns the duration.
 fn drive_tour(bench: &mut Bench) -> Duration {
     let begun = bench.now;
     bench.send_waypoints(&TOUR);
@@ -41,8 +41,8 @@ fn drive_tour(bench: &mut Bench) -> Duration {
     bench.now - begun
 }
 
-/// What the robot is for. Truth decides: every waypoint within 200 mm (the seed report's radius),
-/// no contact, the belief near the truth, and rest at the end.
+/// The robot's main task. The true pose decides: every waypoint within 200 mm (the seed report's
+/// radius), no contact, an accurate believed pose, and rest at the end.
 #[test]
 fn all_waypoints_of_a_furnished_flat_are_reached() {
     let mut bench = Bench::new(flat(), 1);
@@ -55,7 +55,7 @@ fn all_waypoints_of_a_furnished_flat_are_reached() {
     assert_eq!(bench.robot.target(), None);
 }
 
-/// Waypoints may come before the robot has seen anything.
+/// Waypoints may arrive before the first scan.
 #[test]
 fn a_list_that_comes_first_thing_is_driven() {
     let mut bench = Bench::new(flat(), 2);
@@ -63,7 +63,7 @@ fn a_list_that_comes_first_thing_is_driven() {
     assert!(bench.clearance_mm > 10.0, "{}", bench.clearance_mm);
 }
 
-/// A box of 250 mm stands across the straight way; the fielded robot would have driven into it.
+/// A box of 250 mm stands on the straight path; the fielded robot would have collided with it.
 #[test]
 fn a_box_in_the_way_is_driven_around() {
     let mut walls = flat();
@@ -76,8 +76,8 @@ fn a_box_in_the_way_is_driven_around() {
     assert!(bench.distance_to([1000, 2200]) < 200.0 && bench.clearance_mm > 10.0);
 }
 
-/// The other room's corner lies straight behind the wall; the way there leads back through the
-/// door. A robot that only steers for its goal, or around what is in front of it, stays here.
+/// The corner of the other room lies directly behind the wall; the path to it leads back through
+/// the door. A robot that only steers towards its goal, or around the nearest obstacle, stays here.
 #[test]
 fn a_goal_behind_a_wall_is_reached_through_the_door() {
     let mut bench = Bench::new(flat(), 12);
@@ -142,7 +142,7 @@ fn exploration_finds_both_rooms_and_touches_nothing() {
     assert!(apart_mm < 40.0, "{apart_mm}");
 }
 
-/// Field defect XV-11: so near to a wall that no beam comes back, the robot drove straight ahead.
+/// Field defect XV-11: so close to a wall that no beam returns, the robot drove straight ahead.
 #[test]
 fn a_robot_that_sees_nothing_stands() {
     let mut bench = Bench::new(boxed(900.0, 900.0, 1100.0, 1100.0).to_vec(), 6);
@@ -152,7 +152,7 @@ fn a_robot_that_sees_nothing_stands() {
     assert_eq!(bench.body[..2], [1000.0, 1000.0]);
 }
 
-/// Stop is an order: it must not wait for the search that is being made.
+/// A stop order must not wait for a running search.
 #[test]
 fn a_stop_reaches_the_base_within_milliseconds() {
     let mut bench = Bench::searching(flat(), 7);
@@ -169,7 +169,7 @@ fn a_stop_reaches_the_base_within_milliseconds() {
     );
 }
 
-/// Field defects PU-20 and PU-21: orders to drive by hand were ignored, and their end as well.
+/// Field defects PU-20 and PU-21: orders for manual driving were ignored, and their end as well.
 #[test]
 fn driving_by_hand_ends_a_second_after_the_last_order() {
     let mut bench = Bench::new(flat(), 8);
@@ -194,7 +194,7 @@ fn driving_by_hand_ends_a_second_after_the_last_order() {
     );
 }
 
-/// Between two modes the robot stands, until a scan has told the new one where to go.
+/// Between two modes the robot rests until a scan gives the new mode its direction.
 #[test]
 fn a_change_of_mode_stops_the_robot_first() {
     let mut bench = Bench::new(flat(), 14);
@@ -207,7 +207,7 @@ fn a_change_of_mode_stops_the_robot_first() {
     assert!(stops);
 }
 
-/// Field defect PU-11: an empty list left the goal standing.
+/// Field defect PU-11: an empty list kept the goal.
 #[test]
 fn an_empty_list_stops_the_robot() {
     let mut bench = Bench::new(flat(), 9);
@@ -221,7 +221,7 @@ fn an_empty_list_stops_the_robot() {
 }
 
 /// Seed figure S6 by the cost model of S4 (14 ms a scan, 0.15 ms a try): the seed's search takes
-/// 150 ms of each 200 ms, and no turn is lost by it.
+/// 150 ms of each 200 ms, without the loss of a turn.
 #[test]
 fn the_seeds_search_takes_150_of_200_ms() {
     let mut bench = Bench::searching(flat(), 10);
@@ -239,7 +239,7 @@ fn the_seeds_search_takes_150_of_200_ms() {
     assert_eq!(bench.counter("lidar turns skipped"), 0);
 }
 
-/// The lidar's motor is at its set speed, so its duty stays what it was at the start.
+/// The lidar's motor is at its set speed, so its duty keeps its start value.
 #[test]
 fn the_lidar_motor_gets_its_duty() {
     let mut bench = Bench::with_config(flat(), 11, Config::default());

@@ -1,4 +1,4 @@
-//! What the robot does when its devices fail it.
+//! The robot's reaction to failing devices.
 
 use core::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::bench::{Bench, SECOND, flat};
 
 const AHEAD: [[i16; 2]; 2] = [[1000, 2400], [1000, 1000]];
 
-/// A robot that drives to its first waypoint.
+/// A robot on the path to its first waypoint.
 fn driving(seed: u64) -> Bench {
     let mut bench = Bench::new(flat(), seed);
     bench.send_waypoints(&AHEAD);
@@ -18,7 +18,7 @@ fn driving(seed: u64) -> Bench {
     bench
 }
 
-/// Field defect XV-08: with the lidar unplugged the program waited forever and only the base's
+/// Field defect XV-08: with the lidar unplugged, the program waited forever. Only the base's
 /// watchdog stopped the robot, a second later.
 #[test]
 fn a_robot_without_lidar_stops_and_says_so() {
@@ -46,8 +46,8 @@ fn a_robot_without_lidar_stops_and_says_so() {
     assert!(arrived, "{:?}", bench.body);
 }
 
-/// R6: a lidar that comes and goes. The robot set off 0.04 to 0.3 s after each return, and hit what
-/// it could not see when the lidar was gone again; now it waits for the first turn and two more.
+/// R6: an intermittent lidar. The robot started 0.04 to 0.3 s after each return of the lidar, and
+/// hit obstacles when the lidar was absent again. Now it waits for the first turn and two more.
 #[test]
 fn a_robot_whose_lidar_has_come_back_waits_for_two_further_turns() {
     let mut bench = driving(1);
@@ -60,8 +60,8 @@ fn a_robot_whose_lidar_has_come_back_waits_for_two_further_turns() {
     assert!((3..=4).contains(&turns), "{turns}");
 }
 
-/// Field defect MA-07: the fielded program did not notice a silent base. The base receives nothing,
-/// answers nothing and stops by its own watchdog; when it is back the mission continues.
+/// Field defect MA-07: the fielded program did not detect a silent base. The base receives nothing,
+/// sends no reply and stops by its own watchdog; when it returns, the mission continues.
 #[test]
 fn a_silent_base_is_noticed_and_its_return_as_well() {
     let mut bench = driving(2);
@@ -87,8 +87,9 @@ fn a_silent_base_is_noticed_and_its_return_as_well() {
     assert!(arrived, "{:?}", bench.body);
 }
 
-/// Unanswered, the robot rolls on until the base's watchdog stops it, 200 mm and more that no
-/// encoder reading tells of. The scans have to, and the map must not be dragged along meanwhile.
+/// Without replies, the robot rolls on until the base's watchdog stops it, 200 mm or more that no
+/// encoder reading contains. The scans must show this motion, and the map must not move with the
+/// robot.
 #[test]
 fn the_way_without_encoders_is_seen_by_the_lidar() {
     let mut bench = driving(11);
@@ -106,7 +107,8 @@ fn the_way_without_encoders_is_seen_by_the_lidar() {
     );
 }
 
-/// Only the answers are lost: the robot cannot know that it is heard, so what it says is "stop".
+/// Only the replies are lost: the robot cannot know that the base receives its requests, so it
+/// sends "stop".
 #[test]
 fn a_base_that_hears_but_is_not_heard_is_stopped() {
     let mut bench = driving(3);
@@ -126,8 +128,8 @@ fn a_base_that_hears_but_is_not_heard_is_stopped() {
     );
 }
 
-/// Seed figure S8: lost answers are repeated; with a third of them lost the tour is driven all the
-/// same, and the base never gets a set-point that was not meant.
+/// Seed figure S8: lost replies cause retries. With a third of them lost, the tour is still driven,
+/// and the base never receives a wrong set-point.
 #[test]
 fn lost_answers_cost_retries_and_nothing_else() {
     let mut bench = Bench::new(flat(), 4);
@@ -142,8 +144,8 @@ fn lost_answers_cost_retries_and_nothing_else() {
     assert!(bench.clearance_mm > 10.0);
 }
 
-/// The base restarts: its counters begin at zero and its set-points are gone. The pose must not
-/// jump, and the set-points must come back by themselves.
+/// The base restarts: its counters begin at zero and its set-points are lost. The pose must not
+/// jump, and the set-points must be restored automatically.
 #[test]
 fn a_restarted_base_goes_on_where_it_was() {
     let mut bench = driving(5);
@@ -160,8 +162,8 @@ fn a_restarted_base_goes_on_where_it_was() {
     assert!(bench.counter("encoder readings disbelieved") <= 3);
 }
 
-/// The base was away and comes back with counters that begin at zero: not one reading of them may
-/// be taken for a motion, or for a glitch.
+/// The base was absent and returns with counters that begin at zero. No reading of them may count
+/// as motion or as a glitch.
 #[test]
 fn a_base_that_was_away_is_read_afresh() {
     let mut bench = driving(8);
@@ -182,8 +184,8 @@ fn a_base_that_was_away_is_read_afresh() {
     assert_eq!(bench.counter("encoder readings disbelieved"), 0);
 }
 
-/// The base would follow its last set-point for as long as the program repeats it. If the program's
-/// main loop hangs, its interrupts must not repeat it.
+/// The base follows its last set-point for as long as the program repeats it. If the program's main
+/// loop hangs, its interrupts must not repeat it.
 #[test]
 fn a_hanging_main_loop_does_not_drive_on() {
     let mut bench = driving(9);
@@ -195,9 +197,9 @@ fn a_hanging_main_loop_does_not_drive_on() {
     assert_eq!(bench.counter("set-points expired"), 1);
 }
 
-/// A search of the whole map takes some two seconds, and the robot rolls on for the first of them:
-/// farther back than the odometry remembers readings. Found by a campaign: a robot that was lost
-/// once drove on a little after each search, and was lost again for it.
+/// A search of the whole map takes some two seconds, and the robot rolls on during the first of
+/// them. This is longer than the odometry keeps readings. A campaign found this defect: a robot
+/// that was lost once drove on a little after each search, and was lost again because of it.
 #[test]
 fn the_way_rolled_during_a_long_search_is_not_forgotten() {
     let mut bench = driving(9);
@@ -210,7 +212,7 @@ fn the_way_rolled_during_a_long_search_is_not_forgotten() {
     assert!(apart_mm < 30.0, "{apart_mm} mm of {rolled} mm");
 }
 
-/// All three tries of a write are lost: it is made again at once, not when its refresh is due.
+/// All three tries of a write are lost: the write is repeated at once, not at its next refresh.
 #[test]
 fn a_lost_write_is_made_again_at_once() {
     for phase in 0..8 {
@@ -225,7 +227,7 @@ fn a_lost_write_is_made_again_at_once() {
     }
 }
 
-/// The base's watchdog needs a write each second; the seed wants them refreshed in time.
+/// The base's watchdog needs a write each second; the seed requires a refresh in time.
 #[test]
 fn set_points_are_refreshed_at_least_each_200_ms() {
     let mut bench = driving(6);
@@ -235,7 +237,7 @@ fn set_points_are_refreshed_at_least_each_200_ms() {
     assert!(longest <= Duration::from_millis(200), "{longest:?}");
 }
 
-/// Field defect MA-09: before the base's first answer the battery was taken for empty.
+/// Field defect MA-09: before the base's first reply, the battery counted as empty.
 #[test]
 fn the_battery_is_unknown_until_the_base_has_told() {
     let mut bench = Bench::new(flat(), 7);

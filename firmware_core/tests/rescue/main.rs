@@ -1,4 +1,4 @@
-//! The rescue robot's program in a closed loop: small stories, each with what is at stake.
+//! The rescue robot's program in a closed loop: short scenarios, each with its failure at stake.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "the figures of a small world are small"

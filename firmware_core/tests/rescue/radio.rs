@@ -1,4 +1,4 @@
-//! What the PC receives, and what the robot makes of what the PC says.
+//! Data that the PC receives, and the robot's reaction to data from the PC.
 
 use core::time::Duration;
 
@@ -8,8 +8,8 @@ use protocols::pcui::{self, HEADER_LEN, seal};
 
 use crate::bench::{Bench, SECOND, flat};
 
-/// Field defects PU-06 and PU-18: poses and text inside of map rows cost both. Everything that the
-/// PC receives must be a whole frame.
+/// Field defects PU-06 and PU-18: poses and text inside map rows damaged both. All data for the PC
+/// must be whole frames.
 #[test]
 fn the_pc_hears_whole_frames_only() {
     let mut bench = Bench::new(flat(), 1);
@@ -53,9 +53,9 @@ fn the_rows_come_round_in_order() {
     assert!(per_second <= 12_500, "{per_second} bytes a second");
 }
 
-/// Seed figure S7: 300 x 300 cells take 1.953 s at 460800 baud with ten bits a byte; with 20 bytes
-/// of header for each of 300 rows and a pose each 50 ms that is 2.1 s, and run-length coding makes
-/// it shorter.
+/// Seed figure S7: 300 x 300 cells take 1.953 s at 460800 baud with ten bits a byte. With 20 bytes
+/// of header for each of 300 rows and a pose each 50 ms, the time is 2.1 s; run-length encoding
+/// shortens it.
 #[test]
 fn an_unpaced_map_needs_no_longer_than_the_line() {
     let mut config = Config::default();
@@ -69,7 +69,8 @@ fn an_unpaced_map_needs_no_longer_than_the_line() {
     assert!(per_pass < 97_000, "{per_pass} bytes a pass");
 }
 
-/// Field program: the list is sent back; here with the numbers that the robot gave, in order.
+/// Fielded program: the robot returns the list; here with the numbers that the robot assigned, in
+/// order.
 #[test]
 fn a_received_list_comes_back() {
     let mut bench = Bench::new(flat(), 5);
@@ -87,8 +88,8 @@ fn a_received_list_comes_back() {
     assert_eq!(bench.heard.echoes.last(), Some(&Vec::new()));
 }
 
-/// Field defects PU-12 and PU-13: lists of 21 and more overran a queue of 200 bytes. The
-/// robot's list has 100.
+/// Field defects PU-12 and PU-13: lists of 21 or more waypoints overran a queue of 200 bytes. The
+/// robot's list holds 100.
 #[test]
 fn the_longest_list_is_taken_in_one_burst() {
     let mut bench = Bench::new(flat(), 6);
@@ -99,7 +100,8 @@ fn the_longest_list_is_taken_in_one_burst() {
     assert_eq!(bench.heard.echoes.last().map(Vec::len), Some(100));
 }
 
-/// A frame that announces 903 bytes is no list that the robot could take: it says what it has.
+/// A frame that announces 903 bytes is a longer list than the robot accepts: it replies with its
+/// present list.
 #[test]
 fn a_list_that_is_too_long_is_answered_by_the_one_that_there_is() {
     let mut bench = Bench::new(flat(), 6);
@@ -115,9 +117,9 @@ fn a_list_that_is_too_long_is_answered_by_the_one_that_there_is() {
     assert_eq!(echoes, [[[500, 600]]]);
 }
 
-/// Field defects PU-01, PU-03, PU-04, PU-05: each of these cost the fielded robot the next frame,
-/// its receiver for good, or made waypoints of stale memory. Behind each of them a good list
-/// follows.
+/// Field defects PU-01, PU-03, PU-04, PU-05: each of these frames cost the fielded robot the next
+/// frame, stopped its receiver for good, or made waypoints from stale memory. A valid list follows
+/// each of them.
 #[test]
 fn damaged_frames_do_not_cost_the_good_one_behind_them() {
     let mut short_list = [0; 64];
@@ -153,7 +155,7 @@ fn damaged_frames_do_not_cost_the_good_one_behind_them() {
     }
 }
 
-/// A frame that was cut off must not swallow the one that comes after a pause.
+/// A cut frame must not consume the next frame, which follows after a pause.
 #[test]
 fn a_cut_off_frame_is_given_up_after_a_pause() {
     let mut bench = Bench::new(flat(), 8);
@@ -164,7 +166,7 @@ fn a_cut_off_frame_is_given_up_after_a_pause() {
     assert_eq!(bench.counter("radio bad frames"), 1);
 }
 
-/// What the robot itself sends means nothing when it comes in; neither does an unknown id.
+/// The robot's own messages have no meaning as input, and neither has an unknown id.
 #[test]
 fn frames_without_meaning_are_counted() {
     let mut bench = Bench::new(flat(), 9);
@@ -176,8 +178,8 @@ fn frames_without_meaning_are_counted() {
     assert_eq!(bench.counter("radio frames without meaning"), 3);
 }
 
-/// A line that takes nothing fills the queue; that is counted, and nothing is sent in halves when
-/// the line takes bytes again.
+/// A blocked line fills the queue. The lost frames are counted, and no partial frame is sent when
+/// the line accepts bytes again.
 #[test]
 fn a_blocked_line_costs_frames_but_never_halves() {
     let mut bench = Bench::new(flat(), 10);
@@ -190,7 +192,7 @@ fn a_blocked_line_costs_frames_but_never_halves() {
     assert!(bench.heard.properties.len() > 199);
 }
 
-/// A program that is asked again and again at the same moment must not do anything twice.
+/// A program that is polled repeatedly at the same time must not repeat an action.
 #[test]
 fn polling_twice_is_harmless() {
     let (mut once, mut twice) = (Bench::new(flat(), 11), Bench::new(flat(), 11));

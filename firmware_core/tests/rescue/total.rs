@@ -1,4 +1,4 @@
-//! Whatever comes in on whatever port and whenever: no panic, and the motors obey.
+//! Any input on any port at any time: no panic, and the motors follow their orders.
 
 use core::time::Duration;
 
@@ -81,8 +81,8 @@ fn traffic() -> impl Strategy<Value = (u8, Vec<u8>)> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 128, ..ProptestConfig::default() })]
 
-    /// Every request that leaves is one of the four that the robot knows, its set-points are within
-    /// the base's range, and everything for the PC is whole frames.
+    /// Every request is one of the four that the robot knows, and its set-points are within the
+    /// base's range. All data for the PC is whole frames.
     #[test]
     fn any_bytes_in_any_pieces_at_any_time_are_survived(
         steps in prop::collection::vec((traffic(), 0_u64..400_000, 1_usize..64, 0_u8..20), 1..120)

@@ -1,6 +1,5 @@
-//! A robot on two wheels in a room, the hardware of its chip, and a PC, as small as they can be:
-//! enough to close the loop around the program without any other crate. The real devices are
-//! elsewhere.
+//! A minimal two-wheeled robot in a room, the hardware of its chip, and a PC: enough to close the
+//! loop around the program without another crate. The emulated devices are in other crates.
 
 use core::f64::consts::TAU;
 use core::time::Duration;
@@ -51,16 +50,16 @@ pub(crate) fn wrapped(angle: f64) -> f64 {
     angle - TAU * libm::round(angle / TAU)
 }
 
-/// One motor with its wheel, as the motor sees itself.
+/// One motor with its wheel, in the motor's own direction.
 #[derive(Clone, Copy)]
 pub(crate) struct Motor {
     pub(crate) rpm_per_volt: f64,
-    /// Voltage that friction takes.
+    /// Voltage that friction consumes.
     pub(crate) friction_volts: f64,
-    /// Friction only holds the wheel: above its voltage it takes nothing.
+    /// Friction only holds the wheel: above its voltage it consumes nothing.
     pub(crate) only_holds: bool,
     pub(crate) rpm: f64,
-    /// Its encoder counts nothing.
+    /// Whether its encoder does not count.
     pub(crate) is_uncounted: bool,
     pub(crate) counts: f64,
 }
@@ -76,7 +75,7 @@ impl Motor {
         } else {
             volts - self.friction_volts * volts.signum()
         };
-        // First order, 60 ms, a millisecond at a time.
+        // First-order response with a time constant of 60 ms, a millisecond at a time.
         self.rpm += (driven * self.rpm_per_volt - self.rpm) * (1.0 - libm::exp(-1.0 / 60.0));
         if !self.is_uncounted {
             self.counts += self.rpm / 60.0 * 0.001 * 1_200.0;
@@ -88,7 +87,7 @@ impl Motor {
     }
 }
 
-/// Everything, advanced by a millisecond at a time.
+/// The whole system, advanced by a millisecond at a time.
 pub(crate) struct Bench {
     pub(crate) robot: Yellow,
     pub(crate) now: Instant,
@@ -96,18 +95,18 @@ pub(crate) struct Bench {
     /// x, y in metres, heading in radians.
     pub(crate) body: [f64; 3],
     pub(crate) motors: [Motor; 2],
-    /// Added to the counters, so that they wrap when a test wants it.
+    /// Offset of the counters, so that they wrap when a test needs it.
     pub(crate) counter_offset: [u16; 2],
     pub(crate) outputs: Outputs,
     pub(crate) button: bool,
-    /// The board has no supply: motors are off, and no sample comes.
+    /// Whether the board has no supply: motors are off, and no sample arrives.
     pub(crate) is_unsupplied: bool,
     pub(crate) lidar: Lidar,
     pub(crate) heard: Vec<(Instant, Telemetry)>,
-    /// Payloads as they came.
+    /// Received payloads.
     pub(crate) payloads: Vec<Vec<u8>>,
     pub(crate) modes: Vec<(Instant, &'static str)>,
-    /// Nearest that the middle of the robot came to a wall.
+    /// Minimum distance of the robot's middle from a wall.
     pub(crate) clearance_m: f64,
     /// Volts: ahead, right front, left front.
     infrared: [f64; 3],
@@ -168,7 +167,7 @@ impl Bench {
         }
     }
 
-    /// Other noise.
+    /// Changes the seed of the noise.
     pub(crate) fn seeded(mut self, seed: u64) -> Self {
         self.dice = Dice::new(seed);
         self.lidar = Lidar::new(seed + 1_000);
@@ -195,13 +194,13 @@ impl Bench {
         Inspect::mode(&self.robot)
     }
 
-    /// Speed of the body ahead and to the left, m/s and rad/s.
+    /// Forward speed of the body, m/s, and its turn rate to the left, rad/s.
     pub(crate) fn speed(&self) -> [f64; 2] {
         let (left, right) = (self.motors[0].speed_m_s(), -self.motors[1].speed_m_s());
         [(left + right) / 2.0, (right - left) / 0.18]
     }
 
-    /// How far the program's pose is off: metres and radians.
+    /// Error of the program's pose: metres and radians.
     pub(crate) fn pose_error(&self) -> [f64; 2] {
         let pose = self.robot.pose();
         let [x, y, heading] = self.body;
@@ -262,7 +261,8 @@ impl Bench {
         if self.robot.poll_at().is_some_and(|at| at <= self.now) {
             self.robot.poll(self.now);
         }
-        // What is due has been done: a rig that jumps from event to event would not get on else.
+        // All due actions are done; otherwise a rig that jumps from event to event would make no
+        // progress.
         assert!(self.robot.poll_at() > Some(self.now));
         self.carry();
         let mode = self.mode();
@@ -291,9 +291,9 @@ impl Bench {
         self.clearance_m = nearest;
     }
 
-    /// The chip's hardware: one sample.
+    /// One sample of the chip's hardware.
     fn sense(&mut self) {
-        // The sensors look again each 38 ms, from a ring of 9 cm radius; 15 mV of noise.
+        // The sensors measure each 38 ms, from a ring of 9 cm radius; 15 mV of noise.
         if self.now.as_millis().is_multiple_of(38) {
             for (slot, bearing) in [0.0, -60.0, 60.0_f64].into_iter().enumerate() {
                 let way = self.body[2] + bearing.to_radians();
@@ -324,7 +324,7 @@ impl Bench {
         }
     }
 
-    /// Takes what the robot sends.
+    /// Collects the bytes that the robot sends.
     fn carry(&mut self) {
         let mut buf = [0; 64];
         let len = self.robot.transmit(Yellow::BOARD, &mut buf);
@@ -356,8 +356,8 @@ impl Bench {
     }
 }
 
-/// What a sensor gives: 0.4 V at 0.8 m, 2.3 V at 0.1 m, linear in the reciprocal, and less again
-/// below 7 cm.
+/// Voltage of a sensor: 0.4 V at 0.8 m, 2.3 V at 0.1 m, linear in the reciprocal, and decreasing
+/// again below 7 cm.
 fn volts(distance: f64) -> f64 {
     let above = |distance: f64| 0.4 + 1.9 * (1.0 / distance - 1.25) / 8.75;
     match distance < 0.07 {

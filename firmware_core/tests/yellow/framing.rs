@@ -1,4 +1,4 @@
-//! YE1: frames of the link, as the program takes them.
+//! YE1: frames of the link in the program.
 
 use firmware_core::Master;
 use firmware_core::robots::yellow::Yellow;
@@ -20,7 +20,7 @@ fn command() -> Telecommand {
     }
 }
 
-/// Frames with these bytes that a robot takes for telecommands.
+/// Number of telecommands that a robot accepts from these bytes.
 fn taken(id: Option<&str>, bytes: &[u8]) -> u64 {
     let mut bench = match id {
         None => Bench::new(square(2.0)),
@@ -50,8 +50,9 @@ fn ye1_any_payload_goes_round() {
     }
 }
 
-/// Every byte of a frame but its start, made every other byte: that frame is dropped, the next one
-/// taken. A wrong length may want bytes of the next frame, whose start ends that.
+/// Every byte of a frame except its start is set to every other value: that frame is dropped, the
+/// next one accepted. A wrong length may include bytes of the next frame, whose start ends the
+/// damaged one.
 #[test]
 fn ye1_a_corrupt_frame_is_dropped_and_the_next_one_taken() {
     let good = framed(&command());
@@ -65,7 +66,7 @@ fn ye1_a_corrupt_frame_is_dropped_and_the_next_one_taken() {
     }
 }
 
-/// YF-01: the fielded robot takes a frame whose checksum is wrong.
+/// YF-01: the fielded robot accepts a frame with a wrong checksum.
 #[test]
 fn ye1_the_fielded_robot_takes_corrupt_frames() {
     let mut bytes = framed(&command());
@@ -75,7 +76,7 @@ fn ye1_the_fielded_robot_takes_corrupt_frames() {
     assert_eq!(taken(Some("YF-01"), &bytes), 1);
 }
 
-/// YF-02: a lost byte costs two frames, for the start of the second one is taken for data.
+/// YF-02: a lost byte costs two frames, because the start of the second one counts as data.
 #[test]
 fn a_lost_byte_costs_the_fielded_robot_two_frames() {
     let good = framed(&command());
@@ -86,7 +87,7 @@ fn a_lost_byte_costs_the_fielded_robot_two_frames() {
     assert_eq!(taken(Some("YF-02"), &bytes), 0);
 }
 
-/// YF-03: what comes before the program has looked at a frame is lost.
+/// YF-03: bytes that arrive before the program has processed a frame are lost.
 #[test]
 fn the_fielded_robot_is_deaf_behind_a_frame() {
     let good = framed(&command());
@@ -101,7 +102,7 @@ fn the_fielded_robot_is_deaf_behind_a_frame() {
     assert_eq!(bench.counter("telecommands"), 2);
 }
 
-/// A frame that is sound and no message, and one that wants what is no number.
+/// A valid frame that is no message, and one with a value that is not a number.
 #[test]
 fn what_means_nothing_changes_nothing() {
     let mut bench = Bench::new(square(2.0));

@@ -1,4 +1,4 @@
-//! The lidar of the bench: answers scan, health and reset requests, and can be silent.
+//! The lidar of the bench: it replies to scan, health and reset requests, and can be silent.
 
 use core::time::Duration;
 
@@ -33,21 +33,21 @@ enum Phase {
     Scanning,
     /// Protection Stop.
     Stopped,
-    /// Was reset, and will send its start text.
+    /// After a reset; the start text follows.
     Restarting(Instant),
 }
 
-/// A turning head.
+/// The rotating head of a lidar.
 pub(crate) struct Lidar {
     pub(crate) duty: u8,
     pub(crate) sigma_mm: f64,
     /// 2000 samples a second make 364 at 5.5 turns a second.
     pub(crate) nodes_per_turn: f64,
-    /// This many more bytes, and one is lost.
+    /// Number of bytes after which one is lost.
     pub(crate) lose_in: Option<usize>,
-    /// What carries the bytes takes those that are 0 for none.
+    /// Whether the transport drops bytes of value 0.
     pub(crate) strips_nul: bool,
-    /// Nodes come from then on.
+    /// Time from which on nodes are sent.
     pub(crate) even_at: Instant,
     /// Requests so far.
     pub(crate) requests: Vec<(Instant, Command)>,
@@ -78,7 +78,7 @@ impl Lidar {
         }
     }
 
-    /// Protects itself: says nothing until it is reset.
+    /// Enters Protection Stop: silence until a reset.
     pub(crate) fn stop(&mut self) {
         self.phase = Phase::Stopped;
     }
@@ -110,7 +110,7 @@ impl Lidar {
         }
     }
 
-    /// What comes in this millisecond: two samples.
+    /// Bytes of this millisecond: two samples.
     pub(crate) fn step(&mut self, now: Instant, body: [f64; 3], walls: &[Wall]) -> Vec<u8> {
         let mut bytes = core::mem::take(&mut self.answer);
         if let Phase::Restarting(at) = self.phase

@@ -8,7 +8,8 @@ use protocols::telemetry::message::{ANY_HEADING, Pose, State, Telecommand};
 use crate::bench::{Bench, SECOND, square, wrapped};
 use crate::lidar::Dice;
 
-/// How a manoeuvre went: position and heading left, farthest from the straight line, time.
+/// Result of a manoeuvre: remaining position and heading error, maximum distance from the straight
+/// line, time.
 struct Went {
     apart_m: f64,
     turned: f64,
@@ -40,8 +41,9 @@ fn go(bench: &mut Bench, goal: [f32; 3]) -> Went {
     }
 }
 
-/// 50 goals within 2 m, headings over the whole circle with both ends of it among them; the robot
-/// begins each where the one before has ended. Motors differ from what is thought by 5 %.
+/// 50 goals within 2 m, with headings over the whole circle including both its ends. The robot
+/// begins each manoeuvre at the end of the previous one. The motors differ from the assumed ones by
+/// 5 %.
 #[test]
 fn ye7_fifty_goals_are_reached() {
     fifty_goals(false);
@@ -70,7 +72,7 @@ fn fifty_goals(only_holds: bool) {
         };
         let [x, y, _] = bench.body;
         let goal = [(x + any(2.0)) as f32, (y + any(2.0)) as f32, heading];
-        // The goal is where odometry has it; that odometry is right is another test.
+        // The goal is in odometry coordinates; the accuracy of the odometry is another test.
         bench.send(&Telecommand {
             corrected_pose: Some(Pose {
                 x: x as f32,
@@ -102,7 +104,7 @@ fn fifty_goals(only_holds: bool) {
     assert!(beside <= 0.05, "{beside} m");
 }
 
-/// YA-01: from heading 3.0 to -3.0 it is 0.28 rad on the short way and 6.0 rad on the long one.
+/// YA-01: from heading 3.0 to -3.0, the short direction is 0.28 rad and the long one 6.0 rad.
 #[test]
 fn ye7_the_last_turn_goes_the_short_way() {
     let time = |mut bench: Bench| {
@@ -116,8 +118,8 @@ fn ye7_the_last_turn_goes_the_short_way() {
     assert!(fielded > sound + SECOND, "{fielded:?} against {sound:?}");
 }
 
-/// YA-02: a new goal behind the robot while it drives to another one. Soundly it turns first and
-/// drives straight; as fielded it continues driving and describes a curve.
+/// YA-02: a new goal behind the robot while it drives to another one. Correctly, it turns first and
+/// then drives straight; the fielded robot continues driving in a curve.
 #[test]
 fn a_new_goal_on_the_way_begins_with_its_turn() {
     let strayed = |mut bench: Bench| {
@@ -138,7 +140,7 @@ fn a_new_goal_on_the_way_begins_with_its_turn() {
     assert!(sound < 0.05 && fielded > 0.1, "{sound} m, {fielded} m");
 }
 
-/// 123456 is no heading but none at all: the robot stays as it has come.
+/// 123456 means no final heading: the robot keeps its heading of arrival.
 #[test]
 fn any_heading_means_any() {
     let mut bench = Bench::new(square(100.0));
@@ -149,13 +151,13 @@ fn any_heading_means_any() {
     assert_eq!(bench.mode(), "off");
 }
 
-/// What the PC knows of the pose counts from then on, also in the midst of a way.
+/// A pose correction of the PC takes effect at once, also during a drive.
 #[test]
 fn a_corrected_pose_is_gone_on_from() {
     let mut bench = Bench::new(square(100.0));
     bench.go(1.0, 0.0, 0.0);
     assert!(bench.run_until(5 * SECOND, |bench| bench.body[0] > 0.5));
-    // It thinks to be 0.2 m to the left of where it thought.
+    // The corrected pose is 0.2 m to the left of the believed one.
     let y = bench.body[1] as f32 + 0.2;
     bench.send(&Telecommand {
         corrected_pose: Some(Pose {
@@ -175,8 +177,8 @@ fn a_corrected_pose_is_gone_on_from() {
     );
 }
 
-/// A wall 0.6 m ahead that the goal is behind, as for a robot whose pose is wrong: its deck, 0.12 m
-/// before its middle, comes there at 4 cm/s, which does no harm.
+/// The goal is behind a wall 0.6 m ahead, as for a robot with a wrong pose. The robot's deck, 0.12
+/// m ahead of its middle, touches the wall at 4 cm/s, which does no harm.
 #[test]
 fn a_wall_that_no_map_has_is_touched_softly() {
     let mut bench = Bench::new(vec![[0.6, -2.0, 0.6, 2.0]]);

@@ -1,10 +1,10 @@
-//! Driving by the IR sensors: single situations. Whole labyrinths are driven elsewhere (YE6).
+//! Driving by the IR sensors: single situations. Other tests drive whole labyrinths (YE6).
 
 use protocols::telemetry::message::{Reactive, State, Telecommand};
 
 use crate::bench::{Bench, SECOND, Wall, closed};
 
-/// Radius of the body, as the rig's chassis has it.
+/// Radius of the body, as in the rig's chassis.
 const BODY_M: f64 = 0.12;
 const SIN_60: f64 = 0.866_025_4;
 
@@ -20,7 +20,7 @@ fn corner() -> Vec<Wall> {
     ])
 }
 
-/// Walls 0.25 m left and right of a way with corners; closed behind its beginning only.
+/// Walls 0.25 m left and right of a path with corners; closed only at its beginning.
 fn corridor(way: &[[f64; 2]]) -> Vec<Wall> {
     let direction = |at: usize| {
         let [a, b] = [way[at], way[at + 1]];
@@ -32,7 +32,7 @@ fn corridor(way: &[[f64; 2]]) -> Vec<Wall> {
     for (at, middle) in way.iter().enumerate() {
         let before = direction(at.saturating_sub(1));
         let behind = direction(at.min(last - 1));
-        // At a corner the walls meet where both ways' are; at an end both ways are the same one.
+        // At a corner, the walls of both sections meet; at an end, both sections are equal.
         let together = 1.0 + before[0] * behind[0] + before[1] * behind[1];
         let normal = [
             -(before[1] + behind[1]) / together,
@@ -71,7 +71,8 @@ const WAY: [[f64; 2]; 9] = [
     [5.0, -1.0],
 ];
 
-/// Of 20 seeds at least 19 come out without a touch (YE6's figure; whole labyrinths elsewhere).
+/// At least 19 of 20 seeds reach the end without a contact (YE6's figure; other tests drive whole
+/// labyrinths).
 #[test]
 fn ye6_a_crooked_corridor_is_driven_through() {
     let (mut through, mut worst) = (0, f64::INFINITY);
@@ -92,7 +93,7 @@ fn ye6_a_crooked_corridor_is_driven_through() {
     assert!(through >= 19, "{through} of 20, {worst} m");
 }
 
-/// Kinds of labyrinths, by the middle of their corridors: by what has to be done in them.
+/// Kinds of labyrinths by the manoeuvre that they require, as the middle lines of their corridors.
 const KINDS: [(&str, &[[f64; 2]]); 6] = [
     ("straight", &[[0.0, 0.0], [4.0, 0.0]]),
     (
@@ -114,7 +115,7 @@ const KINDS: [(&str, &[[f64; 2]]); 6] = [
     ),
 ];
 
-/// How many of five seeds come to the end of a corridor without a touch.
+/// How many of five seeds reach the end of a corridor without a contact.
 fn out_of_five(way: &[[f64; 2]], id: Option<&str>) -> usize {
     let [x, y] = way[way.len() - 1];
     let is_out = |seed: &u64| {
@@ -139,7 +140,7 @@ fn out_of_five(way: &[[f64; 2]], id: Option<&str>) -> usize {
     (1..=5).filter(is_out).count()
 }
 
-/// D2: in the demonstration the fielded law turned back at a corner. It passes some labyrinths and
+/// D2: in the demonstration, the fielded law turned back at a corner. It passes some labyrinths and
 /// fails at some kinds of corners; ours passes all.
 #[test]
 fn d2_the_fielded_law_passes_some_labyrinths_and_ours_all() {
@@ -171,7 +172,7 @@ fn a_corner_is_gone_round_without_a_touch() {
     assert!(bench.clearance_m > BODY_M, "{} m", bench.clearance_m);
 }
 
-/// YR-01: bang-bang and a little to the left; the demonstration failed with it.
+/// YR-01: bang-bang control with an offset to the left; the demonstration failed with it.
 #[test]
 fn ye6_the_fielded_formula_touches_a_wall_in_the_corner() {
     let mut bench = Bench::with_defect(corner(), "YR-01");
@@ -187,8 +188,8 @@ fn ye6_the_fielded_formula_touches_a_wall_in_the_corner() {
     assert!(!through || bench.clearance_m <= BODY_M, "{:?}", bench.body);
 }
 
-/// B4, by hand: v_p = 0.5, d = (0.2, 0.15, 0.25), d_max = 0.3: v = 0.3 + 4 * 2/3 * 2/3 = 2.08 m/s,
-/// turn = 0.1 + 40 / 3 = 13.4 rad/s, by which the figures of the evaluation are met.
+/// B4, worked out by hand: v_p = 0.5, d = (0.2, 0.15, 0.25), d_max = 0.3. The speed is v = 0.3 + 4
+/// * 2/3 * 2/3 = 2.08 m/s, the turn 0.1 + 40 / 3 = 13.4 rad/s; the evaluation has the same figures.
 #[test]
 fn the_fielded_formula_is_always_at_its_ends() {
     // Sensors on a ring of 9 cm: walls at 0.29 m ahead, at 0.24 m and 0.34 m along 60 degrees.
@@ -203,7 +204,7 @@ fn the_fielded_formula_is_always_at_its_ends() {
         }),
         ..Telecommand::default()
     });
-    // The robot is held: only what it wants counts.
+    // The robot is held: only its set-points count.
     bench.motors[0].friction_volts = 100.0;
     bench.motors[1].friction_volts = 100.0;
     bench.run_for(SECOND);
@@ -221,7 +222,7 @@ fn the_fielded_formula_is_always_at_its_ends() {
     );
 }
 
-/// A blind end: back, turn to where there is more room, and out again.
+/// A dead end: back up, turn to the side with more space, and drive out again.
 #[test]
 fn a_blind_end_is_left() {
     let walls = closed(&[[-2.0, -0.25], [0.6, -0.25], [0.6, 0.25], [-2.0, 0.25]]);
@@ -232,7 +233,7 @@ fn a_blind_end_is_left() {
     assert!(bench.clearance_m > BODY_M, "{} m", bench.clearance_m);
 }
 
-/// What the PC does not say, or says below zero, is the robot's own figure.
+/// Missing or negative values from the PC are replaced by the robot's own figures.
 #[test]
 fn figures_below_zero_are_the_robots_own() {
     let speed = |order: Option<f32>| {

@@ -7,7 +7,7 @@ use protocols::rplidar::Command;
 
 use crate::bench::{Bench, SECOND, cast, square};
 
-/// A robot in the middle of a square of 2 m whose lidar has turned for three seconds.
+/// A robot in the middle of a square of 2 m, three seconds after the lidar's start.
 fn seen(id: Option<&str>, nodes_per_turn: f64, sigma_mm: f64) -> Bench {
     let mut bench = match id {
         None => Bench::new(square(2.0)),
@@ -23,7 +23,7 @@ fn points(bench: &Bench) -> &[Point] {
     Inspect::scan(&bench.robot)
 }
 
-/// How far a point lies beside the walls, along its beam, mm.
+/// Distance of a point from the walls, along its beam, mm.
 fn error_mm(bench: &Bench, point: &Point) -> f64 {
     let (x, y) = (f64::from(point.x_mm), f64::from(point.y_mm));
     let [bx, by, heading] = bench.body;
@@ -37,8 +37,8 @@ fn rms_mm(bench: &Bench) -> f64 {
     libm::sqrt(squares.iter().sum::<f64>() / squares.len() as f64)
 }
 
-/// D2: of 5 x 720 points the noise falls by sqrt 5 = 2.24, +-20 %: to 13.4 mm (11.2 to 16.8) of
-/// 30 mm. A turn of 720 nodes gives each half degree one sample a turn.
+/// D2: over 5 x 720 points the noise falls by sqrt 5 = 2.24, +-20 %: to 13.4 mm (11.2 to 16.8) from
+/// 30 mm. A turn of 720 nodes gives each half degree one sample.
 #[test]
 fn d2_the_noise_of_five_turns_falls_by_the_root_of_five() {
     let bench = seen(None, 720.0, 30.0);
@@ -48,7 +48,7 @@ fn d2_the_noise_of_five_turns_falls_by_the_root_of_five() {
     assert!((1.79..=2.68).contains(&factor), "{factor}");
 }
 
-/// YL-05: five copies of one turn are one turn.
+/// YL-05: five copies of one turn contain no more information than one turn.
 #[test]
 fn d2_the_noise_of_five_copies_does_not_fall() {
     let factor = 30.0 / rms_mm(&seen(Some("YL-05"), 720.0, 30.0));
@@ -56,8 +56,9 @@ fn d2_the_noise_of_five_copies_does_not_fall() {
     assert!(factor < 1.1, "{factor}");
 }
 
-/// A real A1 gives 364 samples a turn: half of the directions have less than three of their own and
-/// look at their neighbours'. There must be no holes, and less noise than in a turn.
+/// A real A1 gives 364 samples a turn. Half of the directions have fewer than three samples of
+/// their own and use those of their neighbours. The result must have no holes, and less noise than
+/// one turn.
 #[test]
 fn a_turn_of_364_samples_leaves_no_holes() {
     let bench = seen(None, 363.6, 30.0);
@@ -67,8 +68,8 @@ fn a_turn_of_364_samples_leaves_no_holes() {
     assert!(factor > 1.5, "{factor}");
 }
 
-/// Clockwise on the wire, counter-clockwise in the robot: a wall 0.5 m to the left, one 0.8 m to
-/// the right, and the robot looks along +x.
+/// Angles are clockwise on the wire and counter-clockwise in the robot: a wall 0.5 m to the left,
+/// one 0.8 m to the right, and the robot faces +x.
 #[test]
 fn left_is_left() {
     let mut bench = Bench::new(vec![[-9.0, 0.5, 9.0, 0.5], [-9.0, -0.8, 9.0, -0.8]]);
@@ -82,8 +83,8 @@ fn left_is_left() {
     assert_eq!(beside.iter().filter(|it| it.y_mm > 510.0).count(), 0);
 }
 
-/// Nearer than 150 mm and farther than 5 m nothing is believed: walls at 5.1 m and at 4.9 m, at
-/// 140 mm and at 160 mm.
+/// Distances below 150 mm and above 5 m are rejected: walls at 5.1 m and at 4.9 m, at 140 mm and at
+/// 160 mm.
 #[test]
 fn d2_what_is_too_near_or_too_far_is_left_out() {
     let mut bench = Bench::new(vec![[5.1, -9.0, 5.1, 9.0], [-4.9, -9.0, -4.9, 9.0]]);
@@ -97,7 +98,7 @@ fn d2_what_is_too_near_or_too_far_is_left_out() {
     assert!(ranges().any(|range_mm| range_mm < 165.0));
 }
 
-/// YE3: a lost byte costs at most 10 bytes, two nodes, whatever byte it is; the set stays right.
+/// YE3: a lost byte costs at most 10 bytes, two nodes, whichever byte it is; the set stays correct.
 #[test]
 fn ye3_a_lost_byte_costs_two_nodes() {
     for lost in 0..5 {
@@ -115,9 +116,9 @@ fn ye3_a_lost_byte_costs_two_nodes() {
     }
 }
 
-/// Bytes of 0 get lost, among them one of the node with which each turn begins: its angle is below
-/// two degrees. Sets come all the same: what stood at 1 m stands at 1.5 m two seconds later, and
-/// nothing stands elsewhere.
+/// Bytes of 0 get lost, including one in the first node of each turn, whose angle is below two
+/// degrees. Sets still arrive: a wall that moved from 1 m to 1.5 m is at 1.5 m two seconds later,
+/// and no other point exists.
 #[test]
 fn a_turn_without_its_first_node_ends_all_the_same() {
     let mut bench = seen(None, 363.6, 5.0);
@@ -130,7 +131,7 @@ fn a_turn_without_its_first_node_ends_all_the_same() {
     assert!(worst < 30.0, "{worst} mm");
 }
 
-/// YL-01: groups of five stay where they are; from then on hardly any of them is a node.
+/// YL-01: groups of five are never realigned; after the lost byte, hardly any of them is a node.
 #[test]
 fn ye3_the_fielded_driver_stays_misaligned() {
     let mut bench = Bench::with_defect(square(2.0), "YL-01");
@@ -138,12 +139,12 @@ fn ye3_the_fielded_driver_stays_misaligned() {
     assert_eq!(bench.counter("lidar groups bad"), 0);
     bench.lidar.lose_in = Some(100);
     bench.run_for(10 * SECOND);
-    // 2000 nodes a second were sent; by chance a quarter of wrong positions look like one.
+    // 2000 nodes a second were sent; by chance, a quarter of the wrong offsets look like a node.
     let bad = bench.counter("lidar groups bad");
     assert!(bad > 10_000, "{bad}");
 }
 
-/// Motor on at once, 0.6 of 255, and the first request a second later.
+/// The motor starts at once at 0.6 of 255, and the first request follows a second later.
 #[test]
 fn the_lidar_is_started_as_its_motor_needs() {
     let mut bench = Bench::new(square(2.0));
@@ -156,8 +157,8 @@ fn the_lidar_is_started_as_its_motor_needs() {
     assert!((1_000..=1_010).contains(&at.as_millis()), "{at}");
 }
 
-/// Protection Stop is silence: within a second it is noticed, the health is asked for, and the
-/// lidar reset and started again; meanwhile nothing is seen.
+/// Protection Stop is silence. It is detected within a second; the health is requested, and the
+/// lidar is reset and restarted. Until then there are no points.
 #[test]
 fn a_protection_stop_is_noticed_and_ended() {
     let mut bench = Bench::new(square(2.0));
@@ -184,7 +185,7 @@ fn a_protection_stop_is_noticed_and_ended() {
     );
 }
 
-/// YL-04: the fielded program keeps what it saw last forever.
+/// YL-04: the fielded program keeps its last ranges forever.
 #[test]
 fn the_fielded_program_keeps_its_old_ranges() {
     let mut bench = Bench::with_defect(square(2.0), "YL-04");
@@ -198,8 +199,9 @@ fn the_fielded_program_keeps_its_old_ranges() {
     );
 }
 
-/// YL-02: after a restart the new descriptor is taken for data, seven bytes, so that every node is
-/// misaligned by two; a driver that begins to count again with each scan (YL-01) is not.
+/// YL-02: after a restart, the new descriptor of seven bytes counts as data, so that every node is
+/// misaligned by two bytes. A driver that restarts its count with each scan (YL-01) is not
+/// affected.
 #[test]
 fn a_header_counted_once_misaligns_the_second_scan() {
     for (id, is_misaligned) in [("YL-01", false), ("YL-02", true)] {
@@ -214,7 +216,7 @@ fn a_header_counted_once_misaligns_the_second_scan() {
     }
 }
 
-/// YL-03: 360 - 0 is beside an array of 360, and what lies between two degrees is cut off.
+/// YL-03: index 360 - 0 is outside an array of 360, and fractions of a degree are cut off.
 #[test]
 fn whole_degrees_leave_the_array() {
     let bench = seen(Some("YL-03"), 720.0, 0.0);
@@ -226,7 +228,8 @@ fn whole_degrees_leave_the_array() {
     assert_eq!(seen(None, 720.0, 0.0).counter("lidar readings astray"), 0);
 }
 
-/// The head takes time to turn evenly: 2 s without a node behind the first request are no silence.
+/// The head needs time to reach a constant speed: 2 s without a node after the first request are no
+/// silence.
 #[test]
 fn a_head_that_speeds_up_is_waited_for() {
     let mut bench = Bench::new(square(2.0));
@@ -236,7 +239,7 @@ fn a_head_that_speeds_up_is_waited_for() {
     assert!(points(&bench).len() >= 700);
 }
 
-/// A lidar that answers nothing at all is reset again and again, without other effects.
+/// A lidar without any reply is reset repeatedly, without other effects.
 #[test]
 fn a_lidar_that_is_not_there_is_asked_for() {
     use firmware_core::Master as _;

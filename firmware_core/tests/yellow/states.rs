@@ -7,7 +7,7 @@ use protocols::telemetry::message::{State, Telecommand};
 
 use crate::bench::{Bench, SECOND, square};
 
-/// How long the robot was in `mode`, the first time.
+/// Duration of the robot's first stay in `mode`.
 fn time_in(bench: &Bench, mode: &str) -> Duration {
     let at = bench.modes.iter().position(|(_, name)| *name == mode);
     let at = at.expect("the robot was in that mode");
@@ -19,7 +19,7 @@ fn names(bench: &Bench) -> Vec<&'static str> {
 }
 
 /// The whole table: from OFF over SWITCH ON and ON to each activity, over ON to another one, and
-/// over ON and SWITCH OFF back; the drivers take 0.5 s +-10 ms each way.
+/// over ON and SWITCH OFF back; the drivers take 0.5 s +-10 ms in each direction.
 #[test]
 fn ye5_the_whole_table() {
     for (id, step) in [(None, 1), (Some("YS-03"), 10)] {
@@ -47,13 +47,13 @@ fn ye5_the_whole_table() {
             let took = time_in(&bench, switching).as_millis();
             assert!((490..=510).contains(&took), "{switching}: {took} ms");
         }
-        // Seed 1 ms, fielded 10 ms: how long ON lasts on the way.
+        // Duration of the intermediate state ON: 1 ms as in the seed, 10 ms as fielded.
         assert_eq!(time_in(&bench, "on").as_millis(), step, "{id:?}");
     }
 }
 
-/// D2: the machine steps each millisecond, the fielded one each ten: an order is obeyed so much
-/// later, at most. The drivers' 500 ms and the time for one step on the way are the same for all.
+/// D2: the machine steps each millisecond, the fielded one every 10 ms: this is the maximum delay
+/// of an order. The drivers' 500 ms and the time for one intermediate step are equal for both.
 #[test]
 fn d2_an_order_waits_for_a_millisecond_and_in_the_fielded_way_for_ten() {
     let slowest = |id: Option<&str>| {
@@ -75,7 +75,7 @@ fn d2_an_order_waits_for_a_millisecond_and_in_the_fielded_way_for_ten() {
     assert_eq!((slowest(None), slowest(Some("YS-03"))), (1, 10));
 }
 
-/// What the PC is told: it knows neither of drivers nor of ON.
+/// The telemetry shows switching as OFF: the PC knows neither drivers nor ON.
 #[test]
 fn switching_is_told_as_off() {
     let mut bench = Bench::new(square(10.0));
@@ -86,7 +86,8 @@ fn switching_is_told_as_off() {
     assert_eq!(told.last(), Some(&Some(State::Manual)));
 }
 
-/// OFF in the midst of switching on: the drivers come on first, as their hardware needs.
+/// OFF during switching on: the drivers are switched on completely first, as their hardware
+/// requires.
 #[test]
 fn an_order_to_be_off_waits_for_the_drivers() {
     let mut bench = Bench::new(square(10.0));
@@ -113,7 +114,7 @@ fn the_button_switches_on_and_off_when_it_goes_down() {
     assert_eq!(bench.mode(), "off");
 }
 
-/// Without a goal AUTO POSITION is refused, and with one that is no number as well.
+/// AUTO POSITION is refused without a goal, and with a goal that is not a number.
 #[test]
 fn a_position_needs_a_pose() {
     let mut bench = Bench::new(square(10.0));
@@ -129,7 +130,7 @@ fn a_position_needs_a_pose() {
     assert_eq!(bench.mode(), "position");
 }
 
-/// How long a robot without further orders continues driving by hand.
+/// Duration of manual driving without further orders.
 fn manual_lasts(mut bench: Bench) -> (Duration, Bench) {
     bench.drive(0.3, 0.0);
     assert!(bench.run_until(SECOND, |bench| bench.mode() == "manual"));
@@ -139,7 +140,7 @@ fn manual_lasts(mut bench: Bench) -> (Duration, Bench) {
     (bench.now - since, bench)
 }
 
-/// 2 s without the PC end driving by hand: the robot stands, its drivers stay on.
+/// Without the PC, manual driving ends after 2 s: the robot rests, its drivers stay on.
 #[test]
 fn ye5_driving_by_hand_ends_2_s_behind_the_last_word() {
     let (lasted, mut bench) = manual_lasts(Bench::new(square(100.0)));
@@ -147,7 +148,7 @@ fn ye5_driving_by_hand_ends_2_s_behind_the_last_word() {
     bench.run_for(SECOND);
     assert_eq!((bench.mode(), bench.counter("manual time-outs")), ("on", 1));
     assert!(bench.speed()[0].abs() < 0.01);
-    // Any word counts, also one that wants nothing.
+    // Any telecommand counts, also an empty one.
     let mut bench = Bench::new(square(100.0));
     bench.drive(0.3, 0.0);
     for _ in 0..10 {
@@ -157,7 +158,7 @@ fn ye5_driving_by_hand_ends_2_s_behind_the_last_word() {
     assert_eq!(bench.mode(), "manual");
 }
 
-/// YS-01: the fielded robot drives on, and for good.
+/// YS-01: the fielded robot drives on forever.
 #[test]
 fn ye5_the_fielded_robot_drives_on_without_anybody() {
     let (lasted, bench) = manual_lasts(Bench::with_defect(square(100.0), "YS-01"));
@@ -165,7 +166,7 @@ fn ye5_the_fielded_robot_drives_on_without_anybody() {
     assert!(bench.speed()[0] > 0.29);
 }
 
-/// A new goal that comes between the end of a manoeuvre and what follows from it.
+/// A new goal between the end of a manoeuvre and the following state change.
 fn goal_at_the_end(mut bench: Bench) -> &'static str {
     bench.go(0.3, 0.0, 0.0);
     let arrived = bench.run_until(10 * SECOND, |bench| bench.counter("arrivals") == 1);
@@ -175,7 +176,7 @@ fn goal_at_the_end(mut bench: Bench) -> &'static str {
     bench.mode()
 }
 
-/// YS-02: the fielded robot writes OFF over the order that has just come.
+/// YS-02: the fielded robot overwrites the new order with OFF.
 #[test]
 fn the_end_of_a_manoeuvre_erases_no_order() {
     assert_eq!(goal_at_the_end(Bench::new(square(10.0))), "position");
@@ -183,10 +184,9 @@ fn the_end_of_a_manoeuvre_erases_no_order() {
     assert_eq!(fielded, "switch off");
 }
 
-/// Without a sample of the hardware the machine runs by the clock, and harms nothing. A board that
-/// counts again, or was without supply for 50 ms: the robot has rolled by an unknown distance. A
-/// manoeuvre depends on that distance, so it ends; an operator who drives by hand sees where the
-/// robot is.
+/// Without samples of the hardware, the machine runs by the clock and does no harm. After a board
+/// restart, or 50 ms without supply, the robot has rolled by an unknown distance. A manoeuvre
+/// depends on that distance, so it ends; an operator with manual control sees the robot's position.
 #[test]
 fn a_manoeuvre_ends_when_the_way_is_lost() {
     for is_unsupplied in [false, true] {
@@ -215,9 +215,9 @@ fn a_manoeuvre_ends_when_the_way_is_lost() {
     }
 }
 
-/// Encoders that stand still for half a second while the robot drives at 0.5 m/s: the controller
-/// must not make up for what it does not see, 1.9 m/s at 12 V and 0.9 m until they count again. At
-/// 120 V ms, 10 to 20 ms, it lets go; the motors run out in 60 ms.
+/// Encoders that stop for half a second while the robot drives at 0.5 m/s. The controller must not
+/// compensate for the missing counts: that would be 1.9 m/s at 12 V and 0.9 m until they count
+/// again. At 120 V ms, after 10 to 20 ms, it switches off; the motors coast for 60 ms.
 #[test]
 fn wheels_that_do_not_count_are_not_driven_on() {
     let mut bench = Bench::new(square(10.0));

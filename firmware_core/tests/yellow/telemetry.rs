@@ -1,11 +1,11 @@
-//! YE13 and YE2's over-size scan: what the robot tells, and when.
+//! YE13 and YE2's over-size scan: content and times of the telemetry.
 
 use protocols::telemetry::PAYLOAD_MAX;
 use protocols::telemetry::message::{LinesRequest, State, Telecommand, Telemetry};
 
 use crate::bench::{Bench, SECOND, square};
 
-/// YE13: a message each 200 +-10 ms, begun on the wire.
+/// YE13: a message each 200 +-10 ms, by its first byte on the wire.
 #[test]
 fn ye13_telemetry_comes_each_200_ms() {
     let mut bench = Bench::new(square(2.0));
@@ -17,8 +17,8 @@ fn ye13_telemetry_comes_each_200_ms() {
     }
 }
 
-/// What is in it: time, state, pose in metres, three distances. Base message about 50 bytes (B1.2;
-/// three distances and a time of their own are among them here).
+/// Content: time, state, pose in metres, three distances. The base message has about 50 bytes
+/// (B1.2; here it includes three distances and their own time).
 #[test]
 fn the_base_message_is_short() {
     let mut bench = Bench::new(square(1.0));
@@ -30,8 +30,8 @@ fn the_base_message_is_short() {
         (Some(State::Off), &None, &None)
     );
     let infrared = told.infrared.as_ref().expect("distances");
-    // Walls 0.5 m ahead, sensors on a ring of 9 cm: 0.41 m ahead, 0.487 m at 60 degrees; noise of
-    // 15 mV is 17 mm there.
+    // Walls 0.5 m ahead, sensors on a ring of 9 cm: distances of 0.41 m ahead and 0.487 m at 60
+    // degrees. There, noise of 15 mV is 17 mm.
     for (read, truth) in infrared.distances_m.iter().zip([0.41, 0.487, 0.487]) {
         assert!((read - truth).abs() < 0.06, "{read} {truth}");
     }
@@ -39,9 +39,9 @@ fn the_base_message_is_short() {
     assert!((40..=60).contains(&len), "{len}");
 }
 
-/// The next message with a scan of this step, and how many messages came before it.
+/// The next message with a scan of this step, and the number of messages before it.
 fn scan(bench: &mut Bench, step: u32) -> (usize, Telemetry, usize) {
-    // The message of this moment is on its way already.
+    // The message of this time is already in flight.
     bench.run_for(SECOND / 20);
     let before = bench.heard.len();
     bench.send(&Telecommand {
@@ -54,7 +54,7 @@ fn scan(bench: &mut Bench, step: u32) -> (usize, Telemetry, usize) {
     (waited, told, bench.payloads[before].len())
 }
 
-/// Step 10: 36 points, step 2: 180 points and 1789 +-10 % bytes (B1.2), every point right.
+/// Step 10: 36 points; step 2: 180 points and 1789 +-10 % bytes (B1.2); every point is correct.
 #[test]
 fn scans_are_told_as_fine_as_asked() {
     let mut bench = Bench::new(square(2.0));
@@ -73,7 +73,8 @@ fn scans_are_told_as_fine_as_asked() {
     assert_eq!(bench.counter("over-size answers"), 0);
 }
 
-/// Step 1 would be 3525 bytes of 3200: the answer is the next finer scan that fits, and counted.
+/// Step 1 would be 3525 bytes for a buffer of 3200: the reply is the finest scan that fits, and is
+/// counted.
 #[test]
 fn ye2_a_scan_that_is_too_large_is_thinned_out() {
     let mut bench = Bench::new(square(2.0));
@@ -83,7 +84,7 @@ fn ye2_a_scan_that_is_too_large_is_thinned_out() {
     assert_eq!((points.len(), points[1].angle_deg), (180, 2));
     assert!(len <= PAYLOAD_MAX);
     assert_eq!(bench.counter("over-size answers"), 1);
-    // Step 0 is no sensible request; it gets every degree, thinned out as well.
+    // Step 0 is no sensible request; the reply has every degree, thinned out as well.
     bench.run_for(SECOND);
     assert_eq!(
         scan(&mut bench, 0).1.lidar.expect("the scan").points.len(),
@@ -91,7 +92,7 @@ fn ye2_a_scan_that_is_too_large_is_thinned_out() {
     );
 }
 
-/// YF-04: the fielded buffer still holds the message before, which goes out again.
+/// YF-04: the fielded buffer still holds the previous message, which is sent again.
 #[test]
 fn ye2_the_fielded_robot_sends_the_old_message_again() {
     let mut bench = Bench::with_defect(square(2.0), "YF-04");
@@ -102,7 +103,7 @@ fn ye2_the_fielded_robot_sends_the_old_message_again() {
     assert_eq!((told.lidar, bench.payloads.last().cloned()), (None, old));
 }
 
-/// A long answer keeps the line busy for half a second; telemetry comes again on its grid.
+/// A long reply occupies the line for half a second; telemetry then returns to its grid.
 #[test]
 fn telemetry_goes_on_behind_a_long_answer() {
     let mut bench = Bench::new(square(2.0));
@@ -113,7 +114,7 @@ fn telemetry_goes_on_behind_a_long_answer() {
     assert!(bench.heard.iter().all(|(at, _)| at.as_millis() % 200 <= 10));
 }
 
-/// Four walls, 1 m away, told once for one request.
+/// Four walls, 1 m away, sent once per request.
 #[test]
 fn lines_are_told_when_asked_for() {
     let mut bench = Bench::new(square(2.0));
@@ -135,7 +136,7 @@ fn lines_are_told_when_asked_for() {
     for end in lines.iter().flat_map(|line| [line.start, line.end]) {
         assert!((end.x.abs() - 1_000.0).abs() < 30.0 && (end.y.abs() - 1_000.0).abs() < 30.0);
     }
-    // The PC may want other figures: with a tolerance of 2 m a room is one line or none.
+    // The PC may set other figures: with a tolerance of 2 m a room is one line or none.
     bench.send(&Telecommand {
         lines: Some(LinesRequest {
             tolerance_mm: 3_000,

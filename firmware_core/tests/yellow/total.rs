@@ -1,4 +1,4 @@
-//! Any bytes on any port, at any time: no panic, and the robot works behind them.
+//! Any bytes on any port, at any time: no panic, and the robot still works afterwards.
 
 use core::time::Duration;
 
@@ -36,7 +36,7 @@ proptest! {
     }
 }
 
-/// Every defect has a number of its own, is known by it, and changes the robot.
+/// Every defect has a unique number, which selects it, and changes the robot.
 #[test]
 fn every_defect_is_known_by_its_number() {
     let ids: Vec<_> = Config::defects().collect();
@@ -50,7 +50,7 @@ fn every_defect_is_known_by_its_number() {
     assert_eq!(Config::DEFAULT.with_defect("YX-01"), None);
 }
 
-/// With all of them the robot still runs, tells, and drives somewhere.
+/// With all defects, the robot still runs, sends telemetry, and drives.
 #[test]
 fn the_fielded_robot_drives() {
     let mut bench = Bench::with_config(square(4.0), Config::DEFAULT.fielded());
@@ -60,7 +60,7 @@ fn the_fielded_robot_drives() {
     assert!(bench.heard.len() > 40);
 }
 
-/// Polled twice, early and late: the same robot.
+/// Additional polls, early and late, do not change the robot.
 #[test]
 fn more_polls_change_nothing() {
     let run = |often: bool| {
@@ -82,7 +82,7 @@ fn more_polls_change_nothing() {
     assert_eq!(run(false), run(true));
 }
 
-/// The start pose is where odometry begins; nothing is known before the first sample.
+/// Odometry begins at the start pose; before the first sample, there is no pose.
 #[test]
 fn odometry_begins_where_it_is_told() {
     let mut config = Config::DEFAULT;

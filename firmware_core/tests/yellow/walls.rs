@@ -1,4 +1,4 @@
-//! YE8: straight walls in a scan, and what the fielded search makes of them.
+//! YE8: straight walls in a scan, and the result of the fielded search.
 
 use core::f64::consts::{PI, TAU};
 
@@ -20,7 +20,7 @@ fn with(defects: Defects) -> Settings {
     }
 }
 
-/// What a lidar of 720 points sees from the origin.
+/// Scan of a lidar of 720 points at the origin.
 fn scan(walls: &[Wall], sigma_mm: f64, seed: u64) -> Vec<Point> {
     let mut dice = Dice::new(seed);
     let way = |at: u32| f64::from(at) * TAU / 720.0;
@@ -47,7 +47,7 @@ fn octagon() -> Vec<Wall> {
     closed(&corners)
 }
 
-/// Distance of the nearest line's end from each corner of the walls.
+/// Distance from each corner of the walls to the nearest end of a line.
 fn corner_error_mm(lines: &[Line], walls: &[Wall]) -> f64 {
     let ends = || lines.iter().flat_map(|line| [line.start, line.end]);
     let apart = |wall: &Wall, end: Point| {
@@ -80,8 +80,8 @@ fn ye8_an_octagon_has_eight_lines() {
     }
 }
 
-/// YN-01: below 79.95 degrees everything is merged, and 45 degrees are; square corners are not,
-/// which is why it was not noticed.
+/// YN-01: the fielded search merges all walls below 79.95 degrees, including 45 degrees. Square
+/// corners are not merged, so the defect was not noticed.
 #[test]
 fn ye8_the_fielded_merge_makes_fewer_of_an_octagon() {
     let found = lines(&scan(&octagon(), 5.0, 1), &with(FIELDED_MERGE));
@@ -93,8 +93,8 @@ fn ye8_the_fielded_merge_makes_fewer_of_an_octagon() {
     );
 }
 
-/// The same by the whole robot: a lidar of 364 samples a turn with 5 mm of noise, in a room whose
-/// middle it is not in.
+/// The same with the whole robot: a lidar of 364 samples a turn with 5 mm of noise, away from the
+/// middle of the room.
 #[test]
 fn ye8_the_robot_finds_the_walls_of_its_room() {
     use protocols::telemetry::message::{LinesRequest, Telecommand};
@@ -123,9 +123,9 @@ fn ye8_the_robot_finds_the_walls_of_its_room() {
     assert!(worst <= 30.0, "{worst} mm");
 }
 
-/// A wall with a bend in it, 1 m before the robot; its middle stands back by so much that both
-/// halves of 1.5 m enclose this angle. 2 * atan(1.5 / 0.1312) = 170 degrees, so the bend is 131 mm
-/// deep: more than the tolerance of 60 mm.
+/// A wall with a bend, 1 m ahead of the robot. Its middle is set back so that both halves of 1.5 m
+/// enclose this angle. 2 * atan(1.5 / 0.1312) = 170 degrees, so the bend is 131 mm deep: more than
+/// the tolerance of 60 mm.
 fn bend(degrees: f64) -> Vec<Wall> {
     let depth = 1.5 / libm::tan((degrees / 2.0).to_radians());
     let middle = [0.0, 1.0 + depth];
@@ -135,7 +135,7 @@ fn bend(degrees: f64) -> Vec<Wall> {
     ]
 }
 
-/// D2: above 170 degrees walls are one: 171 merged, 169 not.
+/// D2: walls above 170 degrees are merged: 171 is merged, 169 is not.
 #[test]
 fn d2_171_degrees_are_merged_and_169_are_not() {
     assert_eq!(
@@ -146,7 +146,7 @@ fn d2_171_degrees_are_merged_and_169_are_not() {
         lines(&scan(&bend(169.0), 0.0, 1), &Settings::DEFAULT).len(),
         2
     );
-    // As the PC may ask for it.
+    // Settings that the PC may request.
     let strict = Settings {
         merge_deg: 175.0,
         ..Settings::DEFAULT
@@ -154,7 +154,7 @@ fn d2_171_degrees_are_merged_and_169_are_not() {
     assert_eq!(lines(&scan(&bend(171.0), 0.0, 1), &strict).len(), 2);
 }
 
-/// Groups of so many points from right to left, 100 mm apart, each 500 mm from the next.
+/// Groups of these numbers of points from right to left, 100 mm apart; groups are 500 mm apart.
 fn groups(sizes: &[u16]) -> Vec<Point> {
     let mut x = 1_000.0;
     let mut points = Vec::new();
@@ -168,7 +168,7 @@ fn groups(sizes: &[u16]) -> Vec<Point> {
     points
 }
 
-/// D2: regions of two points are dropped, three kept.
+/// D2: regions of two points are dropped, those of three are kept.
 #[test]
 fn d2_two_points_are_no_line_and_three_are() {
     for (sizes, count) in [(&[2][..], 0), (&[3], 1), (&[2, 3, 2, 2, 4, 1], 2), (&[], 0)] {
@@ -180,8 +180,8 @@ fn d2_two_points_are_no_line_and_three_are() {
     }
 }
 
-/// YN-02: of two regions that are too short the second is not looked at, and stays. YN-03: a region
-/// of two counts as three. YN-04: one of three counts as two.
+/// YN-02: of two consecutive regions that are too short, the second is skipped and stays. YN-03: a
+/// region of two counts as three. YN-04: one of three counts as two.
 #[test]
 fn the_fielded_search_miscounts_its_points() {
     let count = |sizes: &[u16], defects| lines(&groups(sizes), &with(defects)).len();
@@ -202,7 +202,7 @@ fn the_fielded_search_miscounts_its_points() {
     assert_eq!((count(&[3], drops), count(&[4], drops)), (0, 1));
 }
 
-/// A gap of 299 mm is none, one of 301 mm is.
+/// A distance of 299 mm is no gap, one of 301 mm is.
 #[test]
 fn a_gap_ends_a_region() {
     let row = |gap: f32| {
@@ -213,8 +213,8 @@ fn a_gap_ends_a_region() {
     assert_eq!(lines(&row(301.0), &Settings::DEFAULT).len(), 2);
 }
 
-/// A wall across the scan's beginning is one line, 2 m long; drawn by chords (YN-05) its halves are
-/// two where they are not merged, and the ends of a line are two noisy points.
+/// A wall across the scan's beginning is one line, 2 m long. With chords (YN-05), its halves are
+/// two lines unless they are merged, and the ends of a line are two noisy points.
 #[test]
 fn a_wall_across_the_beginning_is_one() {
     let points = scan(&[[1.0, -1.0, 1.0, 1.0]], 5.0, 4);
@@ -237,7 +237,7 @@ fn a_wall_across_the_beginning_is_one() {
     assert!(fitted * 3.0 < drawn, "{fitted} {drawn}");
 }
 
-/// A saw of 30 walls: 20 lines are told, the others counted.
+/// A saw of 30 walls: 20 lines are sent, the others counted.
 #[test]
 fn more_than_twenty_lines_are_counted() {
     let points = groups(&[3; 30]);

@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use crate::bench::{Bench, SECOND, square};
 
-/// Driving by hand at this speed, for as long as the test wants: the PC repeats itself.
+/// Manual driving at this speed for the given time; the PC repeats its order.
 fn drive_for(bench: &mut Bench, linear: f32, angular: f32, duration: Duration) {
     let end = bench.now + duration;
     while bench.now < end {
@@ -14,15 +14,15 @@ fn drive_for(bench: &mut Bench, linear: f32, angular: f32, duration: Duration) {
     }
 }
 
-/// A robot whose drivers are on, standing by hand.
+/// A robot in manual mode, at rest, with its drivers on.
 fn ready(mut bench: Bench) -> Bench {
     bench.drive(0.0, 0.0);
     assert!(bench.run_until(SECOND, |bench| bench.mode() == "manual"));
     bench
 }
 
-/// From 0 to 0.5 m/s: 0.5 / 1.5 = 333 ms of profile and 100 ms more; then within 2 % for a second,
-/// with motors 5 % stronger and 5 % weaker than thought and half a volt of friction.
+/// From 0 to 0.5 m/s: 0.5 / 1.5 = 333 ms of profile and 100 ms more; then within 2 % for a second.
+/// The motors are 5 % stronger and 5 % weaker than assumed, with half a volt of friction.
 fn worst_steady_error(mut bench: Bench, target: f64) -> f64 {
     bench.motors[0].rpm_per_volt = 42.0;
     bench.motors[1].rpm_per_volt = 38.0;
@@ -57,7 +57,7 @@ fn ye4_without_an_integral_part_friction_leaves_an_error() {
     assert!(error > 0.025, "{error}");
 }
 
-/// No wheel ever turns against what the profile asks for: it comes down to zero and continues.
+/// No wheel ever turns against the profile: its speed falls to zero and continues.
 #[test]
 fn ye4_a_reversal_has_no_error_of_sign() {
     let mut bench = ready(Bench::new(square(100.0)));
@@ -73,8 +73,9 @@ fn ye4_a_reversal_has_no_error_of_sign() {
     assert!((before + 0.5).abs() < 0.01, "{before}");
 }
 
-/// The counters wrap at 65536; between two samples no odometry may jump by more than 1 mm beside
-/// the way driven. A subtraction without wrapping would jump by 65536 * 0.196 mm = 12.9 m.
+/// The counters wrap at 65536; between two samples the odometry may deviate from the driven
+/// distance by at most 1 mm. A subtraction without wrapping would jump by 65536 * 0.196 mm = 12.9
+/// m.
 #[test]
 fn ye4_a_wrapping_counter_is_no_jump() {
     for id in [None, Some("YM-01")] {
@@ -82,7 +83,7 @@ fn ye4_a_wrapping_counter_is_no_jump() {
             None => Bench::new(square(100.0)),
             Some(id) => Bench::with_defect(square(100.0), id),
         };
-        // The left counter runs up over the end, the right one down.
+        // The left counter counts up over its end, the right one down.
         bench.counter_offset = [65_000, 500];
         let mut bench = ready(bench);
         bench.drive(0.5, 0.0);
@@ -98,8 +99,9 @@ fn ye4_a_wrapping_counter_is_no_jump() {
     }
 }
 
-/// Odometry along a circle of 0.5 m/s and 2 rad/s, radius 0.25 m: by the mid-point it closes; by
-/// the end point (YM-02) the way is turned by half a step's angle, 1 mrad, seen from its beginning.
+/// Odometry along a circle of 0.5 m/s and 2 rad/s, radius 0.25 m. With the mid-point rule the
+/// circle closes. With the end-point rule (YM-02) the path is rotated by half a step's angle, 1
+/// mrad, about its beginning.
 #[test]
 fn the_mid_point_rule_goes_where_the_robot_goes() {
     let mut off = [0.0; 2];
@@ -121,7 +123,7 @@ fn the_mid_point_rule_goes_where_the_robot_goes() {
     assert!(fielded > sound, "{fielded} m against {sound} m");
 }
 
-/// A board that begins to count again has not moved 6 m.
+/// A board whose counters restart has not moved 6 m.
 #[test]
 fn a_counter_that_begins_anew_moves_nobody() {
     let mut bench = ready(Bench::new(square(100.0)));
@@ -133,8 +135,8 @@ fn a_counter_that_begins_anew_moves_nobody() {
     assert_eq!(bench.counter("encoder samples disbelieved"), 2);
 }
 
-/// Started again after 20 counts or 90 of a turn on the spot, or of one wheel's: by 90 counts back
-/// and 90 ahead the heading would go back by 2 x 17.7 / 180 rad, 11 degrees.
+/// Restarts after 20 or 90 counts of a turn on the spot, or of one wheel. With 90 counts back and
+/// 90 ahead, the heading would go back by 2 x 17.7 / 180 rad, 11 degrees.
 #[test]
 fn a_board_that_begins_anew_turns_nobody_back() {
     for (linear, angular, counts) in [(0.0, 1.0, 20.0), (0.0, 1.0, 90.0), (0.09, 1.0, 90.0)] {
@@ -156,8 +158,8 @@ fn a_board_that_begins_anew_turns_nobody_back() {
     }
 }
 
-/// D2: motors are controlled each millisecond: while the robot speeds up, nearly each has a duty of
-/// its own.
+/// D2: motors are controlled each millisecond: while the robot accelerates, nearly every
+/// millisecond has a different duty.
 #[test]
 fn d2_motors_are_controlled_each_millisecond() {
     let mut bench = ready(Bench::new(square(100.0)));

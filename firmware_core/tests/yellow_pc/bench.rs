@@ -21,13 +21,14 @@ pub(crate) struct Bench {
     pub(crate) now_ms: u64,
     decoder: Decoder,
     chance: Chance,
-    /// Part of the drive commands that get lost.
+    /// Share of the drive commands that get lost.
     pub(crate) lost_drives: f64,
-    /// The first drive command's goal arrives turned about the robot by so much, radians.
+    /// Angle by which the goal of the first drive command is rotated about the robot on arrival,
+    /// radians.
     pub(crate) first_drive_off: f64,
-    /// Part of all frames, both ways, that get lost.
+    /// Share of all frames, in both directions, that get lost.
     pub(crate) lost_frames: f64,
-    /// The robot says nothing.
+    /// Whether the robot is silent.
     pub(crate) is_cut: bool,
     pub(crate) commands: Vec<(u64, Telecommand)>,
 }
@@ -110,7 +111,7 @@ impl Bench {
         }
     }
 
-    /// Runs until the task has ended, at most so long; the seconds it took.
+    /// Runs until the task has ended, at most for the given time; returns the elapsed seconds.
     pub(crate) fn run_task(&mut self, seconds: u64) -> f64 {
         let from = self.now_ms;
         while self.pc.task_state() == TaskState::InProgress && self.now_ms < from + seconds * 1_000

@@ -19,7 +19,7 @@ fn world() -> World {
     World::labyrinth(LABYRINTH, CORRIDOR, [0.0, 0.0])
 }
 
-/// Starts and goals in the middle of corridors, so that there is room for the robot.
+/// Starts and goals in the middle of corridors, with enough space for the robot.
 fn pairs(world: &World) -> Vec<(At, At)> {
     let all = places(world, 400, 12).into_iter();
     let wide: Vec<At> = all
@@ -59,7 +59,7 @@ fn navigate(bench: &mut Bench, goal: At) -> f64 {
     bench.run_task(300)
 }
 
-/// Arrivals, seconds and re-sends of all pairs.
+/// Number of arrivals, durations and repeated commands of all pairs.
 fn drive_all(config: PcConfig, lost_drives: f64) -> (usize, Vec<f64>, u64) {
     let world = world();
     let (mut arrived, mut times, mut resends) = (0, Vec::new(), 0);
@@ -98,10 +98,10 @@ fn ye12_goals_are_reached_though_a_third_of_the_commands_is_lost() {
     assert!(resends > 0, "nothing was lost");
 }
 
-/// At stake: a sum does not tell that two bytes of an order have changed places, and the robot
-/// drives into a wall. The first order of each drive sends it half a radian, 29 degrees, beside
-/// its way. Of 40 that are not watched 22 touch a wall, and two never arrive; what is heard
-/// each 200 ms is too late for some that start beside one.
+/// At stake: a checksum does not detect two swapped bytes of an order, and the robot drives into a
+/// wall. The first order of each drive is wrong by half a radian, 29 degrees. Without supervision,
+/// 22 of 40 touch a wall, and two never arrive. Telemetry each 200 ms is too late for some that
+/// start beside a wall.
 #[test]
 fn a_robot_that_was_sent_elsewhere_is_told_again() {
     let world = world();
@@ -123,8 +123,9 @@ fn a_robot_that_was_sent_elsewhere_is_told_again() {
     assert!(told > 20 && touched <= 4, "{told} told, {touched} touched");
 }
 
-/// Odometry that is 1 % wrong: after the map is made the robot drives from end to end of the
-/// labyrinth and is within 5 cm, as it looks around on the way; by odometry alone it is not.
+/// Odometry with an error of 1 %. After mapping, the robot drives from end to end of the labyrinth
+/// and arrives within 5 cm, because it localises itself during the drive; by odometry alone it does
+/// not.
 #[test]
 fn ye12_a_robot_whose_odometry_drifts_is_told_where_it_is() {
     let beside = |seed, odometry_alone| {
@@ -154,8 +155,8 @@ fn ye12_a_robot_whose_odometry_drifts_is_told_where_it_is() {
     );
 }
 
-/// A robot that stops on its way, behind 6 cm and 6 degrees that its wheels did not count, looks
-/// around before it is told to drive on; by the old pose it would be beside the goal.
+/// A robot stops on its path after 6 cm and 6 degrees that its wheels did not count. It localises
+/// itself before the next drive command. With the old pose, it would miss the goal.
 #[test]
 fn a_robot_that_stops_on_its_way_looks_around_before_it_goes_on() {
     let mut bench = mapped(21, PcConfig::default());
@@ -205,8 +206,8 @@ const SERPENTINE: &str = "
 #############
 ";
 
-/// B8: the course's one roadmap of 100 vertices finds the way through a serpentine about every
-/// second time; ours always does.
+/// B8: the course's single roadmap of 100 vertices finds the path through a serpentine in about
+/// half of the cases; ours always does.
 #[test]
 fn ye12_one_roadmap_fails_in_a_serpentine() {
     let found = |planning| {
@@ -235,7 +236,7 @@ fn ye12_one_roadmap_fails_in_a_serpentine() {
     assert!((1..=8).contains(&once), "{once}");
 }
 
-/// B8: told again at most five times, then the drive has failed.
+/// B8: the command is repeated at most five times, then the drive has failed.
 #[test]
 fn ye12_a_robot_that_never_obeys_is_told_six_times() {
     let world = world();
@@ -252,7 +253,7 @@ fn ye12_a_robot_that_never_obeys_is_told_six_times() {
         .map(|(at, _)| *at)
         .collect();
     assert_eq!(times.len(), 6);
-    // After three looks, half a second apart and up to a frame late.
+    // After three checks, half a second apart and up to a frame late.
     let gaps = times.windows(2).map(|pair| pair[1] - pair[0]);
     assert!(
         gaps.into_iter().all(|gap| (1_500..=2_400).contains(&gap)),

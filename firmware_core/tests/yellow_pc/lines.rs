@@ -1,4 +1,4 @@
-//! Lines of a scan by split and merge, with the robot's figures.
+//! Split-and-merge search for lines in a scan, with the robot's parameters.
 
 type Xy = [f64; 2];
 
@@ -45,7 +45,7 @@ fn split(points: &[Xy], found: &mut Vec<(Xy, Xy)>) {
     found.push(fitted(points));
 }
 
-/// Total least squares, and the ends of the points on it.
+/// Fits a line by total least squares; the ends are the projected outer points.
 fn fitted(points: &[Xy]) -> (Xy, Xy) {
     let count = points.len() as f64;
     let sum = points

@@ -1,4 +1,4 @@
-//! YE13, requests that get lost, and the fielded ways of sending.
+//! YE13, lost requests, and the fielded methods of sending.
 
 use firmware_core::Master;
 use firmware_core::pose::Pose;
@@ -28,14 +28,15 @@ const HOME: PcCommand = PcCommand::SetPose {
     heading_rad: 0.0,
 };
 
-/// A frame each 200 ms is no silence; without one the PC knows within 1 s, and knows again.
+/// A frame each 200 ms is no silence. Without frames, the PC detects silence within 1 s, and also
+/// the next frame.
 #[test]
 fn ye13_a_silent_link_is_noticed_within_a_second() {
     let mut bench = bench(PcConfig::default());
     bench.run_for(5);
     assert!(!bench.pc.is_silent());
     bench.is_cut = true;
-    // The last frame came at 5 s.
+    // The last frame arrived at 5 s.
     while !bench.pc.is_silent() {
         bench.step();
         assert!(bench.now_ms <= 6_000, "not noticed");
@@ -66,7 +67,7 @@ fn speeds_by_hand_are_repeated_until_stop() {
     bench.command(AHEAD);
     bench.run_for(4);
     assert_eq!(bench.robot.state(), State::Manual);
-    // At 1.0, 1.5, .. 4.5 s, as the robot's watchdog runs out after 2 s.
+    // At 1.0, 1.5, .. 4.5 s, because the robot's watchdog expires after 2 s.
     assert!(
         (7..=9).contains(&bench.commands.len()),
         "{}",
@@ -127,7 +128,8 @@ fn commands_that_cannot_be_are_refused() {
     assert_eq!(pc.command(now, PcCommand::Stop), Ok(()));
 }
 
-/// Every request is repeated: with a third of all frames lost, both ways, the map gets done.
+/// Every request is repeated: with a third of all frames lost, in both directions, the map is
+/// completed.
 #[test]
 fn mapping_survives_the_loss_of_a_third_of_all_frames() {
     let (world, start, errors) = labyrinth(5);
@@ -149,7 +151,7 @@ fn mapping_survives_the_loss_of_a_third_of_all_frames() {
     );
 }
 
-/// The fielded program asks for lines once: the answer to a lost request never comes.
+/// The fielded program requests lines once: a lost request never gets its reply.
 #[test]
 fn a_request_that_is_sent_once_can_be_lost_for_good() {
     let outcome = |ask_once| {
@@ -164,7 +166,7 @@ fn a_request_that_is_sent_once_can_be_lost_for_good() {
         bench.run_for(1);
         bench.command(PcCommand::MapStart);
         bench.run_for(1);
-        // Resting; the request of lines goes out at 3.2 s or so.
+        // The robot rests; the request for lines is sent at about 3.2 s.
         bench.lost_frames = 1.0;
         bench.run_for(3);
         bench.lost_frames = 0.0;
@@ -175,7 +177,7 @@ fn a_request_that_is_sent_once_can_be_lost_for_good() {
     assert_eq!(outcome(true), "in progress");
 }
 
-/// At most one command per frame: one that waits for it is lost when a request empties the queue.
+/// At most one command per frame: a waiting command is lost when a request empties the queue.
 #[test]
 fn requests_empty_the_queue_only_with_the_defect() {
     let lost = |requests_clear_queue| {
@@ -205,7 +207,7 @@ fn requests_empty_the_queue_only_with_the_defect() {
     assert_eq!(lost(true), (1, vec![None]));
 }
 
-/// By hand: commands of one moment go out 200 ms apart, with the frames.
+/// Worked out by hand: commands of one moment are sent 200 ms apart, with the frames.
 #[test]
 fn one_command_a_frame_is_five_a_second() {
     let times = |one_per_frame| {
@@ -231,8 +233,8 @@ fn one_command_a_frame_is_five_a_second() {
     assert_eq!(times(true), [1_200, 1_400, 1_600]);
 }
 
-/// By hand: the frame of a request to rest is 7E, two of length, time (2 to 4 bytes), state (4),
-/// checksum.
+/// Worked out by hand: the frame of a request to rest is 7E, two bytes of length, time (2 to 4
+/// bytes), state (4), checksum.
 #[test]
 fn bytes_go_out_one_a_millisecond_only_with_the_defect() {
     let sending = Sending {

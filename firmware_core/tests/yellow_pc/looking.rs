@@ -1,4 +1,4 @@
-//! YE9: the map of one look.
+//! YE9: the local map of one scan.
 
 use std::collections::BTreeSet;
 
@@ -31,7 +31,7 @@ fn visible(world: &World, at: At) -> BTreeSet<(i64, i64)> {
     rays.map(|[x, y]| (x, y)).collect()
 }
 
-/// Places in the open with room for the robot.
+/// Positions in the open with enough space for the robot.
 pub(crate) fn places(world: &World, count: usize, seed: u64) -> Vec<At> {
     let mut chance = Chance::new(seed);
     let open = world.open();
@@ -66,7 +66,8 @@ fn ye9_walls_of_one_look_are_where_they_are() {
         let found = truth.iter().filter(|cell| is_near(&seen, **cell)).count();
         precisions.push(right as f64 / seen.len() as f64);
         recalls.push(found as f64 / truth.len() as f64);
-        // Nothing behind a wall: a free cell's middle is in sight, but for one cell at the edges.
+        // No cell behind a wall: the middle of a free cell is visible, except for one cell at the
+        // edges.
         for (x, y) in cells(&view, 0) {
             let is_seen = (-1..=1).any(|dx| {
                 (-1..=1).any(|dy| {
@@ -86,14 +87,14 @@ fn ye9_walls_of_one_look_are_where_they_are() {
         least(&recalls)
     );
     assert!(least(&precisions) >= 0.9, "{precisions:?}");
-    // Far walls seen from aside have points too far apart for a line.
+    // At flat angles, points on far walls are too far apart for a line.
     assert!(
         mean(&recalls) >= 0.9 && least(&recalls) >= 0.85,
         "{recalls:?}"
     );
 }
 
-/// By hand: a wall 1 m ahead and 2 m wide, seen from the middle of a cell.
+/// Worked out by hand: a wall 1 m ahead and 2 m wide, seen from the middle of a cell.
 #[test]
 fn ye9_a_wall_ahead_frees_the_cone_before_it() {
     let wall = Segment::new(Point::new(1_000.0, -990.0), Point::new(1_000.0, 990.0));
@@ -103,9 +104,9 @@ fn ye9_a_wall_ahead_frees_the_cone_before_it() {
     assert_eq!(cells(&view, 255), walls);
     let free = cells(&view, 0);
     assert!(free.contains(&(9, 0)) && free.contains(&(0, 0)));
-    // Half a metre ahead the cone is a metre wide; nothing is known behind.
+    // Half a metre ahead, the cone is a metre wide; cells behind the wall are unknown.
     assert!(free.contains(&(5, 4)) && !free.contains(&(5, 6)) && !free.contains(&(11, 0)));
     insta::assert_snapshot!("local_map", drawn(&view));
-    // Five cells around all of it.
+    // A margin of five cells on all sides.
     assert_eq!(view.origin_mm(), [-500.0, -1_500.0]);
 }

@@ -1,5 +1,5 @@
-//! The PC's program of the robot yellow against a small robot of its own: an ideal differential
-//! drive between walls, with the robot's telemetry in real frames.
+//! The PC program of the robot yellow with a small robot of the tests: an ideal differential drive
+//! between walls, with the robot's telemetry in real frames.
 
 mod bench;
 mod chance;

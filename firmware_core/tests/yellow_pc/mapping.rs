@@ -1,4 +1,4 @@
-//! YE10: exploration that ends by itself with a map that is true.
+//! YE10: exploration that ends by itself with a correct map.
 
 use std::collections::BTreeSet;
 
@@ -68,7 +68,8 @@ pub(crate) fn truth(world: &World) -> Cells {
     faces.map(|[x, y]| (cell(x), cell(y))).collect()
 }
 
-/// Overlap of the walls, one cell off allowed: found by found, wrong and missed.
+/// Overlap of the walls with a tolerance of one cell: found cells divided by found, wrong and
+/// missed ones.
 pub(crate) fn overlap(world: &World, map: &MapView<'_>) -> f64 {
     let (truth, seen) = (truth(world), cells(map, 255));
     let found = truth.iter().filter(|cell| is_near(&seen, **cell)).count();
@@ -76,8 +77,8 @@ pub(crate) fn overlap(world: &World, map: &MapView<'_>) -> f64 {
     found as f64 / (truth.len() + wrong) as f64
 }
 
-/// Open edges of at least three cells that a robot three cells wide can come to, by the words of
-/// YE10 alone.
+/// Number of open edges of at least three cells that a robot three cells wide can reach, by the
+/// text of YE10 alone.
 fn open_edges(map: &MapView<'_>, [x, y]: [i64; 2]) -> usize {
     let start = (x, y);
     let free = cells(map, 0);
@@ -162,7 +163,7 @@ fn ye10_a_labyrinth_is_mapped_until_nothing_is_left() {
     );
 }
 
-/// A finished exploration of a labyrinth, in the fielded way if wished.
+/// A finished exploration of a labyrinth, optionally with the fielded defects.
 pub(crate) fn mapped(seed: u64, config: PcConfig) -> Bench {
     let (world, start, errors) = labyrinth(seed);
     let start_pose = Some(pose(start));
@@ -177,8 +178,8 @@ pub(crate) fn mapped(seed: u64, config: PcConfig) -> Bench {
     bench
 }
 
-/// A lidar that shows nothing for 8 s, as one that starts again, is waited for: an empty map is not
-/// a complete one.
+/// The PC waits for a lidar without readings for 8 s, e.g. during a restart: an empty map is not a
+/// complete one.
 #[test]
 fn a_map_is_begun_when_something_is_seen() {
     let (world, start, errors) = labyrinth(3);
@@ -197,8 +198,8 @@ fn a_map_is_begun_when_something_is_seen() {
     assert!(bench.pc.status() == "done" && overlap >= 0.85, "{overlap}");
 }
 
-/// A lidar that shows other walls each time, here for 8 s, is not believed: what no map has yet
-/// must be seen twice.
+/// A lidar that shows different walls each time, here for 8 s, is not trusted: walls that no map
+/// has yet must be seen twice.
 #[test]
 fn a_map_is_begun_by_what_is_seen_twice() {
     let (world, start, errors) = labyrinth(3);
@@ -217,7 +218,7 @@ fn a_map_is_begun_by_what_is_seen_twice() {
     assert!(bench.pc.status() == "done" && overlap >= 0.85, "{overlap}");
 }
 
-/// A lidar that shows nothing at all ends it: nothing is complete where nothing was seen.
+/// A lidar without any reading ends the mapping: without a wall, no map is complete.
 #[test]
 fn without_a_wall_in_sight_there_is_no_map() {
     let (world, start, errors) = labyrinth(3);
@@ -229,7 +230,7 @@ fn without_a_wall_in_sight_there_is_no_map() {
     assert_eq!(bench.pc.task_state(), nothing);
 }
 
-/// Drives that fail, here for 15 s, are followed by others: one alone gives up after 10 to 14 s.
+/// Other drives follow failed drives, here for 15 s; a single drive fails after 10 to 14 s.
 #[test]
 fn a_drive_that_fails_does_not_end_the_mapping() {
     let (world, start, errors) = labyrinth(4);
@@ -247,7 +248,7 @@ fn a_drive_that_fails_does_not_end_the_mapping() {
     assert_eq!(bench.pc.status(), "done");
 }
 
-/// Unknown rows and columns around what is known, most of the four sides.
+/// Unknown rows and columns around the known area, the maximum of the four sides.
 fn margin(map: &MapView<'_>) -> i64 {
     let low = map.origin_mm().map(|mm| cell(f64::from(mm + 1.0) / 1e3));
     let (width, height) = (map.width() as i64, map.height() as i64);
@@ -263,7 +264,7 @@ fn margin(map: &MapView<'_>) -> i64 {
     sides.into_iter().max().expect("four")
 }
 
-/// D2: at most five cells; "too much margin" of the course's report.
+/// D2: at most five cells; "too much margin" in the course's report.
 #[test]
 fn d2_a_complete_map_has_little_margin_but_in_the_fielded_way() {
     let ours = mapped(1, PcConfig::default());
@@ -284,8 +285,8 @@ fn d2_a_complete_map_has_little_margin_but_in_the_fielded_way() {
     assert!(margin_fielded > 5, "{margin_fielded}");
 }
 
-/// B7: the course's choice by chance may find nothing while there is something left, and one
-/// roadmap may not find the way.
+/// B7: the course's random choice of views may end with open edges left, and a single roadmap may
+/// not find the path.
 #[test]
 fn ye10_views_by_chance_leave_labyrinths_unfinished() {
     let config = PcConfig {
@@ -315,7 +316,7 @@ fn ye10_views_by_chance_leave_labyrinths_unfinished() {
     assert!(outcomes.iter().filter(is_good).count() < 5, "{outcomes:?}");
 }
 
-/// B7: whole cells of 8 bits end at 12.7 m; what is farther is drawn there.
+/// B7: whole cells of 8 bits end at 12.7 m; points beyond are drawn there.
 #[test]
 fn a_map_of_8_bits_ends_at_12_7_m() {
     let farthest = |eight_bits| {
@@ -343,7 +344,7 @@ fn a_map_of_8_bits_ends_at_12_7_m() {
             .max()
             .expect("walls")
     };
-    // The labyrinth is 3.7 m wide, the start in its first room.
+    // The labyrinth is 3.7 m wide, with the start in its first room.
     assert!(farthest(false) > 200);
     assert!((127..165).contains(&farthest(true)), "{}", farthest(true));
 }

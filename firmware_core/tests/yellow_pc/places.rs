@@ -1,4 +1,4 @@
-//! YE11: the robot finds itself on a map.
+//! YE11: localisation of the robot on a map.
 
 use firmware_core::map_view::MapView;
 use firmware_core::pose::Pose;
@@ -10,7 +10,7 @@ use crate::mapping::truth;
 use crate::robot::{At, Errors};
 use crate::world::World;
 
-/// Rooms and corridors, none like another.
+/// Rooms and corridors that are all different.
 const UNLIKE: &str = "
 ###########
 #   #     #
@@ -21,7 +21,7 @@ const UNLIKE: &str = "
 ###########
 ";
 
-/// Four rooms alike, on a corridor with two ends that are not.
+/// Four equal rooms on a corridor whose ends differ.
 const ALIKE: &str = "
 #################
 #   #   #   #   #
@@ -34,10 +34,10 @@ const ALIKE: &str = "
 #################
 ";
 const ROOM: usize = 10;
-/// From room to room, metres.
+/// Distance from room to room, metres.
 const ALIKE_M: f64 = 2.2;
 
-/// The true map of a world, as bytes with their origin and width.
+/// The true map of a world: cells, width and origin.
 pub(crate) fn map_of(world: &World) -> (Vec<u8>, usize, [f32; 2]) {
     let walls = truth(world);
     let low = walls.iter().fold([i64::MAX; 2], |low, (x, y)| {
@@ -62,7 +62,7 @@ pub(crate) fn map_of(world: &World) -> (Vec<u8>, usize, [f32; 2]) {
     (cells, width, low.map(|along| along as f32 * 100.0))
 }
 
-/// A bench whose robot believes to be anywhere, with the true map loaded.
+/// A bench whose robot does not know its pose, with the true map loaded.
 fn bench(world: &World, at: At, seed: u64, votes: Votes) -> Bench {
     let (cells, width, origin) = map_of(world);
     let config = PcConfig {
@@ -105,7 +105,7 @@ fn first(bench: &mut Bench) -> Estimate {
     panic!("nothing after 10 s: {}", bench.pc.status());
 }
 
-/// How many of so many places are found, how many are flagged, and the ratios in order.
+/// Numbers of found and of flagged positions out of `count`, and the sorted ratios.
 fn unlike(votes: Votes, count: usize) -> (usize, usize, Vec<f32>) {
     let world = World::labyrinth(UNLIKE, ROOM, [0.02, 0.07]);
     let (mut right, mut flagged, mut ratios) = (0, 0, Vec::new());
@@ -127,7 +127,7 @@ fn ye11_unlike_places_are_told_apart() {
         ratios[20]
     );
     assert!(right >= 36, "{right}");
-    // Another look costs time only.
+    // A flagged position costs only the time of another scan.
     assert!(flagged <= 8, "{flagged}");
 }
 
@@ -139,7 +139,7 @@ fn ye11_votes_find_fewer_places() {
     assert!(multiplied <= added, "{added} {multiplied}");
 }
 
-/// Places of the second room that look the same in the third to a lidar without noise.
+/// Positions in the second room that look the same in the third to a lidar without noise.
 fn alike(world: &World) -> Vec<At> {
     let candidates = places(world, 1_500, 4).into_iter();
     let ranges = |x: f64, at: &At| -> Vec<f64> {

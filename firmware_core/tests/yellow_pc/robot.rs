@@ -1,4 +1,4 @@
-//! The robot: an ideal differential drive that obeys as the real one does.
+//! The robot: an ideal differential drive that follows commands as the real one does.
 
 use protocols::telemetry::message::{
     ANY_HEADING, Line, Odometry, Pose, State, Telecommand, Telemetry,
@@ -8,14 +8,14 @@ use crate::chance::Chance;
 use crate::lines::lines;
 use crate::world::World;
 
-/// Half of the robot's width: wheels 18 cm apart, and themselves.
+/// Half of the robot's width: wheels 18 cm apart, plus the wheels themselves.
 pub(crate) const RADIUS_M: f64 = 0.1;
 const SWITCH_S: f64 = 0.5;
 const SPEED_MAX: f64 = 0.5;
 const TURN_MAX: f64 = 3.0;
 const TOLERANCE: f64 = 0.01;
 
-/// Where it is, metres and radians.
+/// Pose, metres and radians.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct At {
     pub(crate) x: f64,
@@ -58,18 +58,18 @@ pub(crate) fn wrapped(angle: f64) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mode {
     Off,
-    /// Until it is what it shall be.
+    /// Remaining time until the new state.
     Switching(f64, State),
     Driving(State),
 }
 
-/// What is not ideal about it.
+/// Deviations from the ideal.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Errors {
-    /// Of a way and of a turn, as a part of it.
+    /// Relative error of a distance and of a turn.
     pub(crate) way: f64,
     pub(crate) turn: f64,
-    /// Deviation of a range, metres.
+    /// Standard deviation of a range, metres.
     pub(crate) range: f64,
 }
 
@@ -80,15 +80,15 @@ pub(crate) struct Robot {
     chance: Chance,
     mode: Mode,
     goal: Option<Pose>,
-    /// It has turned to the goal, it has come to the goal.
+    /// Stage of a manoeuvre: turned towards the goal, arrived at the goal.
     stage: u8,
     speeds: (f64, f64),
     sees: bool,
-    /// Its lidar shows nothing.
+    /// Whether its lidar has no readings.
     pub(crate) is_blind: bool,
-    /// Its lidar shows the walls turned, each time by another angle.
+    /// Whether its lidar shows the walls rotated, each time by another angle.
     pub(crate) is_dizzy: bool,
-    /// Minimum room between it and a wall so far, metres.
+    /// Minimum distance to a wall so far, metres.
     pub(crate) room: f64,
     pub(crate) driven: f64,
 }
@@ -119,7 +119,7 @@ impl Robot {
         }
     }
 
-    /// `goal` turned about the robot, where it believes to be.
+    /// `goal` rotated about the robot's believed pose.
     pub(crate) fn turned(&self, goal: Pose, by: f64) -> Pose {
         let (sin, cos) = libm::sincos(by);
         let (dx, dy) = (
@@ -163,7 +163,7 @@ impl Robot {
         }
     }
 
-    /// Its wheels were without supply: it rolled by so much without knowing, and has stopped.
+    /// Rolls without supply by a distance that the wheels do not count; the robot has stopped.
     pub(crate) fn roll(&mut self, forward: f64, turn: f64) {
         self.truth = self.truth.moved(forward, turn);
         self.mode = Mode::Switching(SWITCH_S, State::Off);
@@ -239,7 +239,7 @@ impl Robot {
         }
     }
 
-    /// Lines in its own frame, millimetres.
+    /// Lines in the robot's frame, millimetres.
     pub(crate) fn look(&mut self, world: &World) -> Vec<Line> {
         let mut points = Vec::new();
         let turned = if self.is_dizzy {

@@ -1,15 +1,15 @@
-//! Walls: blocks of 10 cm, made of a drawing in which walls are thin and rooms are wide.
+//! Walls of 10 cm blocks, from a drawing in which walls are thin and rooms are wide.
 
 /// Edge of a block, metres.
 pub(crate) const BLOCK_M: f64 = 0.1;
 
-/// The cell of 10 cm that a coordinate lies in.
+/// The cell of 10 cm that contains a coordinate.
 #[expect(clippy::cast_possible_truncation, reason = "a few metres")]
 pub(crate) fn cell(along_m: f64) -> i64 {
     (along_m / BLOCK_M).floor() as i64
 }
 
-/// Blocks, and where they lie.
+/// Blocks with their positions.
 #[derive(Clone, Debug)]
 pub(crate) struct World {
     solid: Vec<Vec<bool>>,
@@ -18,8 +18,8 @@ pub(crate) struct World {
 }
 
 impl World {
-    /// Of a drawing with `#` for walls; lines and columns of even index become one block wide,
-    /// those between `room` blocks. The last line is the lowest.
+    /// A world from a drawing with `#` for walls. Lines and columns of even index become one block
+    /// wide, the others `room` blocks. The last line is the lowest.
     pub(crate) fn labyrinth(drawing: &str, room: usize, origin: [f64; 2]) -> Self {
         let times = |index: usize| if index.is_multiple_of(2) { 1 } else { room };
         let lines: Vec<&str> = drawing.lines().filter(|line| !line.is_empty()).collect();
@@ -55,7 +55,7 @@ impl World {
         [middle(column, self.origin[0]), middle(row, self.origin[1])]
     }
 
-    /// Metres to the first wall in this direction.
+    /// Distance to the first wall in this direction, metres.
     pub(crate) fn ray(&self, from: [f64; 2], angle: f64) -> f64 {
         let (sin, cos) = libm::sincos(angle);
         let direction = [cos, sin];
@@ -82,7 +82,7 @@ impl World {
         f64::MAX
     }
 
-    /// Metres to the nearest wall, at most 0.3.
+    /// Distance to the nearest wall, metres, at most 0.3.
     pub(crate) fn clearance(&self, [px, py]: [f64; 2]) -> f64 {
         let (x, y) = self.block_of([px, py]);
         let mut nearest = 0.3_f64;
@@ -101,7 +101,7 @@ impl World {
         nearest
     }
 
-    /// Points on all faces of walls that look into a room, metres.
+    /// Points on all wall faces towards a room, metres.
     pub(crate) fn faces(&self) -> Vec<[f64; 2]> {
         let mut points = Vec::new();
         for (y, row) in (0_i64..).zip(&self.solid) {

@@ -9,7 +9,7 @@ use engine::hex;
 
 /// Maximum number of chunks in a line.
 const CHUNKS_MAX: usize = 16;
-/// Longest chunk that shares its line with others.
+/// Maximum length of a chunk that shares its line with others.
 const CHUNK_MAX: usize = 64;
 
 /// Writes `arrivals`, in order of time, as lines.
@@ -43,7 +43,7 @@ pub(super) fn write(arrivals: &[Arrival], line: LineConfig) -> String {
     out
 }
 
-/// Reads what [`write`] wrote, or a person.
+/// Reads lines from [`write`] or from a person.
 pub(super) fn read(text: &str, line: LineConfig) -> Result<Vec<Arrival>, String> {
     let mut arrivals: Vec<Arrival> = Vec::new();
     for (number, row) in (1..).zip(text.lines()) {
@@ -95,7 +95,7 @@ mod tests {
         }
     }
 
-    /// At 1 Mbaud a byte takes 10 us: three bytes and the pair behind them are back to back.
+    /// At 1 Mbaud a byte takes 10 us: three bytes and the two that follow are back to back.
     #[test]
     fn chunks_back_to_back_share_a_line() {
         let arrivals = [

@@ -1,7 +1,7 @@
-//! A case without a program: what a decoder makes of the bytes of a line.
+//! A case without a program: the output of a decoder for the bytes of a line.
 //!
-//! A dump of one direction says nothing of a program. What can go wrong with it again is that a
-//! decoder finds other frames in it, other bytes outside of them, or another cause.
+//! A dump of one direction contains nothing about a program. Such a case detects three regressions:
+//! a decoder finds other frames, other bytes outside of frames, or another cause of damage.
 
 use protocols::Instant;
 use serde::{Deserialize, Serialize};
@@ -25,19 +25,20 @@ pub struct Decoded {
     pub direction: String,
     /// Name of the protocol.
     pub protocol: String,
-    /// Damage that the whole stream shows, as `hilrig decode --diagnose` tells it.
+    /// Damage of the whole stream, in the words of `hilrig decode --diagnose`.
     #[serde(default)]
     pub diagnosis: Vec<String>,
-    /// Frames in words and the bytes outside of them, one a line with its place.
+    /// Frames in words, and the bytes outside of them; one a line with its offset.
     #[serde(default)]
     pub found: String,
 }
 
-/// A run of bytes with the time of the last of them.
+/// Bytes with the time of the last of them.
 type Piece<'a> = (Instant, &'a [u8]);
 
 impl Recorded {
-    /// Whether no answer came: nothing reached the program, or it sent nothing.
+    /// Whether the recording has one direction only: nothing reached the program, or it sent
+    /// nothing.
     pub fn is_one_way(&self) -> bool {
         let is_heard = self.links.iter().any(|one| !one.arrivals.is_empty());
         let is_sent = self.links.iter().any(|one| !one.sent.bytes().is_empty());
@@ -46,11 +47,11 @@ impl Recorded {
 }
 
 impl Case {
-    /// Makes a case of what decoders make of `recorded` today. A line of no known protocol is left
-    /// out; `None` if none is left.
+    /// Makes a case from the present decoder output for `recorded`. A line of an unknown protocol
+    /// is left out; `None` if no line remains.
     ///
     /// # Errors
-    /// If the bytes have no form as a case.
+    /// If the bytes cannot be written as a case.
     pub fn of_decoders(name: &str, recorded: &Recorded) -> Result<Option<Self>, CaseError> {
         let mut case = Self {
             case: VERSION,
@@ -64,7 +65,7 @@ impl Case {
             link: recorded.links.iter().map(LinkBytes::of).collect(),
             scenario: None,
         };
-        // As they will be read from the file.
+        // Decodes the bytes as a reader of the file will get them.
         let recorded = case.recorded(name.as_ref())?;
         for passage in &recorded.links {
             for direction in [Direction::ToMaster, Direction::ToDevice] {
@@ -81,7 +82,7 @@ impl Case {
 }
 
 impl Decoded {
-    /// Compares what a decoder makes of `recorded` now.
+    /// Compares the present decoder output for `recorded` with the expected one.
     pub(super) fn judge(&self, recorded: &Recorded) -> Vec<Check> {
         let line = format!("{}-{}", self.link, self.direction);
         let now = match self.now(recorded) {
@@ -126,7 +127,7 @@ impl Decoded {
     }
 }
 
-/// The first line in which two texts differ, in words.
+/// Describes the first line in which two texts differ.
 fn first_difference(expected: &str, found: &str) -> Option<String> {
     if expected == found {
         return None;
@@ -186,7 +187,7 @@ fn decode(passage: &Passage, direction: Direction, codec: &'static Codec) -> Dec
     }
 }
 
-/// A stretch as a line of text.
+/// One line of text for a stretch.
 fn line(bytes: &[u8], Stretch { bytes: range, what }: Stretch) -> String {
     let place = range.start;
     let index = |place| usize::try_from(place).expect("held in memory");
@@ -210,7 +211,7 @@ mod tests {
     use crate::replay::Arrival;
     use engine::run::check::Status;
 
-    /// Two register reads towards the base with a byte between them that belongs to neither.
+    /// Two register reads towards the base, with a byte between them that belongs to neither.
     fn recorded(second: u8) -> Recorded {
         let read = |register| Frame::read(register, 10, ChecksumOrder::LowFirst);
         let (one, other) = (read(36), read(second));
@@ -343,7 +344,7 @@ mod tests {
         assert_eq!(said("a\nb", ""), "line 1: expected a, found nothing more");
     }
 
-    /// Bytes both ways: one side asked and the other answered.
+    /// With bytes in both directions, one side sent requests and the other replied.
     #[test]
     fn a_dump_is_one_way_unless_both_ends_speak() {
         let mut both = recorded(60);
@@ -357,8 +358,8 @@ mod tests {
         assert!(both.is_one_way());
     }
 
-    /// A frame of which the second half comes at once is one, five seconds later none: half a frame
-    /// is kept for a time and no longer.
+    /// The two halves of a frame are one frame if the second half follows at once. Five seconds
+    /// later they are none: a partial frame is discarded after the idle time.
     #[test]
     fn silence_breaks_a_frame_in_two() {
         let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
@@ -374,8 +375,8 @@ mod tests {
         let whole = found(5, Instant::from_millis(1));
         assert_eq!(found(3, Instant::from_millis(1)), whole);
         assert_ne!(found(3, Instant::from_secs(5)), whole);
-        // Two bytes at 1 Mbaud take 20 us; the silence before them is as long as half a frame is
-        // kept, or a nanosecond longer.
+        // Two bytes at 1 Mbaud take 20 us. The silence before them is the idle time of a partial
+        // frame, or a nanosecond longer.
         let kept = Instant::from_micros(1_020) + codec.idle();
         assert_eq!(found(3, kept), whole);
         assert_ne!(found(3, kept + Duration::from_nanos(1)), whole);

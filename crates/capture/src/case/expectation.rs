@@ -14,40 +14,40 @@ use engine::run::check::Check;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Expectation {
-    /// The program sends what it sent then, byte by byte.
+    /// The program sends the captured bytes again, byte by byte.
     #[serde(default)]
     pub same_outputs: bool,
     /// Links on which the program still sends within the last second.
     #[serde(default)]
     pub talks: Vec<String>,
-    /// Rules that the program must not break, as `device rule`, e.g. `base unknown-register`.
+    /// Rules that the program must not violate, as `device rule`, e.g. `base unknown-register`.
     #[serde(default)]
     pub never: Vec<String>,
     /// Checks of every run that must pass, e.g. `memory-intact`.
     #[serde(default)]
     pub checks: Vec<String>,
-    /// Longest pause after which the program still talks, ns; none: a second.
+    /// Maximum pause of a program that still sends, ns; `None`: a second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub talk_pause_ns: Option<u64>,
     /// The program ends with this exit code.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exits: Option<i32>,
-    /// Texts of lines that the program prints.
+    /// Texts of lines that the program must print.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub prints: Vec<String>,
-    /// Texts that it prints in no line.
+    /// Texts that no printed line may contain.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub never_prints: Vec<String>,
     /// Bytes that the program sends, `LINK:HEX` or `HEX`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sends: Vec<String>,
-    /// Bytes that it never sends.
+    /// Bytes that the program must never send.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub never_sends: Vec<String>,
-    /// The program behaves as if damaged frames had not come.
+    /// The program behaves as if damaged frames had not arrived.
     #[serde(default, skip_serializing_if = "is_false")]
     pub ignores_damage: bool,
-    /// The longest pause of a program that has begun to send, ns.
+    /// Maximum pause of a program that has begun to send, ns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recovers_ns: Option<u64>,
     /// Behaviour of a reference program.
@@ -59,7 +59,7 @@ pub struct Expectation {
 }
 
 impl Expectation {
-    /// Whether anything is expected of a program.
+    /// Whether an expectation needs a program.
     pub(super) fn needs_program(&self) -> bool {
         let lists = [
             &self.talks,
@@ -77,7 +77,7 @@ impl Expectation {
             || lists.iter().any(|list| !list.is_empty())
     }
 
-    /// The verdicts on what the robot's own program did, up to `end`.
+    /// Verdicts on the robot's own program, up to `end`.
     pub(super) fn judge(&self, replayed: &Replayed, end: Instant) -> Vec<Check> {
         let mut checks = self.judge_links(&replayed.links, end);
         checks.extend(self.judge_rules(&Evidence {

@@ -1,4 +1,4 @@
-//! A case judged by what a program said at its ports, wherever that program is.
+//! Judgement of a case by the bytes that a program sent at its ports, wherever the program runs.
 
 use core::time::Duration;
 
@@ -14,19 +14,19 @@ use engine::codec::{self, What};
 use engine::run::check::Check;
 use engine::scenario::Scenario;
 
-/// Pieces from which on a program is taken to talk on a link.
+/// Minimum number of chunks of a program that sends continuously on a link.
 const PIECES_MIN: usize = 5;
-/// Minimum time over which it does.
+/// Minimum duration of these chunks.
 const SPAN_MIN: Duration = Duration::from_secs(1);
-/// A pause may be so many times as long as the longest one before the program fell silent.
+/// Maximum pause, as a multiple of the longest pause before the program fell silent.
 const PAUSES: u32 = 3;
 
-/// Names of checks that a case of a capture makes of what happens to the program itself.
+/// Name of the check that a program is alive; each case of a capture requires it.
 const LIVES: &str = "program-alive";
 
 impl Case {
-    /// A case of a foreign program: what is asked is that it lives and continues talking on the
-    /// links where it talked. What it said is not asked again: it may have been wrong.
+    /// Makes a case of a foreign program: it must stay alive and continue sending on the links on
+    /// which it sent. Its captured bytes are not required again, because they may have been wrong.
     pub fn of_outsider(name: &str, recorded: &Recorded, scenario: Option<&Scenario>) -> Self {
         let links = recorded.links.iter();
         let links = links.filter(|link| !link.arrivals.is_empty());
@@ -55,7 +55,7 @@ impl Case {
         }
     }
 
-    /// The case of a run of `scenario`: its devices answer, and judge the program as they did then.
+    /// Makes a case of a run of `scenario`: its devices reply, and judge the program as in the run.
     pub fn of_run(name: &str, recorded: &Recorded, scenario: &Scenario) -> Self {
         let talks = Self::of_outsider(name, recorded, None).expect;
         Self {
@@ -75,15 +75,15 @@ impl Case {
         }
     }
 
-    /// Judges what a program in a process of its own said; `own` are the verdicts on the program
-    /// itself. What no port tells is named in the second value: rules of devices and checks of the
-    /// robot, neither of which is there.
+    /// Judges the bytes of a program in its own process; `own` are the verdicts on the process. The
+    /// second result names what no port shows: rules of devices and checks of the robot, which are
+    /// absent here.
     pub fn judge_foreign(
         &self,
         own: impl IntoIterator<Item = Check>,
         seen: &Evidence<'_>,
     ) -> (Judgement, Vec<String>) {
-        // How it is to end is said by the rule.
+        // The rule about the exit decides how the program must end.
         let is_asked = |check: &Check| self.expect.exits.is_none() || check.name != LIVES;
         let mut checks: Vec<Check> = own.into_iter().filter(is_asked).collect();
         let end = seen.ended_at.filter(|_| seen.exit_code == Some(0));
@@ -102,8 +102,8 @@ impl Case {
         (judgement, unjudged.collect())
     }
 
-    /// The same without what reached the program damaged, and how many bytes those are: those that
-    /// are in no valid frame of the protocol of their link.
+    /// Returns the recording without the damaged bytes to the program, and the number of these
+    /// bytes. Damaged bytes are those outside of valid frames of the link's protocol.
     pub fn without_damage(&self, recorded: &Recorded) -> (Recorded, usize) {
         let (mut sound, mut left_out) = (recorded.clone(), 0);
         for passage in &mut sound.links {
@@ -139,8 +139,8 @@ impl Case {
         (sound, left_out)
     }
 
-    /// Whether a program that sent `damaged`, and `sound` without the damage, ignores it: the same
-    /// requests, none later by more than `late`.
+    /// Whether a program ignores damage. It sent `damaged` with the damage and `sound` without: the
+    /// requests must be equal, and none may be later by more than `late`.
     pub fn judge_damage(damaged: &[Played], sound: &[Played], late: Duration) -> Vec<Check> {
         let pairs = damaged.iter().zip(sound);
         let checks = pairs.map(|(damaged, sound)| {
@@ -150,7 +150,7 @@ impl Case {
             let same = pairs.take_while(|(got, expected)| got == expected).count();
             let shift = |(end, at): (usize, Instant)| {
                 let there = expected.time_of(end)?;
-                // Earlier is no harm: a frame that is missing is waited for.
+                // An earlier request is no failure: the program waited for the missing frame.
                 Some(at - there)
             };
             let shortest = got.bytes().len().min(expected.bytes().len());
@@ -177,7 +177,7 @@ impl Case {
     }
 }
 
-/// The longest pause of a program while it talked; `None` if it did not talk for long.
+/// Longest pause of a program while it was sending; `None` if it did not send for long.
 fn pause_of(sent: &Track) -> Option<Duration> {
     let times: Vec<Instant> = sent.pieces().map(|(at, _)| at).collect();
     let (first, last) = (times.first()?, times.last()?);
@@ -187,7 +187,7 @@ fn pause_of(sent: &Track) -> Option<Duration> {
 }
 
 impl Expectation {
-    /// Observations from the bytes on the links alone.
+    /// Checks that need only the bytes on the links.
     pub(super) fn judge_links(&self, links: &[Played], end: Instant) -> Vec<Check> {
         let mut checks = Vec::new();
         if self.same_outputs {
@@ -211,7 +211,7 @@ impl Expectation {
         checks
     }
 
-    /// The rate by which times of `link` are written.
+    /// Baud rate with which the times of `link` are written.
     pub fn baud_of(links: &[LinkBytes], link: &str) -> u32 {
         let found = links.iter().find(|one| one.name == link);
         found.map_or(LineConfig::new_8n1(115_200).baud, |one| one.baud)
@@ -238,9 +238,8 @@ mod tests {
 
     const END: Instant = Instant::from_secs(10);
 
-    /// Whether a program talked to the end or fell silent, it must continue talking where it
-    /// talked, and nothing that it said is asked again. A link on which nothing was said to it is
-    /// none of its own.
+    /// Whether a program sent to the end or fell silent, it must continue sending where it sent.
+    /// None of its bytes are required again. A link without bytes to the program is not its own.
     #[test]
     fn a_foreign_program_must_go_on_talking_where_it_talked() {
         let passage = |link: &str, last_ms, heard: &[u8]| Passage {
@@ -274,7 +273,7 @@ mod tests {
         );
     }
 
-    /// Three register reads; in the second a bit of the checksum is wrong.
+    /// Three register reads; in the second, a bit of the checksum is wrong.
     #[test]
     fn damage_is_what_is_in_no_frame() {
         let read = |register| Frame::read(register, 10, ChecksumOrder::LowFirst);
@@ -298,8 +297,8 @@ mod tests {
         assert_eq!((left_out, sound.links[0].arrivals.len()), (5, 2));
     }
 
-    /// A byte each half second. A program that sends them 0.3 s later because of the damage, or
-    /// another byte, does not ignore it.
+    /// A byte each half second. A program that sends 0.3 s later because of the damage, or sends
+    /// another byte, does not ignore the damage.
     #[test]
     fn damage_is_ignored_if_nothing_is_other_or_later() {
         let played = |late_ms, byte| {
@@ -324,7 +323,8 @@ mod tests {
         assert_eq!((judge(251, 1), judge(0, 2)), (Status::Fail, Status::Fail));
     }
 
-    /// Each link by its own name: one talks to the end, the other fell silent.
+    /// Each link is judged by its own name: on one the program sends to the end, on the other it
+    /// fell silent.
     #[test]
     fn a_program_is_judged_on_each_link_by_what_it_said_there() {
         let expect = Expectation {

@@ -1,4 +1,5 @@
-//! What is right for a program, in rules that a person gives: `hilrig case from --expect RULE`.
+//! Rules for the correct behaviour of a program, given by the user: `hilrig case from --expect
+//! RULE`.
 
 use core::str::FromStr;
 use core::time::Duration;
@@ -14,23 +15,23 @@ use engine::scenario::Span;
 /// One rule.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Rule {
-    /// It lives, and it neither hangs nor spins; every case asks this.
+    /// The program stays alive, and neither hangs nor spins; every case requires this.
     Lives,
-    /// It continues sending to the end: on this link, or on all on which it sent in the capture.
+    /// The program sends to the end: on this link, or on all on which it sent in the capture.
     Talks(Option<String>),
-    /// It ends with this exit code.
+    /// The program ends with this exit code.
     Exits(i32),
-    /// It prints a line with this text.
+    /// The program prints a line with this text.
     Prints(String),
-    /// It prints no line with this text.
+    /// The program prints no line with this text.
     NeverPrints(String),
-    /// It sends these bytes: `LINK:HEX`, or `HEX` on any link.
+    /// The program sends these bytes: `LINK:HEX`, or `HEX` on any link.
     Sends(String),
-    /// It never sends these bytes.
+    /// The program never sends these bytes.
     NeverSends(String),
-    /// It behaves as if damaged frames had not come.
+    /// The program behaves as if damaged frames had not arrived.
     IgnoresDamage,
-    /// It never pauses for longer than this once it has begun to send.
+    /// The program never pauses for longer than this once it has begun to send.
     Recovers(Duration),
 }
 
@@ -84,7 +85,7 @@ impl FromStr for Rule {
     }
 }
 
-/// A link, if one is named, and bytes.
+/// The bytes, and their link if the text names one.
 fn pattern(text: &str) -> Option<(Option<&str>, Vec<u8>)> {
     let (link, digits) = match text.split_once(':') {
         Some((link, digits)) => (Some(link), digits),
@@ -114,7 +115,7 @@ impl Expectation {
         self.talks.dedup();
     }
 
-    /// The rules, in words.
+    /// The rules as text.
     pub fn in_words(&self) -> Vec<String> {
         let mut words = Vec::new();
         words.extend(
@@ -148,9 +149,9 @@ impl Expectation {
 pub struct Evidence<'a> {
     /// Its bytes on each link.
     pub links: &'a [Played],
-    /// All that it printed.
+    /// Everything that it printed.
     pub said: &'a str,
-    /// Its exit code, if it ended by itself, and when it ended.
+    /// Exit code, if it ended by itself.
     pub exit_code: Option<i32>,
     /// Time of its end, if it ended.
     pub ended_at: Option<Instant>,
@@ -159,7 +160,7 @@ pub struct Evidence<'a> {
 }
 
 impl Expectation {
-    /// The verdicts on the rules, but for damage and the reference program.
+    /// Verdicts on all rules except those about damage and the reference program.
     pub(super) fn judge_rules(&self, seen: &Evidence<'_>) -> Vec<Check> {
         let mut checks = Vec::new();
         if let Some(code) = self.exits {
@@ -211,7 +212,7 @@ impl Expectation {
     }
 }
 
-/// Links and times of the bytes named in `text`.
+/// The first link and time of the bytes in `text`.
 fn find(text: &str, links: &[Played]) -> Option<(String, Instant)> {
     let (link, bytes) = pattern(text)?;
     let mut links = links
@@ -225,7 +226,7 @@ fn find(text: &str, links: &[Played]) -> Option<(String, Instant)> {
     })
 }
 
-/// The longest pause of a program that has begun to send.
+/// Checks the longest pause of a program that has begun to send.
 fn recovers(within: Duration, seen: &Evidence<'_>) -> Check {
     let mut times: Vec<Instant> = Vec::new();
     for link in seen.links {
@@ -293,7 +294,7 @@ mod tests {
         assert!(unknown.starts_with("unknown rule \"flies\"; expected one of no-crash, "));
     }
 
-    /// Bytes at 1, 2 and 4 s, printed lines, exit code 3 at 5 s of 9.
+    /// Bytes at 1, 2 and 4 s, printed lines, exit code 3 at 5 s of 9 s.
     fn judged(rules: &[&str]) -> Vec<(String, Status, String)> {
         let mut got = Track::default();
         for (at, bytes) in [(1, &[0xAB, 1][..]), (2, &[2, 3]), (4, &[4])] {

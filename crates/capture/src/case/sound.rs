@@ -28,18 +28,18 @@ pub struct Sound {
 pub struct SoundLink {
     /// Name of the link.
     pub name: String,
-    /// Bits per second, by which the times are read.
+    /// Bits per second, which the times refer to.
     pub baud: u32,
-    /// Its bytes, as those of a case.
+    /// Its bytes, in the form of a case.
     pub sent: String,
 }
 
-/// A program that is stopped at the end of a case may have done so much less than the reference,
-/// one in so many.
+/// A program that is stopped at the end of a case may lack this share of the reference, one in so
+/// many.
 const SLACK: usize = 10;
 
 impl Sound {
-    /// What the program of `command` did; `links` may be left out where the devices answer.
+    /// Behaviour of the program `command`; `links` may be empty if the devices reply.
     pub fn of(command: &str, said: &str, links: &[Played], baud: impl Fn(&str) -> u32) -> Self {
         let link = links.iter().map(|one| {
             let baud = baud(&one.link);
@@ -61,7 +61,7 @@ impl Sound {
         }
     }
 
-    /// Whether the program that printed `said` and sent `links` does the same.
+    /// Whether the program that printed `said` and sent `links` behaves as the reference.
     pub(super) fn judge(&self, said: &str, links: &[Played]) -> Vec<Check> {
         let mut checks = vec![self.judge_lines(said)];
         for sound in &self.link {
@@ -119,7 +119,7 @@ impl Sound {
     }
 }
 
-/// Whether two programs did about as much.
+/// Whether two programs produced about the same amount.
 const fn is_enough(one: usize, other: usize) -> bool {
     one.abs_diff(other) * SLACK <= one + SLACK
 }
@@ -142,7 +142,7 @@ mod tests {
         }]
     }
 
-    /// Twenty lines and forty bytes; two lines less may be missing at the end, five not.
+    /// Twenty lines and forty bytes: two lines may be missing at the end, five may not.
     #[test]
     fn a_program_that_parts_from_the_reference_fails() {
         let lines = |count: usize| (0..count).map(|n| format!("{n}\n")).collect::<String>();

@@ -1,8 +1,8 @@
-//! Damage that a whole stream shows: a host's terminal in text mode, a wrong rate, a line of seven
-//! bits, an echo, bytes doubled or swapped, a checksum the other way round.
+//! Damage of a whole stream. Causes: a host's terminal in text mode, a wrong rate, a line of seven
+//! bits. Further causes: an echo, doubled or swapped bytes, a checksum in the other byte order.
 //!
-//! A stream is accused only of what its bytes prove. One that is nearly all valid frames is not
-//! accused, whatever it contains; the echo alone is made of valid frames.
+//! A diagnosis needs proof in the bytes. A stream of nearly only valid frames gets no diagnosis,
+//! whatever it contains; only an echo consists of valid frames.
 
 mod evidence;
 
@@ -14,11 +14,11 @@ use evidence::{Counts, doubled, echoed, other_order, slow_sender, swapped};
 pub struct Line<'a> {
     /// All bytes that arrived.
     pub bytes: &'a [u8],
-    /// All bytes that went the other way, if known.
+    /// All bytes of the other direction, if known.
     pub opposite: &'a [u8],
     /// The expected protocol of the line, if known.
     pub codec: Option<&'static Codec>,
-    /// Characters without a stop bit, if the capture tells.
+    /// Number of characters without a stop bit, if the capture records them.
     pub framing_errors: u64,
 }
 
@@ -32,30 +32,30 @@ pub enum Damage {
         /// Pairs in all.
         pairs: u64,
     },
-    /// Each two bytes are the wrong way round.
+    /// The two bytes of each pair are swapped.
     Swapped {
-        /// Bytes in valid frames once they are put right.
+        /// Bytes in valid frames after the swap is undone.
         framed: u64,
         /// Bytes in all.
         bytes: u64,
     },
-    /// The checksum's bytes are the wrong way round.
+    /// The bytes of the checksum are swapped.
     ChecksumOrder {
-        /// Frames whose checksum holds the other way round.
+        /// Frames whose checksum is correct in the other order.
         other: u64,
-        /// Frames whose checksum holds as expected.
+        /// Frames whose checksum is correct in the expected order.
         expected: u64,
     },
     /// Sent bytes return as an echo.
     Echo {
-        /// Frames sent that were also received, in the order sent.
+        /// Sent frames that were also received, in the order sent.
         back: u64,
         /// Frames sent.
         sent: u64,
     },
-    /// The rates of sender and receiver differ, as characters without a stop bit show.
+    /// The rates of sender and receiver differ, which causes characters without a stop bit.
     FramingErrors {
-        /// Such characters.
+        /// Characters without a stop bit.
         errors: u64,
         /// Bytes in all.
         bytes: u64,
@@ -64,7 +64,7 @@ pub enum Damage {
     SlowSender {
         /// The factor.
         factor: u32,
-        /// Bytes that are made of stretched bits.
+        /// Bytes that consist of stretched bits.
         stretched: u64,
         /// Bytes in all.
         bytes: u64,
@@ -154,12 +154,12 @@ impl core::fmt::Display for Damage {
     }
 }
 
-/// Minimum number of expected occurrences of a value whose absence says something: chance leaves
-/// out a value that is this frequent once in 4e8 streams.
+/// Minimum expected count of a value whose absence is evidence. By chance, a value with this
+/// expected count is absent from one in 4e8 streams.
 const EXPECTED_MIN: u64 = 20;
-/// Minimum number of bytes that say something.
+/// Minimum number of bytes for a diagnosis.
 const BYTES_MIN: u64 = 64;
-/// Bytes that are checked where all of them would take long.
+/// Maximum number of bytes that are examined in slow tests.
 const SAMPLE: usize = 128 << 10;
 
 /// Damage of the whole `line`.
@@ -177,7 +177,7 @@ pub fn diagnose(line: &Line<'_>) -> Vec<Damage> {
     if len < BYTES_MIN || framed * 100 >= len * 98 {
         return damages;
     }
-    // These change every byte or frame; what else seems missing follows from them.
+    // These change every byte or frame; other apparent damage follows from them.
     let whole = doubled(sample)
         .or_else(|| swapped(sample, framed * (sample.len() as u64) / len))
         .or_else(|| other_order(sample, line.codec))
@@ -190,7 +190,7 @@ pub fn diagnose(line: &Line<'_>) -> Vec<Damage> {
     damages
 }
 
-/// Values that terminals in text mode take out or change.
+/// Values that terminals in text mode remove or change.
 fn missing(counts: &Counts) -> Vec<Damage> {
     let bytes = counts.len();
     let mut damages = Vec::new();

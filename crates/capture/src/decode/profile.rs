@@ -1,5 +1,5 @@
-//! What can be told of a line whose protocol is unknown: in which pieces its bytes come, what
-//! answers what, how pieces begin and end.
+//! Statistics of a line with an unknown protocol: its messages, their replies, their common
+//! beginnings and ends.
 
 use core::fmt;
 use core::time::Duration;
@@ -20,14 +20,14 @@ struct Piece {
     bytes: Vec<u8>,
 }
 
-/// Least, middle and greatest of some values.
+/// Minimum, median and maximum of some values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread<T> {
-    /// The least.
+    /// The minimum.
     pub least: T,
-    /// The one in the middle.
+    /// The median.
     pub median: T,
-    /// The greatest.
+    /// The maximum.
     pub most: T,
 }
 
@@ -45,28 +45,28 @@ impl<T: Copy + Ord> Spread<T> {
 /// A beginning or end that many pieces share.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shared {
-    /// The bytes.
+    /// The common bytes.
     pub bytes: Vec<u8>,
-    /// Pieces that have them.
+    /// Number of messages that have them.
     pub count: usize,
 }
 
 /// One direction of a link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    /// Pieces that a silence or the other direction divides.
+    /// Number of messages, separated by silence or by bytes of the other direction.
     pub pieces: usize,
     /// Their lengths.
     pub lengths: Option<Spread<usize>>,
-    /// The length that most of them have.
+    /// The most frequent length.
     pub usual: Option<usize>,
-    /// Times between their beginnings.
+    /// Times between the beginnings of messages.
     pub periods: Option<Spread<Duration>>,
-    /// From a piece of the other direction to the one that follows it; and how many do.
+    /// Number of messages that follow one of the other direction, and the times between the two.
     pub answers: Option<(usize, Spread<Duration>)>,
-    /// Bits a byte, if bytes were drawn by how often they occur.
+    /// Entropy in bits per byte, from the frequencies of the values.
     pub entropy: f64,
-    /// Bytes that can be printed, per cent.
+    /// Percentage of printable bytes.
     pub printable: usize,
     /// Common first bytes of pieces.
     pub begins: Option<Shared>,
@@ -75,7 +75,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Of `direction` of the link with this index.
+    /// Statistics of `direction` of the link with this index.
     pub fn of(records: &[Record], index: usize, link: &Interface, direction: Direction) -> Self {
         let all = pieces(records, index, link);
         let own: Vec<&Piece> = all
@@ -126,7 +126,7 @@ fn pieces(records: &[Record], index: usize, link: &Interface) -> Vec<Piece> {
             if bytes.is_empty() {
                 continue;
             }
-            // At an unknown rate a piece begins when it ends.
+            // At an unknown rate, the start of a message equals its end.
             let begins = match link.baud {
                 0 => at,
                 _ => rate.byte_end(at, bytes.len() as u64),
@@ -158,7 +158,7 @@ fn most_common<T: Ord>(values: impl Iterator<Item = T>) -> Option<(T, usize)> {
     counts.into_iter().max_by_key(|(_, count)| *count)
 }
 
-/// The longest beginning or end, of up to four bytes, that half of the pieces share.
+/// The longest beginning or end, of up to four bytes, that half of the messages share.
 fn shared(own: &[&Piece], part: fn(&[u8], usize) -> Option<&[u8]>) -> Option<Shared> {
     (1..=4).rev().find_map(|len| {
         let parts = own.iter().filter(|piece| piece.bytes.len() > len);
@@ -179,7 +179,7 @@ fn entropy(bytes: &[u8]) -> f64 {
         .filter(|count| **count > 0)
         .map(|&count| f64::from(count) / all);
     let sum: f64 = shares.map(|share| share * libm::log2(share)).sum();
-    // No minus before a zero.
+    // Avoids a minus sign before zero.
     if sum == 0.0 { 0.0 } else { -sum }
 }
 
@@ -188,7 +188,7 @@ fn millis(time: Duration) -> f64 {
 }
 
 impl fmt::Display for Profile {
-    /// Lines without an end, each indented.
+    /// Indented lines, without a final line end.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (count, entropy, printable) = (self.pieces, self.entropy, self.printable);
         write!(f, "  {count} pieces")?;
@@ -241,8 +241,8 @@ impl fmt::Display for Profile {
 mod tests {
     use super::*;
 
-    /// Ten requests of three bytes, each answered by two pieces 5 ms later; at 9,600 baud a
-    /// character takes 1.04 ms. Two values equally often are one bit.
+    /// Ten requests of three bytes, each answered by two messages 5 ms later; at 9,600 baud a
+    /// character takes 1.04 ms. Two equally frequent values have an entropy of one bit.
     #[test]
     fn requests_and_answers_are_told_by_their_times() {
         let record = |millis: u64, direction, bytes: &[u8]| Record {

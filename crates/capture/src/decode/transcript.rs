@@ -1,8 +1,8 @@
-//! A capture in words: what passed all its lines, merged in the order of time.
+//! Transcript of a capture: frames and events of all lines as text, in order of time.
 //!
-//! A frame has the time of its last byte. What is bad is only known to be so when a frame follows
-//! or the line falls quiet, so lines wait a little before they are told; how long is a constant, so
-//! a long capture takes no more memory than a short one.
+//! A frame has the time of its last byte. Bytes are known to be invalid only when a frame or a
+//! silence follows. Entries therefore wait for a short, constant time before they are returned, so
+//! that a long capture needs no more memory than a short one.
 
 mod entry;
 
@@ -17,22 +17,22 @@ use crate::{Interface, Kind, Record};
 use engine::codec::{self, Codec, IDLE, RegisterNames, Stream, Stretch, What, words};
 use engine::rig::line::Direction;
 
-/// How long a line waits at least for earlier ones: a record tells of bytes that came before it. On
-/// slower lines than 57600 baud a few may come late.
+/// Minimum time that an entry waits for earlier ones: a record describes bytes before its time. On
+/// lines slower than 57600 baud, a few entries may come late.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// Bytes in which a protocol must show itself. If none does, they are text or bad, and the next
-/// ones are checked.
+/// Number of bytes within which a protocol must be recognised. If none is, these bytes are text or
+/// invalid, and the next bytes are examined.
 const GUESS_MAX: usize = 4096;
-/// How many bytes are checked first, and then twice as many, so that what is found depends on the
-/// bytes alone and not on the pieces in which they came.
+/// Number of bytes that are examined first; it doubles each time. The result therefore depends on
+/// the bytes alone, not on the chunks in which they came.
 const GUESS_FIRST: usize = 64;
-/// Minimum number of of its bytes in valid frames for a protocol to be believed at once.
+/// Minimum number of bytes in valid frames for a protocol to be accepted at once.
 const GUESS_MIN: u64 = 44;
-/// Bytes that were told without a protocol and are checked again together with the next ones.
+/// Number of bytes reported without a protocol that are examined again together with the next ones.
 const UNKNOWN_MAX: usize = 512;
 /// Maximum number of bytes of an unknown protocol that are reported at once.
 const CHUNK_MAX: usize = 256;
-/// Shortest run of printable bytes among bad ones that is shown as text.
+/// Minimum length of a run of printable bytes among invalid ones that is shown as text.
 const TEXT_MIN: usize = 4;
 
 /// One direction of a link.
@@ -44,21 +44,21 @@ struct Lane {
     link: usize,
     direction: Direction,
     rate: LineConfig,
-    /// Silence that divides the bytes of an unknown protocol.
+    /// Silence that separates the bytes of an unknown protocol.
     silence: Duration,
-    /// Places at which the other direction spoke.
+    /// Offsets at which the other direction sent bytes.
     turns: VecDeque<u64>,
-    /// The last bytes that were told without a protocol.
+    /// The last bytes that were reported without a protocol.
     unknown: VecDeque<u8>,
-    /// None until the bytes have shown it.
+    /// `None` until the bytes have shown the protocol.
     stream: Option<Stream>,
     codec: Option<&'static Codec>,
-    /// Without a stream: how many untold bytes are checked next.
+    /// Number of unreported bytes to examine next, while there is no stream.
     look_at: usize,
-    /// Bytes that were not told yet, and where they begin in the stream.
+    /// Bytes that were not reported yet, and their offset in the stream.
     untold: VecDeque<u8>,
     told: u64,
-    /// Ends of the pieces in which those came, with their times.
+    /// End offsets of the chunks of these bytes, with their times.
     times: VecDeque<(u64, Instant)>,
     framed: u64,
 }
@@ -70,13 +70,13 @@ pub struct Known {
     pub link: String,
     /// Direction.
     pub direction: Direction,
-    /// The expected protocol, if it has frames of it.
+    /// The expected protocol, if the direction has frames of it.
     pub codec: Option<&'static Codec>,
-    /// Names of its registers, if it is a register bus.
+    /// Names of its registers, if the link is a register bus.
     pub names: Option<RegisterNames>,
 }
 
-/// Turns records into lines.
+/// Converter of records to lines of text.
 #[derive(Default)]
 pub struct Transcript {
     known: Vec<Known>,
@@ -85,7 +85,7 @@ pub struct Transcript {
     codec: Option<&'static Codec>,
 }
 
-/// Sums of one lane.
+/// Totals of one lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sum {
     /// Index of the link.
@@ -101,7 +101,8 @@ pub struct Sum {
 }
 
 impl Transcript {
-    /// All lanes carry `codec`; if none is given, each what its first bytes show.
+    /// A transcript in which all lanes carry `codec`; without one, the first bytes of each lane
+    /// decide.
     pub fn new(codec: Option<&'static Codec>) -> Self {
         Self {
             codec,
@@ -109,15 +110,15 @@ impl Transcript {
         }
     }
 
-    /// All lanes of which something is known carry that, if they have frames of it; the others
-    /// what their bytes show.
+    /// Sets the known protocols of lanes, if the lanes have frames of them. The other lanes are
+    /// recognised by their bytes.
     #[must_use]
     pub fn knowing(mut self, known: Vec<Known>) -> Self {
         self.known = known;
         self
     }
 
-    /// Takes the next record of `link`.
+    /// Adds the next record of `link`.
     pub fn record(&mut self, record: &Record, link: &Interface) {
         let now = record.at;
         for index in 0..self.lanes.len() {
@@ -144,7 +145,7 @@ impl Transcript {
         }
     }
 
-    /// The lines that nothing earlier can follow any more, now that it is `now`.
+    /// Entries that no earlier one can precede any more at the time `now`.
     pub fn ready(&mut self, now: Instant) -> impl Iterator<Item = Entry> {
         let untold = self.lanes.iter().filter_map(Lane::first_untold).min();
         let count = self.waiting.partition_point(|entry| {
@@ -153,12 +154,12 @@ impl Transcript {
         self.waiting.drain(..count)
     }
 
-    /// All lines so far, without waiting for earlier ones.
+    /// All entries so far, without waiting for earlier ones.
     pub fn all(&mut self) -> impl Iterator<Item = Entry> {
         self.waiting.drain(..)
     }
 
-    /// The rest: nothing more comes, or not for long.
+    /// The remaining entries, when no more records follow, or none for a long time.
     pub fn finish(&mut self) -> impl Iterator<Item = Entry> {
         (0..self.lanes.len()).for_each(|index| self.settle(index));
         self.waiting.drain(..)
@@ -203,7 +204,7 @@ impl Transcript {
         self.lanes.len() - 1
     }
 
-    /// What the other direction of the link said before ends there.
+    /// Ends the message of the other direction of the link.
     fn turn(&mut self, index: usize, record: &Record) {
         let own = self.lanes[index].direction;
         let others = self.lanes.iter_mut();
@@ -228,7 +229,7 @@ impl Transcript {
         }
     }
 
-    /// Looks for the protocol of a lane that has none.
+    /// Searches for the protocol of a lane that has none.
     fn look(&mut self, index: usize) {
         loop {
             let lane = &mut self.lanes[index];
@@ -250,8 +251,8 @@ impl Transcript {
         }
     }
 
-    /// The first `len` untold bytes are told as what they are by now; without a protocol as text
-    /// or data, which says nothing of what comes later.
+    /// Reports the first `len` unreported bytes with the protocol found so far. Without a protocol
+    /// they are text or data, which does not affect later bytes.
     fn decide(&mut self, index: usize, len: usize) {
         let lane = &mut self.lanes[index];
         let Some(codec) = lane.codec else {
@@ -279,8 +280,8 @@ impl Transcript {
         self.told(index, found);
     }
 
-    /// Tells the first `len` untold bytes of a lane without a protocol, as they came together: in
-    /// pieces that end with a silence, or where the other direction spoke.
+    /// Reports the first `len` unreported bytes of a lane without a protocol, message by message. A
+    /// message ends with a silence, or where the other direction sends.
     fn tell_unknown(&mut self, index: usize, len: usize) {
         let lane = &mut self.lanes[index];
         lane.look_at = GUESS_FIRST;
@@ -295,7 +296,7 @@ impl Transcript {
         }
     }
 
-    /// The lane fell quiet.
+    /// Reports all bytes of a lane that fell silent.
     fn settle(&mut self, index: usize) {
         let lane = &mut self.lanes[index];
         if lane.untold.is_empty() {
@@ -330,7 +331,8 @@ impl Transcript {
         }
     }
 
-    /// Bytes of no frame, and the text among them; with the errors of a protocol that is known.
+    /// Reports bytes outside of frames and the text among them, with the errors of a known
+    /// protocol.
     fn report_bad(
         &mut self,
         index: usize,
@@ -387,7 +389,7 @@ impl Transcript {
     }
 }
 
-/// Silence that divides messages of an unknown protocol: three characters; 2 ms at an unknown
+/// Silence that separates messages of an unknown protocol: three characters; 2 ms at an unknown
 /// rate.
 pub(crate) fn silence(baud: u32) -> Duration {
     match baud {
@@ -397,8 +399,8 @@ pub(crate) fn silence(baud: u32) -> Duration {
 }
 
 impl Lane {
-    /// The protocol of the first `len` untold bytes, seen together with what was told before
-    /// without one, so that many tries need as much evidence as many bytes.
+    /// Protocol of the first `len` unreported bytes. The bytes reported before without a protocol
+    /// are included, so that repeated tries need as much evidence as one try with many bytes.
     fn best(&mut self, len: usize) -> Option<(&'static Codec, u64)> {
         let untold = &self.untold.make_contiguous()[..len];
         if let Some(expected) = self.expected
@@ -417,7 +419,7 @@ impl Lane {
         (framed > 0).then_some((codec, framed))
     }
 
-    /// Lengths of the pieces in which the first `len` untold bytes came.
+    /// Lengths of the chunks in which the first `len` unreported bytes came.
     fn chunks(&mut self, len: usize) -> Vec<usize> {
         let mut ends = Vec::new();
         let mut last: Option<(usize, Instant)> = None;
@@ -425,7 +427,7 @@ impl Lane {
             let end = usize::try_from(end.saturating_sub(self.told)).unwrap_or(usize::MAX);
             let end = end.min(len);
             if let Some((before, was)) = last {
-                // At an unknown rate a piece begins when it ends.
+                // At an unknown rate, the start of a chunk equals its end.
                 let begins = match self.rate.baud {
                     1 => at,
                     _ => self.rate.byte_end(at, (end - before) as u64),
@@ -454,23 +456,23 @@ impl Lane {
         chunks
     }
 
-    /// Silence after which a frame that was begun is given up.
+    /// Idle time after which a partial frame is discarded.
     fn idle(&self) -> Duration {
         self.codec.map_or(IDLE, Codec::idle)
     }
 
-    /// Bytes so far.
+    /// Number of bytes so far.
     fn end(&self) -> u64 {
         self.told + self.untold.len() as u64
     }
 
-    /// When the first untold byte came: nothing earlier will be told of this lane.
+    /// Time of the first unreported byte: no later entry of this lane is earlier.
     fn first_untold(&self) -> Option<Instant> {
         let untold = self.times.iter().find(|&&(end, _)| end > self.told);
         untold.map(|&(_, at)| at)
     }
 
-    /// Takes the first `len` untold bytes, with the time of the last of them.
+    /// Removes the first `len` unreported bytes, with the time of the last of them.
     fn take(&mut self, len: usize) -> (Instant, Vec<u8>) {
         let bytes: Vec<u8> = self.untold.drain(..len.min(self.untold.len())).collect();
         self.told += bytes.len() as u64;
@@ -500,7 +502,7 @@ mod tests {
         }
     }
 
-    /// What is said of these bytes when nothing follows, each with its place.
+    /// Entries for these bytes when nothing follows, each with its offset.
     fn said(bytes: &[u8]) -> Vec<(u64, String)> {
         let mut transcript = Transcript::new(None);
         let link = Interface::new("x", 1_000_000);
@@ -513,7 +515,8 @@ mod tests {
         (place, words.to_owned())
     }
 
-    /// Four printable bytes in a row are text among others, three are not; alone they are.
+    /// Four printable bytes in a row are text among others, three are not; a lone run of any length
+    /// is.
     #[test]
     fn text_among_bad_bytes_is_told_by_itself() {
         assert_eq!(
@@ -542,7 +545,7 @@ mod tests {
         );
     }
 
-    /// Of many bad bytes 32 are shown.
+    /// Of many invalid bytes, 32 are shown.
     #[test]
     fn bad_bytes_are_shown_up_to_so_many() {
         let shown = |len: usize| Said::Bad(vec![b'x'; len], Vec::new()).to_string();
@@ -551,7 +554,7 @@ mod tests {
         assert_eq!(shown(33), format!("BAD 33 bytes \"{xs}..\""));
     }
 
-    /// Events stand before the bytes of their record, in the order of time, on one line.
+    /// Events precede the bytes of their record, in order of time, on one line.
     #[test]
     fn what_is_told_later_of_an_earlier_time_stands_before() {
         let mut transcript = Transcript::new(None);
@@ -588,8 +591,8 @@ mod tests {
         assert_eq!(sums, [sum]);
     }
 
-    /// A line is told when others can have nothing earlier any more: 100 ms later, and not before
-    /// what came earlier on a lane that is still looked at.
+    /// An entry is returned when no other lane can have an earlier one: 100 ms later, and not
+    /// before an earlier entry of a lane that is still examined.
     #[test]
     fn a_line_waits_for_earlier_ones() {
         let mut transcript = Transcript::new(None);
@@ -607,7 +610,7 @@ mod tests {
         assert_eq!(transcript.all().count(), 1);
     }
 
-    /// What lies between two texts has its own place.
+    /// Bytes between two texts have their own offset.
     #[test]
     fn bad_bytes_between_texts_have_their_place() {
         assert_eq!(
@@ -621,8 +624,8 @@ mod tests {
         );
     }
 
-    /// No protocol shows itself in 64, 128 and so on up to 2048 bytes: they are held. Of 4096 what
-    /// they are is told.
+    /// No protocol appears in 64, 128 and so on up to 2048 bytes: these are held. At 4096 bytes
+    /// they are reported.
     #[test]
     fn bytes_of_no_protocol_are_held_for_so_long() {
         let mut transcript = Transcript::new(None);
@@ -632,11 +635,11 @@ mod tests {
             transcript.lanes[0].told
         };
         assert_eq!([64, 1, 4_030, 1, 1].map(&mut told), [0, 0, 0, 4_096, 4_096]);
-        // The next ones are looked at from there on.
+        // The next bytes are examined from there on.
         assert_eq!([4_094, 1].map(&mut told), [4_096, 8_192]);
     }
 
-    /// One frame of five bytes among 64 or 4096 may be chance; two are none.
+    /// One frame of five bytes among 64 or 4096 may be chance; two frames are not.
     #[test]
     fn a_single_frame_is_not_believed_at_once() {
         use protocols::avr::{ChecksumOrder, Frame};
@@ -659,8 +662,9 @@ mod tests {
         assert_eq!(frames.count(), 2);
     }
 
-    /// Three requests and answers of an unknown protocol: each is told by itself, with its own time
-    /// and place. At 9,600 baud a character takes 1.04 ms, so 4 ms of silence divide.
+    /// Three requests and replies of an unknown protocol. Each is reported separately, with its own
+    /// time and offset. At 9,600 baud a character takes 1.04 ms, so a silence of 4 ms separates
+    /// them.
     #[test]
     fn requests_and_answers_of_an_unknown_protocol_stay_apart() {
         let mut transcript = Transcript::new(None);
@@ -689,7 +693,7 @@ mod tests {
         assert_eq!(all.len(), 9);
     }
 
-    /// A frame that comes in two pieces within its protocol's idle time is one.
+    /// A frame in two chunks within its protocol's idle time is one frame.
     #[test]
     fn a_frame_may_come_in_pieces() {
         use protocols::avr::{ChecksumOrder, Frame};
@@ -704,8 +708,8 @@ mod tests {
         assert!(matches!(&all[0].said, Said::Frame(words) if words.contains("36")));
     }
 
-    /// Of two whole frames and half of one, ten bytes are sound; what is still to be told came with
-    /// the half.
+    /// Of two whole frames and half of one, ten bytes are valid; the unreported bytes came with the
+    /// half.
     #[test]
     fn what_is_told_of_a_lane_is_no_longer_waited_for() {
         use protocols::avr::{ChecksumOrder, Frame};

@@ -1,8 +1,8 @@
 //! A CARMEN log: odometry and lidar turns, one message a line.
 //!
-//! `ROBOTLASER1` says its angles itself and takes the whole turn. `FLASER` does not: readers take
-//! the step from a `PARAM` line or assume a half circle, so the front 181 rays are written, from
-//! the right to the left. The poses are the program's own belief.
+//! `ROBOTLASER1` contains its angles and takes the whole turn. `FLASER` does not contain them:
+//! readers take the step from a `PARAM` line or assume a half circle. For `FLASER`, the front 181
+//! rays are written, from right to left. The poses are the believed poses of the program.
 
 use core::fmt::Write as _;
 
@@ -20,7 +20,7 @@ pub enum Laser {
     Flaser,
 }
 
-/// Farther than the lidar measures; a reading as long as this is none.
+/// Maximum range in the log, beyond the lidar's range; a reading of this value means no reading.
 const RANGE_MAX_M: f64 = 8.0;
 /// Rays of the half circle, both ends included.
 const FRONT: usize = 181;
@@ -95,7 +95,7 @@ mod tests {
 
     use super::*;
 
-    /// Reading k is k centimetres; the first looks `start_deg` degrees from ahead.
+    /// Reading k is k centimetres; the first ray points `start_deg` degrees from ahead.
     fn scan(start_deg: f64) -> Scan {
         Scan {
             link: "lidar".to_owned(),
@@ -110,8 +110,8 @@ mod tests {
         line.split(' ').collect()
     }
 
-    /// From the right, -90 degrees, to the left, +90: 90 behind a first reading at the back, 270
-    /// behind one ahead. Behind the readings stands the pose, twice.
+    /// The front runs from the right, -90 degrees, to the left, +90. It starts 90 readings after a
+    /// first reading at the back, and 270 after one ahead. The pose follows the readings, twice.
     #[test]
     fn the_front_goes_from_right_to_left() {
         let front_of = |start_deg| front(&scan(start_deg), "1 2 3");
@@ -123,14 +123,14 @@ mod tests {
         let of = words(&line);
         assert_eq!(of[2..4], ["2.700", "2.710"]);
         assert_eq!((of[91], of[92], of[182]), ("3.590", "0.000", "0.900"));
-        // A first reading to the left, +90, is 180 degrees behind the right.
+        // A first reading to the left, +90, is 180 degrees after the right.
         let line = front_of(90.0);
         let of = words(&line);
         assert_eq!((of[2], of[92], of[182]), ("1.800", "2.700", "0.000"));
     }
 
-    /// Start -pi, 359 steps of a degree, the farthest, and all readings from the first one on; 8 m
-    /// where nothing was measured.
+    /// Start -pi, 359 steps of a degree, the maximum range, and all readings from the first one on;
+    /// 8 m for missing readings.
     #[test]
     fn the_whole_turn_says_its_angles() {
         let mut turn = scan(-180.0);

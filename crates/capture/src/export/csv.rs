@@ -27,7 +27,7 @@ pub(super) fn write(export: &Export<'_>) -> String {
     out
 }
 
-/// A cell; in quotes if it holds what divides cells.
+/// Formats a cell, in quotes if it contains a separator.
 fn quoted(text: &str) -> String {
     if text.contains(['"', ',', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))

@@ -1,5 +1,5 @@
-//! An MCAP file: each direction of each link as a channel of raw bytes; lidar turns, the believed
-//! way and the map as messages whose schemas Foxglove knows by their names.
+//! An MCAP file. Each direction of each link is a channel of raw bytes. Lidar turns, the believed
+//! path and the map are messages with schemas that Foxglove knows by name.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -30,7 +30,7 @@ pub(super) fn write(export: &Export<'_>) -> Result<(Vec<u8>, String), McapError>
         messages: 0,
     };
     let zero = export.recorded.zero;
-    // First, so that a file that is cut off still says whose bytes it holds.
+    // The sections come first, so that a cut file still names the source of its bytes.
     for section in &export.capture.sections {
         if !section.scenario.is_empty() {
             out.writer.attach(&Attachment {
@@ -54,7 +54,7 @@ pub(super) fn write(export: &Export<'_>) -> Result<(Vec<u8>, String), McapError>
 }
 
 impl Out {
-    /// Messages of one file may come in any order of time; readers sort.
+    /// Writes a message. The messages of a file may come in any order of time; readers sort them.
     fn message(&mut self, channel_id: u16, at: Instant, data: &[u8]) -> Result<(), McapError> {
         let header = MessageHeader {
             channel_id,
@@ -121,7 +121,7 @@ impl Out {
         for scan in scans {
             let at = absolute(zero, scan.at);
             let last = scan.ranges.len() as f64 - 1.0;
-            // JSON has no infinity: a reading that measured nothing is 0 with strength 0.
+            // JSON has no infinity: a missing reading is 0 with strength 0.
             let ranges: Vec<f64> = scan
                 .ranges
                 .iter()
@@ -170,7 +170,7 @@ impl Out {
         let channel = self.known("/map", "foxglove.Grid", &fields)?;
         let cell = f64::from(map.cell_mm()) / 1000.0;
         let rows = (0..map.height()).flat_map(|y| (0..map.width()).map(move |x| (x, y)));
-        // As ROS has it: 100 a wall, 0 free, -1 unknown.
+        // The ROS convention: 100 a wall, 0 free, -1 unknown.
         let data: Vec<u8> = rows
             .map(|(x, y)| match render::cell(map, x, y) {
                 Cell::Wall => 100,
@@ -256,7 +256,7 @@ mod tests {
         .collect()
     }
 
-    /// The same with the bytes as text.
+    /// All messages of a file, their bytes parsed as JSON.
     fn messages(out: Out) -> Vec<(String, u64, Value)> {
         let json = |data: Vec<u8>| serde_json::from_slice(&data).expect("JSON");
         let all = raw(out).into_iter();
@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// What was lost on the way did not arrive, and a break is no bytes.
+    /// Lost bytes did not arrive, and a break has no bytes.
     #[test]
     fn bytes_that_came_are_messages_of_their_link_and_direction() {
         let [to_master, to_device] = [Direction::ToMaster, Direction::ToDevice];
@@ -319,8 +319,9 @@ mod tests {
         assert_eq!(raw(out), expected);
     }
 
-    /// A capture that began at 5 s. Half a turn is (0, 0, 1, 0) as a quaternion. Of a map of 50 mm
-    /// from (-1 m, 0.5 m) on 255, 0 and 127 are a wall, free and unknown: 100, 0 and -1, 64 00 FF.
+    /// A capture that began at 5 s. Half a turn is (0, 0, 1, 0) as a quaternion. The map has cells
+    /// of 50 mm from (-1 m, 0.5 m) on. 255, 0 and 127 are a wall, free and unknown: 100, 0 and -1,
+    /// 64 00 FF.
     #[test]
     fn the_way_and_the_map_are_told_in_metres_and_absolute_times() {
         let cells = [255, 0, 127];
@@ -365,7 +366,7 @@ mod tests {
         assert_eq!(map["data"], "ZAD/");
     }
 
-    /// 360 readings end 359 degrees behind the first; what measured nothing is 0.
+    /// 360 readings end 359 degrees after the first; a missing reading is 0.
     #[test]
     fn a_turn_says_its_angles_and_has_no_infinity() {
         let scan = Scan {

@@ -20,17 +20,17 @@ pub(crate) struct Scan {
     pub link: String,
     /// Time of its last bytes, from the start of the capture.
     pub at: Instant,
-    /// Bearing of the first reading, radians counter-clockwise from ahead; the others follow by a
-    /// degree each.
+    /// Bearing of the first reading, radians counter-clockwise from ahead; each next reading is a
+    /// degree farther.
     pub start: f64,
-    /// Metres; `None`: nothing measured, or its packet did not arrive.
+    /// Metres; `None`: no reading, or its packet did not arrive.
     pub ranges: Vec<Option<f64>>,
-    /// Strength of each measured reading, 0 for the others and for a lidar that tells none.
+    /// Strength of each reading; 0 for missing readings and for a lidar without strength.
     pub strengths: Vec<f64>,
 }
 
-/// The turns on all links that carry a lidar's packets, in order of time. A turn with fewer than
-/// half its packets is left out, as is one that was not seen from its beginning.
+/// The turns on all links that carry a lidar's packets, in order of time. A turn is left out if
+/// fewer than half its packets arrived, or if its beginning is missing.
 pub(crate) fn scans(recorded: &Recorded) -> Vec<Scan> {
     let mut scans: Vec<Scan> = recorded.links.iter().flat_map(turns).collect();
     scans.sort_by_key(|scan| scan.at);
@@ -43,14 +43,14 @@ fn turns(passage: &Passage) -> Vec<Scan> {
     let first: Vec<u8> = first.take(1 << 16).collect();
     match codec::guess(&first) {
         Some(codec) if *codec == XV11 => turns_of_packets(passage),
-        // Angle 0 of the sensor, or the camera's axis, taken for ahead.
+        // Angle 0 of the sensor, or the camera's axis, is assumed to be ahead.
         Some(codec) if *codec == RPLIDAR => turns_by(RplidarScans::new(0.0), passage),
         Some(codec) if *codec == PERCEPTION => turns_by(CameraScans::new(0.0, [0.0; 2]), passage),
         _ => Vec::new(),
     }
 }
 
-/// Readings of `decoder`: the nearest one in each degree.
+/// Turns from `decoder`: the nearest reading in each degree.
 fn turns_by(mut decoder: impl ScanDecoder, passage: &Passage) -> Vec<Scan> {
     let mut scans = Vec::new();
     for arrival in &passage.arrivals {
@@ -131,7 +131,7 @@ fn turns_of_packets(passage: &Passage) -> Vec<Scan> {
     scans
 }
 
-/// Packets from which on a turn says something.
+/// Minimum number of packets of a valid turn.
 const PACKETS_MIN: usize = 45;
 
 fn whole(link: &str, at: Instant, turn: Turn) -> Option<Scan> {
@@ -151,7 +151,7 @@ mod tests {
     use super::*;
     use crate::replay::Arrival;
 
-    /// What a lidar said, a piece each millisecond.
+    /// Bytes from a lidar, one piece each millisecond.
     fn passage(pieces: impl Iterator<Item = impl AsRef<[u8]>>) -> Passage {
         let arrivals = (0..).zip(pieces).map(|(ms, bytes)| Arrival {
             at: Instant::from_millis(ms),
@@ -164,8 +164,8 @@ mod tests {
         }
     }
 
-    /// Clockwise from ahead on the wire, counter-clockwise in the scan: 90 degrees become 270. The
-    /// turn ends with the first node of the next.
+    /// Angles are clockwise from ahead on the wire, counter-clockwise in the scan: 90 degrees
+    /// become 270. The turn ends with the first node of the next.
     #[test]
     fn nodes_of_an_rplidar_become_degrees_to_the_left() {
         let node =
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(measured, [(0, 1.0), (270, 1.5)]);
     }
 
-    /// A camera tells six scans of 30 ranges from straight ahead to the left, a degree apart.
+    /// A camera sends six scans of 30 ranges, from straight ahead to the left, a degree apart.
     #[test]
     fn scans_of_a_camera_become_turns() {
         use protocols::perception;
@@ -219,8 +219,8 @@ mod tests {
         }
     }
 
-    /// A packet holds four degrees. A turn of which more than half the packets are lost is none;
-    /// one ends where the next begins.
+    /// A packet holds four degrees. A turn that lost more than half of its packets is invalid; a
+    /// turn ends where the next one begins.
     #[test]
     fn packets_of_an_xv11_become_turns() {
         let packet = |index: u8| {

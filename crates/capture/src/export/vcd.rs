@@ -1,7 +1,7 @@
 //! Lines as levels over time: idle is 1, a start bit 0, eight bits, the lowest first, a stop bit.
 //!
-//! A character that came without its stop bit has no known bits; it is not drawn. Bytes that the
-//! receiver got faster than the line could carry them are drawn one behind the other.
+//! A character without its stop bit has no known bits and is not drawn. Bytes that the receiver got
+//! faster than the line could carry them are drawn one after the other.
 
 use core::fmt::Write as _;
 
@@ -45,13 +45,13 @@ pub(super) fn write(export: &Export<'_>) -> (Vec<u8>, String) {
         }
         writeln!(out, "{level}{}", id(wire)).expect("a string takes everything");
     }
-    // A reader draws to the last time: some idle line behind the last stop bit.
+    // A viewer draws up to the last time: some idle line after the last stop bit.
     let end = export.recorded.end.as_nanos().max(last) + 1_000_000;
     writeln!(out, "#{end}").expect("a string takes everything");
     (out.into_bytes(), format!("{bytes} bytes on {wires} wires"))
 }
 
-/// Short names of printable characters, as the form has them.
+/// Short identifiers of printable characters, as the format requires.
 fn id(wire: usize) -> String {
     const FIRST: usize = 33;
     const COUNT: usize = 94;
@@ -73,7 +73,7 @@ fn draw(wire: usize, arrivals: &[Arrival], line: LineConfig, edges: &mut Vec<Edg
         u64::try_from(took).unwrap_or(u64::MAX)
     };
     let byte_nanos = nanos(1);
-    // Without idle line before it a start bit has no visible edge.
+    // Without an idle line before it, a start bit has no visible edge.
     let (mut free, mut count) = (byte_nanos, 0);
     for arrival in arrivals {
         for (index, &byte) in arrival.bytes.iter().enumerate() {
@@ -104,8 +104,8 @@ mod tests {
     use crate::divergence::Track;
     use crate::replay::{Passage, Recorded};
 
-    /// 0x41 at 1,000,000 baud, complete at 20 us: begins at 10 us. Levels from the start bit on:
-    /// 0, 1 0 0 0 0 0 1 0, 1; edges where they change, 1 us a bit.
+    /// 0x41 at 1,000,000 baud, complete at 20 us, begins at 10 us. Levels from the start bit on: 0,
+    /// 1 0 0 0 0 0 1 0, 1; edges lie at the changes, 1 us a bit.
     #[test]
     fn a_byte_is_drawn_bit_by_bit() {
         let arrival = Arrival {
@@ -132,8 +132,8 @@ mod tests {
         );
     }
 
-    /// 0xFF at 1 Mbaud towards the program, complete at 20 us, and the same away from it at 25 us:
-    /// a start bit is 1 us low. The file ends a millisecond behind the capture.
+    /// 0xFF at 1 Mbaud towards the program, complete at 20 us, and from the program at 25 us: a
+    /// start bit is 1 us low. The file ends a millisecond after the capture.
     #[test]
     fn each_direction_of_a_link_is_a_wire() {
         let arrival = |micros| Arrival {

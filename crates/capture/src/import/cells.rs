@@ -1,9 +1,9 @@
-//! Rows and cells of comma-separated values, RFC 4180: a quoted cell may hold commas, line ends,
-//! and quotes twice.
+//! Rows and cells of comma-separated values, RFC 4180: a quoted cell may contain commas, line ends,
+//! and doubled quotes.
 
 use super::text::{Line, lines, utf8};
 
-/// A row and where it begins.
+/// A row and its position in the file.
 #[derive(Clone, Debug)]
 pub(super) struct CellRow<'a> {
     pub(super) line: Line<'a>,
@@ -17,12 +17,12 @@ impl CellRow<'_> {
     }
 }
 
-/// All rows that are not empty, cells without the spaces around them.
+/// All rows that are not empty, with cells trimmed of spaces.
 pub(super) fn rows(bytes: &[u8]) -> impl Iterator<Item = CellRow<'_>> {
     rows_of(bytes, ',')
 }
 
-/// The same with another divider.
+/// As `rows`, with another divider.
 pub(super) fn rows_of(bytes: &[u8], divider: char) -> impl Iterator<Item = CellRow<'_>> {
     let mut lines = lines(bytes).filter(|line| !line.text.is_empty());
     core::iter::from_fn(move || {
@@ -44,7 +44,7 @@ pub(super) fn cells(row: &str) -> Vec<String> {
     cells_of(row, ',')
 }
 
-/// The same with another divider.
+/// As `cells`, with another divider.
 pub(super) fn cells_of(row: &str, divider: char) -> Vec<String> {
     let (mut cells, mut cell, mut quoted) = (Vec::new(), String::new(), false);
     let mut chars = row.chars().peekable();
@@ -64,7 +64,7 @@ pub(super) fn cells_of(row: &str, divider: char) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// RFC 4180: a quoted cell may hold commas, and quotes twice.
+    /// RFC 4180: a quoted cell may contain commas and doubled quotes.
     #[test]
     fn a_row_is_cut_at_its_commas() {
         assert_eq!(cells("a, b ,,c"), ["a", "b", "", "c"]);

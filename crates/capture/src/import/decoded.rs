@@ -1,9 +1,9 @@
-//! Text in the encodings that editors and Windows programs write, as UTF-8 without a mark.
+//! Conversion of text in the encodings of editors and Windows programs to UTF-8 without a mark.
 
 use std::borrow::Cow;
 
-/// `bytes` without a byte-order mark, and as UTF-8 if they are UTF-16. Bytes that are no text stay
-/// as they are.
+/// Returns `bytes` without a byte-order mark, and UTF-16 as UTF-8. Bytes that are not text stay
+/// unchanged.
 pub(super) fn decoded(bytes: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     if let Some(rest) = bytes.strip_prefix(b"\xEF\xBB\xBF") {
         return match core::str::from_utf8(rest) {
@@ -28,7 +28,7 @@ pub(super) fn decoded(bytes: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     }
 }
 
-/// UTF-16 that is text: nearly all plain characters.
+/// Decodes UTF-16, if the result is text: nearly all plain characters.
 fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Option<String> {
     let (pairs, rest) = bytes.as_chunks::<2>();
     let units: Vec<u16> = pairs.iter().map(|&pair| unit(pair)).collect();
@@ -61,7 +61,7 @@ mod tests {
         assert_eq!(of(b"\0a\0b"), b"ab");
     }
 
-    /// Bytes of a line that begin like a mark are no text.
+    /// Bytes of a line that begin like a mark are not text.
     #[test]
     fn bytes_that_are_no_text_stay_as_they_are() {
         for bytes in [

@@ -1,4 +1,4 @@
-//! Files that are known and cannot be imported, each with the next step.
+//! Known kinds of files that cannot be imported, each with the next step.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ struct Foreign {
     message: &'static str,
 }
 
-/// What to do with a file, if it is known to be something that is no dump of a serial line.
+/// The next step for a file of a known kind that is no dump of a serial line.
 pub(super) fn refusal(bytes: &[u8], path: &Path) -> Option<String> {
     let extension = path.extension().and_then(|extension| extension.to_str());
     let extension = extension.unwrap_or_default().to_ascii_lowercase();
@@ -213,7 +213,7 @@ fn has(bytes: &[u8], part: &[u8]) -> bool {
     bytes.windows(part.len()).any(|window| window == part)
 }
 
-/// Lines that are checked.
+/// Number of lines that are checked.
 const LINES: usize = 50;
 
 fn any_line(bytes: &[u8], is: fn(&[u8]) -> bool) -> bool {
@@ -252,7 +252,7 @@ fn is_s_record(text: &[u8]) -> bool {
     })
 }
 
-/// A head of socat in the middle of what `-v` alone shows: it begins behind what was sent.
+/// A header of socat in the middle of the output of `-v` alone: it follows the sent bytes directly.
 fn is_socat_text(text: &[u8]) -> bool {
     let text = utf8(text);
     ["> 20", "< 20"].iter().any(|mark| {
@@ -307,7 +307,7 @@ fn is_usbmon(text: &[u8]) -> bool {
         && starts.iter().any(|start| address.starts_with(start))
 }
 
-/// Lines of base64 that are no hex.
+/// Lines of base64 that are not hex.
 fn is_base64(bytes: &[u8]) -> bool {
     let text = utf8(bytes);
     let full = || text.lines().map(str::trim).filter(|line| !line.is_empty());
@@ -359,7 +359,7 @@ mod tests {
         refusal(bytes, Path::new(name)).unwrap_or_default()
     }
 
-    /// Sums by hand: 00+00+00+01+FF = 100; S9 03 00 00 FC sums to FF.
+    /// Checksums by hand: 00+00+00+01+FF = 100; S9 03 00 00 FC sums to FF.
     #[test]
     fn firmware_images_are_no_traffic() {
         assert!(of(b":0100000000FF\r\n:00000001FF\r\n", "a.hex").contains("Intel HEX"));

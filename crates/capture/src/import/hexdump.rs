@@ -10,13 +10,13 @@
 //! 0000010                                          the end
 //! ```
 //!
-//! What the cells mean is not guessed from one row: of all layouts that these tools have, the first
-//! is taken in which every offset follows from the bytes before it, and the text beside the bytes,
-//! if there is any, says the same.
+//! The format of the cells is not derived from one row. The reader uses the first known layout that
+//! satisfies two conditions. Every offset follows from the bytes before it, and the text column, if
+//! present, shows the same bytes.
 //!
-//! Lines of other words are heads: each begins a message, whose time and direction they may tell.
-//! Rows that are indented among others that are not are the other direction, as Wireshark shows a
-//! conversation. Rulers of columns say nothing; a prompt at an end of the file is left out.
+//! Lines of words are heads: each begins a message and may contain its time and direction. Indented
+//! rows among unindented ones are the other direction, as Wireshark shows a conversation. Rulers of
+//! columns and a shell prompt at an end of the file are ignored.
 
 mod layout;
 mod lines;
@@ -32,7 +32,7 @@ use lines::{Row, rows};
 const BYTES_MAX: usize = 64 << 20;
 
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
-    // Most other files have no row at their beginning; nothing more is checked.
+    // Most other files have no row at their beginning; then the rest is not examined.
     lines::begins_with_rows(bytes).then_some(())?;
     let mut notes = Vec::new();
     let rows = rows(bytes, &mut notes).ok()?;
@@ -42,7 +42,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
             _ => None,
         })
     };
-    // A row alone or rows of few figures prove nothing: a device may send such lines.
+    // A lone row or rows of few figures prove nothing: a device may send such lines.
     let is_long = |rest: &str| {
         let mut cells = rest.split_ascii_whitespace();
         cells.clone().count() >= CELLS_MIN || cells.any(|cell| cell.len() >= 8)
@@ -59,7 +59,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     (is_dump && has_data && is_marked && chunks(&rows).is_ok()).then_some(Look::Surely)
 }
 
-/// Why a file that begins with rows is no dump.
+/// Reason why a file that begins with rows is no dump.
 pub(super) fn doubt(bytes: &[u8]) -> Option<String> {
     lines::begins_with_rows(bytes).then_some(())?;
     let found = rows(bytes, &mut Vec::new()).and_then(|rows| chunks(&rows).map(|_| ()));
@@ -68,7 +68,7 @@ pub(super) fn doubt(bytes: &[u8]) -> Option<String> {
         .map(|error| format!("as a dump with offsets: {error}"))
 }
 
-/// Whether the first bytes of something stand beside the same as text.
+/// Whether the text column shows the first bytes of the row.
 fn has_text(offset: &str, rest: &str) -> bool {
     let pairs = rest.split_ascii_whitespace();
     let is_pair = |cell: &&str| cell.len() == 2 && engine::hex::byte(cell.as_bytes()).is_some();
@@ -78,16 +78,16 @@ fn has_text(offset: &str, rest: &str) -> bool {
         && pairs.last().is_some_and(|last| !is_pair(&last))
 }
 
-/// Cells of a first row from which on several rows are believed.
+/// Minimum number of cells in the first row of a valid dump of several rows.
 const CELLS_MIN: usize = 4;
 
 /// A group of bytes that belong together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Chunk {
     bytes: Vec<u8>,
-    /// Which row is its head.
+    /// Index of the row that is its head.
     head: Option<usize>,
-    /// Which row it begins with.
+    /// Index of its first row.
     first: usize,
     is_indented: bool,
 }
@@ -117,7 +117,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     emit(messages(chunks, &rows, out), options, out)
 }
 
-/// Dumps of whole packets are no bytes of a line.
+/// Refuses dumps of whole network packets, which are not bytes of a line.
 fn refuse_headers(rows: &[(Line<'_>, Row)]) -> Result<(), ImportError> {
     const WORDS: [&str; 7] = [
         " IP ", " IP6 ", " TCP ", " UDP ", "Ethernet", "URB_", "Frame (",
@@ -135,7 +135,7 @@ fn refuse_headers(rows: &[(Line<'_>, Row)]) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// Time and direction of a chunk by its head, or by what stands before its first row.
+/// Time and direction of a chunk from its head, or from the text before its first row.
 fn prefix(chunk: &Chunk, rows: &[(Line<'_>, Row)]) -> log::Stamp {
     let head = chunk.head.and_then(|head| rows.get(head));
     let own = rows.get(chunk.first);
@@ -172,7 +172,7 @@ fn messages<'a>(
 /// A layout, the offset of the first byte, and the bytes.
 type Fit = (Layout, usize, Vec<Chunk>);
 
-/// The bytes by the first layout in which all rows fit; a dump may begin again at offset 0, as one
+/// Decodes with the first layout that fits all rows. A dump may begin again at offset 0, as a dump
 /// of packets does.
 fn chunks(rows: &[(Line<'_>, Row)]) -> Result<Fit, ImportError> {
     let offsets = || {
@@ -206,8 +206,8 @@ fn chunks(rows: &[(Line<'_>, Row)]) -> Result<Fit, ImportError> {
     Err(worst.unwrap_or_else(|| ImportError::of_file("expected rows of an offset and bytes")))
 }
 
-/// The right one of what fits. Rows that "*" stands for may fit octal offsets as well as hex ones:
-/// hexdump, whose are hex, fills its last row with spaces, od does not.
+/// Chooses between several layouts that fit. With rows replaced by "*", octal and hex offsets may
+/// both fit. hexdump writes hex offsets and pads its last row with spaces; od does not pad.
 fn decided(
     mut fits: Vec<Fit>,
     digits: usize,
@@ -240,16 +240,16 @@ fn decided(
     fit.ok_or_else(|| ImportError::of_file("expected rows of an offset and bytes"))
 }
 
-/// Where the rows of one indentation are.
+/// Position of the rows of one indentation.
 #[derive(Default)]
 struct Lane {
-    /// The offset behind the last row, if one was read.
+    /// Offset after the last row, if one was read.
     reached: Option<usize>,
     last_row: Vec<u8>,
     repeats: bool,
 }
 
-/// The bytes by one layout.
+/// Decodes the bytes with one layout.
 fn with(
     layout: Layout,
     shape: Shape,

@@ -1,4 +1,4 @@
-//! Hex text as people paste it.
+//! Hex text in the forms in which people paste it.
 //!
 //! ```text
 //! AB 24 0A 00 D9                      pairs; also AB240A00D9, AB:24:0A, AB,24,0A
@@ -8,8 +8,8 @@
 //! AB 24 0A   // set the motors        a comment
 //! ```
 //!
-//! A line that begins with a time or a direction begins a message; lines without either continue
-//! with it. In a file that has neither, each line is a message, unless the lines are only wrapped.
+//! A line with a time or a direction begins a message; lines without either continue it. In a file
+//! without times and directions, each line is a message, unless the lines are only wrapped.
 
 mod base;
 mod literal;
@@ -53,7 +53,7 @@ impl<'a> Message<'a> {
     }
 }
 
-/// Why the numbers of a text are not read, if it is numbers of which the base cannot be told.
+/// Reason why the numbers of a text are not read, if their base is ambiguous.
 pub(super) fn doubt(bytes: &[u8]) -> Option<String> {
     let text = core::str::from_utf8(bytes).ok()?;
     let is_number = |c: char| c.is_ascii_digit() || c.is_whitespace() || ",;:-".contains(c);
@@ -61,20 +61,20 @@ pub(super) fn doubt(bytes: &[u8]) -> Option<String> {
     base_of(text.lines()).err().filter(|_| is_numbers)
 }
 
-/// The bytes that a text spells in a base.
+/// Decodes the bytes of a text in a base.
 pub(super) fn bytes_of(text: &str, base: Base) -> Result<Vec<u8>, String> {
     tokens::read(text, base).map(|found| found.bytes)
 }
 
-/// Whether words say that the host sent something.
+/// Whether words describe bytes that the host sent; `None` if they do not describe a direction.
 pub(super) fn is_sent(words: &str) -> Option<bool> {
     log::stamp(&format!("{words} ")).is_sent
 }
 
-/// Records of messages that a reader of another form found.
+/// Adds records of messages that a reader of another format found.
 ///
 /// # Errors
-/// If some have a time or a direction, and others none.
+/// If some have a time or a direction, and others have none.
 pub(super) fn emit(
     messages: Vec<Message<'_>>,
     options: &Options,
@@ -103,22 +103,22 @@ pub(super) fn emit(
     }
 }
 
-/// All that a file says.
+/// Content of a file.
 #[derive(Default)]
 struct Whole<'a> {
     messages: Vec<Message<'a>>,
-    /// Bytes whose digits can only be hex: with a letter among them, or a prefix.
+    /// Number of bytes whose digits can only be hex: with a letter among them, or a prefix.
     evident: usize,
     /// Groups of more than two digits.
     groups: usize,
     has_marks: bool,
     base: Base,
-    /// Whether all directions were arrows that mean nothing.
+    /// Whether all directions were arrows without meaning.
     had_arrows: bool,
 }
 
-/// Bytes without a letter among their digits from which on chance no longer explains it: a tenth
-/// of a percent.
+/// Number of bytes without a letter among their digits from which on chance is no explanation: a
+/// tenth of a percent.
 const PLAIN_MAX: usize = 8;
 
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
@@ -127,7 +127,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     }
     let (whole, bad) = parse(bytes);
     let count: usize = whole.messages.iter().map(|one| one.bytes.len()).sum();
-    // One unreadable line among many is an error of that line, and not another form.
+    // One unreadable line among many is an error of that line, not another format.
     if count == 0 || bad.len() * 10 > whole.messages.len() {
         return None;
     }
@@ -209,7 +209,7 @@ fn timed(whole: &Whole<'_>, options: &Options, out: &mut Imported) -> Result<(),
             return Err(one.line.wrong("expected a time of the same form as before"));
         }
         if own == Clock::Day {
-            // Midnight: the time of the day begins again.
+            // Midnight: the time of day starts again.
             if nanos + days + HALF_DAY < last {
                 days += 2 * HALF_DAY;
             }
@@ -238,8 +238,8 @@ fn untimed(whole: &Whole<'_>, options: &Options, out: &mut Imported) {
     }
 }
 
-/// Whether the lines are one stream that was cut at a fixed width: all are of one length but for a
-/// shorter last one, and of a width that tools use.
+/// Whether the lines are one stream that was wrapped at a fixed width. All lines have the same
+/// length, except a shorter last one, and the width is one that tools use.
 fn is_wrapped(whole: &Whole<'_>) -> bool {
     let Some((last, rest)) = whole.messages.split_last() else {
         return true;
@@ -255,7 +255,7 @@ fn is_wrapped(whole: &Whole<'_>) -> bool {
     plain && last.bytes.len() <= width && last.is_sent.is_none() && WIDTHS.contains(&width)
 }
 
-/// All messages, and the errors of lines that are none.
+/// All messages, and the errors of invalid lines.
 fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
     let (mut whole, mut bad) = (Whole::default(), Vec::new());
     let mut open: Option<Prefix> = None;
@@ -293,14 +293,14 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
     (whole, bad)
 }
 
-/// Whether the text is an array of C: only what is between braces is data.
+/// Whether the text is an array of C: only the text between braces is data.
 fn is_array(bytes: &[u8]) -> bool {
     let text = utf8(bytes);
     text.contains('{') && text.contains("[") && text.contains('=') && text.contains("0x")
 }
 
 impl<'a> Whole<'a> {
-    /// Arrows to the right alone are no directions.
+    /// Removes the directions if all of them are arrows to the right.
     fn drop_arrows(&mut self) {
         let told = || self.messages.iter().filter(|one| one.is_sent.is_some());
         if told().count() == 0 || !told().all(|one| one.is_arrow) {
@@ -315,7 +315,7 @@ impl<'a> Whole<'a> {
         self.groups += found.groups;
         self.has_marks |= found.has_marks;
         let is_new = prefix.at.is_some() || prefix.is_sent.is_some();
-        // A line with nothing but a time or a direction is the head of those below.
+        // A line with only a time or a direction is the head of the lines below.
         if is_new && found.bytes.is_empty() {
             *open = Some(prefix);
             return;

@@ -1,4 +1,4 @@
-//! What an import makes, and what it is told.
+//! Result and options of an import.
 
 use bytes::Bytes;
 use protocols::{Instant, LineConfig};
@@ -7,7 +7,7 @@ use crate::{Interface, Kind, Record, Section};
 use engine::TOOL;
 use engine::rig::line::Direction;
 
-/// What a dump does not say itself.
+/// Information that a dump does not contain.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
     /// Name of the link.
@@ -16,11 +16,11 @@ pub struct Options {
     pub baud: Option<u32>,
     /// Samples per second of a logic analyzer, if known.
     pub sample_rate: Option<u64>,
-    /// Which way bytes went that the tool saw first: left to right, or received.
+    /// Direction of the bytes that the tool names first: left to right, or received.
     pub direction: Direction,
-    /// Channels or analyzers to read; all that carry serial bytes if empty.
+    /// Channels or analyzers to read; if empty, all that carry serial bytes.
     pub channels: Vec<String>,
-    /// Data bits, parity and stop bits of levels, if known; the rate in it is not used.
+    /// Data bits, parity and stop bits of levels, if known; its baud rate is not used.
     pub coding: Option<LineConfig>,
 }
 
@@ -37,11 +37,11 @@ impl Default for Options {
     }
 }
 
-/// Rate of bytes without times if none is given, bit/s.
+/// Baud rate for bytes without times, if none is given, bit/s.
 const ASSUMED_BAUD: u32 = 115_200;
 
 impl Options {
-    /// Time of characters, if the rate is known.
+    /// Duration of `count` characters, if the rate is known.
     pub(super) fn byte_nanos(&self, count: usize) -> u64 {
         let line = self.baud.map(|baud| LineConfig {
             baud,
@@ -51,7 +51,7 @@ impl Options {
         u64::try_from(took).unwrap_or(u64::MAX)
     }
 
-    /// The direction of what the host received or sent.
+    /// Direction of the bytes that the host received or sent.
     pub(super) fn way(&self, is_received: bool) -> Direction {
         match is_received {
             true => self.direction,
@@ -68,14 +68,14 @@ pub(super) const fn opposite(direction: Direction) -> Direction {
     }
 }
 
-/// A dump cannot be read.
+/// Error of a dump that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImportError {
     /// Line, from 1; 0 if the file has no lines.
     pub line: usize,
-    /// Where that line begins, in bytes from the start of the file.
+    /// Offset of that line, in bytes from the start of the file.
     pub offset: usize,
-    /// What is wrong, and what was expected.
+    /// The error, and the expected text.
     pub message: String,
 }
 
@@ -114,7 +114,7 @@ impl core::error::Error for ImportError {}
 pub struct Imported {
     links: Vec<Interface>,
     pub(super) records: Vec<Record>,
-    /// What the reader should know, e.g. that times are local.
+    /// Notes for the reader, e.g. that times are local.
     pub notes: Vec<String>,
     pub(super) clock: &'static str,
     is_untimed: bool,
@@ -131,7 +131,7 @@ impl Imported {
         }
     }
 
-    /// Whether the file has times; without them bytes stand back to back.
+    /// Whether the file has times; without them, bytes follow back to back.
     pub const fn is_timed(&self) -> bool {
         !self.is_untimed
     }
@@ -174,7 +174,7 @@ impl Imported {
         self.link_at(name, options.baud.unwrap_or(0))
     }
 
-    /// The link called `name`, whose rate is `baud` if it is new.
+    /// Index of the link `name`, which gets the rate `baud` if it is new.
     pub(super) fn link_at(&mut self, name: &str, baud: u32) -> usize {
         if let Some(known) = self.links.iter().position(|link| link.name == name) {
             return known;
@@ -205,7 +205,7 @@ impl Imported {
         });
     }
 
-    /// Puts the records in the order of time, and numbers them so.
+    /// Sorts the records by time and numbers them.
     pub(super) fn sort(&mut self) {
         self.records.sort_by_key(|record| record.at);
         for (number, record) in (0..).zip(&mut self.records) {
@@ -214,20 +214,21 @@ impl Imported {
     }
 }
 
-/// Gives times to bytes that have none: back to back at the line's rate.
+/// Assigns times to bytes without times: back to back at the line's rate.
 pub(super) struct Untimed {
     options: Options,
     link: usize,
     characters: usize,
 }
 
-/// Characters of silence between two messages without times.
+/// Silence between two messages without times, in characters.
 const SILENCE: usize = 4;
-/// Bytes of one record where the file does not divide them.
+/// Bytes per record if the file does not separate them.
 const PIECE: usize = 16;
 
 impl Untimed {
-    /// Of the link that the options name. Without a rate in them one is assumed, and said.
+    /// Starts with the link that the options name. Without a rate in the options, a rate is assumed
+    /// and noted.
     pub(super) fn new(options: &Options, out: &mut Imported) -> Self {
         out.clock = "virtual";
         out.is_untimed = true;
@@ -247,20 +248,20 @@ impl Untimed {
         }
     }
 
-    /// Bytes that belong together, as one record.
+    /// Adds the bytes of one message as one record.
     pub(super) fn push(&mut self, direction: Direction, bytes: &[u8], out: &mut Imported) {
         self.characters += bytes.len();
         let nanos = self.options.byte_nanos(self.characters);
         out.push(self.link, nanos, direction, Kind::Data, bytes);
     }
 
-    /// Bytes that nothing divides, as records of a few.
+    /// Adds bytes without separators as records of a few bytes.
     pub(super) fn stream(&mut self, direction: Direction, bytes: &[u8], out: &mut Imported) {
         let pieces = bytes.chunks(PIECE);
         pieces.for_each(|piece| self.push(direction, piece, out));
     }
 
-    /// A pause, so that two messages stay two.
+    /// Adds a pause, so that two messages stay separate.
     pub(super) fn pause(&mut self) {
         self.characters += SILENCE;
     }

@@ -1,4 +1,4 @@
-//! interceptty's log of a port and the program in front of it.
+//! interceptty's log of a port and the program that uses it.
 //!
 //! ```text
 //! < 0xab (.)            from the program to the device, a byte a line
@@ -6,7 +6,7 @@
 //! [07:58 50.596918]> <tab>ab(.):24($)     -T and -e: a time, and bytes up to the end of a line
 //! ```
 //!
-//! Known from the program's source. Without -T there are no times.
+//! The format is known from the program's source. Without -T there are no times.
 
 use super::Look;
 use super::imported::{ImportError, Imported, Options, Untimed};
@@ -15,14 +15,14 @@ use crate::Kind;
 use engine::hex;
 
 struct Row {
-    /// Since midnight; none for a row that continues, or without -T.
+    /// Time since midnight; `None` for a row that continues, or without -T.
     nanos: Option<u64>,
     is_received: bool,
     bytes: Vec<u8>,
 }
 
 fn row(text: &[u8]) -> Option<Row> {
-    // The character of a byte above 127 is written as it is, which is no UTF-8.
+    // A byte above 127 is written unchanged as text, which is not valid UTF-8.
     let text = &*String::from_utf8_lossy(text);
     let (nanos, rest) = match text.strip_prefix('[') {
         Some(inside) => {
@@ -42,7 +42,7 @@ fn row(text: &[u8]) -> Option<Row> {
         let digits = rest.strip_prefix("0x").unwrap_or(rest);
         bytes.push(hex::byte(digits.as_bytes().get(..2)?)?);
         let behind = behind_text(digits.get(2..)?)?;
-        // A byte a line has its prefix; several bytes have a colon between them.
+        // With a byte a line, each byte has its prefix; several bytes are separated by colons.
         rest = match behind.strip_prefix(':') {
             Some(behind) => behind,
             None if behind.is_empty() => "",
@@ -56,12 +56,12 @@ fn row(text: &[u8]) -> Option<Row> {
     })
 }
 
-/// What is behind the byte as text, ` (A)` or `([CR])`, if it is there.
+/// Text after the byte, ` (A)` or `([CR])`, if present.
 fn behind_text(text: &str) -> Option<&str> {
     let Some(inside) = text.trim_start_matches(' ').strip_prefix('(') else {
         return Some(text);
     };
-    // The text may be a bracket itself.
+    // The text may itself be a bracket.
     let first = inside.chars().next()?;
     let (_, behind) = inside[first.len_utf8()..].split_once(')')?;
     Some(behind)
@@ -101,7 +101,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         timed(&rows, options, out);
         return Ok(());
     }
-    // Neighbours of one direction came together as far as the log tells.
+    // Neighbours of one direction arrived together, as far as the log shows.
     let mut times = Untimed::new(options, out);
     for run in rows.chunk_by(|a, b| a.is_received == b.is_received) {
         let bytes: Vec<u8> = run.iter().flat_map(|row| row.bytes.clone()).collect();
@@ -152,8 +152,8 @@ mod tests {
         found.records().iter().map(tuple).collect()
     }
 
-    /// As version 0.6 prints each byte. At 1 Mbaud a character takes 10 us; the two directions are
-    /// four characters apart.
+    /// The format of version 0.6 for each byte. At 1 Mbaud a character takes 10 us; the two
+    /// directions are four characters apart.
     #[test]
     fn bytes_of_both_directions_are_read_in_their_order() {
         let text = "< 0xab (\u{fffd})\n< 0x24 ($)\n> \t0x28 (()\n> \t0x29 ())\n> \t0x0d ([CR])\n";

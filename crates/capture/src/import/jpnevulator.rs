@@ -1,12 +1,12 @@
-//! jpnevulator's dump of what it read.
+//! jpnevulator's dump of the bytes that it read.
 //!
 //! ```text
 //! 2026-11-21 07:58:50.596918: A
 //! 00000000<tab>FA A0 0A 41<tab>...A
 //! ```
 //!
-//! Behind the colon stands an alias of the port, if one was given; the counter and the text are
-//! options of the tool. The last line has no end.
+//! An alias of the port follows the colon, if one was given. The counter and the text are options
+//! of the tool. The last line has no line end.
 
 use super::LOCAL;
 use super::imported::{ImportError, Imported, Options};

@@ -1,4 +1,4 @@
-//! Channels of a logic analyzer as links: each is read as a UART.
+//! Channels of a logic analyzer as links: each channel is decoded as a UART.
 
 use protocols::{LineConfig, Parity};
 
@@ -15,7 +15,7 @@ pub(super) struct Channel {
     pub(super) levels: Levels,
 }
 
-/// Reads all channels that change, or those that the options name.
+/// Decodes all channels that change, or those that the options name.
 pub(super) fn read(
     channels: Vec<Channel>,
     options: &Options,
@@ -77,8 +77,8 @@ fn chosen(channels: Vec<Channel>, options: &Options) -> Result<Vec<Channel>, Imp
     }
 }
 
-/// The line with idle high. A line that is low for longer than it is ever high is upside down, as
-/// RS-232 levels are.
+/// Returns the levels with idle high. A line whose longest low exceeds its longest high is
+/// inverted, as RS-232 levels are.
 fn upright(levels: Levels, name: &str, out: &mut Imported) -> Levels {
     let mut longest = [0_u64; 2];
     let (mut level, mut since) = (levels.first, 0);
@@ -98,8 +98,7 @@ fn upright(levels: Levels, name: &str, out: &mut Imported) -> Levels {
     levels.inverted()
 }
 
-/// The line, and its levels with idle high. A line that fits nothing may be upside down all the
-/// same.
+/// Derives the line, and its levels with idle high. A line that fits no rate may still be inverted.
 fn line(
     mut levels: Levels,
     name: &str,
@@ -132,7 +131,7 @@ fn line(
     Ok((line, levels))
 }
 
-/// Says what was derived.
+/// Notes the derived rate and coding.
 fn say(line: LineConfig, name: &str, options: &Options, out: &mut Imported) {
     let baud = line.baud;
     if options.baud.is_none() {
@@ -158,7 +157,7 @@ fn say(line: LineConfig, name: &str, options: &Options, out: &mut Imported) {
     }
 }
 
-/// A number of samples per second as tools write it: `1 MHz`, `24MHz`, `115200`, `200 kHz`.
+/// Parses samples per second as tools write them: `1 MHz`, `24MHz`, `115200`, `200 kHz`.
 pub(super) fn sample_rate(text: &str) -> Option<u64> {
     let text = text.trim();
     let end = text

@@ -1,12 +1,12 @@
-//! A limit for what archives may unpack to.
+//! A size limit for unpacked archives.
 
 use std::io::Read;
 
-/// Maximum number of bytes that are unpacked: more than an hour of four full lines, and no archive
-/// can fill the memory.
+/// Maximum number of unpacked bytes: more than an hour of four full lines; no archive can fill the
+/// memory.
 const UNPACKED_MAX: u64 = 256 << 20;
 
-/// All that `from` holds, if that is not too much.
+/// Reads all of `from`, up to the limit.
 pub(super) fn limited(from: impl Read) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     from.take(UNPACKED_MAX + 1)

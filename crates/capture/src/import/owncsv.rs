@@ -80,7 +80,7 @@ mod tests {
     use super::*;
     use crate::import::{Format, read as read_format};
 
-    /// As `hilrig export` writes it: a comment may have lines and commas of its own.
+    /// The format that `hilrig export` writes: a comment may contain line ends and commas.
     #[test]
     fn rows_are_records_again() {
         let text = "time_s,link,direction,event,bytes,comment\r\n\

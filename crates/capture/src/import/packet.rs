@@ -6,14 +6,14 @@ use crate::pcapng::Order;
 #[derive(Clone, Debug)]
 pub(super) struct Packet {
     pub(super) link_type: u16,
-    /// Byte order of the machine that recorded it.
+    /// Byte order of the machine that recorded the packet.
     pub(super) order: Order,
-    /// Which interface of the file.
+    /// Index of the interface in the file.
     pub(super) interface: usize,
     pub(super) nanos: u64,
-    /// Whether the host sent it, if the file says.
+    /// Whether the host sent the packet, if the file contains this.
     pub(super) is_outbound: Option<bool>,
     pub(super) bytes: Vec<u8>,
-    /// Bytes that the recording cut off.
+    /// Number of bytes that the recording cut off.
     pub(super) cut: u32,
 }

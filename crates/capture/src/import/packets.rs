@@ -6,8 +6,8 @@
 //! | 250, RTAC serial | twelve bytes of head, then the bytes of the line |
 //! | 189, 220 usbmon; 249 USBPcap | a transfer of a USB adapter |
 //!
-//! Packets of networks carry no serial bytes by themselves: they are refused with the command that
-//! takes the bytes out of them.
+//! Network packets carry no serial bytes directly. They are refused with the command that extracts
+//! the bytes.
 
 use std::collections::BTreeMap;
 
@@ -21,19 +21,19 @@ use crate::Kind;
 use crate::pcapng::{self, Block, Blocks, Order};
 use engine::rig::line::Direction;
 
-/// What one interface is called, and its rate.
+/// Name and rate of one interface.
 #[derive(Clone, Debug, Default)]
 struct Port {
     name: String,
     baud: u32,
 }
 
-/// All of a file.
+/// Content of a file.
 #[derive(Clone, Debug, Default)]
 struct File {
     ports: Vec<Port>,
     packets: Vec<Packet>,
-    /// Packets whose block makes no sense.
+    /// Number of packets in invalid blocks.
     senseless: u64,
     notes: Vec<String>,
 }
@@ -91,7 +91,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     Ok(())
 }
 
-/// Packets that hold the line's bytes.
+/// Adds packets that contain the bytes of the line.
 fn serial(file: &File, options: &Options, out: &mut Imported) {
     let own = || {
         let packets = file.packets.iter();
@@ -122,7 +122,7 @@ fn serial(file: &File, options: &Options, out: &mut Imported) {
         let is_sent = packet.is_outbound.or(told);
         is_untold |= is_sent.is_none();
         let direction = match is_sent {
-            // The form itself names the directions.
+            // This format contains the directions.
             Some(is_sent) if packet.link_type == RTAC => match is_sent {
                 true => Direction::ToDevice,
                 false => Direction::ToMaster,
@@ -163,7 +163,7 @@ const fn sent_by(event: u8) -> Option<bool> {
     }
 }
 
-/// How a classic file begins.
+/// Variant of a classic pcap header.
 #[derive(Clone, Copy)]
 struct Classic {
     order: Order,
@@ -182,7 +182,7 @@ fn classic(bytes: &[u8]) -> Option<Classic> {
     None
 }
 
-/// Longest packet that is believed.
+/// Maximum accepted length of a packet.
 const PACKET_MAX: usize = 16 << 20;
 
 fn read_classic(bytes: &[u8], Classic { order, is_nanos }: Classic) -> File {
@@ -230,7 +230,7 @@ fn read_classic(bytes: &[u8], Classic { order, is_nanos }: Classic) -> File {
     file
 }
 
-/// What is known of an interface.
+/// Properties of an interface.
 struct Described {
     link_type: u16,
     resolution: u8,
@@ -300,7 +300,7 @@ fn described(block: &Block) -> Option<Described> {
 fn packet(block: &Block, own: &[Described], first: usize) -> Option<Packet> {
     let (order, body) = (block.order, &block.body);
     let number = |at: usize| order.u32_at(body, at);
-    // A simple packet has no time and is of the first interface.
+    // A simple packet block has no time and belongs to the first interface.
     let (index, units, len_at, data_at) = match block.kind {
         3 => (0, 0, 0, 4),
         2 => (
@@ -363,7 +363,7 @@ fn nanos(units: u64, resolution: u8) -> u64 {
     u64::try_from(nanos).unwrap_or(u64::MAX)
 }
 
-/// Name of a link type for people.
+/// Name of a link type for the user.
 fn name_of(link_type: u16) -> String {
     let name = match link_type {
         0 => "loopback",
@@ -381,7 +381,7 @@ fn name_of(link_type: u16) -> String {
     format!("link type {link_type} ({name})")
 }
 
-/// Why a file of these link types is refused, and the next step.
+/// Reason for refusing a file of these link types, and the next step.
 fn refusal(link_types: &[u16]) -> String {
     let Some(&first) = link_types.first() else {
         return "the file has no packets".to_owned();

@@ -1,8 +1,8 @@
 //! Rate and coding of a line, derived from its levels.
 //!
-//! Only what happens inside of characters counts: each edge is compared with the beginning of its
-//! own character, which is a whole number of bits before it. How long the line is idle between two
-//! characters says nothing.
+//! Only edges inside characters count: each edge is compared with the beginning of its own
+//! character, which is a whole number of bits earlier. The idle time between two characters has no
+//! influence.
 
 use protocols::{LineConfig, Parity};
 
@@ -15,7 +15,7 @@ const RATES: [u32; 41] = [
     250_000, 256_000, 420_000, 460_800, 500_000, 576_000, 921_600, 1_000_000, 1_152_000, 1_500_000,
     2_000_000, 2_500_000, 3_000_000, 3_500_000, 4_000_000,
 ];
-/// Codings that are tried if none is given, the most usual first. A second stop bit reads as idle.
+/// Codings that are tried if none is given, the most common first. A second stop bit reads as idle.
 const CODINGS: [(u8, Parity); 6] = [
     (8, Parity::None),
     (8, Parity::Even),
@@ -24,15 +24,15 @@ const CODINGS: [(u8, Parity); 6] = [
     (7, Parity::Odd),
     (7, Parity::None),
 ];
-/// Changes of a level that are checked: more would only take longer.
+/// Maximum number of examined level changes; more would only take longer.
 const CHANGES_MAX: usize = 20_000;
-/// Minimum number of edges inside characters from which a usual and an unusual rate are derived.
+/// Minimum number of edges inside characters to derive a common and an uncommon rate.
 const EDGES_MIN: usize = 6;
 const UNUSUAL_EDGES_MIN: usize = 40;
-/// Minimum number of bytes that tell seven bits from eight.
+/// Minimum number of bytes to distinguish seven bits from eight.
 const SEVEN_MIN: usize = 16;
 
-/// How well a line fits some levels.
+/// Quality of the fit of a line to some levels.
 #[derive(Clone, Copy, Debug)]
 struct Fit {
     line: LineConfig,
@@ -40,7 +40,7 @@ struct Fit {
     spread: f64,
 }
 
-/// Rate and coding of a line, as far as they are not given.
+/// Derives the rate and the coding of a line, unless they are given.
 pub(super) fn derived(
     levels: &Levels,
     baud: Option<u32>,
@@ -74,13 +74,13 @@ const fn with_coding((data_bits, parity): (u8, Parity)) -> LineConfig {
     }
 }
 
-/// Whether a rate is one that adapters and devices use.
+/// Whether adapters and devices use this rate.
 pub(super) fn is_usual(baud: u32) -> bool {
     RATES.contains(&baud)
 }
 
-/// The slowest usual rate that fits: at a multiple of the rate edges stand on whole bits as well.
-/// Of neighbours the one that fits much better is right.
+/// The slowest common rate that fits: at a multiple of the rate, edges also lie on whole bits. Of
+/// neighbouring rates, one that fits much better is correct.
 fn usual(levels: &Levels, coding: LineConfig) -> Option<LineConfig> {
     let fits = RATES.map(|baud| fit(levels, LineConfig { baud, ..coding }, EDGES_MIN));
     let fits: Vec<Fit> = fits.into_iter().flatten().collect();
@@ -93,10 +93,11 @@ fn usual(levels: &Levels, coding: LineConfig) -> Option<LineConfig> {
     fits.iter().find(is_best).map(|fit| fit.line)
 }
 
-/// An unusual rate: the bit is first estimated from the shortest pulses, then from all edges.
+/// Derives an uncommon rate: the bit is first estimated from the shortest pulses, then from all
+/// edges.
 fn unusual(levels: &Levels, coding: LineConfig) -> Option<LineConfig> {
     let mut pulses = levels.pulses();
-    // The longest bit of interest is far shorter.
+    // The longest relevant bit is far shorter.
     pulses.retain(|pulse| *pulse < 1 << 40);
     pulses.sort_unstable();
     // A few glitches may be shorter.
@@ -118,15 +119,15 @@ fn unusual(levels: &Levels, coding: LineConfig) -> Option<LineConfig> {
     (fit.spread < 0.12 * bit).then_some(line)
 }
 
-/// Three digits: a clock and the samples are not more exact.
+/// Rounds to three digits: a clock and the samples are not more exact.
 fn rounded(baud: u32) -> u32 {
     let digits = baud.checked_ilog10().map_or(0, |log| log.saturating_sub(2));
     let unit = 10_u32.pow(digits);
     (baud + unit / 2) / unit * unit
 }
 
-/// The rate by all edges inside of characters, of which each tells the length of as many bits as
-/// are before it.
+/// Refines the rate with all edges inside characters. Each edge gives the length of the bits before
+/// it.
 fn refined(levels: &Levels, line: LineConfig) -> Option<u32> {
     let bit = 1e9 / f64::from(line.baud.max(1));
     let (mut sum, mut squares) = (0.0, 0.0);
@@ -164,8 +165,8 @@ fn edges(levels: &Levels, line: LineConfig) -> Vec<Vec<f64>> {
     own.collect()
 }
 
-/// How well a line fits, if nearly all edges stand on whole bits, single bits occur beside longer
-/// pulses, and nearly all characters have their stop bit and their parity.
+/// Quality of the fit of a line. A line fits only if nearly all edges lie on whole bits, and single
+/// bits occur beside longer pulses. Nearly all characters must have correct stop bits and parity.
 fn fit(levels: &Levels, line: LineConfig, edges_min: usize) -> Option<Fit> {
     let bit = 1e9 / f64::from(line.baud.max(1));
     let (mut all, mut near, mut squares) = (0_usize, 0_usize, 0.0);
@@ -183,7 +184,7 @@ fn fit(levels: &Levels, line: LineConfig, edges_min: usize) -> Option<Fit> {
             last = offset;
         }
     }
-    // Pulses of one length are a clock or the signal of a servo.
+    // Pulses of one length are a clock or a servo signal.
     let is_mixed = singles * 30 >= pulses && singles < pulses;
     let is_told = all >= edges_min && near * 20 >= all * 19 && is_mixed;
     if !is_told || !is_framed(levels, line) {
@@ -194,8 +195,7 @@ fn fit(levels: &Levels, line: LineConfig, edges_min: usize) -> Option<Fit> {
     Some(Fit { line, spread })
 }
 
-/// Whether nearly all characters have their stop bit and their parity. The first may be half of
-/// one.
+/// Whether nearly all characters have correct stop bits and parity. The first character may be cut.
 fn is_framed(levels: &Levels, line: LineConfig) -> bool {
     let read = characters(levels, line);
     let sound = bytes(&read).count();
@@ -210,7 +210,7 @@ fn bytes(read: &[(u64, Read)]) -> impl Iterator<Item = u8> {
     })
 }
 
-/// The line with seven bits, if its characters of eight are text whose highest bit is the parity
+/// The line with seven bits, if its eight-bit characters are text whose highest bit is the parity
 /// of the others, or a stop bit.
 fn seven_bits(levels: &Levels, line: LineConfig) -> Option<LineConfig> {
     if (line.data_bits, line.parity) != (8, Parity::None) {

@@ -1,4 +1,4 @@
-//! Bytes without times: taken as back to back at the line's rate.
+//! Import of bytes without times: assumed to be back to back at the line's rate.
 
 use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::{lines, number, utf8};
@@ -13,7 +13,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     Ok(())
 }
 
-/// Whether a line begins as tio's with -t, `[08:00:04.460] `.
+/// Whether a line begins with a time of tio -t, `[08:00:04.460] `.
 pub(super) fn is_stamped(text: &[u8]) -> bool {
     let text = text.get(..15).map(utf8).unwrap_or_default();
     let stamp = text

@@ -1,16 +1,16 @@
-//! Which channel or analyzer is which direction of which link.
+//! Assignment of channels or analyzers to directions and links.
 
 use super::imported::{Imported, Options, opposite};
 use engine::rig::line::Direction;
 
-/// What a channel stands for.
+/// Role of a channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Role {
     pub(super) link: String,
     pub(super) direction: Direction,
 }
 
-/// What a name says of itself.
+/// Information in the name of a channel.
 struct Told {
     direction: Direction,
     /// The rest of the name.
@@ -19,25 +19,25 @@ struct Told {
     is_exported: bool,
 }
 
-/// The end of a name in which `hilrig export` tells the direction.
+/// Suffixes with which `hilrig export` marks the direction.
 const EXPORTED: [(&str, Direction); 2] = [
     (".to-master", Direction::ToMaster),
     (".to-device", Direction::ToDevice),
 ];
-/// Words for what the host received.
+/// Words for received by the host.
 const RECEIVED: [&str; 9] = [
     "rx", "rxd", "recv", "receive", "received", "reply", "response", "answer", "device",
 ];
-/// Words for what it sent.
+/// Words for sent by the host.
 const SENT: [&str; 9] = [
     "tx", "txd", "send", "sent", "request", "command", "cmd", "transmit", "host",
 ];
-/// Words that count only if the name has none of those.
+/// Words that count only if the name has none of the others.
 const BETWEEN: [&str; 2] = ["from", "to"];
 
-/// The roles of channels of these names. A name tells it (RX, TX, to-device); two channels without
-/// such names are two directions; more are links of their own. Two channels of one role are two
-/// links: nothing is merged.
+/// Roles of channels with these names. A name may contain its role (RX, TX, to-device). Two
+/// channels without such names are two directions; more channels are separate links. Two channels
+/// with the same role are two links: nothing is merged.
 pub(super) fn roles(names: &[String], options: &Options, out: &mut Imported) -> Vec<Role> {
     let told: Vec<Option<Told>> = names.iter().map(|name| of_name(name, options)).collect();
     let mut roles: Vec<Role> = Vec::new();
@@ -69,7 +69,7 @@ fn role(link: &str, direction: Direction) -> Role {
     }
 }
 
-/// The role of a name that tells it: of one link, unless the names are about several.
+/// The role in a name: part of one link, unless the names belong to several links.
 fn of_told(own: &Told, all: &[Option<Told>], options: &Options) -> Role {
     let others = all.iter().flatten();
     let is_one = match all {
@@ -82,7 +82,7 @@ fn of_told(own: &Told, all: &[Option<Told>], options: &Options) -> Role {
     role(&options.link, own.direction)
 }
 
-/// The name of a link that a port's path gives: what is behind the last slash.
+/// Name of the link for the path of a port: the text after the last slash.
 pub(super) fn link_of_path(path: &str) -> String {
     path.rsplit('/').next().unwrap_or(path).to_owned()
 }
@@ -123,13 +123,13 @@ fn of_name(name: &str, options: &Options) -> Option<Told> {
     })
 }
 
-/// Whether a word is one of `words`, perhaps with a number, or ends as `end`.
+/// Whether a word is one of `words`, perhaps with a number, or ends with `end`.
 fn word_is(word: &str, words: &[&str], end: &str) -> bool {
     let plain = word.trim_end_matches(|c: char| c.is_ascii_digit());
     words.contains(&plain) || plain.ends_with(end)
 }
 
-/// Tells what was decided, unless the file says it itself.
+/// Notes the assignment, unless the file contains it.
 fn say(
     names: &[String],
     told: &[Option<Told>],

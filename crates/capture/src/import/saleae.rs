@@ -7,8 +7,8 @@
 //! "Async Serial","data",0.0001,8.6e-05,0xFA,framing
 //! ```
 //!
-//! Form known from the analyzer's source and from files of others, not from a run. The value must
-//! be in hex: in other radices the two cannot be distinguished.
+//! The formats are known from the analyzer's source and from files of others, not from a run. The
+//! value must be in hex: other radices are ambiguous.
 
 use super::Look;
 use super::cells::{CellRow, rows};
@@ -20,7 +20,7 @@ use engine::hex;
 use protocols::LineEvent;
 
 const FRAMING: Kind = Kind::Line(LineEvent::FramingError);
-/// The event's number in the capture; lines of ours have no parity.
+/// Number of the parity event in a capture; the lines of this tool have no parity.
 const PARITY: Kind = Kind::Other(8);
 
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
@@ -29,15 +29,15 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     head.any(is_head).then_some(Look::Surely)
 }
 
-/// Where in a row what stands.
+/// Indexes of the columns of a row.
 struct Columns {
     time: usize,
     duration: Option<usize>,
     value: usize,
-    /// Columns of errors, and what one there means if it does not say itself.
+    /// Columns of errors, with the kind of an error that does not name itself.
     errors: Vec<(usize, Kind)>,
     kind: Option<usize>,
-    /// The analyzer's name.
+    /// Column of the analyzer's name.
     analyzer: Option<usize>,
     /// Columns that only analyzers of other buses fill, with the bus.
     others: Vec<(usize, &'static str)>,
@@ -54,13 +54,13 @@ const OTHERS: [(&str, &str); 8] = [
     ("crc", "CAN"),
     ("channel", "I2S"),
 ];
-/// Words in an analyzer's name for a bus that is no serial line.
+/// Words in an analyzer's name for a bus that is not a serial line.
 const BUSES: [&str; 8] = [
     "i2c", "spi", "can", "lin", "i2s", "1-wire", "onewire", "jtag",
 ];
 
 impl Columns {
-    /// The bus that a row is of, if that is no serial line.
+    /// The bus of a row, if it is not a serial line.
     fn other_bus(&self, row: &CellRow<'_>) -> Option<&'static str> {
         let filled = self
             .others
@@ -120,7 +120,7 @@ impl Columns {
     }
 }
 
-/// A table's analyzers of which none is another bus.
+/// The analyzers of a table that belong to no other bus.
 fn analyzers(
     table: &[CellRow<'_>],
     columns: &Columns,
@@ -222,7 +222,7 @@ fn byte(
     Ok(())
 }
 
-/// Nanoseconds, and whether they count from 1970.
+/// Parses nanoseconds; the flag is whether they count from 1970.
 fn time(text: &str) -> Option<(u64, bool)> {
     if let Some((date, time)) = text.split_once('T') {
         let time = time.trim_end_matches('Z');
@@ -258,8 +258,8 @@ mod tests {
         look(text).is_some()
     }
 
-    /// Both forms have their columns anywhere, in capitals or not; without a time or a value it is
-    /// none of them.
+    /// Both formats have their columns in any order, in upper or lower case. Without a time or a
+    /// value the file has neither format.
     #[test]
     fn a_head_names_its_columns_in_any_order() {
         assert!(is_head(b"Time [s],Value,Parity Error,Framing Error"));
@@ -325,7 +325,7 @@ mod tests {
         Ok(found.records().iter().map(tuple).collect())
     }
 
-    /// Two analyzers on one table are the two directions, by their names or in their order.
+    /// Two analyzers in one table are the two directions, by their names or by their order.
     #[test]
     fn two_analyzers_are_two_directions() {
         let (up, down) = (Direction::ToMaster, Direction::ToDevice);
@@ -345,7 +345,7 @@ mod tests {
         }
     }
 
-    /// A row of I2C is no byte of a serial line: by what its columns hold, or by its name.
+    /// A row of I2C is not a byte of a serial line: detected by its columns or its name.
     #[test]
     fn a_row_of_another_bus_is_refused() {
         let head = "name,type,start_time,duration,data,error,ack,address,read\n";

@@ -1,6 +1,6 @@
 //! Binary exports of Saleae's Logic 2: one channel a file, digital or analog, versions 0 and 1.
 //!
-//! Laid out as Saleae's support pages document it: all little-endian, times in seconds as doubles.
+//! Layout according to Saleae's support pages: little-endian, times in seconds as doubles.
 
 use super::Look;
 use super::imported::{ImportError, Imported, Options};
@@ -14,7 +14,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     bytes.starts_with(MAGIC).then_some(Look::Surely)
 }
 
-/// Numbers one behind the other.
+/// Reader of consecutive numbers.
 struct Numbers<'a>(&'a [u8], usize);
 
 impl Numbers<'_> {
@@ -99,7 +99,7 @@ fn chunks(numbers: &mut Numbers<'_>) -> Result<Levels, ImportError> {
     Ok(levels)
 }
 
-/// One stretch of changes; when it begins.
+/// Reads one block of changes and returns its start.
 fn chunk(
     numbers: &mut Numbers<'_>,
     has_rate: bool,
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
     use crate::import::{Format, read as read_format};
 
-    /// 0x41 at 1 Mbaud: start bit at 10 us, changes by hand. The stop bit ends at 20 us.
+    /// 0x41 at 1 Mbaud: start bit at 10 us, changes worked out by hand. The stop bit ends at 20 us.
     #[test]
     fn a_digital_export_is_read_in_both_versions() {
         let changes = [10.0, 11.0, 12.0, 17.0, 18.0, 19.0].map(|micros: f64| micros * 1e-6);

@@ -5,8 +5,8 @@
 //! 5313-6147 UART: RX: FA        PulseView, export of annotations
 //! ```
 //!
-//! The range is in samples and covers the data bits; without it the bytes are taken as back to
-//! back.
+//! The range is in samples and covers the data bits. Without it, the bytes are assumed to be back
+//! to back.
 
 use super::imported::{ImportError, Imported, Options};
 use super::roles::roles;
@@ -68,13 +68,13 @@ pub(super) fn is_data(text: &[u8]) -> bool {
     annotation(text).is_some_and(|one| hex::byte(one.what.as_bytes()).is_some())
 }
 
-/// One decoder of the output.
+/// A decoder in the output.
 #[derive(Default)]
 struct Decoder {
     link: usize,
     direction: Option<Direction>,
     count: usize,
-    /// Where the last byte's data bits ended.
+    /// End of the data bits of the last byte, in samples.
     last_end: Option<u64>,
 }
 
@@ -115,7 +115,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         let (kind, byte) = match (one.what, hex::byte(one.what.as_bytes())) {
             (_, Some(byte)) => (Kind::Data, Some(byte)),
             ("Frame error", None) => {
-                // Said of the byte above, if that ends where this begins.
+                // The error belongs to the byte above if that byte ends where the error begins.
                 if one
                     .samples
                     .is_some_and(|(from, _)| own.last_end == Some(from))
@@ -151,7 +151,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     Ok(())
 }
 
-/// When the stop bit ended, ns.
+/// End of the stop bit, ns.
 fn time(
     line: Line<'_>,
     one: &Annotation<'_>,

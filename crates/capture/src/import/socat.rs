@@ -7,11 +7,10 @@
 //! --
 //! ```
 //!
-//! With `-v` hex stands in a field of 16 times 3 columns, text behind it, and a line ends early
-//! after 0x0A; "--" ends the block. Without it all bytes of a block are on one line, and nothing
-//! stands behind it.
-//! The fraction of version 1.7 is microseconds filled up to nine digits (.000761120 is 0.761120 s,
-//! found by known gaps); a file in which one is larger has nanoseconds.
+//! With `-v`, hex fills a field of 16 times 3 columns, text follows it, a line ends early after
+//! 0x0A, and "--" ends the block. Without `-v`, all bytes of a block are on one line without text.
+//! The fraction of version 1.7 is microseconds, padded to nine digits: .000761120 is 0.761120 s
+//! (found by known gaps). A file with a larger fraction has nanoseconds.
 
 use super::LOCAL;
 use super::imported::{ImportError, Imported, Options};
@@ -75,7 +74,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             }
             Some(_) if line.text == b"--" => flush(link, unit, block.take(), options, out),
             Some(_) => return Err(line.wrong("expected \"--\" behind the block")),
-            // Between blocks socat's own diagnostics may stand.
+            // socat's own diagnostics may occur between blocks.
             None => {
                 if let Some(head) = head(line.text) {
                     let bytes = Vec::new();
@@ -112,7 +111,7 @@ fn flush(link: usize, unit: u64, block: Option<Block>, options: &Options, out: &
 
 /// The bytes of one line, at most `most`.
 fn dumped(line: Line<'_>, most: usize, has_text: bool) -> Result<Vec<u8>, ImportError> {
-    // Only with -v there is text behind the hex.
+    // Text after the hex exists only with -v.
     let width = if has_text { 48 } else { line.text.len() };
     let field = &line.text[..line.text.len().min(width)];
     let cells = field.chunks(3);

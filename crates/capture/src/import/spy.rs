@@ -1,4 +1,4 @@
-//! What pySerial's `spy://` port writes of what a program reads and writes.
+//! Log of pySerial's `spy://` port: reads and writes of a program.
 //!
 //! ```text
 //! 000000.011 RX   0000  00 01 02 03 04 05 06 07  08 09  ..........
@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Times count from the opening of the port. A dump of more than 16 bytes continues in further
-//! lines with higher offsets. Lines of other events carry no bytes.
+//! lines with higher offsets. Lines of other events contain no bytes.
 
 use super::imported::{ImportError, Imported, Options};
 use super::text::{decimal_nanos, lines, number, utf8};
@@ -41,7 +41,7 @@ fn data(row: &Row<'_>) -> Option<(usize, Vec<u8>)> {
     let offset = usize::from_str_radix(offset, 16)
         .ok()
         .filter(|_| offset.len() >= 4)?;
-    // Sixteen pairs of three columns, a gap after eight of them.
+    // Sixteen pairs of three columns, with a gap after eight pairs.
     let end = rest.char_indices().nth(49).map_or(rest.len(), |(at, _)| at);
     let pairs = rest[..end].split_ascii_whitespace();
     let bytes: Option<Vec<u8>> = pairs.map(|pair| hex::byte(pair.as_bytes())).collect();

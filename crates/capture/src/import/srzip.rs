@@ -12,7 +12,7 @@ use super::levels::{self, Channel, sample_nanos, sample_rate};
 use super::uart::Levels;
 use super::zipfile::{Entry, entries, is_zip};
 
-/// Whether a zip archive is such a session.
+/// Whether a zip archive is a sigrok session.
 pub(super) fn is_session(bytes: &[u8]) -> bool {
     entries(bytes).is_ok_and(|entries| {
         let has = |name| entries.iter().any(|entry| entry.name == name);
@@ -24,7 +24,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     (is_zip(bytes) && is_session(bytes)).then_some(Look::Surely)
 }
 
-/// What the session says of its samples.
+/// Description of the samples in the session.
 struct Metadata {
     file: String,
     rate: u64,
@@ -107,7 +107,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     levels::read(channels, options, out)
 }
 
-/// The files of the samples in their order: one, or numbered ones.
+/// The sample files in their order: a single one, or numbered ones.
 fn pieces(all: &[Entry], file: &str) -> Vec<String> {
     let number = |name: &str| -> Option<u32> {
         match name.strip_prefix(file)? {
@@ -159,8 +159,9 @@ mod tests {
         Ok(found.records().iter().map(tuple).collect())
     }
 
-    /// The byte on RX begins at 50 us and ends at 150 us, that on TX 200 us later; the samples come
-    /// in two files of which the tenth would stand before the second by its name.
+    /// The byte on RX begins at 50 us and ends at 150 us; the byte on TX follows 200 us later. The
+    /// samples are in two files, numbered 2 and 10; by its name, the tenth would sort before the
+    /// second.
     #[test]
     fn probes_are_read_as_uarts() {
         let (rx, tx) = (samples(0xA5), samples(0x3C));

@@ -1,4 +1,4 @@
-//! Reads and writes of a port as strace shows them, at best with -f -tt -xx -s 99999.
+//! Reads and writes of a port as strace shows them, ideally with -f -tt -xx -s 99999.
 //!
 //! ```text
 //! 12:11:23.000501 write(3</dev/ttyUSB0>, "\xab\x24\x0a\x00\xd9", 5) = 5
@@ -6,9 +6,9 @@
 //! 1234 <... read resumed>"\x31", 1) = 1
 //! ```
 //!
-//! The port is the file descriptor whose path is a terminal's, by -y or by its `open`; without one
-//! it is the only descriptor of the log. A time is that of the call's beginning, of a call that is
-//! resumed that of its end.
+//! The port is the file descriptor whose path is a terminal, from -y or from its `open`. Without a
+//! path, the port is the only descriptor of the log. A time is that of the beginning of the call;
+//! for a resumed call, that of its end.
 
 use std::collections::BTreeMap;
 
@@ -25,7 +25,7 @@ struct Call {
     pid: u64,
     nanos: Option<u64>,
     name: String,
-    /// The file descriptor, and its path if the line tells it.
+    /// The file descriptor, and its path if the line contains it.
     fd: Option<u64>,
     path: Option<String>,
     bytes: Option<Vec<u8>>,
@@ -34,7 +34,7 @@ struct Call {
     result: Option<i64>,
     is_resumed: bool,
     is_unfinished: bool,
-    /// The rate in a TCSETS.
+    /// The baud rate of a TCSETS.
     baud: Option<u32>,
 }
 
@@ -57,7 +57,7 @@ fn call(text: &str) -> Option<Call> {
     {
         (call.pid, rest) = (number(pid.trim())?, behind.trim_start());
     }
-    // A process and a time, or one of them.
+    // A process id and a time, or one of them.
     for _ in 0..2 {
         let Some((word, behind)) = rest.split_once(' ') else {
             break;
@@ -124,7 +124,7 @@ impl Call {
         self.path = path.and_then(|path| Some(path.split_once('>')?.0.to_owned()));
     }
 
-    /// The texts in quotes, one behind the other.
+    /// Decodes the consecutive texts in quotes.
     fn data(&mut self, arguments: &str) -> Option<()> {
         let mut rest = arguments;
         while let Some((_, inside)) = rest.split_once('"') {
@@ -144,7 +144,7 @@ impl Call {
     }
 }
 
-/// Whether a path is of a terminal.
+/// Whether a path is that of a terminal.
 fn is_port(path: &str) -> bool {
     [
         "/dev/tty",
@@ -301,7 +301,7 @@ fn emit(
             .wrong("strace cut these bytes (\"...\"): trace again with -s 99999"));
     }
     let is_timed = own().all(|one| one.nanos.is_some());
-    // With -r a time is the distance from the call before.
+    // With -r a time is the distance from the previous call.
     let is_relative = own()
         .filter_map(|one| one.nanos)
         .is_sorted_by(|a, b| a <= b);
@@ -344,7 +344,7 @@ mod tests {
         Ok(found.records().iter().map(one).collect())
     }
 
-    /// 12:11:23 is 43,883 s after midnight. As strace 6.1 writes, with -xx and without.
+    /// 12:11:23 is 43,883 s after midnight. The format is that of strace 6.1, with -xx and without.
     #[test]
     fn calls_of_the_port_are_read() {
         let text = "\

@@ -6,7 +6,7 @@
 //! {"ts": 0.5, "dir": "rx", "data": "ab240a00d9"}     a line an object, or a list of objects
 //! ```
 //!
-//! The columns are known by their names; the table needs bytes, and times or directions.
+//! The columns are identified by their names. A table needs bytes, and times or directions.
 
 use serde_json::Value;
 
@@ -49,20 +49,20 @@ const BYTES: [&str; 15] = [
     "packet", "content", "msg", "buffer", "rawbytes",
 ];
 
-/// Rows below the names of their columns.
+/// Rows with the names of their columns.
 struct Table<'a> {
     names: Vec<String>,
     rows: Vec<(Line<'a>, Vec<String>)>,
 }
 
-/// Which column holds what.
+/// Indexes of the columns.
 struct Columns {
     time: Option<usize>,
     direction: Option<usize>,
     bytes: usize,
 }
 
-/// A name in small letters, without units in brackets and marks.
+/// A name in lower case, without bracketed units and marks.
 fn plain(name: &str) -> String {
     let name = name.to_lowercase();
     name.chars().filter(|c| c.is_alphanumeric()).collect()
@@ -79,7 +79,7 @@ fn columns(names: &[String]) -> Option<Columns> {
     (columns.time.is_some() || columns.direction.is_some()).then_some(columns)
 }
 
-/// Nanoseconds of the unit that the name of a time's column tells.
+/// Nanoseconds per unit, from the name of a time column.
 fn unit(name: &str) -> Option<u64> {
     let name = name.to_lowercase();
     let units = [
@@ -117,7 +117,7 @@ fn cut(text: &str, divider: char) -> Vec<String> {
     cells::cells_of(text, divider)
 }
 
-/// A line an object, or one list of objects.
+/// Reads one object per line, or one list of objects.
 fn objects(bytes: &[u8]) -> Option<Table<'_>> {
     let mut all: Vec<(Line<'_>, Value)> = Vec::new();
     let full = || lines(bytes).filter(|line| !line.text.trim_ascii().is_empty());
@@ -210,7 +210,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     emit(messages, options, out)
 }
 
-/// A time of a cell: a number in the unit of its column, or a date.
+/// Parses the time in a cell: a number in the unit of its column, or a date.
 fn time(text: &str, name: &str, line: Line<'_>) -> Result<(u64, Clock), ImportError> {
     if let (Some(at), "") = (split_prefix(text).0.at, split_prefix(text).1)
         && at.1 != Clock::Seconds
@@ -220,7 +220,8 @@ fn time(text: &str, name: &str, line: Line<'_>) -> Result<(u64, Clock), ImportEr
     let wrong = || line.wrong("expected a number, a date or a time of the day as the time");
     let number = decimal_nanos(text).ok_or_else(wrong)?;
     let whole = number / 1_000_000_000;
-    // Seconds, milliseconds, microseconds or nanoseconds since 1970 tell themselves apart.
+    // The size shows whether a time is seconds, milliseconds, microseconds or nanoseconds since
+    // 1970.
     let unit = unit(name).unwrap_or(match whole {
         0..100_000_000_000 => 1_000_000_000,
         100_000_000_000..100_000_000_000_000 => 1_000_000,

@@ -1,4 +1,4 @@
-//! Each tool's form, a few lines of it, against times worked out by hand: at 10,000 baud a byte
+//! Short samples of each tool's format, against times worked out by hand: at 10,000 baud a byte
 //! takes a millisecond and its stop bit a tenth of one.
 
 use super::imported::opposite;
@@ -20,7 +20,7 @@ fn options(baud: Option<u32>, sample_rate: Option<u64>) -> Options {
     }
 }
 
-/// When, which way, and what.
+/// Time, direction and bytes.
 fn told(
     dump: &[u8],
     format: Format,
@@ -31,8 +31,8 @@ fn told(
     Ok(imported.records().iter().map(record).collect())
 }
 
-/// Data bits that end with sample 6147 at a megahertz end 6.147 ms behind the start, and the byte
-/// with its stop bit. Without a rate there is none.
+/// Data bits that end with sample 6147 at 1 MHz end 6.147 ms after the start; the byte ends with
+/// its stop bit. Without a baud rate, the stop bit has no length.
 #[test]
 fn a_byte_ends_behind_its_samples() {
     let dump = b"5313-6147 uart-1: FA\n6300-7000 uart-1: 0a\n";
@@ -52,7 +52,7 @@ fn a_byte_ends_behind_its_samples() {
     }
 }
 
-/// Without samples bytes stand back to back; then the rate of the line is needed.
+/// Without samples, bytes follow back to back; this needs the baud rate of the line.
 #[test]
 fn bytes_without_samples_stand_back_to_back() {
     let dump = b"uart-1: FA\n\nuart-1: 0A\n";
@@ -65,7 +65,8 @@ fn bytes_without_samples_stand_back_to_back() {
     assert!(told(dump, Format::Sigrok, &options(None, None)).is_err());
 }
 
-/// A frame error takes back the byte that ends where it begins, and no other one; a break is one.
+/// A frame error removes the byte that ends where the error begins, and no other; a break is an
+/// event.
 #[test]
 fn a_frame_error_is_said_of_the_byte_before() {
     let kinds = |dump: &[u8]| {
@@ -103,7 +104,7 @@ fn a_frame_error_is_said_of_the_byte_before() {
     );
 }
 
-/// The fraction is in microseconds filled up to nine digits, unless one is too large for that.
+/// The fraction is in microseconds, padded to nine digits, unless one is too large for this.
 #[test]
 fn blocks_of_socat_tell_both_directions() {
     let right = b"> 2026/11/21 07:58:48.000761120  length=3 from=0 to=2\n fa a0 0a   ...\n--\n";
@@ -133,7 +134,7 @@ fn blocks_of_socat_tell_both_directions() {
         [Direction::ToDevice, Direction::ToMaster]
     );
     let error = |dump: &[u8]| told(dump, Format::Socat, &own).expect_err("unsound");
-    // Without -v nothing stands behind the bytes, and all of them are on one line.
+    // Without -v, no text follows the bytes, and all bytes are on one line.
     let plain =
         b"> 2026/11/21 07:58:48.000761120  length=20 from=0 to=19\n 00 01 02 03 04 05 06 07 \
                   08 09 0a 0b 0c 0d 0e 0f 10 11 12 13\n";
@@ -145,7 +146,7 @@ fn blocks_of_socat_tell_both_directions() {
     assert!(error(long).contains("expected 1 to 1 bytes"));
 }
 
-/// Behind the colon stands the port; counter and text are options.
+/// The port follows the colon; counter and text are options.
 #[test]
 fn blocks_of_jpnevulator_name_their_port() {
     let dump = b"2026-11-21 07:58:48.596918: A\n00000000\tFA A0 0A 41\t...A\nFB\n\
@@ -170,14 +171,14 @@ fn blocks_of_jpnevulator_name_their_port() {
     assert!(told(seventeen, Format::Jpnevulator, &own).is_err());
 }
 
-/// Sixteen bytes a record, of which the last one has just ended.
+/// Sixteen bytes a record, the last of which has just ended.
 #[test]
 fn bytes_alone_take_the_time_of_their_line() {
     let own = options(Some(10_000), None);
     let found = told(&[7; 20], Format::Raw, &own).expect("sound");
     let lens: Vec<(u64, usize)> = found.iter().map(|it| (it.0, it.2.len())).collect();
     assert_eq!(lens, [(16 * MS, 16), (20 * MS, 4)]);
-    // An assumed rate is said: 16 characters of ten bits at 115,200 baud are 1,388,888 ns.
+    // An assumed rate is noted: 16 characters of ten bits at 115,200 baud are 1,388,888 ns.
     let assumed = read(&[7; 20], Format::Raw, &options(None, None)).expect("assumed");
     assert_eq!(assumed.records()[0].at.as_nanos(), 1_388_888);
     assert!(assumed.notes[0].contains("assumed 115200 baud"));

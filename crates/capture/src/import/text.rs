@@ -1,8 +1,8 @@
-//! Lines with their places, and the numbers in them.
+//! Lines with their positions, and the numbers in them.
 
 use super::ImportError;
 
-/// A line without its end.
+/// A line without its line end.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line<'a> {
     pub(super) number: usize,
@@ -38,12 +38,12 @@ pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
         })
 }
 
-/// A line of text; what is no UTF-8 fits nothing anyway.
+/// Text of a line; a line that is not UTF-8 becomes empty and fits no format.
 pub(super) fn utf8(text: &[u8]) -> &str {
     core::str::from_utf8(text).unwrap_or_default()
 }
 
-/// Digits only: what `parse` takes besides, a sign, is in no dump.
+/// Parses digits only, unlike `parse`, which also accepts a sign; no dump has signs.
 pub(super) fn number(text: &str) -> Option<u64> {
     let is_digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     text.parse().ok().filter(|_| is_digits)
@@ -57,15 +57,14 @@ fn seconds(text: &str) -> Option<u64> {
     fits.then_some(hour * 3600 + minute * 60 + second)
 }
 
-/// Days from 1970-01-01 to a date of the Gregorian calendar; the date's parts are divided by
-/// `mark`.
+/// Days from 1970-01-01 to a date of the Gregorian calendar, whose parts are separated by `mark`.
 fn days(text: &str, mark: char) -> Option<u64> {
     let mut parts = text.splitn(3, mark).map(number);
     let [year, month, day] = [parts.next()??, parts.next()??, parts.next()??];
     if !(1970..=2500).contains(&year) || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
         return None;
     }
-    // Years begin in March, so that a leap day is their last.
+    // The year begins in March, so that the leap day is its last day.
     let year = if month <= 2 { year - 1 } else { year };
     let month = (month + 9) % 12;
     let day_of_year = (153 * month + 2) / 5 + day - 1;
@@ -73,12 +72,12 @@ fn days(text: &str, mark: char) -> Option<u64> {
     Some(year * 365 + year / 4 - year / 100 + year / 400 + day_of_year - 719_468)
 }
 
-/// Seconds since 1970 of a date and a time of the day.
+/// Seconds since 1970 for a date and a time of day.
 pub(super) fn moment(date: &str, time: &str, mark: char) -> Option<u64> {
     Some(days(date, mark)? * 86_400 + seconds(time)?)
 }
 
-/// Seconds with a fraction of up to nine digits as nanoseconds; also `8.6e-05`.
+/// Parses seconds with a fraction of up to nine digits as nanoseconds; also `8.6e-05`.
 pub(super) fn decimal_nanos(text: &str) -> Option<u64> {
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
     if let Some(whole) = number(whole)
@@ -184,7 +183,7 @@ mod tests {
         );
     }
 
-    /// Nine digits count; a tenth is cut, not rounded. 1e9 s and more are no time with an exponent.
+    /// Nine digits count; a tenth is cut, not rounded. 1e9 s and more with an exponent are no time.
     #[test]
     fn seconds_are_told_to_the_nanosecond_and_within_reason() {
         assert_eq!(decimal_nanos("1.5"), Some(1_500_000_000));

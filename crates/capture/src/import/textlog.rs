@@ -1,26 +1,26 @@
-//! Text that a terminal logged: a line of the port behind each time, or a session below a head.
+//! Text that a terminal logged: a line of the port after each time, or a session below a header.
 //!
 //! ```text
 //! 12:11:23.456 -> $GPGGA,123519,..          Arduino IDE; also tio -t, TeraTerm, grabserial, ts
 //! =~=~=~= PuTTY log 2026.11.27 12:11:23 =~=~=~=
 //! ```
 //!
-//! Behind times each line is taken to have ended with CR LF, which the terminal does not show.
-//! Where bytes are no text, times and bytes cannot be distinguished: that is an error.
+//! With times, each line is assumed to have ended with CR LF, which the terminal does not show. If
+//! bytes are not text, times and bytes cannot be distinguished, which is an error.
 
 use super::Look;
 use super::hextext::{Clock, Message, emit, split_prefix};
 use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::{Line, lines, utf8};
 
-/// Where the head of a session ends, if a terminal wrote one.
+/// Whether a line is the header that a terminal writes before a session.
 fn session(text: &[u8]) -> bool {
     let text = utf8(text);
     (text.starts_with("=~=~=~=") && text.contains("PuTTY log"))
         || text.starts_with("Script started on ")
 }
 
-/// Whether a line is the terminal's own behind a session.
+/// Whether the terminal wrote this line after a session.
 fn is_end(text: &[u8]) -> bool {
     text.starts_with(b"Script done on ")
 }
@@ -48,7 +48,7 @@ fn stamped<'a>(line: Line<'a>) -> Option<Stamped<'a>> {
     })
 }
 
-/// All lines of a log of times.
+/// All lines of a log with times.
 fn all(bytes: &[u8]) -> Option<Vec<Stamped<'_>>> {
     let full = lines(bytes).filter(|line| !line.text.trim_ascii().is_empty());
     full.map(stamped).collect()
@@ -69,7 +69,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     if session(first.text) {
         return Some(Look::Surely);
     }
-    // A device may send times of its own.
+    // A device may itself send times.
     is_text(bytes).then_some(Look::Perhaps)
 }
 
@@ -102,7 +102,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     emit(messages, options, out)
 }
 
-/// The bytes of a session, without what the terminal wrote itself.
+/// The bytes of a session, without the terminal's own lines.
 fn session_bytes(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
     out.note(
         "the session of a terminal: what it showed is taken as received, without times; it may \
@@ -137,7 +137,7 @@ mod tests {
         Ok(found.records().iter().map(one).collect())
     }
 
-    /// 12:11:23.456 is 43,883,456 ms after midnight. The arrow of the IDE is no direction.
+    /// 12:11:23.456 is 43,883,456 ms after midnight. The arrow of the IDE is not a direction.
     #[test]
     fn lines_with_times_are_text_of_the_port() {
         let text = "12:11:23.456 -> $GPGGA,1\r\n12:11:24.000 -> OK\r\n";

@@ -1,12 +1,12 @@
-//! Voltages as levels.
+//! Conversion of voltages to levels.
 
 use super::uart::Levels;
 
 /// Minimum difference of the two levels, volts.
 const SWING_MIN: f64 = 0.5;
 
-/// The level of a line by its voltage at some times: high above 60 % of what it swings, low below
-/// 40 %. None if it hardly swings.
+/// Levels of a line from its voltage: high above 60 % of the voltage swing, low below 40 %. `None`
+/// if the swing is too small.
 pub(super) fn digital(samples: &[(u64, f64)]) -> Option<Levels> {
     let mut volts: Vec<f64> = samples.iter().map(|(_, volts)| *volts).collect();
     volts.sort_by(f64::total_cmp);
@@ -34,7 +34,7 @@ pub(super) fn digital(samples: &[(u64, f64)]) -> Option<Levels> {
 mod tests {
     use super::*;
 
-    /// 0 and 3.3 V: a change counts behind 1.98 V upwards and 1.32 V downwards.
+    /// 0 and 3.3 V: the level changes above 1.98 V upwards and below 1.32 V downwards.
     #[test]
     fn noise_between_the_thresholds_changes_nothing() {
         let volts = [3.3, 3.2, 1.5, 1.4, 0.1, 1.9, 0.0, 2.1, 3.3, 3.3];

@@ -1,19 +1,19 @@
-//! Telemetry logs of MAVLink ground stations (.tlog): before each packet its time.
+//! Telemetry logs of MAVLink ground stations (.tlog): each packet after its time.
 //!
 //! ```text
 //! | microseconds since 1970, 8 bytes, high first | FE or FD .. the packet |
 //! ```
 //!
-//! The log holds both directions and does not tell which is which.
+//! The log contains both directions without distinguishing them.
 
 use super::Look;
 use super::imported::{ImportError, Imported, Options};
 use crate::Kind;
 
-/// Times that are believed: 2001 to 2100.
+/// Accepted times: 2001 to 2100.
 const TIMES: core::ops::Range<u64> = 978_000_000_000_000..4_102_000_000_000_000;
 
-/// The time and the packet that `bytes` begins with, and how long both are.
+/// The time and the packet at the beginning of `bytes`, with the total length.
 fn entry(bytes: &[u8]) -> Option<(u64, &[u8])> {
     let (time, packet) = bytes.split_first_chunk::<8>()?;
     let micros = u64::from_be_bytes(*time);

@@ -1,10 +1,10 @@
-//! Annotations of sigrok's UART decoder as a JSON trace, which tells RX from TX.
+//! Annotations of sigrok's UART decoder as a JSON trace, which distinguishes RX from TX.
 //!
 //! ```text
 //! {"traceEvents": [{"ph": "B", "ts": 509.0, "pid": "uart-1", "tid": "RX", "name": "AB"}, ..
 //! ```
 //!
-//! Times are in microseconds; a byte's pair of events is where its data bits begin and end.
+//! Times are in microseconds. The two events of a byte mark the start and the end of its data bits.
 
 use serde::Deserialize;
 
@@ -41,7 +41,7 @@ fn utf8_head(bytes: &[u8]) -> &str {
     utf8(&bytes[..bytes.len().min(256)])
 }
 
-/// Rows of a UART decoder that hold its bytes.
+/// Whether a row of a UART decoder contains its bytes.
 fn is_data(row: &str) -> bool {
     matches!(
         row,
@@ -94,7 +94,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             "the trace has no bytes of a UART: decode with -P uart:baudrate=N:rx=CHANNEL",
         ));
     }
-    // One decoder is one line: its number tells nothing.
+    // One decoder is one line, so its number is omitted from the name.
     let is_one = names.iter().all(|name| name.starts_with("uart-1 "));
     let shown: Vec<String> = match is_one {
         true => names
@@ -146,7 +146,7 @@ mod tests {
     use crate::import::{Format, read as read_format};
     use engine::rig::line::Direction;
 
-    /// As sigrok-cli 0.7.2 writes it.
+    /// Output of sigrok-cli 0.7.2.
     const TRACE: &str = "{\"traceEvents\": [\n\
         {\"ph\": \"B\", \"ts\": 509.000000, \"pid\": \"uart-1\", \"tid\": \"TX\", \"name\": \"AB\"},\n\
         {\"ph\": \"E\", \"ts\": 579.000000, \"pid\": \"uart-1\", \"tid\": \"TX\", \"name\": \"AB\"},\n\

@@ -1,22 +1,22 @@
-//! A UART read from the level of a line over time.
+//! Decoder of a UART from the level of a line over time.
 
 use protocols::{LineConfig, LineEvent, Parity};
 
-/// A level that changes: the time of each change in nanoseconds, and the level from there on.
+/// Level of a line over time.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Levels {
     /// The level before the first change.
     pub(super) first: bool,
     /// Times of the changes, each to the other level.
     pub(super) changes: Vec<u64>,
-    /// When the recording ends.
+    /// End of the recording.
     pub(super) end: u64,
 }
 
 impl Levels {
-    /// Takes the level at `at`; equal ones change nothing.
+    /// Sets the level at `at`; an equal level changes nothing.
     pub(super) fn set(&mut self, at: u64, level: bool) {
-        // A time that goes back in the file does not go back here.
+        // If the time decreases in the file, the last time is kept.
         let at = self.changes.last().map_or(at, |last| at.max(*last));
         if self.last() != level {
             self.changes.push(at);
@@ -28,7 +28,7 @@ impl Levels {
         self.first ^ !self.changes.len().is_multiple_of(2)
     }
 
-    /// The same up to this many changes.
+    /// The levels up to this many changes.
     pub(super) fn first_changes(&self, count: usize) -> Self {
         let changes = &self.changes[..self.changes.len().min(count)];
         Self {
@@ -46,24 +46,24 @@ impl Levels {
             .collect()
     }
 
-    /// The same, upside down.
+    /// The inverted levels.
     pub(super) fn inverted(mut self) -> Self {
         self.first = !self.first;
         self
     }
 }
 
-/// What was read.
+/// A decoded element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Read {
     /// A character.
     Byte(u8),
-    /// A character that is wrong, or none.
+    /// A line error or a break.
     Event(LineEvent),
 }
 
-/// Why a line cannot be a UART at its rate, if it cannot: too few of its pulses are whole numbers
-/// of bits, or too many characters lack their stop bit.
+/// Reason why a line cannot be a UART at its rate: too few of its pulses are whole numbers of bits,
+/// or too many characters lack their stop bit. `None` if it can be one.
 pub(super) fn doubt(levels: &Levels, line: LineConfig, read: &[(u64, Read)]) -> Option<String> {
     let is_bad = |read: &Read| *read == Read::Event(LineEvent::FramingError);
     let bad = read.iter().filter(|(_, read)| is_bad(read)).count();
@@ -80,7 +80,7 @@ pub(super) fn doubt(levels: &Levels, line: LineConfig, read: &[(u64, Read)]) -> 
     })
 }
 
-/// All characters and events, each with the time at which its last stop bit ends. Idle is high.
+/// All characters and events, each with the end of its last stop bit. Idle is high.
 pub(super) fn characters(levels: &Levels, line: LineConfig) -> Vec<(u64, Read)> {
     let mut out = Vec::new();
     let mut cursor = Cursor { levels, passed: 0 };
@@ -114,7 +114,7 @@ pub(super) fn characters(levels: &Levels, line: LineConfig) -> Vec<(u64, Read)> 
                 LineEvent::FramingError
             };
             out.push((end, Read::Event(event)));
-            // The next start bit begins when the line was idle again.
+            // The next start bit begins after the line was idle again.
             from = cursor
                 .rises_at(start + bit(2 * stop_at + 1))
                 .unwrap_or(u64::MAX);
@@ -136,7 +136,7 @@ pub(super) fn characters(levels: &Levels, line: LineConfig) -> Vec<(u64, Read)> 
     out
 }
 
-/// A place in the changes that only goes forward.
+/// A position in the changes that only moves forward.
 struct Cursor<'a> {
     levels: &'a Levels,
     passed: usize,
@@ -151,7 +151,7 @@ impl Cursor<'_> {
         self.levels.first ^ !self.passed.is_multiple_of(2)
     }
 
-    /// The next change to low at or behind `from`.
+    /// The next change to low at or after `from`.
     fn falls_at(&mut self, from: u64) -> Option<u64> {
         self.changes_to(false, from)
     }
@@ -183,7 +183,7 @@ impl Cursor<'_> {
 mod tests {
     use super::*;
 
-    /// Levels of bytes back to back from `start` on, a bit lasting `bit` ns.
+    /// Levels of back-to-back bytes from `start` on; a bit lasts `bit` ns.
     fn levels(bytes: &[u8], start: u64, bit: u64) -> Levels {
         let mut levels = Levels {
             first: true,
@@ -209,7 +209,7 @@ mod tests {
         read.iter().filter_map(byte).collect()
     }
 
-    /// A bit of 10 us is 100,000 baud; the first byte ends ten bits behind its start.
+    /// A bit of 10 us is 100,000 baud; the first byte ends ten bits after its start.
     #[test]
     fn bytes_are_read_with_the_end_of_their_stop_bit() {
         let sent = [0xAB, 0x24, 0x0A, 0x00, 0xD9, 0xFF];
@@ -219,8 +219,8 @@ mod tests {
         assert_eq!(read[0].0, 150_000);
     }
 
-    /// 0x55 with a low stop bit is a framing error, a long low a break; then reading continues.
-    /// With parity: 0x03 has two ones, so its even parity bit is 0.
+    /// 0x55 with a low stop bit is a framing error, a long low level a break; then reading
+    /// continues. With parity: 0x03 has two ones, so its even parity bit is 0.
     #[test]
     fn wrong_characters_are_events() {
         let mut levels = levels(&[0x55], 10_000, 10_000);

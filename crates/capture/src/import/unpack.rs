@@ -10,9 +10,9 @@ use super::limited::limited;
 use super::zipfile::{Entry, entries, is_zip};
 use super::{Format, srzip};
 
-/// Archives inside of archives.
+/// Maximum depth of nested archives.
 const DEPTH_MAX: usize = 3;
-/// Files of an archive that a message names.
+/// Maximum number of files of an archive that a message names.
 const NAMED_MAX: usize = 8;
 
 /// The content of a file, text as UTF-8.
@@ -41,7 +41,7 @@ fn gzip(bytes: &[u8]) -> Result<Vec<u8>, ImportError> {
         .map_err(|what| ImportError::of_file(format!("this gzip file {what}")))
 }
 
-/// The one file of a zip archive that can be imported.
+/// The only file of a zip archive that can be imported.
 fn only_file(bytes: &[u8]) -> Result<(String, Vec<u8>), ImportError> {
     let all =
         entries(bytes).map_err(|what| ImportError::of_file(format!("this zip archive {what}")))?;
@@ -99,7 +99,7 @@ mod tests {
         unpacked.map(Cow::into_owned).map_err(|error| error.message)
     }
 
-    /// A zip file of one dump, also beside a file that is none, also inside of another.
+    /// A zip file with one dump, also with another file that is none, also inside another archive.
     #[test]
     fn one_dump_in_an_archive_is_read() {
         let dump = b"AB 24 0A 00 D9\n";

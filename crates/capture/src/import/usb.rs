@@ -1,8 +1,8 @@
 //! Bulk transfers of USB serial adapters, as usbmon of Linux and USBPcap of Windows record them.
 //!
-//! A transfer to the adapter is told when it is submitted, one from it when it completes. CDC-ACM,
-//! CP210x, CH340 and PL2303 send the bytes alone; FTDI puts two bytes of status before each packet.
-//! The rate is in the control transfers, if the recording has them.
+//! A transfer to the adapter counts when it is submitted, one from the adapter when it completes.
+//! CDC-ACM, CP210x, CH340 and PL2303 send only the bytes; FTDI puts two status bytes before each
+//! packet. The baud rate is in the control transfers, if the recording contains them.
 
 use std::collections::BTreeMap;
 
@@ -19,7 +19,7 @@ pub(super) const USBPCAP: u16 = 249;
 /// Bus and address of a device.
 type Address = (u16, u16);
 
-/// What kind of transfer it is.
+/// Kind of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Transfer {
     Control,
@@ -40,11 +40,11 @@ struct Urb<'a> {
     data: &'a [u8],
 }
 
-/// What is known of a device.
+/// Properties of a device.
 #[derive(Clone, Copy, Debug, Default)]
 struct Device {
     vendor: Option<u16>,
-    /// Bytes of a packet, by the release number of an FTDI chip.
+    /// Packet size in bytes, from the release number of an FTDI chip.
     packet: Option<usize>,
     baud: Option<u32>,
 }
@@ -56,7 +56,7 @@ pub(super) fn read<'a>(
 ) -> Result<(), ImportError> {
     let urbs: Vec<Urb<'_>> = packets.filter_map(urb).collect();
     let mut devices: BTreeMap<Address, Device> = BTreeMap::new();
-    // The last setup of each device, which its completion does not repeat.
+    // The last setup packet of each device, which its completion does not repeat.
     let mut asked: BTreeMap<Address, [u8; 8]> = BTreeMap::new();
     for urb in urbs.iter().filter(|urb| urb.transfer == Transfer::Control) {
         let device = devices.entry(urb.address).or_default();
@@ -98,7 +98,7 @@ fn name_of((bus, address): Address) -> String {
     format!("usb-{bus}.{address}")
 }
 
-/// The devices that the options name, or all that move bulk data.
+/// The devices that the options name, or all that transfer bulk data.
 fn chosen(
     lines: &BTreeMap<Address, Vec<&Urb<'_>>>,
     options: &Options,
@@ -177,8 +177,8 @@ fn line_of(endpoints: &[(bool, u8)], urb: &Urb<'_>) -> usize {
         .count()
 }
 
-/// Bytes of a packet that begins with two bytes of status, if the device is of FTDI: by its vendor,
-/// or because all that it sends looks so, most of all the empty answers.
+/// Packet size of an FTDI device, whose packets begin with two status bytes. The device is detected
+/// by its vendor, or because all its packets have this form, in particular the empty replies.
 fn status_packet(urbs: &[&Urb<'_>], device: Device) -> Option<usize> {
     const FTDI: u16 = 0x0403;
     let is_status = |data: &[u8]| match data {
@@ -206,12 +206,12 @@ fn status_packet(urbs: &[&Urb<'_>], device: Device) -> Option<usize> {
 }
 
 impl Device {
-    /// Takes what a control transfer tells.
+    /// Stores the information of a control transfer.
     fn learn(&mut self, setup: [u8; 8], data: &[u8]) {
         let word = |at: usize| u16::from_le_bytes([setup[at], setup[at + 1]]);
         let number = |data: &[u8]| Some(u32::from_le_bytes(*data.first_chunk::<4>()?));
         match (setup[0], setup[1]) {
-            // The descriptor of the device: vendor, product, release.
+            // Device descriptor: vendor, product, release.
             (0x80, 6) if word(2) == 0x0100 && data.len() >= 14 => {
                 self.vendor = Some(u16::from_le_bytes([data[8], data[9]]));
                 let release = u16::from_le_bytes([data[12], data[13]]);
@@ -221,7 +221,7 @@ impl Device {
             // Line coding of CDC-ACM and PL2303; rate of a CP210x.
             (0x21, 0x20) if data.len() == 7 => self.baud = number(data).or(self.baud),
             (0x41, 0x1E) if data.len() == 4 => self.baud = number(data).or(self.baud),
-            // Divisor of an FTDI chip: 3 MHz by the whole and eighths.
+            // Divisor of an FTDI chip: 3 MHz by whole numbers and eighths.
             (0x40, 3) => self.baud = ftdi_baud(word(2), word(4)).or(self.baud),
             _ => {}
         }
@@ -241,7 +241,7 @@ fn ftdi_baud(value: u16, index: u16) -> Option<u32> {
     }
 }
 
-/// The transfer of a packet; none if its head is damaged.
+/// The transfer of a packet; `None` if its header is damaged.
 fn urb(packet: &Packet) -> Option<Urb<'_>> {
     match packet.link_type {
         LINUX => usbmon(packet, 48),
@@ -251,7 +251,8 @@ fn urb(packet: &Packet) -> Option<Urb<'_>> {
     }
 }
 
-/// The head that the kernel's documentation of usbmon gives, in the byte order of its machine.
+/// Parses the header of the kernel's usbmon documentation, in the byte order of the recording
+/// machine.
 fn usbmon(packet: &Packet, head_len: usize) -> Option<Urb<'_>> {
     let (head, data) = packet.bytes.split_at_checked(head_len)?;
     let order = packet.order;
@@ -282,7 +283,7 @@ fn usbmon(packet: &Packet, head_len: usize) -> Option<Urb<'_>> {
     })
 }
 
-/// USBPcap's head, little-endian, whose length it tells itself.
+/// Parses USBPcap's header, which is little-endian and contains its own length.
 fn usbpcap(packet: &Packet) -> Option<Urb<'_>> {
     let bytes = &packet.bytes;
     let little = Order::Little;
@@ -323,7 +324,7 @@ mod tests {
     use crate::import::{Format, read as read_format};
     use engine::rig::line::Direction;
 
-    /// A packet of usbmon, 64 bytes of head as the kernel's documentation lays it out.
+    /// A packet of usbmon, with 64 bytes of header as in the kernel's documentation.
     fn packet(
         event: u8,
         transfer: u8,
@@ -372,8 +373,8 @@ mod tests {
     const SUBMIT: u8 = b'S';
     const COMPLETE: u8 = b'C';
 
-    /// CDC-ACM: line coding of 115,200 baud (0x0001C200), a request out, its answer in. What is
-    /// submitted to be filled and what completes after sending hold no bytes of the line.
+    /// CDC-ACM: line coding of 115,200 baud (0x0001C200), a request out, its reply in. The
+    /// submission of a read and the completion of a write contain no bytes of the line.
     #[test]
     fn a_cdc_adapter_has_plain_bytes_and_tells_its_rate() {
         let coding = [0x21, 0x20, 0, 0, 0, 0, 7, 0];
@@ -400,8 +401,8 @@ mod tests {
         assert_eq!(told(&file(LINUX.into(), &short)), (expected, 115_200));
     }
 
-    /// FTDI: vendor 0x0403 of an FT232R, release 0x0600, so packets of 64 bytes; divisor 26 is
-    /// 115,384 baud, what the chip makes of 115,200. Two bytes of status stand before 62 of data.
+    /// FTDI: vendor 0x0403 of an FT232R, release 0x0600, so packets of 64 bytes. Divisor 26 is
+    /// 115,384 baud, the chip's nearest rate to 115,200. Two status bytes precede 62 bytes of data.
     #[test]
     fn an_ftdi_adapter_has_status_before_each_packet() {
         let mut descriptor = [0; 18];
@@ -420,19 +421,19 @@ mod tests {
         assert_eq!(told(&file(LINUX_MMAPPED.into(), &packets)), expected);
     }
 
-    /// Without the descriptor the empty answers tell it.
+    /// Without the descriptor, the empty replies identify the chip.
     #[test]
     fn an_ftdi_adapter_is_known_by_its_empty_answers() {
         let mut packets = vec![packet(COMPLETE, 3, 0x81, None, &[1, 0x60]); 3];
         packets.push(packet(COMPLETE, 3, 0x81, None, &[1, 0x60, 0xAB]));
         let expected = vec![(4_000, Direction::ToMaster, vec![0xAB])];
         assert_eq!(told(&file(LINUX_MMAPPED.into(), &packets)).0, expected);
-        // Three answers that are data are no status.
+        // Three replies with data are not status.
         let data = [packet(COMPLETE, 3, 0x81, None, b"AB")];
         assert_eq!(told(&file(LINUX_MMAPPED.into(), &data)).0[0].2, b"AB");
     }
 
-    /// USBPcap: 27 bytes of head, all little-endian; bit 0 of byte 16 tells that it completed.
+    /// USBPcap: 27 bytes of header, little-endian; bit 0 of byte 16 marks the completion.
     #[test]
     fn usbpcap_is_read() {
         let of = |is_complete: u8, endpoint: u8, data: &[u8]| {

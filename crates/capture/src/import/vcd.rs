@@ -21,7 +21,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
         .then_some(Look::Surely)
 }
 
-/// A wire that the head declares.
+/// A wire that the header declares.
 struct Wire {
     id: String,
     name: String,
@@ -43,7 +43,7 @@ impl Scale {
     }
 }
 
-/// `1us`, `10 ns`, `1 s`.
+/// Parses `1us`, `10 ns`, `1 s`.
 fn scale(words: &[&str]) -> Option<Scale> {
     let text: String = words.concat();
     let end = text.find(|c: char| !c.is_ascii_digit())?;
@@ -110,7 +110,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     levels::read(channels.collect(), options, out)
 }
 
-/// Reads the changes behind the head.
+/// Reads the changes after the header.
 fn changes<'a>(
     mut words: impl Iterator<Item = (Line<'a>, &'a str)>,
     unit: Scale,
@@ -133,7 +133,7 @@ fn changes<'a>(
                     wire.set(now, first);
                 }
             }
-            // The value of a signal of several bits, and its name.
+            // The value of a multi-bit signal, and its name.
             "b" | "B" | "r" | "R" | "s" => drop(words.next()),
             "$" if word == "$comment" => drop(declared(&mut words)),
             "$" => {}
@@ -164,7 +164,7 @@ impl Wire {
         }
     }
 
-    /// Takes a value; an undriven line is idle, an unknown one stays as it was.
+    /// Sets a value; an undriven line is idle, an unknown value keeps the level.
     fn set(&mut self, now: u64, value: &str) {
         let level = match value {
             "0" => false,
@@ -187,7 +187,7 @@ mod tests {
     use crate::import::{Format, read as read_format};
     use engine::rig::line::Direction;
 
-    /// 0x41 at 1 Mbaud from 10 us on, levels by hand: 0, 1 0 0 0 0 0 1 0, 1.
+    /// 0x41 at 1 Mbaud from 10 us on, levels worked out by hand: 0, 1 0 0 0 0 0 1 0, 1.
     const BYTE: &str = "#10 0!\n#11 1!\n#12 0!\n#17 1!\n#18 0!\n#19 1!\n#100\n";
 
     fn file(head: &str, changes: &str) -> String {

@@ -12,7 +12,7 @@ use flate2::read::DeflateDecoder;
 use super::limited::limited;
 use crate::pcapng::Order;
 
-/// Whether a file is such an archive.
+/// Whether a file is a zip archive.
 pub(super) fn is_zip(bytes: &[u8]) -> bool {
     bytes.starts_with(b"PK\x03\x04")
 }
@@ -34,7 +34,7 @@ const LITTLE: Order = Order::Little;
 pub(super) fn entries(bytes: &[u8]) -> Result<Vec<Entry>, String> {
     const DAMAGED: &str = "is damaged: it has no sound directory at its end; copy it again";
     const END: usize = 22;
-    // A comment may stand behind the end.
+    // A comment may follow the end record.
     let last = bytes.len().checked_sub(END).ok_or(DAMAGED)?;
     let first = last.saturating_sub(usize::from(u16::MAX));
     let end = (first..=last)
@@ -56,7 +56,7 @@ fn number(bytes: &[u8], at: usize) -> Option<usize> {
     usize::try_from(LITTLE.u32_at(bytes, at)?).ok()
 }
 
-/// The entry of the directory at `at`, and where the next one is.
+/// The directory entry at `at`, and the offset of the next one.
 fn entry(bytes: &[u8], at: usize) -> Option<(Entry, usize)> {
     let half = |place: usize| LITTLE.u16_at(bytes, at + place);
     if !bytes.get(at..)?.starts_with(b"PK\x01\x02") {
@@ -76,7 +76,7 @@ fn entry(bytes: &[u8], at: usize) -> Option<(Entry, usize)> {
 }
 
 impl Entry {
-    /// The content.
+    /// Unpacks the content.
     pub(super) fn content(&self, bytes: &[u8]) -> Result<Vec<u8>, String> {
         if self.flags & 1 == 1 {
             return Err("is encrypted; unpack it first: unzip FILE".to_owned());
@@ -103,7 +103,7 @@ impl Entry {
     }
 }
 
-/// An archive of stored files, for tests.
+/// An archive of uncompressed files, for tests.
 #[cfg(test)]
 pub(super) fn stored(files: &[(&str, &[u8])]) -> Vec<u8> {
     let (mut out, mut directory) = (Vec::new(), Vec::new());
@@ -112,7 +112,7 @@ pub(super) fn stored(files: &[(&str, &[u8])]) -> Vec<u8> {
     for (name, content) in files {
         let mut crc = Crc::new();
         crc.update(content);
-        // Version, flags, method, time and date, sum, sizes, lengths of name and extra.
+        // Version, flags, method, time and date, checksum, sizes, lengths of name and extra.
         let head = [
             &[20, 0, 0, 0, 0, 0, 0, 0, 0, 0][..],
             &crc.sum().to_le_bytes(),
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(entries[1].content(&file), Ok(b"two".to_vec()));
     }
 
-    /// A line of eight times "AB", deflated by `zip -X` of Info-ZIP 3.0.
+    /// Eight times "AB" in a line, deflated by `zip -X` of Info-ZIP 3.0.
     #[test]
     fn a_deflated_file_is_read() {
         let file = engine::hex::bytes(DEFLATED).expect("digits");

@@ -1,23 +1,22 @@
-//! A link of a capture played back as a conversation: the other end answers when it is asked.
+//! A link of a capture played back as a conversation: the capture replies to requests.
 //!
 //! ```text
 //! capture:  opened .. greeting    request A .. answer A    request B .. answer B .. message
 //!           cause     distance    cause        distance    cause        distance    distance
 //! ```
 //!
-//! A capture is cut into requests of the program, and what the other end said after each. The bytes
-//! of the program that plays now are matched with those requests: by frames where the protocol is
-//! known, by lines of text, else by bytes and silence. The answer follows its request as late as it
-//! did in the capture. What came without being asked follows what caused it: the answer before it,
-//! the message before it, or the opening of the port. Messages that the other end sent again and
-//! again before anything was asked follow their own clock.
+//! A capture is split into requests of the captured program, each with the bytes that the other
+//! side sent after it. The bytes of the playing program are matched with these requests: by frames
+//! if the protocol is known, by lines of text, or by bytes and silence. A reply follows its request
+//! with the captured latency. Unsolicited bytes follow their cause: the previous reply, the
+//! previous message, or the opening of the port. Messages that were repeated before any request
+//! follow their own clock.
 //!
-//! So a program that starts later, is slower, asks in another order or asks twice has the same
-//! conversation. A request that the capture does not have is a [`Divergence`]; it is answered as
-//! the
-//! request that it is most like.
+//! A program that starts later, is slower, sends requests in another order or repeats them
+//! therefore has the same conversation. A request that the capture does not contain is a
+//! [`Divergence`]; it gets the reply to the most similar request.
 //!
-//! A [`Conversation`] has the four verbs of every node, and no clock of its own.
+//! A [`Conversation`] has the four methods of every node, and no clock of its own.
 
 mod cut;
 mod requests;
@@ -36,20 +35,21 @@ use engine::rig::line::Direction;
 use requests::{Found, QUIET, Requests, UNFINISHED};
 use script::{Message, Script};
 
-/// Messages of an earlier request that may still come behind a new one; if there are more, they
-/// were a stream, which the new request has ended.
+/// Maximum number of messages of an earlier request that may follow a new one. If there are more,
+/// they were a stream, which the new request has ended.
 const LEFT_MAX: usize = 2;
-/// Minimum silence after which nothing more is expected of the program.
+/// Minimum silence after which no more requests of the program are expected.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// The same before the program has said anything: it may wait for a board to start, or read its
-/// settings.
+/// Minimum silence before the program has sent anything: it may wait for a board to start, or read
+/// its settings.
 const PATIENCE_FIRST: Duration = Duration::from_secs(10);
-/// The same in longest gaps of the capture: the program may be so much slower.
+/// Minimum silence in multiples of the longest gap of the capture: the program may be slower by
+/// this factor.
 const PATIENCE_GAPS: u32 = 4;
-/// Time for the program to answer what was said last.
+/// Time for the program to answer the last message.
 const ANSWERS: Duration = Duration::from_secs(1);
 
-/// Context of a message.
+/// Cause of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Source {
     Stream,
@@ -57,23 +57,23 @@ enum Source {
     Exchange(usize),
 }
 
-/// Bytes that will be said.
+/// Bytes that will be sent.
 #[derive(Clone, Debug)]
 struct Due {
     source: Source,
     message: usize,
     is_reply: bool,
-    /// Whether its request was made before: nothing continues by it.
+    /// Whether this is a repeated reply, which counts as no progress.
     is_again: bool,
     bytes: Vec<u8>,
 }
 
-/// One link of a capture that answers a program.
+/// One link of a capture that replies to a program.
 #[derive(Clone)]
 pub struct Conversation {
     link: String,
     script: Script,
-    /// Whether the line takes its time for each byte that it is given here.
+    /// Whether the line adds the transmission time of each byte.
     is_on_line: bool,
     requests: Requests,
     is_open: bool,
@@ -81,18 +81,18 @@ pub struct Conversation {
     begun: bool,
     heard: Vec<u8>,
     heard_at: Instant,
-    /// Whether it was found that more must come even after a silence.
+    /// Whether the matching decided that more bytes must follow even after a silence.
     is_quiet: bool,
     heard_before: usize,
     due: BTreeMap<(Instant, u64), Due>,
-    /// How many of those are of the stream, and what it is timed by.
+    /// Number of due messages of the stream, and the origin of their times.
     streaming: usize,
     stream_from: Instant,
-    /// The request whose answers are being said: how many pieces are still to come, and when the
-    /// stream among them began, or began again.
+    /// The stream after a request: its exchange, the number of remaining messages, and the start of
+    /// its present repetition.
     flow: Option<(usize, usize, Instant)>,
     numbered: u64,
-    /// The message of which something was said last.
+    /// The message that was sent last.
     saying: Option<(Source, usize)>,
     ready: VecDeque<u8>,
     moved_at: Instant,
@@ -106,7 +106,7 @@ pub struct Conversation {
 pub struct Tally {
     /// Requests of the capture.
     pub all: usize,
-    /// Those of them that were made.
+    /// Requests of the capture that the program has made.
     pub made: usize,
     /// Number of requests out of order.
     pub out_of_turn: usize,
@@ -140,9 +140,9 @@ impl fmt::Display for Tally {
 }
 
 impl Conversation {
-    /// The conversation of `passage` in the `session` of a capture. `is_on_line`: what it says
-    /// takes
-    /// its time on a line; else it is said when its last byte is complete.
+    /// The conversation of `passage` in the `session` of a capture. With `is_on_line`, the line
+    /// adds the transmission time of the bytes; otherwise bytes are sent when their last byte is
+    /// complete.
     pub fn new(passage: &Passage, session: &Range<Instant>, is_on_line: bool) -> Self {
         let script = Script::of(passage, session);
         Self {
@@ -204,7 +204,7 @@ impl Conversation {
         self.is_open = false;
     }
 
-    /// The program has sent `bytes`, the last of them complete at `now`.
+    /// Receives `bytes` of the program, the last of them complete at `now`.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) {
         self.open(now);
         self.settle(now);
@@ -231,7 +231,7 @@ impl Conversation {
         }
     }
 
-    /// A stream that a request has started continues until the next one.
+    /// Continues a stream that a request has started, until the next request.
     fn go_on_flowing(&mut self, said: Source) {
         let Some((exchange, left, from)) = &mut self.flow else {
             return;
@@ -249,7 +249,7 @@ impl Conversation {
         }
     }
 
-    /// A stream that continued to the end of the capture continues.
+    /// Repeats the end of a stream that lasted to the end of the capture.
     fn go_on_streaming(&mut self) {
         if let Some(tail) = self.script.tail.as_ref().filter(|_| self.streaming == 0) {
             self.stream_from += tail.period;
@@ -258,7 +258,7 @@ impl Conversation {
         }
     }
 
-    /// Moves what is to be said into `buf`; how many bytes.
+    /// Moves bytes to be sent into `buf` and returns their number.
     pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let len = buf.len().min(self.ready.len());
         for (slot, byte) in buf.iter_mut().zip(self.ready.drain(..len)) {
@@ -268,7 +268,7 @@ impl Conversation {
         len
     }
 
-    /// Bytes said so far.
+    /// Number of bytes sent so far.
     pub const fn said(&self) -> u64 {
         self.said
     }
@@ -277,22 +277,23 @@ impl Conversation {
     pub fn poll_at(&self) -> Option<Instant> {
         let due = self.due.keys().next().map(|&(at, _)| at);
         let heard = (!self.heard.is_empty()).then_some(self.heard_at);
-        // Whether it is quiet enough was checked when the last byte came, so later is enough.
+        // The silence was examined when the last byte arrived, so the next examination can be
+        // later.
         let quiet = heard.map(|at| at + if self.is_quiet { UNFINISHED } else { QUIET });
         due.into_iter().chain(quiet).min()
     }
 
-    /// Whether there is something to say now.
+    /// Whether there are bytes to send now.
     pub fn has_more(&self) -> bool {
         !self.ready.is_empty()
     }
 
-    /// Whether all was asked and said.
+    /// Whether all requests were made and all replies sent.
     pub fn is_done(&self) -> bool {
         self.begun && !self.has_news() && self.ready.is_empty() && self.requests.are_made()
     }
 
-    /// Whether something will be said that was not said before.
+    /// Whether bytes are due that were not sent before.
     fn has_news(&self) -> bool {
         self.due.values().any(|due| !due.is_again)
     }
@@ -314,7 +315,7 @@ impl Conversation {
         self.tally
     }
 
-    /// The first request that is not as in the capture; at the end, one that is missing as well.
+    /// The first request that differs from the capture; at the end also a missing one.
     pub fn divergence(&self) -> Option<Divergence> {
         let missing = || {
             let exchange = &self.script.exchanges[self.requests.missing()?];
@@ -342,7 +343,7 @@ impl Conversation {
         found
     }
 
-    /// Finds out what was received.
+    /// Matches the received bytes with requests.
     fn settle(&mut self, now: Instant) {
         while !self.heard.is_empty() {
             let quiet = now - self.heard_at;
@@ -355,7 +356,7 @@ impl Conversation {
                 }
                 Found::Unfinished => break,
                 Found::Unknown { len, like } => {
-                    // Behind its end the capture says nothing of what is asked.
+                    // After its end, the capture does not determine further requests.
                     if !self.requests.are_made() || self.tally.all == 0 {
                         self.tally.unknown += 1;
                         let expected = like.or_else(|| self.requests.expected());
@@ -380,7 +381,7 @@ impl Conversation {
         self.is_quiet = false;
     }
 
-    /// Plans what the other end said after the request of `exchange`.
+    /// Schedules the messages of the other side after the request of `exchange`.
     fn answer(&mut self, exchange: usize, is_unknown: bool) {
         let made = self.requests.make(exchange, &self.script.exchanges);
         if made.is_some() {
@@ -427,7 +428,7 @@ impl Conversation {
         }
     }
 
-    /// A new request ends what an earlier one has started, if that would continue.
+    /// Ends the streams of earlier requests when a new request arrives.
     fn drop_streams(&mut self) {
         let saying = self.saying;
         let may_go = |due: &Due| {
@@ -453,8 +454,8 @@ fn pieces(messages: &[Message]) -> usize {
     messages.iter().map(|message| message.parts.len()).sum()
 }
 
-/// Whether the conversations of a session, which lasts until `end` at least, have nothing more to
-/// say or to wait for at `now`.
+/// Whether all conversations of a session are complete at `now`: nothing to send and nothing to
+/// wait for. The session lasts at least until `end`.
 pub fn are_over<'a>(
     talks: impl IntoIterator<Item = &'a Conversation>,
     now: Instant,

@@ -1,4 +1,4 @@
-//! Bytes that the program of a run sends on its lines.
+//! Recording of the bytes that the program of a run sends on its lines.
 
 use protocols::Instant;
 
@@ -17,7 +17,7 @@ pub struct Eavesdrop {
 }
 
 impl Eavesdrop {
-    /// Listens to the links of `rig` that have these names.
+    /// Records the links of `rig` with these names.
     pub fn of(rig: &mut Rig, names: &[String]) -> Self {
         let links = rig.links().iter().enumerate();
         let links = links.filter(|(_, link)| names.contains(&link.name));
@@ -42,7 +42,7 @@ impl Eavesdrop {
     }
 }
 
-/// Notes what the program sent, when it has arrived, as a capture does.
+/// Tap that records the program's bytes at their arrival, as a capture does.
 pub(super) struct Listener(pub(super) Shared<Vec<Track>>);
 
 impl Tap for Listener {

@@ -1,6 +1,6 @@
-//! A rig in which a capture takes the part of all devices, for a program in virtual time. Each link
-//! answers as it did in the capture; by time, it brings what it brought then, at the same
-//! nanosecond. No device judges what the program says.
+//! A rig in which a capture replaces all devices, for a program in virtual time. Each link replies
+//! as in the capture. In a replay by time, it sends the captured bytes at the same nanosecond. No
+//! device judges the program.
 
 use core::time::Duration;
 
@@ -19,12 +19,12 @@ use engine::robots::{self, Instruments, OpenEnd, Wired};
 use engine::run::Run;
 use engine::scenario::{Scenario, ScenarioError, Span};
 
-/// Maximum time for answers after the end of the capture.
+/// Maximum time for replies after the end of the capture.
 const ANSWERS: Duration = Duration::from_secs(1);
 
-/// A capture that takes the part of the devices.
+/// A capture that replaces the devices.
 pub struct StandIn {
-    /// The run; it is over when all was played, and answers had their time.
+    /// The run; it ends after the whole capture was played and the time for replies has passed.
     pub run: Run,
     /// Ports for the program.
     pub open_ends: Vec<OpenEnd>,
@@ -41,8 +41,8 @@ pub struct Ear {
 }
 
 impl Ear {
-    /// What was received so far. By time, only what the capture says is still listened to behind
-    /// its end: of what came later it says nothing.
+    /// Bytes received so far. In a replay by time, only as many bytes as the capture has count
+    /// after its end: the capture does not cover later ones.
     pub fn played(&self) -> Vec<Played> {
         let sent = self.sent.lock();
         let both = self.expected.iter().zip(sent.iter()).enumerate();
@@ -61,14 +61,14 @@ impl Ear {
         played.collect()
     }
 
-    /// Whether there is a conversation, and it has come to its end by `now`.
+    /// Whether there is a conversation, and it has ended by `now`.
     pub fn is_over(&self, now: Instant) -> bool {
         let talks: Vec<_> = self.talks.iter().map(|talk| talk.lock()).collect();
         !talks.is_empty() && are_over(talks.iter().map(|talk| &**talk), now, self.end)
     }
 }
 
-/// What of `track` is not later than `end`, or among its first `least` bytes.
+/// The part of `track` that is not later than `end`, or among its first `least` bytes.
 fn until(track: &Track, end: Instant, least: usize) -> Track {
     let mut heard = Track::default();
     for (at, bytes) in track.pieces() {
@@ -84,21 +84,21 @@ fn until(track: &Track, end: Instant, least: usize) -> Track {
 /// Clock of a played capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Timing {
-    /// The program's requests.
+    /// The program's requests trigger the replies.
     Conversation,
-    /// The clock.
+    /// The captured times.
     Clock,
 }
 
-/// As many times as long as its capture a conversation may be, and this longer.
+/// Maximum length of a conversation: this multiple of its capture, plus this time.
 const LONGEST: u32 = 20;
 const LONGEST_MORE: Duration = Duration::from_secs(600);
 
 impl StandIn {
-    /// Of the links `passages` of `recorded`, up to its end.
+    /// Builds a rig of the links `passages` of `recorded`, up to its end.
     ///
     /// # Errors
-    /// Never, but for a mistake here.
+    /// Only on a defect of this function.
     pub fn new(
         passages: &[&Passage],
         recorded: &Recorded,
@@ -120,7 +120,7 @@ impl StandIn {
         for passage in passages {
             let line = passage.line();
             let master = wired.open_end(&passage.link, line, "the program");
-            // At which rate it was recorded a capture may not say.
+            // The capture may lack its baud rate.
             wired.set_rate(master, PortRate::Any { usual: line });
             let rig = &mut wired.rig;
             let talk = Shared::new(Conversation::new(passage, &recorded.session(), true));
@@ -170,7 +170,7 @@ impl StandIn {
     }
 }
 
-/// A run of nothing.
+/// An empty run.
 const SCENARIO: &str = "schema = 1\nname = \"replay\"\nrobot = \"none\"\nduration = \"1s\"\n";
 
 /// A replay has no robot with instruments.
@@ -178,7 +178,8 @@ struct NoRobot;
 
 impl Instruments for NoRobot {}
 
-/// Stands where the captured device was: the capture speaks for it.
+/// A node in the place of the captured device, without messages of its own: the capture supplies
+/// the bytes.
 #[derive(Clone, Debug)]
 struct Silent(LineConfig);
 
@@ -204,7 +205,7 @@ impl Device for Silent {
     }
 }
 
-/// Answers in the place of the captured device.
+/// A node that replies in the place of the captured device.
 #[derive(Clone)]
 struct Speaker {
     line: LineConfig,
@@ -265,8 +266,8 @@ mod tests {
         track
     }
 
-    /// Two arrivals reach the program's end at their nanosecond, and what it says is kept with its
-    /// time: two bytes at 9600 baud take 2 x 1,041,666 ns.
+    /// Two messages reach the program at their nanosecond, and the program's bytes are recorded
+    /// with their time: two bytes at 9600 baud take 2 x 1,041,666 ns.
     #[test]
     fn a_capture_speaks_and_hears_in_the_place_of_a_device() {
         let arrival = |at, bytes: &[u8]| Arrival {
@@ -280,7 +281,7 @@ mod tests {
             arrivals: vec![arrival(10, b"mm"), arrival(20, b"=7")],
             ..Passage::default()
         };
-        // It ends while the program speaks: of the rest of that it says nothing.
+        // The capture ends while the program sends; it does not cover the rest.
         let recorded = Recorded {
             end: Instant::from_millis(20),
             ..Recorded::default()
@@ -313,8 +314,8 @@ mod tests {
         assert_eq!(heard.got.end(), Some(Instant::from_nanos(12_083_332)));
     }
 
-    /// The program asks 3 s later than the captured one; "mm" is complete 8 ms after "hi" is, as it
-    /// was. The program sends at 3 s, and its two bytes take 2,083,332 ns.
+    /// The program sends its request 3 s later than the captured one; "mm" is complete 8 ms after
+    /// "hi", as captured. The program sends at 3 s, and its two bytes take 2,083,332 ns.
     #[test]
     fn a_capture_answers_whenever_it_is_asked() {
         let arrival = |at, bytes: &[u8]| Arrival {

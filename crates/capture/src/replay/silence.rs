@@ -1,8 +1,8 @@
-//! Long silences of a capture, which are played shorter.
+//! Shortening of long silences of a capture for the replay.
 //!
-//! A program has to be run through every silence, and a clock that was set, or a recorder that
-//! slept, makes one of days. Nothing in a robot waits for longer than [`SILENCE_MAX`], so what
-//! comes after that would be no other after a day.
+//! A program must run through every silence, and a changed clock or a suspended recorder can make a
+//! silence of days. No part of a robot waits for longer than [`SILENCE_MAX`], so the behaviour
+//! after that time is the same as after a day.
 
 use core::time::Duration;
 
@@ -11,7 +11,7 @@ use protocols::Instant;
 use super::{Arrival, Passage, Recorded};
 use crate::divergence::Track;
 
-/// Longest silence of all links that is played as long as it was.
+/// Maximum silence of all links that is played at full length.
 pub const SILENCE_MAX: Duration = Duration::from_secs(60);
 
 /// A silence of all links that is played as if it had lasted [`SILENCE_MAX`].
@@ -21,7 +21,7 @@ pub struct Silence {
     pub from: Instant,
     /// Its length.
     pub lasted: Duration,
-    /// Time removed from it and from all earlier silences.
+    /// Time removed from this silence and from all earlier ones.
     cut: Duration,
 }
 
@@ -30,7 +30,7 @@ pub struct Silence {
 pub struct Silences(Vec<Silence>);
 
 impl Silences {
-    /// Those between `times` and the beginning.
+    /// The long silences between `times`, and before the first of them.
     fn between(mut times: Vec<Instant>) -> Self {
         times.push(Instant::ZERO);
         times.sort_unstable();
@@ -52,18 +52,18 @@ impl Silences {
         &self.0
     }
 
-    /// Play time for the capture's time `at`.
+    /// Replay time for the capture's time `at`.
     pub fn played_at(&self, at: Instant) -> Instant {
         let begun = self.0.partition_point(|silence| silence.from < at);
         let Some(last) = begun.checked_sub(1).map(|index| self.0[index]) else {
             return at;
         };
         let end = last.from + last.lasted;
-        // Within a silence nothing happens; its end is the least that it can be.
+        // Within a silence nothing happens; its end is the lower limit.
         Instant::ZERO + (at.max(end) - Instant::ZERO).saturating_sub(last.cut)
     }
 
-    /// The time of the capture at `played`.
+    /// The capture's time for the replay time `played`.
     pub fn captured_at(&self, played: Instant) -> Instant {
         let is_over = |silence: &Silence| self.played_at(silence.from) + SILENCE_MAX <= played;
         let over = self.0.partition_point(is_over);
@@ -73,7 +73,8 @@ impl Silences {
 }
 
 impl Recorded {
-    /// The same, each silence of all links played as [`SILENCE_MAX`] at most, and which these were.
+    /// The recording with each silence of all links shortened to at most [`SILENCE_MAX`], and the
+    /// shortened silences.
     #[must_use]
     pub fn shortened(self) -> (Self, Silences) {
         let times = self.links.iter().flat_map(Passage::times);
@@ -99,7 +100,7 @@ impl Passage {
         arrivals.map(|arrival| arrival.at).chain(sent).chain(opened)
     }
 
-    /// The same when it is played.
+    /// The passage at its replay times.
     fn at(self, silences: &Silences) -> Self {
         let arrivals = |list: Vec<Arrival>| {
             let list = list.into_iter().map(|arrival| Arrival {
@@ -183,7 +184,7 @@ mod tests {
         assert_eq!((played, silences), (whole, Silences::default()));
     }
 
-    /// What a replay tells in its own time is told in the capture's.
+    /// Times of a replay are converted back to times of the capture.
     #[test]
     fn each_time_that_is_played_leads_back_to_its_own() {
         let times = [at(5), at(5) + DAY, at(6) + DAY, at(6) + 3 * DAY];

@@ -6,8 +6,8 @@ use super::Recorded;
 use crate::{Capture, Interface, Kind, Record, Section};
 use engine::rig::line::Direction;
 
-/// Three bytes a nanosecond apart, of which the second is the last that is asked for: by the clock
-/// of a run, or by another one since the first of them.
+/// Three bytes a nanosecond apart; the requested end is the second. The clock is that of a run, or
+/// another one that starts with the first byte.
 #[test]
 fn what_is_to_be_played_ends_at_the_time_asked_for() {
     let heard = |clock: &str, until_ns: u64| {

@@ -1,4 +1,4 @@
-//! The car's board and its odometer, in a world of their own.
+//! The car's board and its odometer, each in a world of its own.
 
 use core::time::Duration;
 
@@ -17,7 +17,8 @@ use engine::codec::{CAR_COMMAND, ODOMETER};
 /// 60 edges a turn of a wheel of 32 mm.
 const EDGES_PER_M: f64 = 298.415_518;
 
-/// Edges counted for each true one in 20 s at a speed, by a look each 10 ms or at each edge.
+/// Edges counted for each true one in 20 s at a speed; the edges are polled every 10 ms or counted
+/// one by one.
 fn counted(variant: Variant, speed_m_s: f64) -> f64 {
     let mut encoder = PolledEncoder::default();
     #[expect(clippy::cast_possible_truncation, reason = "a few thousand")]
@@ -45,7 +46,7 @@ pub(super) fn af_11(variant: Variant) -> Observation {
     seen.judged((0.4..0.6).contains(&half) && fast < 0.0)
 }
 
-/// The board's lines until `end`.
+/// Lines that the board sends until `end`.
 fn lines(board: &mut Odometer, world: &mut World, end: Instant) -> Vec<Vec<u8>> {
     let mut lines = Vec::new();
     let mut decoder = protocols::odometer::Decoder::default();
@@ -83,7 +84,7 @@ pub(super) fn af_12(variant: Variant) -> Observation {
     seen.judged(rate < 0.1)
 }
 
-/// For a second something else takes 12 ms of each loop.
+/// For a second, another task takes 12 ms of each loop.
 pub(super) fn af_13(variant: Variant) -> Observation {
     let mut world = car();
     let mut board = Odometer::new(OdometerConfig {
@@ -104,7 +105,7 @@ pub(super) fn af_13(variant: Variant) -> Observation {
     seen.judged(after == 0)
 }
 
-/// A board under a car, and commands that it is given at the start.
+/// A board under a car, and the commands that it receives at the start.
 fn driven(config: BoardConfig, commands: [u8; 2], time: Duration) -> (World, Observation) {
     let mut world = car();
     let mut board = CarBoard::new(config);
@@ -146,8 +147,8 @@ pub(super) fn af_14(variant: Variant) -> Observation {
     seen.judged(speed > 0.2)
 }
 
-/// 6 degrees turn the car by 0.22 * tan 6 degrees / 0.258 m = 5.1 degrees a second; straight ahead
-/// lies between 7 and 8.
+/// 6 degrees turn the car by 0.22 * tan 6 degrees / 0.258 m = 5.1 degrees a second; the straight
+/// direction lies between 7 and 8.
 pub(super) fn af_15(variant: Variant) -> Observation {
     let value = match variant {
         Variant::Defective => 0,

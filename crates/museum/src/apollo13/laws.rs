@@ -1,4 +1,4 @@
-//! Laws of the report and of the fielded program, figure by figure.
+//! Formulas of the report and of the fielded program, figure by figure.
 
 use emulators::car_board::steering::{angle_deg, nearest};
 use firmware_core::ackermann::{CarGeometry, CarPose};
@@ -7,7 +7,7 @@ use protocols::car_board::Steering;
 
 use crate::{Observation, Variant};
 
-/// The fielded search: the first value whose angle is not greater; beyond the ends the end.
+/// The fielded search: the first value whose angle is not greater; beyond the range, its end.
 fn first_below(wanted_deg: f64) -> Option<Steering> {
     let [least, most] = Steering::RANGE.map(i16::from);
     let mut values = (least..=most).filter_map(|value| Steering::new(value).ok());
@@ -27,7 +27,7 @@ pub(super) fn af_17(variant: Variant) -> Observation {
     seen.judged((found - WANTED_DEG).abs() > 0.4)
 }
 
-/// Half a radian round the circle that 15 degrees to the left make.
+/// Half a radian along the circle that results from 15 degrees of steering to the left.
 pub(super) fn af_18(variant: Variant) -> Observation {
     let car = CarGeometry {
         wheelbase_m: 0.258,
@@ -51,7 +51,7 @@ pub(super) fn af_18(variant: Variant) -> Observation {
     seen.judged((found - steering).abs() > 0.1)
 }
 
-/// What a car at the origin, looking along x, makes of markers seen in this order.
+/// Passage that a car at the origin, facing along x, derives from markers seen in this order.
 fn next(variant: Variant, markers: &[(u32, [f64; 2])]) -> Option<Passage> {
     let mut gates = Gates::new(match variant {
         Variant::Defective => Settings::fielded(),
@@ -83,7 +83,7 @@ pub(super) fn af_20(variant: Variant) -> Observation {
     seen.judged(heading.abs() < 1.0)
 }
 
-/// The first sighting of each is 0.3 m too far to the left, 29 more are right.
+/// The first sighting of each marker is 0.3 m too far to the left; 29 later ones are correct.
 pub(super) fn af_21(variant: Variant) -> Observation {
     let mut markers = vec![(10, [2.0, 0.7]), (11, [2.0, -0.1])];
     for _ in 0..29 {

@@ -1,4 +1,4 @@
-//! The program on a bench: what its ports are given is bytes, what it sends is noted.
+//! The program on a bench: its ports receive bytes, and the bench records the bytes it sends.
 
 use core::time::Duration;
 
@@ -18,7 +18,7 @@ use crate::{Observation, Variant};
 use engine::codec::{CAR_BOARD, CAR_COMMAND, ODOMETER, OSC, PERCEPTION};
 
 const MS: Duration = Duration::from_millis(1);
-/// A frame as it was read from the board: 13 cm ahead, 200 right, 150 left, 269 pulses, 7.2 V.
+/// A frame as read from the board: 13 cm ahead, 200 right, 150 left, 269 pulses, 7.2 V.
 const READ: Readings = Readings {
     front_cm: 13,
     right_cm: 200,
@@ -28,7 +28,7 @@ const READ: Readings = Readings {
     battery_mv: 7_200,
 };
 
-/// The program, and what it has sent to the board.
+/// The program, and the bytes that it sent to the board.
 struct Bench {
     program: Box<Apollo13>,
     now: Instant,
@@ -37,7 +37,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// The defective program has what `switch` switches on.
+    /// Sets up the program; `switch` enables the defect in the defective variant.
     fn new(variant: Variant, switch: impl Fn(&mut Defects)) -> Self {
         let mut defects = Defects::default();
         if variant.is_defective() {
@@ -67,14 +67,14 @@ impl Bench {
         }
     }
 
-    /// The board sends `bytes`, and is quiet for the rest of a round.
+    /// The board sends `bytes` and is silent for the rest of a round.
     fn board(&mut self, bytes: &[u8]) {
         self.seen.bytes("board", &CAR_BOARD, bytes);
         self.program.receive(Apollo13::CAR, self.now, bytes);
         self.run(66 * MS);
     }
 
-    /// The phone's control at `address` is put to `value`.
+    /// Sets the phone's control at `address` to `value`.
     fn phone(&mut self, address: &str, value: f32) {
         let mut packet = Vec::new();
         for part in [address, ",f"] {
@@ -96,7 +96,7 @@ impl Bench {
         found
     }
 
-    /// Notes the range ahead as the program has it.
+    /// Records the front distance that the program holds.
     fn note_ahead(&mut self, name: &'static str) -> Option<f64> {
         let [ahead, ..] = self.program.ultrasound_m();
         let told = ahead.map_or_else(|| "none".to_owned(), |m| format!("{m:.2}"));
@@ -104,7 +104,7 @@ impl Bench {
         ahead
     }
 
-    /// Notes the motor level of the last command.
+    /// Records the motor level of the last command.
     fn note_level(&mut self, name: &'static str) -> i8 {
         let last = self.sent.len().saturating_sub(2);
         let pair = self.sent[last..].to_vec();
@@ -131,7 +131,7 @@ pub(super) fn af_02(variant: Variant) -> Observation {
     bench.seen.judged(frames == 0)
 }
 
-/// 10 s straight, then 3.7 s in a curve of 0.36 rad/s, as the emulated board tells of them.
+/// 10 s straight, then 3.7 s in a curve of 0.36 rad/s, as the emulated board reports them.
 pub(super) fn af_03(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant, |it| it.sums_exactly = true);
     let mut world = car();
@@ -177,7 +177,7 @@ pub(super) fn af_04(variant: Variant) -> Observation {
     bench.seen.judged(sent > 1_900)
 }
 
-/// Half a circle of 0.963 m, which 15 degrees of steering make: a line each 5 mm of way.
+/// Half a circle of 0.963 m radius, from 15 degrees of steering: a line each 5 mm of path.
 pub(super) fn af_05(variant: Variant) -> Observation {
     const RADIUS_M: f32 = 0.963;
     let mut bench = Bench::new(variant, |it| it.odometry.wrong_side = true);
@@ -204,13 +204,14 @@ pub(super) fn af_05(variant: Variant) -> Observation {
     bench.seen.judged(off_mm > 8.0)
 }
 
-/// A line of the as-coded dialect with four decimals, so that its rounding is not what is seen.
+/// A line of the as-coded dialect with four decimals, so that its rounding does not affect the
+/// result.
 fn exact_line(way_m: f32, yaw_rad: f32, time_ms: u16) -> Vec<u8> {
     let sum = way_m + yaw_rad + f32::from(time_ms);
     format!("{way_m:.4}*0.00*{yaw_rad:.4}*{time_ms}*{sum:.4}*\r\n").into_bytes()
 }
 
-/// The phone drives, then switches both modes on, then wants to stop.
+/// The phone drives, then enables both modes, then tries to stop.
 pub(super) fn af_06(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant, |it| it.arbiter.both_persist = true);
     bench.phone("/1/speed", 2.0);
@@ -256,7 +257,7 @@ pub(super) fn af_08(variant: Variant) -> Observation {
     bench.seen.judged(goal.is_some())
 }
 
-/// The fifth byte of a frame is lost, and the next frame comes at once.
+/// The fifth byte of a frame is lost, and the next frame follows at once.
 pub(super) fn af_09(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant, |it| it.loses_frames = true);
     let mut bytes = READ.encode().as_bytes().to_vec();
@@ -268,7 +269,7 @@ pub(super) fn af_09(variant: Variant) -> Observation {
     bench.seen.judged(battery == 28)
 }
 
-/// The program begins to listen a byte too late; the car is parked.
+/// The program starts listening one byte too late; the car is parked.
 pub(super) fn af_10(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant, |it| it.loses_frames = true);
     let parked = Readings {
@@ -285,14 +286,14 @@ pub(super) fn af_10(variant: Variant) -> Observation {
     bench.seen.judged(ahead != Some(0.40))
 }
 
-/// A car that drives in nothing.
+/// A car in an empty world.
 pub(super) fn car() -> World {
     let scene = Scene::new(Vec::<Fixture>::new(), Vec::new()).expect("nothing");
     let body = Ackermann::new(car_board::chassis().ideal(), 1).expect("its own figures");
     World::with_chassis(scene, Box::new(body), Pose::default()).expect("room for the car")
 }
 
-/// 0.22 m/s at this steering angle, radians.
+/// Drives at 0.22 m/s with this steering angle, radians.
 pub(super) fn drive(world: &mut World, angle_rad: f64) {
     let commands = [
         ("drive", Command::Speed(0.22)),

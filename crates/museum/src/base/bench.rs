@@ -24,17 +24,17 @@ pub(super) struct Bench {
     pub(super) now: Instant,
     pub(super) seen: Observation,
     received: Vec<u8>,
-    /// When the first byte of the answer to what was asked last was ready.
+    /// Time at which the first byte of the last reply was ready.
     pub(super) answered_at: Option<Instant>,
 }
 
-/// The documented base, but with the fielded byte order, so that it understands the same bytes.
+/// The documented base, but with the fielded byte order, so that both accept the same bytes.
 const SOUND: Quirks = Quirks {
     checksum: ChecksumOrder::HighFirst,
     ..Profile::Document.quirks()
 };
 
-/// `variant` of the base; the defective one is `build`. All its tasks began with the run.
+/// Configuration of `variant`; the defective one is `build`. All tasks begin with the run.
 pub(super) fn config(variant: Variant, build: Profile) -> AvrBaseConfig {
     AvrBaseConfig {
         profile: build,
@@ -51,12 +51,12 @@ pub(super) fn floor(walls: Vec<Shape>, body: BodyConfig) -> World {
 }
 
 impl Bench {
-    /// The build of 2015, or the sound base.
+    /// A bench with the build of 2015 or the sound base.
     pub(super) fn new(variant: Variant) -> Self {
         Self::of(config(variant, Profile::Rcj2015))
     }
 
-    /// A base 10 ms after the start, well away from any of its tasks.
+    /// A bench with a base 10 ms after the start, well away from all periodic tasks.
     pub(super) fn of(config: AvrBaseConfig) -> Self {
         Self::in_world(config, floor(vec![], BodyConfig::default().ideal()))
     }
@@ -74,7 +74,7 @@ impl Bench {
         bench
     }
 
-    /// Advances like a rig: from deadline to deadline.
+    /// Advances time from deadline to deadline, as a rig does.
     pub(super) fn run(&mut self, time: Duration) {
         let end = self.now + time;
         while self.now < end {
@@ -100,7 +100,7 @@ impl Bench {
         self.put(bytes);
     }
 
-    /// The same without a note of it.
+    /// Puts `bytes` on the wire without recording them.
     fn put(&mut self, bytes: &[u8]) {
         let byte_time = Duration::from_nanos(10_000_000_000 / u64::from(BAUD));
         for &byte in bytes {
@@ -111,8 +111,8 @@ impl Bench {
         self.answered_at = None;
     }
 
-    /// Whether `bytes`, the first of which begins at `at`, are answered within 4 ms; without a note
-    /// of it.
+    /// Whether the base replies within 4 ms to `bytes`, whose first byte begins at `at`. Nothing is
+    /// recorded.
     pub(super) fn answers_at(&mut self, at: Instant, bytes: &[u8]) -> bool {
         self.run(at - self.now);
         self.put(bytes);
@@ -127,14 +127,14 @@ impl Bench {
         received
     }
 
-    /// Sends `bytes` after a pause and returns only their answer.
+    /// Sends `bytes` after a pause and returns only the reply to them.
     pub(super) fn ask(&mut self, bytes: &[u8]) -> Vec<u8> {
         self.run(PAUSE);
         self.received.clear();
         self.ask_on(bytes)
     }
 
-    /// The same without a pause: the base's tasks have not written over what was there.
+    /// Sends `bytes` without a pause: the base's tasks have not yet overwritten the previous data.
     pub(super) fn ask_on(&mut self, bytes: &[u8]) -> Vec<u8> {
         self.send(bytes);
         self.run(REPLY);
@@ -145,7 +145,7 @@ impl Bench {
         self.ask(write(register, data).as_bytes())
     }
 
-    /// The data of the reply, or nothing if it is no reply to this read.
+    /// Data of the reply; empty if the reply does not belong to this read.
     pub(super) fn read(&mut self, register: u8, count: u8) -> Vec<u8> {
         let reply = self.ask(read(register, count).as_bytes());
         let data = reply.get(3..3 + usize::from(count)).unwrap_or_default();
@@ -156,12 +156,12 @@ impl Bench {
         }
     }
 
-    /// The ticks of the left wheel as the master reads them; `None` if it gets no answer.
+    /// Ticks of the left wheel as the master reads them; `None` without a reply.
     pub(super) fn left_ticks(&mut self) -> Option<i32> {
         Some(i32::from_le_bytes(self.read(36, 4).try_into().ok()?))
     }
 
-    /// Whether the robot moves, as a figure.
+    /// Records whether the robot moves, as a figure.
     pub(super) fn moving(&mut self, name: &'static str) -> bool {
         let moves = self.world.is_moving();
         self.seen
@@ -169,7 +169,7 @@ impl Bench {
         moves
     }
 
-    /// What was seen, with its verdict.
+    /// The observation with its verdict.
     pub(super) fn judged(self, has_defect: bool) -> Observation {
         self.seen.judged(has_defect)
     }
@@ -183,6 +183,6 @@ pub(super) fn write(register: u8, data: &[u8]) -> Frame {
     Frame::write(register, data, ChecksumOrder::HighFirst)
 }
 
-/// What the fielded base says to a frame that it could not accept; also the acknowledgement of
+/// Reply of the fielded base to a frame that it could not accept; also its acknowledgement of
 /// register 255.
 pub(super) const ERROR: [u8; 5] = [0xAB, 0xFF, 0x00, 0x01, 0xAA];

@@ -1,4 +1,4 @@
-//! What the base makes of bytes.
+//! The base's reaction to bytes.
 
 use core::time::Duration;
 
@@ -9,7 +9,7 @@ use protocols::Instant;
 use super::bench::{Bench, ERROR, MS, config, read, write};
 use crate::{Observation, Variant};
 
-/// Here the sound base is the documented one with its own order: that is the difference.
+/// Here the sound base is the documented one with its own byte order: the order is the defect.
 pub(super) fn av_01(variant: Variant) -> Observation {
     let mut bench = Bench::of(match variant {
         Variant::Defective => config(variant, Profile::Rcj2015),
@@ -46,7 +46,8 @@ pub(super) fn av_03a(variant: Variant) -> Observation {
     bench.judged(leaked == 7)
 }
 
-/// A write behind the registers is applied and acknowledged with the very bytes of a refusal.
+/// A write beyond the registers is applied, and its acknowledgement has the same bytes as a
+/// refusal.
 pub(super) fn av_03b(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     let reply = bench.write(255, &[0xFF; 14]);
@@ -63,8 +64,9 @@ pub(super) fn av_03b(variant: Variant) -> Observation {
     bench.judged(is_refused && applied)
 }
 
-/// `AB 37 81 FF`: to the parser's own data pointer. `AB 3B 81 9D`: to the header of the reply that
-/// acknowledges it, which the parser has filled in before, so the reply names register 9D.
+/// `AB 37 81 FF` writes to the parser's own data pointer. `AB 3B 81 9D` writes to the header of the
+/// acknowledging reply. The parser has filled in this header before, so the reply names register
+/// 9D.
 pub(super) fn av_03c(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     let reply = bench.write(55, &[0xFF]);
@@ -87,7 +89,7 @@ pub(super) fn av_04(variant: Variant) -> Observation {
     bench.judged(reply.is_empty())
 }
 
-/// The pause lies where a count of the 25.1 ms divider falls.
+/// The pause lies at a count of the 25.1 ms divider.
 pub(super) fn av_06(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     bench.run(Duration::from_micros(24_500) - 10 * MS);
@@ -108,15 +110,15 @@ pub(super) fn av_07(variant: Variant) -> Observation {
     bench.judged(replies == 1)
 }
 
-/// Frames that end around a divider's count, one at each, in steps of 40 ns. Of those that come at
-/// any time 5 in 100,000 vanish.
+/// Frames that end around a divider's count, one at each count, in steps of 40 ns. Of frames at
+/// arbitrary times, 5 in 100,000 vanish.
 pub(super) fn av_21(variant: Variant) -> Observation {
     const COUNT: Duration = Duration::from_micros(25_100);
     const FRAMES: u32 = 1_000;
     let mut bench = Bench::new(variant);
     let frame = read(36, 1);
     let lost = (0..FRAMES).filter(|&index| {
-        // 45 us before the count to 5 us before it, the frame itself taking 50.
+        // 45 us before the count to 5 us before it; the frame itself takes 50 us.
         let begins = COUNT * (index + 1) + Duration::from_nanos(40) * index;
         let at = Instant::ZERO + (begins - Duration::from_micros(45));
         !bench.answers_at(at, frame.as_bytes())
@@ -128,7 +130,7 @@ pub(super) fn av_21(variant: Variant) -> Observation {
     bench.judged(lost > 0)
 }
 
-/// All 53 registers, and the next request while the reply fills the ring of 31 bytes.
+/// A read of all 53 registers, then the next request while the reply fills the ring of 31 bytes.
 pub(super) fn av_08(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     bench.send(read(0, 53).as_bytes());
@@ -149,7 +151,7 @@ pub(super) fn av_09(variant: Variant) -> Observation {
     bench.judged(reply == ERROR)
 }
 
-/// A header that announces 126 bytes, then after 3 ms a good frame.
+/// A header that announces 126 bytes, then after 3 ms a valid frame.
 pub(super) fn av_10(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     bench.send(&[0xAB, 0x00, 0xFE]);

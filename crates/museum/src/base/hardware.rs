@@ -1,4 +1,4 @@
-//! What the base makes of its motors, sensors and battery.
+//! Defects around the base's motors, sensors and battery.
 
 use core::time::Duration;
 
@@ -17,7 +17,7 @@ fn steady(start_mv: f64) -> BatteryConfig {
     }
 }
 
-/// 12000 mV are 2EE0.
+/// 12000 mV are 2EE0 in hex.
 pub(super) fn av_05(variant: Variant) -> Observation {
     let mut bench = Bench::of(AvrBaseConfig {
         battery: steady(12_000.0),
@@ -32,7 +32,7 @@ pub(super) fn av_05(variant: Variant) -> Observation {
     bench.judged(decoded == 46)
 }
 
-/// Every read that can be torn is; somewhere on the way the count jumps.
+/// Every read that can be torn is torn; once during the drive, the count jumps.
 pub(super) fn av_12(variant: Variant) -> Observation {
     let mut bench = Bench::of(AvrBaseConfig {
         encoder_tear: 1.0,
@@ -61,8 +61,8 @@ pub(super) fn av_13(variant: Variant) -> Observation {
     bench.judged(shown == 100 && obeyed == 35)
 }
 
-/// Power of the first period after speed 2 with the wheel at rest: the integral's 2 alone, and 4
-/// with a proportional part of 1; pulses are 0.84 of it and 40.
+/// Power of the first period after speed 2 with the wheel at rest: 2 from the integral alone, or 4
+/// with a proportional part of 1; pulses are 0.84 times the power plus 40.
 pub(super) fn av_14(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     bench.write(46, &[2, 0, 0]);
@@ -78,7 +78,7 @@ pub(super) fn av_14(variant: Variant) -> Observation {
     bench.judged(pulse < 43)
 }
 
-/// A wheel with four times the encoder lines turns 3100 edges a second: three per look.
+/// A wheel with four times the encoder lines gives 3100 edges a second: three per poll.
 pub(super) fn av_15(variant: Variant) -> Observation {
     let body = BodyConfig {
         ticks_per_turn: 1_440,
@@ -127,7 +127,7 @@ pub(super) fn av_17(variant: Variant) -> Observation {
     bench.judged(late >= Duration::from_micros(7_150))
 }
 
-/// Per cent before the first sample, and after a flat battery was changed for a full one.
+/// Per cent before the first sample, and after a full battery replaced a flat one.
 pub(super) fn av_18(variant: Variant) -> Observation {
     let mut bench = Bench::new(variant);
     let first = bench.read(35, 1);

@@ -23,7 +23,7 @@ fn numbers(list: &[Waypoint]) -> String {
     numbers.join(", ")
 }
 
-/// The robot has two waypoints, a third is clicked and deleted again.
+/// The robot has two waypoints; the operator adds a third and deletes it again.
 pub(super) fn ui_05(variant: Variant) -> Observation {
     let mut desk = Operator::with_map(variant);
     desk.receive(&robots_list(&[[9, 9], [2, 2]]));
@@ -39,7 +39,7 @@ pub(super) fn ui_05(variant: Variant) -> Observation {
     desk.judged(ids == "0, 1, 0" && left == [[2, 2], [5, 5]])
 }
 
-/// Notes the list that was sent; its first place.
+/// Records the list that was sent; returns its first position.
 fn note_click(desk: &mut Operator, at: [i16; 2]) -> Option<[i16; 2]> {
     let sent = desk.click(at);
     desk.note_sent(&sent);
@@ -64,7 +64,7 @@ pub(super) fn ui_07(variant: Variant) -> Observation {
     desk.judged(sent == Some([0, 0]))
 }
 
-/// Three waypoints, the first is deleted. The robot is the fielded one in both cases.
+/// The first of three waypoints is deleted. The robot is the fielded one in both variants.
 pub(crate) fn pu_08(variant: Variant) -> Observation {
     let mut desk = Operator::with_map(variant);
     for x in [500, 600, 700] {
@@ -79,8 +79,8 @@ pub(crate) fn pu_08(variant: Variant) -> Observation {
     robot.judged(ended)
 }
 
-/// 2 bytes and 9 for each of 57 waypoints are 515; the fielded receivers, each of which stands for
-/// all, take 511.
+/// 2 bytes plus 9 for each of 57 waypoints make 515. Receivers with the fielded defects, here
+/// PU-01, accept 511.
 pub(crate) fn pu_13(variant: Variant) -> Observation {
     let mut desk = Operator::with_map(variant);
     let mut sent = Ok(Vec::new());

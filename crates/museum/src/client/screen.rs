@@ -1,10 +1,10 @@
-//! What the PC program shows of what it receives.
+//! Display of received data by the PC program.
 
 use super::{Operator, properties, robots_list};
 use crate::frames::frame;
 use crate::{Observation, Variant};
 
-/// A row of the map, plain: 14, 28, 42 and so on.
+/// An uncompressed row of the map: 14, 28, 42 and so on.
 fn plain_row(id: &[u8; 3], y: u8) -> Vec<u8> {
     let pixels = (1..=300_u16).map(|x| (14 * x).to_le_bytes()[0]);
     frame(id, &[0, y, 0].into_iter().chain(pixels).collect::<Vec<_>>())
@@ -15,7 +15,8 @@ fn joined(values: &[impl ToString]) -> String {
     values.join(", ")
 }
 
-/// 'P' is 50 and 'R' is 52: as pairs of count and value, the row begins with fourteen times 28.
+/// 'P' is 50 and 'R' is 52 in hex: read as pairs of count and value, the row begins with fourteen
+/// times 28.
 pub(super) fn ui_01(variant: Variant) -> Observation {
     let mut desk = Operator::with_map(variant);
     desk.take(&plain_row(b"MAP", 7));
@@ -78,7 +79,7 @@ pub(super) fn ui_08(variant: Variant) -> Observation {
     desk.judged(shown.is_none())
 }
 
-/// Four columns and two rows, of which the second is at the top of the screen.
+/// Four columns and two rows; the second row is at the top of the screen.
 pub(super) fn ui_09(variant: Variant) -> Observation {
     let mut desk = Operator::new(variant);
     desk.take(&properties(10, [40, 20], [0, 0], 0));
@@ -89,7 +90,7 @@ pub(super) fn ui_09(variant: Variant) -> Observation {
     desk.judged(pixels == "1, 2, 9, 9, 9, 9, 0, 0")
 }
 
-/// The fielded robot's code of a row: its last pixel is never counted.
+/// The fielded robot's encoding of a row: its last pixel is never counted.
 pub(super) fn ui_10(variant: Variant) -> Observation {
     let mut desk = Operator::with_map(variant);
     desk.receive(&frame(b"MAR", &[0, 0, 0, 255, 255, 44, 255]));

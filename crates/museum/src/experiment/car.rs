@@ -1,4 +1,4 @@
-//! The model car's report: what its measurements come to in the rig, with the car's own program and
+//! The model car's report: its measurements, repeated in the rig with the car's own program and
 //! phone.
 
 mod circle;
@@ -44,13 +44,13 @@ pub(super) const WALL: Experiment = Experiment {
     perform: wall::perform,
 };
 
-/// How often the car is checked.
+/// Interval between checks of the car.
 const EVERY: Duration = Duration::from_millis(100);
-/// When the phone begins to drive.
+/// Time at which the phone begins to drive.
 const BEGIN: Duration = Duration::from_secs(1);
 
-/// A car in the middle of an empty hall of this size, metres, whose phone tells it this motor level
-/// and steering value.
+/// A car in the middle of an empty hall of this size, metres. Its phone orders this motor level and
+/// steering value.
 fn told(size_m: [f64; 2], drive: [i8; 2], seed: u64) -> Run {
     let [x, y] = size_m;
     let [level, steering] = drive;
@@ -67,7 +67,7 @@ fn told(size_m: [f64; 2], drive: [i8; 2], seed: u64) -> Run {
     start(&text, seed, |_| {})
 }
 
-/// Where the car is from `from` to `until`.
+/// Poses of the car from `from` to `until`.
 fn way(run: &mut Run, from: Duration, until: Duration) -> Vec<Pose> {
     let mut at = Instant::ZERO + from;
     let mut poses = Vec::new();
@@ -79,7 +79,7 @@ fn way(run: &mut Run, from: Duration, until: Duration) -> Vec<Pose> {
     poses
 }
 
-/// A name and a seed, for all names and seeds.
+/// All pairs of a name and a seed.
 fn jobs<T: Copy>(of: &[T], plan: &Plan) -> Vec<(T, u64)> {
     let each = of.iter();
     each.flat_map(|one| plan.seeds().map(move |seed| (*one, seed)))
@@ -90,7 +90,7 @@ fn jobs<T: Copy>(of: &[T], plan: &Plan) -> Vec<(T, u64)> {
 mod tests {
     use super::*;
 
-    /// What each figure of an experiment begins with, over two seeds.
+    /// The leading number of each figure of an experiment over two seeds.
     fn found(experiment: &Experiment) -> Vec<f64> {
         let plan = Plan {
             first_seed: 40,
@@ -105,7 +105,8 @@ mod tests {
         findings.figures.iter().map(number).collect()
     }
 
-    /// The report's table of levels: +22 and -22 cm/s, within 5 %; -2 does not move.
+    /// The report's table of levels: +22 and -22 cm/s, within 5 %; at level -2 the car does not
+    /// move.
     #[test]
     fn d1_levels_are_as_fast_as_the_report_says() {
         let [two, minus_three, minus_two, ..] = found(&LEVELS)[..] else {
@@ -125,7 +126,7 @@ mod tests {
         assert!((seven - 0.4).abs() <= 0.1 && (eight - 0.4).abs() <= 0.1);
     }
 
-    /// Less than one hall value a second, where a sound host has each of 15.
+    /// Less than one hall value a second; a sound host receives all 15.
     #[test]
     fn d1_the_fielded_host_has_less_than_one_hall_value_a_second() {
         let [fielded, _, sound, sent] = found(&HALL)[..] else {
@@ -134,7 +135,7 @@ mod tests {
         assert!(fielded < 1.0 && sound > 14.0 && sent - sound < 0.1);
     }
 
-    /// The integral part has no visible effect: less than 5 mm between the two.
+    /// The integral part has no visible effect: less than 5 mm between the two paths.
     #[test]
     fn d1_the_integral_part_has_no_visible_effect() {
         let [without, with, ..] = found(&WALL)[..] else {

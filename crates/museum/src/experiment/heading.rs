@@ -1,5 +1,5 @@
-//! Wheels that slip by different amounts, and a gyroscope that does not: the outlook of the rescue
-//! robot's report.
+//! Wheels that slip by different amounts, and a gyroscope that does not slip: the outlook of the
+//! rescue robot's report.
 
 use core::time::Duration;
 
@@ -10,10 +10,11 @@ use protocols::Instant;
 use super::runs::{FLAT, Spread, each, start};
 use super::{Figure, Findings, Plan, Plot, Table};
 
-/// The left wheel loses three per cent of its way, the right one nothing, and both some by chance.
+/// The left wheel loses three per cent of its distance, the right one none; random slip affects
+/// both.
 const SLIP: &str = "\n[world.body]\nslip = [0.03, 0.0]\nslip_noise_m = 0.02\n";
 const IMU: &str = "\n[device.base.avr-base]\nimu = true\n";
-/// How often the heading is checked, and for how long.
+/// Interval of the heading checks, and their number.
 const EVERY: Duration = Duration::from_secs(2);
 const LOOKS: u32 = 45;
 
@@ -73,7 +74,7 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
     }
 }
 
-/// Error of the heading that the odometry alone has, each two seconds, degrees.
+/// Heading error of the odometry alone, every two seconds, degrees.
 fn drive(has_imu: bool, seed: u64) -> Vec<f64> {
     let more = if has_imu { IMU } else { "" };
     let mut run = start(&format!("{FLAT}{SLIP}{more}"), seed, |scenario| {

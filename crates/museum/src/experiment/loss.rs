@@ -1,5 +1,5 @@
-//! Rows of the map that the radio module loses: its buffer takes what comes over the wire, and the
-//! air carries less than most baud rates bring.
+//! Rows of the map that the radio module loses: the wire fills its buffer faster than the radio
+//! empties it, at most baud rates.
 
 use core::time::Duration;
 
@@ -15,25 +15,25 @@ use super::{Figure, Findings, Plan, Plot, Table};
 use engine::rig::Rig;
 use engine::rig::line::End;
 
-/// Rates that the module can be set to.
+/// Baud rates of the module.
 const BAUDS: [u32; 11] = [
     9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 576_000, 691_200, 921_600, 1_382_400,
 ];
-/// Rows that are sent: a map.
+/// Number of rows sent: one map.
 const ROWS: u16 = 300;
-/// What the robot's program sends, bytes a second.
+/// Rate at which the robot's program sends, bytes a second.
 const PACE: u32 = 12_000;
 
-/// How rows follow each other.
+/// Pace of the rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pace {
-    /// As fast as the wire takes them.
+    /// As fast as the wire accepts them.
     Flood,
-    /// As the robot's program does.
+    /// At the pace of the robot's program.
     Paced,
 }
 
-/// What became of a map.
+/// Result of sending a map.
 struct Sent {
     lost: f64,
     time_s: f64,
@@ -98,7 +98,7 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
     }
 }
 
-/// A row that run-length coding does not shorten.
+/// A row that run-length encoding does not shorten.
 fn row(y: u16) -> Vec<u8> {
     let pixels: [u8; 300] = core::array::from_fn(|x| if x % 2 == 0 { 0 } else { 255 });
     let mut frame = [0; FRAME_MAX];
@@ -146,7 +146,7 @@ fn send(pace: Pace, baud: u32, seed: u64) -> Sent {
     }
 }
 
-/// Counts the rows that have come, and when the last did.
+/// Counts the received rows and records the time of the last one.
 fn collect(rig: &mut Rig, host: usize, decoder: &mut Decoder, seen: (&mut u32, &mut Instant)) {
     let bytes = rig.take_output(host);
     let count = decoder.push(&bytes).filter(Result::is_ok).count();

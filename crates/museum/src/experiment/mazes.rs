@@ -1,5 +1,6 @@
-//! Mazes of five sizes, searched by the robot itself, beside one who knows the map: an oracle that
-//! goes through every tile on a short way and comes home, at the robot's cruise, without turning.
+//! Mazes of five sizes, searched by the robot, compared with an oracle that knows the map. The
+//! oracle visits every tile on a short path and returns home at cruise speed, without time for
+//! turns.
 
 mod oracle;
 
@@ -13,14 +14,14 @@ const MAZE: &str = include_str!("../../scenarios/rescue-maze.toml");
 const SIZES: [[usize; 2]; 5] = [[3, 3], [4, 3], [4, 4], [5, 4], [5, 5]];
 /// The robot's speed straight ahead, m/s: 20 ticks per 40 ms.
 const CRUISE_M_S: f64 = 0.227;
-/// What is asked of a search.
+/// Checks required of a search.
 const ASKED: [&str; 4] = ["explored", "victims-found", "home", "no-collision-at-speed"];
 
-/// One searched maze.
+/// Result of one searched maze.
 struct Searched {
     name: String,
     tiles: usize,
-    /// Whether each of [`ASKED`] held.
+    /// Whether each of [`ASKED`] passed.
     held: [bool; 4],
     time_s: f64,
     way_m: f64,
@@ -138,7 +139,7 @@ fn search([columns, rows]: [usize; 2], seed: u64) -> Searched {
     }
 }
 
-/// Length of the true way, metres.
+/// Length of the true path, metres.
 fn way_m(outcome: &Outcome) -> f64 {
     let places = outcome.truth.windows(2);
     places

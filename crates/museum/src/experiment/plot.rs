@@ -1,24 +1,24 @@
-//! Curves over a common axis, as a picture that scales (SVG).
+//! Curves over a common axis, as a scalable picture (SVG).
 
 use core::fmt::Write as _;
 
 use super::table::rounded;
 use show::html::escape;
 
-/// Size of the picture, and of its margins: left, right, top, bottom.
+/// Size of the picture, and its margins: left, right, top, bottom.
 const SIZE: [f64; 2] = [720.0, 420.0];
 const MARGINS: [f64; 4] = [70.0, 170.0, 40.0, 50.0];
-/// Colours that a person with any eyes tells apart (Okabe and Ito, 2008).
+/// Colours that are distinct for every type of colour vision (Okabe and Ito, 2008).
 const COLOURS: [&str; 7] = [
     "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000",
 ];
-/// Marks along an axis, about.
+/// Approximate number of marks along an axis.
 const TICKS: f64 = 6.0;
 
-/// How an axis is divided.
+/// Scale of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Scale {
-    /// Evenly.
+    /// Linear.
     #[default]
     Even,
     /// By factors.
@@ -43,7 +43,7 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// An empty one, with the names of both axes and their units.
+    /// An empty plot with the names of both axes and their units.
     pub fn new(title: impl Into<String>, axes: [&str; 2]) -> Self {
         Self {
             title: title.into(),
@@ -53,20 +53,20 @@ impl Plot {
         }
     }
 
-    /// With an axis from left to right that is divided by factors.
+    /// Makes the horizontal axis logarithmic.
     #[must_use]
     pub fn by_factors(mut self) -> Self {
         self.scale = Scale::Logarithmic;
         self
     }
 
-    /// With a curve; places that are not finite are left out.
+    /// Adds a curve; points that are not finite are left out.
     #[must_use]
     pub fn line(self, name: impl Into<String>, places: impl IntoIterator<Item = [f64; 2]>) -> Self {
         self.with(name.into(), places, true)
     }
 
-    /// With points.
+    /// Adds single points.
     #[must_use]
     pub fn points(
         self,
@@ -91,7 +91,7 @@ impl Plot {
         self
     }
 
-    /// Minimum and maximum along an axis; at least something.
+    /// Minimum and maximum along an axis; the range is never empty.
     fn range(&self, axis: usize) -> [f64; 2] {
         let places = self.curves.iter().flat_map(|curve| &curve.places);
         let values = places.map(|place| place[axis]);
@@ -154,7 +154,7 @@ impl Plot {
     }
 }
 
-/// Where values lie on the picture.
+/// Ranges of the values on the picture.
 struct Frame {
     x: [f64; 2],
     y: [f64; 2],
@@ -260,7 +260,7 @@ fn marks([low, high]: [f64; 2]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// 0 to 23 in about six steps of a round length.
+    /// The range 0 to 23 in about six steps of a round length.
     #[test]
     fn marks_are_round() {
         assert_eq!(marks([0.0, 23.0]), [0.0, 5.0, 10.0, 15.0, 20.0]);

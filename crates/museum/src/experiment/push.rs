@@ -1,5 +1,5 @@
-//! Figure 8 of the rescue robot's report: pushed by 40 cm within a second, it is back in position
-//! after six searches; 32 tries of them were improvements.
+//! Figure 8 of the rescue robot's report. The robot is pushed by 40 cm within a second and is back
+//! in position after six searches; 32 tries of these searches were improvements.
 
 use core::time::Duration;
 
@@ -19,16 +19,16 @@ const ROOM: &str = "schema = 1\nname = \"push\"\nrobot = \"rescue\"\nduration = 
     path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n";
 const PUSH_AT_MS: u64 = 10_000;
 const PUSH_TAKES_MS: u64 = 1_000;
-/// Searches that are checked after the push.
+/// Number of searches that are checked after the push.
 const SEARCHES: usize = 15;
-/// Back in position: an eighth of the push.
+/// Maximum error, mm, of a robot that is back in position: an eighth of the push.
 const BACK_MM: f64 = 50.0;
 const MAPPERS: [(&str, MapperSpec); 2] = [
     ("document", MapperSpec::Document),
     ("best", MapperSpec::Best),
 ];
 
-/// A try that was better than those before it.
+/// A try that was better than all earlier ones.
 struct Better {
     search: usize,
     index: f64,
@@ -36,16 +36,18 @@ struct Better {
     value: f64,
 }
 
-/// What became of one robot.
+/// Result of one pushed robot.
 struct Pushed {
     /// Error after each search, mm.
     errors: Vec<f64>,
-    /// Improvements of all searches from the beginning of the push until it is back.
+    /// Improvements of all searches from the beginning of the push until the robot is back in
+    /// position.
     better: Vec<Better>,
 }
 
 impl Pushed {
-    /// Searches until the robot is back, and stays so for the ones that are checked.
+    /// Number of searches until the robot is back in position and stays there for all checked
+    /// searches.
     fn back_after(&self) -> f64 {
         let away = self.errors.iter().rposition(|error| *error > BACK_MM);
         match away {
@@ -55,7 +57,7 @@ impl Pushed {
         }
     }
 
-    /// Tries that were better than all before them.
+    /// Number of tries that were better than all earlier ones.
     fn improvements(&self) -> f64 {
         self.better.len() as f64
     }
@@ -92,7 +94,8 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
         plot = plot.line(format!("{name}, median"), places(|spread| spread.median));
         plot = plot.line(format!("{name}, worst"), places(|spread| spread.worst));
     }
-    // One robot's searches try by try, as the report shows them: that of a usual number.
+    // Searches of one robot, try by try, as in the report: the robot with the most typical number
+    // of improvements.
     let usual = Spread::of(of(0).iter().map(Pushed::improvements)).median;
     let strangeness = |one: &Pushed| (one.improvements() - usual).abs();
     let shown = of(0).iter();
@@ -204,7 +207,7 @@ fn push(mapper: MapperSpec, seed: u64) -> Pushed {
     pushed
 }
 
-/// The improvements of the search that has just ended; the first are numbered 0, during the push.
+/// Improvements of the last search; the improvements during the push have search number 0.
 fn improvements(run: &Run, search: usize) -> Vec<Better> {
     let truth = run.rig.world.pose();
     let program = run.rig.program_as::<Rescue>();

@@ -1,5 +1,5 @@
-//! The regulator of the rescue robot's report: each search takes as many tries as make 150 ms of a
-//! turn's 200 ms.
+//! The regulator of the rescue robot's report: the number of tries is adjusted until the work on a
+//! scan takes 150 ms of the 200 ms of a turn.
 
 use protocols::Instant;
 
@@ -7,9 +7,9 @@ use super::runs::{FLAT, Spread, each, start};
 use super::{Figure, Findings, Plan, Plot, Table};
 use engine::scenario::MapperSpec;
 
-/// Turns that are checked: a minute.
+/// Number of checked turns: a minute.
 const TURNS: usize = 300;
-/// From here on it has settled.
+/// Turn from which on the regulator has settled.
 const SETTLED: usize = 60;
 
 pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Findings {

@@ -1,4 +1,4 @@
-//! Many runs at a time, and what is said of them together.
+//! Many parallel runs, and statistics over them.
 
 use core::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Mutex;
@@ -12,7 +12,7 @@ use engine::workers;
 /// The flat of the demo, 3 m x 3 m.
 pub(super) const FLAT: &str = include_str!("../../scenarios/rescue-flat.toml");
 
-/// What `work` makes of each of `jobs`, in their order.
+/// Results of `work` for each of `jobs`, in their order.
 pub(super) fn each<J: Sync, R: Send>(
     plan: &Plan,
     jobs: &[J],
@@ -42,14 +42,14 @@ pub(super) fn each<J: Sync, R: Send>(
     results.into_iter().flatten().collect()
 }
 
-/// A run of `text`, which is ours and sound.
+/// Starts a run of `text`, a valid scenario of this crate.
 pub(super) fn start(text: &str, seed: u64, change: impl FnOnce(&mut Scenario)) -> Run {
     let (mut scenario, source) = Scenario::from_text(text).expect("a sound scenario");
     change(&mut scenario);
     Run::new(scenario, &source, Some(seed)).expect("can be wired")
 }
 
-/// The median, the lower and upper quartile, the least and the largest; NaN of nothing.
+/// Median, lower and upper quartile, minimum and maximum; NaN without values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Spread {
     pub(super) median: f64,
@@ -85,7 +85,8 @@ impl Spread {
 mod tests {
     use super::*;
 
-    /// Of 1, 2, 3, 10: between the second and the third; a quarter of three steps on is 1.75.
+    /// Of 1, 2, 3, 10, the median lies between the second and the third; the lower quartile, at a
+    /// quarter of three steps, is 1.75.
     #[test]
     fn medians_and_quartiles_lie_between_values() {
         let spread = Spread::of([10.0, 1.0, f64::NAN, 3.0, 2.0]);

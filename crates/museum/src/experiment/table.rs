@@ -1,6 +1,6 @@
 //! Rows of figures, as a file that any spreadsheet reads.
 
-/// Columns with their units, rows of figures, each with a name or none.
+/// Columns with units, and rows of figures with an optional name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     columns: Vec<String>,
@@ -8,7 +8,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table of these columns besides the rows' names, each with its unit.
+    /// An empty table with these columns, each with its unit, besides the names of the rows.
     pub fn new<'a>(columns: impl IntoIterator<Item = &'a str>) -> Self {
         Self {
             columns: columns.into_iter().map(str::to_owned).collect(),
@@ -16,7 +16,7 @@ impl Table {
         }
     }
 
-    /// Adds a row; figures that are missing stay empty.
+    /// Adds a row; missing figures stay empty.
     pub fn push(&mut self, name: impl Into<String>, figures: impl IntoIterator<Item = f64>) {
         self.rows.push((name.into(), figures.into_iter().collect()));
     }
@@ -31,7 +31,7 @@ impl Table {
         &self.columns
     }
 
-    /// Comma-separated values with a head line; what is no number is empty.
+    /// Comma-separated values with a header line; values that are not numbers are empty.
     pub fn csv(&self) -> String {
         let mut lines = vec![format!("name,{}", self.columns.join(","))];
         for (name, figures) in &self.rows {
@@ -45,7 +45,7 @@ impl Table {
     }
 }
 
-/// A figure with three decimals, none that say nothing.
+/// Formats a figure with up to three decimals, without trailing zeros.
 pub(super) fn rounded(figure: f64) -> String {
     let text = format!("{figure:.3}");
     let text = text.trim_end_matches('0').trim_end_matches('.');

@@ -1,4 +1,4 @@
-//! What the report's mapper gains by more tries, more points and other weights: the demo flat, each
+//! Gain of the report's mapper from more tries, more points and other weights: the demo flat, each
 //! variant with the same seeds.
 
 use super::runs::{FLAT, Spread, each, start};
@@ -6,10 +6,10 @@ use super::{Figure, Findings, Plan, Plot, Table};
 use engine::scenario::tuning::FadingSpec;
 use engine::scenario::{CpuSpec, MapperSpec, TuningSpec};
 
-/// Numbers of tries; the report weighs 1000 against 100,000 of a PC.
+/// Numbers of tries; the report compares 1000 with 100,000 on a PC.
 const TRIES: [u16; 6] = [125, 250, 500, 1_000, 2_000, 4_000];
 
-/// A way to map.
+/// A configuration of the mapper.
 struct Variant {
     name: String,
     tuning: TuningSpec,
@@ -97,7 +97,7 @@ pub(super) fn by_settings(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> 
     }
 }
 
-/// The report's own way, and each of its other ways by itself.
+/// The report's configuration, and each of its alternatives separately.
 fn variants() -> Vec<Variant> {
     let usual = TuningSpec::default;
     let with = |name: &str, tuning: TuningSpec| Variant {

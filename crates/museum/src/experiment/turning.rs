@@ -1,5 +1,5 @@
-//! Figure 7 of the rescue robot's report: after 20 minutes along walls the map had turned. Its
-//! cures were to take the motion out of the scans and to draw weakly while the robot turns.
+//! Figure 7 of the rescue robot's report: after 20 minutes along walls the map had turned. The
+//! report's remedies: remove the motion from the scans, and draw weakly while the robot turns.
 
 use protocols::Instant;
 
@@ -10,7 +10,7 @@ use engine::scenario::tuning::FadingSpec;
 use engine::scenario::{MapperSpec, Mission, Span, TuningSpec};
 
 const MINUTES: usize = 20;
-/// Name, mapper, and whether the cures are on.
+/// Name, mapper, and whether the remedies are on.
 const VARIANTS: [(&str, MapperSpec, bool); 3] = [
     ("document, no cures", MapperSpec::Document, false),
     ("document, both cures", MapperSpec::Document, true),

@@ -1,5 +1,5 @@
-//! A robot in a world without wires: a lidar that measures while the robot moves, wheels that are
-//! counted, a mapper. What a scan is made of can be spoilt, which the program does not allow.
+//! A robot in a world without wires: a lidar that measures while the robot moves, wheel counters,
+//! and a mapper. The lab can spoil the making of scans, which the program does not allow.
 
 use core::time::Duration;
 use std::path::Path;
@@ -20,31 +20,31 @@ use engine::robots::instruments::in_metres;
 use engine::run::score::PosePair;
 use engine::scenario::Scenario;
 
-/// How scans are made of turns.
+/// Method of making scans from turns of the lidar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sense {
-    /// As it should be.
+    /// The correct method: motion within a turn is removed.
     Deskewed,
-    /// The motion within a turn stays in.
+    /// The motion within a turn is kept.
     Raw,
-    /// The mapper looks at the beams whenever it wakes: the newest of this turn, the others of the
-    /// one before. Its clock and the lidar's differ by one per cent.
+    /// The mapper takes the beams whenever it wakes: the newest ones from this turn, the others
+    /// from the turn before. Its clock and the lidar's differ by one per cent.
     Unsynchronised,
 }
 
-/// Beams by which the look of a mapper that is not synchronised moves on from turn to turn.
+/// Beams by which the read position of an unsynchronised mapper shifts each turn.
 const DRIFT_BEAMS: usize = 4;
-/// Speed of a wheel at one tick per 40 ms, and the fastest that the way is driven with.
+/// Speed of a wheel at one tick per 40 ms, and the maximum driving speed, ticks per 40 ms.
 const TICK_M_S: f64 = 0.000_453_79 / 0.040;
 const CRUISE_TICKS: f64 = 20.0;
 const TURN: Duration = Duration::from_millis(200);
 
-/// The robot, its world, and what it believes.
+/// The robot, its world, and its believed pose and map.
 pub(super) struct Lab<const W: usize = SIDE, const H: usize = SIDE> {
     pub(super) world: World,
     pub(super) mapper: Box<Mapper<W, H>>,
     pub(super) sense: Sense,
-    /// Metres beyond which nothing comes back.
+    /// Range of the lidar, metres.
     pub(super) reach_m: f64,
     /// Believed poses with the true ones.
     pub(super) pairs: Vec<PosePair>,
@@ -68,7 +68,7 @@ pub(super) fn flat(body: BodyConfig, seed: u64) -> World {
     World::new(world.scene().clone(), body, world.pose(), seed).expect("the same place")
 }
 
-/// Walls from point to point, and a robot between them.
+/// A world with walls from point to point, and a robot between them.
 pub(super) fn walls(shapes: &[[f64; 4]], body: BodyConfig, start: Pose, seed: u64) -> World {
     let shapes = shapes.iter().map(|&[x0, y0, x1, y1]| Shape::Wall {
         from: Point::new(x0, y0),
@@ -79,7 +79,7 @@ pub(super) fn walls(shapes: &[[f64; 4]], body: BodyConfig, start: Pose, seed: u6
 }
 
 impl<const W: usize, const H: usize> Lab<W, H> {
-    /// A robot that knows where it starts.
+    /// A robot that knows its start pose.
     pub(super) fn new(world: World, settings: Settings) -> Self {
         let start = believed(world.pose());
         let mut wheels = Odometry::new(Config::DEFAULT.wheels);
@@ -103,12 +103,12 @@ impl<const W: usize, const H: usize> Lab<W, H> {
         self.reckoned
     }
 
-    /// How far the robot is from a pose, in millimetres.
+    /// Distance of the robot from a pose, millimetres.
     pub(super) fn off_mm(&self, believed: Believed) -> f64 {
         pair(self.world.now(), self.world.pose(), believed).error_mm()
     }
 
-    /// A turn of the lidar.
+    /// One turn of the lidar.
     pub(super) fn scan(&mut self) -> Scan {
         let start = self.world.now();
         let mut turn = Turn {
@@ -153,7 +153,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
         }
     }
 
-    /// A turn of the lidar, matched and drawn.
+    /// One turn of the lidar, matched and drawn.
     pub(super) fn step(&mut self) -> Outcome {
         let scan = self.scan();
         let outcome = self.mapper.integrate(&scan, self.wheel_ticks());
@@ -173,7 +173,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
         });
     }
 
-    /// Speeds of the wheels as the base tells them.
+    /// Speeds of the wheels as the base reports them.
     fn wheel_ticks(&self) -> [i16; 2] {
         [Wheel::Left, Wheel::Right].map(|wheel| {
             let ticks = self.world.wheel_speed(wheel) / TICK_M_S;
@@ -183,7 +183,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
         })
     }
 
-    /// Sets the wheels' speeds, in ticks per 40 ms.
+    /// Sets the speeds of the wheels, in ticks per 40 ms.
     pub(super) fn drive(&mut self, ticks: [f64; 2]) {
         let body = self.world.body().clone();
         let dead = f64::from(body.dead_zone_drive);
@@ -197,7 +197,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
         }
     }
 
-    /// Steers towards a place by where the robot truly is; whether it is there.
+    /// Steers towards a position by the robot's true pose; returns whether it has arrived.
     pub(super) fn steer_to(&mut self, [x, y]: [f64; 2]) -> bool {
         let pose = self.world.pose();
         let (dx, dy) = (x - pose.x, y - pose.y);
@@ -210,7 +210,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
         libm::hypot(dx, dy) < 0.15
     }
 
-    /// Goes round and round through these places for so many turns of the lidar.
+    /// Drives round through these positions for a number of turns of the lidar.
     pub(super) fn rounds(&mut self, places: &[[f64; 2]], turns: u32) {
         let mut next = 0;
         for _ in 0..turns {
@@ -222,7 +222,7 @@ impl<const W: usize, const H: usize> Lab<W, H> {
     }
 }
 
-/// A distance with the lidar's noise; what is too near does not come back.
+/// A distance with the lidar's noise; below the minimum range there is no return.
 fn millimetres(distance_mm: f64, noise: f64) -> u16 {
     let sigma = (2e-6 * distance_mm * distance_mm).max(0.3);
     let measured = (distance_mm + noise * sigma).round();
@@ -235,14 +235,14 @@ fn millimetres(distance_mm: f64, noise: f64) -> u16 {
     measured
 }
 
-/// A pose of the world as the robot counts.
+/// Converts a pose of the world to the robot's coordinates.
 pub(super) fn believed(pose: Pose) -> Believed {
     #[expect(clippy::cast_possible_truncation, reason = "metres of a room")]
     let [x, y, heading] = [pose.x * 1000.0, pose.y * 1000.0, pose.theta].map(|v| v as f32);
     Believed::new(x, y, heading)
 }
 
-/// A program's pose beside the true one.
+/// A program's pose with the true one.
 fn pair(at: Instant, truth: Pose, believed: Believed) -> PosePair {
     PosePair {
         at,

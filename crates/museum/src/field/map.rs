@@ -1,4 +1,4 @@
-//! What becomes of the map.
+//! Effects on the map.
 
 use emulators::world::{BodyConfig, Pose};
 use firmware_core::grid::UNKNOWN;
@@ -7,7 +7,7 @@ use firmware_core::slam::{Defects, Settings};
 use super::lab::{Lab, Sense, flat, walls};
 use crate::{Observation, Variant};
 
-/// Rounds through the left room of the flat.
+/// Waypoints of a round through the left room of the flat.
 const ROUND: [[f64; 2]; 4] = [[0.75, 0.95], [0.75, 1.75], [1.2, 1.75], [1.2, 0.95]];
 
 pub(super) fn f_01(variant: Variant) -> Observation {
@@ -40,7 +40,7 @@ pub(super) fn f_01(variant: Variant) -> Observation {
     seen.judged(error > 3.0)
 }
 
-/// A minute on the spot.
+/// One minute without driving.
 pub(super) fn f_02(variant: Variant) -> Observation {
     let defects = match variant {
         Variant::Defective => Defects {
@@ -56,7 +56,7 @@ pub(super) fn f_02(variant: Variant) -> Observation {
     };
     let mut lab: Lab = Lab::new(flat(BodyConfig::default(), 2), settings);
     lab.drive([-20.0, 20.0]);
-    // The wheels come to speed before the first scan is drawn.
+    // The wheels reach their speed before the first scan is drawn.
     lab.scan();
     lab.steps(300);
     let cells = lab.mapper.grid().rows().as_flattened();
@@ -66,8 +66,8 @@ pub(super) fn f_02(variant: Variant) -> Observation {
     seen.judged(drawn == 0)
 }
 
-/// Past a wall that recedes at 45 degrees on the right, where a turn begins and ends, at 0.3 m/s:
-/// the places that the scans say the wall has, across it.
+/// A drive at 0.3 m/s past a wall at 45 degrees on the right; a turn of the lidar begins and ends
+/// in this direction. The figure is the spread of the wall's points in the scans, across the wall.
 pub(super) fn f_07(variant: Variant) -> Observation {
     let body = BodyConfig {
         full_speed_m_s: 0.3,

@@ -9,7 +9,7 @@ use super::lab::{Lab, flat, walls};
 use crate::{Observation, Variant};
 use engine::run::score::pose_error;
 
-/// Two walls 2 m apart, no end in sight: 5 m are driven with a lidar that reaches 3 m.
+/// Two walls 2 m apart without visible ends: the robot drives 5 m with a lidar of 3 m range.
 pub(super) fn f_03(variant: Variant) -> Observation {
     let settings = match variant {
         Variant::Defective => Settings {
@@ -39,11 +39,11 @@ pub(super) fn f_03(variant: Variant) -> Observation {
     let mut seen = Observation::default();
     seen.figure("error along the corridor, mm", format!("{mapper:.0}"));
     seen.figure("by the wheels alone, mm", format!("{wheels:.0}"));
-    // Two per cent of the way.
+    // Two per cent of the distance.
     seen.judged(mapper > 100.0)
 }
 
-/// Through both rooms of the flat and back.
+/// Waypoints through both rooms of the flat and back.
 const TOUR: [[f64; 2]; 7] = [
     [0.95, 2.25],
     [2.10, 2.25],
@@ -86,7 +86,7 @@ pub(super) fn f_04(variant: Variant) -> Observation {
     seen.judged(least > 8.0)
 }
 
-/// A mapper that believes the wheels: its search has not one try.
+/// A mapper that trusts the odometry: its search has no tries.
 fn no_search() -> Settings {
     Settings {
         budget: Budget {
@@ -98,7 +98,7 @@ fn no_search() -> Settings {
     }
 }
 
-/// A person pushes a robot at rest for a second; six searches later.
+/// A person pushes a resting robot for a second; the check is six searches later.
 pub(super) fn f_08(variant: Variant) -> Observation {
     let settings = match variant {
         Variant::Defective => no_search(),
@@ -114,7 +114,7 @@ pub(super) fn f_08(variant: Variant) -> Observation {
     seen.judged(error > 50.0)
 }
 
-/// One side loses a third of its way on the floor.
+/// One side loses a third of its distance on the floor.
 pub(super) fn f_11(variant: Variant) -> Observation {
     let body = BodyConfig {
         slip: [0.3, 0.0],

@@ -33,7 +33,7 @@ fn run(text: String, time: Duration) -> Outcome {
     run.judge()
 }
 
-/// An L, so that left and right differ; the robot stands.
+/// An L-shaped room, so that left and right differ; the robot stands still.
 pub(super) fn f_06(variant: Variant) -> Observation {
     let direction = match variant {
         Variant::Defective => "clockwise",
@@ -58,7 +58,7 @@ pub(super) fn f_06(variant: Variant) -> Observation {
     seen.judged(right < 0.7)
 }
 
-/// The search's time before and after a minute without beams.
+/// Time of the search before and after a minute without beams.
 pub(super) fn f_09(variant: Variant) -> Observation {
     let settings = crate::mapper::settings(variant, "SL-04");
     let settings = firmware_core::slam::Settings {
@@ -73,7 +73,7 @@ pub(super) fn f_09(variant: Variant) -> Observation {
     seen.judged(after > Duration::from_millis(500))
 }
 
-/// Share of a circle 0.5 m around what stands free that the robot came within 0.25 m of, percent.
+/// Share, in percent, of a circle of 0.5 m around the pillar that the robot came within 0.25 m of.
 fn visited(way: &[(Instant, Pose)], middle: Point) -> usize {
     const PLACES: u16 = 36;
     let places = (0..PLACES).map(|place| {
@@ -88,7 +88,8 @@ fn visited(way: &[(Instant, Pose)], middle: Point) -> usize {
     places.filter(came).count() * 100 / usize::from(PLACES)
 }
 
-/// Both explore for 40 s, which is once around; then the PC sends a list, or does not.
+/// Both variants explore for 40 s, which is one round; then the PC of the sound variant sends a
+/// list.
 pub(super) fn f_10(variant: Variant) -> Observation {
     let list = match variant {
         Variant::Defective => "",
@@ -114,7 +115,7 @@ pub(super) fn f_10(variant: Variant) -> Observation {
     seen.judged(visited < 95)
 }
 
-/// The PC program at its port, the fielded one or ours.
+/// The PC program at its port: the fielded one or ours.
 enum Desk {
     Fielded(Client),
     Sound(Box<Pc>),
@@ -133,7 +134,7 @@ impl Desk {
         }
     }
 
-    /// Time passes; whether it asks for a connection.
+    /// Advances time; returns whether the program asks for a connection.
     fn calls(&mut self, now: Instant) -> bool {
         match self {
             Self::Fielded(_) => now == Instant::ZERO,
@@ -159,7 +160,7 @@ impl Desk {
         }
     }
 
-    /// x of the pose that it shows.
+    /// The x coordinate of the displayed pose.
     fn shown_x_mm(&self) -> Option<i32> {
         match self {
             Self::Fielded(client) => client.pose().map(|[x, _, _]| x),
@@ -171,7 +172,7 @@ impl Desk {
     }
 }
 
-/// The robot tells its pose each 50 ms. The radio is away from 1 s to 30.25 s.
+/// The robot sends its pose every 50 ms. The radio is absent from 1 s to 30.25 s.
 pub(super) fn f_12(variant: Variant) -> Observation {
     let mut desk = Desk::new(variant);
     let [away, back] = [1_000, 30_250].map(Instant::from_millis);

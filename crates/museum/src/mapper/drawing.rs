@@ -1,4 +1,4 @@
-//! How a scan is drawn into the map.
+//! Drawing of a scan into the map.
 
 use firmware_core::grid::UNKNOWN;
 use firmware_core::pose::Point;
@@ -6,7 +6,7 @@ use firmware_core::pose::Point;
 use super::{mapper, room, scan_of, settings};
 use crate::{Observation, Variant};
 
-/// A hundred scans of a robot that spins in a room that it does not know.
+/// A hundred scans of a robot that spins in an unknown room.
 pub(super) fn sl_05(variant: Variant) -> Observation {
     let mut mapper = mapper(settings(variant, "SL-05"));
     let walls = room([1000.0, 1000.0]);
@@ -20,13 +20,13 @@ pub(super) fn sl_05(variant: Variant) -> Observation {
     seen.judged(drawn == 0 && erased > 0)
 }
 
-/// A wall that is seen forever: 5000 scans with each weight.
+/// A wall that stays in view: 5000 scans with each weight.
 pub(super) fn sl_06(variant: Variant) -> Observation {
     let ceilings: Vec<String> = (2..=10)
         .map(|weight| {
             let mut settings = settings(variant, "SL-06");
             (settings.weight, settings.weight_min) = (weight, 1);
-            // Two cells: the wall is one cell of 255.
+            // Two cells wide: the wall is one cell of 255.
             settings.hole_mm = 20.0;
             let mut mapper = mapper(settings);
             let ahead = scan_of(&[Point::new(105.0, 5.0)]);

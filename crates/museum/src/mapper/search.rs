@@ -1,4 +1,4 @@
-//! Random candidates, and how many of them.
+//! Random candidates of the search, and their number.
 
 use core::time::Duration;
 
@@ -11,11 +11,11 @@ use super::{mapper, room, scan_of, settings};
 use crate::{Observation, Variant};
 use engine::rig::cpu::CpuModel;
 
-/// Searches of which an exhibit shows the sum.
+/// Number of searches that an exhibit sums up.
 const SEARCHES: u64 = 20;
 
-/// Outcomes of searches with different random numbers, by a robot that knows its room and believes
-/// to be off by `off`; and how far each pose that was found is from the true one.
+/// Outcomes of searches with different random numbers, and the error of each found pose. The robot
+/// knows its room, and its believed pose is off by `off`.
 fn searches(settings: Settings, off: PoseChange) -> Vec<(Outcome, PoseChange)> {
     let walls = room([900.0, 700.0]);
     let one = |seed| {
@@ -47,7 +47,8 @@ pub(super) fn sl_01(variant: Variant) -> Observation {
     seen.judged(on_map < tries)
 }
 
-/// 10 degrees are halved to 5, 2, 1 and 0. Within its spreads, a search turns by 18 at most.
+/// 10 degrees are halved to 5, 2, 1 and 0. Within its spreads, a search turns by at most 18
+/// degrees.
 pub(super) fn sl_02(variant: Variant) -> Observation {
     let found = searches(settings(variant, "SL-02"), off(70.0, -60.0, 60.0));
     let turned = |pose: &PoseChange| (pose.turn.to_degrees() - 60.0).abs();
@@ -63,7 +64,7 @@ pub(super) fn sl_02(variant: Variant) -> Observation {
     seen.judged(most > 20.0)
 }
 
-/// The seed report's time of a scan: 14 ms, and 0.15 ms for each try with 36 points.
+/// Time per scan in the seed report: 14 ms, plus 0.15 ms for each try with 36 points.
 fn scan_time(tries: u32) -> Duration {
     CpuModel::STM32F4.cost(Work {
         scans: 1,
@@ -72,7 +73,7 @@ fn scan_time(tries: u32) -> Duration {
     })
 }
 
-/// 970 less 17 times 60 are -50.
+/// 970 minus 17 times 60 is -50.
 pub(super) fn sl_03(variant: Variant) -> Observation {
     let mut settings = settings(variant, "SL-03");
     settings.budget.start = 970;
@@ -93,8 +94,8 @@ pub(crate) const FIELDED: Budget = Budget {
     ..Budget::DOCUMENT
 };
 
-/// Time of the first scan after `blackout`, and until scans take less than 200 ms again: a scan
-/// begins with a turn of the lidar.
+/// Time of the first scan after `blackout`, and time until scans take less than 200 ms again; a
+/// scan begins with a turn of the lidar.
 pub(crate) fn after_blackout(settings: Settings, blackout: Duration) -> [Duration; 2] {
     let turn = Duration::from_millis(200);
     let mut mapper: Box<Mapper> = mapper(settings);
@@ -138,12 +139,12 @@ pub(super) fn sl_04(variant: Variant) -> Observation {
     seen.judged(longest > Duration::from_secs(4))
 }
 
-/// A wall that the map shows as 204 of 255, 20 mm from its edge, and beside it a wall of 255. The
-/// scan is the first wall and one point before the second. Where it fits, the mean is some 200;
-/// 40 mm nearer to the edge all of it is beside the map, but the one point is on 255.
+/// The map shows a wall of 204 of 255, 20 mm from its edge, and beside it a wall of 255. The scan
+/// is the first wall and one point in front of the second. At the correct pose, the mean is about
+/// 200. 40 mm nearer to the edge, all points but one lie outside the map, and that one is on 255.
 pub(super) fn sl_10(variant: Variant) -> Observation {
     let mut settings = settings(variant, "SL-10");
-    // The strongest update, so that the map can be drawn at once; a hole of two cells.
+    // The strongest update, so that one scan draws the map; a hole of two cells.
     (settings.weight, settings.hole_mm) = (256, 20.0);
     settings.start = Pose::new(205.0, 1505.0, core::f32::consts::PI);
     let wall = |ahead: f32, rows: core::ops::RangeInclusive<i16>| {
@@ -151,7 +152,7 @@ pub(super) fn sl_10(variant: Variant) -> Observation {
         rows.map(point)
     };
     let mut mapper = mapper(settings);
-    // A tenth of the weight less for each tick between the wheels: 153 of 256.
+    // The weight falls by a tenth for each tick of difference between the wheels: 153 of 256.
     mapper.draw(&scan_of(&wall(180.0, -17..=17).collect::<Vec<_>>()), [4, 0]);
     mapper.draw(
         &scan_of(&wall(180.0, -40..=-22).collect::<Vec<_>>()),
@@ -168,8 +169,8 @@ pub(super) fn sl_10(variant: Variant) -> Observation {
     seen.judged(outcome.score == 261_120 && moved > 20.0)
 }
 
-/// A wall of 255 in the map, met by the only point: 255 * 1024 are 261120, which in 16 bits is
-/// 1024 less than four times 65536.
+/// A wall of 255 in the map, hit by the only point: 255 * 1024 is 261120, which is 1024 less than
+/// four times 65536 and overflows 16 bits.
 pub(super) fn sl_11(variant: Variant) -> Observation {
     let mut settings = settings(variant, "SL-11");
     (settings.weight, settings.hole_mm) = (256, 20.0);
@@ -182,7 +183,7 @@ pub(super) fn sl_11(variant: Variant) -> Observation {
     seen.judged(score == -1024)
 }
 
-/// Many tries, so that narrowing is all that counts.
+/// Many tries, so that only the narrowing of the search matters.
 pub(super) fn h_sl_1(variant: Variant) -> Observation {
     let mut settings = settings(variant, "H-SL-1");
     settings.budget.start = 4000;

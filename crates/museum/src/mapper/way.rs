@@ -1,4 +1,4 @@
-//! Wheels, and where the robot believes to be by them.
+//! Wheels and odometry.
 
 use firmware_core::navigation::HALT;
 use firmware_core::odometry::fielded::change;
@@ -14,7 +14,7 @@ use crate::pc::waypoints;
 use crate::robot::config;
 use crate::{Observation, Variant};
 
-/// Where a robot is that stood at the origin with heading `psi_deg` when its wheels have turned by
+/// Pose of a robot that started at the origin with heading `psi_deg`, after its wheels turned by
 /// `ticks`.
 fn moved(variant: Variant, id: &str, psi_deg: i16, ticks: [i32; 2]) -> Pose {
     let config = config(variant, id);
@@ -27,7 +27,7 @@ fn moved(variant: Variant, id: &str, psi_deg: i16, ticks: [i32; 2]) -> Pose {
     start.then(change(&config.wheels, config.defects.odometry, psi, ticks))
 }
 
-/// At psi 90 the robot looks to +y. A tick is 0.45379 mm.
+/// At psi 90 the robot faces +y. A tick is 0.45379 mm.
 pub(super) fn sl_07(variant: Variant) -> Observation {
     let pose = moved(variant, "SL-07", 90, [-100, -100]);
     let mut seen = Observation::default();
@@ -56,7 +56,7 @@ pub(super) fn sl_09(variant: Variant) -> Observation {
     seen.judged(pose.x_mm < 0.0)
 }
 
-/// An eighth of a turn each 50 ms, clockwise, as psi counts.
+/// An eighth of a turn each 50 ms, clockwise, the direction in which psi increases.
 pub(super) fn sl_13(variant: Variant) -> Observation {
     let config = config(variant, "SL-13");
     let mut link = PcLink::new(config.pc_link);
@@ -99,7 +99,7 @@ pub(super) fn sl_13(variant: Variant) -> Observation {
     seen.judged(told < 0)
 }
 
-/// Half a metre while nothing is drawn.
+/// Half a metre of driving while nothing is drawn.
 pub(super) fn sl_14(variant: Variant) -> Observation {
     let settings = settings(variant, "SL-14");
     let mut mapper = mapper(settings);

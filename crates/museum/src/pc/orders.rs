@@ -1,4 +1,4 @@
-//! What the robot does about waypoints and orders.
+//! The robot's handling of waypoints and orders.
 
 use core::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::robot::{MS, Robot, note_end, range};
 use crate::{Observation, Variant};
 use engine::codec::PCUI;
 
-/// What the PC program sends after the first of two waypoints was removed and one was added.
+/// List that the PC program sends after the first of two waypoints was removed and one was added.
 pub(super) fn pu_07(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-07");
     let waypoint = |place, id, previous| Waypoint {

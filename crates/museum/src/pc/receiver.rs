@@ -1,4 +1,4 @@
-//! What the robot's receiver makes of bytes.
+//! The robot's receiver.
 
 use core::time::Duration;
 
@@ -30,7 +30,7 @@ pub(super) fn pu_01(variant: Variant) -> Observation {
     robot.judged(received == 0)
 }
 
-/// Sum 8080: 129 times FF and 01.
+/// Checksum 8080: 129 times FF, and 01.
 pub(super) fn pu_02(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-02");
     let payload = [&[1, 0, 0][..], &[0xFF; 129]].concat();
@@ -79,7 +79,7 @@ pub(super) fn pu_05(variant: Variant) -> Observation {
     robot.judged(phantoms == 49)
 }
 
-/// 19 bytes and 9 a waypoint: 208 in one burst.
+/// 19 bytes plus 9 per waypoint: 208 bytes in one burst.
 pub(super) fn pu_12(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-12");
     robot.run(100 * MS);

@@ -1,4 +1,4 @@
-//! What the robot sends to the PC.
+//! The robot's transmissions to the PC.
 
 use core::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::robot::{MS, Robot, config};
 use crate::{Observation, Variant};
 use engine::codec::PCUI;
 
-/// What the PC makes of all that the robot sent: rows, and bytes that are no frame.
+/// What the PC decodes from all bytes of the robot: rows, and bytes outside of frames.
 fn rows(robot: &mut Robot) -> (usize, u64) {
     let mut decoder = pcui::Decoder::default();
     let frames: Vec<_> = decoder.push(&robot.radio).flatten().collect();
@@ -24,8 +24,8 @@ fn rows(robot: &mut Robot) -> (usize, u64) {
     (rows, strays)
 }
 
-/// A robot after some time, and how many rows it sent, and how many of them arrive whole; the
-/// defective one is that of PU-06.
+/// A robot after some time, with the number of sent rows and of rows that arrive complete. The
+/// defective variant is that of PU-06.
 pub(crate) fn rows_arriving(variant: Variant, time: Duration) -> (Robot, [usize; 2]) {
     let mut robot = Robot::new(variant, "PU-06");
     robot.run(time);
@@ -53,7 +53,7 @@ pub(super) fn pu_06(variant: Variant) -> Observation {
     robot.judged(strays > 0)
 }
 
-/// The receiver takes no bytes until the queue has refused a frame.
+/// The receiver accepts no bytes until the queue has refused a frame.
 pub(super) fn pu_17(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "PU-17");
     while robot.counter("radio queue overflows") == 0 && robot.now < Instant::from_secs(60) {
@@ -86,7 +86,7 @@ pub(super) fn pu_18(variant: Variant) -> Observation {
     robot.judged(text.is_some() && strays > 0)
 }
 
-/// 299 unknown cells and a wall.
+/// A row of 299 unknown cells and a wall.
 pub(super) fn pu_19(variant: Variant) -> Observation {
     let mut seen = Observation::default();
     let mut pixels = [127; 300];

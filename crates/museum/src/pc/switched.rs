@@ -13,12 +13,12 @@ use engine::codec::PCUI;
 use engine::run::Run;
 use engine::scenario::Scenario;
 
-/// The settings' button, then the link's: off before the PC sends 30 waypoints, and on again
-/// before it says so once more.
+/// Taps on the settings button, then on the link's button. The link is off before the PC sends 30
+/// waypoints, and on again before the PC repeats them.
 const TAPS: &str = "{ at = \"2s\", place = [400, 256] }, { at = \"3s\", place = [410, 50] }, \
     { at = \"5s\", place = [410, 50] }";
 
-/// In the rig, as the switch is on the display.
+/// Runs in the rig, because the switch is on the display.
 pub(super) fn pu_15(variant: Variant) -> Observation {
     let defects = match variant {
         Variant::Defective => "\"PU-15\"",

@@ -1,5 +1,5 @@
-//! The program on a bench: wheels that turn as it wants, IR sensors that give what they are told, a
-//! lidar in a scene, a PC that is bytes.
+//! The program on a bench: wheels that follow their set-points, IR sensors with given values, a
+//! lidar in a scene, a PC as bytes.
 
 use core::time::Duration;
 
@@ -17,11 +17,11 @@ use engine::codec::TELEMETRY;
 pub(super) const MS: Duration = Duration::from_millis(1);
 pub(super) const SECOND: Duration = Duration::from_secs(1);
 
-/// Way of a count: 1200 a turn of a wheel of 37.5 mm.
+/// Distance per count: 1200 counts a turn of a wheel of 37.5 mm.
 pub(super) const COUNT_M: f64 = core::f64::consts::TAU * 0.0375 / 1_200.0;
-/// Half the way between the wheels.
+/// Half the distance between the wheels.
 const HALF_AXLE_M: f64 = 0.09;
-/// The motion profile's fastest turn.
+/// Maximum turn rate of the motion profile.
 const TURN_MAX_RAD_S: f32 = 3.0;
 
 /// The program and its surroundings.
@@ -31,12 +31,12 @@ pub(super) struct Robot {
     pub(super) seen: Observation,
     /// Values of the ADC by channel.
     pub(super) adc: [u16; 8],
-    /// Counts of the left and the right wheel, both ahead.
+    /// Counts of the left and the right wheel, both positive ahead.
     pub(super) counts: [f64; 2],
     pub(super) lidar: Head,
-    /// Data received by the PC.
+    /// Telemetry received by the PC.
     pub(super) heard: Vec<Telemetry>,
-    /// The same as frames.
+    /// The same telemetry as frames.
     pub(super) sent: Vec<Vec<u8>>,
     channel: u8,
     outputs: OutputsDecoder,
@@ -49,7 +49,7 @@ impl Robot {
             program: Box::new(Yellow::new(config(variant, id))),
             now: Instant::ZERO,
             seen: Observation::default(),
-            // 0.4 V: nothing within 0.8 m.
+            // 0.4 V: no obstacle within 0.8 m.
             adc: [496; 8],
             counts: [0.0; 2],
             lidar: Head::default(),
@@ -61,7 +61,7 @@ impl Robot {
         }
     }
 
-    /// Time passes, and the wheels do at once what they shall.
+    /// Advances time; the wheels reach their set-points at once.
     pub(super) fn run(&mut self, time: Duration) {
         let end = self.now + time;
         while self.now < end {
@@ -69,7 +69,7 @@ impl Robot {
         }
     }
 
-    /// Runs until `condition`, at most so long; how long it took.
+    /// Runs until `condition` holds, at most for the given time; returns the elapsed time.
     pub(super) fn run_until(
         &mut self,
         most: Duration,
@@ -82,7 +82,7 @@ impl Robot {
         self.now - began
     }
 
-    /// A millisecond.
+    /// Advances a millisecond; the wheels follow their set-points.
     pub(super) fn step(&mut self) {
         let Velocity {
             linear_m_s,
@@ -96,14 +96,14 @@ impl Robot {
         self.sample();
     }
 
-    /// A millisecond of wheels as they are.
+    /// Advances a millisecond with the current wheel positions.
     pub(super) fn sample(&mut self) {
         self.now += MS;
         let bytes = self.lidar.step();
         if !bytes.is_empty() {
             self.program.receive(Yellow::LIDAR, self.now, &bytes);
         }
-        // The right motor is mounted the other way round, and the counters wrap.
+        // The right motor is mounted in reverse, and the counters wrap.
         let [left, right] = self.counts.map(|count| {
             #[expect(clippy::cast_possible_truncation, reason = "minutes of driving")]
             let whole = count.floor() as i64;
@@ -126,7 +126,7 @@ impl Robot {
         self.carry();
     }
 
-    /// Takes what the program sends.
+    /// Collects the bytes that the program sends.
     fn carry(&mut self) {
         let mut buf = [0; 64];
         let len = self.program.transmit(Yellow::BOARD, &mut buf);
@@ -148,7 +148,7 @@ impl Robot {
         }
     }
 
-    /// The PC sends these bytes, which are shown.
+    /// The PC sends these bytes, which are recorded.
     pub(super) fn hear(&mut self, bytes: &[u8]) {
         self.seen.bytes("PC", &TELEMETRY, bytes);
         self.program.receive(Yellow::TELEMETRY, self.now, bytes);
@@ -159,7 +159,7 @@ impl Robot {
         self.hear(&framed(command));
     }
 
-    /// The PC wants nothing but this state.
+    /// The PC orders this state and nothing else.
     pub(super) fn order_state(&mut self, state: State) {
         self.order(&Telecommand {
             state: Some(state),
@@ -200,7 +200,7 @@ pub(super) fn frame(payload: &[u8]) -> Vec<u8> {
     bytes[..len].to_vec()
 }
 
-/// `bytes` with 0.25 of the link's numbers made 1.0 by one bit.
+/// `bytes` with one bit flipped, which turns the first value 0.25 into 1.0.
 pub(super) fn flipped(mut bytes: Vec<u8>) -> Vec<u8> {
     let quarter = 0.25_f32.to_le_bytes();
     let at = bytes.windows(4).position(|four| four == quarter);

@@ -1,5 +1,5 @@
-//! The PC's end of the telemetry link, and the PC's program on a bench: before it a robot that does
-//! at once what it is told.
+//! The PC's end of the telemetry link, and the PC program on a bench with a robot that executes
+//! commands at once.
 
 use firmware_core::Master;
 use firmware_core::robots::yellow::pc::{PcCommand, PcConfig, PcProgram, TaskState};
@@ -54,10 +54,10 @@ pub(super) const ROWS: [Bug; 5] = [
     ),
 ];
 
-/// What is switched on.
+/// Name of the switched element.
 pub(super) const BY: &str = "the PC's program with this defect";
 
-/// The program's settings for `variant`; the defective one has `id`.
+/// Settings of the program for `variant`; the defective one has the defect `id`.
 pub(super) fn config(variant: Variant, id: &str) -> PcConfig {
     let sound = PcConfig::default();
     match variant {
@@ -66,24 +66,24 @@ pub(super) fn config(variant: Variant, id: &str) -> PcConfig {
     }
 }
 
-/// The program, and a robot that looks along x and turns nowhere.
+/// The program, and a robot that always faces along x.
 pub(super) struct Desk {
     pub(super) pc: PcProgram,
     now_ms: u64,
-    /// Where the robot stands, metres.
+    /// True position of the robot, metres.
     pub(super) at: [f32; 2],
-    /// What its odometry is off.
+    /// Error of its odometry.
     pub(super) off: [f32; 2],
-    /// Ends of the walls around it, metres of the world.
+    /// Ends of the walls around it, metres in the world.
     pub(super) walls: Vec<[f32; 4]>,
-    /// It goes half of the way to so many goals.
+    /// Number of goals to which the robot drives only half of the distance.
     pub(super) stops_halfway: u32,
-    /// Telecommands get lost.
+    /// Whether telecommands get lost.
     pub(super) is_deaf: bool,
     state: State,
     wants_lines: bool,
     decoder: Decoder,
-    /// What the robot was told, and when.
+    /// Commands that the robot received, with their times.
     pub(super) commands: Vec<(u64, Telecommand)>,
 }
 
@@ -120,7 +120,7 @@ impl Desk {
         }
     }
 
-    /// Runs until the task has ended, at most so long; how it went.
+    /// Runs until the task has ended, at most for the given time; returns its result.
     pub(super) fn run_task(&mut self, ms: u64) -> &'static str {
         let end = self.now_ms + ms;
         while self.now_ms < end && self.pc.task_state() == TaskState::InProgress {
@@ -164,7 +164,7 @@ impl Desk {
         }
     }
 
-    /// The robot's telemetry, with its lines if they were asked for.
+    /// The robot's telemetry, with its lines if the PC requested them.
     fn told(&mut self) -> Vec<u8> {
         let [x, y] = [0, 1].map(|axis| self.at[axis] + self.off[axis]);
         let asked = core::mem::take(&mut self.wants_lines);
@@ -286,7 +286,7 @@ fn yp_03(variant: Variant) -> Observation {
     seen.judged(lost > 0 && drives == 0)
 }
 
-/// Nothing reaches the robot for three seconds, in which its lines are asked for.
+/// For three seconds, in which the PC requests the lines, no byte reaches the robot.
 fn yp_04(variant: Variant) -> Observation {
     let mut desk = Desk::new(config(variant, "YP-04"));
     desk.walls = room([0.0; 2]);

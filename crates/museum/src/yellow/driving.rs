@@ -1,4 +1,4 @@
-//! Motion control and odometry, and the drive by the IR sensors.
+//! Motion control, odometry, and driving by the IR sensors.
 
 use std::path::Path;
 
@@ -49,8 +49,8 @@ pub(super) const ROWS: [Bug; 5] = [
     ),
 ];
 
-/// At rest at the left counter's end, then 5 counts across it within a millisecond; the right wheel
-/// does the same in the middle of its range.
+/// The left counter rests at the end of its range, then moves 5 counts across it within a
+/// millisecond. The right wheel makes the same move in the middle of its range.
 fn ym_01(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "YM-01");
     robot.counts = [65_533.0, 1_000.0];
@@ -69,7 +69,7 @@ fn ym_01(variant: Variant) -> Observation {
 }
 
 /// Half a turn about the left wheel at full speed, 9 counts a millisecond of 0.196 mm: a chord of
-/// 180 mm, which half a sample's angle, 4.9 mrad, lays 0.9 mm aside.
+/// 180 mm. Half the angle of a sample, 4.9 mrad, shifts its end sideways by 0.9 mm.
 fn ym_02(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "YM-02");
     robot.sample();
@@ -78,7 +78,7 @@ fn ym_02(variant: Variant) -> Observation {
         robot.counts[1] += 9.0;
         robot.sample();
     }
-    // The left wheel stays where it was, 90 mm to the left of the start.
+    // The left wheel stays in its position, 90 mm to the left of the start.
     let pose = robot.program.pose();
     let (sin, cos) = sin_cos(pose.heading);
     let aside = cos * 90.0 + pose.y_mm - 90.0;
@@ -89,7 +89,8 @@ fn ym_02(variant: Variant) -> Observation {
     robot.judged(off > 0.5)
 }
 
-/// By hand at 0.25 m/s in the whole rig, on a battery of 9 V: the gain is all that makes up for it.
+/// Manual driving at 0.25 m/s in the whole rig, on a battery of 9 V: only the gain compensates for
+/// the low voltage.
 fn ym_03(variant: Variant) -> Observation {
     let defects = match variant {
         Variant::Defective => "\"YM-03\"",
@@ -124,7 +125,7 @@ fn counts(from: i64, to: i64) -> f64 {
     (to - from) as f64
 }
 
-/// Values of the ADC at this many volts of 3.3.
+/// ADC value at this voltage, full scale 3.3 V.
 fn adc(volts: f64) -> u16 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -135,13 +136,13 @@ fn adc(volts: f64) -> u16 {
     value
 }
 
-/// What a sensor gives at this many metres: 0.4 V at 0.8 m, 1.9 V more at 0.1 m, linear in the
+/// Voltage of a sensor at this distance, metres: 0.4 V at 0.8 m, 1.9 V more at 0.1 m, linear in the
 /// reciprocal (data sheet).
 fn volts(metres: f64) -> f64 {
     0.4 + 1.9 * (1.0 / metres - 1.25) / 8.75
 }
 
-/// 0.2 m ahead, 0.15 m to the right, 0.25 m to the left, at a nominal speed of 0.5 m/s.
+/// Obstacles 0.2 m ahead, 0.15 m to the right, 0.25 m to the left, at a nominal speed of 0.5 m/s.
 fn yr_01(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "YR-01");
     for (channel, metres) in [(0, 0.2), (1, 0.15), (5, 0.25)] {

@@ -3,21 +3,21 @@
 use protocols::Decode;
 use protocols::rplidar::{Command, Descriptor, Health, Node, RequestDecoder, Status};
 
-/// Nodes of a turn, one each half degree, and in a millisecond.
+/// Nodes of a turn, one each half degree, and nodes per millisecond.
 const NODES: u16 = 720;
 const NODES_PER_MS: u16 = 2;
 
-/// The lidar: answers scan, health and reset requests.
+/// The lidar: replies to scan, health and reset requests.
 #[derive(Default)]
 pub(super) struct Head {
-    /// Millimetres by turn and by half degree, clockwise; 0 is no return.
+    /// Distance in millimetres by turn and half degree, clockwise; 0 is no return.
     scene: Option<fn(u32, u16) -> u16>,
-    /// The robot was restarted while it scans.
+    /// Whether the lidar was still scanning when the robot restarted.
     pub(super) streams: bool,
-    /// In Protection Stop.
+    /// Whether it is in Protection Stop.
     pub(super) is_stopped: bool,
     pub(super) loses_byte: bool,
-    /// Comes before the next descriptor.
+    /// Bytes before the next descriptor.
     pub(super) stray: Vec<u8>,
     turn: u32,
     node: u16,
@@ -44,7 +44,7 @@ impl Head {
             match command {
                 Command::Scan if !self.is_stopped => {
                     if self.streams {
-                        // On its way when the request came: the rest of a node, and another one.
+                        // In flight when the request arrived: the rest of a node, and another one.
                         let rest: Vec<u8> = (0..2).flat_map(|_| self.next_node()).skip(2).collect();
                         self.answer.extend(rest);
                     }
@@ -66,7 +66,7 @@ impl Head {
         }
     }
 
-    /// What comes in a millisecond.
+    /// Bytes of one millisecond.
     pub(super) fn step(&mut self) -> Vec<u8> {
         let mut bytes = core::mem::take(&mut self.answer);
         if self.streams && !self.is_stopped {

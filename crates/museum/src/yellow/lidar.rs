@@ -65,7 +65,7 @@ fn robot(variant: Variant, id: &str) -> Robot {
     robot
 }
 
-/// Notes what the lidar sent last, and how many groups of the next second are no nodes.
+/// Records the lidar's last bytes, and the number of invalid node groups in the next second.
 fn misaligned(mut robot: Robot) -> Observation {
     robot.seen.bytes("lidar", &RPLIDAR, &robot.lidar.sent);
     let (bad, nodes) = (
@@ -77,7 +77,7 @@ fn misaligned(mut robot: Robot) -> Observation {
     let nodes = robot.counter("lidar nodes") - nodes;
     robot.seen.figure("taken for nodes in a second", nodes);
     robot.seen.figure("of them without a node's bits", bad);
-    // By chance up to half of groups that begin elsewhere look like a node.
+    // By chance, up to half of the groups that begin at a wrong offset look like a node.
     robot.judged(bad > nodes / 4)
 }
 
@@ -103,7 +103,7 @@ fn yl_01c(variant: Variant) -> Observation {
     misaligned(robot)
 }
 
-/// The second start is what ends a Protection Stop.
+/// The second start ends a Protection Stop.
 fn yl_02(variant: Variant) -> Observation {
     let mut robot = robot(variant, "YL-02");
     robot.run(SECOND * 2);
@@ -152,12 +152,12 @@ fn yl_04(variant: Variant) -> Observation {
     robot.judged(points > 0 && is_unnoticed)
 }
 
-/// Turns that see a wall at 970, 1030, 1000, 970 and 1030 mm, again and again.
+/// Turns that see a wall at 970, 1030, 1000, 970 and 1030 mm, repeatedly.
 fn yl_05(variant: Variant) -> Observation {
     const TURNS_MM: [u16; 5] = [970, 1_030, 1_000, 970, 1_030];
     let mut robot = Robot::new(variant, "YL-05");
     robot.lidar = Head::new(|turn, _| TURNS_MM[turn as usize % TURNS_MM.len()]);
-    // Ends of turns 7 and 8.
+    // Results at the ends of turns 7 and 8.
     let mut told = Vec::new();
     for turns in [7, 8] {
         robot.run_until(SECOND * 6, |robot| robot.counter("lidar sets") == turns);

@@ -41,7 +41,7 @@ pub(super) const ROWS: [Bug; 5] = [
     ),
 ];
 
-/// What `id` makes of a scan.
+/// Lines that `id` finds in a scan.
 fn found(variant: Variant, id: &str, points: &[Point]) -> Vec<Line> {
     let settings = Settings {
         defects: config(variant, id).defects.lines,
@@ -50,7 +50,7 @@ fn found(variant: Variant, id: &str, points: &[Point]) -> Vec<Line> {
     Lines::find(points, &settings).as_slice().to_vec()
 }
 
-/// The scan of a regular polygon around the robot, walls 1 m away, a point each half degree.
+/// The scan of a regular polygon around the robot: walls 1 m away, a point each half degree.
 fn polygon(corners: u16) -> Vec<Point> {
     let sector = 360.0 / f32::from(corners);
     let points = (0..720_u16).map(|half| {
@@ -63,7 +63,7 @@ fn polygon(corners: u16) -> Vec<Point> {
     points.collect()
 }
 
-/// Rows of so many points, 100 mm apart, a row half a metre from the next.
+/// Rows with these numbers of points, 100 mm apart; rows are half a metre apart.
 fn rows(sizes: &[u16]) -> Vec<Point> {
     let mut x_mm = 1_000.0;
     let mut points = Vec::new();
@@ -77,7 +77,7 @@ fn rows(sizes: &[u16]) -> Vec<Point> {
     points
 }
 
-/// Counts the lines; `defective` is what the catalogue says of the fielded program.
+/// Records the number of lines; `defective` is the catalogue's number for the fielded program.
 fn counted(
     (variant, id): (Variant, &str),
     name: &'static str,
@@ -112,7 +112,8 @@ fn yn_04(variant: Variant) -> Observation {
     counted((variant, "YN-04"), "lines of three points", &rows(&[3]), 0)
 }
 
-/// A wall 1 m ahead, across the scan's beginning, whose two outermost points lie 50 mm behind it.
+/// A wall 1 m ahead, across the beginning of the scan, whose two outermost points lie 50 mm behind
+/// it.
 fn yn_05(variant: Variant) -> Observation {
     let mut seen = Observation::default();
     let (left, right) = (0..=40_u8, 41..=80_u8);

@@ -41,7 +41,7 @@ pub(super) const ROWS: [Bug; 5] = [
     ),
 ];
 
-/// Drives at a quarter of a metre a second.
+/// A telecommand for a drive at 0.25 m/s.
 fn quarter() -> Telecommand {
     Telecommand {
         timestamp_ms: 1,
@@ -89,7 +89,7 @@ fn yf_03(variant: Variant) -> Observation {
     robot.judged(taken == 1)
 }
 
-/// 360 points are 3525 bytes, the buffer has 3200.
+/// 360 points need 3525 bytes; the buffer has 3200.
 fn yf_04(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "YF-04");
     robot.lidar = Head::new(|_, _| 1_000);
@@ -110,7 +110,7 @@ fn yf_04(variant: Variant) -> Observation {
     robot.judged(is_old)
 }
 
-/// Field 4 of what it tells is the scan, field 4 of what it is told is where it is.
+/// Field 4 of the robot's telemetry is the scan; field 4 of a telecommand is the pose.
 fn yf_05(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "YF-05");
     robot.lidar = Head::new(|_, _| 1_000);

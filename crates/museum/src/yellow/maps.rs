@@ -1,4 +1,4 @@
-//! Maps, ways and localisation on the PC.
+//! Maps, paths and localisation on the PC.
 
 use firmware_core::grid::{FREE, OBSTACLE, UNKNOWN};
 use firmware_core::map_view::MapView;
@@ -62,7 +62,7 @@ pub(super) const ROWS: [Bug; 7] = [
     ),
 ];
 
-/// A closed room is checked once.
+/// A desk whose robot has scanned a closed room once.
 fn looked(config: PcConfig, at: [f32; 2]) -> Desk {
     let mut desk = Desk::new(config);
     desk.at = at;
@@ -98,7 +98,7 @@ fn yp_07(variant: Variant) -> Observation {
     seen.judged(unknown > 5)
 }
 
-/// The robot is carried nowhere, but believes to be 8 cm farther when it looks again.
+/// The robot stays in its position, but its believed pose is 8 cm farther at the second scan.
 fn yp_08(variant: Variant) -> Observation {
     let mut desk = looked(config(variant, "YP-08"), [0.05, 0.05]);
     let before = walls(&desk);
@@ -123,14 +123,14 @@ fn cells(count: usize) -> f32 {
     count as f32
 }
 
-/// A map that was saved.
+/// A saved map.
 struct Saved {
     width: usize,
     cells: Vec<u8>,
 }
 
 impl Saved {
-    /// `cell` says what is at a column and row.
+    /// A map whose cell at a column and row is given by `cell`.
     fn of(width: usize, height: usize, cell: impl Fn(usize, usize) -> u8) -> Self {
         let rows = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
         let cells = rows.map(|(column, row)| cell(column, row)).collect();
@@ -142,12 +142,12 @@ impl Saved {
     }
 }
 
-/// The middle of a cell, metres.
+/// Middle of a cell, metres.
 fn middle(cell: u8) -> f32 {
     f32::from(cell) / 10.0 + 0.05
 }
 
-/// A desk with that map, the robot in the cell `at`.
+/// A desk with this map and the robot in the cell `at`.
 fn with_map(config: PcConfig, map: &Saved, at: [u8; 2]) -> Desk {
     let mut desk = Desk::new(config);
     desk.pc.load_map(&map.view()).expect("a small map");
@@ -165,7 +165,7 @@ fn to(at: [u8; 2]) -> PcCommand {
     }
 }
 
-/// Six corridors of 0.5 m, 3.5 m long, joined at alternating ends.
+/// Six corridors of 0.5 m width and 3.5 m length, joined at alternating ends.
 fn serpentine() -> Saved {
     Saved::of(37, 37, |column, row| {
         let is_edge = column == 0 || column == 36 || row == 0 || row == 36;
@@ -199,7 +199,7 @@ fn yp_09(variant: Variant) -> Observation {
     seen.judged(found < 10)
 }
 
-/// A room of 2 m whose right wall has a crack of three cells, behind which nothing is ever seen.
+/// A room of 2 m whose right wall has a gap of three cells; nothing behind the gap is ever visible.
 fn yp_09b(variant: Variant) -> Observation {
     let mut desk = Desk::new(config(variant, "YP-09"));
     desk.at = [0.05, 0.05];
@@ -219,7 +219,7 @@ fn yp_09b(variant: Variant) -> Observation {
     seen.judged(status != "done")
 }
 
-/// A room like an L, so that a robot that stopped halfway can find out where it is.
+/// An L-shaped room, so that a robot that stopped halfway can localise itself.
 fn yp_10(variant: Variant) -> Observation {
     let map = Saved::of(21, 21, ell);
     let mut desk = with_map(config(variant, "YP-10"), &map, [3, 5]);
@@ -239,7 +239,7 @@ fn yp_10(variant: Variant) -> Observation {
     seen.judged(desk.pc.task_state() == TaskState::InProgress)
 }
 
-/// Two rooms like an L, one beside the other without a door; the robot is in the second one.
+/// Two L-shaped rooms side by side without a door; the robot is in the second one.
 fn yp_11(variant: Variant) -> Observation {
     let map = Saved::of(55, 22, |column, row| match column {
         0..=20 => ell(column, row),
@@ -265,7 +265,7 @@ fn yp_11(variant: Variant) -> Observation {
     seen.judged(told.is_some())
 }
 
-/// 2.1 m square less its upper right quarter.
+/// A square of 2.1 m without its upper right quarter.
 fn ell(column: usize, row: usize) -> u8 {
     let is_inside = row <= 20 && (column <= 10 || row <= 10);
     let is_edge = column == 0

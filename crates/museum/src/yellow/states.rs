@@ -43,7 +43,7 @@ pub(super) const ROWS: [Bug; 5] = [
     ),
 ];
 
-/// To a pose in metres and radians.
+/// A telecommand to a pose in metres and radians.
 fn go(x: f32, y: f32, alpha: f32) -> Telecommand {
     Telecommand {
         state: Some(State::AutoPosition),
@@ -92,7 +92,7 @@ fn ys_03(variant: Variant) -> Observation {
     robot.judged(on == Duration::from_millis(10))
 }
 
-/// From 3.0 to -3.0 rad it is 0.28 rad on the short way, and 6.0 on the other.
+/// From 3.0 to -3.0 rad, the short direction takes 0.28 rad, the other one 6.0 rad.
 fn ya_01(variant: Variant) -> Observation {
     let mut robot = Robot::new(variant, "YA-01");
     robot.order(&Telecommand {

@@ -1,11 +1,11 @@
 use super::*;
 
-/// A recording's first bytes; each file begins with them.
+/// First bytes of a recording; each file begins with them.
 fn head() -> Vec<u8> {
     [&SECTION.to_le_bytes()[..], b"head"].concat()
 }
 
-/// A folder of its own.
+/// A folder for this test only.
 fn folder(name: &str) -> PathBuf {
     let name = format!("hilrig-files-{name}-{}", std::process::id());
     let folder = std::env::temp_dir().join(name);
@@ -14,7 +14,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// A recording whose files are full with each block, of which one put aside is kept.
+/// A recording in which each block fills a file and one renamed file is kept.
 fn files(folder: &Path) -> io::Result<Files> {
     let limits = Limits {
         file_bytes: 10,
@@ -34,7 +34,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Another process takes the files away while they are written.
+/// Another process moves the files away while the recording writes them.
 #[test]
 fn a_file_that_was_moved_away_ends_nothing() {
     let folder = folder("moved");
@@ -54,7 +54,7 @@ fn a_file_that_was_moved_away_ends_nothing() {
     fs::remove_dir_all(folder).expect("ours");
 }
 
-/// A rig that is started again numbers on and overwrites nothing.
+/// A restarted rig continues the numbers and overwrites nothing.
 #[test]
 fn a_recording_of_the_same_name_keeps_what_is_there() {
     let folder = folder("again");
@@ -89,8 +89,8 @@ fn a_file_that_is_no_capture_is_left_alone() {
     fs::remove_dir_all(folder).expect("ours");
 }
 
-/// A process that reserves a name, or is killed before the first byte, leaves nothing that
-/// would be lost: no number is spent on it.
+/// A process that reserves a name, or is killed before the first byte, leaves an empty file. The
+/// recording overwrites this file and uses no number for it.
 #[test]
 fn an_empty_file_of_the_same_name_is_written_over() {
     let folder = folder("empty");
@@ -102,7 +102,7 @@ fn an_empty_file_of_the_same_name_is_written_over() {
     fs::remove_dir_all(folder).expect("ours");
 }
 
-/// A name may hold any number, also the last one there is, and a folder may have such a name.
+/// A name may hold any number, also the largest possible one, and a folder may have such a name.
 #[test]
 fn the_files_around_one_are_told_whatever_their_names() {
     let folder = folder("around");

@@ -1,7 +1,7 @@
 use super::*;
 
-/// A request of seven bytes at 1 Mbaud, 10 us each, of which the receiver was told one by one
-/// but for the last two.
+/// A request of seven bytes at 1 Mbaud, 10 us each. The receiver got the first five one by one and
+/// the last two together.
 #[test]
 fn joined_chunks_come_apart_again_at_their_times() {
     let record = Record {
@@ -41,7 +41,7 @@ fn joined_chunks_come_apart_again_at_their_times() {
     assert_eq!(joined, [1, 2, 3, 4, 5, 6, 7]);
 }
 
-/// Six bytes cannot come in pieces of four and four: as if nothing was told.
+/// Six bytes cannot arrive in chunks of four and four; the reader ignores such lengths.
 #[test]
 fn lengths_that_do_not_add_up_are_not_believed() {
     assert_eq!(lengths(&[4, 2], 6), Vec::<u8>::new());
@@ -49,8 +49,8 @@ fn lengths_that_do_not_add_up_are_not_believed() {
     assert_eq!(lengths(&[0, 255, 6, 1, 9], 6), [6]);
 }
 
-/// All that a link can tell has its number in the file, as Wireshark's `rtacser` knows them: 1 and
-/// 2 are data sent and received, 7 to 10 errors of the line, 0 a change of control lines.
+/// Each event of a link has the number that Wireshark's `rtacser` uses: 1 and 2 are data sent and
+/// received, 7 to 10 are line errors, 0 is a change of control lines.
 #[test]
 fn each_event_has_the_number_of_the_link_type() {
     use LineEvent::{Break, Closed, FramingError, Opened, Overrun, ParityError};
@@ -71,7 +71,7 @@ fn each_event_has_the_number_of_the_link_type() {
         assert_eq!(kind.control_lines(), lines, "{kind:?}");
         assert_eq!(Kind::read(number, lines), kind);
     }
-    // Intercepted ones, of other tools.
+    // Intercepted data of other tools.
     assert_eq!([3, 4].map(|number| Kind::read(number, 0)), [Kind::Data; 2]);
     assert_eq!(
         [5, 6, 11].map(|number| Kind::read(number, 0)),
@@ -87,8 +87,8 @@ fn with_resolution(resolution: u8) -> Interface {
     }
 }
 
-/// Powers of ten, and of two with the highest bit: 3 s in each. What no clock can say is the end of
-/// time.
+/// Resolutions are powers of ten, or powers of two with the highest bit set: 3 s in each. A time
+/// beyond the clock's range is the maximum time.
 #[test]
 fn times_are_in_the_units_of_their_interface() {
     let of = |resolution, units| with_resolution(resolution).instant(units).as_nanos();
@@ -102,9 +102,9 @@ fn times_are_in_the_units_of_their_interface() {
     assert_eq!(of(0x7F, 3), 0);
 }
 
-/// A piece comes back to back with the one behind it: at 1 Mbaud 10 us a byte. Where the file does
-/// not say the rate, all have the time of the last; what is said of more bytes than there are, or
-/// of none, is taken as far as it goes.
+/// Chunks lie back to back: at 1 Mbaud, 10 us a byte. If the file lacks the baud rate, all chunks
+/// have the time of the last one. Lengths that exceed the bytes, or are zero, are used as far as
+/// possible.
 #[test]
 fn pieces_lie_back_to_back_before_their_record() {
     let told = |baud: u32, bytes: &[u8], pieces: &[u8]| -> Vec<(u64, Vec<u8>)> {
@@ -144,7 +144,7 @@ fn pieces_lie_back_to_back_before_their_record() {
     assert_eq!(told(1_000_000, &[], &[5]), []);
 }
 
-/// Lengths that follow each other are counted, up to 255 at a time.
+/// Equal lengths in a row are counted, up to 255 at a time.
 #[test]
 fn equal_lengths_are_one_pair() {
     assert_eq!(runs(&[1, 1, 1, 2, 1]), [1, 3, 2, 1, 1, 1]);
@@ -153,7 +153,7 @@ fn equal_lengths_are_one_pair() {
     assert_eq!(runs(&[]), [0; 0]);
 }
 
-/// Facts are the lines of what a section says of itself; its start is one of them.
+/// The facts of a section are the lines of its description; the start time is one of them.
 #[test]
 fn a_section_knows_its_facts() {
     let section = |about: &str| Section {
@@ -169,8 +169,8 @@ fn a_section_knows_its_facts() {
     assert_eq!(section("start_ns=x").start(), Instant::ZERO);
 }
 
-/// The bytes of a block are told by hand: header, head of the link type, payload filled up to four
-/// bytes, flags, our number, the end of the options and the length again.
+/// The bytes of the block are written by hand: header, head of the link type, payload padded to
+/// four bytes, flags, sequence number, end of the options, and the repeated length.
 #[test]
 fn a_record_is_written_to_the_byte() {
     let record = Record {
@@ -199,8 +199,8 @@ fn a_record_is_written_to_the_byte() {
     assert_eq!(out, expected.concat());
 }
 
-/// Ours are those of the example enterprise 32473 (RFC 5612) with our mark behind it, whatever
-/// follows.
+/// Private options of this tool have the example enterprise 32473 (RFC 5612), then the mark, then
+/// any bytes.
 #[test]
 fn a_private_option_of_others_is_not_ours() {
     let is_ours = |enterprise: u32, mark: &[u8]| {
@@ -213,8 +213,8 @@ fn a_private_option_of_others_is_not_ours() {
     assert!(!is_private(Order::Little, &[], b"hscn"));
 }
 
-/// A block of another tool, by hand: two comments are two lines, and where the flags say which way
-/// it went (1 in, 2 out), the head of the link type (1 sent, 2 received) does not count.
+/// A block of another tool, written by hand. Two comments become two lines. If the flags give the
+/// direction (1 in, 2 out), the direction in the link type's head (1 sent, 2 received) is ignored.
 #[test]
 fn a_record_of_another_tool_is_read_with_all_its_options() {
     let read = |number: u8, flags: u8| {

@@ -9,21 +9,22 @@ use rustix::net::{AddressFamily, SocketAddrUnix, SocketType};
 
 use super::{Dir, one};
 
-/// Connections that wait to be accepted.
+/// Maximum number of connections that wait to be accepted.
 const BACKLOG: i32 = 128;
 
 impl Dir {
-    /// A socket `name` that only this user may connect to, whatever the umask. The name must be
-    /// free.
+    /// Creates a socket `name` to which only this user may connect, whatever the umask. No entry of
+    /// that name may exist.
     ///
     /// # Errors
-    /// Those of the system; `AddrInUse` if something has the name.
+    /// System errors; `AddrInUse` if an entry of that name exists.
     pub fn listen(&self, name: impl AsRef<Path>) -> io::Result<UnixListener> {
         let name = one(name.as_ref())?;
         let socket = rustix::net::socket(AddressFamily::UNIX, SocketType::STREAM, None)?;
         rustix::io::fcntl_setfd(&socket, rustix::io::FdFlags::CLOEXEC)?;
         let mode = Mode::RUSR | Mode::WUSR;
-        // On Linux the file takes over the rights of the socket. Elsewhere this may fail.
+        // On Linux, the file inherits the permissions of the socket. Other systems may refuse
+        // `fchmod`.
         let _ = fs::fchmod(&socket, mode);
         rustix::net::bind(&socket, &SocketAddrUnix::new(self.path.join(name))?)?;
         let stat = self.stat(name)?;
@@ -34,7 +35,7 @@ impl Dir {
         if Mode::from_raw_mode(made.st_mode) & Mode::from_raw_mode(0o777) != mode {
             fs::chmodat(self.fd(), name, mode, AtFlags::empty())?;
         }
-        // Only now can a client connect: the rights are right by then.
+        // A client can connect only from here on, when the permissions are already set.
         rustix::net::listen(&socket, BACKLOG)?;
         Ok(socket.into())
     }

@@ -31,12 +31,12 @@ use engine::run::history::Lane;
 use engine::run::score::PosePair;
 use engine::scenario::FaultSpec;
 
-/// Maximum number of points of a way.
+/// Maximum number of points of a path.
 const WAY_MAX: usize = 1500;
 /// Maximum number of points of a plot.
 const PLOT_MAX: usize = 500;
 
-/// The data of `outcome`, `events` marked on the time line.
+/// Data of `outcome`; `events` are marked on the time line.
 pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
     let history = &outcome.history;
     let end = outcome.ran.as_secs_f64();
@@ -105,7 +105,7 @@ fn map_head(map: MapView<'_>) -> Value {
     })
 }
 
-/// A map besides the robot's own.
+/// A map besides the robot's own map.
 fn layer((name, map): &(&'static str, KeptMap)) -> Value {
     let mut layer = map_head(map.view());
     layer["name"] = (*name).into();
@@ -122,7 +122,7 @@ fn map_runs(map: MapView<'_>) -> Vec<u8> {
     runs
 }
 
-/// The upper half of each cell with how often it comes in a row, up to 16 times, in one byte.
+/// Encodes the upper half of each cell and its repetition count, up to 16, in one byte.
 fn map_shades(map: MapView<'_>) -> Vec<u8> {
     let cells = map.cells();
     let runs = cells.chunk_by(|a, b| a >> 4 == b >> 4);
@@ -145,7 +145,7 @@ fn lane(lane: &Lane) -> Value {
     })
 }
 
-/// Faults that last, those that strike single bytes not.
+/// Faults with a duration; faults of single bytes are left out.
 fn bars(faults: &[FaultSpec]) -> Vec<Value> {
     let lasting = faults.iter().filter(|fault| fault.byte.is_none());
     let lasting = lasting.take(super::FAULTS_MAX).map(|fault| {
@@ -167,7 +167,7 @@ fn bars(faults: &[FaultSpec]) -> Vec<Value> {
     lasting.collect()
 }
 
-/// How far the believed pose was from the true one.
+/// Distance between the believed and the true pose.
 fn error(outcome: &Outcome) -> Value {
     let step = outcome.pairs.len().div_ceil(PLOT_MAX).max(1);
     let pairs = outcome.pairs.iter().step_by(step);
@@ -179,14 +179,14 @@ fn error(outcome: &Outcome) -> Value {
     json!({"at": at, "mm": mm})
 }
 
-/// The times that failed checks name.
+/// Times that failed checks name.
 pub(super) fn failures(outcome: &Outcome) -> impl Iterator<Item = f64> {
     let failed = outcome.checks.iter();
     let failed = failed.filter(|check| check.status == Status::Fail);
     failed.filter_map(|check| first_time(&check.detail))
 }
 
-/// Events, times that failed verdicts name, and where faults begin.
+/// Events, times that failed checks name, and beginnings of faults.
 fn marks(outcome: &Outcome, events: &[&Logged]) -> Vec<Value> {
     let events = events.iter().map(|logged| {
         let kind = if logged.is_violation() {

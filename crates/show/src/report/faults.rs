@@ -1,4 +1,4 @@
-//! The faults of a run as a list: one row each, what came of a rate as one row with its hits.
+//! List of the faults of a run: one row per fault; one row with a count for the hits of a rate.
 
 use std::collections::BTreeMap;
 
@@ -10,13 +10,13 @@ use engine::scenario::{FaultSpec, Span};
 
 /// Maximum number of rows; case.toml has all faults.
 const ROWS_MAX: usize = 100;
-/// Maximum number of hits that are reported by their bytes.
+/// Maximum number of hits that are listed by their byte numbers.
 const HITS_MAX: usize = 40;
 
-/// Hits of one kind on one direction of a link, as their bytes.
+/// Hits of one kind on one direction of a link, by their byte numbers.
 type Hits<'a> = BTreeMap<(&'static str, String, &'static str), Vec<u64>>;
 
-/// The section of all `faults`; none without any.
+/// The section of all `faults`; empty if there are none.
 pub(super) fn list(faults: &[FaultSpec]) -> String {
     if faults.is_empty() {
         return String::new();
@@ -43,7 +43,7 @@ pub(super) fn list(faults: &[FaultSpec]) -> String {
     section("faults", "Faults", &(table("faults", rows) + &more))
 }
 
-/// Kind, link or device, and which way.
+/// Kind, link or device, and direction.
 fn place(fault: &FaultSpec) -> (&'static str, String, &'static str) {
     let way = match fault.direction.map(Into::into) {
         Some(Direction::ToMaster) => "to the robot",
@@ -53,7 +53,7 @@ fn place(fault: &FaultSpec) -> (&'static str, String, &'static str) {
     (fault.kind.name(), fault.place(), way)
 }
 
-/// How often, and when.
+/// Rate and times.
 fn when(fault: &FaultSpec) -> String {
     let rate = fault.rate.map(|rate| format!("rate {rate}"));
     let seconds = |span: Span| with_jumps(&format!("{:.6} s", span.0.as_secs_f64()));
@@ -63,7 +63,7 @@ fn when(fault: &FaultSpec) -> String {
     words.join(" ")
 }
 
-/// How many bytes were hit; which ones, folded.
+/// Number of damaged bytes, with their numbers in a folded list.
 fn struck(bytes: &[u64]) -> String {
     if let [byte] = bytes {
         return format!("1 hit, byte {byte}");
@@ -90,7 +90,7 @@ mod tests {
         }
     }
 
-    /// 600 flips and one drop are two rows, and the bytes of 40 are told.
+    /// 600 flips and one drop make two rows; the byte numbers of 40 hits are listed.
     #[test]
     fn hits_of_one_kind_are_one_row_with_their_count() {
         let mut faults: Vec<FaultSpec> = (0..600).map(|byte| hit(FaultKind::Flip, byte)).collect();

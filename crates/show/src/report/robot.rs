@@ -1,4 +1,4 @@
-//! What the robot was told and did in the end, whatever robot it is.
+//! Final commands and state of the robot, for any kind of robot.
 
 use crate::html::escape;
 use engine::robots::{Axis, Panel, PanelRow};
@@ -6,7 +6,7 @@ use engine::run::Outcome;
 
 use super::{row, table};
 
-/// Axes as a table and each panel folded; nothing if there are neither.
+/// Axes as a table and each panel folded; empty if the robot has neither.
 pub(super) fn section(outcome: &Outcome) -> String {
     let mut content = String::new();
     if !outcome.axes.is_empty() {
@@ -35,7 +35,7 @@ fn axis(axis: &Axis) -> String {
     row("", &cells.each_ref().map(String::as_str))
 }
 
-/// At most three places; no `-0`.
+/// Formats at most three decimals, never `-0`.
 fn figure(value: f64) -> String {
     ((value * 1000.0).round() / 1000.0 + 0.0).to_string()
 }
@@ -59,7 +59,7 @@ fn panel(panel: &Panel) -> String {
 mod tests {
     use super::*;
 
-    /// What a robot of another crate says of itself is no markup.
+    /// Text from a robot of another crate is escaped.
     #[test]
     fn names_and_values_are_escaped() {
         let shown = axis(&Axis {

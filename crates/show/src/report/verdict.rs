@@ -1,5 +1,5 @@
-//! What a run came to: its verdict with the first cause, four figures, every check with a sentence
-//! on what it means; what passed is folded.
+//! Verdict of a run: the first cause, four figures, and every check with a sentence that explains
+//! it; passed checks are folded.
 
 use core::time::Duration;
 
@@ -12,7 +12,7 @@ use engine::TOOL;
 use engine::run::Outcome;
 use engine::run::check::{Check, Status};
 
-/// Verdict, what failed first, which run it was and how to repeat it.
+/// Verdict, first failed check, name of the run, and the command that repeats it.
 pub(super) fn header(outcome: &Outcome) -> String {
     let (class, verdict) = match outcome.passed() {
         true => ("pass", "PASS"),
@@ -31,7 +31,7 @@ pub(super) fn header(outcome: &Outcome) -> String {
     )
 }
 
-/// The first check that failed, and how many more did.
+/// The first failed check, and the number of further ones.
 fn cause(outcome: &Outcome) -> String {
     let mut failed = of(&outcome.checks, Status::Fail);
     let Some(first) = failed.next() else {
@@ -56,11 +56,11 @@ fn cause(outcome: &Outcome) -> String {
     format!("<p id=\"cause\"><strong>{name}</strong>: {detail}.{probable}<br>{meaning}{more}</p>\n")
 }
 
-/// Up to four figures that say most of a run.
+/// Up to four figures that characterise a run.
 fn tiles(outcome: &Outcome) -> String {
-    // Wall time is no part of the run: it would make each report another one.
+    // Wall time is not part of the run: it would make each report different.
     let metrics = Metrics::of(outcome, Duration::ZERO);
-    // Not whole: 99.7 % would be all of it.
+    // One decimal: 99.7 % rounded to a whole number would read 100 %.
     let percent = |share: f64| format!("{:.1} %", share * 100.0);
     let waypoints = (metrics.waypoints > 0)
         .then(|| format!("{} of {}", metrics.waypoints_visited, metrics.waypoints));
@@ -85,7 +85,7 @@ fn of(checks: &[Check], status: Status) -> impl Iterator<Item = &Check> {
     checks.iter().filter(move |check| check.status == status)
 }
 
-/// All checks: what failed, what was not observed, and folded what passed.
+/// All checks: failed ones, unobserved ones, and passed ones in a fold.
 pub(super) fn checks(outcome: &Outcome) -> String {
     let all = &outcome.checks;
     let open = of(all, Status::Fail).chain(of(all, Status::NotObserved));

@@ -25,12 +25,12 @@ impl Counts {
         self.0[value as usize]
     }
 
-    /// Bytes with bit 7.
+    /// Number of bytes with bit 7 set.
     pub(super) fn high(&self) -> u64 {
         self.0[0x80..].iter().sum()
     }
 
-    /// Whether nearly all of it is text, which may lack any value.
+    /// Whether nearly all bytes are text, which may lack any value.
     pub(super) fn is_text(&self) -> bool {
         let controls: u64 = [b'\t', b'\n', b'\r']
             .map(|byte| self.of_value(byte))
@@ -47,7 +47,7 @@ impl Counts {
     }
 }
 
-/// Different values in `bytes`: a stream of one value is no evidence of anything.
+/// Number of different values in `bytes`: a stream of one value is no evidence.
 fn variety(bytes: &[u8]) -> usize {
     bytes.iter().collect::<BTreeSet<_>>().len()
 }
@@ -62,8 +62,8 @@ pub(super) fn doubled(bytes: &[u8]) -> Option<Damage> {
     })
 }
 
-/// Whether the stream becomes sound when each two bytes change places; `framed` of them are in
-/// valid frames as it is.
+/// Detects swapped pairs: whether the stream becomes valid when the bytes of each pair are swapped.
+/// `framed` bytes are in valid frames without the swap.
 pub(super) fn swapped(bytes: &[u8], framed: u64) -> Option<Damage> {
     let len = bytes.len() as u64;
     (0..2).find_map(|start| {
@@ -79,8 +79,8 @@ pub(super) fn swapped(bytes: &[u8], framed: u64) -> Option<Damage> {
     })
 }
 
-/// Whether frames hold when the bytes of their checksum change places. What has both orders is
-/// accused only if one of them is expected.
+/// Detects a swapped checksum. A protocol that exists in both orders is diagnosed only if one of
+/// them is expected.
 pub(super) fn other_order(bytes: &[u8], expected: Option<&Codec>) -> Option<Damage> {
     let candidate = |codec: &Codec| match codec.other_order()? {
         OtherOrder::Wrong(count) => Some(count(bytes)),
@@ -97,9 +97,8 @@ pub(super) fn other_order(bytes: &[u8], expected: Option<&Codec>) -> Option<Dama
     is.then_some(Damage::ChecksumOrder { other, expected })
 }
 
-/// Whether the frames that were sent are also among those that arrived, in the same order. A
-/// program may answer some messages with their like, so nearly all must come back, and not only a
-/// few.
+/// Detects an echo: whether the sent frames are also among the received ones, in the same order.
+/// Some replies equal their requests, so nearly all frames must come back, and more than a few.
 pub(super) fn echoed(bytes: &[u8], opposite: &[u8]) -> Option<Damage> {
     let opposite = &opposite[..opposite.len().min(bytes.len())];
     let codec = codec::guess(opposite)?;
@@ -123,8 +122,8 @@ pub(super) fn echoed(bytes: &[u8], opposite: &[u8]) -> Option<Damage> {
     (back >= 8 && back * 10 >= sent * 9).then_some(Damage::Echo { back, sent })
 }
 
-/// Whether nearly every byte, with its start and stop bit, is made of runs of equal bits as long as
-/// a whole multiple of one factor: a slower sender's bits.
+/// Detects a slower sender: whether the equal-bit runs of nearly every byte, with start and stop
+/// bit, are multiples of one factor.
 pub(super) fn slow_sender(bytes: &[u8]) -> Option<Damage> {
     if variety(bytes) < 2 {
         return None;
@@ -142,8 +141,8 @@ pub(super) fn slow_sender(bytes: &[u8]) -> Option<Damage> {
     })
 }
 
-/// Whether all runs of equal bits that begin and end inside the character are multiples of
-/// `factor` long. The last run continues after the stop bit.
+/// Whether all runs of equal bits that begin and end inside the character are multiples of `factor`
+/// long. The last run continues after the stop bit.
 fn is_stretched(byte: u8, factor: u32) -> bool {
     // Start bit, data from the lowest bit, stop bit.
     let bits = u16::from(byte) << 1 | 0x200;

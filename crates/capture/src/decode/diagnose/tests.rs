@@ -1,4 +1,4 @@
-//! Each damage is done to a sound stream, and must be named; the sound stream must not.
+//! Each damage is applied to a sound stream and must be diagnosed; the sound stream must not be.
 
 use emulators::rng::Rng;
 use protocols::avr::ChecksumOrder::{HighFirst, LowFirst};
@@ -8,7 +8,7 @@ use protocols::xv11::{self, RawReading, Reading, SpeedWord};
 use super::*;
 use engine::codec::{BUS, BUS_HIGH_FIRST};
 
-/// Thousands of packets of a lidar, with all distances a room has.
+/// Thousands of packets of a lidar, with all distances that occur in a room.
 fn lidar() -> Vec<u8> {
     let mut rng = Rng::stream(1, "lidar");
     let mut below = |n| u16::try_from(rng.below(n)).expect("small");
@@ -52,7 +52,7 @@ fn of(bytes: &[u8]) -> Vec<Damage> {
     })
 }
 
-/// What a receiver reads whose rate is `factor` times the sender's: bit by bit.
+/// Bytes that a receiver reads at `factor` times the sender's rate, bit by bit.
 fn read_fast(bytes: &[u8], factor: usize) -> Vec<u8> {
     let characters = bytes.iter().map(|&byte| u16::from(byte) << 1 | 0x200);
     let bits: Vec<bool> = characters
@@ -189,7 +189,7 @@ fn a_checksum_the_other_way_round_is_named() {
             codec: Some(codec),
             ..Line::default()
         };
-        // All of them; a sum whose bytes are equal holds both ways.
+        // All frames are counted; a checksum with two equal bytes is correct in both orders.
         let found = diagnose(&line);
         let [
             Damage::ChecksumOrder {
@@ -204,7 +204,7 @@ fn a_checksum_the_other_way_round_is_named() {
     }
 }
 
-/// Text may lack any value: what prints, tabs and line ends are 19 parts of 20.
+/// Text may lack any value: 19 of 20 bytes must be printable characters, tabs or line ends.
 #[test]
 fn a_twentieth_of_text_may_be_anything() {
     let is_text = |bytes: &[u8]| Counts::of(bytes).is_text();
@@ -217,7 +217,7 @@ fn a_twentieth_of_text_may_be_anything() {
     assert_eq!([1, 2].map(|other| is_text(&mixed(other))), [true, false]);
 }
 
-/// Beside 13 and 17 there are 1, 2, 3 and 6 bytes: 3 on average.
+/// The neighbours of 13 and 17 occur 1, 2, 3 and 6 times: 3 on average.
 #[test]
 fn values_are_counted_one_by_one() {
     let around = [
@@ -236,8 +236,8 @@ fn values_are_counted_one_by_one() {
     assert_eq!(Counts::of(&[0x7F, 0x80, 0xFF]).high(), 2);
 }
 
-/// 95 of 100 pairs are of equal bytes, of four values at least; they may begin with the second
-/// byte.
+/// 95 of 100 pairs consist of equal bytes, with at least four values; the pairs may begin with the
+/// second byte.
 #[test]
 fn nearly_all_bytes_are_doubled() {
     let pairs = |values: u8, unequal: u8| -> Vec<u8> {
@@ -256,7 +256,8 @@ fn nearly_all_bytes_are_doubled() {
     assert_eq!(doubled(&[&[77], &pairs(4, 0)[..]].concat()), found(100));
 }
 
-/// Changed places give frames of four fifths of all bytes, where a fifth has some as it is.
+/// Swapped pairs are diagnosed if the swap gives frames of four fifths of all bytes, although a
+/// fifth has valid frames without it.
 #[test]
 fn places_are_changed_where_that_makes_a_stream_sound() {
     let mut frames = lidar()[..2_200].to_vec();
@@ -279,7 +280,8 @@ fn places_are_changed_where_that_makes_a_stream_sound() {
     );
 }
 
-/// Eight frames hold the other way round, and more than ten times as many as the right way.
+/// At least eight frames are correct in the other order, more than ten times as many as in the
+/// expected order.
 #[test]
 fn a_checksum_has_the_other_order_if_ten_times_as_many_hold() {
     let frames = lidar();
@@ -296,7 +298,7 @@ fn a_checksum_has_the_other_order_if_ten_times_as_many_hold() {
     );
 }
 
-/// Nine of ten frames come back, eight at least, each within the next sixteen that arrive.
+/// Nine of ten frames come back, at least eight, each within the next sixteen received frames.
 #[test]
 fn an_echo_is_nearly_all_that_was_sent() {
     let frames = |register: u8, count: u8| -> Vec<Vec<u8>> {
@@ -318,8 +320,8 @@ fn an_echo_is_nearly_all_that_was_sent() {
     assert_eq!([echo(15, 0, 10), echo(16, 0, 10)], [found(10, 10), None]);
 }
 
-/// Start bit and zeros make a run of 8, 6, 4, 3 or 2 bits, and ones the rest; runs of 7 and 5 are
-/// none of a slower sender. This holds for 95 of 100 bytes, and there are two values at least.
+/// Start bit and zeros make a run of 8, 6, 4, 3 or 2 bits, and ones the rest; a slower sender makes
+/// no runs of 7 and 5. This holds for 95 of 100 bytes with at least two values.
 #[test]
 fn a_slow_sender_stretches_nearly_all_bytes() {
     let found = |stretched: &[u8], other: usize| {
@@ -354,8 +356,8 @@ fn a_slow_sender_stretches_nearly_all_bytes() {
     assert_eq!(found(&[0xE6], 0), None);
 }
 
-/// Of values as frequent as their neighbours, 40 times: a line end that occurs half as often again
-/// took the place of another. Where they are rare nothing is said.
+/// A line end counts as replaced if its neighbours occur 20 times or more, and the other line end
+/// occurs half as often again. With rarer neighbours there is no diagnosis.
 #[test]
 fn what_is_missing_is_told_from_its_limits_on() {
     let of = |counts: &[(u8, usize)]| {

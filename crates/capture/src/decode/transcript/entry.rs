@@ -14,7 +14,7 @@ pub struct Entry {
     pub link: usize,
     /// Direction.
     pub direction: Direction,
-    /// Place of its first byte among those of its line.
+    /// Offset of its first byte on its line.
     pub place: u64,
     /// Its content.
     pub said: Said,
@@ -25,13 +25,13 @@ pub struct Entry {
 pub enum Said {
     /// A valid frame, in words.
     Frame(String),
-    /// Printable bytes outside of frames, in words.
+    /// Printable bytes outside of frames, as text.
     Text(String),
-    /// Bytes that are neither, and why those that looked like a frame were none.
+    /// Bytes that are neither, and the errors of those that looked like a frame.
     Bad(Vec<u8>, Vec<FrameError>),
-    /// Bytes of a line whose protocol is unknown, as they came together.
+    /// Bytes of a line with an unknown protocol, one message.
     Data(Vec<u8>),
-    /// The line told something besides bytes, or a fault struck, in words.
+    /// An event of the line besides bytes, or a fault, as text.
     Event(String),
 }
 

@@ -1,16 +1,16 @@
-//! What offsets and cells of a dump may be.
+//! Layouts of the offsets and cells of a dump.
 
 use engine::hex;
 
 /// One layout of a tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
-    /// Base of the offsets.
+    /// Number base of the offsets.
     radix: u32,
     cell: Cell,
 }
 
-/// What a cell holds.
+/// Kind of the cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cell {
     /// Bytes in order, two hex digits each, in groups of any size.
@@ -29,10 +29,10 @@ enum Cell {
     Char,
 }
 
-/// What is known of all rows together.
+/// Properties of all rows together.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
-    /// A colon behind the offset: xxd, whose groups are bytes in order.
+    /// Whether a colon follows the offset: xxd, whose groups are bytes in order.
     pub(super) has_colon: bool,
 }
 
@@ -44,7 +44,7 @@ const fn word(radix: u32, digits: usize, bytes: usize) -> Cell {
     }
 }
 
-/// All kinds of cells; the more usual first.
+/// All kinds of cells, the most common first.
 const CELLS: [Cell; 11] = [
     Cell::Pairs,
     word(16, 4, 2),
@@ -59,9 +59,9 @@ const CELLS: [Cell; 11] = [
     Cell::Decimal,
 ];
 
-/// All layouts of a dump whose offsets have so many digits, in groups of one kind of cell; the more
-/// usual first. od has seven digits, octal unless told otherwise; hexdump without -C has seven,
-/// too, but hex.
+/// All layouts of a dump whose offsets have so many digits, in groups with one kind of cell, the
+/// most common first. od has seven digits, octal by default. hexdump without -C also has seven, but
+/// in hex.
 pub(super) fn layouts(digits: usize) -> impl Iterator<Item = [Layout; 3]> {
     let radixes = if digits == 7 {
         [8, 10, 16]
@@ -106,7 +106,7 @@ impl Layout {
         matches!(self.cell, Cell::Word { bytes, .. } if bytes > 1)
     }
 
-    /// The bytes of a row; `len` of them, if the next offset tells.
+    /// Decodes the bytes of a row; `len` of them, if the next offset determines the number.
     pub(super) fn row(
         self,
         rest: &str,
@@ -120,7 +120,8 @@ impl Layout {
         let (mut bytes, mut end) = (Vec::new(), 0);
         loop {
             let behind = &rest[end..];
-            // Only a text that says the same proves words behind a colon, or groups without one.
+            // Only a text column with the same bytes proves words after a colon, or groups without
+            // one.
             let is_long_enough = len.is_none_or(|len| bytes.len() >= len);
             if !bytes.is_empty() && is_long_enough {
                 let mut cut = bytes.clone();
@@ -155,7 +156,7 @@ impl Layout {
         })
     }
 
-    /// Whether the cells alone do not say in which order their bytes are.
+    /// Whether the cells alone do not determine the order of their bytes.
     fn needs_proof(self, rest: &str, shape: Shape) -> bool {
         let token = next_token(rest, 0).map_or("", |(token, _)| token);
         match self.cell {
@@ -167,7 +168,7 @@ impl Layout {
 
     fn cell(self, token: &str, shape: Shape) -> Option<Vec<u8>> {
         match self.cell {
-            // gdb marks each byte.
+            // gdb prefixes each byte.
             Cell::Pairs => match token.strip_prefix("0x") {
                 Some(digits) => hex::byte(digits.as_bytes()).map(|byte| vec![byte]),
                 None => hex::bytes(token),
@@ -177,7 +178,7 @@ impl Layout {
                 digits,
                 bytes,
             } => {
-                // xxd writes the last word as long as it is.
+                // xxd writes the last word at its actual length.
                 let is_rest = shape.has_colon && radix == 16 && token.len().is_multiple_of(2);
                 let is_cell = token.len() == digits || (is_rest && token.len() < digits);
                 let number = u64::from_str_radix(token, radix).ok();
@@ -202,7 +203,7 @@ impl Layout {
     }
 }
 
-/// Whether a line says the bytes of a row in any other form.
+/// Whether a line has the bytes of a row in any other form.
 pub(super) fn same(text: &str, bytes: &[u8], shape: Shape) -> bool {
     CELLS.into_iter().any(|cell| {
         let layout = Layout { radix: 16, cell };
@@ -212,7 +213,7 @@ pub(super) fn same(text: &str, bytes: &[u8], shape: Shape) -> bool {
     })
 }
 
-/// The next word behind `from`, and where it ends.
+/// The next word after `from`, and its end.
 fn next_token(text: &str, from: usize) -> Option<(&str, usize)> {
     let rest = &text[from..];
     let start = from + rest.len() - rest.trim_start().len();
@@ -222,8 +223,8 @@ fn next_token(text: &str, from: usize) -> Option<(&str, usize)> {
     (len > 0).then(|| (&text[start..start + len], start + len))
 }
 
-/// Whether what is behind the cells is the same bytes as text, a character each; in bars or
-/// brackets, or with spaces before it. Spaces at the end of a line get lost.
+/// Whether the text after the cells shows the same bytes, one character each. The text is in bars
+/// or brackets, or after spaces. Trailing spaces of a line may be lost.
 fn shown_beside(behind: &str, bytes: &[u8]) -> bool {
     let text = behind.trim_end();
     if text.is_empty() {
@@ -237,7 +238,7 @@ fn shown_beside(behind: &str, bytes: &[u8]) -> bool {
             return true;
         }
     }
-    // Wireshark divides a conversation's text after eight characters.
+    // Wireshark separates the text of a conversation after eight characters.
     let undivided: String = text
         .trim_start()
         .char_indices()
@@ -273,7 +274,7 @@ fn shows(shown: &str, bytes: &[u8]) -> bool {
     shown.chars().count() == bytes.len() && shown.chars().zip(bytes).all(fits)
 }
 
-/// `  \0   A 377`: each character in four columns. Spaces at the end of a line get lost.
+/// Decodes `  \0   A 377`: each character in four columns. Trailing spaces of a line may be lost.
 fn characters(rest: &str, len: Option<usize>) -> Result<Vec<u8>, String> {
     let expected = || "expected characters in fields of four, as od -c writes".to_owned();
     let rest = rest.trim_end();

@@ -1,4 +1,4 @@
-//! Lines of a dump: rows, heads, and what says nothing.
+//! Lines of a dump: rows, heads, and lines without data.
 
 use crate::import::ImportError;
 use crate::import::hextext::log;
@@ -7,24 +7,24 @@ use crate::import::text::{self, Line};
 /// A line of a dump.
 #[derive(Clone, Debug)]
 pub(super) enum Row {
-    /// The row before, again and again.
+    /// A repetition of the previous row.
     Again,
     /// An offset and cells.
     At {
         offset: String,
-        /// The rest of the line; nothing in it at the end.
+        /// The rest of the line; empty at the end.
         rest: String,
-        /// What a log puts before the row.
+        /// The text of a log before the row.
         before: String,
         is_indented: bool,
     },
-    /// The bytes of the row before in another form, as od writes with two -t.
+    /// The bytes of the previous row in another form, as od writes with two -t.
     Same(String),
-    /// Words, behind which a message begins.
+    /// Words before a message.
     Head(String),
 }
 
-/// All lines that say something; a prompt that is left out is noted.
+/// All lines with content; an omitted prompt is noted.
 pub(super) fn rows<'a>(
     bytes: &'a [u8],
     notes: &mut Vec<String>,
@@ -49,7 +49,7 @@ pub(super) fn rows<'a>(
             ));
             continue;
         }
-        // Words in the middle of a dump are damage, unless a message begins behind them.
+        // Words in the middle of a dump are damage, unless a message begins after them.
         rows.push((line, Row::Head(text)));
     }
     let is_row = |row: &Row| matches!(row, Row::At { .. });
@@ -84,7 +84,7 @@ pub(super) fn begins_with_rows(bytes: &[u8]) -> bool {
     full.any(|line| matches!(row(&plain(line.text), None), Some(Row::At { .. })))
 }
 
-/// The text without the frames that hexyl draws, and without its column of characters.
+/// The text without the frames of hexyl, and without its column of characters.
 fn plain(text: &[u8]) -> String {
     let text = log::plain(text);
     let Some(inside) = text.trim_start().strip_prefix('\u{2502}') else {
@@ -99,7 +99,7 @@ fn plain(text: &[u8]) -> String {
     format!("{offset}  {}", cells.trim()).trim_end().to_owned()
 }
 
-/// Whether a line says nothing: a ruler of columns, a frame, the head of a table.
+/// Whether a line has no content: a ruler of columns, a frame, the head of a table.
 fn is_mute(text: &str) -> bool {
     let trimmed = text.trim();
     let is_drawn =
@@ -124,7 +124,7 @@ fn is_mute(text: &str) -> bool {
     count.count() >= 8
 }
 
-/// Whether a line is a shell's, with the command that made the dump or without one.
+/// Whether a line is a shell prompt, with or without the command that made the dump.
 fn is_prompt(text: &str) -> bool {
     const TOOLS: [&str; 8] = [
         "xxd",
@@ -170,14 +170,14 @@ fn row(text: &str, last: Option<&Row>) -> Option<Row> {
     ) = last
         && indent >= 5
     {
-        // Cells begin where those of the row above do.
+        // The cells begin in the same column as those of the row above.
         let width = match last {
             Some(Row::Same(_)) => 0,
             _ => offset.len(),
         };
         return Some(Row::Same(text.get(width..).unwrap_or_default().to_owned()));
     }
-    // A log puts its own words before the row.
+    // A log writes its own words before the row.
     let marks = [": ", "] ", ")\t", "| ", ") "];
     let mut starts: Vec<usize> = marks
         .iter()
@@ -200,13 +200,13 @@ fn is_cell(word: &str) -> bool {
     word.len().is_multiple_of(2) && word.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
-/// The offset that a line begins with, and the rest.
+/// The offset at the beginning of a line, and the rest.
 fn at(text: &str) -> Option<(String, String)> {
     let end = text.find([' ', '\t']).unwrap_or(text.len());
     let (mut offset, mut rest) = text.split_at(end);
     let has_prefix = offset.starts_with("0x");
     offset = offset.strip_prefix("0x").unwrap_or(offset);
-    // gdb names the symbol behind the address.
+    // gdb names the symbol after the address.
     let symbol = rest
         .trim_start()
         .strip_prefix('<')

@@ -1,7 +1,7 @@
 use super::*;
 
-/// What the tools print of the same 37 bytes: xxd 2022-01-14, hexdump of util-linux 2.38.1, od of
-/// coreutils 9.1, tshark 4.0.17 (`-x`). The first row twice more, so that `*` appears.
+/// Output of the tools for the same 37 bytes: xxd 2022-01-14, hexdump of util-linux 2.38.1, od of
+/// coreutils 9.1, tshark 4.0.17 (`-x`). The first row occurs twice more, so that `*` appears.
 fn source() -> Vec<u8> {
     let row = b"\xAB\x24\x0A\x00\xD9\xAB$ ab\x00\x01\x02\x03\x04\x05";
     [&row[..], row, b"ASCI\xFF"].concat()
@@ -111,7 +111,7 @@ fn binary_digits_and_packets_are_read() {
     assert_eq!(chunks, [&b"\xAB\x24\x0A\x00\xD9"[..], b"\xAB\x24\x84\x09"]);
 }
 
-/// A text column that happens to look like hex is text, since it says the same.
+/// A text column that happens to look like hex is text, because it shows the same bytes.
 #[test]
 fn the_text_beside_the_bytes_is_no_data() {
     assert_eq!(bytes("00000000: 6162 6364  abcd\n"), Ok(b"abcd".to_vec()));
@@ -139,7 +139,7 @@ fn damage_is_an_error_with_its_line() {
     assert!(error("hello\n").contains("expected an offset"));
 }
 
-/// od's 0000040 is 32, hexdump's 64. The last row tells them apart if it is not full.
+/// od's 0000040 is 32, hexdump's is 64. The last row distinguishes them if it is not full.
 #[test]
 fn repeated_rows_are_counted_by_the_tools_own_offsets() {
     let row = "0000000 24ab 000a abd9 2024 6261 0100 0302 0504\n*\n";
@@ -165,7 +165,7 @@ fn other_text_is_no_dump() {
     }
 }
 
-/// Rulers, prompts, words of a log, addresses, frames: around the same rows.
+/// Rulers, prompts, words of a log, addresses and frames around the same rows.
 #[test]
 fn what_stands_around_the_rows_is_no_data() {
     for (name, text) in [

@@ -2,40 +2,40 @@
 
 use super::literal::is_literal;
 
-/// How the numbers of a text are written.
+/// Number format of a text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::import) enum Base {
     /// Pairs of hex digits.
     #[default]
     Hex,
-    /// Hex without leading zeros, as Arduino's `print(x, HEX)` writes.
+    /// Hex without leading zeros, as from Arduino's `print(x, HEX)`.
     Loose,
     /// Decimal numbers, perhaps with a sign, as Python, Rust and Java print lists of bytes.
     Decimal,
     /// Three octal digits each.
     Octal,
-    /// Literals of bytes, of which some are no digits.
+    /// Literals of bytes, of which some are not digits.
     Text,
 }
 
-/// What the numbers of a text look like.
+/// Counts of number forms in a text.
 #[derive(Default)]
 struct Shape {
     all: usize,
-    /// Of one, two and three digits.
+    /// Numbers of one, two and three digits.
     lens: [usize; 3],
     longer: usize,
-    /// With a letter.
+    /// Numbers with a letter.
     letters: usize,
-    /// Two digits of which the first is 0.
+    /// Numbers of two digits, the first of which is 0.
     padded: usize,
-    /// Three digits of which the first is 0.
+    /// Numbers of three digits, the first of which is 0.
     zeros: usize,
     negative: usize,
-    /// Three digits that are octal, and up to 255 as decimal numbers.
+    /// Numbers of three digits that are octal, and numbers up to 255 in decimal.
     octal: usize,
     decimal: usize,
-    /// Six octal digits, as od writes words.
+    /// Numbers of six octal digits, as od writes words.
     words: usize,
     is_marked: bool,
     is_last_short: bool,
@@ -44,7 +44,7 @@ struct Shape {
 /// The base of all numbers in `bodies`.
 ///
 /// # Errors
-/// If they may be of two bases.
+/// If two bases are possible.
 pub(in crate::import) fn of<'a>(bodies: impl Iterator<Item = &'a str>) -> Result<Base, String> {
     let mut shape = Shape::default();
     let (mut is_list, mut is_text, mut is_quoted) = (false, false, false);
@@ -105,7 +105,7 @@ impl Shape {
         if self.is_marked || self.all == 0 {
             return Ok(Base::Hex);
         }
-        // The last digit of a text that was cut is no number.
+        // The last number of a cut text may lack digits.
         let whole_ones = ones - usize::from(self.is_last_short).min(ones);
         if self.letters > 0 {
             let is_loose =

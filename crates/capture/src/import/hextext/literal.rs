@@ -2,7 +2,7 @@
 
 use engine::hex;
 
-/// What a literal has between its quotes.
+/// Text between the quotes of a literal.
 fn inside(text: &str) -> Option<&str> {
     let inside = ["b'", "b\""]
         .iter()
@@ -15,7 +15,7 @@ pub(super) fn is_quoted(text: &str) -> bool {
     inside(text).is_some()
 }
 
-/// Whether a text is a literal. What is hex digits alone may be digits in quotes.
+/// Whether a text is a literal. A text of hex digits alone may be digits in quotes.
 pub(super) fn is_literal(text: &str) -> bool {
     inside(text).is_some_and(|inside| hex::bytes(inside).is_none())
 }

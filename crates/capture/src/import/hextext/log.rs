@@ -1,7 +1,7 @@
 //! Logs of programs that show bytes among words.
 //!
 //! ```text
-//! [01][03][00][00][00][02][C4][0B]                      libmodbus; what came is in < >
+//! [01][03][00][00][00][02][C4][0B]                      libmodbus; received bytes are in < >
 //! Tx:000123-01 03 00 00 00 0A C5 CD                     Modbus Poll
 //! [12:11:23][D][uart_debug:114]: >>> 55:AA:03:07        ESPHome
 //! send: 0x1 0x3 0x0 0x0 0x0 0x2 0xc4 0xb                pymodbus
@@ -11,8 +11,9 @@
 //! I (357) uart: ab 24 0a 00 d9                          ESP-IDF
 //! ```
 //!
-//! The bytes of a line are its longest run of hex numbers, at best at its end. A line without such
-//! a run is a comment, and is said to be left out. Each message needs a direction or a time.
+//! The bytes of a line are its longest run of hex numbers, preferably at its end. A line without
+//! such a run is a comment; a note counts the omitted lines. Each message needs a direction or a
+//! time.
 
 use super::prefix::{self, Clock, Prefix};
 use super::{Message, Whole, emit};
@@ -21,20 +22,20 @@ use crate::import::imported::{ImportError, Imported, Options};
 use crate::import::text::{Line, lines};
 use engine::hex;
 
-/// Bytes of a line, and what stands before them.
+/// Bytes of a line, and the text before them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Piece {
     prefix: Prefix,
     bytes: Vec<u8>,
     evident: usize,
     has_marks: bool,
-    /// How many bytes the line says there are.
+    /// Number of bytes that the line states.
     told: Option<usize>,
-    /// Whether nothing stands before the bytes.
+    /// Whether no text precedes the bytes.
     is_bare: bool,
 }
 
-/// Hex numbers one behind the other.
+/// Consecutive hex numbers.
 #[derive(Clone, Debug, Default)]
 struct Run {
     bytes: Vec<u8>,
@@ -45,7 +46,7 @@ struct Run {
     end: usize,
 }
 
-/// Words of what was sent, and of what came.
+/// Words for sent bytes, and for received ones.
 const SENT: [&str; 16] = [
     "tx",
     "txd",
@@ -83,7 +84,7 @@ const RECEIVED: [&str; 17] = [
     "input",
     "recvd",
 ];
-/// Arrows; those of one character count right before the bytes only.
+/// Arrows; arrows of one character count only directly before the bytes.
 const ARROWS: [(&str, bool); 10] = [
     (">>>", true),
     ("<<<", false),
@@ -97,7 +98,7 @@ const ARROWS: [(&str, bool); 10] = [
     ("<-", false),
 ];
 
-/// The text without the colours of a terminal.
+/// The text without the colour codes of a terminal.
 pub(in crate::import) fn plain(text: &[u8]) -> String {
     let text = String::from_utf8_lossy(text);
     let mut out = String::new();
@@ -111,7 +112,7 @@ pub(in crate::import) fn plain(text: &[u8]) -> String {
     out
 }
 
-/// What a line holds; none if it has no bytes.
+/// Bytes of a line; `None` if it has none.
 fn piece(text: &str) -> Option<Piece> {
     if let Some(piece) = bracketed(text) {
         return Some(piece);
@@ -123,7 +124,7 @@ fn piece(text: &str) -> Option<Piece> {
     }
     let prefix = prefix_of(head);
     let is_bare = head.trim().is_empty();
-    // A decimal figure behind words that tell no direction.
+    // A decimal figure after words without a direction.
     let is_figure = run.evident == 0 && !run.is_pairs && prefix.is_sent.is_none() && !is_bare;
     if is_figure {
         return None;
@@ -152,7 +153,7 @@ fn bracketed(text: &str) -> Option<Piece> {
                 is_whole = false;
                 break;
             };
-            // One character is the byte as text.
+            // A single character is the byte as text.
             is_whole &= before.trim().chars().count() <= 1 || run.bytes.is_empty();
             if run.bytes.is_empty() {
                 run.end = text.len() - rest.len() + at;
@@ -182,7 +183,7 @@ fn bracketed(text: &str) -> Option<Piece> {
     None
 }
 
-/// Kinds of numbers, which do not mix in one run.
+/// Kinds of numbers, which are not mixed in one run.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Pair,
@@ -225,7 +226,7 @@ fn runs(text: &str) -> Vec<Run> {
         let found = number(token);
         if let Some((kind, bytes)) = &found {
             let gap = last.map(|(_, end)| &text[end..at]);
-            // Groups of eight bytes, of which the last is shorter.
+            // Groups of eight bytes, the last of which is shorter.
             let is_rest = gap == Some(" ")
                 && runs
                     .last()
@@ -260,7 +261,7 @@ fn runs(text: &str) -> Vec<Run> {
     runs
 }
 
-/// What may stand between two numbers of a run: spaces, a comma, or one mark without spaces.
+/// Whether `gap` may separate two numbers of a run: spaces, a comma, or one mark without spaces.
 fn is_gap(gap: &str) -> bool {
     let marks = gap.trim();
     gap.len() <= 3 && (marks.is_empty() || marks == "," || [":", "-", "|", ";"].contains(&gap))
@@ -293,8 +294,8 @@ fn is_head(head: &str) -> bool {
     direction(&word).is_some() || matches!(word.as_str(), "bytes" | "data" | "frame" | "packet")
 }
 
-/// Whether this may follow the bytes: nothing, the same as text, or something in brackets; behind
-/// a run that is no chance, any words.
+/// Whether `tail` may follow the bytes: nothing, the same bytes as text, or text in brackets. After
+/// a run that is not by chance, any words may follow.
 fn is_tail(tail: &str, run: &Run) -> bool {
     let shown = tail.trim_matches(|c: char| c.is_whitespace() || "]})>'\"|.,;".contains(c));
     shown.is_empty()
@@ -357,7 +358,7 @@ pub(in crate::import) fn stamp(text: &str) -> Stamp {
     Stamp { at, is_sent }
 }
 
-/// How many bytes a text says there are: `5 bytes`, `Length 5`, `len=5`.
+/// Number of bytes that a text states: `5 bytes`, `Length 5`, `len=5`.
 fn told(text: &str) -> Option<usize> {
     let lower = text.to_ascii_lowercase();
     if lower.contains("expect") || lower.contains(" of ") {
@@ -393,7 +394,7 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
         let Some(found) = piece(&text) else {
             let prefix = prefix_of(&text);
             error = error.or(close(open.take(), &mut whole));
-            // A line that only tells a direction is the head of those below.
+            // A line with only a direction is the head of the lines below.
             if prefix.is_sent.is_some() {
                 open = Some(of(line, prefix, told(&text)));
             } else {
@@ -478,7 +479,7 @@ pub(in crate::import) fn read(
             first.number
         ));
     }
-    // A clock that only some lines have says nothing of the others.
+    // A clock that only some lines have does not apply to the others.
     let clock = |one: &Message<'_>| one.at.map(|at| at.1);
     let first = whole.messages.first().and_then(clock);
     let is_timed = first.is_some() && whole.messages.iter().all(|one| clock(one) == first);

@@ -2,34 +2,34 @@
 
 use crate::import::text::{decimal_nanos, moment};
 
-/// What a time counts from.
+/// Origin of a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::import) enum Clock {
-    /// 1970, by a date and a time.
+    /// 1970, for a date with a time.
     Date,
-    /// Midnight, by a time of the day.
+    /// Midnight, for a time of day.
     Day,
     /// The start of the recording.
     Seconds,
 }
 
-/// What stands before the bytes.
+/// Text before the bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::import) struct Prefix {
     pub(in crate::import) at: Option<(u64, Clock)>,
-    /// Whether the host sent the bytes; none if the line does not say.
+    /// Whether the host sent the bytes; `None` if the line has no direction.
     pub(in crate::import) is_sent: Option<bool>,
-    /// Whether it says so by nothing but an arrow to the right behind the time, as the Arduino IDE
-    /// and PlatformIO write before what they received.
+    /// Whether the direction is only an arrow to the right after the time, which the Arduino IDE
+    /// and PlatformIO write before received text.
     pub(in crate::import) is_arrow: bool,
 }
 
-/// Words of what the host sent.
+/// Words for bytes that the host sent.
 const SENT: [&str; 13] = [
     "tx", "send", "sent", "sending", "out", "write", "wrote", "written", "host", "->", "-->", ">",
     ">>",
 ];
-/// Words of what it received.
+/// Words for bytes that the host received.
 const RECEIVED: [&str; 13] = [
     "rx",
     "recv",
@@ -66,7 +66,7 @@ pub(in crate::import) fn split(text: &str) -> (Prefix, &str) {
     }
 }
 
-/// The first word: what is in brackets, or up to a space. Behind it what follows.
+/// The first word, which is a bracketed text or ends at a space, and the rest.
 fn next_word(text: &str) -> Option<(&str, &str)> {
     for (open, close) in [('[', ']'), ('(', ')')] {
         if let Some(inside) = text.strip_prefix(open)
@@ -91,10 +91,10 @@ fn direction(word: &str) -> Option<bool> {
     }
 }
 
-/// A time that begins with `word`, and what is behind it.
+/// A time that begins with `word`, and the rest of the text.
 fn time<'a>(word: &str, behind: &'a str) -> Option<((u64, Clock), &'a str)> {
     let word = word.trim_end_matches([':', ',']);
-    // A bracket may hold both parts of a date.
+    // A bracket may contain both parts of a date.
     if let Some((date, time)) = word.split_once([' ', 'T'])
         && let Some(nanos) = date_and_time(date, time)
     {
@@ -132,7 +132,7 @@ fn whole_of_day(word: &str) -> Option<u64> {
     Some(moment("1970-01-01", word, '-')? * 1_000_000_000)
 }
 
-/// A time among the first words of a line: `12:11:23` in brackets or behind others, or the
+/// A time among the first words of a line: `12:11:23` in brackets or after other words, or the
 /// milliseconds of ESP-IDF, `I (357)`.
 pub(super) fn within(text: &str) -> Option<(u64, Clock)> {
     let is_divider = |c: char| c.is_whitespace() || "[]".contains(c);
@@ -155,7 +155,7 @@ pub(super) fn within(text: &str) -> Option<(u64, Clock)> {
     Some((millis.checked_mul(1_000_000)?, Clock::Seconds))
 }
 
-/// A time of a clock of twelve hours.
+/// Converts a time of a twelve-hour clock.
 fn half_of_day(nanos: u64, half: &str) -> u64 {
     const HALF: u64 = 12 * 3_600 * 1_000_000_000;
     match half {
@@ -164,8 +164,8 @@ fn half_of_day(nanos: u64, half: &str) -> u64 {
     }
 }
 
-/// `12:11:23.000501`, `12:11:23:501` or `12:11:23.000,501`; the fraction is needed, as three pairs
-/// are bytes as well.
+/// `12:11:23.000501`, `12:11:23:501` or `12:11:23.000,501`; the fraction is required, because three
+/// pairs may also be bytes.
 fn of_day(word: &str) -> Option<u64> {
     let colons = word.matches(':').count();
     let (time, fraction) = match word.rsplit_once(':') {
@@ -185,7 +185,7 @@ fn date_and_time(date: &str, time: &str) -> Option<u64> {
     let turned: String;
     let (date, mark) = match date.split(['.', '/']).collect::<Vec<_>>()[..] {
         [first, second, year] if year.len() == 4 => {
-            // The day comes first, unless it cannot be one.
+            // The day comes first, unless the second number cannot be a month.
             let is_month_first = second.parse::<u8>().is_ok_and(|second| second > 12);
             turned = match is_month_first {
                 true => format!("{year}-{first}-{second}"),

@@ -2,7 +2,7 @@ use super::*;
 use crate::import::{Format, read as read_format};
 use engine::rig::line::Direction;
 
-/// The messages of a text: time in microseconds, whether to the device, bytes.
+/// Messages of a text: time in microseconds, direction (true: to the device), bytes.
 fn told(text: &str) -> Result<Vec<(u64, bool, Vec<u8>)>, String> {
     let options = Options {
         baud: Some(1_000_000),
@@ -22,7 +22,7 @@ fn bytes(text: &str) -> Vec<u8> {
     told.into_iter().flat_map(|(_, _, bytes)| bytes).collect()
 }
 
-/// A read of the register bus in all the ways in which people write it.
+/// A read of the register bus in all common spellings.
 #[test]
 fn all_spellings_are_the_same_bytes() {
     let expected = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
@@ -52,7 +52,7 @@ fn all_spellings_are_the_same_bytes() {
     }
 }
 
-/// Times by hand; a line without a prefix continues with the one before.
+/// Times worked out by hand; a line without a prefix continues the previous message.
 #[test]
 fn times_and_directions_before_the_bytes_are_read() {
     let both = vec![(501, true, vec![0xAB]), (1_500, false, vec![0x24, 0x0A])];
@@ -101,7 +101,8 @@ fn lines_without_times_stay_apart() {
     assert_eq!(times, [160, 320, 330]);
 }
 
-/// Three pairs with colons are bytes; a number of several bytes has no known order; a word is none.
+/// Three pairs with colons are bytes. A number of several bytes has no known byte order. A word is
+/// not a number.
 #[test]
 fn what_has_two_meanings_is_not_guessed() {
     assert_eq!(bytes("12:11:23"), [0x12, 0x11, 0x23]);

@@ -5,7 +5,7 @@ use engine::hex;
 use super::base::Base;
 use super::literal::{is_literal, is_quoted};
 
-/// What a line holds.
+/// Content of a line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Found {
     pub(super) bytes: Vec<u8>,
@@ -13,11 +13,11 @@ pub(super) struct Found {
     pub(super) evident: usize,
     /// Groups of more than two digits.
     pub(super) groups: usize,
-    /// Whether a prefix says that it is hex.
+    /// Whether a prefix marks the digits as hex.
     pub(super) has_marks: bool,
 }
 
-/// The text without its comments; `is_open` tells whether one of C continues.
+/// The text without its comments; `is_open` is whether a C comment continues.
 pub(super) fn without_comments(text: &str, is_open: &mut bool) -> String {
     let mut out = String::new();
     let mut rest = text;
@@ -34,7 +34,7 @@ pub(super) fn without_comments(text: &str, is_open: &mut bool) -> String {
         out.push_str(before);
         (*is_open, rest) = (true, behind);
     }
-    // Inside of quotes these are bytes.
+    // Inside quotes these characters are bytes.
     let has_literal = ["\\", "b'", "b\""].iter().any(|mark| rest.contains(mark));
     let quoted = rest.rfind(['"', '\'']).filter(|_| has_literal);
     let ends = ["//", "#"].map(|mark| rest.find(mark).filter(|&at| Some(at) > quoted));
@@ -55,7 +55,7 @@ pub(super) fn without_comments(text: &str, is_open: &mut bool) -> String {
     out
 }
 
-/// What is between the braces of an array, on this line: numbers with a prefix, and nothing else.
+/// Text between the braces of an array on this line, if it consists only of numbers with a prefix.
 pub(super) fn inside_braces(text: &str) -> String {
     let inside = text.rsplit('{').next().unwrap_or(text);
     let inside = inside.split('}').next().unwrap_or(inside);
@@ -65,7 +65,7 @@ pub(super) fn inside_braces(text: &str) -> String {
     inside.to_owned()
 }
 
-/// What programs print around bytes.
+/// Wrappers that programs print around bytes.
 const WRAPPERS: [(&str, &str); 8] = [
     ("<Buffer", ">"),
     ("bytearray(", ")"),
@@ -77,7 +77,7 @@ const WRAPPERS: [(&str, &str); 8] = [
     ("&[", "]"),
 ];
 
-/// The bytes of a line behind its prefix.
+/// Decodes the bytes of a line after its prefix.
 pub(super) fn read(text: &str, base: Base) -> Result<Found, String> {
     let mut text = text.trim().trim_end_matches(';');
     for (open, close) in WRAPPERS {
@@ -118,7 +118,7 @@ fn numbers(text: &str, base: Base) -> Result<Found, String> {
     Ok(found)
 }
 
-/// What is before and behind a wider gap: bytes, and perhaps the same bytes as text.
+/// Splits at a wider gap: bytes before it, and perhaps the same bytes as text after it.
 fn text_column(text: &str) -> Option<(&str, &str)> {
     let at = ["   ", "  ", "\t"].iter().find_map(|gap| text.find(gap))?;
     let shown = text[at..].trim();
@@ -126,7 +126,8 @@ fn text_column(text: &str) -> Option<(&str, &str)> {
     Some((&text[..at], shown.strip_suffix('|').unwrap_or(shown)))
 }
 
-/// Whether `shown` may stand for `bytes`: a character each, those that cannot be printed as any.
+/// Whether `shown` may be the text of `bytes`: one character each; an unprintable byte may be any
+/// character.
 fn shows(shown: &str, bytes: &[u8]) -> bool {
     let fits = |(c, &byte): (char, &u8)| !matches!(byte, b'!'..=b'~') || c == char::from(byte);
     shown.chars().count() == bytes.len() && shown.chars().zip(bytes).all(fits)
@@ -186,7 +187,7 @@ fn unexpected(token: &str) -> String {
     format!("found \"{token}\", expected bytes as pairs of hex digits")
 }
 
-/// `\xAB\x24\n`, in quotes also with plain characters, as Python and C write them.
+/// Decodes `\xAB\x24\n`, in quotes also with plain characters, as Python and C write them.
 fn escapes(text: &str) -> Result<Found, String> {
     let mut found = Found {
         has_marks: true,
@@ -216,7 +217,7 @@ fn escapes(text: &str) -> Result<Found, String> {
     }
 }
 
-/// What stands behind a backslash.
+/// Decodes the characters after a backslash.
 pub(in crate::import) fn escape(chars: &mut core::str::Chars<'_>) -> Option<u8> {
     Some(match chars.next()? {
         'x' | 'X' => {

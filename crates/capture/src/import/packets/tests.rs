@@ -14,7 +14,7 @@ fn told(file: &[u8]) -> Result<(Told, Vec<String>), String> {
     Ok((found.records().iter().map(tuple).collect(), found.notes))
 }
 
-/// A classic file of packets, 1.5 s and a second later.
+/// A classic pcap file of packets at 1.5 s and a second later.
 fn classic_file(link_type: u32, magic: u32, part: u32, big: bool, packets: &[&[u8]]) -> Vec<u8> {
     let word = |number: u32| {
         if big {
@@ -45,8 +45,8 @@ fn classic_file(link_type: u32, magic: u32, part: u32, big: bool, packets: &[&[u
     out
 }
 
-/// Magic numbers of microseconds and nanoseconds, in both byte orders: a million microseconds and
-/// a billion nanoseconds are a second.
+/// Magic numbers of microseconds and nanoseconds, in both byte orders: a million microseconds and a
+/// billion nanoseconds are a second.
 #[test]
 fn a_classic_file_is_read_in_all_four_forms() {
     for (magic, part, big) in [
@@ -97,7 +97,7 @@ fn blocks_file(link_type: u16, interface: &[u8], packets: &[(&[u8], Option<u8>)]
     out
 }
 
-/// Flags 1 and 2 are what the host received and sent; USER0 to USER15 are 147 to 162.
+/// Flags 1 and 2 mean received and sent by the host; USER0 to USER15 are 147 to 162.
 #[test]
 fn packets_of_private_link_types_are_the_bytes_of_the_line() {
     for link_type in [147, 150, 162] {
@@ -113,7 +113,7 @@ fn packets_of_private_link_types_are_the_bytes_of_the_line() {
     }
 }
 
-/// A capture of our own comes back as it was.
+/// A capture of this tool is read back unchanged.
 #[test]
 fn serial_packets_lose_their_head() {
     let mut file = Vec::new();

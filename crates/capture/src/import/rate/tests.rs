@@ -1,17 +1,17 @@
-//! Lines of all usual rates, made bit by bit: with jitter, odd samples, parity, and idle of any
-//! length between the characters.
+//! Lines of all common rates, generated bit by bit: with jitter, coarse samples, parity, and idle
+//! of any length between the characters.
 
 use super::*;
 
-/// How a line is made.
+/// Parameters of a generated line.
 #[derive(Clone, Copy)]
 struct Made {
     line: LineConfig,
-    /// Nanoseconds of a sample; none if changes are exact.
+    /// Nanoseconds per sample; none if changes are exact.
     sample: u64,
-    /// Most nanoseconds by which an edge is late.
+    /// Maximum delay of an edge, nanoseconds.
     jitter: u64,
-    /// Most idle between two characters, thousandths of a bit.
+    /// Maximum idle time between two characters, thousandths of a bit.
     idle: u64,
 }
 
@@ -26,7 +26,7 @@ impl Made {
     }
 }
 
-/// A sequence of numbers that is the same each time.
+/// A reproducible sequence of random numbers.
 struct Chance(u64);
 
 impl Chance {
@@ -82,7 +82,7 @@ fn told(made: Made, bytes: &[u8]) -> Option<LineConfig> {
     derived(&levels(made, bytes), None, None)
 }
 
-/// Idle of no whole number of bits, or none at all, at each rate; also of a few bytes.
+/// Idle of a fractional number of bits, or no idle, at each rate; also with few bytes.
 #[test]
 fn every_usual_rate_is_told_whatever_the_idle() {
     for baud in RATES {
@@ -99,7 +99,7 @@ fn every_usual_rate_is_told_whatever_the_idle() {
     }
 }
 
-/// Samples at a rate that is no multiple: down to five of them a bit.
+/// Samples at a rate that is no multiple, down to five samples per bit.
 #[test]
 fn a_rate_is_told_from_coarse_samples() {
     for (baud, sample) in [
@@ -177,7 +177,7 @@ fn parity_and_stop_bits_are_told() {
     assert!(bytes(&characters(&levels(made, &mixed(100)), found)).eq(mixed(100)));
 }
 
-/// Of many bytes; few of them do not tell.
+/// Derived from many bytes; few bytes are not sufficient.
 #[test]
 fn a_rate_that_nobody_uses_is_told() {
     for baud in [62_500, 10_400, 83_300, 45_500, 312_000, 7_812] {
@@ -187,7 +187,7 @@ fn a_rate_that_nobody_uses_is_told() {
     }
 }
 
-/// A clock, a servo's signal, noise, and nothing.
+/// A clock, a servo signal, noise, and an empty line.
 #[test]
 fn what_is_no_uart_has_no_rate() {
     let of = |changes: Vec<u64>| Levels {
@@ -212,7 +212,7 @@ fn what_is_no_uart_has_no_rate() {
     assert_eq!(derived(&of(noise.collect()), None, None), None);
 }
 
-/// What is given counts, also where something else fits better.
+/// A given rate stays, even if another one fits better.
 #[test]
 fn what_is_given_stays() {
     let made = Made::new(9_600);

@@ -1,4 +1,4 @@
-//! How the bytes of one direction are cut into messages: by frames, by lines of text, or by gaps.
+//! Splitting of the bytes of one direction into messages: by frames, by lines of text, or by gaps.
 
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,10 +8,10 @@ use protocols::{Instant, LineConfig};
 use crate::divergence::Track;
 use engine::codec::{self, Codec};
 
-/// Share of bytes in valid frames from which on a stream is cut by frames, per cent.
+/// Minimum share of bytes in valid frames for splitting by frames, per cent.
 const FRAMED_MIN: u64 = 80;
-/// Silence that ends a message, however long a character takes: a program writes a request in one
-/// or two calls, which are less than this apart.
+/// Minimum silence that ends a message, independent of the baud rate: a program writes a request in
+/// one or two calls, which are less than this apart.
 const GAP_MIN: Duration = Duration::from_millis(3);
 /// Silence that ends an unfinished frame or line.
 const GAP_IN_MESSAGE: Duration = Duration::from_millis(50);
@@ -23,12 +23,12 @@ pub(super) enum Cut {
     Frames(&'static Codec),
     /// Lines of text that end with this byte.
     Lines(u8),
-    /// Bytes without such a silence between them.
+    /// Bytes without a separating silence.
     Gaps,
 }
 
 impl Cut {
-    /// The way that fits `bytes`.
+    /// The method that fits `bytes`.
     pub(super) fn of(bytes: &[u8]) -> Self {
         if let Some((codec, framed)) = codec::best(bytes)
             && framed * 100 >= FRAMED_MIN * bytes.len() as u64
@@ -41,7 +41,7 @@ impl Cut {
         }
     }
 
-    /// The protocol, if it is known.
+    /// The protocol, if known.
     pub(super) const fn codec(self) -> Option<&'static Codec> {
         match self {
             Self::Frames(codec) => Some(codec),
@@ -49,8 +49,8 @@ impl Cut {
         }
     }
 
-    /// The pieces of `track`, cut into messages. Where no frame tells, a message also ends at each
-    /// time of `breaks`, which are in their order: the other side spoke then.
+    /// Splits the pieces of `track` into messages. Without frames, a message also ends at each time
+    /// of `breaks`, in ascending order, at which the other side sent bytes.
     pub(super) fn messages(
         self,
         track: &Track,
@@ -78,7 +78,7 @@ impl Cut {
         let least = GAP_MIN.max(line.byte_time() * 7 / 2);
         let (limit, limit_at_break) = match self {
             Self::Gaps => (least, Some(Duration::ZERO)),
-            // A prompt has no end of line; a line that came in two pieces continues at once.
+            // A prompt has no end of line; a line in two pieces continues at once.
             Self::Lines(_) => (GAP_IN_MESSAGE, Some(least)),
             Self::Frames(_) => (GAP_IN_MESSAGE, None),
         };
@@ -93,8 +93,9 @@ impl Cut {
             };
             let gap = start - last;
             let may_break = limit_at_break.is_some_and(|least| gap >= least);
-            // At a pseudo-terminal bytes take no time, so the other side may seem to have spoken
-            // while this piece was on its way. One that begins as the message before is a new one.
+            // On a pseudo-terminal, bytes take no time. The other side may therefore seem to have
+            // sent bytes while this piece was in flight. A piece that begins as the previous
+            // message is a new one.
             let begins_again = || {
                 let head = &piece[..piece.len().min(HEAD)];
                 matches!(self, Self::Gaps)
@@ -116,15 +117,15 @@ impl Cut {
     }
 }
 
-/// Bytes by which two messages are of the same kind.
+/// Number of first bytes that are equal in messages of the same kind.
 const HEAD: usize = 2;
-/// Messages of one form from which on, and share of all messages in per cent, it is taken for the
+/// Minimum number of messages of one form, and minimum share of all messages in per cent, for the
 /// form of a stream.
 const FORM_MIN: usize = 10;
 const FORM_SHARE: usize = 50;
 
-/// Cuts messages out of others between which there was no silence: those of the form that most
-/// messages have, the same two first bytes and the same length.
+/// Splits messages without silence between them, if they have the form of most messages: the same
+/// two first bytes and the same length.
 fn cut_by_form(bytes: &[u8], ends: &mut BTreeSet<usize>) {
     let mut forms: BTreeMap<(&[u8], usize), usize> = BTreeMap::new();
     let mut from = 0;
@@ -156,7 +157,7 @@ fn cut_by_form(bytes: &[u8], ends: &mut BTreeSet<usize>) {
     }
 }
 
-/// The pieces of `track`, each message up to one of `ends`.
+/// Splits the pieces of `track` at `ends`, one message up to each of them.
 fn split(track: &Track, line: LineConfig, ends: &BTreeSet<usize>) -> Vec<Vec<(Instant, Vec<u8>)>> {
     let (mut messages, mut message) = (Vec::new(), Vec::new());
     let (mut place, mut ends) = (0, ends.iter().copied().peekable());
@@ -224,7 +225,7 @@ mod tests {
         assert_eq!(cut(&pieces, &[]), expected);
     }
 
-    /// Two requests 2 ms apart are two if an answer came between.
+    /// Two requests 2 ms apart are two messages if a reply came between them.
     #[test]
     fn an_answer_ends_a_request() {
         let pieces: [(u64, &[u8]); 2] = [(10, &[0x80]), (13, &[0x81])];
@@ -232,8 +233,9 @@ mod tests {
         assert_eq!(cut(&pieces, &[11]), [vec![0x80], vec![0x81]]);
     }
 
-    /// Two requests of eight bytes 0.5 ms apart at a pseudo-terminal, where bytes take no time; an
-    /// answer came between. A request in two pieces is one, whatever came between.
+    /// Two requests of eight bytes 0.5 ms apart on a pseudo-terminal, where bytes take no time; a
+    /// reply came between them. A request in two pieces is one message, even with bytes between
+    /// them.
     #[test]
     fn an_answer_ends_a_request_whose_bytes_took_no_time() {
         let track = |second: &[u8]| {
@@ -252,8 +254,7 @@ mod tests {
         assert_eq!(count(b"00001602", &answer), 1);
     }
 
-    /// Frames of a range finder each 10 ms; the answer to a command comes at once behind one of
-    /// them.
+    /// Frames of a range finder each 10 ms; the reply to a command follows one of them at once.
     #[test]
     fn an_answer_within_a_stream_is_a_message_of_its_own() {
         let frame = b"YYabcdefg";
@@ -278,7 +279,7 @@ mod tests {
             cut(&pieces, &[]),
             [b"ATZ\r".to_vec(), b"ATE0\r".to_vec(), b"0100\r".to_vec()]
         );
-        // A line feed ends a line also where a carriage return is before it.
+        // A line feed ends a line, also after a carriage return.
         assert_eq!(
             cut(&[(10, b"a\r\nb\r\n")], &[]),
             [b"a\r\n".to_vec(), b"b\r\n".to_vec()]
@@ -293,7 +294,7 @@ mod tests {
         assert_eq!(cut(&[(10, &twice)], &[]), [frame.to_vec(), frame.to_vec()]);
     }
 
-    /// A byte at 9600 baud takes 1,041,666 ns: the first line of two ends two characters earlier.
+    /// A byte at 9600 baud takes 1,041,666 ns: the first of two lines ends two characters earlier.
     #[test]
     fn each_part_knows_when_its_last_byte_was_complete() {
         let track = track(&[(10, b"a\nb\n")]);

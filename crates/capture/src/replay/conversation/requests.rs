@@ -1,4 +1,4 @@
-//! Finds the request of the capture for the program's bytes.
+//! Matching of the program's bytes with the requests of the capture.
 
 use core::ops::Bound;
 use core::time::Duration;
@@ -7,26 +7,26 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::cut::Cut;
 use super::script::Exchange;
 
-/// Silence after which bytes are no beginning of a longer request, if they are one by themselves or
-/// the beginning of none.
+/// Silence after which bytes are complete, if they are a request by themselves or the beginning of
+/// none.
 pub(super) const QUIET: Duration = Duration::from_millis(20);
-/// The same for the beginning of a request: a program may write one in several calls.
+/// Silence for the beginning of a request: a program may write a request in several calls.
 pub(super) const UNFINISHED: Duration = Duration::from_secs(1);
-/// Requests among which one is looked for that is like what came.
+/// Maximum number of requests that are compared for similarity.
 const LIKE_MAX: usize = 64;
 
-/// Meaning of some bytes.
+/// Result of matching some bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Found {
     /// The first bytes are the request of this exchange.
     Request { len: usize, exchange: usize },
-    /// They may become a request: more must come, or silence.
+    /// The bytes may become a request: more bytes or silence must follow.
     Unfinished,
-    /// The first bytes are no request of the capture; the one that they are most like.
+    /// The first bytes are no request of the capture; `like` is the most similar one.
     Unknown { len: usize, like: Option<usize> },
 }
 
-/// The requests of a link, and which of them were made.
+/// The requests of a link, and those that were made.
 #[derive(Clone, Debug)]
 pub(super) struct Requests {
     /// Exchanges of each request, and those of them that are still to come.
@@ -35,11 +35,11 @@ pub(super) struct Requests {
     /// Exchanges that are still to come.
     left: BTreeSet<usize>,
     lengths: BTreeSet<usize>,
-    /// The exchange behind the last one that was made.
+    /// The exchange after the last one that was made.
     next: usize,
-    /// The last one that was made.
+    /// The exchange that was made last.
     last: Option<usize>,
-    /// Requests made so far, repeated ones among them.
+    /// Number of requests made so far, including repeated ones.
     made: usize,
     terminator: Option<u8>,
 }
@@ -67,13 +67,14 @@ impl Requests {
         }
     }
 
-    /// Whether as many were made as the capture has, each at least once. A program that repeats one
-    /// and leaves out its next turn has gone through the conversation all the same.
+    /// Whether as many requests were made as the capture contains, each at least once. A program
+    /// that repeats one and omits its next turn has still completed the conversation.
     pub(super) fn are_made(&self) -> bool {
         self.missing().is_none()
     }
 
-    /// An exchange whose request was not made: one that never was, else the next if too few were.
+    /// An exchange whose request is missing: one that was never made, or the next if too few were
+    /// made.
     pub(super) fn missing(&self) -> Option<usize> {
         let never = |index: &&usize| {
             let own = self.all.values().find(|all| all.contains(index));
@@ -88,13 +89,13 @@ impl Requests {
         }
     }
 
-    /// The exchange that comes next in the capture.
+    /// The next exchange in the capture.
     pub(super) fn expected(&self) -> Option<usize> {
         let behind = self.left.range(self.next..).next();
         behind.or_else(|| self.left.first()).copied()
     }
 
-    /// Meaning of `heard`, followed by silence for `quiet`.
+    /// Matches `heard`, which is followed by silence for `quiet`.
     pub(super) fn find(
         &self,
         heard: &[u8],
@@ -127,7 +128,7 @@ impl Requests {
         self.unknown(heard, quiet, exchanges, cut)
     }
 
-    /// The bytes that make up one request which the capture does not have.
+    /// Length of one unknown request at the beginning of the bytes.
     fn unknown(&self, heard: &[u8], quiet: Duration, exchanges: &[Exchange], cut: Cut) -> Found {
         let ends = self.terminator.and_then(|terminator| {
             let place = heard.iter().position(|&byte| byte == terminator);
@@ -138,7 +139,7 @@ impl Requests {
         let len = match frame.or(ends) {
             Some(len) => len,
             None if quiet < QUIET => return Found::Unfinished,
-            // Noise may be before a request that is known.
+            // Noise may precede a known request.
             None => (1..heard.len())
                 .find(|&from| self.all.contains_key(&heard[from..]))
                 .unwrap_or(heard.len()),
@@ -147,9 +148,9 @@ impl Requests {
         Found::Unknown { len, like }
     }
 
-    /// The exchange that `request` belongs to: the last one again if another request is due, else
-    /// the next one, else one that was left out, else the last one made. A request that is made
-    /// again is answered if it ever was.
+    /// The exchange of `request`. The last one is repeated if another request is due; otherwise the
+    /// next one, then one that was omitted, then the last one made. A repeated request gets a reply
+    /// if it ever had one.
     fn exchange_of(&self, request: &[u8], exchanges: &[Exchange]) -> Option<usize> {
         let is = |index: usize| exchanges[index].request == request;
         let is_due = self.expected().is_some_and(is);
@@ -181,9 +182,8 @@ impl Requests {
             .is_some_and(|(next, _)| next.starts_with(heard))
     }
 
-    /// Takes note that the request of `exchange` was made. Whether that was right behind the last
-    /// new
-    /// one; `None` if it was made before, which changes no place.
+    /// Records that the request of `exchange` was made. Returns whether it directly followed the
+    /// last new one; `None` if it was made before, which does not move the position.
     pub(super) fn make(&mut self, exchange: usize, exchanges: &[Exchange]) -> Option<bool> {
         self.last = Some(exchange);
         self.made += 1;
@@ -198,8 +198,8 @@ impl Requests {
         Some(is_next)
     }
 
-    /// The exchange still to come whose request is most like `request`: of the same length and with
-    /// most bytes alike, the next one of several.
+    /// The remaining exchange with the most similar request: of the same length and with most equal
+    /// bytes; the next one among several.
     fn like(&self, request: &[u8], exchanges: &[Exchange]) -> Option<usize> {
         let coming = self.left.range(self.next..).chain(&self.left);
         let made = self.all.values().filter_map(|all| all.last());

@@ -1,4 +1,4 @@
-//! A capture as a conversation: requests with their answers.
+//! A capture as a conversation: requests with their replies.
 
 use core::ops::Range;
 use core::time::Duration;
@@ -10,28 +10,27 @@ use super::cut::Cut;
 use crate::divergence::Track;
 use crate::replay::Passage;
 
-/// Bytes of the other end that belong together.
+/// Bytes of the other side that belong together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Message {
-    /// Pieces, and when the last byte of each was complete, counted from the cause.
+    /// The pieces, and the time of the last byte of each, counted from the cause.
     pub(super) parts: Vec<(Duration, Vec<u8>)>,
-    /// Whether it came as the answer, or at once behind it.
+    /// Whether the message is the reply, or follows it at once.
     pub(super) is_reply: bool,
 }
 
-/// A request of the program and what the other end said until the next one.
+/// A request of the program, and the bytes of the other side until the next request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Exchange {
     /// The program's bytes.
     pub(super) request: Vec<u8>,
     /// Time of its last byte in the capture.
     pub(super) at: Instant,
-    /// Number of its first byte among all that the program sent.
+    /// Number of its first byte among all bytes of the program.
     pub(super) byte: usize,
-    /// The following bytes.
+    /// The messages that follow.
     pub(super) answers: Vec<Message>,
-    /// The end of a stream that the request has started, which is said again and again until the
-    /// next request.
+    /// The end of a stream that the request started; it is repeated until the next request.
     pub(super) tail: Option<Tail>,
 }
 
@@ -44,7 +43,7 @@ pub(super) struct Script {
     pub(super) openings: Vec<Vec<Message>>,
     /// Periodic bytes, independent of requests; times count from the first opening.
     pub(super) stream: Vec<Message>,
-    /// The end of that stream, which is said again and again where the stream had no end.
+    /// The end of that stream, which is repeated if the stream lasted to the end of the capture.
     pub(super) tail: Option<Tail>,
     /// Requests in their order.
     pub(super) exchanges: Vec<Exchange>,
@@ -54,12 +53,12 @@ pub(super) struct Script {
     pub(super) longest_gap: Duration,
 }
 
-/// The last messages of a stream that continued to the end of the capture.
+/// The last messages of a stream that lasted to the end of the capture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Tail {
-    /// The messages, timed as the stream is.
+    /// The messages, timed as the stream.
     pub(super) messages: Vec<Message>,
-    /// Time after which they are said again.
+    /// Time after which they are repeated.
     pub(super) period: Duration,
 }
 
@@ -85,22 +84,22 @@ impl Tail {
     }
 }
 
-/// Messages of a stream, at least.
+/// Minimum number of messages of a stream.
 const STREAM_LEN: usize = 10;
-/// A stream has no end if the capture ends at most so many of its gaps behind its last message.
+/// A stream counts as endless if the capture ends within this many of its gaps after its last
+/// message.
 const STREAM_GAPS: u32 = 3;
-/// Length of its end that is repeated.
+/// Length of the end that is repeated.
 const TAIL: Duration = Duration::from_secs(1);
-/// Longest pause within an answer of several messages.
+/// Maximum pause within a reply of several messages.
 const BURST_GAP: Duration = Duration::from_millis(20);
-/// Time from the opening to the first message of a capture that begins with it: how much earlier
-/// the
-/// port was opened it does not say, and many programs throw away what came before they were ready.
+/// Time from the opening to the first message of a capture that begins with a message. Such a
+/// capture does not contain the opening, and many programs discard bytes from before they were
+/// ready.
 const BEGINS_AFTER: Duration = Duration::from_millis(100);
-/// Messages from which on what follows a request is a stream that it has started.
+/// Number of messages after a request from which on they are a stream.
 const STREAM_MIN: usize = 16;
-/// Messages of a kind, and how many of those before the first request, that make it one which the
-/// other end sends by itself.
+/// Number of messages of a kind before the first request that make the kind unsolicited.
 const FREE_MIN: usize = 3;
 
 /// Cause of a message.
@@ -147,7 +146,7 @@ impl Script {
             cut,
             longest_gap: Duration::ZERO,
         };
-        // What came before the program had opened the port it never heard.
+        // The program did not receive bytes from before it opened the port.
         let opened = match &passage.opened[..] {
             [] => vec![origin],
             opened => opened.to_vec(),
@@ -167,7 +166,7 @@ impl Script {
         this
     }
 
-    /// Gives each message of the other end its cause.
+    /// Assigns its cause to each message of the other side.
     fn attach(&mut self, said: &Track, opened: &[Instant]) {
         let cut = Cut::of(said.bytes());
         let asked: Vec<Instant> = self.exchanges.iter().map(|one| one.at).collect();
@@ -209,7 +208,7 @@ impl Script {
     }
 }
 
-/// Marks the answer itself: the first message, and what comes at once behind it, unless that is a
+/// Marks the reply itself: the first message, and messages that follow at once, unless they are a
 /// stream.
 fn mark_replies(answers: &mut [Message], line: LineConfig) {
     let is_stream = answers.len() >= STREAM_MIN;
@@ -229,8 +228,7 @@ fn mark_replies(answers: &mut [Message], line: LineConfig) {
     }
 }
 
-/// Kinds of messages that the other end sends by itself: those that it sends again and again and
-/// sent before anything was asked.
+/// Kinds of unsolicited messages: those that are repeated and occurred before the first request.
 fn kinds_of_its_own(
     cut: Cut,
     messages: &[Vec<(Instant, Vec<u8>)>],

@@ -1,4 +1,4 @@
-//! Captures written by hand, and programs that are not as the captured one was.
+//! Captures written by hand, and programs that differ from the captured one.
 
 use super::*;
 use crate::divergence::Track;
@@ -8,7 +8,7 @@ fn ms(millis: u64) -> Instant {
     Instant::from_millis(millis)
 }
 
-/// A link on which the program sent and the other end said these at these milliseconds. A byte
+/// A link with these messages of the program and of the other side at these milliseconds. A byte
 /// takes 10 us.
 fn passage(sent: &[(u64, &[u8])], said: &[(u64, &[u8])]) -> Passage {
     let mut track = Track::default();
@@ -32,7 +32,7 @@ fn talk(passage: &Passage) -> Conversation {
     Conversation::new(passage, &(Instant::ZERO..ms(100_000)), false)
 }
 
-/// What is said up to `until`, with its time in milliseconds.
+/// Messages sent up to `until`, with their times in milliseconds.
 fn said(talk: &mut Conversation, until: u64) -> Vec<(u64, Vec<u8>)> {
     let mut all = Vec::new();
     while let Some(at) = talk.poll_at().filter(|&at| at <= ms(until)) {
@@ -51,7 +51,7 @@ fn words(list: &[(u64, &[u8])]) -> Vec<(u64, Vec<u8>)> {
     list.iter().map(owned).collect()
 }
 
-/// Volts and watts of a Modbus meter, asked 1.02 s after the capture began.
+/// Requests for volts and watts of a Modbus meter, 1.02 s after the capture began.
 const VOLTS: &[u8] = &[1, 4, 0, 0, 0, 2, 0x71, 0xCB];
 const WATTS: &[u8] = &[1, 4, 0, 12, 0, 2, 0xB1, 0xC8];
 
@@ -63,7 +63,7 @@ fn meter() -> Passage {
     )
 }
 
-/// The answers are 10, 12 and 10 ms after their requests, whenever those come.
+/// The replies follow 10, 12 and 10 ms after their requests, whenever these are made.
 #[test]
 fn an_answer_comes_as_late_after_its_request_as_it_did() {
     let mut talk = talk(&meter());
@@ -82,7 +82,7 @@ fn an_answer_comes_as_late_after_its_request_as_it_did() {
     assert_eq!(talk.tally().to_string(), "3 of 3 requests were made");
 }
 
-/// A request in three pieces, the last one late, is one.
+/// A request in three pieces, the last one late, is one request.
 #[test]
 fn a_request_may_come_in_pieces() {
     let mut talk = talk(&meter());
@@ -130,15 +130,15 @@ fn another_order_and_a_retry_are_the_same_conversation() {
     assert_eq!(talk.tally(), tally);
 }
 
-/// Register 14 in place of 12, its sum with it: byte 3 of the second request, number 11 from zero.
-/// The request is answered as the one that it is most like, so that the program continues.
+/// Register 14 instead of 12, with a correct checksum: byte 3 of the second request, number 11 from
+/// zero. The request gets the reply to the most similar one, so that the program continues.
 #[test]
 fn a_request_that_the_capture_does_not_have_is_told_with_both_sides() {
     let mut talk = talk(&meter());
     talk.receive(ms(10), VOLTS);
     said(&mut talk, 40);
     talk.receive(ms(50), &[1, 4, 0, 14, 0, 2, 0x10, 0x08]);
-    // What it is, is clear after 20 ms of silence: then the answer is late already.
+    // The request is known after 20 ms of silence; the reply is then already late.
     assert_eq!(said(&mut talk, 200), words(&[(70, b"\x01w1")]));
     let divergence = talk.divergence().expect("one byte differs");
     insta::assert_snapshot!(divergence, @r"
@@ -152,8 +152,8 @@ fn a_request_that_the_capture_does_not_have_is_told_with_both_sides() {
     assert!(talk.is_done());
 }
 
-/// The program ends after two of three requests; nothing more is expected after 2 s and four times
-/// the longest gap, 1.02 s.
+/// The program ends after two of three requests. No more is expected after 2 s plus four times the
+/// longest gap, 1.02 s.
 #[test]
 fn what_is_never_asked_is_missing() {
     let mut talk = talk(&meter());
@@ -168,7 +168,7 @@ fn what_is_never_asked_is_missing() {
     assert_eq!(divergence.frames[1], "nothing more");
 }
 
-/// Lines of text, as an ELM327 has them.
+/// Lines of text in the format of an ELM327.
 #[test]
 fn a_wrong_line_is_told_as_text() {
     let sent: [(u64, &[u8]); 2] = [(10, b"ATZ\r"), (700, b"ATE0\r")];
@@ -187,7 +187,7 @@ fn a_wrong_line_is_told_as_text() {
     assert_eq!(divergence.frames, ["text \"ATE0\\r\"", "text \"ATE1\\r\""]);
 }
 
-/// The prompt of one answer is no part of the next, which comes 20 ms later.
+/// The prompt of one reply is not part of the next, which comes 20 ms later.
 #[test]
 fn a_prompt_belongs_to_its_own_answer() {
     let sent: [(u64, &[u8]); 2] = [(10, b"ATE0\r"), (31, b"ATH1\r")];
@@ -207,8 +207,8 @@ fn a_prompt_belongs_to_its_own_answer() {
     }
 }
 
-/// A receiver of satellites says a sentence each second, and an answer once. The sentences go by
-/// their own clock from the opening; the answer waits for its request.
+/// A satellite receiver sends a sentence each second, and one reply. The sentences follow their own
+/// clock from the opening; the reply waits for its request.
 #[test]
 fn what_the_far_end_says_by_itself_follows_its_own_clock() {
     let said_then: [(u64, &[u8]); 5] = [
@@ -228,8 +228,8 @@ fn what_the_far_end_says_by_itself_follows_its_own_clock() {
     assert!(talk.is_done());
 }
 
-/// Of a scanner's stream what is left is not said once it was told to stop; the line that a slow
-/// sensor adds 400 ms behind an answer is.
+/// The rest of a scanner's stream is not sent after the stop command. The line that a slow sensor
+/// sends 400 ms after a reply is still sent.
 #[test]
 fn a_new_request_ends_a_stream_and_nothing_else() {
     let mut said_then: Vec<(u64, &[u8])> = (1..=50).map(|n| (n * 10, &[7, 7, 7][..])).collect();
@@ -245,7 +245,7 @@ fn a_new_request_ends_a_stream_and_nothing_else() {
     assert_eq!(talk.divergence(), None);
 }
 
-/// A greeting is said whenever the port is opened; where the capture begins with it, 100 ms later.
+/// A greeting is sent at each opening of the port; if the capture begins with it, 100 ms later.
 #[test]
 fn a_greeting_follows_each_opening() {
     let sent: [(u64, &[u8]); 1] = [(900, b"a")];
@@ -264,7 +264,7 @@ fn a_greeting_follows_each_opening() {
     assert_eq!(said(&mut begins, 400), words(&[(100, b"hello")]));
 }
 
-/// On a line that takes 10 us a byte, five bytes are given to it 50 us before they are complete.
+/// On a line of 10 us a byte, five bytes are passed to it 50 us before they are complete.
 #[test]
 fn a_line_takes_its_own_time() {
     let mut talk = Conversation::new(&passage(&[], &[(200, b"hello")]), &(ms(0)..ms(300)), true);
@@ -272,9 +272,9 @@ fn a_line_takes_its_own_time() {
     assert_eq!(talk.poll_at(), Some(Instant::from_micros(199_950)));
 }
 
-/// A capture of a program that polls one register and writes another has the same request hundreds
-/// of times. One that polls twice as slowly goes through all of it; one that repeats a poll and so
-/// is a turn ahead is not held to a turn that it left out.
+/// The capture of a program that polls one register and writes another contains the same request
+/// hundreds of times. A program that polls half as fast completes all of them. A program that
+/// repeats a poll, and so is a turn ahead, need not make up for an omitted turn.
 #[test]
 fn many_turns_of_the_same_requests_are_gone_through() {
     let turns: Vec<(u64, &[u8])> = (0..200)
@@ -297,8 +297,8 @@ fn many_turns_of_the_same_requests_are_gone_through() {
     assert_eq!(talk.divergence(), None);
 }
 
-/// A program that polls forever continues after all was asked; the conversation is over a second
-/// after its last new answer, or at the end of the session if that is later.
+/// A program that polls forever continues after all requests were made. The conversation is over a
+/// second after its last new reply, or at the end of the session if that is later.
 #[test]
 fn a_program_that_asks_for_ever_does_not_hold_up_the_end() {
     let mut talk = talk(&meter());
@@ -306,7 +306,7 @@ fn a_program_that_asks_for_ever_does_not_hold_up_the_end() {
         talk.receive(ms(100 * turn as u64), request);
         said(&mut talk, 100 * turn as u64 + 50);
     }
-    // The last answer is complete at 210 ms.
+    // The last reply is complete at 210 ms.
     for at in (300..5_000).step_by(100) {
         talk.receive(ms(at), VOLTS);
         assert_eq!(said(&mut talk, at + 50).len(), 1, "it is answered");
@@ -323,8 +323,8 @@ fn a_program_that_asks_for_ever_does_not_hold_up_the_end() {
     }
 }
 
-/// The last request of the capture was never answered, because the device was silent then. A
-/// program that asks again has the answer to the request before it.
+/// The last request of the capture has no reply, because the device was silent. A program that
+/// repeats it gets the reply to the previous equal request.
 #[test]
 fn a_request_that_is_made_again_is_answered_if_it_ever_was() {
     let sent: [(u64, &[u8]); 2] = [(10, b"GD\n"), (60, b"GD\n")];
@@ -337,8 +337,8 @@ fn a_request_that_is_made_again_is_answered_if_it_ever_was() {
     assert_eq!(talk.tally().repeated, 2);
 }
 
-/// A range finder says something each 10 ms, to the end of the capture. A program that takes longer
-/// continues hearing it; the conversation is over all the same.
+/// A range finder sends every 10 ms to the end of the capture. A slower program continues to
+/// receive its messages; the conversation still ends.
 #[test]
 fn a_stream_without_an_end_goes_on() {
     let frames: Vec<(u64, &[u8])> = (1..=200).map(|n| (n * 10, &b"YYabcdefg"[..])).collect();
@@ -350,14 +350,14 @@ fn a_stream_without_an_end_goes_on() {
     let times: Vec<u64> = said(&mut talk, 4_000).iter().map(|one| one.0).collect();
     assert_eq!(times, (1..=400).map(|n| n * 10).collect::<Vec<_>>());
     assert!(are_over([&talk], ms(4_000), ms(2_005)));
-    // One that fell silent 3 s before the end of the capture does not.
+    // A device that fell silent 3 s before the end of the capture does not.
     let mut talk = ends(5_000);
     talk.open(ms(0));
     assert_eq!(said(&mut talk, 9_000).len(), 200);
 }
 
-/// A scanner sends a turn each 10 ms once it was told to, up to the end of the capture at 500 ms. A
-/// slower program reads turns for two seconds, and none comes any more after the next command.
+/// A scanner sends a turn every 10 ms after its start command, until the capture ends at 500 ms. A
+/// slower program reads turns for two seconds, and gets none after the next command.
 #[test]
 fn a_stream_that_a_request_has_started_goes_on_until_the_next_one() {
     let turns: Vec<(u64, &[u8])> = (2..50).map(|n| (n * 10, &b"YYabc"[..])).collect();

@@ -1,4 +1,4 @@
-//! Steering value 0 is no straight line: the report's table has 6 degrees to the left there.
+//! Steering value 0 is not straight ahead: the report's table gives 6 degrees to the left.
 
 use core::time::Duration;
 
@@ -8,13 +8,13 @@ use super::super::runs::{Spread, each};
 use super::super::{Figure, Findings, Plan, Plot, Table};
 use super::{jobs, told, way};
 
-/// Steering values, and what the report's table has for them.
+/// Steering values, and their angles in the report's table.
 const VALUES: [(i8, &str); 3] = [
     (0, "6.0 deg to the left"),
     (7, "0.4 deg to the left"),
     (8, "0.4 deg to the right"),
 ];
-/// Of the car, metres.
+/// Wheelbase of the car, metres.
 const WHEELBASE_M: f64 = 0.258;
 /// At 22 cm/s a circle at value 0 takes 70 s.
 const FROM: Duration = Duration::from_secs(3);
@@ -24,7 +24,7 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
     let values = VALUES.map(|(value, _)| value);
     let jobs = jobs(&values, plan);
     let ways = each(plan, &jobs, tell, |(value, seed)| {
-        // Straight on it gets 16 m far.
+        // Driving straight, the car gets 16 m far.
         let size_m = if *value == 0 {
             [12.0, 12.0]
         } else {
@@ -65,8 +65,8 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
     }
 }
 
-/// Angle of the front wheels that would turn the car as it turned, by way and turn of its rear
-/// axle.
+/// Angle of the front wheels that fits the observed motion, from length and turn of the rear axle's
+/// path.
 fn angle_deg(way: &[Pose]) -> f64 {
     let pairs = || way.windows(2).map(|pair| (pair[0], pair[1]));
     let turned: f64 = pairs()
@@ -78,7 +78,7 @@ fn angle_deg(way: &[Pose]) -> f64 {
     libm::atan(WHEELBASE_M * turned / gone).to_degrees()
 }
 
-/// Of the rear axle's middle.
+/// Radius of the path of the rear axle's middle.
 fn radius_m(angle_deg: f64) -> f64 {
     WHEELBASE_M / libm::tan(angle_deg.to_radians()).abs()
 }
@@ -87,7 +87,7 @@ fn radius_m(angle_deg: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A quarter of a circle of 2 m in 100 steps is 0.258 / 2: 7.35 degrees.
+    /// A quarter of a circle of 2 m in 100 steps: the tangent is 0.258 / 2, the angle 7.35 degrees.
     #[test]
     fn an_angle_follows_from_way_and_turn() {
         let way = (0..=100).map(|step| {

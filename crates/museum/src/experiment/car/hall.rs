@@ -1,6 +1,6 @@
-//! Hall values of the board's frames. The fielded host reads through a terminal that makes LF of
-//! CR, loses a byte when a read comes back without it, and checks nothing; the report blames
-//! interference for what is left of the frames.
+//! Hall values in the board's frames. The fielded host reads through a terminal that turns CR into
+//! LF. It loses a byte when a read returns without one, and it has no checks. The report attributes
+//! the damaged frames to interference.
 
 use core::time::Duration;
 use std::sync::{Arc, Mutex};
@@ -16,13 +16,13 @@ use super::told;
 use engine::rig::line::Direction;
 use engine::rig::trace::{Side, Tap};
 
-/// Shares of the reads that lose their byte: the share in the field is unknown.
+/// Shares of the reads that lose their byte; the share in the field is unknown.
 const LOST: [f64; 6] = [0.0, 0.05, 0.1, 0.15, 0.2, 0.3];
-/// That of the figures.
+/// Share that the figures use.
 const GUESS: f64 = 0.2;
-/// Driven along a hall at 22 cm/s.
+/// Duration of the drive along a hall at 22 cm/s.
 const DRIVEN: Duration = Duration::from_secs(60);
-/// A frame's bytes follow each other within this.
+/// Maximum gap between bytes of one frame.
 const GAP: Duration = Duration::from_millis(10);
 
 /// Bytes of the board's link as they were sent, each with its time.
@@ -92,7 +92,7 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
 struct Rates {
     frames: f64,
     sound: f64,
-    /// For each of [`LOST`].
+    /// Rates of the fielded host, one for each of [`LOST`].
     fielded: Vec<f64>,
 }
 

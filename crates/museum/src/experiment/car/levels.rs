@@ -1,4 +1,4 @@
-//! The motor's levels: 2 ahead and -3 back are what the report measured.
+//! The motor's levels; the report measured level 2 ahead and level -3 back.
 
 use core::time::Duration;
 
@@ -6,11 +6,11 @@ use super::super::runs::{Spread, each};
 use super::super::{Figure, Findings, Plan, Plot, Table};
 use super::{jobs, told, way};
 
-/// The fastest level either way.
+/// The fastest level in both directions.
 const LEVEL_MAX: i8 = 10;
-/// Steering value that is nearest to straight ahead.
+/// Steering value closest to straight ahead.
 const STRAIGHT: i8 = 8;
-/// The car has come up to speed, and until when its way is measured.
+/// Interval of the measurement; at its beginning, the car has reached its speed.
 const FROM: Duration = Duration::from_secs(4);
 const UNTIL: Duration = Duration::from_secs(7);
 
@@ -62,7 +62,7 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
     }
 }
 
-/// Ahead is positive.
+/// Speed in cm/s; positive is ahead.
 fn speed_cm_s(level: i8, seed: u64) -> f64 {
     let mut run = told([22.0, 8.0], [level, STRAIGHT], seed);
     let way = way(&mut run, FROM, UNTIL);

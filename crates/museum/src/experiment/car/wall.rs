@@ -1,5 +1,5 @@
-//! Along a wall at 0.40 m: the report dropped the integral part of its controller, as it had no
-//! visible effect.
+//! A drive along a wall at 0.40 m distance. The report dropped the integral part of its controller,
+//! because it had no visible effect.
 
 use core::time::Duration;
 
@@ -12,13 +12,14 @@ use super::{EVERY, way};
 
 /// The corridor, and a start 0.60 m from the wall.
 const SCENARIO: &str = include_str!("../../../scenarios/apollo13-wall.toml");
-/// Steering by the distance's sum, rad/(m s). The report has no figure.
+/// Gain on the integral of the distance error, rad/(m s). The report has no figure.
 const INTEGRAL: f64 = 0.01;
-/// It is controlled from here on; has settled; and has not come to the end of the corridor.
+/// Times at which control begins and at which the car has settled, and the last check before the
+/// end of the corridor.
 const FROM: Duration = Duration::from_secs(1);
 const SETTLED: Duration = Duration::from_secs(9);
 const UNTIL: Duration = Duration::from_secs(34);
-/// Where the sensor sits, metres ahead and to the right of the rear axle's middle.
+/// Position of the sensor: metres ahead and to the right of the rear axle's middle.
 const SENSOR_M: [f64; 2] = [0.304, 0.1];
 const WANTED_M: f64 = 0.40;
 
@@ -78,7 +79,7 @@ fn plot(run: &[Vec<f64>]) -> Plot {
     })
 }
 
-/// The first look at a car that has settled.
+/// Index of the first check of a settled car.
 fn settled() -> usize {
     let looks = (SETTLED - FROM).as_millis() / EVERY.as_millis();
     usize::try_from(looks).unwrap_or_default()

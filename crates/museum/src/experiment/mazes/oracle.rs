@@ -1,9 +1,9 @@
-//! A short way through all tiles of a maze and back, for one who knows it.
+//! A short path through all tiles of a known maze and back.
 
 use std::collections::VecDeque;
 
-/// Steps from tile to tile of a closed tour over all of them from the first one: to the nearest in
-/// turn, then pieces are turned round as long as that makes it shorter.
+/// Number of steps of a closed tour from the first tile over all tiles. The tour goes to the
+/// nearest tile each time; then pieces are reversed as long as this shortens the tour.
 pub(super) fn tour(passages: &[Vec<usize>]) -> usize {
     let steps: Vec<Vec<usize>> = (0..passages.len())
         .map(|from| flood(passages, from))
@@ -30,7 +30,7 @@ fn length(order: &[usize], steps: &[Vec<usize>]) -> usize {
         .sum()
 }
 
-/// Turns round a piece that makes the tour shorter; whether there was one.
+/// Reverses a piece that shortens the tour; returns whether there was one.
 fn turn_a_piece(order: &mut [usize], steps: &[Vec<usize>]) -> bool {
     let before = length(order, steps);
     for from in 1..order.len() {
@@ -45,7 +45,7 @@ fn turn_a_piece(order: &mut [usize], steps: &[Vec<usize>]) -> bool {
     false
 }
 
-/// Steps from a tile to each.
+/// Steps from one tile to each tile.
 fn flood(passages: &[Vec<usize>], from: usize) -> Vec<usize> {
     let mut steps = vec![usize::MAX / 1024; passages.len()];
     steps[from] = 0;
@@ -74,8 +74,8 @@ mod tests {
         passages
     }
 
-    /// Four tiles in a row are gone there and back, in a ring once round; a star of three arms each
-    /// way twice.
+    /// Four tiles in a row are passed twice, in a ring once. A star of three arms is passed twice
+    /// along each arm.
     #[test]
     fn a_tour_is_as_short_as_the_maze_allows() {
         let row = [[0, 1], [1, 2], [2, 3]];

@@ -14,7 +14,7 @@ fn told(text: &str) -> Vec<(bool, Vec<u8>)> {
     found.records().iter().map(pair).collect()
 }
 
-/// A read of two registers and its answer, as each of these programs logs it.
+/// A read of two registers and its reply, as each of these programs logs it.
 #[test]
 fn logs_of_programs_are_read_with_their_directions() {
     let expected = [(true, READ.to_vec()), (false, REPLY.to_vec())];
