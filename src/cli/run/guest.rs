@@ -158,7 +158,7 @@ fn play(
     let mut progress = Progress::new(Talk::Verdict);
     let mut turned = Ok(());
     while !trial.is_over() && stop.signal().is_none() && turned.is_ok() {
-        turned = trial.turn();
+        turned = trial.turns();
         report_trouble(trial.run());
         progress.print(trial.run(), clock.now() - Instant::ZERO);
     }

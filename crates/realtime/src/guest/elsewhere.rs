@@ -83,6 +83,14 @@ impl Trial {
         match *self {}
     }
 
+    /// Goes on for some milliseconds.
+    ///
+    /// # Errors
+    /// Never.
+    pub(crate) const fn turns(&mut self) -> Result<(), GuestError> {
+        match *self {}
+    }
+
     /// Goes on.
     ///
     /// # Errors

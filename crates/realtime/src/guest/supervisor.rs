@@ -108,6 +108,8 @@ pub(super) struct Supervisor {
     is_launched: bool,
     /// Something happened that files may have to do with.
     is_changed: bool,
+    /// The only thread that ran since all that wait for files tried once more.
+    ran: Option<i32>,
     /// A signal may be on its way to a thread that waits.
     is_signalled: bool,
     /// The program has made files from which it reads signals.
@@ -172,6 +174,7 @@ impl Supervisor {
             blocks: 0,
             is_launched: false,
             is_changed: false,
+            ran: None,
             is_signalled: false,
             has_signal_files: false,
             has_queues_changed: false,
@@ -256,14 +259,21 @@ impl Supervisor {
             self.is_changed |= self.has_signal_files;
             self.look_for_signals();
         }
-        if self.queue.is_empty() && core::mem::take(&mut self.is_changed) {
-            self.retry_files();
+        if self.queue.is_empty() {
+            let ran = self.ran.take();
+            if core::mem::take(&mut self.is_changed) {
+                self.retry_files(None);
+            } else if ran.is_some() {
+                self.retry_files(ran);
+            }
         }
         self.hear_outside();
         let Some(tid) = self.queue.pop_front() else {
             return self.let_time_pass();
         };
-        self.is_changed = true;
+        // A thread that runs may change what others wait for.
+        self.is_changed |= self.ran.is_some_and(|other| other != tid);
+        self.ran = Some(tid);
         self.run_thread(tid);
         self.trouble.take().map_or(Ok(()), Err)
     }
@@ -313,11 +323,14 @@ impl Supervisor {
         self.fire_timers(now);
     }
 
-    /// Threads that wait for files try once more, in the order in which they began to wait.
-    fn retry_files(&mut self) {
+    /// Threads that wait for files try once more, in the order in which they began to wait. If
+    /// nothing happened but that `ran` ran until it waited, it does not try for ports alone.
+    fn retry_files(&mut self, ran: Option<i32>) {
         let has_queues_changed = core::mem::take(&mut self.has_queues_changed);
         let waiting = self.threads.values().filter(|thread| {
-            thread.waits_for_files() || has_queues_changed && thread.waits_for_queue()
+            let is_settled = thread.waits_for_ports && ran == Some(thread.tid.as_raw());
+            thread.waits_for_files() && !is_settled
+                || has_queues_changed && thread.waits_for_queue()
         });
         let mut order: Vec<(u64, i32)> = waiting
             .map(|thread| (thread.blocked_at, thread.tid.as_raw()))

@@ -114,6 +114,10 @@ pub(super) struct Thread {
     pub(super) slice: u32,
     /// The files of its `poll` or `select`, as it names them in memory.
     pub(super) watched: Vec<u8>,
+    /// The longest wait of its `select`, as it names it in memory.
+    pub(super) timeout: [u8; 16],
+    /// It waits for bytes of ports that the supervisor holds, and for nothing else.
+    pub(super) waits_for_ports: bool,
     /// What it asks for over and over.
     pub(super) idle: Option<Idle>,
     /// The thread that waits in the kernel until this one has become another program.

@@ -39,6 +39,8 @@ const TOGETHER: Duration = Duration::from_millis(100);
 const PATIENCE_CHILDREN: Duration = Duration::from_secs(1);
 /// The same in wall time.
 const PATIENCE_WALL: Duration = Duration::from_secs(5);
+/// Wall time between two looks at whether the run is to be ended.
+const TURNS: Duration = Duration::from_millis(10);
 /// Length of a terminal's number with the slashes before it.
 const NUMBER_LEN: usize = 7;
 /// How long its last words may be on their way.
@@ -58,6 +60,7 @@ pub struct Trial {
     gone_at: Option<Instant>,
     /// The thread that computes without a system call.
     spins: Option<String>,
+    clock: WallClock,
     /// On which processors this thread may run.
     processors: Option<CpuSet>,
 }
@@ -134,6 +137,7 @@ impl Trial {
             ended: None,
             gone_at: None,
             spins: None,
+            clock: WallClock::start(),
             processors,
         })
     }
@@ -150,6 +154,20 @@ impl Trial {
             .gone_at
             .is_some_and(|at| !stage.has_begun() || stage.now() - at >= SETTLE);
         stage.run.is_over() || stage.gave_up() || is_gone || self.spins.is_some()
+    }
+
+    /// Takes turns until the run is over, or for some milliseconds of wall time.
+    ///
+    /// # Errors
+    /// As [`turn`](Self::turn).
+    pub fn turns(&mut self) -> Result<(), GuestError> {
+        let until = self.clock.now() + TURNS;
+        loop {
+            self.turn()?;
+            if self.is_over() || self.clock.now() >= until {
+                return Ok(());
+            }
+        }
     }
 
     /// Lets a thread run until it waits, or time pass.

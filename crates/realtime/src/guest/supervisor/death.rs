@@ -61,6 +61,8 @@ impl Supervisor {
             opens: None,
             slice: 0,
             watched: Vec::new(),
+            timeout: [0; 16],
+            waits_for_ports: false,
             idle: None,
             vfork_parent,
         };

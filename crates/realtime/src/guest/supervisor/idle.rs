@@ -78,7 +78,7 @@ impl Supervisor {
         self.idled += self.stage.now() - now;
         self.expire();
         if self.stage.take_delivered() {
-            self.retry_files();
+            self.retry_files(None);
         }
         None
     }

@@ -19,18 +19,19 @@ const FILES_MAX: u64 = 4096;
 const SELECTED_MAX: i32 = 1024;
 /// Bytes of a `pollfd`, and of an `epoll_event` on this processor.
 pub(super) const POLLFD: usize = 8;
+/// What of a `pollfd` its thread asks for: all but the answer.
+const WANTED: usize = 6;
 const EPOLL_EVENT: usize = 12;
 
 impl Supervisor {
     pub(super) fn poll(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let memory = Memory(Pid::from_raw(tid));
         let [address, _, timeout, ..] = call.args;
-        let mut entries = entries(tid, call)?;
+        let mut entries = self.noted_entries(tid, call)?;
         let deadline = match call.number {
             libc::SYS_poll => self.millis_from(tid, low_i32(timeout)),
             _ => self.timespec_from(tid, timeout, 1)?,
         };
-        self.note_watched(tid, || wanted_of(&entries));
         let wanted = entries.chunks_exact(POLLFD).map(|entry| {
             let fd = i32::from_ne_bytes([entry[0], entry[1], entry[2], entry[3]]);
             (fd, u16::from_ne_bytes([entry[4], entry[5]]))
@@ -52,13 +53,32 @@ impl Supervisor {
         Ok(Outcome::Answer(i64::try_from(ready).unwrap_or(0)))
     }
 
-    /// Notes which files the thread watches, in case that it finds nothing.
-    fn note_watched(&mut self, tid: i32, watched: impl Fn() -> Vec<u8>) {
-        if let Some(thread) = self.threads.get_mut(&tid)
-            && thread.watched.is_empty()
-        {
-            thread.watched = watched();
+    /// The entries of a `poll`, read once: what its thread waits for does not change meanwhile.
+    fn noted_entries(&mut self, tid: i32, call: &Call) -> Result<Vec<u8>, Errno> {
+        let thread = self.threads.get_mut(&tid).ok_or(Errno::ESRCH)?;
+        if !thread.watched.is_empty() {
+            let noted = thread.watched.chunks_exact(WANTED);
+            return Ok(noted
+                .flat_map(|wanted| wanted.iter().chain(&[0; POLLFD - WANTED]))
+                .copied()
+                .collect());
         }
+        let entries = entries(tid, call)?;
+        thread.watched = wanted_of(&entries);
+        Ok(entries)
+    }
+
+    /// The same of a `select`: its sets and its time.
+    fn noted_sets(&mut self, tid: i32, call: &Call) -> Result<([Vec<u8>; 3], [u8; 16]), Errno> {
+        let thread = self.threads.get_mut(&tid).ok_or(Errno::ESRCH)?;
+        let (_, len) = size_of_sets(call.args[0]);
+        if !thread.watched.is_empty() {
+            let set = |index: usize| thread.watched[index * len..(index + 1) * len].to_vec();
+            return Ok(([set(0), set(1), set(2)], thread.timeout));
+        }
+        let (sets, time) = sets(tid, call)?;
+        (thread.watched, thread.timeout) = (sets.concat(), time);
+        Ok((sets, time))
     }
 
     /// What is ready of each file, as the kernel's flags.
@@ -67,6 +87,10 @@ impl Supervisor {
             .iter()
             .map(|&(fd, _)| self.file(tid, fd).filter(|_| fd >= 0))
             .collect();
+        let are_held = files.iter().flatten().all(|file| self.holds(file));
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.waits_for_ports = are_held;
+        }
         let mut polled: Vec<PollFd<'_>> = files
             .iter()
             .zip(wanted)
@@ -170,8 +194,7 @@ impl Supervisor {
         };
         let addresses = [read, write, except];
         let (count, len) = size_of_sets(count);
-        let (sets, time) = sets(tid, call)?;
-        self.note_watched(tid, || sets.concat());
+        let (sets, time) = self.noted_sets(tid, call)?;
         let deadline = match timeout {
             0 => None,
             _ => Some(self.deadline_after(tid, time, unit)?),
@@ -348,7 +371,7 @@ pub(super) fn entries(tid: i32, call: &Call) -> Result<Vec<u8>, Errno> {
 
 /// What entries of a `poll` ask for: all but the answers.
 fn wanted_of(entries: &[u8]) -> Vec<u8> {
-    let wanted = entries.chunks_exact(POLLFD).map(|entry| &entry[..6]);
+    let wanted = entries.chunks_exact(POLLFD).map(|entry| &entry[..WANTED]);
     wanted.collect::<Vec<_>>().concat()
 }
 

@@ -33,11 +33,15 @@ impl Supervisor {
             return Ok(Outcome::Kernel);
         };
         let settings = *terminal.settings();
+        let is_held = terminal.holds();
         if terminal.is_at_end() {
             terminal.took(0);
             return Ok(Outcome::Answer(0));
         }
         let there = terminal.readable(wanted).unwrap_or(0);
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.waits_for_ports = is_held;
+        }
         if let Some(outcome) = self.not_yet(tid, file, port, &settings, [there, wanted]) {
             return outcome;
         }

@@ -179,6 +179,7 @@ impl Supervisor {
         thread.opens = None;
         thread.is_woken = false;
         thread.watched.clear();
+        thread.waits_for_ports = false;
         thread.slice += 1;
         let is_tired = thread.slice >= SLICE;
         *self.spent.entry(call.number).or_default() += 1;
@@ -214,7 +215,7 @@ impl Supervisor {
         // The kernel makes the call after this.
         self.stage.stir();
         self.expire();
-        self.retry_files();
+        self.retry_files(None);
         self.ready(tid, Next::Go(None));
         Flow::Stays
     }
