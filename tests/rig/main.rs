@@ -22,6 +22,7 @@ mod pc_program;
 mod report;
 mod robot;
 mod rplidar;
+mod safety;
 mod silence;
 mod turns;
 mod yellow;

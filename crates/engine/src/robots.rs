@@ -35,7 +35,8 @@ pub(crate) use bounds::beyond_map;
 pub use bounds::warnings;
 pub use checker::{Check, Checker, Look, Status};
 pub use instruments::{
-    Command, Console, Dialect, Display, Found, Instruments, Panel, PanelRow, Silence, Stops,
+    Alarm, Command, Console, Dialect, Display, Figure, Found, Instruments, Need, Panel, PanelRow,
+    Silence, Stops,
 };
 pub use kept_map::KeptMap;
 pub use overlay::{Overlay, OverlayRole};
@@ -108,6 +109,11 @@ pub trait Robot: Sync {
     /// once: otherwise nothing is known about how it copes with them.
     fn situations(&self) -> &'static [&'static str] {
         &[]
+    }
+
+    /// Numbers of the defects of the fielded program that `program.defects` can switch on.
+    fn defects(&self) -> Vec<&'static str> {
+        Vec::new()
     }
 
     /// What a mapper needs to know to understand what passed the robot's links.
@@ -372,6 +378,7 @@ pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         spec.is_own() && is_new(name)
     })?;
     plan_links(&mut wired.rig, scenario, source)?;
+    bounds::check_safety_links(&wired.rig, scenario, source)?;
     Ok(wired)
 }
 

@@ -164,6 +164,11 @@ impl Run {
             is_over: false,
             scenario,
         };
+        let safety = run.scenario.expect.safety.as_ref();
+        if safety.is_some_and(|safety| safety.true_telemetry) {
+            let instruments = Rc::clone(&run.instruments);
+            run.add_checker(Box::new(check::TelemetryTrue::new(instruments)));
+        }
         run.plan_agenda();
         run
     }
@@ -434,6 +439,9 @@ impl Run {
         checks.extend(check::fired(self.rig.events()));
         checks.extend(self.steps.checks(is_over));
         checks.extend(self.expectations(pose_error, wall_overlap, is_over));
+        if let Some(safety) = &self.scenario.expect.safety {
+            checks.iter_mut().for_each(|check| safety.excuse(check));
+        }
         checks
     }
 }

@@ -13,6 +13,7 @@ mod mission;
 mod own;
 mod phases;
 pub(crate) mod plan;
+mod safety;
 pub mod schema;
 mod source;
 
@@ -49,6 +50,7 @@ pub use own::{
     TextSpec, VariableSpec, WidthSpec,
 };
 pub use phases::{BudgetSpec, PhasesSpec};
+pub use safety::SafetySpec;
 pub use source::{ScenarioError, Source};
 pub use span::Span;
 pub use tuning::TuningSpec;

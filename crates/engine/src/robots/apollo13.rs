@@ -111,6 +111,10 @@ impl Robot for ApolloRobot {
     fn situations(&self) -> &'static [&'static str] {
         &SITUATIONS
     }
+
+    fn defects(&self) -> Vec<&'static str> {
+        defects::ids().collect()
+    }
 }
 
 fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {

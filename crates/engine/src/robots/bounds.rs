@@ -1,6 +1,7 @@
 //! Whether missions and rooms fit the robot's map.
 
 use super::Robot;
+use crate::rig::Rig;
 use crate::scenario::{Action, Scenario, ScenarioError, Source};
 
 /// A wall may lie this far outside: a map's last cell is drawn from inside, metres.
@@ -32,6 +33,27 @@ pub(super) fn check_waypoints(
         }
     }
     Ok(())
+}
+
+/// Whether the links that `[expect.safety]` names exist.
+///
+/// # Errors
+/// The first one that does not.
+pub(super) fn check_safety_links(
+    rig: &Rig,
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<(), ScenarioError> {
+    let Some(spec) = &scenario.expect.safety else {
+        return Ok(());
+    };
+    let unknown = spec.links().find(|(_, link)| rig.link(link).is_none());
+    let Some((key, link)) = unknown else {
+        return Ok(());
+    };
+    let known: Vec<&str> = rig.links().iter().map(|link| &*link.name).collect();
+    let message = format!("no link \"{link}\", expected one of {}", known.join(", "));
+    Err(source.invalid(source.find(key), format!("expect.safety.{key}"), message))
 }
 
 /// What is wrong with waypoints for the robot called `name`: one lies outside its map.

@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 use emulators::world::{ActuatorKind, Chassis, Command};
 
 use super::{
-    Axis, Instruments, Panel, PanelRow, Robot, ScanDecoder, Stops, WirePlan, Wired, add_devices,
-    nowhere,
+    Axis, Instruments, Need, Panel, PanelRow, Robot, ScanDecoder, Stops, WirePlan, Wired,
+    add_devices, nowhere,
 };
 use crate::codec::Codec;
 use crate::rig::Rig;
@@ -222,6 +222,13 @@ impl Instruments for CustomInstruments {
 
     fn has_body(&self) -> bool {
         self.has_body
+    }
+
+    /// The lidars, unless the scenario names others.
+    fn needs(&self) -> Vec<Need> {
+        let devices = self.devices.iter().filter(|_| self.has_body);
+        let lidars = devices.filter(|(_, spec)| spec.scanner().is_some());
+        lidars.map(|(name, _)| Need::always(name.clone())).collect()
     }
 
     fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {

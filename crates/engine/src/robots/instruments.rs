@@ -64,6 +64,101 @@ impl From<Silence> for Stops {
     }
 }
 
+/// A link from which the robot must receive bytes in order to drive.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Need {
+    /// Its name.
+    pub link: Cow<'static, str>,
+    /// Modes of the robot in which it needs the link; empty: all but those in `except`.
+    pub only: &'static [&'static str],
+    /// Modes in which it does not.
+    pub except: &'static [&'static str],
+    /// Documented silence after which the robot stops, if it is longer than expected of others.
+    pub stops_after: Duration,
+}
+
+impl Need {
+    /// A link that is needed in all modes.
+    pub fn always(link: impl Into<Cow<'static, str>>) -> Self {
+        Self {
+            link: link.into(),
+            only: &[],
+            except: &[],
+            stops_after: Duration::ZERO,
+        }
+    }
+
+    /// The same, in these modes only.
+    #[must_use]
+    pub const fn only(mut self, modes: &'static [&'static str]) -> Self {
+        self.only = modes;
+        self
+    }
+
+    /// The same, but not in these modes.
+    #[must_use]
+    pub const fn except(mut self, modes: &'static [&'static str]) -> Self {
+        self.except = modes;
+        self
+    }
+
+    /// Whether the link is needed in `mode`.
+    pub fn is_needed(&self, mode: Option<&str>) -> bool {
+        let is_in = |modes: &[&str]| mode.is_some_and(|mode| modes.contains(&mode));
+        (self.only.is_empty() || is_in(self.only)) && !is_in(self.except)
+    }
+}
+
+/// A counter of the program that grows when the program notices that a link is silent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Alarm {
+    /// Name of the link.
+    pub link: &'static str,
+    /// Name of the counter.
+    pub counter: &'static str,
+}
+
+/// A figure that the robot reported to its station.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figure {
+    /// Its name, with its unit.
+    pub name: &'static str,
+    /// When the station received it.
+    pub at: Instant,
+    /// The reported value.
+    pub told: f64,
+    /// The value now, as the robot's own devices or its program have it.
+    pub truth: f64,
+    /// Permitted difference, beside the change since.
+    pub tolerance: f64,
+}
+
+impl Figure {
+    /// The figures of a pose that was reported `at`: place and heading.
+    pub fn of_pose(at: Instant, told: Pose, truth: Pose) -> [Self; 3] {
+        let place = |name, told: f64, truth: f64| Self {
+            name,
+            at,
+            told: told * 1000.0,
+            truth: truth * 1000.0,
+            tolerance: 30.0,
+        };
+        // The nearer of both turns.
+        let turned = emulators::world::wrap_angle(told.theta - truth.theta);
+        [
+            place("the x of the pose, mm", told.x, truth.x),
+            place("the y of the pose, mm", told.y, truth.y),
+            Self {
+                name: "the error of the heading, degrees",
+                at,
+                told: turned.to_degrees(),
+                truth: 0.0,
+                tolerance: 60.0,
+            },
+        ]
+    }
+}
+
 /// Values that belong together, for page and report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Panel {
@@ -154,6 +249,36 @@ pub trait Instruments {
     /// The devices that drive axes, and when each stops by itself.
     fn stops(&self) -> Vec<Stops> {
         self.silence().map(Stops::from).into_iter().collect()
+    }
+
+    /// Links from which the robot must receive bytes in order to drive.
+    fn needs(&self) -> Vec<Need> {
+        Vec::new()
+    }
+
+    /// Links over which the program drives the robot.
+    fn drive_links(&self) -> Vec<String> {
+        self.stops().into_iter().map(|stops| stops.link).collect()
+    }
+
+    /// The link that carries the orders of a station to the robot.
+    fn orders_link(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Links of the station: they carry bytes when a person wants something.
+    fn station_links(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// Counters that tell which links the program found silent.
+    fn alarms(&self) -> &'static [Alarm] {
+        &[]
+    }
+
+    /// Figures that the robot reported to its station, with the true ones.
+    fn figures(&self, _rig: &Rig) -> Vec<Figure> {
+        Vec::new()
     }
 
     /// Whether there is a robot that moves; else there are devices on their wires alone.

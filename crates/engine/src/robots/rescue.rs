@@ -46,7 +46,7 @@ use crate::scenario::{
     Source, Step, Xv11Spec,
 };
 
-use arena::ARENA;
+use arena::{ARENA, SITUATIONS};
 use instruments::RescueInstruments;
 
 /// The base stops the motors within 1.006 s of silence (field firmware, measured), plus a
@@ -58,24 +58,6 @@ const SILENCE: Silence = Silence {
 
 /// A break, or three ESC, open the lidar's console and end its stream.
 const CONSOLES: [Console; 1] = [("lidar", "lidar")];
-
-/// Situations that a campaign must cause: possible events on each link.
-const SITUATIONS: [&str; 14] = [
-    "lidar packets lost",
-    "lidar packets bad",
-    "lidar turns skipped",
-    "lidar silences",
-    "base retries",
-    "base failures",
-    "base silences",
-    "base unsolicited",
-    "base errors",
-    "base bad frames",
-    "encoder readings disbelieved",
-    "radio bad frames",
-    "radio frames without meaning",
-    "waypoints reached",
-];
 
 /// Largest set-point that the fielded base follows, ticks per 40 ms.
 const SET_POINT_MAX: i16 = 35;
@@ -123,6 +105,10 @@ impl Robot for RescueRobot {
 
     fn situations(&self) -> &'static [&'static str] {
         &SITUATIONS
+    }
+
+    fn defects(&self) -> Vec<&'static str> {
+        Config::defects().collect()
     }
 
     fn senses(

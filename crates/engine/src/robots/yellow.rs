@@ -94,6 +94,10 @@ impl Robot for YellowRobot {
         &SITUATIONS
     }
 
+    fn defects(&self) -> Vec<&'static str> {
+        Config::defects().chain(PcConfig::defects()).collect()
+    }
+
     fn remote(&self) -> Option<(Box<dyn RemoteStation>, LineConfig)> {
         Some(remote::remote())
     }

@@ -11,6 +11,7 @@ mod accepted;
 mod at_work;
 #[cfg(feature = "described")]
 mod node_programs;
+pub(crate) mod safety;
 mod silence;
 
 pub use accepted::SetPointsAsAccepted;
@@ -21,6 +22,9 @@ pub use node_programs::NODE_PROGRAMS;
 pub(crate) use node_programs::node_programs;
 #[cfg(feature = "described")]
 pub use nodes::last_words;
+pub use safety::{
+    AliveAtTheEnd, MovesOnSoundOrders, NoticesSilence, RestsAfterSilence, TelemetryTrue,
+};
 pub use silence::MotorsStopAfterSilence;
 pub(crate) use silence::fired;
 pub use silence::{STOPS, WATCHDOG};

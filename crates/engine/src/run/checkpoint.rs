@@ -104,12 +104,18 @@ impl Checkpoint {
         if self.0.is_over || ends <= now || !is_as_asked || !is_alike(asked, scenario) {
             return None;
         }
+        // Its checker counts back from the end.
+        let safety = asked.expect.safety.as_ref();
+        let counts_back = safety.is_some_and(|safety| safety.alive_for.is_some());
+        if counts_back && asked.duration != scenario.duration {
+            return None;
+        }
         let changes = self.changes(&scenario.fault)?;
         let mut run = self.0.fork()?;
         run.apply(&changes, &asked.fault)?;
         run.scenario.fault.clone_from(&scenario.fault);
         run.scenario.duration = scenario.duration;
-        run.scenario.expect = scenario.expect;
+        run.scenario.expect.clone_from(&scenario.expect);
         run.asked = Rc::new(scenario.clone());
         Some(run)
     }
@@ -234,6 +240,7 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
         && (device, link, world) == (&b.device, &b.link, &b.world)
         && (budget, phases) == (&b.budget, &b.phases)
         && ends_alike(expect, &b.expect)
+        && expect.safety == b.expect.safety
 }
 
 /// Whether `other` is `fault` at another time.

@@ -3,6 +3,7 @@
 use emulators::world::Pose;
 
 use super::check::Check;
+use super::check::safety::overruns;
 use super::score::{PoseError, WallOverlap, wall_overlap};
 use super::{Run, WAY_EVERY, explored, victims};
 
@@ -152,6 +153,13 @@ impl Run {
                 detail += &format!("; first: {first}");
             }
             checks.push(Check::new("violations", found <= max, detail));
+        }
+        let most = expect
+            .safety
+            .as_ref()
+            .and_then(|safety| safety.overruns_max);
+        if let Some(most) = most {
+            checks.push(overruns(most, &self.rig, self.rig.events()));
         }
         if let Some(wanted) = expect.map_received {
             let received = self.map_received();

@@ -22,6 +22,7 @@ impl Watchers {
                 instruments.sporadic_links(),
             )));
         }
+        checkers.extend(check::safety::asked_for(scenario, rig, instruments));
         Self { checkers }
     }
 

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Condition, Flaw, Span};
+use super::{Condition, Flaw, SafetySpec, Span};
 
 /// Task of the robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -126,7 +126,7 @@ impl Serialize for SetPoint {
 }
 
 /// Expectations at the end of the run; keys that are not given are not checked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Expect {
     /// Each waypoint is visited in order, within this distance, millimetres.
@@ -179,6 +179,9 @@ pub struct Expect {
     /// Whether the PC must have received every row of the map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map_received: Option<bool>,
+    /// Safety during the whole run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safety: Option<SafetySpec>,
 }
 
 fn default_connect() -> Span {

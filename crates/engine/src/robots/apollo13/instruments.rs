@@ -10,7 +10,7 @@ use super::{PHONE, REMOTE};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
 use crate::rig::line::Direction;
-use crate::robots::{Axis, Instruments, Overlay, Panel, PanelRow, ScanDecoder, Station};
+use crate::robots::{Axis, Instruments, Need, Overlay, Panel, PanelRow, ScanDecoder, Station};
 use crate::scenario::DeviceSpec;
 
 /// The robot's instruments.
@@ -99,6 +99,26 @@ impl Instruments for ApolloInstruments {
     /// Markers are seen now and then.
     fn sporadic_links(&self) -> &'static [&'static str] {
         &["markers"]
+    }
+
+    /// By hand the phone; otherwise the camera that looks ahead.
+    fn needs(&self) -> Vec<Need> {
+        vec![
+            Need::always(REMOTE).only(&["remote"]),
+            Need::always("scan").only(&["autonomous", "gates", "mapping"]),
+        ]
+    }
+
+    fn drive_links(&self) -> Vec<String> {
+        vec!["car".to_owned()]
+    }
+
+    fn orders_link(&self) -> Option<&'static str> {
+        Some(REMOTE)
+    }
+
+    fn station_links(&self) -> &'static [&'static str] {
+        &[REMOTE]
     }
 
     fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {

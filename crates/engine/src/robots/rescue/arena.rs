@@ -11,3 +11,21 @@ pub(super) const ARENA: Arena = Arena {
     passage_mm: [700, 1000],
     obstacle_mm: [25, 120],
 };
+
+/// Situations that a campaign must cause: possible events on each link.
+pub(super) const SITUATIONS: [&str; 14] = [
+    "lidar packets lost",
+    "lidar packets bad",
+    "lidar turns skipped",
+    "lidar silences",
+    "base retries",
+    "base failures",
+    "base silences",
+    "base unsolicited",
+    "base errors",
+    "base bad frames",
+    "encoder readings disbelieved",
+    "radio bad frames",
+    "radio frames without meaning",
+    "waypoints reached",
+];

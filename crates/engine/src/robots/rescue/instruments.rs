@@ -8,20 +8,35 @@ use emulators::touch_panel::{self, TouchPanel};
 use emulators::world::Pose;
 use firmware_core::map_view::MapView;
 use protocols::Instant;
+use protocols::avr::registers;
 
 use super::{CONSOLES, SET_POINT_MAX, SILENCE, command, display, view};
 use crate::codec::Codec;
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
 use crate::robots::{
-    Axis, Console, Dialect, Display, Found, Instruments, Overlay, OverlayRole, Panel, ScanDecoder,
-    Silence, Station,
+    Alarm, Axis, Console, Dialect, Display, Figure, Found, Instruments, Need, Overlay, OverlayRole,
+    Panel, ScanDecoder, Silence, Station,
 };
 use crate::scenario::device::xv11_scans::Xv11Scans;
 
 /// A pose that the robot tells is that of its last scan, which it has searched for up to 150 ms,
 /// and has crossed the radio.
 const TOLD_AGE: Duration = Duration::from_millis(250);
+
+/// Speed of a wheel with one tick per 40 ms (seed report).
+const TICK_MM_S: f64 = 11.345;
+
+const ALARMS: [Alarm; 2] = [
+    Alarm {
+        link: "lidar",
+        counter: "lidar silences",
+    },
+    Alarm {
+        link: "base",
+        counter: "base silences",
+    },
+];
 
 /// The robot's instruments: all that it shows lies in its rig.
 #[derive(Clone, Copy, Debug)]
@@ -151,6 +166,59 @@ impl Instruments for RescueInstruments {
 
     fn codec(&self, rig: &Rig, link: &str) -> Option<&'static Codec> {
         view::protocol(rig, link)
+    }
+
+    /// The lidar but by hand, and the PC by hand.
+    fn needs(&self) -> Vec<Need> {
+        let by_hand: &[&str] = &["manual"];
+        vec![
+            Need::always("lidar").except(by_hand),
+            Need::always("radio").only(by_hand),
+        ]
+    }
+
+    fn orders_link(&self) -> Option<&'static str> {
+        Some("radio")
+    }
+
+    fn station_links(&self) -> &'static [&'static str] {
+        &["radio", "pc"]
+    }
+
+    fn alarms(&self) -> &'static [Alarm] {
+        &ALARMS
+    }
+
+    /// The pose beside that of the program, the speeds beside those that the base measures.
+    fn figures(&self, rig: &Rig) -> Vec<Figure> {
+        let mut figures = Vec::new();
+        let Some(record) = pc(rig).map(Pc::record) else {
+            return figures;
+        };
+        let stated = record.map_properties.map(|(at, _)| at);
+        let pose = pc(rig).and_then(Pc::stated_pose);
+        let own = rig.program().and_then(|program| program.estimate());
+        if let (Some(at), Some(told), Some((_, own))) = (stated, pose, own) {
+            figures.extend(Figure::of_pose(at, told, in_metres(own)));
+        }
+        let base = rig.device::<AvrBase>("base");
+        if let (Some((at, state)), Some(base)) = (record.state, base) {
+            let addresses = [registers::SPEED_LEFT_IS, registers::SPEED_RIGHT_IS];
+            let names = [
+                "the speed of the left wheel, mm/s",
+                "the speed of the right wheel, mm/s",
+            ];
+            for ((name, address), told) in names.into_iter().zip(addresses).zip(state.speed_mm_s) {
+                figures.push(Figure {
+                    name,
+                    at,
+                    told: told.into(),
+                    truth: f64::from(base.register(address).cast_signed()) * TICK_MM_S,
+                    tolerance: 2.0 * TICK_MM_S,
+                });
+            }
+        }
+        figures
     }
 
     fn consoles(&self) -> &'static [Console] {

@@ -1,5 +1,7 @@
 //! The interface of the robot.
 
+use core::time::Duration;
+
 use emulators::wheel_board::WheelBoard;
 use emulators::world::{Pose, Wheel};
 use firmware_core::map_view::MapView;
@@ -15,7 +17,9 @@ use super::{BOARD, PC, TELEMETRY, command};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
 use crate::robots::instruments::in_metres;
-use crate::robots::{Axis, Dialect, Instruments, Overlay, Panel, PanelRow, ScanDecoder, Station};
+use crate::robots::{
+    Alarm, Axis, Dialect, Figure, Instruments, Need, Overlay, Panel, PanelRow, ScanDecoder, Station,
+};
 use crate::scenario::DeviceSpec;
 
 /// The robot's instruments.
@@ -123,6 +127,48 @@ impl Instruments for YellowInstruments {
     fn station_mut<'a>(&'a self, rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
         let pc = rig.device_to_plan::<PcStation>(PC)?;
         Some(pc)
+    }
+
+    /// By hand the PC; its silence ends that after 2 s, as the fielded program declares.
+    fn needs(&self) -> Vec<Need> {
+        vec![Need {
+            stops_after: Duration::from_secs(2),
+            ..Need::always(TELEMETRY).only(&["manual"])
+        }]
+    }
+
+    fn drive_links(&self) -> Vec<String> {
+        vec![BOARD.to_owned()]
+    }
+
+    fn orders_link(&self) -> Option<&'static str> {
+        Some(TELEMETRY)
+    }
+
+    fn station_links(&self) -> &'static [&'static str] {
+        &[TELEMETRY]
+    }
+
+    fn alarms(&self) -> &'static [Alarm] {
+        &[Alarm {
+            link: "lidar",
+            counter: "lidar silences",
+        }]
+    }
+
+    /// The pose beside the robot's odometry.
+    fn figures(&self, rig: &Rig) -> Vec<Figure> {
+        let told = pc(rig).and_then(PcProgram::telemetry);
+        let own = rig.program().and_then(|program| program.estimate());
+        let (Some((at, told)), Some((_, own))) = (told, own) else {
+            return Vec::new();
+        };
+        let Some(odometry) = &told.odometry else {
+            return Vec::new();
+        };
+        let [x, y, heading] =
+            [odometry.pose.x, odometry.pose.y, odometry.pose.alpha].map(f64::from);
+        Figure::of_pose(at, Pose::new(x, y, heading), in_metres(own)).to_vec()
     }
 
     fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {

@@ -1,0 +1,128 @@
+//! Checks that the robot works again when its core was healed.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use crate::rig::Rig;
+use crate::rig::line::Direction;
+
+/// Bytes a second of a busy line, at least.
+const BUSY: u64 = 10;
+/// Seconds in a row that make a line busy.
+const SECONDS: u32 = 4;
+
+/// In the last part of the run each line that was busy before carries bytes, and the program finds
+/// its pose.
+#[derive(Clone, Debug)]
+pub struct AliveAtTheEnd {
+    from: Instant,
+    exempt: Vec<String>,
+    asks_for_pose: bool,
+    lines: Vec<Watched>,
+    second: Instant,
+    estimated: [Option<Instant>; 2],
+    was_judged: bool,
+}
+
+#[derive(Clone, Debug)]
+struct Watched {
+    name: String,
+    /// Bytes at the last full second, when the last part began, and now.
+    delivered: [u64; 3],
+    seconds: u32,
+    is_busy: bool,
+}
+
+impl AliveAtTheEnd {
+    /// Judges what happens after `from`; links in `exempt` may be silent.
+    pub const fn new(from: Instant, exempt: Vec<String>, asks_for_pose: bool) -> Self {
+        Self {
+            from,
+            exempt,
+            asks_for_pose,
+            lines: Vec::new(),
+            second: Instant::ZERO,
+            estimated: [None; 2],
+            was_judged: false,
+        }
+    }
+
+    fn begin(&mut self, rig: &Rig) {
+        let both = [Direction::ToMaster, Direction::ToDevice];
+        let links = rig.links().iter();
+        let links = links.filter(|link| !self.exempt.contains(&link.name));
+        let lines = links.flat_map(|link| {
+            both.map(|direction| Watched {
+                name: format!("{} {}", link.name, direction.name()),
+                delivered: [0; 3],
+                seconds: 0,
+                is_busy: false,
+            })
+        });
+        self.lines = lines.collect();
+    }
+}
+
+impl Checker for AliveAtTheEnd {
+    fn observe(&mut self, look: &Look<'_>) {
+        let (rig, now) = (look.rig, look.rig.now());
+        if self.lines.is_empty() {
+            self.begin(rig);
+        }
+        let links = rig.links().iter();
+        let links = links.filter(|link| !self.exempt.contains(&link.name));
+        let counts = links.flat_map(|link| &link.lines);
+        let counts = counts.map(|line| line.traffic().delivered);
+        let is_second = now - self.second >= Duration::from_secs(1);
+        let is_before = now <= self.from;
+        for (line, count) in self.lines.iter_mut().zip(counts) {
+            line.delivered[2] = count;
+            if is_before {
+                line.delivered[1] = count;
+            }
+            if is_second {
+                let is_busy = count >= line.delivered[0] + BUSY;
+                line.delivered[0] = count;
+                line.seconds = if is_busy { line.seconds + 1 } else { 0 };
+                line.is_busy |= line.seconds >= SECONDS && is_before;
+            }
+        }
+        if is_second {
+            self.second = now;
+        }
+        let estimated = rig.program().and_then(|program| program.estimate());
+        self.estimated[1] = estimated.map(|(at, _)| at);
+        if is_before {
+            self.estimated[0] = self.estimated[1];
+        } else {
+            self.was_judged = true;
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "alive-at-the-end";
+        let busy = self.lines.iter().filter(|line| line.is_busy);
+        let silent = busy
+            .clone()
+            .filter(|line| line.delivered[1] == line.delivered[2]);
+        let silent: Vec<&str> = silent.map(|line| line.name.as_str()).collect();
+        let has_pose = self.estimated[0].is_some();
+        let is_lost = self.asks_for_pose && has_pose && self.estimated[0] == self.estimated[1];
+        let detail = match (silent.is_empty(), is_lost) {
+            (false, _) => format!("silent since {} s: {}", self.from, silent.join(", ")),
+            (true, true) => format!("no new pose since {} s", self.from),
+            (true, false) => format!(
+                "all of {} lines that were busy before",
+                busy.clone().count()
+            ),
+        };
+        let check = Check::new(name, silent.is_empty() && !is_lost, detail);
+        check.if_observed(self.was_judged && busy.count() > 0)
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
+}

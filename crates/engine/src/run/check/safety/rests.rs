@@ -1,0 +1,148 @@
+//! Checks that the robot stops when a link that it needs falls silent.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use crate::rig::Rig;
+use crate::rig::line::Direction;
+use crate::robots::Need;
+
+/// Time to brake: the wheels of the built-in robots stand after 0.3 s.
+const BRAKES: Duration = Duration::from_millis(500);
+/// Slower than this is rest, m/s and rad/s: noise of the drive train.
+const REST_M_S: f64 = 0.03;
+const REST_RAD_S: f64 = 0.15;
+/// Commands must have reached the device of the drive for so long: a silent device stops by itself,
+/// which `motors-stop-after-silence` checks.
+const COMMANDS: Duration = Duration::from_millis(300);
+
+/// The robot rests after a link that it needs has been silent for too long.
+#[derive(Clone, Debug)]
+pub struct RestsAfterSilence {
+    watched: Vec<Watched>,
+    drive: Vec<String>,
+    within: Duration,
+    commanded: Heard,
+    has_moved: bool,
+}
+
+/// When bytes arrived last.
+#[derive(Clone, Copy, Debug)]
+struct Heard {
+    delivered: u64,
+    at: Instant,
+}
+
+impl Heard {
+    const NEVER: Self = Self {
+        delivered: 0,
+        at: Instant::ZERO,
+    };
+
+    /// Takes the count at `now`; the silence since.
+    fn take(&mut self, now: Instant, delivered: u64) -> Duration {
+        if delivered != self.delivered {
+            (self.delivered, self.at) = (delivered, now);
+        }
+        now - self.at
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Watched {
+    need: Need,
+    heard: Heard,
+    /// Since when the robot moves though it must not, while commands reach its drive.
+    moving_since: Option<Instant>,
+    silences: u64,
+    is_silent: bool,
+    broken: Option<(Instant, Duration)>,
+}
+
+impl RestsAfterSilence {
+    /// Watches a robot that must rest `within` this time after one of the links in `needs` fell
+    /// silent. `drive` are the links over which it is driven.
+    pub fn new(needs: Vec<Need>, drive: Vec<String>, within: Duration) -> Self {
+        let watched = needs.into_iter().map(|need| Watched {
+            need,
+            heard: Heard::NEVER,
+            moving_since: None,
+            silences: 0,
+            is_silent: false,
+            broken: None,
+        });
+        Self {
+            watched: watched.collect(),
+            drive,
+            within,
+            commanded: Heard::NEVER,
+            has_moved: false,
+        }
+    }
+}
+
+fn delivered(rig: &Rig, link: &str, direction: Direction) -> u64 {
+    let link = rig.link(link);
+    link.map_or(0, |link| link.line(direction).traffic().delivered)
+}
+
+impl Checker for RestsAfterSilence {
+    fn observe(&mut self, look: &Look<'_>) {
+        let (rig, now) = (look.rig, look.rig.now());
+        let sent = self.drive.iter();
+        let sent = sent.map(|link| delivered(rig, link, Direction::ToDevice));
+        let unreached = self.commanded.take(now, sent.sum());
+        let is_reached = self.drive.is_empty() || unreached < COMMANDS;
+        let world = &rig.world;
+        let is_moving = world.speed().abs() > REST_M_S || world.turn_rate().abs() > REST_RAD_S;
+        self.has_moved |= is_moving;
+        let mode = rig.program().map(|program| program.mode());
+        for one in &mut self.watched {
+            let count = delivered(rig, &one.need.link, Direction::ToMaster);
+            let silence = one.heard.take(now, count);
+            let limit = self.within.max(one.need.stops_after) + BRAKES;
+            let is_silent = silence > limit;
+            one.silences += u64::from(is_silent && !one.is_silent);
+            one.is_silent = is_silent;
+            let is_wrong = is_silent && is_moving && is_reached && one.need.is_needed(mode);
+            if !is_wrong {
+                one.moving_since = None;
+                continue;
+            }
+            let since = *one.moving_since.get_or_insert(now);
+            if now - since >= COMMANDS && one.broken.is_none() {
+                one.broken = Some((now, silence));
+            }
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "rests-after-silence";
+        if self.watched.is_empty() {
+            let detail = "the robot names no link that it needs; set rests_without";
+            return Check::not_observed(name, detail);
+        }
+        let broken = self.watched.iter().find_map(|one| Some((one, one.broken?)));
+        let silences: u64 = self.watched.iter().map(|one| one.silences).sum();
+        let links: Vec<&str> = self.watched.iter().map(|one| &*one.need.link).collect();
+        let detail = match broken {
+            Some((one, (at, silence))) => format!(
+                "still moving at {at} s, {:.1} s after the last byte of {}",
+                silence.as_secs_f64(),
+                one.need.link
+            ),
+            None => format!(
+                "at rest in each of {silences} silences of {}",
+                links.join(", ")
+            ),
+        };
+        let check = Check::new(name, broken.is_none(), detail);
+        check.if_observed(self.has_moved && silences > 0)
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
+}

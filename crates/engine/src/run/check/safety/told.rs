@@ -1,0 +1,119 @@
+//! Checks the figures that the robot reports to its station.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use crate::rig::Rig;
+use crate::robots::{Figure, Instruments};
+
+/// Age of a figure: the search for the pose, the queue and the radio.
+const AGE: Duration = Duration::from_millis(1_500);
+/// Reports in a row that must be wrong: one may come from a moment between two looks.
+const WRONG_MIN: u32 = 3;
+
+/// The figures that the robot reported are those that it had then.
+#[derive(Clone)]
+pub struct TelemetryTrue {
+    instruments: Rc<dyn Instruments>,
+    watched: Vec<Watched>,
+}
+
+#[derive(Clone, Debug)]
+struct Watched {
+    name: &'static str,
+    /// True values of late.
+    truths: VecDeque<(Instant, f64)>,
+    told_at: Option<Instant>,
+    reports: u64,
+    wrong: u32,
+    broken: Option<(Instant, f64, f64)>,
+}
+
+impl TelemetryTrue {
+    /// Watches the figures of `instruments`.
+    pub fn new(instruments: Rc<dyn Instruments>) -> Self {
+        Self {
+            instruments,
+            watched: Vec::new(),
+        }
+    }
+
+    fn take(&mut self, now: Instant, figure: &Figure) {
+        let index = self.watched.iter().position(|one| one.name == figure.name);
+        let index = index.unwrap_or_else(|| {
+            self.watched.push(Watched {
+                name: figure.name,
+                truths: VecDeque::new(),
+                told_at: None,
+                reports: 0,
+                wrong: 0,
+                broken: None,
+            });
+            self.watched.len() - 1
+        });
+        self.watched[index].take(now, figure);
+    }
+}
+
+impl Watched {
+    fn take(&mut self, now: Instant, figure: &Figure) {
+        self.truths.push_back((now, figure.truth));
+        let is_old = |&(at, _): &(Instant, f64)| now - at > AGE;
+        while self.truths.front().is_some_and(is_old) {
+            self.truths.pop_front();
+        }
+        // What arrived before the first look has no truth to compare with.
+        let is_new = self.told_at != Some(figure.at);
+        let was_told = self.told_at.replace(figure.at).is_some();
+        if !is_new || !was_told {
+            return;
+        }
+        self.reports += 1;
+        let truths = || self.truths.iter().map(|&(_, truth)| truth);
+        let least = truths().fold(f64::INFINITY, f64::min) - figure.tolerance;
+        let most = truths().fold(f64::NEG_INFINITY, f64::max) + figure.tolerance;
+        if (least..=most).contains(&figure.told) {
+            self.wrong = 0;
+            return;
+        }
+        self.wrong += 1;
+        if self.wrong >= WRONG_MIN && self.broken.is_none() {
+            self.broken = Some((now, figure.told, figure.truth));
+        }
+    }
+}
+
+impl Checker for TelemetryTrue {
+    fn observe(&mut self, look: &Look<'_>) {
+        let now = look.rig.now();
+        let figures = Rc::clone(&self.instruments).figures(look.rig);
+        for figure in &figures {
+            self.take(now, figure);
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "telemetry-true";
+        let broken = self.watched.iter().find_map(|one| Some((one, one.broken?)));
+        let reports: u64 = self.watched.iter().map(|one| one.reports).sum();
+        let detail = match broken {
+            Some((one, (at, told, truth))) => {
+                format!(
+                    "at {at} s {} is reported as {told:.2}, it is {truth:.2}",
+                    one.name
+                )
+            }
+            None if self.watched.is_empty() => "the robot reports no figures".to_owned(),
+            None => format!("{reports} reported figures agree"),
+        };
+        Check::new(name, broken.is_none(), detail).if_observed(reports > 0)
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
+}

@@ -1,0 +1,63 @@
+//! Safety of a robot during the whole run, whatever fails.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Span;
+
+/// Expected safety of the robot during the whole run, also while links and devices fail. Keys that
+/// are not given are not checked.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SafetySpec {
+    /// Silence of a link in `rests_without` after which the robot must stop, and stay at rest until
+    /// the link carries bytes again. The robot may take 0.5 s to brake.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rests_within: Option<Span>,
+    /// Links from which the robot must receive bytes in order to drive, e.g. `["lidar"]`. Built-in
+    /// robots have their own list; for a custom robot it is the link of its lidar if not given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rests_without: Vec<String>,
+    /// The robot does not move before a frame with a valid checksum has arrived on `orders_link`.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub sound_orders: bool,
+    /// Link that carries the orders to the robot; built-in robots have their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orders_link: Option<String>,
+    /// The pose and the speeds that the robot reports to its station are those that it has.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub true_telemetry: bool,
+    /// Silence of a device after which the program must have noticed: its counter of such failures
+    /// has grown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub says_within: Option<Span>,
+    /// Maximum number of times that a queue of a device or a port overflowed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub overruns_max: Option<u64>,
+    /// In this last part of the run, each line of a device that was busy before carries bytes, and
+    /// the program finds its pose.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alive_for: Option<Span>,
+    /// Links that stay broken to the end: `alive_for` does not ask for them, nor for the pose.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alive_without: Vec<String>,
+    /// A person steers by hand: a contact is not the robot's fault.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub by_hand: bool,
+    /// A step of the mission whose condition stays false is no failure.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub steps_may_wait: bool,
+}
+
+impl SafetySpec {
+    /// The links that its keys name, each with its key.
+    pub(crate) fn links(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let needed = self.rests_without.iter();
+        let needed = needed.map(|link| ("rests_without", link.as_str()));
+        let orders = self.orders_link.iter();
+        let orders = orders.map(|link| ("orders_link", link.as_str()));
+        let without = self.alive_without.iter();
+        let without = without.map(|link| ("alive_without", link.as_str()));
+        needed.chain(orders).chain(without)
+    }
+}

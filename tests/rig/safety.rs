@@ -1,0 +1,197 @@
+//! Checkers of `[expect.safety]`: each finds a planted defect, or a program of a stranger that is
+//! wrong, and passes the sound one.
+
+use hilrig::robots::{self, Dut, OpenEnd, PcEnd, Wired};
+use hilrig::run::check::{Check, Status};
+use hilrig::run::{Outcome, Run};
+use hilrig::scenario::Scenario;
+use protocols::avr::{ChecksumOrder, Frame};
+use protocols::{Instant, LineConfig};
+
+use super::{in_a_room, run_to_end, shipped, start};
+
+fn check(outcome: &Outcome, name: &str) -> Check {
+    let found = outcome.checks.iter().find(|check| check.name == name);
+    found.unwrap_or_else(|| panic!("no check {name}")).clone()
+}
+
+const SAFETY: &str = "[expect.safety]\nrests_within = \"1s\"\ntrue_telemetry = true\n\
+    says_within = \"3s\"\nalive_for = \"3s\"\nsound_orders = true\n";
+const WAY: &str = "[mission]\nto_the_end = true\nwaypoints_m = [[1.5, 2.2], [0.8, 1.5]]\n";
+const BY_HAND: &str = "[mission]\nto_the_end = true\n[[mission.step]]\nat = \"2s\"\n\
+    do = { drive = [10, -10] }\n[[mission.step]]\nat = \"5s\"\ndo = \"disconnect\"\n";
+/// From 5 s on nothing of the lidar arrives.
+const NO_LIDAR: &str = "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
+    from = \"5s\"\n";
+
+/// Defects of the fielded programs: the robot drives on by hand when the PC is gone (PU-21), in the
+/// dark (XV-11); it waits for its lidar for ever (XV-08); it reports speeds in tenths (MA-10). Each
+/// check fails with its defect and passes without.
+#[test]
+fn planted_defects_are_found_by_the_checks_of_safety() {
+    let rows = [
+        ("rests-after-silence", "PU-21", format!("{BY_HAND}{SAFETY}")),
+        ("telemetry-true", "MA-10", format!("{WAY}{SAFETY}")),
+        (
+            "notices-silence",
+            "XV-08",
+            format!("{WAY}{SAFETY}{NO_LIDAR}"),
+        ),
+    ];
+    for (name, defect, text) in rows {
+        let judged = |defects: &str| {
+            let program = format!("[program]\ndefects = [{defects}]\n");
+            check(
+                &run_to_end(in_a_room("12s", &format!("{program}{text}"))),
+                name,
+            )
+        };
+        let (with, without) = (judged(&format!("\"{defect}\"")), judged(""));
+        assert_eq!(with.status, Status::Fail, "{defect}: {}", with.detail);
+        assert_eq!(without.status, Status::Pass, "{defect}: {}", without.detail);
+    }
+}
+
+/// The phone of the car is gone for good (AF-07): the car drives on, 3 s after the start of a drive
+/// of 40 s. Its board has no watchdog of its own that would stop it, as commands reach it.
+#[test]
+fn a_car_whose_remote_is_gone_must_stop() {
+    let judged = |defects: &str| {
+        let (_, source) = shipped("apollo13-remote");
+        let cut = "[[fault]]\nkind = \"cut\"\nlink = \"remote\"\ndirection = \"to-master\"\n\
+            from = \"3s\"\n";
+        let text = format!("{}\n{SAFETY}{cut}", source.text);
+        let program = format!("[program]\ndefects = [{defects}]\n[mission]");
+        let text = text.replace("[mission]", &program);
+        let mut scenario = Scenario::parse(&source.path, text).expect("sound").0;
+        scenario.duration = hilrig::scenario::Span::from_millis(8_000);
+        check(&run_to_end((scenario, source)), "rests-after-silence")
+    };
+    let (with, without) = (judged("\"AF-07\""), judged(""));
+    assert_eq!(with.status, Status::Fail, "{}", with.detail);
+    assert!(
+        with.detail.contains("after the last byte of remote"),
+        "{}",
+        with.detail
+    );
+    assert_eq!(without.status, Status::Pass, "{}", without.detail);
+}
+
+/// A silent lidar that comes back is no failure at the end; one that does not come back is, unless
+/// the scenario says that it stays broken.
+#[test]
+fn what_was_healed_must_carry_bytes_again() {
+    let judged = |until: &str, without: &str| {
+        let safety = format!("[expect.safety]\nalive_for = \"3s\"\n{without}");
+        let fault = format!("{NO_LIDAR}{until}");
+        let outcome = run_to_end(in_a_room("14s", &format!("{WAY}{safety}{fault}")));
+        check(&outcome, "alive-at-the-end")
+    };
+    assert_eq!(judged("until = \"8s\"\n", "").status, Status::Pass);
+    let broken = judged("", "");
+    assert_eq!(broken.status, Status::Fail);
+    assert!(
+        broken.detail.ends_with(": lidar to-master"),
+        "{}",
+        broken.detail
+    );
+    assert_eq!(
+        judged("", "alive_without = [\"lidar\"]\n").status,
+        Status::Pass
+    );
+}
+
+/// A robot of data with a lidar, wheels, and a hand-held remote that is asked for its speed.
+fn own_robot(more: &str) -> (Run, Vec<OpenEnd>) {
+    let (_, source) = shipped("custom-robot");
+    let remote = "[device.remote.registers]\nbaud = 115200\n[[device.remote.registers.register]]\n\
+        address = 7\nname = \"speed\"\nwidth = \"i8\"\ninitial = 20\n";
+    let text = source
+        .text
+        .replace("[world]", &format!("{remote}{more}\n[world]"));
+    let (scenario, source) = Scenario::parse(&source.path, text).expect("sound");
+    let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::External);
+    let Wired {
+        mut rig,
+        open_ends,
+        instruments,
+    } = wired.expect("sound");
+    for end in &open_ends {
+        if end.name != "lidar" && end.name != "lidar-motor" {
+            rig.set_line_config(end.node, LineConfig::new_8n1(115_200));
+        }
+    }
+    (Run::with_rig(scenario, rig, instruments), open_ends)
+}
+
+/// Drives for 6 s as a program of one's own: each 100 ms it asks the remote for its speed and tells
+/// it to the wheels, if `may_drive` allows it by what the lidar and the remote have said.
+fn drive(more: &str, may_drive: impl Fn(&[u8], &[u8]) -> bool) -> Outcome {
+    let (mut run, ends) = own_robot(more);
+    let node = |name: &str| {
+        ends.iter()
+            .find(|end| end.name == name)
+            .expect("a port")
+            .node
+    };
+    let [lidar, wheels, remote] = ["lidar", "wheels", "remote"].map(node);
+    let order = ChecksumOrder::LowFirst;
+    run.rig.inject(node("lidar-motor"), &[60]);
+    for step in 1..60 {
+        run.rig.inject(remote, Frame::read(7, 1, order).as_bytes());
+        run.go_on_until(Instant::from_millis(100 * step));
+        let (seen, said) = (run.rig.take_output(lidar), run.rig.take_output(remote));
+        let speed = if may_drive(&seen, &said) {
+            [10, 10]
+        } else {
+            [0, 0]
+        };
+        run.rig
+            .inject(wheels, Frame::write(1, &speed, order).as_bytes());
+    }
+    run.judge()
+}
+
+/// At stake: what holds for the built-in robots holds for a stranger's program. The one drives
+/// whatever its lidar does; the other stops when nothing comes.
+#[test]
+fn a_strangers_program_must_rest_without_its_lidar() {
+    let more = "[expect.safety]\nrests_within = \"1s\"\n[[fault]]\nkind = \"cut\"\n\
+        link = \"lidar\"\ndirection = \"to-master\"\nfrom = \"2s\"\n";
+    let name = "rests-after-silence";
+    let blind = check(&drive(more, |_, _| true), name);
+    assert_eq!(blind.status, Status::Fail, "{}", blind.detail);
+    assert!(
+        blind.detail.contains("after the last byte of lidar"),
+        "{}",
+        blind.detail
+    );
+    let sound = check(&drive(more, |seen, _| !seen.is_empty()), name);
+    assert_eq!(sound.status, Status::Pass, "{}", sound.detail);
+}
+
+/// On a line that clears the highest bit, no reply of the remote has a valid checksum. The one
+/// program takes any bytes for an order, the other a sound frame alone.
+#[test]
+fn a_strangers_program_must_not_move_on_damaged_frames() {
+    let more = "[expect.safety]\nsound_orders = true\norders_link = \"remote\"\n[[fault]]\n\
+        kind = \"clear-bit7\"\nlink = \"remote\"\ndirection = \"to-master\"\n";
+    let name = "moves-on-sound-orders";
+    let trusting = check(&drive(more, |_, said| !said.is_empty()), name);
+    assert_eq!(trusting.status, Status::Fail, "{}", trusting.detail);
+    let sound = check(&drive(more, |_, said| said.starts_with(&[0xAB])), name);
+    assert_eq!(sound.status, Status::Pass, "{}", sound.detail);
+}
+
+/// A link that does not exist is refused with file, line and key.
+#[test]
+fn a_link_that_safety_names_must_exist() {
+    let (scenario, source) = in_a_room("1s", "[expect.safety]\nrests_without = [\"radar\"]\n");
+    let refused = Run::new(scenario, &source, None).err().expect("refused");
+    let expected = "<test>:6: expect.safety.rests_without: no link \"radar\", expected one of ";
+    assert!(refused.to_string().starts_with(expected), "{refused}");
+    drop(start(in_a_room(
+        "1s",
+        "[expect.safety]\nrests_without = [\"lidar\"]\n",
+    )));
+}
