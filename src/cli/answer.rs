@@ -383,6 +383,22 @@ pub(super) struct CampaignEnded {
     pub(super) causes: Vec<CauseFound>,
     /// Situations that never occurred.
     pub(super) never_came_up: Vec<String>,
+    /// With `--mutants`: planted defects, and the checks that found them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) mutants: Option<Vec<MutantJudged>>,
+}
+
+/// A planted defect.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct MutantJudged {
+    pub(super) robot: String,
+    pub(super) defect: String,
+    /// Runs with it until it was found.
+    pub(super) runs: u64,
+    /// The check that found it; none: it was not found.
+    pub(super) found_by: Option<String>,
+    /// Scenario and seed of that run.
+    pub(super) first: Option<(String, u64)>,
 }
 
 /// Runs that failed for the same cause.

@@ -1,4 +1,6 @@
 mod live;
+mod mutants;
+mod scope;
 
 use core::ops::Range;
 use core::sync::atomic::{AtomicUsize, Ordering};
@@ -10,6 +12,7 @@ use std::thread;
 use clap::{Args, Subcommand};
 
 use self::live::Live;
+use self::scope::{covered, profile};
 use super::answer::{CampaignEnded, CauseFound};
 use super::exec::{ExecArgs, is_bare};
 use super::out::answer;
@@ -23,7 +26,7 @@ use crate::scenario::{Scenario, Source, Span};
 use crate::search::campaign::{
     self, CampaignPlan, Comparison, Merged, Record, Shard, ShardChoice, Store,
 };
-use crate::search::generate::{self, Dice, Vary};
+use crate::search::generate::{self, Dice, Profile, Vary};
 use crate::show::folder::FolderError;
 use engine::workers;
 use safefs::Dir;
@@ -41,20 +44,36 @@ use safefs::Dir;
     hilrig campaign scenarios/*.toml --seeds 0..1000 --shard 3/16 --budget 2h --out shard-3\n  \
     hilrig campaign merge shard-* --out all     # table in all/campaign.html\n  \
     hilrig campaign scenarios/*.toml --seeds 0..1000 --against last-week --out today\n  \
-    hilrig campaign scenarios/empty-room.toml --seeds 0..20 --exec './my-robot \"$HILRIG_DIR\"'"
+    hilrig campaign scenarios/empty-room.toml --seeds 0..20 --exec './my-robot \"$HILRIG_DIR\"'\n  \
+    hilrig campaign scenarios/*.toml --profile harsh --seeds 0..200 --out harsh\n  \
+    hilrig campaign scenarios/*.toml --mutants --seeds 0..50   # how much does it find?"
 )]
 pub(super) struct CampaignArgs {
     #[command(subcommand)]
     merge: Option<CampaignCommand>,
     /// Scenario files
-    #[arg(value_name = "SCENARIO", required = true)]
+    #[arg(value_name = "SCENARIO", required_unless_present = "print_profile")]
     scenarios: Vec<PathBuf>,
     /// Seeds, the end not included
     #[arg(long, value_name = "A..B", value_parser = seeds, default_value = "0..100")]
     seeds: Range<u64>,
     /// What to vary for each seed: all, none, or some of world,mission,timing,faults
-    #[arg(long, value_name = "WHAT", default_value = "none")]
-    vary: Vary,
+    /// [default: none; with --profile or --mutants all]
+    #[arg(long, value_name = "WHAT")]
+    vary: Option<Vary>,
+    /// Faults to draw and what to expect: gentle, field, harsh, or a TOML file [default: gentle]
+    #[arg(long, value_name = "NAME|FILE")]
+    profile: Option<String>,
+    /// Print a built-in profile, to be changed and given to --profile
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["scenarios", "profile", "mutants"],
+        value_parser = Profile::names().collect::<Vec<_>>())]
+    print_profile: Option<String>,
+    /// Switch on the planted defects of the robots one by one, and print the share found
+    #[arg(long, conflicts_with_all = ["shard", "exec", "against", "all_situations"])]
+    mutants: bool,
+    /// With --mutants: only this defect, by its number in "hilrig bugs"; may be repeated
+    #[arg(long = "defect", value_name = "ID", requires = "mutants")]
+    defects: Vec<String>,
     /// Run only every N-th run, starting at number I; auto: take I from the queue's environment
     /// (Slurm, Kubernetes, PBS, Grid Engine, LSF, AWS Batch, GitLab), or from HILRIG_SHARD
     #[arg(long, value_name = "I/N", default_value = "0/1")]
@@ -125,7 +144,22 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         let merged = summarise(&store, earlier.as_ref(), &|| false)?;
         return Ok(report(&merged, &args.out, args.all_situations));
     }
+    if let Some(text) = args.print_profile.as_deref().and_then(Profile::text) {
+        print!("{text}");
+        return Ok(Verdict::Pass);
+    }
     // Before the first run, so that the error does not come after a night.
+    let profile = profile(args.profile.as_deref(), args.mutants)?;
+    let has_profile = args.profile.is_some() || args.mutants;
+    let vary = args.vary.unwrap_or(match has_profile {
+        true => Vary::ALL,
+        false => Vary::default(),
+    });
+    if args.mutants {
+        let mut read = read_all(&args.scenarios)?;
+        leave_out_bare(&mut read)?;
+        return mutants::run(&args, &read, &profile, vary);
+    }
     let shard = shard_of(&args)?;
     let earlier = earlier(args.against.as_deref())?;
     let mut read = read_all(&args.scenarios)?;
@@ -139,7 +173,8 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
         scenarios: texts.collect(),
         seeds: args.seeds.clone(),
-        vary: args.vary.to_string(),
+        vary: vary.to_string(),
+        profile: (!profile.is_gentle()).then(|| profile.kept.clone()),
         exec: args.program.exec.as_ref().map(|_| args.program.repeat()),
     };
     let mut store = Store::create(&args.out, &plan)?;
@@ -151,7 +186,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     let made = |name: &str, seed| {
         let (scenario, source) = &read[name];
         let mut dice = Dice::of_seed(seed, name);
-        let mut scenario = generate::scenario(scenario, args.vary, &mut dice);
+        let mut scenario = generate::scenario(scenario, vary, &profile, &mut dice);
         scenario.seed = seed;
         (scenario, source)
     };
@@ -161,6 +196,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     let ended_by = stop.signal().filter(|_| left > 0);
     if left > 0 {
         eprintln!("{left} runs are left; the same command goes on");
+        println!("{}", covered(&plan, &store, shard));
     }
     let verdict = if shard == Shard::WHOLE {
         let merged = summarise(&store, earlier.as_ref(), &|| stop.signal().is_some())?;
@@ -203,6 +239,7 @@ fn report_shard(store: &Store, left: usize, out: &Path) -> Result<Verdict, CliEr
         trace_hash: None,
         causes: Vec::new(),
         never_came_up: Vec::new(),
+        mutants: None,
     });
     println!("results in {}", out.display());
     Ok(if failed == 0 {
@@ -439,6 +476,7 @@ fn ended(merged: &Merged, out: &Path) -> CampaignEnded {
         trace_hash: Some(merged.trace.clone()),
         causes: causes.collect(),
         never_came_up: never.map(|count| count.situation.clone()).collect(),
+        mutants: None,
     }
 }
 

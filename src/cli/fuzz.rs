@@ -19,7 +19,7 @@ use crate::scenario::{Scenario, Span};
 use crate::search::fuzz::{
     self, FirstCase, Folder, FuzzPlan, Fuzzer, Missions, Round, Subject, Wires, dut,
 };
-use crate::search::generate::Vary;
+use crate::search::generate::{Profile, Vary};
 use crate::search::shrink::Effort;
 use crate::show::folder::factor;
 
@@ -60,6 +60,14 @@ pub(super) struct FuzzArgs {
         requires = "scenario"
     )]
     vary: Vary,
+    /// Faults to draw and what to expect: gentle, field, harsh, or a TOML file
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        default_value = "gentle",
+        requires = "scenario"
+    )]
+    profile: String,
     /// Enable a defect of the fielded programs, by its number in "hilrig bugs"; may be repeated
     #[arg(long = "defect", value_name = "ID", conflicts_with = "scenario")]
     defects: Vec<String>,
@@ -164,7 +172,10 @@ fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliErro
     // What cannot be wired is told once, not with every case.
     let run = Run::new(scenario.clone(), &source, None)?;
     let Some(link) = &args.link else {
-        return Ok(Box::new(Missions::new(scenario, source, args.vary)));
+        let profile = Profile::find(&args.profile)?;
+        return Ok(Box::new(Missions::new(
+            scenario, source, args.vary, profile,
+        )));
     };
     if let Some(codec) = run.instruments().codec(&run.rig, link) {
         return Ok(Box::new(Wires(codec.target())));
@@ -263,8 +274,15 @@ fn plan(args: &FuzzArgs) -> Result<FuzzPlan, CliError> {
         seed: args.seed,
         scenario,
         vary: args.vary.to_string(),
+        profile: kept_profile(&args.profile)?,
         defects: args.defects.clone(),
     })
+}
+
+/// What the folder keeps of the profile: nothing of the gentle one, as before there were others.
+fn kept_profile(name: &str) -> Result<Option<String>, CliError> {
+    let profile = Profile::find(name)?;
+    Ok((!profile.is_gentle()).then_some(profile.kept))
 }
 
 impl FuzzRun<'_> {

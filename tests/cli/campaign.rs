@@ -165,3 +165,33 @@ fn a_robot_without_a_program_is_left_out_beside_others() {
     };
     assert_eq!(["bare.toml", "short.toml"].map(told), [true, false]);
 }
+
+/// A built-in profile is printed as a file that is read again; an error in it names file, line and
+/// key, before the first run.
+#[test]
+fn a_profile_is_a_file_to_copy_and_change() {
+    let session = Session::new("campaign-profile");
+    short(&session);
+    let printed = session.hilrig(&["campaign", "--print-profile", "harsh"]);
+    assert_eq!(printed.status.code(), Some(0));
+    let profile = text(&printed.stdout);
+    session.write(
+        "my.toml",
+        &profile.replace("count_max = 12", "count_max = 0"),
+    );
+    assert_eq!(campaign(&session, "--profile my.toml --out mine"), Some(1));
+    session.write(
+        "my.toml",
+        &profile.replace("heal = \"12s\"", "heal = \"59s\""),
+    );
+    let arguments = ["campaign", "short.toml", "--profile", "my.toml"];
+    let refused = session.hilrig(&arguments);
+    assert_eq!(refused.status.code(), Some(2));
+    let error = text(&refused.stderr);
+    let line = profile
+        .lines()
+        .position(|line| line.starts_with("heal"))
+        .expect("it has one");
+    let expected = format!("my.toml:{}: time.heal: leaves less than 5s", line + 1);
+    assert!(error.contains(&expected), "{error}");
+}

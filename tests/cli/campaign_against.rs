@@ -120,7 +120,7 @@ fn nothing_is_fixed_in_a_scenario_that_was_changed() {
             &vary,
             "vary",
             "not-known",
-            "  --vary differs: no run is compared\n",
+            "  --vary or --profile differs: no run is compared\n",
         ),
         (&TWO, "same", "fixed", "; 1 runs in both\n"),
     ] {

@@ -14,6 +14,7 @@ mod fault_targets;
 mod faults;
 mod ground;
 mod mission;
+mod profile;
 mod rooms;
 mod world;
 
@@ -23,6 +24,7 @@ pub use dice::Dice;
 use engine::scenario::{LinkSpec, Scenario, Span};
 use fault_targets::FaultTargets;
 use faults::Adversity;
+pub use profile::{MissionJudged, Profile};
 
 /// What is made again; the rest is as in the scenario that it starts from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -89,21 +91,17 @@ impl core::fmt::Display for Vary {
     }
 }
 
-/// Faults live from here, milliseconds: before the robot has its mission.
-const ADVERSITY_FROM_MS: u64 = 300;
-/// And end here, but for those that wait for something.
-const ADVERSITY_UNTIL_MS: u64 = 14_000;
-/// From then on the mission has this long at least, milliseconds, and a third of it before it is
-/// given once more.
+/// Time for a mission in a world of its own, if the profile gives no time to recover, milliseconds.
 const RECOVERY_MS: u64 = 120_000;
 /// So near a place of a made-up mission counts as visited, millimetres, if its robot comes as near.
 const VISIT_WITHIN_MM: f64 = 200.0;
 
-/// The scenario that `dice` make of `base`.
-pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
+/// The scenario that `dice` make of `base`, with the faults of `profile`.
+pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice) -> Scenario {
     let mut made = base.clone();
-    let targets = FaultTargets::of(base);
-    let mut recovery = Span::from_millis(RECOVERY_MS);
+    let targets = FaultTargets::of(base, profile);
+    let recovery = profile.afterwards.recovery;
+    let mut recovery = recovery.unwrap_or(Span::from_millis(RECOVERY_MS));
     if mission::is_fixed(base) {
         if vary.world {
             world::vary_around(&mut made, dice);
@@ -118,7 +116,8 @@ pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
         if let Some(place) = &place {
             recovery = recovery.max(place.time_for(&waypoints));
         }
-        made.mission.step = mission::steps(&waypoints, &mut dice.mission);
+        let until = faults::end_of_trouble(profile, made.duration);
+        made.mission.step = mission::steps(&waypoints, until, &mut dice.mission);
         made.mission.waypoints_m = waypoints;
         made.duration = made.duration.max(recovery);
         // A robot that stops farther off than that does it at every goal.
@@ -145,315 +144,17 @@ pub fn scenario(base: &Scenario, vary: Vary, dice: &mut Dice) -> Scenario {
         }
     }
     if vary.faults {
-        let adversity = Adversity::draw(&targets, &made.mission.waypoints_m, &mut dice.faults);
-        adversity.apply(&mut made, recovery);
+        let places = &made.mission.waypoints_m;
+        let adversity = Adversity::draw(profile, &targets, places, made.duration, &mut dice.faults);
+        let has_faults = adversity.has_faults();
+        adversity.apply(profile, &mut made, recovery);
+        if has_faults && !mission::is_fixed(base) && mission::takes_orders(base) {
+            let end = made.duration;
+            mission::keep_busy(profile, &targets, &mut made.mission, end, &mut dice.mission);
+        }
     }
     made
 }
 
 #[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-    use std::path::Path;
-
-    use super::*;
-    use engine::scenario::{Action, FaultKind, SetPoint, Step};
-
-    fn base() -> Scenario {
-        let text = "schema = 1\nname = \"base\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
-            [world]\nstart = { x_m = 1.5, y_m = 1.5, heading_deg = 90 }\n[[world.wall]]\n\
-            path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7]]\n";
-        let parsed = Scenario::parse(Path::new("<test>"), text.to_owned());
-        parsed.expect("sound").0
-    }
-
-    #[test]
-    fn a_seed_is_always_the_same_mission_and_its_neighbour_another() {
-        let make = |seed| scenario(&base(), Vary::ALL, &mut Dice::of_seed(seed, "base"));
-        assert_eq!(make(7), make(7));
-        assert_ne!(make(7), make(8));
-    }
-
-    /// The lanes are interleaved: byte 0 is the world's, byte 3 the faults'.
-    #[test]
-    fn other_bytes_for_the_faults_leave_world_mission_and_timing_alone() {
-        let bytes: Vec<u8> = (0..=255).collect();
-        let mut others = bytes.clone();
-        others
-            .iter_mut()
-            .skip(3)
-            .step_by(4)
-            .for_each(|byte| *byte ^= 0x5A);
-        let make = |bytes: &[u8]| scenario(&base(), Vary::ALL, &mut Dice::of_bytes(bytes));
-        let (one, mut other) = (make(&bytes), make(&others));
-        assert_ne!(one.fault, other.fault);
-        other.fault = one.fault.clone();
-        (other.budget, other.phases) = (one.budget, one.phases);
-        assert_eq!(one, other);
-    }
-
-    /// R1: a square room, for which half of the seeds make another one. Of both kinds there are
-    /// several, no other scenario gets the same, and every way is one for the robot.
-    #[test]
-    fn worlds_are_the_scenarios_own_or_made_up_and_every_mission_can_be_done() {
-        let (mut own, mut worlds) = (0, BTreeSet::new());
-        for seed in 0..60 {
-            let made = scenario(&base(), Vary::ALL, &mut Dice::of_seed(seed, "base"));
-            let other = scenario(&base(), Vary::ALL, &mut Dice::of_seed(seed, "other"));
-            assert_ne!(made.world, other.world, "seed {seed}");
-            own += u32::from(
-                made.world.wall.len() == 1 && made.world.wall[0].get_ref().path_m.len() == 3,
-            );
-            worlds.insert(format!("{:?}", made.world.wall));
-            // 16 cm of body and 5 cm, half of the margin with which the mission was made.
-            let ground = ground::Ground::of(&made, 0.05).expect("it can be built");
-            let start = made.world.start_pose();
-            let reach = ground.reach_from([start.x, start.y]);
-            for &waypoint in &made.mission.waypoints_m {
-                assert!(reach.way_m(waypoint).is_some(), "seed {seed}: {waypoint:?}");
-            }
-        }
-        assert!(
-            (15..45).contains(&own),
-            "{own} of 60 are the scenario's own"
-        );
-        assert!(worlds.len() > 40, "{} worlds", worlds.len());
-    }
-
-    /// A car that is content 300 mm from its goal stopped at 203 of 200.
-    #[test]
-    fn a_made_up_mission_asks_for_no_more_than_the_scenarios_own() {
-        let asked = |own: Option<f64>| {
-            let mut base = base();
-            base.expect.visit_within_mm = own;
-            let made = scenario(&base, Vary::ALL, &mut Dice::of_seed(1, "base"));
-            made.expect.visit_within_mm
-        };
-        let asked = [None, Some(100.0), Some(300.0)].map(asked);
-        assert_eq!(asked, [Some(200.0), Some(200.0), Some(300.0)]);
-    }
-
-    /// If an operator steers by hand, a command one second late also takes effect farther on.
-    #[test]
-    fn a_mission_by_hand_may_be_a_second_late() {
-        let made = |base: &Scenario| {
-            let vary = Vary {
-                faults: true,
-                ..Vary::default()
-            };
-            let made = scenario(base, vary, &mut Dice::of_seed(1, "base"));
-            [made.expect.visit_within_mm, made.expect.return_within_mm]
-        };
-        let mut base = base();
-        base.expect.visit_within_mm = Some(100.0);
-        base.expect.return_within_mm = Some(300.0);
-        assert_eq!(made(&base), [Some(150.0), Some(300.0)]);
-        let by_hand = Action::Drive(SetPoint::list([1, 1]));
-        let step = Step::at(Span::from_millis(1_000), by_hand);
-        base.mission.step.push(step);
-        assert_eq!(made(&base), [Some(400.0), Some(800.0)]);
-    }
-
-    /// "explore", "gates": a list of waypoints in their place would be another mission. What has a
-    /// place in the scenario's own world stays there.
-    #[test]
-    fn a_mission_that_its_steps_lead_stays_as_it_is() {
-        let vary = Vary {
-            world: true,
-            mission: true,
-            ..Vary::default()
-        };
-        let all = |base: &Scenario| {
-            let made = |seed| scenario(base, vary, &mut Dice::of_seed(seed, "base"));
-            (0..20).map(made).collect::<Vec<_>>()
-        };
-        let mut base = base();
-        let mode = Step::at(Span::from_millis(1_000), Action::Mode("explore".into()));
-        base.mission.step.push(mode);
-        base.expect.explored_min = Some(0.98);
-        let led = |made: &Scenario| made.mission == base.mission && made.expect == base.expect;
-        let free = all(&base);
-        assert!(free.iter().all(led));
-        assert!(free.iter().all(|made| made.world != base.world));
-
-        let mut placed = base.clone();
-        placed.mission.waypoints_m = vec![[1.0, 1.0]];
-        let stays = |made: &Scenario| made.world == placed.world && made.mission == placed.mission;
-        assert!(all(&placed).iter().all(stays));
-
-        let mut tiled = base.clone();
-        let maze = "seed = 1\ncolumns = 5\nrows = 4\nvictims = 3";
-        tiled.world.maze = Some(toml::Spanned::new(0..0, toml::from_str(maze).expect("one")));
-        let mazes = all(&tiled);
-        let seeds = mazes.iter().filter_map(|made| made.world.maze.as_ref());
-        let seeds: BTreeSet<u64> = seeds.map(|maze| maze.get_ref().seed).collect();
-        assert_eq!(seeds.len(), 20);
-    }
-
-    /// A scenario cannot give orders to a user's own program.
-    #[test]
-    fn a_program_that_takes_no_orders_gets_none() {
-        let text = include_str!("../scenarios/custom-robot.toml");
-        let path = Path::new("custom-robot.toml");
-        let (base, source) = Scenario::parse(path, text.to_owned()).expect("sound");
-        for seed in 0..20 {
-            let made = scenario(&base, Vary::ALL, &mut Dice::of_seed(seed, "base"));
-            assert_eq!(made.mission.waypoints_m, base.mission.waypoints_m);
-            let run = engine::run::Run::new(made, &source, None);
-            assert!(run.is_ok(), "seed {seed}");
-        }
-    }
-
-    #[test]
-    fn any_bytes_are_a_mission() {
-        for bytes in [&[][..], &[0], &[255; 9], &[255; 600]] {
-            let made = scenario(&base(), Vary::ALL, &mut Dice::of_bytes(bytes));
-            assert!(!made.mission.waypoints_m.is_empty());
-        }
-    }
-
-    #[test]
-    fn what_is_not_varied_stays() {
-        assert_eq!(
-            scenario(&base(), Vary::default(), &mut Dice::of_seed(3, "base")),
-            base()
-        );
-    }
-
-    fn kinds(seed: u64) -> BTreeSet<&'static str> {
-        let made = scenario(&base(), Vary::ALL, &mut Dice::of_seed(seed, "base"));
-        made.fault.iter().map(|fault| fault.kind.name()).collect()
-    }
-
-    #[test]
-    fn kinds_of_faults_are_off_in_some_missions_and_on_in_others() {
-        let with = (0..200).filter(|&seed| kinds(seed).contains("cut")).count();
-        assert!(
-            (10..190).contains(&with),
-            "{with} of 200 missions have cuts"
-        );
-    }
-
-    /// The rescue robot has links, and devices that know every fault of a device.
-    #[test]
-    fn every_kind_of_fault_comes_up() {
-        let seen: BTreeSet<&str> = (0..400).flat_map(kinds).collect();
-        let all: BTreeSet<&str> = FaultKind::ALL.iter().map(|kind| kind.name()).collect();
-        assert_eq!(seen, all);
-    }
-
-    /// Links and devices are those of the robot as the scenario fits it out.
-    #[test]
-    fn a_display_is_disturbed_if_there_is_one() {
-        let mut fitted = base();
-        let display = toml::from_str("[touch-panel]").expect("a display");
-        fitted.device.insert("display".to_owned(), display);
-        let places = |base: &Scenario| -> BTreeSet<String> {
-            let made = |seed| scenario(base, Vary::ALL, &mut Dice::of_seed(seed, "base"));
-            let faults = (0..50).flat_map(|seed| made(seed).fault);
-            faults.filter_map(|fault| fault.link).collect()
-        };
-        let [without, with] = [places(&base()), places(&fitted)];
-        assert_eq!(Vec::from_iter(without), ["base", "lidar", "pc", "radio"]);
-        assert_eq!(
-            Vec::from_iter(with),
-            ["base", "display", "lidar", "pc", "radio"]
-        );
-    }
-
-    /// A chip's own registers are neither garbled nor late; what they stand for may fail.
-    #[test]
-    fn registers_of_the_chip_are_no_wire() {
-        let mut other = base();
-        other.robot = "yellow".into();
-        let made = |seed| scenario(&other, Vary::ALL, &mut Dice::of_seed(seed, "base"));
-        let all: Vec<Scenario> = (0..100).map(made).collect();
-        assert!(all.iter().all(|made| !made.link.contains_key("board")));
-        let faults = || all.iter().flat_map(|made| &made.fault);
-        let links: BTreeSet<_> = faults()
-            .flat_map(|fault| [&fault.link, &fault.with])
-            .flatten()
-            .map(String::as_str)
-            .collect();
-        assert_eq!(Vec::from_iter(links), ["lidar", "telemetry"]);
-        let of_board = faults().filter(|fault| fault.device.as_deref() == Some("board"));
-        let kinds: BTreeSet<_> = of_board.map(|fault| fault.kind.name()).collect();
-        assert!(
-            kinds.contains("stuck") && !kinds.contains("delayed"),
-            "{kinds:?}"
-        );
-    }
-
-    /// Nothing tells a robot that its lidar sits otherwise, or that a sensor sees less than there
-    /// is: the former never comes, the latter for half a second at most.
-    #[test]
-    fn no_sensor_deceives_for_long() {
-        let mut other = base();
-        other.robot = "yellow".into();
-        let made = |seed| scenario(&other, Vary::ALL, &mut Dice::of_seed(seed, "base"));
-        let faults: Vec<_> = (0..300).flat_map(|seed| made(seed).fault).collect();
-        let called = |name: &'static str| {
-            let faults = faults.iter();
-            faults.filter(move |fault| fault.fault.as_deref() == Some(name))
-        };
-        assert_eq!(called("turned").chain(called("mirrored")).count(), 0);
-        let lasts = |fault: &engine::scenario::FaultSpec| {
-            let window = fault
-                .from
-                .zip(fault.until)
-                .map(|(from, until)| until.0 - from.0);
-            window
-                .or(fault.lasting.map(|lasting| lasting.0))
-                .expect("it ends")
-        };
-        let longest = called("blind").map(lasts).max().expect("it comes");
-        assert!(
-            longest <= core::time::Duration::from_millis(500),
-            "{longest:?}"
-        );
-    }
-
-    /// What was made is sound, and means the same when it is read from its file.
-    #[test]
-    fn a_mission_survives_its_file() {
-        for seed in 0..100 {
-            let made = scenario(&base(), Vary::ALL, &mut Dice::of_seed(seed, "base"));
-            let text = made.to_toml();
-            let (read, source) = Scenario::parse(Path::new("<made>"), text).expect("sound");
-            assert_eq!(read.to_toml(), made.to_toml(), "seed {seed}");
-            let run = engine::run::Run::new(read, &source, None);
-            assert!(
-                run.is_ok(),
-                "seed {seed}: {}",
-                run.err().expect("it is none")
-            );
-        }
-    }
-
-    /// What is drawn while a sensor measures wrongly stays in the map; and one that is 25 cm off
-    /// for the sake of decoders is no sensor.
-    #[test]
-    fn no_map_is_judged_that_a_wrong_sensor_began() {
-        let vary = Vary {
-            faults: true,
-            ..Vary::default()
-        };
-        let mut base = base();
-        base.expect.wall_overlap_min = Some(0.8);
-        let mut wrong = 0;
-        for seed in 0..100 {
-            let made = scenario(&base, vary, &mut Dice::of_seed(seed, "base"));
-            let is_wrong = made
-                .fault
-                .iter()
-                .any(|fault| fault.kind == FaultKind::Wrong);
-            let asked = made.expect.wall_overlap_min;
-            let expected = (!is_wrong).then_some(0.5);
-            assert_eq!(asked, expected, "seed {seed}");
-            wrong += u32::from(is_wrong);
-            let mut own = made.fault.iter().filter_map(|fault| fault.fault.as_deref());
-            assert!(own.all(|name| name != "dense-starts"), "seed {seed}");
-        }
-        assert!(wrong > 0);
-    }
-}
+mod tests;

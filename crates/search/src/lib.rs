@@ -6,6 +6,7 @@ mod files;
 pub mod fuzz;
 pub mod generate;
 pub mod learn;
+pub mod mutants;
 pub mod shrink;
 
 pub use error::StoreError;

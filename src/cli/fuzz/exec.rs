@@ -31,12 +31,12 @@ pub(super) struct ExecArgs {
     /// Fuzz the program that this shell command starts, restarted for each case; its ports are in
     /// the directory $HILRIG_DIR
     #[arg(long, value_name = "CMD", conflicts_with_all = [
-        "dut_dir", "targets", "vary"
+        "dut_dir", "targets", "vary", "profile"
     ])]
     exec: Option<String>,
     /// Fuzz the program or board at the ports in this directory, e.g. links to real ports; it is
     /// never restarted
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["targets", "jobs", "vary"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["targets", "jobs", "vary", "profile"])]
     dut_dir: Option<PathBuf>,
     /// Directory in which the ports appear [default: OUT/ports]
     #[arg(long, value_name = "DIR", requires = "exec")]
@@ -62,7 +62,7 @@ pub(super) struct ExecArgs {
     /// Description of the program's device: its frames, fields and limits are then known instead of
     /// guessed. One that comes with the tool, by its name, or a file that ends with .toml [default:
     /// those of the scenario's described devices]
-    #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["targets", "vary"])]
+    #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["targets", "vary", "profile"])]
     description: Option<String>,
     /// Baud rate of the port, without a scenario [default: the program's]
     #[arg(long, value_name = "N", requires = "exec", conflicts_with = "scenario",

@@ -115,7 +115,8 @@ pub struct Comparison {
     pub tool: String,
     /// Runs that were done in both.
     pub runs_in_both: usize,
-    /// Whether `--vary` differs, so that no run says anything of one in the other campaign.
+    /// Whether `--vary` or `--profile` differs, so that no run says anything of one in the other
+    /// campaign.
     pub vary_differs: bool,
     /// Scenarios of both that differ, so that their runs say nothing of each other.
     pub differing_scenarios: Vec<String>,
@@ -145,7 +146,7 @@ impl Comparison {
     /// What was not compared, and why.
     pub fn left_out(&self) -> Vec<String> {
         if self.vary_differs {
-            return vec!["--vary differs: no run is compared".to_owned()];
+            return vec!["--vary or --profile differs: no run is compared".to_owned()];
         }
         let names = self.differing_scenarios.iter();
         names
@@ -157,7 +158,8 @@ impl Comparison {
 /// Says what has changed from `earlier`, whose folder was given as `against`, to `now`.
 pub fn compare(now: &Store, earlier: &Store, against: &Path) -> Comparison {
     let (mut same, differing) = scenarios_in_both(now.plan(), earlier.plan());
-    let vary_differs = now.plan().vary != earlier.plan().vary;
+    let made = |store: &Store| (store.plan().vary.clone(), store.plan().profile.clone());
+    let vary_differs = made(now) != made(earlier);
     if vary_differs {
         same.clear();
     }

@@ -185,7 +185,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::generate::{self, Dice, Vary};
+    use crate::generate::{self, Dice, Profile, Vary};
     use engine::scenario::Span;
 
     /// What a campaign finds is found in its case: of each scenario that is shipped, with
@@ -201,7 +201,7 @@ mod tests {
         for path in paths {
             let (shipped, source) = Scenario::read(&path).expect("sound");
             let mut dice = Dice::of_seed(7, &shipped.name);
-            let mut made = generate::scenario(&shipped, Vary::ALL, &mut dice);
+            let mut made = generate::scenario(&shipped, Vary::ALL, &Profile::default(), &mut dice);
             made.duration = made.duration.min(Span(Duration::from_secs(40)));
             let name = &made.name;
             let Ok((record, outcome)) = run(&made, &source) else {

@@ -68,11 +68,12 @@ fn write_plan(plan: &CampaignPlan, out: &mut String) -> fmt::Result {
     let names: Vec<&str> = plan.scenarios.keys().map(String::as_str).collect();
     write!(
         out,
-        "{}, seeds {} to {}, varied: {}.",
+        "{}, seeds {} to {}, varied: {}, profile {}.",
         Escaped(&names.join(", ")),
         plan.seeds.start,
         plan.seeds.end.saturating_sub(1),
-        Escaped(&plan.vary)
+        Escaped(&plan.vary),
+        Escaped(&plan.profile_name())
     )
 }
 

@@ -74,6 +74,9 @@ pub struct CampaignPlan {
     pub seeds: Range<u64>,
     /// What is made again for each seed, as on the command line.
     pub vary: String,
+    /// Fault profile: the name of a built-in one, or the text of a file; `None`: gentle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
     /// Options that name a user's program, as on the command line; `None` for the robot's own. Runs
     /// with it take place in real time, so no two are the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -81,15 +84,34 @@ pub struct CampaignPlan {
 }
 
 impl CampaignPlan {
-    /// All runs in order: number, name of the scenario, seed.
+    /// All runs in order: number, name of the scenario, seed. All scenarios have their first seed,
+    /// then the second, so that a campaign that is stopped has covered all of them alike. Each
+    /// round begins with another scenario: otherwise a shard might get the same one in each.
     pub fn runs(&self) -> impl Iterator<Item = (usize, &str, u64)> {
-        let pairs = self.scenarios.keys().flat_map(|name| {
-            let seeds = self.seeds.clone();
-            seeds.map(move |seed| (name.as_str(), seed))
-        });
+        let names: Vec<&str> = self.scenarios.keys().map(String::as_str).collect();
+        let pairs = self
+            .seeds
+            .clone()
+            .enumerate()
+            .flat_map(move |(round, seed)| {
+                let mut names = names.clone();
+                let count = names.len().max(1);
+                let first = (round + round / count) % count;
+                names.rotate_left(first);
+                names.into_iter().map(move |name| (name, seed))
+            });
         pairs
             .enumerate()
             .map(|(number, (name, seed))| (number, name, seed))
+    }
+
+    /// Name of the fault profile.
+    pub fn profile_name(&self) -> String {
+        let Some(kept) = &self.profile else {
+            return "gentle".to_owned();
+        };
+        let named = kept.lines().find_map(|line| line.strip_prefix("name = "));
+        named.map_or_else(|| kept.clone(), |name| name.trim_matches('"').to_owned())
     }
 
     /// How many runs there are.
@@ -131,5 +153,41 @@ impl CampaignPlan {
     pub(super) fn write(&self, dir: &Path, name: &str) -> Result<(), StoreError> {
         let text = serde_json::to_string_pretty(self).expect("plain data");
         files::replace_for_good(dir, name, (text + "\n").as_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At stake: a night that spends its time on the first scenario. After any number of runs, of
+    /// the whole or of a shard, no scenario is more than two runs ahead.
+    #[test]
+    fn scenarios_take_turns() {
+        let names = ["a", "b", "c", "d"].map(|name| (name.to_owned(), String::new()));
+        let plan = CampaignPlan {
+            tool: String::new(),
+            scenarios: names.into(),
+            seeds: 5..25,
+            vary: "none".to_owned(),
+            profile: None,
+            exec: None,
+        };
+        assert_eq!(plan.runs().count(), 80);
+        for shard in [
+            Shard::WHOLE,
+            Shard { index: 1, of: 4 },
+            Shard { index: 2, of: 8 },
+        ] {
+            let mut counts: BTreeMap<&str, u32> = BTreeMap::new();
+            plan.scenarios
+                .keys()
+                .for_each(|name| _ = counts.insert(name, 0));
+            for (number, name, _) in plan.runs() {
+                *counts.entry(name).or_default() += u32::from(shard.has(number));
+                let (least, most) = (counts.values().min(), counts.values().max());
+                assert!(most <= least.map(|least| least + 2).as_ref(), "{counts:?}");
+            }
+        }
     }
 }

@@ -74,7 +74,7 @@ impl Store {
         if plan_path.exists() {
             if &CampaignPlan::read(&plan_path)? != plan {
                 let message = "is of another campaign, expected the same scenarios, seeds, --vary, \
-                    --exec and version, or another --out";
+                    --profile, --exec and version, or another --out";
                 return Err(wrong(&plan_path, message));
             }
         } else if runs_path.exists() {

@@ -29,6 +29,9 @@ pub struct FuzzPlan {
     pub scenario: Option<String>,
     /// What of it is made again, as on the command line.
     pub vary: String,
+    /// Fault profile, as in [`CampaignPlan`](crate::campaign::CampaignPlan::profile).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
     /// Defects that were switched on.
     pub defects: Vec<String>,
 }
@@ -82,7 +85,8 @@ impl Folder {
             let state: State = serde_json::from_str(&text)
                 .map_err(|error| wrong(format!("{error}, expected the state of a fuzzer")))?;
             if state.plan != plan {
-                let expected = "the same --seed, --scenario, --vary, --defect and version";
+                let expected =
+                    "the same --seed, --scenario, --vary, --profile, --defect and version";
                 let message = format!("is of another run, expected {expected}, or another --out");
                 return Err(wrong(message));
             }

@@ -3,10 +3,10 @@ use std::path::Path;
 
 use super::subject::{Behaviour, Kept, Subject, Violation, size};
 use crate::campaign::{self, Record};
-use crate::generate::{self, Dice, Vary};
+use crate::generate::{self, Dice, Profile, Vary};
 use crate::shrink::{self, Effort, Judged};
 use engine::run::Outcome;
-use engine::scenario::{Expect, Scenario, Source, Span};
+use engine::scenario::{Expect, SafetySpec, Scenario, Source, Span};
 
 /// A scenario: world, mission, timing and faults made of choices, run with everything that watches
 /// a run.
@@ -15,23 +15,30 @@ pub struct Missions {
     scenario: Scenario,
     source: Source,
     vary: Vary,
+    profile: Profile,
 }
 
 /// A file of a finding.
 const CASE: &str = "case.toml";
 
 impl Missions {
-    /// What is made of `scenario` when `vary` of it is made again.
-    pub const fn new(scenario: Scenario, source: Source, vary: Vary) -> Self {
+    /// What is made of `scenario` when `vary` of it is made again, with the faults of `profile`.
+    pub const fn new(scenario: Scenario, source: Source, vary: Vary, profile: Profile) -> Self {
         Self {
             scenario,
             source,
             vary,
+            profile,
         }
     }
 
     fn made(&self, choices: &[u8]) -> Scenario {
-        let made = generate::scenario(&self.scenario, self.vary, &mut Dice::of_bytes(choices));
+        let made = generate::scenario(
+            &self.scenario,
+            self.vary,
+            &self.profile,
+            &mut Dice::of_bytes(choices),
+        );
         in_time_of(made, &self.scenario)
     }
 
@@ -64,6 +71,11 @@ fn in_time_of(mut made: Scenario, base: &Scenario) -> Scenario {
     made.phases = None;
     made.expect = Expect {
         violations_max: base.expect.violations_max,
+        // Its end comes earlier, and faults may last until then.
+        safety: made.expect.safety.take().map(|safety| SafetySpec {
+            alive_for: None,
+            ..safety
+        }),
         ..Expect::default()
     };
     let times = made
@@ -271,7 +283,7 @@ mod tests {
                 path: Path::new("<test>").to_owned(),
                 text: String::new(),
             };
-            let missions = Missions::new(scenario, source, Vary::ALL);
+            let missions = Missions::new(scenario, source, Vary::ALL, Profile::default());
             let mut faults = 0;
             for seed in 0..40_u8 {
                 let choices: Vec<u8> = (0..=255).map(|at: u8| at.wrapping_mul(seed)).collect();

@@ -1,8 +1,11 @@
 use std::path::PathBuf;
 
+use super::Profile;
 use engine::rig::{LinkKind, Rig};
-use engine::robots::{self, Console, Dut, PcEnd, WirePlan};
-use engine::scenario::{DirectionSpec, FaultKind, FaultPlace, Scenario, Source, WorldSpec};
+use engine::robots::{self, Console, Dut, PcEnd, Station, WirePlan};
+use engine::scenario::{
+    DirectionSpec, FaultKind, FaultPlace, Scenario, SetPoint, Source, WorldSpec,
+};
 
 /// All of a robot that something can go wrong with, as its links and devices are wired.
 #[derive(Clone, Debug, Default)]
@@ -12,6 +15,10 @@ pub(super) struct FaultTargets {
     link_kinds: Vec<LinkKind>,
     devices: Vec<Device>,
     consoles: &'static [Console],
+    /// Kinds that the profile leaves out.
+    never: Vec<String>,
+    /// Set-points with which the robot turns on the spot.
+    turn: Option<Vec<SetPoint>>,
     hasty: Option<&'static str>,
 }
 
@@ -26,32 +33,32 @@ pub(super) struct Device {
     pub(super) has_messages: bool,
     /// Whether its robot searches until all is seen, and goes home before if its battery is low.
     has_to_last: bool,
+    /// Faults that the profile leaves out.
+    never: Vec<String>,
+    /// Links that it is on.
+    pub(super) links: Vec<String>,
 }
 
-/// How a sensor sits: that does not change while a robot drives, and no byte tells of it.
-const MOUNTS: [&str; 2] = ["turned", "mirrored"];
-/// What a decoder is tried with, whose distances are up to 25 cm wrong: a map that is begun with
-/// them fits nothing that is seen later, and no byte tells of it either.
-const LIES: [&str; 1] = ["dense-starts"];
 /// What ends a search by the robot's own decision.
 const SENT_HOME: &str = "battery-low";
 
 impl Device {
-    /// Faults that no other device has, and that can come and go.
+    /// Faults that no other device has, and that the profile allows.
     pub(super) fn of_its_own(&self) -> impl Iterator<Item = &'static str> {
         let is_known = |name: &str| FaultKind::ALL.iter().any(|kind| kind.name() == name);
         self.faults
             .iter()
             .copied()
             .filter(move |name| !is_known(name))
-            .filter(|name| !MOUNTS.contains(name) && !LIES.contains(name))
+            .filter(|name| !self.never.iter().any(|never| never == name))
             .filter(|name| !self.has_to_last || *name != SENT_HOME)
     }
 }
 
 impl FaultTargets {
-    /// What there is in `scenario`. Nothing if it cannot be wired, which its run will say.
-    pub(super) fn of(scenario: &Scenario) -> Self {
+    /// Links and devices of `scenario`, as far as `profile` allows. Nothing if it cannot be wired,
+    /// which its run will report.
+    pub(super) fn of(scenario: &Scenario, profile: &Profile) -> Self {
         let source = Source {
             path: PathBuf::from(&scenario.name),
             text: String::new(),
@@ -77,7 +84,14 @@ impl FaultTargets {
                 // A device that the scenario describes itself has no client at its other end.
                 let open = wired.open_ends.iter().map(|end| end.link.as_str());
                 let open: Vec<&str> = open.collect();
+                let station = wired.instruments.station(&wired.rig);
+                let keys = station.and_then(Station::keys);
+                // A single axis steers and does not turn the robot on the spot.
+                let turns =
+                    |set: &Vec<SetPoint>| set.iter().filter(|axis| axis.0 != 0.0).count() > 1;
                 let mut targets = Self {
+                    never: profile.faults.never.clone(),
+                    turn: keys.map(|keys| keys.left).filter(turns),
                     consoles: wired.instruments.consoles(),
                     hasty: wired.instruments.silence().map(|silence| silence.link),
                     ..Self::wired(&wired.rig, &open)
@@ -85,7 +99,8 @@ impl FaultTargets {
                 let expect = &scenario.expect;
                 let is_search = expect.explored_min.or(expect.victims_within_mm).is_some();
                 for device in &mut targets.devices {
-                    device.has_to_last = is_search;
+                    device.has_to_last = is_search && !profile.faults.low_battery_in_search;
+                    device.never.clone_from(&profile.faults.never);
                 }
                 targets
             }
@@ -110,12 +125,16 @@ impl FaultTargets {
             has_registers: rig.register(name, 0).is_some(),
             has_messages: wires().any(|line| rig.node_name(line.from.node) == name),
             has_to_last: false,
+            never: Vec::new(),
+            links: links_of(rig, name),
         };
         Self {
             links,
             link_kinds,
             devices: devices.map(device).collect(),
             consoles: &[],
+            never: Vec::new(),
+            turn: None,
             hasty: None,
         }
     }
@@ -154,6 +173,12 @@ impl FaultTargets {
         self.devices.iter().filter(can).collect()
     }
 
+    /// The device called `name`.
+    pub(super) fn device(&self, name: Option<&str>) -> Option<&Device> {
+        let mut devices = self.devices.iter();
+        devices.find(|device| Some(device.name.as_str()) == name)
+    }
+
     /// Devices whose registers can be checked.
     pub(super) fn with_registers(&self) -> Vec<&Device> {
         let devices = self.devices.iter();
@@ -169,6 +194,23 @@ impl FaultTargets {
             (FaultPlace::Device, _) => !self.devices(*kind).is_empty(),
             (FaultPlace::Devices, _) => self.devices(*kind).len() > 1,
         };
-        FaultKind::ALL.iter().copied().filter(can)
+        let is_allowed = |kind: &FaultKind| !self.never.iter().any(|never| never == kind.name());
+        let kinds = FaultKind::ALL.iter().copied();
+        kinds.filter(is_allowed).filter(can)
     }
+
+    /// Set-points with which the robot turns on the spot, if it can be driven by hand so.
+    pub(super) fn turn(&self) -> Option<&[SetPoint]> {
+        self.turn.as_deref()
+    }
+}
+
+/// The links that the device `name` is on.
+fn links_of(rig: &Rig, name: &str) -> Vec<String> {
+    let links = rig.links().iter();
+    let links = links.filter(|link| {
+        let mut lines = link.lines.iter();
+        lines.any(|line| rig.node_name(line.from.node) == name)
+    });
+    links.map(|link| link.name.clone()).collect()
 }

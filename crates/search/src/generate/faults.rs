@@ -1,30 +1,16 @@
+use core::time::Duration;
+
 use super::dice::Draw;
 use super::fault_targets::{Device, FaultTargets};
-use super::{ADVERSITY_FROM_MS, ADVERSITY_UNTIL_MS, mission};
+use super::mission;
+use super::profile::{Faults, MissionJudged, Profile, Time};
 use engine::scenario::{
-    Action, BudgetSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, PhasesSpec, Scenario,
-    Span, Step, WhenSpec,
+    Action, BudgetSpec, DirectionSpec, Expect, FaultKind, FaultPlace, FaultSpec, PhasesSpec,
+    Scenario, Span, Step, WhenSpec,
 };
 
-/// Maximum number of faults of a mission.
-const FAULTS_MAX: u64 = 12;
-/// Chances per byte, from one in ten thousand to one in thirty.
-const RATES: [f64; 6] = [0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03];
 /// Rates at which a sender runs instead of its own.
 const BAUDS: [u32; 7] = [9_600, 38_400, 57_600, 111_111, 230_400, 921_600, 1_040_000];
-/// Factors by which a device measures wrongly. By more, what it says contradicts nothing that the
-/// robot knows, and leads any robot astray: into walls, or into a map of another size.
-const FACTORS: [f64; 4] = [0.98, 0.99, 1.01, 1.02];
-/// Longest time for which something may get through nothing at all, milliseconds.
-const SILENCE_MAX_MS: u64 = 3_000;
-/// Longest time for which something may seem to stand still that moves: the mapper follows what the
-/// wheels say, and a turn of more than 12 degrees that they do not tell of is beyond its search.
-const STUCK_MAX_MS: u64 = 500;
-/// Longest time for which something may be bad otherwise.
-const TROUBLE_MAX_MS: u64 = 12_000;
-/// Longest time of what comes unforeseen: there must be time to recover from it, too.
-const SURPRISE_MAX_MS: u64 = 2_000;
-
 /// Time before anything goes wrong, if there is such a time.
 const WARM_UP_MS: u64 = 5_000;
 /// How near a waypoint is passed, or the last one come to rest at, is no matter of precision while
@@ -39,62 +25,175 @@ const BY_HAND_WITHIN_MM: f64 = 400.0;
 const BY_HAND_REST_MM: f64 = 800.0;
 
 /// With phases the robot is at work before anything goes wrong, and must be again afterwards.
-const PHASES: PhasesSpec = PhasesSpec {
-    warm_up: Span::from_millis(WARM_UP_MS),
-    adversity: Span::from_millis(ADVERSITY_UNTIL_MS - WARM_UP_MS),
-    recovery: Span::from_millis(6_000),
-    judgement: Span::from_millis(4_000),
-};
+const fn phases(until_ms: u64) -> PhasesSpec {
+    PhasesSpec {
+        warm_up: Span::from_millis(WARM_UP_MS),
+        adversity: Span::from_millis(until_ms - WARM_UP_MS),
+        recovery: Span::from_millis(6_000),
+        judgement: Span::from_millis(4_000),
+    }
+}
+
+fn millis(span: Span) -> u64 {
+    u64::try_from(span.0.as_millis()).unwrap_or(u64::MAX)
+}
+
+/// Length of a run with faults, if the scenario takes `duration`.
+fn length(profile: &Profile, duration: Span) -> Span {
+    let heal = profile.time.heal.unwrap_or_default();
+    // There must be time for faults before they are healed.
+    let least = Span(heal.0 + profile.time.from.0 + LEAST);
+    let most = profile.time.length_max.unwrap_or(duration);
+    duration.min(most).max(least)
+}
+
+/// When the last fault ends, milliseconds, if the scenario takes `duration`.
+pub(super) fn end_of_trouble(profile: &Profile, duration: Span) -> u64 {
+    let heal = profile.time.heal.unwrap_or_default();
+    let before_healing = length(profile, duration).0.saturating_sub(heal.0);
+    millis(profile.time.until.unwrap_or(Span(before_healing)))
+}
+
+/// Least time with faults.
+const LEAST: Duration = Duration::from_secs(5);
 
 /// All that goes wrong in a mission.
 pub(super) struct Adversity {
     faults: Vec<FaultSpec>,
     budget: Option<BudgetSpec>,
     phases: Option<PhasesSpec>,
+    /// When the last one ends, milliseconds.
+    until_ms: u64,
+    /// Length of the run, if the profile limits it.
+    length: Span,
+    /// Links of what is not healed.
+    stays_broken: Vec<String>,
+}
+
+/// What is known while faults are drawn.
+struct Drawn<'a> {
+    profile: &'a Profile,
+    targets: &'a FaultTargets,
+    places: &'a [[f64; 2]],
+    until_ms: u64,
 }
 
 impl Adversity {
-    /// Whole kinds are off in some missions and on in others.
-    pub(super) fn draw(targets: &FaultTargets, places: &[[f64; 2]], dice: &mut Draw) -> Self {
-        let phases = (dice.below(3) == 1).then_some(PHASES);
-        let budget = (dice.below(4) == 1).then(|| BudgetSpec {
+    /// Whole kinds are off in some missions and on in others. `duration` is that of the scenario.
+    pub(super) fn draw(
+        profile: &Profile,
+        targets: &FaultTargets,
+        places: &[[f64; 2]],
+        duration: Span,
+        dice: &mut Draw,
+    ) -> Self {
+        let until_ms = end_of_trouble(profile, duration);
+        let mut made = Self {
+            faults: Vec::new(),
+            budget: None,
+            phases: None,
+            until_ms,
+            length: length(profile, duration),
+            stays_broken: Vec::new(),
+        };
+        let without = profile.faults.without_percent;
+        if without > 0 && dice.below(100) < without {
+            return made;
+        }
+        let drawn = Drawn {
+            profile,
+            targets,
+            places,
+            until_ms,
+        };
+        drawn.fill(&mut made, dice);
+        made
+    }
+
+    /// Whether anything goes wrong, or the profile counts that as if.
+    pub(super) fn has_faults(&self) -> bool {
+        !self.faults.is_empty()
+    }
+}
+
+impl Drawn<'_> {
+    fn fill(&self, made: &mut Adversity, dice: &mut Draw) {
+        let (targets, keys) = (self.targets, &self.profile.faults);
+        let may_phase = self.profile.time.phases;
+        made.phases = (may_phase && dice.below(3) == 1).then(|| phases(self.until_ms));
+        made.budget = (dice.below(4) == 1).then(|| BudgetSpec {
             total: Some(dice.between(1, 200)),
             at_once: (dice.below(2) == 1).then(|| dice.narrow(1, 5)),
         });
         let kinds = some_kinds(targets, dice);
-        let count = dice.below(FAULTS_MAX + 1);
-        let mut faults = Vec::new();
-        for _ in 0..count.min(kinds.len() as u64 * FAULTS_MAX) {
+        let count = dice.below(keys.count_max + 1);
+        let faults = &mut made.faults;
+        for _ in 0..count.min(kinds.len() as u64 * keys.count_max) {
             let kind = kinds[dice.index(kinds.len())];
             let mut fault = somewhere(kind, targets, dice);
-            detail(&mut fault, targets, dice);
+            self.detail(&mut fault, dice);
             let is_lasting = targets.consoles().any(|(link, _)| reaches(&fault, link));
-            if phases.is_some() || is_lasting || dice.below(5) > 0 {
-                foreseen(&mut fault, phases.is_some(), dice);
+            let is_late = made.phases.is_some();
+            if keys.permanent_percent > 0 && dice.below(100) < keys.permanent_percent {
+                self.permanent(&mut fault, dice);
+            } else if is_late || is_lasting || !self.profile.time.triggered || dice.below(5) > 0 {
+                self.foreseen(&mut fault, is_late, dice);
             } else {
-                unforeseen(&mut fault, targets, places, dice);
+                self.unforeseen(&mut fault, dice);
             }
             faults.push(fault);
         }
-        for (link, device) in targets.consoles() {
-            if faults.iter().any(|fault| reaches(fault, link)) {
-                faults.push(switched_off_and_on(device));
+        if self.profile.afterwards.power_cycle {
+            for (link, device) in targets.consoles() {
+                if faults.iter().any(|fault| reaches(fault, link)) {
+                    faults.push(switched_off_and_on(device, self.until_ms));
+                }
             }
         }
-        Self {
-            faults,
-            budget,
-            phases,
+        let share = keys.stays_broken_percent;
+        if share > 0 && dice.below(100) < share {
+            self.leave_one_broken(made, dice);
         }
     }
 
+    /// One of the faults that last until they are healed is not healed.
+    fn leave_one_broken(&self, made: &mut Adversity, dice: &mut Draw) {
+        let end = Span::from_millis(self.until_ms);
+        let lasts = |fault: &&mut FaultSpec| {
+            let is_whole = fault.every.is_none() && fault.lasting.is_none();
+            is_whole && fault.until == Some(end) && fault.devices.is_none() && fault.with.is_none()
+        };
+        let mut lasting: Vec<&mut FaultSpec> = made.faults.iter_mut().filter(lasts).collect();
+        if lasting.is_empty() {
+            return;
+        }
+        let fault = lasting.swap_remove(dice.index(lasting.len()));
+        fault.until = None;
+        let device = self.targets.device(fault.device.as_deref());
+        let links = device.map(|device| device.links.clone());
+        made.stays_broken = links
+            .into_iter()
+            .flatten()
+            .chain(fault.link.clone())
+            .collect();
+    }
+}
+
+impl Adversity {
     /// Lets it happen in `mission`, which must succeed within `recovery` afterwards.
-    pub(super) fn apply(self, mission: &mut Scenario, recovery: Span) {
-        let recovery = mission.duration.max(recovery);
-        mission.duration = Span(Span::from_millis(ADVERSITY_UNTIL_MS).0 + recovery.0);
-        if mission::takes_orders(mission) {
-            let once_more = mission::once_more(&mission.mission);
+    pub(super) fn apply(self, profile: &Profile, mission: &mut Scenario, recovery: Span) {
+        if profile.judge.mission == MissionJudged::WithoutFaults {
+            return self.apply_without_mission(profile, mission);
+        }
+        let longest = mission.duration.max(recovery);
+        mission.duration = Span(Span::from_millis(self.until_ms).0 + longest.0);
+        if profile.afterwards.operator && mission::takes_orders(mission) {
+            let least_ms = profile.afterwards.recovery.map_or(millis(recovery), millis);
+            let once_more = mission::once_more(&mission.mission, self.until_ms, least_ms);
             mission.mission.step.extend(once_more);
+        }
+        if let Some(safety) = &profile.judge.safety {
+            mission.expect.safety.get_or_insert_with(|| safety.clone());
         }
         mission.fault = self.faults;
         mission.budget = self.budget;
@@ -120,6 +219,38 @@ impl Adversity {
         mission.expect.wall_overlap_min = match mission.fault.iter().any(is_wrong) {
             true => None,
             false => asked.map(|share| share.min(WALLS_MIN)),
+        };
+    }
+}
+
+impl Adversity {
+    /// The same, if the mission is judged in runs without faults only.
+    fn apply_without_mission(self, profile: &Profile, mission: &mut Scenario) {
+        let is_by_hand = |step: &Step| matches!(step.action, Action::Drive(_));
+        let is_by_hand = mission.mission.step.iter().any(is_by_hand);
+        let mut safety = profile.judge.safety.clone().unwrap_or_default();
+        if let Some(own) = &mission.expect.safety {
+            safety = own.clone();
+        }
+        if !self.has_faults() {
+            safety.alive_for = None;
+            mission.expect.safety = Some(safety);
+            return;
+        }
+        safety.by_hand |= is_by_hand;
+        safety.steps_may_wait = true;
+        safety.alive_without = self.stays_broken;
+        mission.duration = self.length;
+        mission.mission.to_the_end = true;
+        mission
+            .mission
+            .step
+            .retain(|step| step.at.is_none_or(|at| at < self.length));
+        mission.fault = self.faults;
+        mission.budget = self.budget;
+        mission.expect = Expect {
+            safety: Some(safety),
+            ..Expect::default()
         };
     }
 }
@@ -151,11 +282,11 @@ fn reaches(fault: &FaultSpec, link: &str) -> bool {
 }
 
 /// Power cycle, as a person does it, of a device that does not recover by itself.
-fn switched_off_and_on(device: &str) -> FaultSpec {
+fn switched_off_and_on(device: &str, at_ms: u64) -> FaultSpec {
     FaultSpec {
         device: Some(device.to_owned()),
-        from: Some(Span::from_millis(ADVERSITY_UNTIL_MS)),
-        until: Some(Span::from_millis(ADVERSITY_UNTIL_MS + 100)),
+        from: Some(Span::from_millis(at_ms)),
+        until: Some(Span::from_millis(at_ms + 100)),
         ..FaultSpec::new(FaultKind::Restart)
     }
 }
@@ -183,47 +314,6 @@ fn somewhere(kind: FaultKind, targets: &FaultTargets, dice: &mut Draw) -> FaultS
                 ..FaultSpec::new(kind)
             }
         }
-    }
-}
-
-/// The keys that only some kinds have.
-fn detail(fault: &mut FaultSpec, targets: &FaultTargets, dice: &mut Draw) {
-    use FaultKind as K;
-    let kind = fault.kind;
-    if kind.is_strike() {
-        fault.rate = Some(RATES[dice.index(RATES.len())]);
-        fault.count = (dice.below(4) == 1).then(|| dice.narrow(1, 20));
-    }
-    let mut millis = |most| Some(Span::from_millis(dice.between(1, most)));
-    match kind {
-        K::Idle => fault.by = millis(50),
-        K::Latency | K::Delayed => fault.by = millis(300),
-        K::Jitter => fault.by = millis(100),
-        K::Burst => fault.len = Some(dice.narrow(1, 16)),
-        K::Truncate => fault.len = (dice.below(2) == 1).then(|| dice.narrow(1, 40)),
-        K::Overrun => fault.fifo = Some(dice.narrow(1, 64)),
-        K::ShortRead => fault.len = Some(dice.narrow(1, 8)),
-        K::Wrong => fault.factor = Some(FACTORS[dice.index(FACTORS.len())]),
-        K::WrongBaud => match dice.below(3) {
-            0 => fault.baud = Some(BAUDS[dice.index(BAUDS.len())]),
-            1 => fault.ppm = Some(dice.between(0, 120_000) as f64 - 60_000.0),
-            _ => fault.ppm_per_s = Some(dice.between(0, 40_000) as f64 - 20_000.0),
-        },
-        K::Swizzle => {
-            let others: Vec<&str> = targets
-                .links()
-                .filter(|&link| fault.link.as_deref() != Some(link))
-                .collect();
-            fault.with = Some(others[dice.index(others.len())].to_owned());
-        }
-        K::Device => {
-            let mut all = targets.devices(kind).into_iter();
-            let name = fault.device.as_deref();
-            let device = all.find(|device| Some(device.name.as_str()) == name);
-            let own: Vec<&str> = device.into_iter().flat_map(Device::of_its_own).collect();
-            fault.fault = Some(own[dice.index(own.len())].to_owned());
-        }
-        _ => {}
     }
 }
 
@@ -256,23 +346,6 @@ fn comes_in_spells(kind: FaultKind) -> bool {
     matches!(kind, FaultKind::Clog | FaultKind::Intermittent)
 }
 
-/// Times that are known beforehand.
-fn foreseen(fault: &mut FaultSpec, is_late: bool, dice: &mut Draw) {
-    let earliest = [ADVERSITY_FROM_MS, WARM_UP_MS][usize::from(is_late)];
-    let most = match fault.kind {
-        _ if is_deceived(fault) => STUCK_MAX_MS,
-        kind if silences(kind) => SILENCE_MAX_MS,
-        _ => TROUBLE_MAX_MS,
-    };
-    let from = dice.between(earliest, ADVERSITY_UNTIL_MS - 100);
-    let until = (from + dice.between(10, most)).min(ADVERSITY_UNTIL_MS);
-    fault.from = Some(Span::from_millis(from));
-    fault.until = Some(Span::from_millis(until));
-    if comes_in_spells(fault.kind) || dice.below(6) == 1 {
-        spells(fault, dice);
-    }
-}
-
 /// Comes again and again.
 fn spells(fault: &mut FaultSpec, dice: &mut Draw) {
     let every = dice.between(50, 2_000);
@@ -280,39 +353,118 @@ fn spells(fault: &mut FaultSpec, dice: &mut Draw) {
     fault.lasting = Some(Span::from_millis(dice.between(1, every)));
 }
 
-/// Waits for a byte, a frame, a place or a register.
-fn unforeseen(fault: &mut FaultSpec, targets: &FaultTargets, places: &[[f64; 2]], dice: &mut Draw) {
-    if comes_in_spells(fault.kind) {
-        return foreseen(fault, false, dice);
+/// Longest time of `fault`.
+fn limit(time: &Time, fault: &FaultSpec) -> Option<Span> {
+    match fault.kind {
+        _ if is_deceived(fault) => time.stuck_max,
+        kind if silences(kind) => time.silence_max,
+        _ => time.other_max,
     }
-    let most = if is_deceived(fault) {
-        STUCK_MAX_MS
-    } else {
-        SURPRISE_MAX_MS
-    };
-    fault.lasting = Some(Span::from_millis(dice.between(10, most)));
-    let registers = targets.with_registers();
-    match dice.below(4) {
-        0 if fault.is_on_line_only() => fault.at_byte = Some(dice.below(20_000)),
-        1 if fault.is_on_line_only() => fault.at_frame = Some(dice.below(500)),
-        2 if !registers.is_empty() => {
-            fault.when = Some(WhenSpec {
-                device: Some(registers[dice.index(registers.len())].name.clone()),
-                register: Some(dice.narrow(0, 63)),
-                at_least: Some(dice.narrow(1, 30)),
-                ..WhenSpec::default()
-            });
+}
+
+impl Drawn<'_> {
+    /// The keys that only some kinds have.
+    fn detail(&self, fault: &mut FaultSpec, dice: &mut Draw) {
+        use FaultKind as K;
+        let (targets, kind) = (self.targets, fault.kind);
+        let Faults { rates, factors, .. } = &self.profile.faults;
+        if kind.is_strike() {
+            fault.rate = Some(rates[dice.index(rates.len())]);
+            fault.count = (dice.below(4) == 1).then(|| dice.narrow(1, 20));
         }
-        _ if !places.is_empty() => {
-            fault.when = Some(WhenSpec {
-                near_m: Some(places[dice.index(places.len())]),
-                within_m: Some(dice.between(1, 6) as f64 / 10.0),
-                ..WhenSpec::default()
-            });
+        let mut millis = |most| Some(Span::from_millis(dice.between(1, most)));
+        match kind {
+            K::Idle => fault.by = millis(50),
+            K::Latency | K::Delayed => fault.by = millis(300),
+            K::Jitter => fault.by = millis(100),
+            K::Burst => fault.len = Some(dice.narrow(1, 16)),
+            K::Truncate => fault.len = (dice.below(2) == 1).then(|| dice.narrow(1, 40)),
+            K::Overrun => fault.fifo = Some(dice.narrow(1, 64)),
+            K::ShortRead => fault.len = Some(dice.narrow(1, 8)),
+            K::Wrong => fault.factor = Some(factors[dice.index(factors.len())]),
+            K::WrongBaud => match dice.below(3) {
+                0 => fault.baud = Some(BAUDS[dice.index(BAUDS.len())]),
+                1 => fault.ppm = Some(dice.between(0, 120_000) as f64 - 60_000.0),
+                _ => fault.ppm_per_s = Some(dice.between(0, 40_000) as f64 - 20_000.0),
+            },
+            K::Swizzle => {
+                let others: Vec<&str> = targets
+                    .links()
+                    .filter(|&link| fault.link.as_deref() != Some(link))
+                    .collect();
+                fault.with = Some(others[dice.index(others.len())].to_owned());
+            }
+            K::Device => {
+                let mut all = targets.devices(kind).into_iter();
+                let name = fault.device.as_deref();
+                let device = all.find(|device| Some(device.name.as_str()) == name);
+                let own: Vec<&str> = device.into_iter().flat_map(Device::of_its_own).collect();
+                fault.fault = Some(own[dice.index(own.len())].to_owned());
+            }
+            _ => {}
         }
-        _ => {
-            fault.lasting = None;
-            foreseen(fault, false, dice);
+    }
+
+    /// Times that are known beforehand.
+    fn foreseen(&self, fault: &mut FaultSpec, is_late: bool, dice: &mut Draw) {
+        let time = &self.profile.time;
+        let earliest = [millis(time.from), WARM_UP_MS][usize::from(is_late)];
+        let most = limit(time, fault).map_or(self.until_ms, millis);
+        let from = dice.between(earliest, self.until_ms - 100);
+        let until = (from + dice.between(10, most)).min(self.until_ms);
+        fault.from = Some(Span::from_millis(from));
+        fault.until = Some(Span::from_millis(until));
+        if comes_in_spells(fault.kind) || dice.below(6) == 1 {
+            spells(fault, dice);
+        }
+    }
+
+    /// From some time until it is healed.
+    fn permanent(&self, fault: &mut FaultSpec, dice: &mut Draw) {
+        let from = dice.between(millis(self.profile.time.from), self.until_ms - 100);
+        fault.from = Some(Span::from_millis(from));
+        fault.until = Some(Span::from_millis(self.until_ms));
+        if comes_in_spells(fault.kind) {
+            spells(fault, dice);
+        }
+    }
+
+    /// Waits for a byte, a frame, a place or a register.
+    fn unforeseen(&self, fault: &mut FaultSpec, dice: &mut Draw) {
+        if comes_in_spells(fault.kind) {
+            return self.foreseen(fault, false, dice);
+        }
+        let (time, targets, places) = (&self.profile.time, self.targets, self.places);
+        let most = if is_deceived(fault) {
+            time.stuck_max
+        } else {
+            time.triggered_max
+        };
+        let most = most.map_or(self.until_ms, millis);
+        fault.lasting = Some(Span::from_millis(dice.between(10, most)));
+        let registers = targets.with_registers();
+        match dice.below(4) {
+            0 if fault.is_on_line_only() => fault.at_byte = Some(dice.below(20_000)),
+            1 if fault.is_on_line_only() => fault.at_frame = Some(dice.below(500)),
+            2 if !registers.is_empty() => {
+                fault.when = Some(WhenSpec {
+                    device: Some(registers[dice.index(registers.len())].name.clone()),
+                    register: Some(dice.narrow(0, 63)),
+                    at_least: Some(dice.narrow(1, 30)),
+                    ..WhenSpec::default()
+                });
+            }
+            _ if !places.is_empty() => {
+                fault.when = Some(WhenSpec {
+                    near_m: Some(places[dice.index(places.len())]),
+                    within_m: Some(dice.between(1, 6) as f64 / 10.0),
+                    ..WhenSpec::default()
+                });
+            }
+            _ => {
+                fault.lasting = None;
+                self.foreseen(fault, false, dice);
+            }
         }
     }
 }

@@ -1,5 +1,6 @@
+use super::Profile;
 use super::dice::Draw;
-use super::{ADVERSITY_UNTIL_MS, RECOVERY_MS};
+use super::fault_targets::FaultTargets;
 use engine::robots::{self, Robot};
 use engine::scenario::{Action, Mission, Scenario, Span, Step};
 
@@ -23,11 +24,12 @@ pub(super) fn waypoints(mut places: Vec<[f64; 2]>, dice: &mut Draw) -> Vec<[f64;
         .collect()
 }
 
-/// What the PC does besides sending the mission: it sends it once more, or hangs up for a while.
-pub(super) fn steps(waypoints: &[[f64; 2]], dice: &mut Draw) -> Vec<Step> {
+/// What the PC does besides sending the mission, before `until_ms`: it sends it once more, or hangs
+/// up for a while.
+pub(super) fn steps(waypoints: &[[f64; 2]], until_ms: u64, dice: &mut Draw) -> Vec<Step> {
     let mut steps = Vec::new();
     for _ in 0..dice.below(4) {
-        let at = dice.between(2_000, ADVERSITY_UNTIL_MS - 2_000);
+        let at = dice.between(2_000, until_ms.max(4_001) - 2_000);
         if dice.below(2) == 0 {
             steps.push(step(at, Action::WaypointsM(waypoints.to_vec())));
         } else {
@@ -43,7 +45,7 @@ pub(super) fn steps(waypoints: &[[f64; 2]], dice: &mut Draw) -> Vec<Step> {
 /// fault the port is opened again, and waypoints that the robot did not confirm are sent again. If
 /// the mission is not done a while later, because the robot took another place for a waypoint, or
 /// went home with a low battery, it is given once more.
-pub(super) fn once_more(mission: &Mission) -> [Step; 3] {
+pub(super) fn once_more(mission: &Mission, until_ms: u64, recovery_ms: u64) -> [Step; 3] {
     let mode = mission.step.iter().map(|step| &step.action);
     let mut mode = mode.filter(|action| matches!(action, Action::Mode(_)));
     let again = match mode.next() {
@@ -51,10 +53,55 @@ pub(super) fn once_more(mission: &Mission) -> [Step; 3] {
         _ => Action::WaypointsM(mission.waypoints_m.clone()),
     };
     [
-        step(ADVERSITY_UNTIL_MS + 200, Action::Disconnect),
-        step(ADVERSITY_UNTIL_MS + 500, Action::Connect),
-        step(ADVERSITY_UNTIL_MS + RECOVERY_MS / 3, again),
+        step(until_ms + 200, Action::Disconnect),
+        step(until_ms + 500, Action::Connect),
+        step(until_ms + recovery_ms / 3, again),
     ]
+}
+
+/// Time for which the operator turns the robot by hand.
+const BY_HAND_MS: [u64; 2] = [3_000, 9_000];
+
+/// Orders that keep the robot driving in the whole run: its waypoints again and again, and turns by
+/// hand. A turn on the spot leads into no wall.
+pub(super) fn keep_busy(
+    profile: &Profile,
+    targets: &FaultTargets,
+    mission: &mut Mission,
+    end: Span,
+    dice: &mut Draw,
+) {
+    let end_ms = u64::try_from(end.0.as_millis()).unwrap_or(u64::MAX);
+    let again = |waypoints: &[[f64; 2]]| Action::WaypointsM(waypoints.to_vec());
+    if let Some(every) = profile.mission.repeat
+        && !mission.waypoints_m.is_empty()
+    {
+        let every_ms = u64::try_from(every.0.as_millis())
+            .unwrap_or(u64::MAX)
+            .max(1);
+        let mut waypoints = mission.waypoints_m.clone();
+        let times = (1..).map(|count| count * every_ms);
+        for at in times.take_while(|at| *at < end_ms) {
+            waypoints.rotate_left(1);
+            mission.step.push(step(at, again(&waypoints)));
+        }
+    }
+    let percent = profile.mission.by_hand_percent;
+    if percent > 0
+        && dice.below(100) < percent
+        && let Some(turn) = targets.turn()
+    {
+        let [least, most] = BY_HAND_MS;
+        let at = dice.between(2_000, end_ms.max(2_000 + most) - most);
+        let side = [turn.to_vec(), turn.iter().rev().copied().collect()];
+        let side = side[dice.index(2)].clone();
+        mission.step.push(step(at, Action::Drive(side)));
+        let waypoints = again(&mission.waypoints_m);
+        mission
+            .step
+            .push(step(at + dice.between(least, most), waypoints));
+    }
+    mission.step.sort_by_key(|step| step.at);
 }
 
 fn step(at: u64, action: Action) -> Step {

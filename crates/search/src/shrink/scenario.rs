@@ -71,7 +71,7 @@ fn nothing_in_the_end(case: &Scenario) -> Scenario {
         settle: None,
         wall_overlap_min: None,
         map_received: None,
-        ..case.expect
+        ..case.expect.clone()
     };
     Scenario {
         expect,

@@ -1,0 +1,448 @@
+//! Fault profiles: what goes wrong in generated missions, when, and what is expected then. A
+//! profile is a TOML file; three are built in.
+
+use std::path::Path;
+
+use engine::scenario::{SafetySpec, ScenarioError, Source, Span};
+use serde::Deserialize;
+
+/// The profiles that are built in, gentlest first.
+const BUILT_IN: [(&str, &str); 3] = [
+    ("gentle", include_str!("profiles/gentle.toml")),
+    ("field", include_str!("profiles/field.toml")),
+    ("harsh", include_str!("profiles/harsh.toml")),
+];
+
+/// Version of the format.
+const SCHEMA: u32 = 1;
+/// More faults than this make each run the same.
+const COUNT_MAX: u64 = 100;
+/// A run is no longer than a day.
+const LONGEST: Span = Span::from_millis(86_400_000);
+
+/// A fault profile.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Profile {
+    /// Version of the format: 1.
+    pub schema: u32,
+    /// Its name, for reports.
+    pub name: String,
+    /// What it is for, in a sentence.
+    #[serde(default)]
+    pub description: String,
+    /// Which faults are drawn.
+    pub faults: Faults,
+    /// When they are active.
+    pub time: Time,
+    /// What else the operator does.
+    #[serde(default)]
+    pub mission: MissionKeys,
+    /// What happens after the last fault.
+    #[serde(default)]
+    pub afterwards: Afterwards,
+    /// What is expected.
+    pub judge: Judge,
+    /// What a campaign keeps of it: the name of a built-in one, the text of a file.
+    #[serde(skip)]
+    pub kept: String,
+}
+
+/// Which faults are drawn.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Faults {
+    /// Share of the runs that have no fault, per cent.
+    #[serde(default)]
+    pub without_percent: u64,
+    /// Maximum number in a run.
+    pub count_max: u64,
+    /// Chances per byte, of which each fault of that kind has one.
+    pub rates: Vec<f64>,
+    /// Factors by which a device measures wrongly.
+    pub factors: Vec<f64>,
+    /// Kinds, and faults of devices, that are never drawn.
+    #[serde(default)]
+    pub never: Vec<String>,
+    /// Whether the battery may be low in a search that ends at home.
+    #[serde(default)]
+    pub low_battery_in_search: bool,
+    /// Share of the faults that last until they are healed, per cent.
+    #[serde(default)]
+    pub permanent_percent: u64,
+    /// Share of the runs in which one permanent fault is not healed, per cent.
+    #[serde(default)]
+    pub stays_broken_percent: u64,
+}
+
+/// When faults are active.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// The first fault begins no earlier.
+    pub from: Span,
+    /// All end here; when the last phase begins if not given.
+    #[serde(default)]
+    pub until: Option<Span>,
+    /// A longer run with faults is cut here.
+    #[serde(default)]
+    pub length_max: Option<Span>,
+    /// Length of the last phase, in which faults are healed.
+    #[serde(default)]
+    pub heal: Option<Span>,
+    /// Longest silence of a link or a device; no limit if not given.
+    #[serde(default)]
+    pub silence_max: Option<Span>,
+    /// Longest time for which a moving part seems to stand still; no limit if not given.
+    #[serde(default)]
+    pub stuck_max: Option<Span>,
+    /// Longest time of a fault that waits for something.
+    #[serde(default)]
+    pub triggered_max: Option<Span>,
+    /// Longest time of any other fault; no limit if not given.
+    #[serde(default)]
+    pub other_max: Option<Span>,
+    /// Whether some faults wait for a byte, a frame, a place or a register.
+    #[serde(default)]
+    pub triggered: bool,
+    /// Whether some runs have phases.
+    #[serde(default)]
+    pub phases: bool,
+}
+
+/// What else the operator does in a run with faults.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MissionKeys {
+    /// The waypoints are ordered again each time.
+    #[serde(default)]
+    pub repeat: Option<Span>,
+    /// Share of the runs in which the operator turns the robot by hand, per cent.
+    #[serde(default)]
+    pub by_hand_percent: u64,
+}
+
+/// What happens after the last fault.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Afterwards {
+    /// Whether an operator opens the port again, and orders the mission again.
+    #[serde(default)]
+    pub operator: bool,
+    /// Whether a device is switched off and on if a fault may have opened its console.
+    #[serde(default)]
+    pub power_cycle: bool,
+    /// Time to finish the mission.
+    #[serde(default)]
+    pub recovery: Option<Span>,
+}
+
+/// What is expected.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Judge {
+    /// When the mission must be finished.
+    pub mission: MissionJudged,
+    /// Safety during the whole run.
+    #[serde(default)]
+    pub safety: Option<SafetySpec>,
+}
+
+/// When the mission must be finished.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MissionJudged {
+    /// After the faults, within wider limits.
+    AfterFaults,
+    /// In runs without faults only, within the scenario's own limits.
+    WithoutFaults,
+}
+
+impl Default for Profile {
+    /// The gentle one.
+    fn default() -> Self {
+        Self::built_in("gentle").expect("it is built in")
+    }
+}
+
+impl Profile {
+    /// Names of the built-in profiles.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// The text of the built-in profile `name`, to be copied and changed.
+    pub fn text(name: &str) -> Option<&'static str> {
+        let found = BUILT_IN.iter().find(|(known, _)| *known == name);
+        found.map(|(_, text)| *text)
+    }
+
+    fn built_in(name: &str) -> Option<Self> {
+        let path = format!("<profile {name}>");
+        let profile = Self::parse(Path::new(&path), Self::text(name)?.to_owned());
+        let profile = profile.expect("a test reads each of them");
+        Some(Self {
+            kept: name.to_owned(),
+            ..profile
+        })
+    }
+
+    /// The built-in profile of this name, or that of the file `name`.
+    ///
+    /// # Errors
+    /// If there is neither, or the file is no profile.
+    pub fn find(name: &str) -> Result<Self, ScenarioError> {
+        if let Some(profile) = Self::built_in(name) {
+            return Ok(profile);
+        }
+        let path = Path::new(name);
+        match std::fs::read_to_string(path) {
+            Ok(text) => Self::parse(path, text),
+            Err(source) => {
+                let names: Vec<&str> = Self::names().collect();
+                Err(ScenarioError::Invalid {
+                    path: path.to_owned(),
+                    line: None,
+                    key: "--profile".to_owned(),
+                    message: format!(
+                        "cannot be read ({source}), expected {} or a file",
+                        names.join(", ")
+                    ),
+                })
+            }
+        }
+    }
+
+    /// Reads a profile; `path` is for messages.
+    ///
+    /// # Errors
+    /// If it is none; the error names file, line and key.
+    pub fn parse(path: &Path, text: String) -> Result<Self, ScenarioError> {
+        let parsed = toml::from_str::<Self>(&text);
+        let profile = parsed.map_err(|source| ScenarioError::Parse {
+            path: path.to_owned(),
+            source: Box::new(source),
+        })?;
+        let path = path.to_owned();
+        let source = Source { path, text };
+        profile.check(&source)?;
+        Ok(Self {
+            kept: source.text,
+            ..profile
+        })
+    }
+
+    /// Whether it is the gentle one: campaigns of old ran with that.
+    pub fn is_gentle(&self) -> bool {
+        self.kept == "gentle"
+    }
+
+    fn check(&self, source: &Source) -> Result<(), ScenarioError> {
+        let wrong = |table: &str, key: &str, message: String| {
+            let key_of = if table.is_empty() {
+                key.to_owned()
+            } else {
+                format!("{table}.{key}")
+            };
+            Err(source.invalid(line_of(source, table, key), key_of, message))
+        };
+        if self.schema != SCHEMA {
+            return wrong(
+                "",
+                "schema",
+                format!("is {}, expected {SCHEMA}", self.schema),
+            );
+        }
+        let faults = &self.faults;
+        for (table, key, percent) in [
+            ("faults", "without_percent", faults.without_percent),
+            ("faults", "permanent_percent", faults.permanent_percent),
+            (
+                "faults",
+                "stays_broken_percent",
+                faults.stays_broken_percent,
+            ),
+            ("mission", "by_hand_percent", self.mission.by_hand_percent),
+        ] {
+            if percent > 100 {
+                return wrong(table, key, format!("is {percent}, expected 0 to 100"));
+            }
+        }
+        if faults.count_max > COUNT_MAX {
+            let message = format!("is {}, expected 0 to {COUNT_MAX}", faults.count_max);
+            return wrong("faults", "count_max", message);
+        }
+        if faults.rates.is_empty() || faults.rates.iter().any(|rate| !(0.0..=1.0).contains(rate)) {
+            return wrong(
+                "faults",
+                "rates",
+                "expected at least one chance, 0 to 1".to_owned(),
+            );
+        }
+        let is_far = |factor: &f64| !(-1e6..=1e6).contains(factor);
+        if faults.factors.is_empty() || faults.factors.iter().any(is_far) {
+            let message = "expected at least one factor, -1000000 to 1000000";
+            return wrong("faults", "factors", message.to_owned());
+        }
+        self.check_times(&wrong)
+    }
+
+    fn check_times(
+        &self,
+        wrong: &dyn Fn(&str, &str, String) -> Result<(), ScenarioError>,
+    ) -> Result<(), ScenarioError> {
+        let time = &self.time;
+        let (from, least) = (time.from, Span::from_millis(LEAST_MS));
+        if time.until.is_some() == time.heal.is_some() {
+            let message = "expected until (with afterwards) or heal, and not both";
+            return wrong("time", "until", message.to_owned());
+        }
+        let ends = time.until.map(|until| ("until", until.0));
+        let length = time.length_max.map_or(LONGEST, |length| length);
+        let heals = time
+            .heal
+            .map(|heal| ("heal", length.0.saturating_sub(heal.0)));
+        for (key, end) in ends.into_iter().chain(heals) {
+            if end < from.0 + least.0 {
+                let message = format!("leaves less than {least} for faults after from = {from}");
+                return wrong("time", key, message);
+            }
+        }
+        if time.phases && time.until.is_none_or(|until| until.0 < PHASES_MIN.0) {
+            let message = format!("expected false, or until of at least {PHASES_MIN}");
+            return wrong("time", "phases", message);
+        }
+        for (key, most) in [
+            ("silence_max", time.silence_max),
+            ("stuck_max", time.stuck_max),
+            ("triggered_max", time.triggered_max),
+            ("other_max", time.other_max),
+        ] {
+            if most.is_some_and(|most| most < Span::from_millis(10) || most > LONGEST) {
+                return wrong("time", key, format!("expected 10ms to {LONGEST}"));
+            }
+        }
+        if time.triggered && time.heal.is_some() {
+            let message = "expected false beside heal: a trigger may come after it";
+            return wrong("time", "triggered", message.to_owned());
+        }
+        if self
+            .mission
+            .repeat
+            .is_some_and(|every| every < Span::from_millis(1_000))
+        {
+            return wrong("mission", "repeat", "expected at least 1s".to_owned());
+        }
+        let alive = self
+            .judge
+            .safety
+            .as_ref()
+            .and_then(|safety| safety.alive_for);
+        if alive.is_some_and(|alive| time.heal.is_none_or(|heal| alive >= heal)) {
+            let message = "expected less than time.heal, in which the robot recovers";
+            return wrong("judge.safety", "alive_for", message.to_owned());
+        }
+        Ok(())
+    }
+}
+
+/// Least time for faults, milliseconds: the operator's steps lie within it.
+const LEAST_MS: u64 = 5_000;
+/// A warm-up of 5 s and as long again.
+const PHASES_MIN: Span = Span::from_millis(10_000);
+
+/// The line of `key` in `table`, for messages.
+fn line_of(source: &Source, table: &str, key: &str) -> Option<core::ops::Range<usize>> {
+    let mut is_in = table.is_empty();
+    let mut at = 0;
+    for line in source.text.split_inclusive('\n') {
+        let span = at..at + line.trim_end().len();
+        at += line.len();
+        let line = line.trim();
+        if line.starts_with('[') {
+            is_in = line.trim_matches(['[', ']']) == table;
+        } else if is_in
+            && line
+                .strip_prefix(key)
+                .is_some_and(|rest| rest.trim_start().starts_with('='))
+        {
+            return Some(span);
+        }
+    }
+    source.find(if table.is_empty() { key } else { table })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each wrong value is refused with file, line, key and what was expected. Lines are those of
+    /// the built-in gentle profile.
+    #[test]
+    fn what_is_wrong_in_a_profile_is_named() {
+        let refused = |from: &str, to: &str| {
+            let text = Profile::text("gentle").expect("it is built in");
+            assert!(text.contains(from), "{from}");
+            let parsed = Profile::parse(Path::new("my.toml"), text.replace(from, to));
+            parsed.expect_err("refused").to_string()
+        };
+        for (from, to, told) in [
+            (
+                "schema = 1",
+                "schema = 2",
+                "my.toml:2: schema: is 2, expected 1",
+            ),
+            (
+                "count_max = 12",
+                "count_max = 1000",
+                "my.toml:7: faults.count_max: is 1000",
+            ),
+            ("count_max", "counts_max", "unknown field `counts_max`"),
+            (
+                "0.03]",
+                "1.5]",
+                "my.toml:9: faults.rates: expected at least one chance, 0 to 1",
+            ),
+            (
+                "until = \"14s\"",
+                "until = \"1s\"",
+                "time.until: leaves less than 5s",
+            ),
+            (
+                "until = \"14s\"",
+                "heal = \"14s\"",
+                "time.phases: expected false",
+            ),
+            (
+                "until = \"14s\"",
+                "",
+                "expected until (with afterwards) or heal",
+            ),
+            ("\"after-faults\"", "\"never\"", "unknown variant `never`"),
+            ("\"3s\"", "\"3\"", "silence_max = \"3\""),
+        ] {
+            let error = refused(from, to);
+            assert!(error.contains(told), "{error}");
+            assert!(error.starts_with("my.toml"), "{error}");
+        }
+        let error = Profile::find("hash")
+            .expect_err("no such profile")
+            .to_string();
+        assert!(
+            error.contains("expected gentle, field, harsh or a file"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn the_built_in_profiles_are_sound_and_have_their_names() {
+        for name in Profile::names() {
+            let profile = Profile::find(name).expect("it is built in");
+            assert_eq!(
+                (&*profile.name, profile.is_gentle()),
+                (name, name == "gentle")
+            );
+            assert!(!profile.description.is_empty());
+        }
+    }
+}

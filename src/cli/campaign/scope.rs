@@ -1,0 +1,33 @@
+//! What a campaign draws, and how much of it is done.
+
+use std::collections::BTreeMap;
+
+use super::super::CliError;
+use crate::search::campaign::{CampaignPlan, Shard, Store};
+use crate::search::generate::Profile;
+
+/// The profile of this name or file; of `--mutants` harsh if none is given.
+pub(super) fn profile(name: Option<&str>, is_for_mutants: bool) -> Result<Profile, CliError> {
+    let usual = if is_for_mutants { "harsh" } else { "gentle" };
+    Ok(Profile::find(name.unwrap_or(usual))?)
+}
+
+/// What a campaign that was stopped has covered: how many seeds of each scenario.
+pub(super) fn covered(plan: &CampaignPlan, store: &Store, shard: Shard) -> String {
+    let mut counts: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
+    for (_, name, seed) in plan.runs().filter(|(number, ..)| shard.has(*number)) {
+        let [done, all] = counts.entry(name).or_default();
+        *done += usize::from(store.has(name, seed));
+        *all += 1;
+    }
+    let least = counts.values().map(|[done, _]| *done).min().unwrap_or(0);
+    let most = counts.values().map(|[done, _]| *done).max().unwrap_or(0);
+    let of = counts.values().map(|[_, all]| *all).max().unwrap_or(0);
+    let done = if least == most {
+        least.to_string()
+    } else {
+        format!("{least} to {most}")
+    };
+    let scenarios = counts.len();
+    format!("covered: {done} of {of} seeds in each of {scenarios} scenarios")
+}
