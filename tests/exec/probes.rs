@@ -35,7 +35,7 @@ const SIGNALS: [(&str, &str); 20] = [
 /// the
 /// nearest 10 ms; a look at a clock costs 1 us; the calendar begins at 2026-01-01, the uptime at
 /// 1000 s.
-const REST: [(&str, &str); 40] = [
+const REST: [(&str, &str); 41] = [
     ("rt-default", "1"),
     ("mq", "6 3 after 50 ms"),
     ("mq-times-out", "-1 1 after 30 ms"),
@@ -70,6 +70,7 @@ const REST: [(&str, &str); 40] = [
     ("file-of-others", "0 1 1"),
     ("wrong-way", "9 4 1 0"),
     ("scans", "1 1"),
+    ("asynchronous", "1 1 0"),
     ("kernel-reads", "1 1"),
     ("timer-copy", "1 1 x, 8 1 after 20 ms"),
     ("timer-exec", "8"),

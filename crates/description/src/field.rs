@@ -2,6 +2,7 @@
 
 mod decode;
 mod encode;
+mod example;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -12,7 +13,8 @@ use crate::number::Number;
 use crate::value::{Record, Value};
 
 pub(crate) use decode::{decode, number_value, places};
-pub(crate) use encode::{encode, example, longer, number_bytes, put_number};
+pub(crate) use encode::{encode, number_bytes, put_number};
+pub(crate) use example::{example, longer};
 
 /// Names of values.
 pub(crate) type Names = Arc<BTreeMap<i128, String>>;

@@ -24,6 +24,7 @@
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
+#include <sys/timerfd.h>
 #include <sys/wait.h>
 #include <termios.h>
 #include <time.h>
@@ -140,6 +141,16 @@ static void act_first(long a, long b)
     if (first > 1 && (getpid() == first || getppid() == first)) kill(first, a);
 }
 static void act_group(long a, long b) { (void)b; kill(0, a); }
+/* Processes and owners that there cannot be; never -1, which is all of the machine. */
+static void act_unknown(long a, long b)
+{
+    const int none[] = {-0x7FFFFFFF - 1, -0x7FFFFFFF, 0x7FFFFFFF, -0x7FFFFFFE};
+    kill(none[a % 4], b);
+    fcntl(port, F_SETOWN, none[a % 4]);
+    fcntl(port, F_SETSIG, b);
+    fcntl(port, F_SETFL, O_ASYNC);
+    if (syscall(SYS_tgkill, none[a % 4], none[a % 4], b)) errno = 0;
+}
 static void act_wait(long a, long b)
 {
     (void)b;
@@ -265,6 +276,34 @@ static void act_socket(long a, long b)
     setsockopt(ends[0], SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
     if (recv(ends[0], bytes, 8, 0) < 0 && b) shutdown(ends[0], SHUT_RDWR);
 }
+/* Places at the end of the address space, for what a call reads or fills. */
+static void act_bad(long a, long b)
+{
+    long place = -8 - 8 * b;
+    syscall(a, (long)port, place, 16L, place, place, place);
+    syscall(a, (long)port, place, place, place, place, place);
+    syscall(a, place, 1L, place, place, place, place);
+    syscall(a, 0L, place, place, place, place, place);
+}
+/* A signal, or a fault, while the stack is nowhere. */
+static void act_stackless(long a, long b)
+{
+    const long places[] = {0, 8, 64, -8, 0x7FFFFFFFFFF8, 0x800000000000};
+    int pid = getpid();
+    __asm__ volatile("mov %0, %%rsp; mov $62, %%eax; syscall; ud2"
+                     : : "r"(places[b % 6]), "D"(pid), "S"(a) : "rax", "rcx", "r11", "memory");
+}
+/* Timers that expire all the time. */
+static void act_storm(long a, long b)
+{
+    struct itimerspec each = {{0, 1}, {0, 1}};
+    struct itimerval micros = {{0, 1}, {0, 1}};
+    struct sigevent event = {.sigev_notify = a == 0 ? SIGEV_NONE : SIGEV_SIGNAL, .sigev_signo = b};
+    timer_t timer;
+    if (a < 2 && timer_create(CLOCK_MONOTONIC, &event, &timer) == 0) timer_settime(timer, 0, &each, 0);
+    if (a == 2) timerfd_settime(timerfd_create(CLOCK_MONOTONIC, 0), 0, &each, 0);
+    if (a == 3) signal(SIGALRM, SIG_IGN), setitimer(ITIMER_REAL, &micros, 0);
+}
 static void act_call(long a, long b) { syscall(a, b, b, b, b, b, b); }
 
 static const struct {
@@ -275,13 +314,14 @@ static const struct {
     {"break", act_break}, {"flags", act_flags}, {"sleep", act_sleep}, {"pause", act_pause}, {"spin", act_spin},
     {"compute", act_compute}, {"yield", act_yield}, {"clock", act_clock}, {"exit", act_exit},
     {"ends", act_ends}, {"leaves", act_leaves}, {"ignore", act_ignore}, {"handle", act_handle},
-    {"block", act_block}, {"raise", act_raise}, {"first", act_first}, {"group", act_group},
+    {"block", act_block}, {"raise", act_raise}, {"first", act_first}, {"group", act_group}, {"unknown", act_unknown},
     {"wait", act_wait}, {"setsid", act_setsid}, {"setpgid", act_setpgid}, {"close", act_close},
     {"closes", act_closes}, {"pipe", act_pipe}, {"empty", act_empty}, {"lock", act_lock},
     {"poll", act_poll}, {"traceme", act_traceme}, {"attach", act_attach}, {"prctl", act_prctl},
     {"limit", act_limit}, {"alarm", act_alarm}, {"timers", act_timers}, {"int80", act_int80},
     {"unmap", act_unmap}, {"map", act_map}, {"stack", act_stack}, {"fault", act_fault},
     {"unshare", act_unshare}, {"setuid", act_setuid}, {"socket", act_socket}, {"call", act_call},
+    {"bad", act_bad}, {"stackless", act_stackless}, {"storm", act_storm},
 };
 
 static int end_of(int at)

@@ -950,6 +950,25 @@ static void kernel_reads(void)
     say("%ld %d", len, *low != 0);
 }
 
+/* A signal tells of each byte that comes (fcntl(2), O_ASYNC), until that is turned off. */
+static void asynchronous(void)
+{
+    sigset_t none;
+    sigemptyset(&none);
+    handle(SIGIO, counts, 0);
+    hold(SIGIO, SIG_BLOCK);
+    fcntl(port, F_SETOWN, getpid());
+    fcntl(port, F_SETFL, O_ASYNC);
+    sigsuspend(&none);
+    int first = count;
+    hold(SIGIO, SIG_UNBLOCK);
+    for (long begin = ms(); ms() - begin < 300;) nap(10);
+    int more = count;
+    fcntl(port, F_SETFL, 0);
+    for (long begin = ms(); ms() - begin < 300;) nap(10);
+    say("%d %d %d", first, more > 20, count - more);
+}
+
 /* A timer goes on at a copy of its file; the number that it had is another file's now. */
 static void timer_copy(void)
 {
@@ -1061,6 +1080,7 @@ static const struct {
     {"int-0x80", int_0x80},
     /* A port that was closed is as new: no bytes of it are in the kernel before the next probe. */
     {"reopened", reopened},
+    {"asynchronous", asynchronous},
     {"kernel-reads", kernel_reads},
     {"file-of-others", file_of_others},
     {"wrong-way", wrong_way},

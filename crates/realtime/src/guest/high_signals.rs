@@ -71,7 +71,7 @@ struct Action {
 
 impl Action {
     fn read(memory: Memory, place: u64) -> Result<Self, NotMade> {
-        let word = |index: u64| memory.u64(place + 8 * index);
+        let word = |index: u64| memory.u64(place.wrapping_add(8 * index));
         Ok(Self {
             handler: word(0)?,
             flags: word(1)?,
@@ -100,7 +100,11 @@ struct Scratch {
 impl Scratch {
     fn borrow(tid: Pid, stack: u64) -> Result<Self, NotMade> {
         let memory = Memory(tid);
-        let place = (stack - RED_ZONE - SCRATCH as u64) & !15;
+        // A stack pointer may be anything.
+        let place = stack.wrapping_sub(RED_ZONE + SCRATCH as u64) & !15;
+        if place.checked_add(SCRATCH as u64).is_none() {
+            return Err(NotMade::Refused);
+        }
         let mut before = [0; SCRATCH];
         memory.read(place, &mut before)?;
         Ok(Self {
@@ -189,7 +193,10 @@ fn try_to(process: i32, tid: Pid, signal: i32, told: Option<&[u8]>) -> Result<De
             None => memory.write(begun.rsi, &signal.to_ne_bytes())?,
         }
     }
-    memory.write(begun.rdx + CONTEXT_MASK, &old_mask.to_ne_bytes())?;
+    memory.write(
+        begun.rdx.wrapping_add(CONTEXT_MASK),
+        &old_mask.to_ne_bytes(),
+    )?;
     begun.rdi = number;
     begun.orig_rax = u64::MAX;
 

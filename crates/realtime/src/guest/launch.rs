@@ -56,6 +56,10 @@ const LINES: [u64; 14] = [
 /// Requests that `libc` does not know for this system.
 pub(super) const TIOCMIWAIT: u64 = 0x545C;
 pub(super) const TIOCGICOUNT: u64 = 0x545D;
+/// Requests of `fcntl` about signals; `libc` does not know two of them for this system.
+pub(super) const F_SETSIG: i32 = 10;
+pub(super) const F_SETOWN_EX: i32 = 15;
+pub(super) const NOTICES: [i32; 4] = [libc::F_SETFL, libc::F_SETOWN, F_SETSIG, F_SETOWN_EX];
 /// The filter's instruction that ends it with a verdict.
 const RETURN: u16 = 0x06;
 pub(super) const TIOCGSERIAL: u64 = 0x541E;
@@ -269,11 +273,15 @@ type Rules = BTreeMap<i64, Vec<SeccompRule>>;
 
 fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
     let mut rules: Rules = STOPPED.iter().map(|&number| (number, Vec::new())).collect();
-    // Of all that this call does only the lock that is waited for.
-    let (eq, len) = (SeccompCmpOp::Eq, SeccompCmpArgLen::Dword);
-    let command = u64::from(libc::F_SETLKW.unsigned_abs());
-    let waits = SeccompCondition::new(1, len, eq, command)?;
-    rules.insert(libc::SYS_fcntl, vec![SeccompRule::new(vec![waits])?]);
+    // Of all that this call does only the lock that is waited for, and signals about files.
+    let requests = NOTICES.into_iter().chain([libc::F_SETLKW]);
+    let requests = requests.map(|request| {
+        let (eq, len) = (SeccompCmpOp::Eq, SeccompCmpArgLen::Dword);
+        let is = SeccompCondition::new(1, len, eq, u64::from(request.unsigned_abs()))?;
+        SeccompRule::new(vec![is])
+    });
+    let requests: Result<Vec<SeccompRule>, _> = requests.collect();
+    rules.insert(libc::SYS_fcntl, requests?);
     let kept = SeccompCondition::new(
         0,
         SeccompCmpArgLen::Dword,

@@ -37,6 +37,8 @@ pub(super) struct Slot {
     brought: u64,
     heard: Instant,
     is_open: bool,
+    /// Bytes came since that was asked last.
+    has_arrived: bool,
     /// The client may send.
     may_send: bool,
     /// The client has it to itself (TIOCEXCL).
@@ -120,6 +122,7 @@ impl Stage {
             brought: 0,
             heard: Instant::ZERO,
             is_open: false,
+            has_arrived: false,
             may_send: true,
             is_exclusive: false,
             serial_flags: 0,
@@ -282,6 +285,7 @@ impl Stage {
             if brought != slot.brought {
                 slot.brought = brought;
                 slot.heard = now;
+                slot.has_arrived = true;
                 has_delivered = true;
             }
             let inputs = self.realtime.input_lines(port, &self.run.rig);
@@ -362,6 +366,14 @@ impl Stage {
     /// Whether bytes came for the program since the last call.
     pub(super) const fn take_delivered(&mut self) -> bool {
         core::mem::replace(&mut self.has_delivered, false)
+    }
+
+    /// The ports to which bytes came since the last call.
+    pub(super) fn take_arrived(&mut self) -> Vec<usize> {
+        let slots = self.slots.iter_mut().enumerate();
+        let arrived =
+            slots.filter_map(|(port, slot)| core::mem::take(&mut slot.has_arrived).then_some(port));
+        arrived.collect()
     }
 
     /// The port that is the device of this number.

@@ -11,6 +11,7 @@ mod high;
 mod idle;
 mod lent;
 mod locks;
+mod notices;
 mod pi_futex;
 mod pipes;
 mod polls;
@@ -50,6 +51,7 @@ use super::trace::Calls;
 use super::watchdog::Watchdog;
 use crate::exec::Supervision;
 use fifos::Meeting;
+use notices::Notice;
 
 /// Calls that a thread makes in a row while others could run.
 const SLICE: u32 = 1_000;
@@ -118,6 +120,9 @@ pub(super) struct Supervisor {
     has_queues_changed: bool,
     /// The program has opened a file that the supervisor answers.
     has_told_files: bool,
+    /// The program hears of some file by a signal, and of which: by process and number.
+    hears_by_signal: bool,
+    notices: BTreeMap<(i32, i32), Notice>,
     /// Processes that were killed in place of a signal beyond 31, and which.
     fatal: BTreeMap<i32, i32>,
     /// It has given a socket a network port of its own choice.
@@ -179,6 +184,8 @@ impl Supervisor {
             has_signal_files: false,
             has_queues_changed: false,
             has_told_files: false,
+            hears_by_signal: false,
+            notices: BTreeMap::new(),
             fatal: BTreeMap::new(),
             has_bound: false,
             meetings: Vec::new(),
@@ -255,6 +262,7 @@ impl Supervisor {
         }
         self.stage.carry()?;
         self.is_changed |= self.stage.take_delivered();
+        self.tell_arrivals();
         if core::mem::take(&mut self.is_signalled) {
             self.is_changed |= self.has_signal_files;
             self.look_for_signals();

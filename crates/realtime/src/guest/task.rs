@@ -201,6 +201,21 @@ pub(super) struct Timer {
     pub(super) interval: u64,
 }
 
+/// Timers that expire more often are looked at so often: the kernel joins expirations as well.
+const OFTEN: Duration = Duration::from_micros(50);
+
+impl Timer {
+    /// When to look at it next.
+    fn deadline(&self) -> Option<Instant> {
+        let interval = Duration::from_nanos(self.interval);
+        let later = match interval.is_zero() {
+            true => Duration::ZERO,
+            false => OFTEN.saturating_sub(interval),
+        };
+        self.at.map(|at| at + later)
+    }
+}
+
 /// A timer of timer_create.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PosixTimer {
@@ -245,9 +260,12 @@ pub(super) struct Process {
 impl Process {
     /// When the next of its timers expires.
     pub(super) fn next_timer(&self) -> Option<Instant> {
-        let files = self.timers.values().filter_map(|file| file.timer.at);
+        let files = self
+            .timers
+            .values()
+            .filter_map(|file| file.timer.deadline());
         let posix = self.posix_timers.values();
-        let posix = posix.filter_map(|timer| timer.timer.at);
-        files.chain(posix).chain(self.alarm.at).min()
+        let posix = posix.filter_map(|timer| timer.timer.deadline());
+        files.chain(posix).chain(self.alarm.deadline()).min()
     }
 }

@@ -43,7 +43,7 @@ fn place(tid: Pid) -> Option<String> {
         .collect();
     let find = |address: u64| own.iter().find_map(|mapping| mapping.offset(address));
     let offset = find(call.instruction()).or_else(|| {
-        let words = (0..WORDS_MAX).map(|word| call.stack() + 8 * word);
+        let words = (0..WORDS_MAX).map(|word| call.stack().wrapping_add(8 * word));
         let words = words.map_while(|at| Memory(tid).u64(at).ok());
         words.into_iter().find_map(find)
     })?;

@@ -3,9 +3,10 @@
 use nix::libc;
 use nix::unistd::Pid;
 
+use super::clocks::low_i32;
 use super::{Memory, Outcome, Supervisor, Wait};
 use crate::guest::call::{self, Call};
-use crate::guest::launch::show_child;
+use crate::guest::launch::{NOTICES, show_child};
 use crate::guest::links::Link;
 use crate::guest::trace::Record;
 
@@ -109,6 +110,9 @@ impl Supervisor {
             | libc::SYS_pwritev2
             | libc::SYS_splice
             | libc::SYS_sendfile => self.lets_kernel_read(tid, call),
+            libc::SYS_fcntl if NOTICES.contains(&low_i32(call.args[1])) => {
+                self.sets_notice(tid, call);
+            }
             libc::SYS_io_submit => {
                 // Which files it reads is said in memory, in many forms.
                 self.note("io_submit is done by the kernel".to_owned());

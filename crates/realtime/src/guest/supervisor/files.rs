@@ -65,6 +65,10 @@ impl Supervisor {
         if call.number != libc::SYS_close_range {
             self.forget_timer(tid, *gone.start());
         }
+        if let Some(process) = self.threads.get(&tid).map(|thread| thread.process) {
+            self.notices
+                .retain(|(of, fd), _| *of != process || !gone.contains(fd));
+        }
     }
 
     /// Drops all copies, and hands the bytes of all ports to the kernel: a call follows that the

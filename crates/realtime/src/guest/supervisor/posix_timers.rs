@@ -20,7 +20,9 @@ use crate::guest::task::{PosixTimer, Timer};
 
 /// Most timers of a process.
 const TIMERS_MAX: usize = 1024;
-/// Kinds of notice: a signal, nothing, a signal to one thread.
+/// The highest signal.
+const SIGNAL_MAX: i32 = 64;
+/// Kinds of notice: nothing, and a signal to one thread; all others are a signal.
 const SIGEV_NONE: i32 = 1;
 const SIGEV_THREAD_ID: i32 = 4;
 /// What a signal of a timer says of its origin.
@@ -85,8 +87,19 @@ impl Supervisor {
             overrun: 0,
         };
         if event != 0 {
-            let word = |at: u64| memory.u32(event + at).map(u32::cast_signed);
+            let word = |at: u64| memory.u32(event.wrapping_add(at)).map(u32::cast_signed);
             let notice = word(12)?;
+            let is_signal = (1..=SIGNAL_MAX).contains(&word(8)?);
+            let threads = &self.threads;
+            let is_own = |id: i32| threads.get(&id).is_some_and(|it| it.process == pid);
+            let is_valid = match notice {
+                SIGEV_NONE => true,
+                SIGEV_THREAD_ID => is_signal && is_own(word(16)?),
+                _ => is_signal,
+            };
+            if !is_valid {
+                return Err(Errno::EINVAL);
+            }
             timer.value = memory.u64(event)?;
             timer.signal = match notice {
                 SIGEV_NONE => 0,

@@ -110,7 +110,10 @@ impl Supervisor {
         };
         let aimed = match target {
             0 => group(own),
-            target if target < -1 => rustix::process::Pid::from_raw(-target),
+            target if target < -1 => {
+                let group = target.checked_neg();
+                group.and_then(rustix::process::Pid::from_raw)
+            }
             _ => None,
         };
         let is_meant = |&pid: &i32| pid == target || aimed.is_some() && group(Some(pid)) == aimed;

@@ -163,6 +163,7 @@ impl Supervisor {
         if let Err(error) = self.stage.pass(self.settings.supervision.call_cost) {
             self.trouble = Some(error.into());
         }
+        self.tell_arrivals();
         self.calls.count += 1;
         self.end_meeting(tid);
         let now = self.stage.now();

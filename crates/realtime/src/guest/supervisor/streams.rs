@@ -196,7 +196,7 @@ pub(super) fn gather(
         let take = (len - from).min(most - bytes.len());
         let start = bytes.len();
         bytes.resize(start + take, 0);
-        Memory(Pid::from_raw(tid)).read(address + from as u64, &mut bytes[start..])?;
+        Memory(Pid::from_raw(tid)).read(address.wrapping_add(from as u64), &mut bytes[start..])?;
     }
     Ok(bytes)
 }

@@ -31,6 +31,7 @@ impl Supervisor {
         let [fd, request, argument, ..] = call.args;
         // Most are about other terminals and sockets.
         if !is_of_ports(request) {
+            self.sets_notice_by_ioctl(tid, call);
             return Ok(Outcome::Kernel);
         }
         let file = self.file(tid, low_i32(fd));

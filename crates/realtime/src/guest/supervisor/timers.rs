@@ -29,8 +29,9 @@ impl Supervisor {
         let old = process.alarm;
         let left = old.at.map_or(Duration::ZERO, |at| at - now);
         if call.number == libc::SYS_alarm {
+            let seconds = u64::from(low_i32(first).cast_unsigned());
             process.alarm = Timer {
-                at: (first > 0).then(|| now + Duration::from_secs(first)),
+                at: (seconds > 0).then(|| now + Duration::from_secs(seconds)),
                 interval: 0,
             };
             let seconds = left.as_nanos().div_ceil(u128::from(SECOND_NS));
@@ -46,7 +47,7 @@ impl Supervisor {
             let micros =
                 |[seconds, micros]: [i64; 2]| nanos([seconds, micros.saturating_mul(1_000)]);
             let interval = micros(memory.pair(second)?)?.cast_unsigned();
-            let first = micros(memory.pair(second + 16)?)?.cast_unsigned();
+            let first = micros(memory.pair(second.wrapping_add(16))?)?.cast_unsigned();
             process.alarm = Timer {
                 at: (first > 0).then(|| now + Duration::from_nanos(first)),
                 interval,
@@ -59,7 +60,7 @@ impl Supervisor {
             };
             memory.write_pair(place, parts(old.interval))?;
             let left = u64::try_from(left.as_nanos()).unwrap_or(0);
-            memory.write_pair(place + 16, parts(left))?;
+            memory.write_pair(place.wrapping_add(16), parts(left))?;
         }
         Ok(Outcome::Answer(0))
     }
@@ -208,7 +209,7 @@ impl Timer {
         now: Instant,
     ) -> Result<Self, Errno> {
         let interval = nanos(memory.pair(place)?)?.cast_unsigned();
-        let first = nanos(memory.pair(place + 16)?)?;
+        let first = nanos(memory.pair(place.wrapping_add(16))?)?;
         let at = match clock {
             Some(clock) => Supervisor::instant_of(clock, first),
             None => now + Duration::from_nanos(first.cast_unsigned()),
@@ -224,7 +225,7 @@ impl Timer {
         let left = self.at.map_or(Duration::ZERO, |at| at - now);
         let left = i64::try_from(left.as_nanos()).unwrap_or(0);
         memory.write_pair(place, timespec(self.interval.cast_signed()))?;
-        memory.write_pair(place + 16, timespec(left))
+        memory.write_pair(place.wrapping_add(16), timespec(left))
     }
 }
 
