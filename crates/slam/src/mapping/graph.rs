@@ -7,7 +7,7 @@ use std::collections::{BTreeSet, BinaryHeap};
 use emulators::world::{Pose, wrap_angle};
 
 use crate::mapping::matrix::{Matrix, applied, diagonal, product, scaled, transposed, weighed};
-use crate::mapping::motion::between;
+use crate::mapping::motion::{between, moved};
 use crate::mapping::sparse::{Plan, System};
 
 /// How an edge is known.
@@ -17,6 +17,8 @@ pub enum Kind {
     Way,
     /// A place seen again.
     Loop,
+    /// From one keyframe to the next by the wheels alone.
+    Wheels,
 }
 
 /// What is known of one pose as seen from another.
@@ -42,12 +44,15 @@ pub struct Graph {
     pub poses: Vec<Pose>,
     /// What is known between them.
     pub edges: Vec<Edge>,
+    /// Turn that the wheels miss, radians per metre.
+    pub(crate) bend: f64,
     /// Edges of each pose.
     around: Vec<Vec<usize>>,
 }
 
-/// Squared deviations from which on a loop is weighted less and less.
+/// Squared deviations from which on a loop is weighted less and less, and wheels that slipped.
 const LOOP_FREE: f64 = 12.0;
+const WHEELS_FREE: f64 = 6.0;
 /// The first pose stays.
 const HELD: f64 = 1e12;
 
@@ -150,13 +155,21 @@ impl Graph {
         let seen = between(a, b);
         let from = [[-cos, -sin, seen.y], [sin, -cos, -seen.x], [0.0, 0.0, -1.0]];
         let to = [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]];
-        (off(seen, edge.way), from, to)
+        (off(seen, self.told(edge)), from, to)
+    }
+
+    /// Where an edge has its pose: wheels without what they miss.
+    fn told(&self, edge: &Edge) -> Pose {
+        match edge.kind {
+            Kind::Wheels => bent(edge.way, self.bend),
+            Kind::Way | Kind::Loop => edge.way,
+        }
     }
 
     /// Squared deviations by which an edge disagrees with the poses.
     pub fn strain(&self, edge: &Edge) -> f64 {
         let seen = between(self.poses[edge.from], self.poses[edge.to]);
-        weighed(&edge.information, off(seen, edge.way))
+        weighed(&edge.information, off(seen, self.told(edge)))
     }
 
     /// Takes out the loops that disagree with the poses by more squared deviations; their number.
@@ -279,7 +292,15 @@ fn length(edge: &Edge) -> f64 {
     match edge.kind {
         Kind::Way => libm::hypot(edge.way.x, edge.way.y) + 0.3 * edge.way.theta.abs(),
         Kind::Loop => 1.0,
+        Kind::Wheels => f64::INFINITY,
     }
+}
+
+/// A motion with so much more turn, radians per metre.
+pub(crate) fn bent(way: Pose, bend: f64) -> Pose {
+    let turn = bend * libm::hypot(way.x, way.y);
+    let half = moved(Pose::new(0.0, 0.0, turn / 2.0), way);
+    Pose::new(half.x, half.y, wrap_angle(way.theta + turn))
 }
 
 fn off(seen: Pose, known: Pose) -> [f64; 3] {
@@ -291,13 +312,13 @@ fn off(seen: Pose, known: Pose) -> [f64; 3] {
 }
 
 fn weight(edge: &Edge, off: [f64; 3]) -> f64 {
-    match edge.kind {
-        Kind::Way => 1.0,
-        Kind::Loop => {
-            let scale = 2.0 * LOOP_FREE / (LOOP_FREE + weighed(&edge.information, off));
-            scale.min(1.0) * scale.min(1.0)
-        }
-    }
+    let free = match edge.kind {
+        Kind::Way => return 1.0,
+        Kind::Loop => LOOP_FREE,
+        Kind::Wheels => WHEELS_FREE,
+    };
+    let scale = 2.0 * free / (free + weighed(&edge.information, off));
+    scale.min(1.0) * scale.min(1.0)
 }
 
 #[cfg(test)]
@@ -327,7 +348,7 @@ mod tests {
         let mut pose = Pose::default();
         graph.add_pose(pose);
         for corner in 0..4 {
-            pose = crate::mapping::motion::moved(pose, side);
+            pose = moved(pose, side);
             graph.add_pose(pose);
             graph.add_edge(edge(corner, corner + 1, side, Kind::Way));
         }

@@ -12,4 +12,7 @@ pub(crate) struct Keyframe {
     pub(crate) quality: f64,
     /// Number of its scan.
     pub(crate) scan: usize,
+    /// Turn and length of the way to it by the wheels alone, radians and metres.
+    pub(crate) turned: f64,
+    pub(crate) wheels_m: f64,
 }

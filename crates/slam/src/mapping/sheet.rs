@@ -229,6 +229,8 @@ mod tests {
             path_m: 0.0,
             quality: 1.0,
             scan: 0,
+            turned: 0.0,
+            wheels_m: 0.0,
         };
         let sheet = Sheet::of(&[keyframe], &[Pose::default()], 0.05);
         let at = |x: f64, y: f64| {

@@ -110,6 +110,7 @@ impl Mapper {
             }
         }
         if is_strained || self.closing.fresh >= FRESH_MAX {
+            self.graph.bend = self.bend.told();
             let moved = self.graph.optimise_near(number, NEAR, STEPS);
             let dropped = self.graph.drop_loops_of(&moved, HOPELESS);
             self.agreed(dropped);
@@ -359,6 +360,7 @@ impl Mapper {
             });
         }
         self.closing.guesses.clear();
+        self.graph.bend = self.bend.told();
         self.graph.optimise(STEPS);
         let dropped = self.graph.drop_loops(HOPELESS);
         self.agreed(dropped);
@@ -376,6 +378,10 @@ impl Mapper {
 
     /// The poses that agree best at last, without the loops that do not.
     pub(crate) fn settle(&mut self) {
+        self.graph.bend = self.bend.told();
+        self.graph.optimise(10);
+        self.learn_bend();
+        self.graph.bend = self.bend.told();
         self.graph.optimise(10);
         let dropped = self.graph.drop_loops(HOPELESS);
         if dropped > 0 {
@@ -389,6 +395,7 @@ impl Mapper {
     fn agreed(&mut self, dropped: usize) {
         self.closing.fresh = 0;
         self.closing.dropped += dropped;
+        self.learn_bend();
         self.pose = *self.graph.poses.last().expect("a keyframe was just kept");
     }
 }
@@ -480,6 +487,8 @@ mod tests {
                     path_m,
                     quality: if number == 0 { quality } else { 1.0 },
                     scan: number,
+                    turned: 0.0,
+                    wheels_m: path_m,
                 });
                 if number > 0 {
                     let poses = &mapper.graph.poses;
@@ -511,6 +520,8 @@ mod tests {
                 path_m: f64::from(number),
                 quality: 1.0,
                 scan: 0,
+                turned: 0.0,
+                wheels_m: 0.0,
             });
         }
         let guess = |to: usize, x: f64| Guess {

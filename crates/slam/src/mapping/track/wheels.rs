@@ -1,0 +1,121 @@
+//! The way by the wheels alone, and what they miss always: learned where places seen again tell it.
+
+use emulators::world::{Pose, wrap_angle};
+
+use super::Mapper;
+use crate::mapping::graph::Kind;
+use crate::mapping::motion::{between, moved};
+
+/// The way by the wheels alone.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ByWheels {
+    pose: Pose,
+    /// Sum of all turns, and of all ways: radians, metres.
+    pub(super) turned: f64,
+    pub(super) way_m: f64,
+    /// Where the wheels had the robot when it last stood at a keyframe, and where it stood from
+    /// there.
+    stood: Pose,
+    from: Pose,
+}
+
+impl ByWheels {
+    pub(super) fn go(&mut self, by: Pose) {
+        self.pose = moved(self.pose, by);
+        self.turned += by.theta;
+        self.way_m += libm::hypot(by.x, by.y);
+    }
+
+    /// The robot stands at `from` as seen from a keyframe.
+    pub(super) const fn stand(&mut self, from: Pose) {
+        self.stood = self.pose;
+        self.from = from;
+    }
+
+    /// Where it is now, as seen from that keyframe.
+    pub(super) fn since_stand(&self) -> Pose {
+        moved(self.from, between(self.stood, self.pose))
+    }
+}
+
+/// What the wheels miss always, radians per metre.
+///
+/// Along a way that leads nowhere again, a weak bend of the wheels and the error that each scan
+/// passes on to the next are one and the same, and a mapper that corrects the wheels by it winds
+/// itself up. The walls of one view show a strong bend, so that is corrected at once; a weak one
+/// is learned only from places seen again.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Bend {
+    /// Turn that the wheels missed lately, its square and the way: radians, metres.
+    lately: [f64; 3],
+    /// Turn that they missed between places seen again, and the way.
+    looped: [f64; 2],
+}
+
+/// Bend that could be the walls' own, radians per metre.
+const HIDDEN: f64 = 0.003;
+/// A bend is strong if it is this many standard deviations of what the steps' noise makes.
+const SIGMAS: f64 = 3.0;
+/// Way back that counts as lately, metres.
+const LATELY_M: f64 = 100.0;
+/// Way after which half of what was missed is believed, metres, and most of it, radians per metre.
+const HALF_M: [f64; 2] = [5.0, 20.0];
+const BEND_MOST: f64 = 0.05;
+/// Steps that a slip turned by more tell nothing of what the wheels miss always: radians, and part
+/// of the turn.
+const SLIP_RAD: f64 = 0.05;
+const SLIP_PART: f64 = 0.15;
+
+impl Bend {
+    /// The walls have a scan turned by so much from where the wheels have it, so far on.
+    fn add(&mut self, turn: f64, way_m: f64) {
+        let kept = libm::exp(-way_m / LATELY_M);
+        self.lately = self.lately.map(|sum| sum * kept);
+        self.lately[0] += turn;
+        self.lately[1] += way_m;
+        self.lately[2] += turn * turn;
+    }
+
+    pub(super) fn told(&self) -> f64 {
+        let looped = self.looped[0] / (self.looped[1] + HALF_M[1]);
+        let [turn, way_m, squares] = self.lately;
+        let way_m = way_m + HALF_M[0];
+        let lately = turn / way_m - looped;
+        let noise = HIDDEN * HIDDEN + SIGMAS * SIGMAS * squares / (way_m * way_m);
+        let strong = lately * lately * lately / (lately * lately + noise);
+        (looped + strong).clamp(-BEND_MOST, BEND_MOST)
+    }
+}
+
+impl Mapper {
+    /// The walls have the newest scan turned by so much from where it was expected.
+    pub(super) fn missed(&mut self, turn: f64, way_m: f64) {
+        self.bend.add(turn + self.bend.told() * way_m, way_m);
+    }
+
+    /// Learns what the wheels miss from the steps between a place and where it was seen again.
+    pub(super) fn learn_bend(&mut self) {
+        let mut opened = vec![0_i32; self.keyframes.len() + 1];
+        for edge in self
+            .graph
+            .edges
+            .iter()
+            .filter(|edge| edge.kind == Kind::Loop)
+        {
+            opened[edge.from.min(edge.to)] += 1;
+            opened[edge.from.max(edge.to)] -= 1;
+        }
+        let (mut open, mut turn, mut way) = (0, 0.0, 0.0);
+        let steps = self.keyframes.windows(2).zip(self.graph.poses.windows(2));
+        for (opened, (keys, poses)) in opened.iter().zip(steps) {
+            open += opened;
+            let by_wheels = keys[1].turned - keys[0].turned;
+            let missed = wrap_angle(poses[1].theta - poses[0].theta - by_wheels);
+            if open > 0 && missed.abs() < SLIP_RAD + SLIP_PART * by_wheels.abs() {
+                turn += missed;
+                way += keys[1].wheels_m - keys[0].wheels_m;
+            }
+        }
+        self.bend.looped = [turn, way];
+    }
+}
