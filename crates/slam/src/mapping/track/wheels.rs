@@ -93,25 +93,31 @@ impl Mapper {
         self.bend.add(turn + self.bend.told() * way_m, way_m);
     }
 
-    /// Learns what the wheels miss from the steps between a place and where it was seen again.
-    pub(super) fn learn_bend(&mut self) {
-        let mut opened = vec![0_i32; self.keyframes.len() + 1];
-        for edge in self
-            .graph
-            .edges
-            .iter()
-            .filter(|edge| edge.kind == Kind::Loop)
-        {
+    /// Of each step from a keyframe to the next, whether it leads between two sights of a place.
+    pub(super) fn looped(&self) -> Vec<bool> {
+        let mut opened = vec![0_i32; self.keyframes.len()];
+        let loops = self.graph.edges.iter();
+        for edge in loops.filter(|edge| edge.kind == Kind::Loop) {
             opened[edge.from.min(edge.to)] += 1;
             opened[edge.from.max(edge.to)] -= 1;
         }
-        let (mut open, mut turn, mut way) = (0, 0.0, 0.0);
-        let steps = self.keyframes.windows(2).zip(self.graph.poses.windows(2));
-        for (opened, (keys, poses)) in opened.iter().zip(steps) {
+        let mut open = 0;
+        let steps = opened.into_iter().map(|opened| {
             open += opened;
+            open > 0
+        });
+        steps.collect()
+    }
+
+    /// Learns what the wheels miss from the steps between a place and where it was seen again.
+    pub(super) fn learn_bend(&mut self) {
+        let (mut turn, mut way) = (0.0, 0.0);
+        let steps = self.keyframes.windows(2).zip(self.graph.poses.windows(2));
+        for ((keys, poses), is_looped) in steps.zip(self.looped()) {
             let by_wheels = keys[1].turned - keys[0].turned;
             let missed = wrap_angle(poses[1].theta - poses[0].theta - by_wheels);
-            if open > 0 && missed.abs() < SLIP_RAD + SLIP_PART * by_wheels.abs() {
+            let is_whole = keys[0].part == keys[1].part;
+            if is_looped && is_whole && missed.abs() < SLIP_RAD + SLIP_PART * by_wheels.abs() {
                 turn += missed;
                 way += keys[1].wheels_m - keys[0].wheels_m;
             }
