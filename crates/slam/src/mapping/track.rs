@@ -274,21 +274,6 @@ impl Mapper {
         }
     }
 
-    /// How wrong the wheels were: soon believed if it is more than thought, slowly if less.
-    fn learn(&mut self, prior: &Prior, pose: Pose, way_m: f64) {
-        let turn = wrap_angle(pose.theta - prior.pose.theta);
-        let most = 2.0 * prior.deviation[1];
-        self.missed(turn.clamp(-most, most), way_m);
-        let off = [distance(pose, prior.pose), turn.abs()];
-        for axis in [0, 1] {
-            let usual = prior.deviation[axis] / self.wheels[axis].max(RARE);
-            let seen = (off[axis] / usual).min(8.0);
-            let part = if seen > self.wheels[axis] { 0.2 } else { 0.02 };
-            self.wheels[axis] += part * (seen - self.wheels[axis]);
-            self.wheels[axis] = self.wheels[axis].clamp(0.1, 6.0);
-        }
-    }
-
     /// Where the spots fit the walls.
     fn locate(&self, spots: &[Spot], prior: &Prior) -> Fit {
         let spots = some_of(spots, SPOTS);

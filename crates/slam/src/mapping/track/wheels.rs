@@ -2,9 +2,10 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-use super::Mapper;
+use super::{Mapper, RARE};
+use crate::mapping::align::Prior;
 use crate::mapping::graph::Kind;
-use crate::mapping::motion::{between, moved};
+use crate::mapping::motion::{between, distance, moved};
 
 /// The way by the wheels alone.
 #[derive(Clone, Copy, Debug, Default)]
@@ -88,9 +89,20 @@ impl Bend {
 }
 
 impl Mapper {
-    /// The walls have the newest scan turned by so much from where it was expected.
-    pub(super) fn missed(&mut self, turn: f64, way_m: f64) {
-        self.bend.add(turn + self.bend.told() * way_m, way_m);
+    /// How wrong the wheels were: soon believed if it is more than thought, slowly if less.
+    pub(super) fn learn(&mut self, prior: &Prior, pose: Pose, way_m: f64) {
+        let turn = wrap_angle(pose.theta - prior.pose.theta);
+        let most = 2.0 * prior.deviation[1];
+        let missed = turn.clamp(-most, most) + self.bend.told() * way_m;
+        self.bend.add(missed, way_m);
+        let off = [distance(pose, prior.pose), turn.abs()];
+        for axis in [0, 1] {
+            let usual = prior.deviation[axis] / self.wheels[axis].max(RARE);
+            let seen = (off[axis] / usual).min(8.0);
+            let part = if seen > self.wheels[axis] { 0.2 } else { 0.02 };
+            self.wheels[axis] += part * (seen - self.wheels[axis]);
+            self.wheels[axis] = self.wheels[axis].clamp(0.1, 6.0);
+        }
     }
 
     /// Of each step from a keyframe to the next, whether it leads between two sights of a place.
