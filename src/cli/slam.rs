@@ -197,6 +197,8 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         ambiguous: timing.ambiguous as u64,
         jumps: timing.jumps.len() as u64,
         loop_edges: timing.loop_edges as u64,
+        parts: timing.parts as u64,
+        doubt: timing.doubt,
         cell_mm: timing.cell_mm,
         scan_median_us: timing.scan_median_us,
         scan_longest_us: timing.scan_longest_us,
@@ -265,9 +267,26 @@ fn print(timing: &folder::Timing<'_>) {
     println!("processor time {cpu}; a scan {median:.0} us in the median, {longest:.0} us at most");
 }
 
+/// A larger doubt is printed.
+const DOUBT_MOST: f64 = 0.5;
+
 /// Prints where the map may be wrong.
 fn warn(result: &Survey, path: &Path) {
     let path = path.display();
+    let doubt = result.doubt.unwrap_or_default();
+    if result.parts > 1 {
+        eprintln!(
+            "{path}: warning: {} parts of the map were not joined: the robot moved unseen, and no \
+             place of one part was recognised in another; how they lie to each other is unknown",
+            result.parts
+        );
+    } else if doubt > DOUBT_MOST {
+        eprintln!(
+            "{path}: warning: {:.0} % of the way leads between no two sights of a place; there \
+             the map may be worse than the wheels alone",
+            100.0 * doubt
+        );
+    }
     let farthest = result
         .jumps
         .iter()

@@ -36,6 +36,11 @@ pub struct Timing<'a> {
     pub loop_edges: usize,
     /// Loop closures that were removed because all other data contradicted them.
     pub dropped_loops: usize,
+    /// Parts of the map that were not joined to each other.
+    pub parts: usize,
+    /// Part of the way that only the matching of scans holds, 0 to 1; 1 if the map has several
+    /// parts. `null` of a mapper that closes no loops.
+    pub doubt: Option<f64>,
     /// Keyframes that are kept.
     pub keyframes: usize,
     /// Scans of which less than half lies on walls known before.
@@ -62,6 +67,8 @@ pub fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing<'a> {
         jumps: &survey.jumps,
         loop_edges: survey.loop_edges(),
         dropped_loops: survey.dropped_loops,
+        parts: survey.parts,
+        doubt: survey.doubt,
         keyframes: survey.graph.poses.len(),
         poor: survey.poor(),
         cpu_s: survey.cpu.map(|cpu| cpu.as_secs_f64()),

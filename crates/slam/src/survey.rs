@@ -73,6 +73,11 @@ pub struct Survey {
     pub ambiguous: usize,
     /// Loops that were closed and opened again; of the mapper that closes loops.
     pub dropped_loops: usize,
+    /// Parts of the map that were not joined to each other.
+    pub parts: usize,
+    /// Part of the way that only the matching of scans holds, 0 to 1; 1 if the map has several
+    /// parts. Of the mapper that closes loops.
+    pub doubt: Option<f64>,
     /// Scans that lay outside the map.
     pub outside: usize,
     /// Where the mapper put a scan far from where the wheels had.
@@ -180,6 +185,8 @@ impl Survey {
             doubtful: 0,
             ambiguous: 0,
             dropped_loops: 0,
+            parts: 1,
+            doubt: None,
             outside: 0,
             jumps: Vec::new(),
             sureness: Vec::new(),

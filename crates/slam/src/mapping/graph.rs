@@ -19,6 +19,8 @@ pub enum Kind {
     Loop,
     /// From one keyframe to the next by the wheels alone.
     Wheels,
+    /// From one part of the map to the next, of which nothing is known.
+    Unknown,
 }
 
 /// What is known of one pose as seen from another.
@@ -162,7 +164,7 @@ impl Graph {
     fn told(&self, edge: &Edge) -> Pose {
         match edge.kind {
             Kind::Wheels => bent(edge.way, self.bend),
-            Kind::Way | Kind::Loop => edge.way,
+            Kind::Way | Kind::Loop | Kind::Unknown => edge.way,
         }
     }
 
@@ -292,7 +294,7 @@ fn length(edge: &Edge) -> f64 {
     match edge.kind {
         Kind::Way => libm::hypot(edge.way.x, edge.way.y) + 0.3 * edge.way.theta.abs(),
         Kind::Loop => 1.0,
-        Kind::Wheels => f64::INFINITY,
+        Kind::Wheels | Kind::Unknown => f64::INFINITY,
     }
 }
 
@@ -313,7 +315,7 @@ fn off(seen: Pose, known: Pose) -> [f64; 3] {
 
 fn weight(edge: &Edge, off: [f64; 3]) -> f64 {
     let free = match edge.kind {
-        Kind::Way => return 1.0,
+        Kind::Way | Kind::Unknown => return 1.0,
         Kind::Loop => LOOP_FREE,
         Kind::Wheels => WHEELS_FREE,
     };

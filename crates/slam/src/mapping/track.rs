@@ -2,6 +2,7 @@
 
 mod closing;
 mod localise;
+mod lost;
 mod summits;
 mod wheels;
 
@@ -18,6 +19,7 @@ use crate::mapping::sheet::Sheet;
 use crate::mapping::surfels::{Surfels, some_of};
 use closing::Closing;
 pub use localise::{Localiser, WallPoint};
+use lost::Lost;
 use summits::{best_fit, window};
 use wheels::{Bend, ByWheels};
 
@@ -60,6 +62,7 @@ pub struct Outcome {
 struct Placed {
     fit: Fit,
     prior: Prior,
+    has_slipped: bool,
     is_doubtful: bool,
 }
 
@@ -70,6 +73,7 @@ pub struct Mapper {
     pub(crate) keyframes: Vec<Keyframe>,
     pub(crate) graph: Graph,
     pub(crate) closing: Closing,
+    pub(crate) lost: Lost,
     /// Of each scan its keyframe, and its pose from there.
     scans: Vec<(usize, Pose)>,
     pub(crate) pose: Pose,
@@ -139,6 +143,7 @@ impl Mapper {
             keyframes: Vec::new(),
             graph: Graph::default(),
             closing: Closing::default(),
+            lost: Lost::default(),
             scans: Vec::new(),
             pose: settings.start,
             at: 0,
@@ -165,6 +170,9 @@ impl Mapper {
         let wide = self.predicted(shot);
         let placed = self.place(&cloud, wide, libm::hypot(shot.moved.x, shot.moved.y));
         let fit = placed.fit;
+        if self.has_lost(&cloud, &placed) {
+            return self.told(&placed);
+        }
         for (unsure, by) in self.unsure.iter_mut().zip(placed.prior.deviation) {
             *unsure += by * by;
         }
@@ -211,6 +219,7 @@ impl Mapper {
         Placed {
             fit,
             prior,
+            has_slipped,
             is_doubtful,
         }
     }
@@ -262,21 +271,6 @@ impl Mapper {
         Prior {
             deviation: [metres * part(0), radians * part(1)],
             ..*prior
-        }
-    }
-
-    /// How wrong the wheels were: soon believed if it is more than thought, slowly if less.
-    fn learn(&mut self, prior: &Prior, pose: Pose, way_m: f64) {
-        let turn = wrap_angle(pose.theta - prior.pose.theta);
-        let most = 2.0 * prior.deviation[1];
-        self.missed(turn.clamp(-most, most), way_m);
-        let off = [distance(pose, prior.pose), turn.abs()];
-        for axis in [0, 1] {
-            let usual = prior.deviation[axis] / self.wheels[axis].max(RARE);
-            let seen = (off[axis] / usual).min(8.0);
-            let part = if seen > self.wheels[axis] { 0.2 } else { 0.02 };
-            self.wheels[axis] += part * (seen - self.wheels[axis]);
-            self.wheels[axis] = self.wheels[axis].clamp(0.1, 6.0);
         }
     }
 
@@ -365,6 +359,7 @@ impl Mapper {
             scan: self.scans.len(),
             turned: self.by_wheels.turned,
             wheels_m: self.by_wheels.way_m,
+            part: self.lost.part,
         });
         self.scans.push((number, Pose::default()));
         if number > 0 {

@@ -18,17 +18,17 @@ use crate::mapping::surfels::{Surfels, some_of};
 
 /// A place that may have been seen before.
 #[derive(Clone, Copy, Debug)]
-struct Guess {
-    from: usize,
-    to: usize,
-    way: Pose,
+pub(super) struct Guess {
+    pub(super) from: usize,
+    pub(super) to: usize,
+    pub(super) way: Pose,
     information: Matrix,
 }
 
 /// What is kept from one look to the next.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Closing {
-    guesses: Vec<Guess>,
+    pub(super) guesses: Vec<Guess>,
     looked_at_m: f64,
     /// Edges since the poses were made to agree.
     fresh: usize,
@@ -52,7 +52,7 @@ const WAY_MAX_M: f64 = 500.0;
 const REACH: [f64; 3] = [0.4, 0.035, 15.0];
 const TURN: [f64; 3] = [0.06, 0.003, 0.5];
 /// Way before and behind a keyframe whose walls stand for a place.
-const PLACE_M: f64 = 8.0;
+pub(super) const PLACE_M: f64 = 8.0;
 /// Places that are checked.
 const PLACES: usize = 3;
 /// Part of a keyframe on old walls.
@@ -96,6 +96,9 @@ fn grown(by: [f64; 3], way_m: f64) -> f64 {
 impl Mapper {
     /// Looks whether the newest keyframe stands where another stood; whether poses have moved.
     pub(crate) fn close(&mut self, number: usize) -> bool {
+        if self.lost.is_open && self.find_part(number) {
+            return true;
+        }
         let path_m = self.keyframes[number].path_m;
         if path_m - self.closing.looked_at_m < EACH_M {
             return false;
@@ -129,7 +132,8 @@ impl Mapper {
             let is_old = path_m - keyframe.path_m > OLD_M && keyframe.quality >= POOR;
             // Most of a building is far away.
             let is_near = (pose.x - here.x).abs() < most_m && (pose.y - here.y).abs() < most_m;
-            if is_old && is_near {
+            let is_joined = keyframe.part == self.keyframes[number].part;
+            if is_old && is_near && is_joined {
                 near.push((distance(*pose, here), key));
             }
         }
@@ -157,7 +161,12 @@ impl Mapper {
     }
 
     /// Keyframes up to so much of the way before and behind this one.
-    fn chain(&self, key: usize, before_m: f64, behind_m: f64) -> core::ops::Range<usize> {
+    pub(super) fn chain(
+        &self,
+        key: usize,
+        before_m: f64,
+        behind_m: f64,
+    ) -> core::ops::Range<usize> {
         let at_m = self.keyframes[key].path_m;
         let path = |key: &Keyframe| key.path_m;
         let first = self
@@ -169,7 +178,12 @@ impl Mapper {
         first..end
     }
 
-    fn walls_of(&self, keys: core::ops::Range<usize>, middle: Pose, reach_m: f32) -> Surfels {
+    pub(super) fn walls_of(
+        &self,
+        keys: core::ops::Range<usize>,
+        middle: Pose,
+        reach_m: f32,
+    ) -> Surfels {
         let mut walls = Surfels::around(Frame::new(middle).at, reach_m);
         walls.draw_all(keys.map(|key| (self.graph.poses[key], &self.keyframes[key].cloud)));
         walls
@@ -232,18 +246,27 @@ impl Mapper {
         if fit.explained < EXPLAINED_FAR || self.is_denied(&walls, old, lately, &spots, &fit) {
             return false;
         }
-        let edge = self.edge(key, number, &fit);
-        let guess = Guess {
+        self.believe(self.guess(key, number, &fit))
+    }
+
+    pub(super) fn guess(&self, key: usize, number: usize, fit: &Fit) -> Guess {
+        let edge = self.edge(key, number, fit);
+        Guess {
             from: key,
             to: number,
             way: edge.way,
             information: edge.information,
-        };
-        self.believe(guess)
+        }
     }
 
     /// The one place of the window; `None` if there is none or several.
-    fn found(&mut self, walls: &Surfels, spots: &[Spot], here: Pose, wide: &Wide) -> Option<Fit> {
+    pub(super) fn found(
+        &mut self,
+        walls: &Surfels,
+        spots: &[Spot],
+        here: Pose,
+        wide: &Wide,
+    ) -> Option<Fit> {
         let bounds = Bounds::of(walls);
         let (found, is_cut) = search(walls, &bounds, spots, here, wide);
         let mut summits: Vec<Fit> = Vec::new();
@@ -278,7 +301,7 @@ impl Mapper {
     }
 
     /// What the keyframes saw, from `here`.
-    fn seen_from(&self, keys: core::ops::Range<usize>, here: Pose) -> Vec<Spot> {
+    pub(super) fn seen_from(&self, keys: core::ops::Range<usize>, here: Pose) -> Vec<Spot> {
         let mut spots = Vec::new();
         let mut taken = std::collections::BTreeSet::new();
         for key in keys.rev() {
@@ -298,7 +321,7 @@ impl Mapper {
     }
 
     /// Whether one place's beams went through the other's walls.
-    fn is_denied(
+    pub(super) fn is_denied(
         &self,
         walls: &Surfels,
         old: core::ops::Range<usize>,
@@ -329,7 +352,7 @@ impl Mapper {
     }
 
     /// Closes a loop that was seen twice.
-    fn believe(&mut self, guess: Guess) -> bool {
+    pub(super) fn believe(&mut self, guess: Guess) -> bool {
         let at_m = self.keyframes[guess.to].path_m;
         let lately = |other: &Guess| at_m - self.keyframes[other.to].path_m < 2.0 * PLACE_M;
         self.closing.guesses = self
@@ -489,6 +512,7 @@ mod tests {
                     scan: number,
                     turned: 0.0,
                     wheels_m: path_m,
+                    part: 0,
                 });
                 if number > 0 {
                     let poses = &mapper.graph.poses;
@@ -522,6 +546,7 @@ mod tests {
                 scan: 0,
                 turned: 0.0,
                 wheels_m: 0.0,
+                part: 0,
             });
         }
         let guess = |to: usize, x: f64| Guess {

@@ -2,9 +2,10 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-use super::Mapper;
+use super::{Mapper, RARE};
+use crate::mapping::align::Prior;
 use crate::mapping::graph::Kind;
-use crate::mapping::motion::{between, moved};
+use crate::mapping::motion::{between, distance, moved};
 
 /// The way by the wheels alone.
 #[derive(Clone, Copy, Debug, Default)]
@@ -88,30 +89,47 @@ impl Bend {
 }
 
 impl Mapper {
-    /// The walls have the newest scan turned by so much from where it was expected.
-    pub(super) fn missed(&mut self, turn: f64, way_m: f64) {
-        self.bend.add(turn + self.bend.told() * way_m, way_m);
+    /// How wrong the wheels were: soon believed if it is more than thought, slowly if less.
+    pub(super) fn learn(&mut self, prior: &Prior, pose: Pose, way_m: f64) {
+        let turn = wrap_angle(pose.theta - prior.pose.theta);
+        let most = 2.0 * prior.deviation[1];
+        let missed = turn.clamp(-most, most) + self.bend.told() * way_m;
+        self.bend.add(missed, way_m);
+        let off = [distance(pose, prior.pose), turn.abs()];
+        for axis in [0, 1] {
+            let usual = prior.deviation[axis] / self.wheels[axis].max(RARE);
+            let seen = (off[axis] / usual).min(8.0);
+            let part = if seen > self.wheels[axis] { 0.2 } else { 0.02 };
+            self.wheels[axis] += part * (seen - self.wheels[axis]);
+            self.wheels[axis] = self.wheels[axis].clamp(0.1, 6.0);
+        }
+    }
+
+    /// Of each step from a keyframe to the next, whether it leads between two sights of a place.
+    pub(super) fn looped(&self) -> Vec<bool> {
+        let mut opened = vec![0_i32; self.keyframes.len()];
+        let loops = self.graph.edges.iter();
+        for edge in loops.filter(|edge| edge.kind == Kind::Loop) {
+            opened[edge.from.min(edge.to)] += 1;
+            opened[edge.from.max(edge.to)] -= 1;
+        }
+        let mut open = 0;
+        let steps = opened.into_iter().map(|opened| {
+            open += opened;
+            open > 0
+        });
+        steps.collect()
     }
 
     /// Learns what the wheels miss from the steps between a place and where it was seen again.
     pub(super) fn learn_bend(&mut self) {
-        let mut opened = vec![0_i32; self.keyframes.len() + 1];
-        for edge in self
-            .graph
-            .edges
-            .iter()
-            .filter(|edge| edge.kind == Kind::Loop)
-        {
-            opened[edge.from.min(edge.to)] += 1;
-            opened[edge.from.max(edge.to)] -= 1;
-        }
-        let (mut open, mut turn, mut way) = (0, 0.0, 0.0);
+        let (mut turn, mut way) = (0.0, 0.0);
         let steps = self.keyframes.windows(2).zip(self.graph.poses.windows(2));
-        for (opened, (keys, poses)) in opened.iter().zip(steps) {
-            open += opened;
+        for ((keys, poses), is_looped) in steps.zip(self.looped()) {
             let by_wheels = keys[1].turned - keys[0].turned;
             let missed = wrap_angle(poses[1].theta - poses[0].theta - by_wheels);
-            if open > 0 && missed.abs() < SLIP_RAD + SLIP_PART * by_wheels.abs() {
+            let is_whole = keys[0].part == keys[1].part;
+            if is_looped && is_whole && missed.abs() < SLIP_RAD + SLIP_PART * by_wheels.abs() {
                 turn += missed;
                 way += keys[1].wheels_m - keys[0].wheels_m;
             }
