@@ -10,14 +10,13 @@ mod listen;
 mod rig;
 mod silence;
 
-use core::cell::RefCell;
 use core::time::Duration;
-use std::rc::Rc;
 
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::divergence::{Divergence, Track, compare};
 use crate::{Capture, Conclusion, Kind, Record, Section};
+use engine::Shared;
 use engine::rig::line::Direction;
 use engine::rig::{Logged, Program, Rig};
 use engine::robots::{self, Dut, Instruments, PcEnd, Wired};
@@ -212,7 +211,7 @@ pub struct Replay {
     /// Link of the rig, line, and what arrives there.
     feed: Vec<Feed>,
     expected: Vec<(usize, Passage)>,
-    sent: Rc<RefCell<Vec<Track>>>,
+    sent: Shared<Vec<Track>>,
     instruments: Box<dyn Instruments>,
     watchers: Watchers,
     next_look: Instant,
@@ -364,8 +363,8 @@ impl Replay {
                 links.join(", ")
             )));
         }
-        let sent = Rc::new(RefCell::new(vec![Track::default(); rig.links().len()]));
-        rig.add_tap(Box::new(Listener(Rc::clone(&sent))));
+        let sent = Shared::new(vec![Track::default(); rig.links().len()]);
+        rig.add_tap(Box::new(Listener(sent.clone())));
         let mut watched = scenario.clone();
         // A capture that ends before the phases do says nothing of them.
         let lasts = |phases: &PhasesSpec| phases.windows()[3].until <= recorded.end;
@@ -440,7 +439,7 @@ impl Replay {
         while !self.is_over() {
             self.run_for(Duration::from_secs(1));
         }
-        let mut sent = self.sent.borrow_mut();
+        let mut sent = self.sent.lock();
         let links = self.expected.iter().map(|(link, passage)| Played {
             link: passage.link.clone(),
             expected: passage.sent.clone(),

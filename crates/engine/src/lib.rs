@@ -20,9 +20,11 @@ pub mod rig;
 pub mod robots;
 pub mod run;
 pub mod scenario;
+mod shared;
 pub mod workers;
 
 pub use registry::NameTaken;
+pub use shared::Shared;
 
 /// Name of the tool as written into results.
 pub const TOOL: &str = "hilrig";

@@ -46,7 +46,7 @@ pub mod watch;
 
 use core::time::Duration;
 use std::collections::BTreeMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use emulators::world::{Contact, Pose};
 use protocols::Instant;
@@ -84,9 +84,9 @@ const ORDER_ARRIVES: Duration = Duration::from_secs(5);
 pub struct Run {
     /// The rig.
     pub rig: Rig,
-    instruments: Rc<dyn Instruments>,
+    instruments: Arc<dyn Instruments>,
     /// The scenario as given; `scenario` changes during the run.
-    asked: Rc<Scenario>,
+    asked: Arc<Scenario>,
     scenario: Scenario,
     seed: u64,
     watchers: Watchers,
@@ -139,13 +139,13 @@ impl Run {
         mut rig: Rig,
         instruments: Box<dyn Instruments>,
     ) -> Self {
-        let asked = Rc::new(scenario.clone());
+        let asked = Arc::new(scenario.clone());
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
         let watchers = Watchers::of(&scenario, &mut rig, &*instruments);
         let mut run = Self {
             rig,
-            instruments: Rc::from(instruments),
+            instruments: Arc::from(instruments),
             asked,
             seed: scenario.seed,
             watchers,

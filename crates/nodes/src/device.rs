@@ -11,7 +11,7 @@ mod frames;
 mod port;
 
 use core::cell::{Ref, RefCell};
-use std::rc::Rc;
+use std::sync::Arc;
 
 use emulators::device::{Device, Event, EventKind, earliest};
 use emulators::world::World;
@@ -29,7 +29,7 @@ pub use crate::slowness::{SLOW, Slowness, Stopwatch};
 
 /// A node program in a rig.
 pub struct NodeDevice {
-    spec: Rc<NodeSpec>,
+    spec: Arc<NodeSpec>,
     life: RefCell<Life>,
     /// Exchanges of the device that this one is a copy of.
     exchanges_before: u64,
@@ -54,7 +54,7 @@ pub struct NodeDevice {
 /// How the process is.
 enum Life {
     /// Not needed so far; begins with this state, if there is one.
-    Waiting(Option<Rc<[u8]>>),
+    Waiting(Option<Arc<[u8]>>),
     /// Runs.
     Running(Box<Host>),
     /// Ended: why, unless it was told to, what it said last, and how often it was asked.
@@ -83,7 +83,7 @@ impl NodeDevice {
             listener: None,
             stopwatch: None,
             slowness: Slowness::default(),
-            spec: Rc::new(spec),
+            spec: Arc::new(spec),
         }
     }
 
@@ -389,7 +389,7 @@ impl Clone for NodeDevice {
             },
         };
         Self {
-            spec: Rc::clone(&self.spec),
+            spec: Arc::clone(&self.spec),
             life: RefCell::new(life),
             exchanges_before,
             now: self.now,

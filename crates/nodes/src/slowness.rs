@@ -1,10 +1,10 @@
 //! How long a node program takes for its answers, in wall time.
 
 use core::time::Duration;
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// A clock that says how much wall time has passed.
-pub type Stopwatch = Rc<dyn Fn() -> Duration>;
+pub type Stopwatch = Arc<dyn Fn() -> Duration + Send + Sync>;
 
 /// How long a node program took for its answers, in wall time; measured in real time only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -36,7 +36,7 @@ pub mod transport;
 
 use core::time::Duration;
 use std::os::fd::OwnedFd;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use emulators::{Event, EventKind};
 use protocols::{Instant, LineEvent};
@@ -341,7 +341,7 @@ impl<C: Clock> Realtime<C> {
             clock::be_prompt();
             // A slow answer makes the rig late, and is the node program's doing.
             let wall = WallClock::start();
-            let stopwatch: engine::rig::Stopwatch = Rc::new(move || wall.now() - Instant::ZERO);
+            let stopwatch: engine::rig::Stopwatch = Arc::new(move || wall.now() - Instant::ZERO);
             paced.rig().measure_nodes(&stopwatch);
         }
         let mut present = self.clock.now();

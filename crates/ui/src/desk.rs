@@ -1,8 +1,6 @@
 //! Between a run and the pages: executes the pages' commands and shows them the run's state.
 
-use core::cell::RefCell;
 use core::time::Duration;
-use std::rc::Rc;
 use std::sync::{Arc, PoisonError};
 
 use axum::extract::ws::Utf8Bytes;
@@ -21,6 +19,7 @@ use super::snapshot::{Numbered, Snapshot};
 use super::timeline::{Sample, Timeline};
 use super::told;
 use super::wire::{Counted, Tally, Wire};
+use engine::Shared;
 use engine::rig::fault::FaultId;
 use engine::robots::{Display, Gesture, Hand};
 use engine::run::Run;
@@ -56,7 +55,7 @@ pub(super) enum Effect {
 pub struct Desk {
     hub: Arc<Hub>,
     number: u64,
-    wire: Rc<RefCell<Wire>>,
+    wire: Shared<Wire>,
     stage: Utf8Bytes,
     /// Where it continued from an earlier run.
     branched: Option<Instant>,
@@ -121,8 +120,8 @@ impl Desk {
         }
     }
 
-    fn with(wire: Rc<RefCell<Wire>>, hub: Arc<Hub>, number: u64) -> Self {
-        let tallies = wire.borrow().tallies();
+    fn with(wire: Shared<Wire>, hub: Arc<Hub>, number: u64) -> Self {
+        let tallies = wire.lock().tallies();
         Self {
             hub,
             number,
@@ -178,7 +177,7 @@ impl Desk {
 
     /// The counts so far.
     pub(super) fn counted(&self) -> Counted {
-        self.wire.borrow().counted()
+        self.wire.lock().counted()
     }
 
     /// Number of changes to the run by operators at the pages so far.
@@ -330,7 +329,7 @@ impl Desk {
                 at: now,
                 truth: Some(short_pose(run.rig.world.pose())),
                 believed: believed(run).map(short_pose),
-                tallies: &self.wire.borrow().tallies(),
+                tallies: &self.wire.lock().tallies(),
                 figures: &figures::all(run),
             });
         }
@@ -357,7 +356,7 @@ impl Desk {
         // A look at a run that stands still tells the load that it had.
         if now > self.counted_at[1] {
             self.tallies.swap(0, 1);
-            self.tallies[1] = self.wire.borrow().tallies();
+            self.tallies[1] = self.wire.lock().tallies();
             self.counted_at = [self.counted_at[1], now];
         }
         let ([before, after], [since, until]) = (&self.tallies, self.counted_at);
@@ -374,7 +373,7 @@ impl Desk {
     /// The scan as the program took it, or else the last turn that passed the wire.
     fn look_at_scan(&mut self, run: &Run) {
         let own = run.instruments().scan(&run.rig);
-        let turn = self.wire.borrow().scan().clone();
+        let turn = self.wire.lock().scan().clone();
         let (at, points) = if own.is_empty() {
             if turn.turn == self.scan_turn {
                 return;

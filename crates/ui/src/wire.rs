@@ -1,7 +1,5 @@
 //! What passes the wires, counted while the run continues, and the last scan among it.
 
-use core::cell::RefCell;
-use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use emulators::world::Pose;
@@ -9,6 +7,7 @@ use protocols::Instant;
 use serde::Serialize;
 
 use super::wire_log::WireLog;
+use engine::Shared;
 use engine::codec::{Codec, Count, Counter};
 use engine::rig::Link;
 use engine::rig::line::{Delivery, Direction};
@@ -88,12 +87,12 @@ pub(super) struct Counted {
 const PRIMER: usize = 4_096;
 
 /// What puts the wire's bytes where the desk finds them.
-struct Ear(Rc<RefCell<Wire>>);
+struct Ear(Shared<Wire>);
 
 impl Wire {
     /// Listens to all links of `run` from now on, which is its beginning, and keeps what they carry
     /// in `log`.
-    pub(super) fn listen(run: &mut Run, log: &Arc<Mutex<WireLog>>) -> Rc<RefCell<Self>> {
+    pub(super) fn listen(run: &mut Run, log: &Arc<Mutex<WireLog>>) -> Shared<Self> {
         let wire = Self::of(run, log);
         let mut kept = log.lock().unwrap_or_else(PoisonError::into_inner);
         let links = run.rig.links().iter().zip(&wire.lanes);
@@ -113,7 +112,7 @@ impl Wire {
         run: &mut Run,
         log: &Arc<Mutex<WireLog>>,
         counted: &Counted,
-    ) -> Rc<RefCell<Self>> {
+    ) -> Shared<Self> {
         let mut wire = Self::of(run, log);
         let mut kept = log.lock().unwrap_or_else(PoisonError::into_inner);
         kept.cut(run.rig.now());
@@ -155,9 +154,9 @@ impl Wire {
         }
     }
 
-    fn tapped(self, run: &mut Run) -> Rc<RefCell<Self>> {
-        let wire = Rc::new(RefCell::new(self));
-        run.rig.add_tap(Box::new(Ear(Rc::clone(&wire))));
+    fn tapped(self, run: &mut Run) -> Shared<Self> {
+        let wire = Shared::new(self);
+        run.rig.add_tap(Box::new(Ear(wire.clone())));
         wire
     }
 
@@ -200,7 +199,7 @@ impl Tap for Ear {
         if side == Side::Sent {
             return;
         }
-        let mut wire = self.0.borrow_mut();
+        let mut wire = self.0.lock();
         let Some(lanes) = wire.lanes.get_mut(link) else {
             return;
         };
@@ -224,7 +223,7 @@ impl Tap for Ear {
     }
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
-        let mut wire = self.0.borrow_mut();
+        let mut wire = self.0.lock();
         if let (Some(lanes), Some(original)) = (wire.lanes.get_mut(link), &delivery.original) {
             let tally = &mut lanes[direction as usize].tally;
             let hits = (original.strikes.len() + original.effects.len()) as u64;

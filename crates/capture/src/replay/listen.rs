@@ -1,12 +1,10 @@
 //! Bytes that the program of a run sends on its lines.
 
-use core::cell::RefCell;
-use std::rc::Rc;
-
 use protocols::Instant;
 
 use super::Played;
 use crate::divergence::Track;
+use engine::Shared;
 use engine::rig::Rig;
 use engine::rig::line::{Delivery, Direction};
 use engine::rig::trace::{Side, Tap};
@@ -15,7 +13,7 @@ use engine::rig::trace::{Side, Tap};
 #[derive(Clone, Debug)]
 pub struct Eavesdrop {
     links: Vec<(usize, String)>,
-    sent: Rc<RefCell<Vec<Track>>>,
+    sent: Shared<Vec<Track>>,
 }
 
 impl Eavesdrop {
@@ -26,14 +24,14 @@ impl Eavesdrop {
         let links = links
             .map(|(index, link)| (index, link.name.clone()))
             .collect();
-        let sent = Rc::new(RefCell::new(vec![Track::default(); rig.links().len()]));
-        rig.add_tap(Box::new(Listener(Rc::clone(&sent))));
+        let sent = Shared::new(vec![Track::default(); rig.links().len()]);
+        rig.add_tap(Box::new(Listener(sent.clone())));
         Self { links, sent }
     }
 
     /// Bytes received so far.
     pub fn played(&self) -> Vec<Played> {
-        let sent = self.sent.borrow();
+        let sent = self.sent.lock();
         let links = self.links.iter().map(|(index, link)| Played {
             link: link.clone(),
             expected: Track::default(),
@@ -45,7 +43,7 @@ impl Eavesdrop {
 }
 
 /// Notes what the program sent, when it has arrived, as a capture does.
-pub(super) struct Listener(pub(super) Rc<RefCell<Vec<Track>>>);
+pub(super) struct Listener(pub(super) Shared<Vec<Track>>);
 
 impl Tap for Listener {
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
@@ -56,7 +54,7 @@ impl Tap for Listener {
                 Some(original) => (original.at, &original.bytes),
                 None => (delivery.at, &delivery.bytes),
             };
-            self.0.borrow_mut()[link].push(sent.0, sent.1);
+            self.0.lock()[link].push(sent.0, sent.1);
         }
     }
 }

@@ -2,9 +2,7 @@
 //! answers as it did in the capture; by time, it brings what it brought then, at the same
 //! nanosecond. No device judges what the program says.
 
-use core::cell::RefCell;
 use core::time::Duration;
-use std::rc::Rc;
 
 use emulators::world::World;
 use emulators::{Device, Event};
@@ -14,6 +12,7 @@ use super::conversation::{Conversation, are_over};
 use super::listen::Listener;
 use super::{Passage, Played, Recorded, Talked};
 use crate::divergence::Track;
+use engine::Shared;
 use engine::rig::line::{Direction, End};
 use engine::rig::{LinkKind, PortRate, Rig};
 use engine::robots::{self, Instruments, OpenEnd, Wired};
@@ -36,8 +35,8 @@ pub struct StandIn {
 /// Bytes of a program on each link, with those of the captured one.
 pub struct Ear {
     expected: Vec<(String, Track)>,
-    sent: Rc<RefCell<Vec<Track>>>,
-    talks: Vec<Rc<RefCell<Conversation>>>,
+    sent: Shared<Vec<Track>>,
+    talks: Vec<Shared<Conversation>>,
     end: Instant,
 }
 
@@ -45,7 +44,7 @@ impl Ear {
     /// What was received so far. By time, only what the capture says is still listened to behind
     /// its end: of what came later it says nothing.
     pub fn played(&self) -> Vec<Played> {
-        let sent = self.sent.borrow();
+        let sent = self.sent.lock();
         let both = self.expected.iter().zip(sent.iter()).enumerate();
         let played = both.map(|(index, ((link, expected), got))| {
             let talk = self.talks.get(index);
@@ -56,7 +55,7 @@ impl Ear {
                     Some(_) => got.clone(),
                     None => until(got, self.end, expected.bytes().len()),
                 },
-                talk: talk.map(|talk| Talked::of(&talk.borrow())),
+                talk: talk.map(|talk| Talked::of(&talk.lock())),
             }
         });
         played.collect()
@@ -64,7 +63,7 @@ impl Ear {
 
     /// Whether there is a conversation, and it has come to its end by `now`.
     pub fn is_over(&self, now: Instant) -> bool {
-        let talks: Vec<_> = self.talks.iter().map(|talk| talk.borrow()).collect();
+        let talks: Vec<_> = self.talks.iter().map(|talk| talk.lock()).collect();
         !talks.is_empty() && are_over(talks.iter().map(|talk| &**talk), now, self.end)
     }
 }
@@ -124,15 +123,15 @@ impl StandIn {
             // At which rate it was recorded a capture may not say.
             wired.set_rate(master, PortRate::Any { usual: line });
             let rig = &mut wired.rig;
-            let talk = Rc::new(RefCell::new(Conversation::new(
+            let talk = Shared::new(Conversation::new(
                 passage,
                 &recorded.session(),
                 true,
-            )));
+            ));
             let node = match timing {
                 Timing::Clock => rig.add_device(&passage.link, Silent(line)),
                 Timing::Conversation => {
-                    let talk = Rc::clone(&talk);
+                    let talk = talk.clone();
                     rig.add_device(&passage.link, Speaker { line, talk })
                 }
             };
@@ -153,8 +152,8 @@ impl StandIn {
                 line.play(arrival.at, &arrival.bytes, framing_errors);
             }
         }
-        let sent = Rc::new(RefCell::new(vec![Track::default(); passages.len()]));
-        wired.rig.add_tap(Box::new(Listener(Rc::clone(&sent))));
+        let sent = Shared::new(vec![Track::default(); passages.len()]);
+        wired.rig.add_tap(Box::new(Listener(sent.clone())));
         let expected = passages.iter();
         let expected = expected.map(|passage| (passage.link.clone(), passage.sent.clone()));
         let Wired {
@@ -213,16 +212,16 @@ impl Device for Silent {
 #[derive(Clone)]
 struct Speaker {
     line: LineConfig,
-    talk: Rc<RefCell<Conversation>>,
+    talk: Shared<Conversation>,
 }
 
 impl Device for Speaker {
     fn receive(&mut self, _: Port, now: Instant, bytes: &[u8]) {
-        self.talk.borrow_mut().receive(now, bytes);
+        self.talk.lock().receive(now, bytes);
     }
 
     fn line_event(&mut self, _: Port, now: Instant, event: LineEvent) {
-        let mut talk = self.talk.borrow_mut();
+        let mut talk = self.talk.lock();
         match event {
             LineEvent::Opened => talk.open(now),
             LineEvent::Closed => talk.close(),
@@ -234,19 +233,19 @@ impl Device for Speaker {
     }
 
     fn poll(&mut self, now: Instant, _: &mut World) {
-        self.talk.borrow_mut().poll(now);
+        self.talk.lock().poll(now);
     }
 
     fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
-        self.talk.borrow_mut().transmit(buf)
+        self.talk.lock().transmit(buf)
     }
 
     fn may_send(&self, _: Port) -> bool {
-        self.talk.borrow().has_more()
+        self.talk.lock().has_more()
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        self.talk.borrow().poll_at()
+        self.talk.lock().poll_at()
     }
 
     fn line_config(&self, _: Port) -> LineConfig {

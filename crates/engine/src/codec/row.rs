@@ -359,7 +359,7 @@ impl fmt::Debug for Codec {
 }
 
 /// A decoder with frames of any type, described by their length, or in words on request.
-pub trait AnyDecoder {
+pub trait AnyDecoder: Send {
     /// Like [`Decode::step`], with the frame's length.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>>;
     /// The frame that the last step found, in words.

@@ -25,7 +25,7 @@ use crate::hex;
 /// A wire format.
 pub trait Wire {
     /// Its decoder.
-    type Decoder: Decode;
+    type Decoder: Decode<Frame: Send> + Send;
 
     /// Name of the format, as on the command line.
     const NAME: &'static str;

@@ -16,12 +16,12 @@ use crate::rig::line::{MESSAGE_MAX, Mark, MarkDamage, NEVER};
 
 /// An emulated device in a rig: any [`Device`] that owns its data and can be cloned, so that a rig
 /// can continue from one state in several ways.
-pub trait AnyDevice: Device + Any {
+pub trait AnyDevice: Device + Any + Send {
     /// The same device in the same state.
     fn clone_device(&self) -> Box<dyn AnyDevice>;
 }
 
-impl<T: Device + Any + Clone> AnyDevice for T {
+impl<T: Device + Any + Clone + Send> AnyDevice for T {
     fn clone_device(&self) -> Box<dyn AnyDevice> {
         Box::new(self.clone())
     }
@@ -34,12 +34,12 @@ impl Clone for Box<dyn AnyDevice> {
 }
 
 /// A robot's program in a rig: any [`Master`] that can be checked and cloned.
-pub trait Program: Master + Inspect + Any {
+pub trait Program: Master + Inspect + Any + Send {
     /// The same program in the same state.
     fn clone_program(&self) -> Box<dyn Program>;
 }
 
-impl<T: Master + Inspect + Any + Clone> Program for T {
+impl<T: Master + Inspect + Any + Clone + Send> Program for T {
     fn clone_program(&self) -> Box<dyn Program> {
         Box::new(self.clone())
     }

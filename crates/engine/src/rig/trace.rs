@@ -44,7 +44,7 @@ pub enum Side {
 }
 
 /// Sees every chunk on every line while the rig runs.
-pub trait Tap {
+pub trait Tap: Send {
     /// `bytes` passed `link` in `direction`; the last one ended at `at`.
     fn record(&mut self, link: usize, direction: Direction, side: Side, at: Instant, bytes: &[u8]);
 

@@ -104,7 +104,7 @@ pub struct Look<'a> {
 }
 
 /// An invariant that is watched during the run.
-pub trait Checker {
+pub trait Checker: Send {
     /// Checks the rig; called every few milliseconds of virtual time.
     fn observe(&mut self, look: &Look<'_>);
 

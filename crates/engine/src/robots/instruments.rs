@@ -135,7 +135,7 @@ pub type Console = (&'static str, &'static str);
 
 /// What may be asked of a robot in its rig. Everything is optional; what is not answered is not
 /// shown and not judged. Looking changes nothing.
-pub trait Instruments {
+pub trait Instruments: Send + Sync {
     /// Set-points of the robot, as its devices accepted them: always the same axes.
     fn axes(&self, _rig: &Rig) -> Vec<Axis> {
         Vec::new()

@@ -11,7 +11,7 @@
 //! does. Another scenario may start from a checkpoint if it differs only in what has not begun by
 //! then: faults and steps that are left out, added, begun later or ended earlier.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use protocols::Instant;
 
@@ -45,8 +45,8 @@ impl Run {
         let watchers = self.watchers.fork(&mut rig)?;
         Some(Self {
             rig,
-            instruments: Rc::clone(&self.instruments),
-            asked: Rc::clone(&self.asked),
+            instruments: Arc::clone(&self.instruments),
+            asked: Arc::clone(&self.asked),
             scenario: self.scenario.clone(),
             seed: self.seed,
             watchers,
@@ -110,7 +110,7 @@ impl Checkpoint {
         run.scenario.fault.clone_from(&scenario.fault);
         run.scenario.duration = scenario.duration;
         run.scenario.expect = scenario.expect;
-        run.asked = Rc::new(scenario.clone());
+        run.asked = Arc::new(scenario.clone());
         Some(run)
     }
 

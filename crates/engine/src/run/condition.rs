@@ -1,10 +1,8 @@
 //! Whether a condition has come true.
 
-use core::cell::RefCell;
-use std::rc::Rc;
-
 use super::Run;
 use super::line_watch::{LineWatch, LineWatches, Wanted};
+use crate::Shared;
 use crate::codec::Stream;
 use crate::rig::line::Direction;
 use crate::scenario::{
@@ -21,7 +19,7 @@ pub struct Watch {
     condition: Condition,
     /// Entries of the log that were there before.
     events: usize,
-    line: Option<Rc<RefCell<LineWatch>>>,
+    line: Option<Shared<LineWatch>>,
 }
 
 impl core::fmt::Debug for Watch {
@@ -84,7 +82,7 @@ impl Run {
         link: &str,
         direction: DirectionSpec,
         wanted: Wanted,
-    ) -> Result<Rc<RefCell<LineWatch>>, Flaw> {
+    ) -> Result<Shared<LineWatch>, Flaw> {
         let link = self.link_index(link)?;
         let rig = &mut self.rig;
         let watches = self.line_watches.get_or_insert_with(|| {
@@ -151,7 +149,7 @@ impl Run {
     /// Whether the condition of `watch` has become true.
     pub fn has_come(&self, watch: &Watch) -> bool {
         match (&watch.condition, &watch.line) {
-            (_, Some(line)) => line.borrow().is_found,
+            (_, Some(line)) => line.lock().is_found,
             (Condition::Event(EventCondition { rule, source }), _) => {
                 let events = self.rig.events().get(watch.events..).unwrap_or_default();
                 events.iter().any(|logged| {

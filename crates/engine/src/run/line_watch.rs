@@ -1,13 +1,12 @@
 //! Watches a line for conditions on its bytes or frames.
 
-use core::cell::RefCell;
-use std::rc::{Rc, Weak};
-
 use protocols::Instant;
 
+use crate::Shared;
 use crate::codec::{Codec, Stream, What};
 use crate::rig::line::Direction;
 use crate::rig::trace::{Side, Tap};
+use crate::shared::WeakShared;
 
 /// Pattern in the bytes of a line.
 pub(super) enum Wanted {
@@ -68,13 +67,13 @@ pub(super) struct LineWatch {
 
 /// All watches. A watch is forgotten when its owner drops it.
 #[derive(Clone, Default)]
-pub(super) struct LineWatches(Rc<RefCell<Vec<Weak<RefCell<LineWatch>>>>>);
+pub(super) struct LineWatches(Shared<Vec<WeakShared<LineWatch>>>);
 
 impl LineWatches {
     /// Begins to look.
-    pub(super) fn add(&self, watch: LineWatch) -> Rc<RefCell<LineWatch>> {
-        let watch = Rc::new(RefCell::new(watch));
-        self.0.borrow_mut().push(Rc::downgrade(&watch));
+    pub(super) fn add(&self, watch: LineWatch) -> Shared<LineWatch> {
+        let watch = Shared::new(watch);
+        self.0.lock().push(watch.downgrade());
         watch
     }
 }
@@ -84,11 +83,11 @@ impl Tap for LineWatches {
         if side == Side::Sent {
             return;
         }
-        self.0.borrow_mut().retain(|watch| {
+        self.0.lock().retain(|watch| {
             let Some(watch) = watch.upgrade() else {
                 return false;
             };
-            let mut watch = watch.borrow_mut();
+            let mut watch = watch.lock();
             if watch.link == link && watch.direction == direction && !watch.is_found {
                 watch.is_found = watch.wanted.is_in(at, bytes);
             }

@@ -1,13 +1,12 @@
 //! Checks that the base obeys its valid commands, and nothing else.
 
-use core::cell::RefCell;
 use core::time::Duration;
 use std::collections::VecDeque;
-use std::rc::Rc;
 
 use protocols::Instant;
 
 use super::{Check, Checker, Look};
+use crate::Shared;
 use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
@@ -21,7 +20,7 @@ const REMEMBERED: Duration = Duration::from_secs(2);
 /// Every active set-point comes from a valid frame that reached the base, or is 0. A frame with a
 /// checksum mismatch commands nothing, also after damage on the line.
 pub struct SetPointsAsAccepted {
-    heard: Rc<RefCell<Heard>>,
+    heard: Shared<Heard>,
     broken: Option<(Instant, String)>,
 }
 
@@ -44,13 +43,13 @@ impl SetPointsAsAccepted {
             .links()
             .iter()
             .position(|found| found.name == dialect.link)?;
-        let heard = Rc::new(RefCell::new(Heard {
+        let heard = Shared::new(Heard {
             link,
             dialect,
             bytes: Vec::new(),
             commands: VecDeque::new(),
             accepted: 0,
-        }));
+        });
         rig.add_tap(Box::new(Ear::of(&heard)));
         Some(Self {
             heard,
@@ -90,14 +89,14 @@ impl Heard {
 
 struct Ear {
     link: usize,
-    heard: Rc<RefCell<Heard>>,
+    heard: Shared<Heard>,
 }
 
 impl Ear {
-    fn of(heard: &Rc<RefCell<Heard>>) -> Self {
+    fn of(heard: &Shared<Heard>) -> Self {
         Self {
-            link: heard.borrow().link,
-            heard: Rc::clone(heard),
+            link: heard.lock().link,
+            heard: heard.clone(),
         }
     }
 }
@@ -107,7 +106,7 @@ impl Tap for Ear {
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
         if direction == Direction::ToDevice && link == self.link {
-            let mut heard = self.heard.borrow_mut();
+            let mut heard = self.heard.lock();
             heard.take(delivery.at, &delivery.bytes);
         }
     }
@@ -118,7 +117,7 @@ impl Checker for SetPointsAsAccepted {
         if self.broken.is_some() {
             return;
         }
-        let heard = self.heard.borrow();
+        let heard = self.heard.lock();
         let mut axes = look.axes.iter().enumerate();
         if axes.any(|(index, axis)| !heard.told(index, axis.set_point)) {
             self.broken = Some((look.rig.now(), super::set_points(look.axes)));
@@ -126,7 +125,7 @@ impl Checker for SetPointsAsAccepted {
     }
 
     fn verdict(&self) -> Check {
-        let accepted = self.heard.borrow().accepted;
+        let accepted = self.heard.lock().accepted;
         let detail = match &self.broken {
             None => format!("as told by {accepted} sound frames"),
             Some((at, points)) => format!("{points} at {at} s, which no sound frame told"),
@@ -136,7 +135,7 @@ impl Checker for SetPointsAsAccepted {
     }
 
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
-        let heard = Rc::new(RefCell::new(self.heard.borrow().clone()));
+        let heard = Shared::new(self.heard.lock().clone());
         rig.add_tap(Box::new(Ear::of(&heard)));
         let broken = self.broken.clone();
         Some(Box::new(Self { heard, broken }))

@@ -26,7 +26,7 @@ impl Beam {
 }
 
 /// Assembles whole turns from a lidar's bytes.
-pub trait ScanDecoder {
+pub trait ScanDecoder: Send {
     /// Takes more bytes; the last turn that they completed, if any.
     fn push(&mut self, bytes: &[u8]) -> Option<Vec<Beam>>;
 }
