@@ -18,6 +18,7 @@
 //! | `realtime` | the rig, or the program alone, at the pace of the wall clock; foreign programs in virtual time | `command` |
 //! | `capture` | captures: written, read, decoded, compared, replayed, imported, exported | `command` |
 //! | `show` | report, pictures, result folder | `command` |
+//! | [`ports`] | ports in virtual time for drivers of every style | `serialport`, `embedded`, `futures`, `tokio` |
 //! | [`run`] | a run watched and judged | |
 //! | [`robots`] | devices, links and program of each robot | built-in ones: `robots` |
 //! | [`scenario`] | a run as data; floor plans | |
@@ -33,6 +34,6 @@ pub use engine::{NameTaken, TOOL, codec, picture, rig, robots, run, scenario};
 #[cfg(feature = "command")]
 pub use {capture, museum, museum::experiment, realtime, search, show, slam};
 /// The crates below, so that another crate needs this one alone; see the [`prelude`].
-pub use {description, emulators, firmware_core, protocols};
+pub use {description, emulators, firmware_core, ports, protocols};
 /// The crates that the settings of an own device are derived with.
 pub use {schemars, serde, toml};

@@ -33,6 +33,7 @@
 
 pub use core::time::Duration;
 
+pub use ports::{Bench, VirtualPort};
 pub use emulators::world::{
     Ackermann, AckermannConfig, BodyConfig, Chassis, Command, Differential, Point, Pose, Scene,
     Shape, World,
@@ -41,6 +42,7 @@ pub use emulators::{Device, Event, EventKind};
 pub use firmware_core::map_view::MapView;
 pub use firmware_core::pose::Pose as ProgramPose;
 pub use firmware_core::{Inspect, Master, Work};
+pub use ports::{Bench, VirtualPort};
 pub use protocols::{
     Candidate, Decode, Decoder, Format, FrameError, Instant, LineConfig, LineEvent, Port,
 };
@@ -57,7 +59,6 @@ pub use crate::robots::{
     Alone, Axis, Check, Checker, Dut, Instruments, Look, OpenEnd, Overlay, OverlayRole, Panel,
     PanelRow, PcEnd, Robot, Status, WirePlan, Wired, register as register_robot,
 };
-pub use crate::run::bench::{Bench, VirtualPort};
 pub use crate::run::{Outcome, Run, judge};
 pub use crate::scenario::device::scan::{Beam, ScanDecoder};
 pub use crate::scenario::device::{

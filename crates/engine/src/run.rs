@@ -25,7 +25,6 @@
 //! ```
 
 pub mod agenda;
-pub mod bench;
 pub mod check;
 mod checkpoint;
 mod command;

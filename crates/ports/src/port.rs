@@ -1,0 +1,179 @@
+//! A port as [`Read`] and [`Write`].
+
+use core::task::{Context, Poll, ready};
+use core::time::Duration;
+use std::io::{self, ErrorKind, Read, Write};
+
+use protocols::LineConfig;
+
+use crate::Bench;
+use crate::state::hung_up;
+use crate::turns::Until;
+
+/// Default timeout of a read, virtual time.
+pub const TIMEOUT: Duration = Duration::from_secs(1);
+
+/// An end of a link as a serial port, in virtual time.
+///
+/// | call | does |
+/// |---|---|
+/// | `read` | gives what is there; else waits for a byte, at most for the timeout: `TimedOut` |
+/// | `write` | takes bytes as long as the driver's buffer of 4096 bytes has room; else waits |
+/// | `flush` | waits until the last bit has left |
+///
+/// When the scenario's time is up the port is hung up: `read` gives 0 bytes, `write` and `flush`
+/// are a `BrokenPipe`; so a program that serves its ports forever ends all the same. As with a
+/// real driver, unread bytes beyond 4096 are lost. On a link that carries messages one
+/// read gives one message, whose rest is lost if `buf` is too short, and one write is one.
+///
+/// Clones are handles of the same port: they share its bytes and settings; each has its timeout.
+/// Async reads have no timeout.
+#[derive(Clone, Debug)]
+pub struct VirtualPort {
+    pub(crate) bench: Bench,
+    pub(crate) index: usize,
+    name: String,
+    timeout: Duration,
+}
+
+impl VirtualPort {
+    pub(crate) fn new(bench: Bench, index: usize, name: &str) -> Self {
+        Self {
+            bench,
+            index,
+            name: name.to_owned(),
+            timeout: TIMEOUT,
+        }
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Timeout of a read, virtual time; zero: none.
+    pub fn set_timeout(&mut self, timeout: Duration) {
+        self.timeout = timeout;
+    }
+
+    /// The timeout of a read.
+    pub const fn timeout(&self) -> Duration {
+        self.timeout
+    }
+
+    /// Sets baud rate and format; initially those that the device expects. Another rate than the
+    /// device's gives garbage, as in life.
+    ///
+    /// # Errors
+    /// [`ErrorKind::BrokenPipe`] after the run was judged.
+    pub fn set_line(&mut self, line: LineConfig) -> io::Result<()> {
+        let mut turn = self.bench.core.enter()?;
+        let (run, port) = turn.port(self.index)?;
+        port.line = line;
+        run.rig.set_line_config(port.end.node, line);
+        Ok(())
+    }
+
+    /// Baud rate and format.
+    ///
+    /// # Errors
+    /// [`ErrorKind::BrokenPipe`] after the run was judged.
+    pub fn line(&self) -> io::Result<LineConfig> {
+        let mut turn = self.bench.core.enter()?;
+        Ok(turn.port(self.index)?.1.line)
+    }
+
+    /// Bytes that can be read without waiting; of the next message, if it carries messages.
+    ///
+    /// # Errors
+    /// [`ErrorKind::BrokenPipe`] after the run was judged.
+    pub fn available(&self) -> io::Result<usize> {
+        let mut turn = self.bench.core.enter()?;
+        let (run, port) = turn.port(self.index)?;
+        port.collect(run);
+        let len = port.len();
+        turn.asked()?;
+        Ok(len)
+    }
+
+    pub(crate) fn poll_read(
+        &self,
+        cx: &Context<'_>,
+        buf: &mut [u8],
+    ) -> Poll<io::Result<usize>> {
+        if buf.is_empty() {
+            return Poll::Ready(Ok(0));
+        }
+        let mut turn = self.bench.core.enter()?;
+        let end = turn.end();
+        ready!(turn.poll(cx, Until::Readable(self.index), end))?;
+        Poll::Ready(Ok(turn.port(self.index)?.1.take(buf)))
+    }
+
+    pub(crate) fn poll_write(&self, cx: &Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
+        let mut turn = self.bench.core.enter()?;
+        let end = turn.end();
+        ready!(turn.poll(cx, Until::Room(self.index), end))?;
+        if turn.now() >= end {
+            return Poll::Ready(Err(hung_up()));
+        }
+        let (run, port) = turn.port(self.index)?;
+        let taken = &buf[..buf.len().min(port.room(run))];
+        port.put(run, taken);
+        Poll::Ready(Ok(taken.len()))
+    }
+
+    pub(crate) fn poll_flush(&self, cx: &Context<'_>) -> Poll<io::Result<()>> {
+        let mut turn = self.bench.core.enter()?;
+        let end = turn.end();
+        ready!(turn.poll(cx, Until::Sent(self.index), end))?;
+        let (run, port) = turn.port(self.index)?;
+        Poll::Ready(port.is_sent(run).then_some(()).ok_or_else(hung_up))
+    }
+}
+
+impl Read for VirtualPort {
+    fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
+        if buf.is_empty() {
+            return Ok(0);
+        }
+        let mut turn = self.bench.core.enter()?;
+        let (run, _) = turn.port(self.index)?;
+        run.go_on_until(run.rig.now());
+        let end = turn.end();
+        let deadline = (turn.now() + self.timeout).min(end);
+        let mut turn = turn.wait(Until::Readable(self.index), deadline)?;
+        let (run, port) = turn.port(self.index)?;
+        if port.collect(run) {
+            return Ok(port.take(buf));
+        }
+        if turn.now() >= end {
+            return Ok(0);
+        }
+        turn.asked()?;
+        Err(io::Error::new(ErrorKind::TimedOut, "no byte within the timeout"))
+    }
+}
+
+impl Write for VirtualPort {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        let turn = self.bench.core.enter()?;
+        let end = turn.end();
+        let mut turn = turn.wait(Until::Room(self.index), end)?;
+        if turn.now() >= end {
+            return Err(hung_up());
+        }
+        let (run, port) = turn.port(self.index)?;
+        let taken = &buf[..buf.len().min(port.room(run))];
+        port.put(run, taken);
+        Ok(taken.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let turn = self.bench.core.enter()?;
+        let end = turn.end();
+        let mut turn = turn.wait(Until::Sent(self.index), end)?;
+        let (run, port) = turn.port(self.index)?;
+        port.is_sent(run).then_some(()).ok_or_else(hung_up)
+    }
+}

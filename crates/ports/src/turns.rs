@@ -1,0 +1,566 @@
+//! Threads of a bench take turns: one runs at a time, and the order depends on virtual time alone.
+//!
+//! ```text
+//! thread   call -> its turn? -> does its work -> cannot go on: waits for a byte, a time, a thread
+//!                     ^                                 |
+//!                     +--- the one that waited longest of those that can go on; if none can,
+//!                          the rig runs to its next event
+//! ```
+
+use core::cell::RefCell;
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::task::{Context, Poll, Waker};
+use core::time::Duration;
+use std::io::{self, ErrorKind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
+use std::thread::{self, ThreadId};
+
+use engine::run::Run;
+use protocols::Instant;
+
+use crate::state::{PortState, end_of, hung_up, step};
+
+/// Wall time for which a thread that has the turn may do without a call of the bench.
+pub const PATIENCE: Duration = Duration::from_secs(10);
+/// A deadline that never comes.
+pub(crate) const NEVER: Instant = Instant::from_nanos(u64::MAX);
+/// Questions in one instant before further ones take time.
+const SPINS: u32 = 100;
+/// Time that such a question takes.
+const SPIN: Duration = Duration::from_micros(10);
+
+/// What a thread or a task waits for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Until {
+    /// Its turn.
+    Turn,
+    /// The deadline alone.
+    Time,
+    /// Bytes or a message at this port.
+    Readable(usize),
+    /// Room in this port's buffer.
+    Room(usize),
+    /// The last bit has left this port.
+    Sent(usize),
+    /// This thread is over.
+    Over(usize),
+    /// Another thread did something since the count was this.
+    Act(u64),
+    /// One of the thread's tasks can go on.
+    Task,
+}
+
+/// Something to wait for, at most until a deadline.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wait {
+    pub(crate) until: Until,
+    pub(crate) deadline: Instant,
+}
+
+/// A thread of the bench.
+struct Member {
+    name: String,
+    /// `None`: announced, not seen yet.
+    thread: Option<ThreadId>,
+    /// With its number in the order of waiting.
+    wait: Option<(u64, Wait)>,
+    is_over: bool,
+    /// Only [`Core::join_as`] makes a thread this one.
+    is_reserved: bool,
+    /// Whether it runs tasks, and whether one of them was woken.
+    executor: Option<Arc<AtomicBool>>,
+}
+
+/// A future that waits.
+struct Task {
+    member: usize,
+    wait: Wait,
+    waker: Waker,
+}
+
+/// All that the threads of a bench share.
+pub(crate) struct Core {
+    state: Mutex<State>,
+    turn: Condvar,
+    /// The thread that looks at the run, see [`Core::look`].
+    viewer: Mutex<Option<ThreadId>>,
+}
+
+/// What the lock protects.
+pub(crate) struct State {
+    /// `None` once it was judged.
+    pub(crate) run: Option<Run>,
+    /// Time of the verdict.
+    pub(crate) ended: Instant,
+    pub(crate) ports: Vec<PortState>,
+    members: Vec<Member>,
+    tasks: Vec<Task>,
+    current: usize,
+    waits: u64,
+    calls: u64,
+    acts: u64,
+    spins: (Instant, u32),
+    patience: Duration,
+    /// Why nothing goes on any more.
+    stuck: Option<String>,
+}
+
+/// The turn of one thread.
+pub(crate) struct Turn<'a> {
+    core: &'a Arc<Core>,
+    state: MutexGuard<'a, State>,
+    me: usize,
+}
+
+/// Ends a thread's part in a bench when the thread ends.
+pub(crate) struct Membership {
+    core: Weak<Core>,
+    index: usize,
+}
+
+thread_local! {
+    static MEMBERSHIPS: RefCell<Vec<Membership>> = const { RefCell::new(Vec::new()) };
+}
+
+impl Drop for Membership {
+    fn drop(&mut self) {
+        if let Some(core) = self.core.upgrade() {
+            core.leave(self.index);
+        }
+    }
+}
+
+impl Core {
+    pub(crate) fn new(run: Run, ports: Vec<PortState>) -> Arc<Self> {
+        let state = State {
+            run: Some(run),
+            ended: Instant::ZERO,
+            ports,
+            members: Vec::new(),
+            tasks: Vec::new(),
+            current: 0,
+            waits: 0,
+            calls: 0,
+            acts: 0,
+            spins: (Instant::ZERO, 0),
+            patience: PATIENCE,
+            stuck: None,
+        };
+        let core = Arc::new(Self {
+            state: Mutex::new(state),
+            turn: Condvar::new(),
+            viewer: Mutex::new(None),
+        });
+        let name = thread::current().name().unwrap_or("main").to_owned();
+        let mut state = core.lock();
+        let first = state.add_member(name, true);
+        state.members[first].thread = Some(thread::current().id());
+        state.members[first].wait = None;
+        drop(state);
+        core
+    }
+
+    /// The state, whoever has the turn.
+    ///
+    /// # Panics
+    /// If this thread is looking at the run.
+    pub(crate) fn lock(&self) -> MutexGuard<'_, State> {
+        let viewer = *self.viewer.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_viewed = viewer == Some(thread::current().id());
+        assert!(
+            !is_viewed,
+            "the bench is used while `Bench::run` is borrowed: drop what it returned first"
+        );
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The state, to be looked at until [`looked`](Self::looked).
+    pub(crate) fn look(&self) -> MutexGuard<'_, State> {
+        let state = self.lock();
+        let mut viewer = self.viewer.lock().unwrap_or_else(PoisonError::into_inner);
+        *viewer = Some(thread::current().id());
+        state
+    }
+
+    /// The look is over.
+    pub(crate) fn looked(&self) {
+        let mut viewer = self.viewer.lock().unwrap_or_else(PoisonError::into_inner);
+        *viewer = None;
+    }
+
+    /// Waits for the turn of this thread.
+    pub(crate) fn enter(self: &Arc<Self>) -> io::Result<Turn<'_>> {
+        let mut state = self.lock();
+        if state.run.is_none() {
+            return Err(hung_up());
+        }
+        let me = state.member_of_this_thread(self)?;
+        state.calls += 1;
+        let state = self.await_turn(state, me)?;
+        Ok(Turn {
+            core: self,
+            state,
+            me,
+        })
+    }
+
+    fn await_turn<'a>(
+        &'a self,
+        mut state: MutexGuard<'a, State>,
+        me: usize,
+    ) -> io::Result<MutexGuard<'a, State>> {
+        loop {
+            if let Some(stuck) = &state.stuck {
+                return Err(io::Error::new(ErrorKind::Deadlock, stuck.clone()));
+            }
+            if state.run.is_none() {
+                return Err(hung_up());
+            }
+            if state.current == me || state.members[state.current].is_over {
+                state.current = me;
+                return Ok(state);
+            }
+            let (calls, patience) = (state.calls, state.patience);
+            let waited = self.turn.wait_timeout(state, patience);
+            let (back, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
+            state = back;
+            if timeout.timed_out() && state.calls == calls && state.current != me {
+                state.blame_the_turn();
+                self.turn.notify_all();
+            }
+        }
+    }
+
+    /// Announces a thread; its number. If it is not reserved, it may be one that a driver starts.
+    pub(crate) fn announce(&self, name: &str, is_reserved: bool) -> usize {
+        self.lock().add_member(name.to_owned(), is_reserved)
+    }
+
+    /// Makes this thread the announced one `index`, until what this returns is dropped.
+    pub(crate) fn join_as(self: &Arc<Self>, index: usize) -> Membership {
+        self.lock().members[index].thread = Some(thread::current().id());
+        Membership {
+            core: Arc::downgrade(self),
+            index,
+        }
+    }
+
+    fn leave(&self, index: usize) {
+        let mut state = self.lock();
+        state.members[index].is_over = true;
+        state.members[index].wait = None;
+        state.tasks.retain(|task| task.member != index);
+        state.acts += 1;
+        state.calls += 1;
+        if state.current == index {
+            state.hand_over();
+        }
+        drop(state);
+        self.turn.notify_all();
+    }
+
+    /// Ends the run: all that wait are told.
+    pub(crate) fn end(&self) -> Option<Run> {
+        let mut state = self.lock();
+        let run = state.run.take()?;
+        state.ended = run.rig.now();
+        drop(state);
+        self.turn.notify_all();
+        Some(run)
+    }
+
+    /// Sets [`PATIENCE`] for this bench.
+    pub(crate) fn set_patience(&self, patience: Duration) {
+        self.lock().patience = patience;
+    }
+}
+
+impl State {
+    /// The names of the ports.
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.ports.iter().map(|port| port.end.name.clone()).collect()
+    }
+
+    /// Virtual time.
+    pub(crate) fn now(&self) -> Instant {
+        self.run.as_ref().map_or(self.ended, |run| run.rig.now())
+    }
+
+    /// Whether virtual time stands.
+    #[cfg(feature = "tokio")]
+    pub(crate) fn is_at_end(&self) -> bool {
+        self.now() >= self.end()
+    }
+
+    /// When the run is over.
+    pub(crate) fn end(&self) -> Instant {
+        self.run.as_ref().map_or(self.ended, end_of)
+    }
+
+    fn add_member(&mut self, name: String, is_reserved: bool) -> usize {
+        self.waits += 1;
+        let deadline = Instant::ZERO;
+        let until = Until::Turn;
+        self.members.push(Member {
+            name,
+            thread: None,
+            wait: Some((self.waits, Wait { until, deadline })),
+            is_over: false,
+            is_reserved,
+            executor: None,
+        });
+        self.members.len() - 1
+    }
+
+    /// The number of this thread. An announced thread is recognised by its name, else as the first
+    /// that was not seen yet.
+    fn member_of_this_thread(&mut self, core: &Arc<Core>) -> io::Result<usize> {
+        let this = thread::current();
+        let known = |member: &Member| member.thread == Some(this.id()) && !member.is_over;
+        if let Some(index) = self.members.iter().position(known) {
+            return Ok(index);
+        }
+        let is_free =
+            |member: &Member| member.thread.is_none() && !member.is_over && !member.is_reserved;
+        let is_named = |member: &Member| is_free(member) && this.name() == Some(&*member.name);
+        let named = self.members.iter().position(is_named);
+        let Some(index) = named.or_else(|| self.members.iter().position(is_free)) else {
+            let name = this.name().unwrap_or("without a name");
+            let message = format!(
+                "the thread {name} is unknown to the bench: start it with `Bench::spawn`, or call \
+                 `Bench::expect_thread` before the driver starts it"
+            );
+            return Err(io::Error::other(message));
+        };
+        self.members[index].thread = Some(this.id());
+        let membership = Membership {
+            core: Arc::downgrade(core),
+            index,
+        };
+        MEMBERSHIPS.with_borrow_mut(|all| all.push(membership));
+        Ok(index)
+    }
+
+    fn blame_the_turn(&mut self) {
+        let member = &self.members[self.current];
+        let (name, limit) = (&member.name, self.patience);
+        let why = match member.thread {
+            Some(_) => format!(
+                "the thread {name} has the turn and did not call the bench for {limit:?}: it blocks \
+                 outside of the bench; wait with `Bench::wait_until`, or judge the run before you \
+                 join a driver's thread"
+            ),
+            None => format!("the expected thread {name} did not call the bench within {limit:?}"),
+        };
+        self.stuck = Some(why);
+    }
+
+    /// Gives the turn to the next thread.
+    fn hand_over(&mut self) {
+        match self.choose() {
+            Some(next) => self.current = next,
+            None if self.members.iter().all(|member| member.is_over) => {}
+            // The others run already.
+            None if self.members.iter().all(|one| one.wait.is_none()) => {}
+            None => {
+                let waiting = self.members.iter().filter(|member| member.wait.is_some());
+                let names: Vec<&str> = waiting.map(|member| &*member.name).collect();
+                let names = names.join(", ");
+                self.stuck = Some(format!(
+                    "nothing goes on: {names} waits for a thread or a future that never comes"
+                ));
+            }
+        }
+    }
+
+    /// The thread that goes on next; the rig runs until there is one.
+    fn choose(&mut self) -> Option<usize> {
+        loop {
+            let mut best: Option<(u64, usize)> = None;
+            for index in 0..self.members.len() {
+                let Some((number, wait)) = self.members[index].wait else {
+                    continue;
+                };
+                if self.holds(index, wait) && best.is_none_or(|(first, _)| number < first) {
+                    best = Some((number, index));
+                }
+            }
+            if let Some((_, index)) = best {
+                return Some(index);
+            }
+            let waits = self.members.iter().filter_map(|member| member.wait);
+            let first = waits.map(|(_, wait)| wait.deadline).min()?;
+            let tasks = self.tasks.iter().map(|task| task.wait.deadline);
+            let deadline = tasks.fold(first, Instant::min);
+            let run = self.run.as_mut()?;
+            let end = end_of(run);
+            if run.rig.now() >= end {
+                return None;
+            }
+            step(run, deadline.min(end));
+        }
+    }
+
+    fn holds(&mut self, member: usize, wait: Wait) -> bool {
+        let Some(run) = &mut self.run else {
+            return true;
+        };
+        let is_over = run.rig.now() >= end_of(run);
+        if run.rig.now() >= wait.deadline {
+            return true;
+        }
+        match wait.until {
+            Until::Turn => true,
+            Until::Time => false,
+            Until::Readable(port) => is_over || self.ports[port].collect(run),
+            Until::Room(port) => is_over || self.ports[port].room(run) > 0,
+            Until::Sent(port) => is_over || self.ports[port].is_sent(run),
+            Until::Over(other) => self.members[other].is_over,
+            Until::Act(seen) => self.acts > seen,
+            Until::Task => {
+                let executor = self.members[member].executor.as_ref();
+                executor.is_some_and(|woken| woken.load(Ordering::Relaxed))
+                    || (0..self.tasks.len()).any(|index| self.is_ready(member, index))
+            }
+        }
+    }
+
+    fn is_ready(&mut self, member: usize, task: usize) -> bool {
+        let Task {
+            member: owner,
+            wait,
+            ..
+        } = self.tasks[task];
+        owner == member && self.holds(member, wait)
+    }
+}
+
+impl<'a> Turn<'a> {
+    /// The run and a port.
+    pub(crate) fn port(&mut self, index: usize) -> io::Result<(&mut Run, &mut PortState)> {
+        let state = &mut *self.state;
+        let run = state.run.as_mut().ok_or_else(hung_up)?;
+        Ok((run, &mut state.ports[index]))
+    }
+
+    /// Virtual time.
+    pub(crate) fn now(&self) -> Instant {
+        self.state.now()
+    }
+
+    /// When the run is over.
+    pub(crate) fn end(&self) -> Instant {
+        self.state.end()
+    }
+
+    /// The number of the port `name`.
+    pub(crate) fn find(&self, name: &str) -> Option<usize> {
+        self.state.ports.iter().position(|port| port.end.name == name)
+    }
+
+    /// The names of the ports.
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.state.names()
+    }
+
+    /// Lets others go on until `wait` is over.
+    pub(crate) fn wait(self, until: Until, deadline: Instant) -> io::Result<Self> {
+        let Self {
+            core,
+            mut state,
+            me,
+        } = self;
+        state.waits += 1;
+        let number = state.waits;
+        state.members[me].wait = Some((number, Wait { until, deadline }));
+        state.hand_over();
+        if state.current != me {
+            core.turn.notify_all();
+        }
+        let mut state = core.await_turn(state, me)?;
+        state.members[me].wait = None;
+        if !matches!(until, Until::Act(_)) {
+            state.acts += 1;
+        }
+        Ok(Self { core, state, me })
+    }
+
+    /// What other threads did so far.
+    pub(crate) fn acts(&self) -> u64 {
+        self.state.acts
+    }
+
+    /// A call that asked for a state: one of very many in the same instant takes time, so that a
+    /// loop that asks again and again ends.
+    pub(crate) fn asked(mut self) -> io::Result<()> {
+        let now = self.now();
+        let (at, count) = self.state.spins;
+        let count = if at == now { count + 1 } else { 1 };
+        self.state.spins = (now, count);
+        if count > SPINS {
+            self.wait(Until::Time, now + SPIN)?;
+        }
+        Ok(())
+    }
+
+    /// The same as [`wait`](Self::wait) for a future: whether it can go on; else `cx` is woken.
+    ///
+    /// # Errors
+    /// If no executor of the bench polls it: nothing would ever wake it.
+    pub(crate) fn poll(
+        &mut self,
+        cx: &Context<'_>,
+        until: Until,
+        deadline: Instant,
+    ) -> Poll<io::Result<()>> {
+        let wait = Wait { until, deadline };
+        let (me, state) = (self.me, &mut *self.state);
+        if state.holds(me, wait) {
+            return Poll::Ready(Ok(()));
+        }
+        if state.members[me].executor.is_none() {
+            let message = "a port of the bench is polled by a foreign executor, which does not know \
+                           virtual time: run the future with `Bench::block_on` or `Bench::tokio`";
+            return Poll::Ready(Err(io::Error::other(message)));
+        }
+        let is_known = |task: &Task| {
+            task.member == me && task.wait.until == until && task.waker.will_wake(cx.waker())
+        };
+        state.tasks.retain(|task| !is_known(task));
+        let waker = cx.waker().clone();
+        state.tasks.push(Task {
+            member: me,
+            wait,
+            waker,
+        });
+        Poll::Pending
+    }
+
+    /// Waits until a task of this thread can go on, at most until `deadline`, and wakes all that
+    /// can.
+    pub(crate) fn wait_for_tasks(self, deadline: Instant) -> io::Result<()> {
+        let mut turn = self.wait(Until::Task, deadline)?;
+        let me = turn.me;
+        let mut wakers = Vec::new();
+        let mut index = 0;
+        while index < turn.state.tasks.len() {
+            if turn.state.is_ready(me, index) {
+                wakers.push(turn.state.tasks.remove(index).waker);
+            } else {
+                index += 1;
+            }
+        }
+        drop(turn);
+        wakers.into_iter().for_each(Waker::wake);
+        Ok(())
+    }
+
+    /// Sets or removes the executor of this thread; the one before.
+    pub(crate) fn set_executor(
+        &mut self,
+        executor: Option<Arc<AtomicBool>>,
+    ) -> Option<Arc<AtomicBool>> {
+        let member = &mut self.state.members[self.me];
+        core::mem::replace(&mut member.executor, executor)
+    }
+}
