@@ -42,7 +42,7 @@ impl Device for Thermometer {
     }
 
     fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
-        emulators::device::take(&mut self.out, buf)
+        hilrig::emulators::device::take(&mut self.out, buf)
     }
 
     fn poll_at(&self) -> Option<Instant> {
@@ -73,7 +73,10 @@ impl DeviceKind for ThermometerKind {
         schema_of::<ThermometerSpec>(generator)
     }
 
-    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
+    fn parse(
+        &self,
+        settings: ValueDeserializer<'_>,
+    ) -> Result<Box<dyn Settings>, hilrig::toml::de::Error> {
         read_settings::<ThermometerSpec>(settings)
     }
 

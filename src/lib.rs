@@ -30,7 +30,7 @@
 pub mod cli;
 pub mod prelude;
 
-pub use engine::{NameTaken, TOOL, codec, picture, rig, robots, run, scenario};
+pub use engine::{NameTaken, Shared, TOOL, codec, picture, rig, robots, run, scenario};
 #[cfg(feature = "command")]
 pub use {capture, museum, museum::experiment, realtime, search, show, slam};
 /// The crates below, so that another crate needs this one alone; see the [`prelude`].

@@ -33,7 +33,6 @@
 
 pub use core::time::Duration;
 
-pub use ports::{Bench, VirtualPort};
 pub use emulators::world::{
     Ackermann, AckermannConfig, BodyConfig, Chassis, Command, Differential, Point, Pose, Scene,
     Shape, World,

@@ -119,7 +119,7 @@ cargo --version
 step "format"
 cargo fmt --all --check
 rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src/main.rs \
-    tests/outside/src/lib.rs tests/outside/tests/*.rs tests/lidar_clients/rust/src/main.rs \
+    tests/outside/src/lib.rs tests/outside/tests/*.rs tests/outside/drivers/tests/*.rs tests/lidar_clients/rust/src/main.rs \
     tests/mutants/src/main.rs \
     fuzz/src/lib.rs fuzz/src/bin/corpus.rs \
     fuzz/fuzz_targets/*.rs
@@ -261,8 +261,8 @@ if proof crates/realtime src tests/exec/hostile; then
     step "programs that attack their supervisor"
     HILRIG=$built/hilrig python3 tests/exec/hostile/prove.py
 fi
-if proof crates src tests/outside; then
-    step "a robot in a crate of its own"
+if proof crates src examples tests/outside; then
+    step "a robot, drivers and the examples in crates of their own"
     CARGO_TARGET_DIR=$target bash tests/outside/run.sh
 fi
 if proof protocols emulators firmware_core crates src; then

@@ -106,6 +106,32 @@ def test_virtual_time_is_refused_by_a_command_that_has_none(inner, tmp_path, mon
     assert "hilrig 0.0.1 (old)) has no --virtual" in told
 
 
+VIRTUAL = """
+import pytest
+
+@pytest.mark.hilrig("robot.toml")
+def test_a_program(rig):
+    result = rig.run("python3 reader.py", options=["--exec-may-end"])
+    # The calendar of virtual time begins in 2026; its clocks are the same in each run.
+    assert (result.folder / "program.log").read_text().startswith("17672256")
+
+@pytest.mark.hilrig("robot.toml")
+def test_that_is_the_program(rig):
+    assert rig().state()["paused"] is False
+"""
+READER = """
+import os, time
+port = os.open(os.environ["HILRIG_PORT_LIDAR"], os.O_RDWR | os.O_NOCTTY)
+os.read(port, 22)
+print(time.time())
+"""
+
+
+def test_the_option_runs_programs_in_virtual_time(inner, pytester) -> None:
+    (pytester.path / "reader.py").write_text(READER)
+    inner(VIRTUAL, "--hilrig-virtual").assert_outcomes(passed=2)
+
+
 SLOW = """
 import time, pytest
 

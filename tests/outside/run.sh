@@ -6,5 +6,14 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 # The same folder as the workspace, so that third parties' crates are compiled once.
-export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-../../target}"
+CARGO_TARGET_DIR=$(realpath -m "${CARGO_TARGET_DIR:-../../target}")
+export CARGO_TARGET_DIR
 cargo test --locked --quiet
+# Drivers of the registry, in a crate that has hilrig without its command.
+cd drivers
+cargo test --locked --quiet
+# The docs' examples, as a reader compiles them; one reads a file of the repository.
+for example in judged_program own_device own_robot; do
+    cargo run --locked --quiet --example "$example" >/dev/null
+done
+(cd ../../.. && "$CARGO_TARGET_DIR/debug/examples/connect" >/dev/null)

@@ -1,9 +1,7 @@
 //! Back in time: what the page shows of a time that is over is what the core was at that time.
 
-use core::cell::Cell;
-use std::rc::Rc;
-
 use emulators::rng::Rng;
+use hilrig::Shared;
 use hilrig::rig::line::Direction;
 use hilrig::rig::trace::{Side, Tap};
 use hilrig::run::Run;
@@ -16,14 +14,12 @@ use super::server::Server;
 use super::{again, plain};
 
 /// Counts the bytes that come out of each direction of each link.
-struct Bytes(Rc<Cell<[u64; 32]>>);
+struct Bytes(Shared<[u64; 32]>);
 
 impl Tap for Bytes {
     fn record(&mut self, link: usize, to: Direction, side: Side, _: Instant, bytes: &[u8]) {
         if side == Side::Received {
-            let mut counts = self.0.get();
-            counts[2 * link + to as usize] += bytes.len() as u64;
-            self.0.set(counts);
+            self.0.lock()[2 * link + to as usize] += bytes.len() as u64;
         }
     }
 }
@@ -89,8 +85,8 @@ fn all_that_is_shown_of_a_time_is_what_the_core_was_then() {
     let mut times: Vec<u64> = (0..10).map(|_| rng.below(20_000)).collect();
     times.sort_unstable();
     let mut run = again(&server.case(), 0);
-    let counts = Rc::new(Cell::new([0; 32]));
-    run.rig.add_tap(Box::new(Bytes(Rc::clone(&counts))));
+    let counts = Shared::new([0; 32]);
+    run.rig.add_tap(Box::new(Bytes(counts.clone())));
     for at_ms in times {
         browser.set("#time", &at_ms.to_string());
         browser.wait("hilrig.past && wanted === null && !asking");
@@ -101,7 +97,7 @@ fn all_that_is_shown_of_a_time_is_what_the_core_was_then() {
         let far = (at_ms * 1_000_000).saturating_sub(at_ns);
         assert!(far < 800_000_000, "{at_ns} for {at_ms} ms");
         run.go_on_until(Instant::from_nanos(at_ns));
-        assert_shown(&browser, &run, &counts.get());
+        assert_shown(&browser, &run, &*counts.lock());
     }
     browser.click("#live");
     assert_eq!(browser.value("hilrig.past"), Value::Null);

@@ -3,7 +3,7 @@
 use core::time::Duration;
 use std::io::{ErrorKind, Read as _, Write as _};
 
-use hilrig::run::bench::Bench;
+use hilrig::ports::Bench;
 
 use super::{in_a_room, shipped};
 

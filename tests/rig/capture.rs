@@ -1,13 +1,12 @@
 //! The capture of a run: true to what passed the lines, and readable by others.
 
-use core::cell::RefCell;
 use core::time::Duration;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::rc::Rc;
 
+use hilrig::Shared;
 use hilrig::capture::{Capture, Kind, Limits, Recording, about, about_live};
 use hilrig::rig::fault::{Damage, FaultId, Strike, Window};
 use hilrig::rig::line::Direction;
@@ -23,8 +22,8 @@ type Chunks = Vec<(usize, Direction, u64, Vec<u8>)>;
 /// Keeps what the trace is made of.
 #[derive(Default)]
 struct Witness {
-    sent: Rc<RefCell<Chunks>>,
-    received: Rc<RefCell<Chunks>>,
+    sent: Shared<Chunks>,
+    received: Shared<Chunks>,
 }
 
 impl Tap for Witness {
@@ -34,7 +33,7 @@ impl Tap for Witness {
             Side::Received => &self.received,
         };
         let chunk = (link, to, at.as_nanos(), bytes.to_vec());
-        chunks.borrow_mut().push(chunk);
+        chunks.lock().push(chunk);
     }
 }
 
@@ -126,9 +125,9 @@ fn a_capture_holds_both_sides_of_every_chunk() {
                     .filter(|chunk| (chunk.0, chunk.1) == (index, to));
                 own.cloned().collect()
             };
-            let arrived = of_line(&books[1].borrow());
+            let arrived = of_line(&books[1].lock());
             assert_eq!(of_line(&received), arrived, "{} {}", link.name, to.name());
-            let (captured, mut truth) = (of_line(&sent), of_line(&books[0].borrow()));
+            let (captured, mut truth) = (of_line(&sent), of_line(&books[0].lock()));
             let on_the_way = truth.split_off(captured.len());
             assert_eq!(captured, truth, "{} {}", link.name, to.name());
             assert!(on_the_way.len() <= 64, "{}", on_the_way.len());

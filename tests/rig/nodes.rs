@@ -4,7 +4,7 @@ use core::time::Duration;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 
-use hilrig::run::bench::{Bench, VirtualPort};
+use hilrig::ports::{Bench, VirtualPort};
 use hilrig::run::check::Status;
 use hilrig::run::{Outcome, Run};
 use hilrig::scenario::{Scenario, Source};

@@ -4,7 +4,7 @@ use core::time::Duration;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 
-use hilrig::run::bench::{Bench, VirtualPort};
+use hilrig::ports::{Bench, VirtualPort};
 use hilrig::scenario::Scenario;
 use protocols::Decode as _;
 use protocols::rplidar::{Command, Decoder, Frame, Info, Node, Reply, Status};
@@ -175,14 +175,14 @@ fn the_motor_turns_by_what_is_wired() {
     client.say(Command::Scan);
     bench.sleep(Duration::from_secs(2));
     assert_eq!(client.take(1_000).len(), 1, "a descriptor and no nodes");
-    let mut pin = bench.port("lidar-motor").expect("offered");
+    let mut pin = bench.raw("lidar-motor").expect("offered");
     pin.write_all(&[153]).expect("room");
     bench.sleep(Duration::from_secs(3));
     let nodes = client.take(1_000).len();
     assert!(nodes > 150, "{nodes} nodes");
 
     let unknown = room("motor = \"dtr\"")
-        .port("lidar-motor")
+        .raw("lidar-motor")
         .expect_err("no such pin");
     let known = "no port lidar-motor, expected one of lidar, lidar-dtr";
     assert_eq!(unknown.to_string(), known);

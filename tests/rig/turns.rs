@@ -8,7 +8,7 @@ use std::path::Path;
 use firmware_core::pose::Point;
 use firmware_core::scan::{BEAMS, Mounting, TurnAssembler, WeakReadings};
 use hilrig::robots::{Beam, ScanDecoder};
-use hilrig::run::bench::Bench;
+use hilrig::ports::Bench;
 use hilrig::scenario::Scenario;
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -77,7 +77,8 @@ use protocols::{Instant, LineEvent};
 
 pub use executor::Timer;
 pub use port::{TIMEOUT, VirtualPort};
-pub use styles::*;
+#[cfg(feature = "embedded")]
+pub use styles::{Delay, I2cError, I2cPort, PinError, PinPort};
 pub use turns::PATIENCE;
 
 use state::PortState;
@@ -138,6 +139,16 @@ impl Bench {
     /// port, [`ErrorKind::BrokenPipe`] after the run was judged.
     pub fn port(&self, name: &str) -> io::Result<VirtualPort> {
         let index = self.open(name, &[LinkKind::Uart, LinkKind::Datagram])?;
+        Ok(VirtualPort::new(self.clone(), index, name))
+    }
+
+    /// Opens the end of a link of any kind: a write to a bus or a network is one message, a byte
+    /// written to a pin is its level.
+    ///
+    /// # Errors
+    /// As [`Bench::port`], but for the kind.
+    pub fn raw(&self, name: &str) -> io::Result<VirtualPort> {
+        let index = self.open(name, &LinkKind::ALL)?;
         Ok(VirtualPort::new(self.clone(), index, name))
     }
 

@@ -96,11 +96,7 @@ impl VirtualPort {
         Ok(len)
     }
 
-    pub(crate) fn poll_read(
-        &self,
-        cx: &Context<'_>,
-        buf: &mut [u8],
-    ) -> Poll<io::Result<usize>> {
+    pub(crate) fn poll_read(&self, cx: &Context<'_>, buf: &mut [u8]) -> Poll<io::Result<usize>> {
         if buf.is_empty() {
             return Poll::Ready(Ok(0));
         }
@@ -151,7 +147,10 @@ impl Read for VirtualPort {
             return Ok(0);
         }
         turn.asked()?;
-        Err(io::Error::new(ErrorKind::TimedOut, "no byte within the timeout"))
+        Err(io::Error::new(
+            ErrorKind::TimedOut,
+            "no byte within the timeout",
+        ))
     }
 }
 

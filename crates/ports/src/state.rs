@@ -69,6 +69,7 @@ impl PortState {
     }
 
     /// Discards what arrived.
+    #[cfg(any(feature = "embedded", feature = "serialport"))]
     pub(crate) fn clear(&mut self, run: &mut Run) {
         self.collect(run);
         self.received.clear();

@@ -278,7 +278,10 @@ impl Core {
 impl State {
     /// The names of the ports.
     pub(crate) fn names(&self) -> Vec<String> {
-        self.ports.iter().map(|port| port.end.name.clone()).collect()
+        self.ports
+            .iter()
+            .map(|port| port.end.name.clone())
+            .collect()
     }
 
     /// Virtual time.
@@ -455,7 +458,10 @@ impl<'a> Turn<'a> {
 
     /// The number of the port `name`.
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
-        self.state.ports.iter().position(|port| port.end.name == name)
+        self.state
+            .ports
+            .iter()
+            .position(|port| port.end.name == name)
     }
 
     /// The names of the ports.

@@ -36,7 +36,9 @@ fn line(mut read: impl FnMut(&mut [u8]) -> io::Result<usize>) -> io::Result<Stri
     Ok(line)
 }
 
-async fn line_async<E>(mut read: impl AsyncFnMut(&mut [u8]) -> Result<usize, E>) -> Result<String, E> {
+async fn line_async<E>(
+    mut read: impl AsyncFnMut(&mut [u8]) -> Result<usize, E>,
+) -> Result<String, E> {
     let (mut line, mut byte) = (String::new(), [0]);
     while read(&mut byte).await? == 1 && byte[0] != b'\n' {
         line.push(byte[0].into());

@@ -14,7 +14,11 @@ const MS: Duration = Duration::from_millis(1);
 
 /// A bench that has these devices, and a world around them if they have a wall.
 fn bench(devices: &str) -> Bench {
-    let robot = if devices.contains("wall") { "custom" } else { "none" };
+    let robot = if devices.contains("wall") {
+        "custom"
+    } else {
+        "none"
+    };
     let world = "world.start = { x_m = 0, y_m = 0, heading_deg = 0 }";
     let head = "schema = 1\nname = \"bench\"\nduration = \"20s\"\n";
     let text = format!("{head}robot = \"{robot}\"\n{world}\n{devices}");
@@ -117,7 +121,8 @@ fn an_expected_thread_of_a_driver_takes_part() {
     assert_eq!(&thread.join().expect("sound").expect("a line"), b"mm=700\n");
 
     let mut port = bench.port("sonar").expect("a port");
-    let stranger = std::thread::spawn(move || port.read(&mut [0]).map_err(|error| error.to_string()));
+    let stranger =
+        std::thread::spawn(move || port.read(&mut [0]).map_err(|error| error.to_string()));
     let error = stranger.join().expect("sound").expect_err("unknown");
     assert!(error.contains("start it with `Bench::spawn`"), "{error}");
 }
@@ -135,7 +140,7 @@ fn a_thread_that_blocks_outside_is_named() {
     });
     let received: Result<(), _> = receiver.recv_timeout(Duration::from_secs(60));
     assert_eq!(received, Err(RecvTimeoutError::Disconnected));
-    let error = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| reader.join()));
+    let error = std::panic::catch_unwind(core::panic::AssertUnwindSafe(|| reader.join()));
     let panic = error.expect_err("stuck");
     let said = panic.downcast_ref::<String>().expect("a message");
     assert!(
@@ -172,7 +177,10 @@ fn settings_of_a_serial_port_act() {
     assert_eq!(port.bytes_to_write().expect("known"), 0);
     let mut reply = [0; 5];
     other.read_exact(&mut reply).expect("a reply");
-    assert_eq!((&reply, port.bytes_to_read().expect("known")), (b"pong\n", 0));
+    assert_eq!(
+        (&reply, port.bytes_to_read().expect("known")),
+        (b"pong\n", 0)
+    );
     let error = port.read(&mut [0]).map(drop);
     assert_eq!(error.map_err(|error| error.kind()), Ok(()));
 }
@@ -239,11 +247,15 @@ fn an_i2c_bus_has_its_chip() {
     bus.write(0x70, &[0, 0x51]).expect("acknowledged");
     delay.delay_ms(70);
     let mut range = [0; 2];
-    bus.write_read(0x70, &[2], &mut range).expect("acknowledged");
+    bus.write_read(0x70, &[2], &mut range)
+        .expect("acknowledged");
     let centimetres = u16::from_be_bytes(range);
     assert!((198..=202).contains(&centimetres), "{centimetres} cm");
     let error = bus.read(0x33, &mut range).expect_err("no such chip");
-    assert!(matches!(error.kind(), I2cErrorKind::NoAcknowledge(_)), "{error}");
+    assert!(
+        matches!(error.kind(), I2cErrorKind::NoAcknowledge(_)),
+        "{error}"
+    );
     let read = bench.block_on(async {
         embedded_hal_async::i2c::I2c::write_read(&mut bus, 0x70, &[2], &mut range).await
     });

@@ -35,7 +35,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--hilrig-virtual",
         action="store_true",
-        help="run rigs in virtual time, if the installed hilrig can",
+        help="run the programs of rig.run in virtual time; a test that is the program itself "
+        "stays in real time",
     )
     group.addoption(
         "--hilrig-seed", type=int, metavar="N", help="seed of all rigs, in place of their own"
@@ -55,7 +56,7 @@ def pytest_configure(config: pytest.Config) -> None:
     )
     if config.getoption("--hilrig-virtual"):
         try:
-            _virtual(find_binary(), "up")
+            _virtual(find_binary(), "run")
         except RuntimeError as error:
             raise pytest.UsageError(f"--hilrig-virtual: {error}") from error
 
@@ -72,7 +73,8 @@ class RigFactory:
 
     def __call__(self, scenario: Optional[PathLike] = None, **settings: Any) -> Rig:
         """Starts a rig: of the scenario, or that of the marker. ``settings`` are those of ``Rig``."""
-        path, settings = self._settings(scenario, settings)
+        # A test that is the program runs in real time, so its rig does, whatever the option says.
+        path, settings = self._settings(scenario, {"virtual": False, **settings})
         rig = Rig(path, out=self._folder(), **settings)
         self._rigs.append(rig)
         self._seeds.append(rig.seed)

@@ -9,7 +9,7 @@ use std::path::Path;
 use emulators::rplidar::Rplidar;
 use emulators::wheel_board::WheelBoard;
 use hilrig::prelude::Device;
-use hilrig::run::bench::{Bench, VirtualPort};
+use hilrig::ports::{Bench, VirtualPort};
 use hilrig::scenario::Scenario;
 use protocols::Decode as _;
 use protocols::peripherals::{Outputs, Sample, SampleDecoder, SampleFormat};
@@ -53,7 +53,7 @@ fn observe(faults: &str) -> Seen {
     let (scenario, source) = Scenario::parse(Path::new("<test>"), text).expect("sound");
     let bench = Bench::new(scenario, &source).expect("can be wired");
     let open = |name: &str| {
-        let mut port = bench.port(name).expect("offered");
+        let mut port = bench.raw(name).expect("offered");
         port.set_timeout(Duration::ZERO);
         port
     };

@@ -5,7 +5,7 @@ use core::time::Duration;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 
-use hilrig::run::bench::{Bench, VirtualPort};
+use hilrig::ports::{Bench, VirtualPort};
 use hilrig::scenario::Scenario;
 use protocols::perception::Message;
 
@@ -71,7 +71,7 @@ fn a_ranger_by_itself_tells_100_cm_and_its_faults_something_else() {
     ];
     for (name, fault, expected) in rows {
         let bench = bench(RANGER, fault);
-        let mut bus = bench.port("ranger").expect("a port");
+        let mut bus = bench.raw("ranger").expect("a port");
         bus.set_timeout(Duration::from_millis(20));
         assert_eq!(range_cm(&bench, &mut bus), Some(100), "{name}");
         bench.sleep(Duration::from_secs(10));
@@ -100,7 +100,7 @@ fn a_gyroscope_by_itself_has_its_name_and_its_bias() {
     ];
     for (fault, name, rates) in rows {
         let bench = bench(GYRO, Some((fault, "")));
-        let mut bus = bench.port("gyro").expect("a port");
+        let mut bus = bench.raw("gyro").expect("a port");
         bus.set_timeout(Duration::from_millis(20));
         transact(&mut bus, &[0xD0, 0x6B, 0x00], 0);
         transact(&mut bus, &[0xD0, 0x1B, 0x18], 0);
@@ -157,7 +157,7 @@ fn a_camera_by_itself_sends_30_rows_a_second_and_its_faults_others() {
     ];
     for (fault, more, holds) in table {
         let bench = bench(CAMERA, Some((fault, more)));
-        let mut scan = bench.port("camera").expect("a port");
+        let mut scan = bench.raw("camera").expect("a port");
         scan.set_timeout(Duration::from_millis(100));
         let before = rows(&bench, &mut scan);
         assert!(before.len() >= 29, "{}", before.len());

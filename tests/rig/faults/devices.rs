@@ -2,11 +2,10 @@
 //! the lidar is turned by the rig, and the base and the radio get the same requests at the same
 //! times, whatever they answer.
 
-use core::cell::RefCell;
 use core::time::Duration;
 use std::path::Path;
-use std::rc::Rc;
 
+use hilrig::Shared;
 use hilrig::rig::line::{Delivery, Direction};
 use hilrig::rig::trace::{Side, Tap};
 use hilrig::robots::{self, Dut, PcEnd};
@@ -83,14 +82,14 @@ impl Seen {
     }
 }
 
-struct Pen(Rc<RefCell<Seen>>);
+struct Pen(Shared<Seen>);
 
 impl Tap for Pen {
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
         if direction == Direction::ToMaster && !delivery.bytes.is_empty() {
-            let stream = &mut self.0.borrow_mut().links[link];
+            let stream = &mut self.0.lock().links[link];
             stream.push((delivery.at, delivery.bytes.clone()));
         }
     }
@@ -101,8 +100,8 @@ fn observe(scenario: Scenario) -> Seen {
     let (_, source) = in_a_room("10s", "");
     let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::External);
     let mut wired = wired.expect("sound");
-    let seen = Rc::default();
-    wired.rig.add_tap(Box::new(Pen(Rc::clone(&seen))));
+    let seen = Shared::default();
+    wired.rig.add_tap(Box::new(Pen(seen.clone())));
     let node = |name: &str| {
         let end = wired.open_ends.iter().find(|end| end.name == name);
         end.expect("offered").node
@@ -137,7 +136,7 @@ fn observe(scenario: Scenario) -> Seen {
     drop(run);
     Seen {
         case: Some(case),
-        ..seen.take()
+        ..core::mem::take(&mut *seen.lock())
     }
 }
 

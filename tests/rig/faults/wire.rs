@@ -1,10 +1,9 @@
 //! A bench of two links between ends that are served from outside. What is put in does not depend
 //! on what comes out, so each line shows what befell it and nothing else.
 
-use core::cell::RefCell;
 use core::time::Duration;
-use std::rc::Rc;
 
+use hilrig::Shared;
 use hilrig::rig::Rig;
 use hilrig::rig::fault::FaultId;
 use hilrig::rig::line::{Delivery, Direction, End};
@@ -48,12 +47,12 @@ impl Seen {
     }
 }
 
-struct Pen(Rc<RefCell<[Vec<String>; 4]>>);
+struct Pen(Shared<[Vec<String>; 4]>);
 
 impl Pen {
     fn put(&self, link: usize, direction: Direction, at: Instant, what: &str) {
         let since = (at - Instant::from_millis(10)).as_nanos() as f64 / 1e5;
-        self.0.borrow_mut()[2 * link + direction as usize].push(format!("{since}:{what}"));
+        self.0.lock()[2 * link + direction as usize].push(format!("{since}:{what}"));
     }
 }
 
@@ -123,8 +122,8 @@ pub(super) fn run_each(scenario: Scenario, sent: [Vec<u8>; 4], piece: usize) -> 
         let planned = rig.plan_fault(fault, FaultId(index), scenario.seed);
         planned.expect("a fault that makes sense here");
     }
-    let lines = Rc::new(RefCell::default());
-    rig.add_tap(Box::new(Pen(Rc::clone(&lines))));
+    let lines = Shared::default();
+    rig.add_tap(Box::new(Pen(lines.clone())));
 
     let mut run = Run::with_rig(scenario, rig, Box::new(Unknown));
     run.go_on_until(Instant::from_millis(10));
@@ -139,6 +138,6 @@ pub(super) fn run_each(scenario: Scenario, sent: [Vec<u8>; 4], piece: usize) -> 
     let got = receivers.map(|node| run.rig.take_output(node).to_vec());
     let case = run.case();
     drop(run);
-    let lines = lines.take();
+    let lines = core::mem::take(&mut *lines.lock());
     Seen { lines, got, case }
 }

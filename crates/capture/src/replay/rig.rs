@@ -123,11 +123,7 @@ impl StandIn {
             // At which rate it was recorded a capture may not say.
             wired.set_rate(master, PortRate::Any { usual: line });
             let rig = &mut wired.rig;
-            let talk = Shared::new(Conversation::new(
-                passage,
-                &recorded.session(),
-                true,
-            ));
+            let talk = Shared::new(Conversation::new(passage, &recorded.session(), true));
             let node = match timing {
                 Timing::Clock => rig.add_device(&passage.link, Silent(line)),
                 Timing::Conversation => {

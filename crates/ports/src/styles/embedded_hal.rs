@@ -165,7 +165,9 @@ impl I2cPort {
             }),
             _ => Err(I2cError {
                 kind: ErrorKind::Bus,
-                message: format!("the bus does not answer a transfer at the address {address:#04x}"),
+                message: format!(
+                    "the bus does not answer a transfer at the address {address:#04x}"
+                ),
             }),
         }
     }

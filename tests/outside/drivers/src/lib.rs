@@ -1,0 +1,1 @@
+//! A crate whose tests use hilrig and drivers of the registry; see `tests/six.rs`.
