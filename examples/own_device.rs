@@ -7,7 +7,9 @@
 use std::collections::VecDeque;
 use std::io::Read as _;
 
+use hilrig::emulators::device::take;
 use hilrig::prelude::*;
+use hilrig::toml::de::Error;
 
 /// `[device.NAME.thermometer]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -42,7 +44,7 @@ impl Device for Thermometer {
     }
 
     fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
-        hilrig::emulators::device::take(&mut self.out, buf)
+        take(&mut self.out, buf)
     }
 
     fn poll_at(&self) -> Option<Instant> {
@@ -73,10 +75,7 @@ impl DeviceKind for ThermometerKind {
         schema_of::<ThermometerSpec>(generator)
     }
 
-    fn parse(
-        &self,
-        settings: ValueDeserializer<'_>,
-    ) -> Result<Box<dyn Settings>, hilrig::toml::de::Error> {
+    fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, Error> {
         read_settings::<ThermometerSpec>(settings)
     }
 
