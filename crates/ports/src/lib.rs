@@ -13,7 +13,7 @@
 //! | `tokio` | `Bench::tokio` with [`Bench::port`] | `tokio` |
 //! | `AsyncRead` of `futures` | [`Bench::block_on`] with [`Bench::port`] | `futures` |
 //! | `embedded-io`, `embedded-io-async` 0.6 and 0.7 | [`Bench::port`] | `embedded` |
-//! | `embedded-hal` and `embedded-hal-async` 1.0 | `Bench::i2c`, `Bench::pin`, `Bench::delay` | `embedded` |
+//! | `embedded-hal` 1.0, also async | `Bench::i2c`, `Bench::pin`, `Bench::delay` | `embedded` |
 //!
 //! A read that finds nothing lets the rig run until a byte arrives or the port's timeout is over; a
 //! write is taken at once as by an operating system, [`flush`](std::io::Write::flush) waits until

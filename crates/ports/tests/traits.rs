@@ -236,8 +236,8 @@ fn timers_of_tokio_follow_the_rig() {
     });
 }
 
-/// A range by a public sequence: 51 to register 0, 65 ms, two bytes from register 2. Another address
-/// is not acknowledged.
+/// A range by a public sequence: 51 to register 0, 65 ms, two bytes from register 2. Another
+/// address is not acknowledged.
 #[test]
 fn an_i2c_bus_has_its_chip() {
     let bench = bench(

@@ -8,6 +8,7 @@ from .binary import BinaryNotFound, find_binary
 from .control import Control, Refused
 from .result import Check, Result
 from .rig import Fault, Rig, RigError, run
+from .strategies import strategies
 
 __all__ = [
     "BinaryNotFound",
@@ -20,4 +21,5 @@ __all__ = [
     "RigError",
     "find_binary",
     "run",
+    "strategies",
 ]

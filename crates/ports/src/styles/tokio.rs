@@ -120,7 +120,8 @@ impl Bench {
             let mut clocks = Clocks {
                 bench: self,
                 rig: self.now(),
-                tokio: tokio::time::Instant::now(),
+                // The present of tokio's paused clock.
+                tokio: tokio::time::sleep(Duration::ZERO).deadline(),
                 after_end: 0,
             };
             let mut future = pin!(future);
