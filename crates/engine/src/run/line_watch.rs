@@ -181,14 +181,14 @@ mod tests {
         watches.record(1, to_master, Side::Sent, Instant::ZERO, &[1]);
         watches.record(1, to_device, Side::Received, Instant::ZERO, &[1]);
         watches.record(0, to_master, Side::Received, Instant::ZERO, &[1]);
-        assert!(!watch.borrow().is_found);
+        assert!(!watch.lock().is_found);
         watches.record(1, to_master, Side::Received, Instant::ZERO, &[1]);
-        assert!(watch.borrow().is_found);
+        assert!(watch.lock().is_found);
         watches.record(1, to_master, Side::Received, Instant::ZERO, &[]);
-        assert!(watch.borrow().is_found);
-        assert_eq!(watches.0.borrow().len(), 1);
+        assert!(watch.lock().is_found);
+        assert_eq!(watches.0.lock().len(), 1);
         drop(watch);
         watches.record(1, to_master, Side::Received, Instant::ZERO, &[1]);
-        assert!(watches.0.borrow().is_empty());
+        assert!(watches.0.lock().is_empty());
     }
 }
