@@ -219,7 +219,11 @@ impl Bench {
                 let acts = turn.acts();
                 turn.wait(Until::Act(acts), deadline).map(drop)
             });
+            let is_over = waited.is_err();
             expect_turn(waited);
+            if is_over {
+                return found();
+            }
         }
     }
 
@@ -275,9 +279,9 @@ impl Bench {
     /// Ends the run here and judges it; its ports are hung up, and threads that wait go on.
     ///
     /// # Panics
-    /// If it was judged already.
+    /// If it was judged already, or if a thread of the bench blocked outside of it.
     pub fn judge(&self) -> Outcome {
-        drop(self.core.enter());
+        expect_turn(self.core.enter().map(drop));
         self.core.end().expect("judged once").judge()
     }
 }
