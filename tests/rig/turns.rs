@@ -7,8 +7,8 @@ use std::path::Path;
 
 use firmware_core::pose::Point;
 use firmware_core::scan::{BEAMS, Mounting, TurnAssembler, WeakReadings};
-use hilrig::robots::{Beam, ScanDecoder};
 use hilrig::ports::Bench;
+use hilrig::robots::{Beam, ScanDecoder};
 use hilrig::scenario::Scenario;
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -8,8 +8,8 @@ use std::path::Path;
 
 use emulators::rplidar::Rplidar;
 use emulators::wheel_board::WheelBoard;
-use hilrig::prelude::Device;
 use hilrig::ports::{Bench, VirtualPort};
+use hilrig::prelude::Device;
 use hilrig::scenario::Scenario;
 use protocols::Decode as _;
 use protocols::peripherals::{Outputs, Sample, SampleDecoder, SampleFormat};
