@@ -5,6 +5,7 @@
 mod case;
 mod described;
 mod experiment;
+mod fidelity;
 
 use schemars::generate::{SchemaGenerator, SchemaSettings};
 use schemars::{JsonSchema, Schema, json_schema};
@@ -17,6 +18,7 @@ pub(super) use described::{
     Talked, ValueTold,
 };
 pub(super) use experiment::{ExperimentDone, ExperimentFigure, Experiments};
+pub(super) use fidelity::{FigureCompared, Figures};
 
 use super::{CliError, Verdict};
 use crate::TOOL;
@@ -443,26 +445,6 @@ pub(super) struct Shrunk {
     pub(super) tries: u64,
     /// The command that reproduces the failure.
     pub(super) repeat: String,
-}
-
-/// Figures of a device, compared with those of another one.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct Figures {
-    pub(super) figures: Vec<FigureCompared>,
-    /// What judges the device, and what cannot be judged.
-    pub(super) ledger: Vec<super::fidelity::ledger::Row>,
-}
-
-/// A figure.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct FigureCompared {
-    pub(super) name: String,
-    pub(super) unit: String,
-    /// The value in the reference stream.
-    pub(super) real: Option<f64>,
-    pub(super) emulated: Option<f64>,
-    /// Whether both values agree; none if that is not judged.
-    pub(super) holds: Option<bool>,
 }
 
 /// A log that was mapped.

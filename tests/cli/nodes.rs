@@ -93,9 +93,7 @@ fn an_interrupt_ends_the_wait_for_a_silent_program() {
     session.write("scale.toml", &scenario("echo up > up; exec sleep 60"));
     let mut command = session.command(&["run", "scale.toml", "--out", "o"]);
     let child = command.spawn().expect("hilrig starts");
-    while !session.path("up").exists() {
-        std::thread::sleep(core::time::Duration::from_millis(10));
-    }
+    wait_until("its start", || session.path("up").exists());
     let id = child.id().to_string();
     let sent = Command::new("kill").args(["-INT", &id]).status();
     assert!(sent.expect("kill starts").success());
