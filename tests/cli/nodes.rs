@@ -92,12 +92,11 @@ fn an_interrupt_ends_the_wait_for_a_silent_program() {
     session.write("scale.toml", &scenario("echo up > up; exec sleep 60"));
     let mut command = session.command(&["run", "scale.toml", "--out", "o"]);
     let child = command.spawn().expect("hilrig starts");
-    while !session.path("up").exists() {
-        std::thread::sleep(core::time::Duration::from_millis(10));
-    }
-    let id = child.id().to_string();
-    let sent = Command::new("kill").args(["-INT", &id]).status();
-    assert!(sent.expect("kill starts").success());
+    let interrupt = "while ! test -s up; do sleep 0.01; done; kill -INT $0";
+    let mut shell = Command::new("sh");
+    shell.args(["-c", interrupt, &child.id().to_string()]);
+    let sent = shell.current_dir(session.path("")).status();
+    assert!(sent.expect("a shell").success());
     let output = child.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(130), "{output:?}");
     let said = text(&output.stdout);

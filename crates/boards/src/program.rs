@@ -138,7 +138,7 @@ fn build_in(dir: &Dir, own: &str) -> Result<(), String> {
     if !built.status.success() {
         return Err(reason(&String::from_utf8_lossy(&built.stderr)));
     }
-    dir.rename(&format!("{own}/{NAME}"), NAME).map_err(said)
+    dir.rename(format!("{own}/{NAME}"), NAME).map_err(said)
 }
 
 /// What the compiler's words come to.

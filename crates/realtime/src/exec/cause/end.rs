@@ -69,7 +69,7 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
     if alive.all(|check| check.status != Status::Fail) {
         return None;
     }
-    let words = last_words(&evidence.said)
+    let words = last_words(evidence.said)
         .map_or_else(String::new, |line| format!("; its last words: {line}"));
     let after = after(evidence, at);
     Some(match ended {

@@ -94,7 +94,7 @@ pub(super) fn what_for(evidence: &Evidence<'_>) -> String {
         Wait::Read(_) | Wait::Any { .. } => None,
     });
     let text = text.map_or_else(String::new, |text| format!(" ({text} in the end)"));
-    let last = last_words(&evidence.said);
+    let last = last_words(evidence.said);
     // An error that ended a thread, not the program.
     let is_error = |line: &&str| {
         let words = ["Error", "Exception", "panicked", "error"];
@@ -133,7 +133,7 @@ fn not_opened(evidence: &Evidence<'_>) -> Option<Cause> {
     };
     let why = match evidence.ended {
         Some((ended, at)) => {
-            let last = last_words(&evidence.said);
+            let last = last_words(evidence.said);
             let words = last.map_or_else(String::new, |line| format!(" (its last words: {line})"));
             format!("it ended with {ended} at {at} s before that{words}")
         }
