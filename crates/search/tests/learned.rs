@@ -102,10 +102,7 @@ fn frames(of: &Description, bytes: &[u8]) -> Vec<Vec<u8>> {
     let mut found: Vec<_> = cutter.push(bytes).flatten().collect();
     cutter.idle();
     found.extend(cutter.push(&[]).flatten());
-    found
-        .into_iter()
-        .map(|frame| frame.bytes.to_vec())
-        .collect()
+    found.iter().map(|frame| frame.bytes.to_vec()).collect()
 }
 
 /// Frames of the device that the learner has not seen.

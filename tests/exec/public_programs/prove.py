@@ -2,9 +2,9 @@
 
     python prove.py [--write] [--runs N] [NAME ..]
 
-Each row of programs.toml is run N times (three): the program prints what its row says, the runs have
-one trace and one output, and the table tells how many times faster than life they were, by the
-processor time of program and supervisor together. --write makes the table of docs/virtual-time.md;
+Each row of programs.toml is run N times (three): the program prints what its row says, the runs
+have one trace and one output, and the table tells how many times faster than real time they were, by
+the processor time of program and supervisor together. --write makes the table of docs/virtual-time.md;
 with names, their rows of it.
 HILRIG is the command, TOOLS the folder of the Python environment, BIN where programs are built.
 """
@@ -102,6 +102,8 @@ def tried(row, runs, verbose):
     outputs = len({output for _, output, *_ in found})
     if traces != 1:
         wrong.append(f"{traces} traces")
+    if not all(trace for trace, *_ in found):
+        wrong.append("a run has no trace")
     if outputs != 1 and not row.get("own_numbers"):
         wrong.append(f"{outputs} outputs")
     fastest = min(cost for *_, cost, _ in found)
@@ -137,12 +139,12 @@ def main():
             same, speed, note, wrong = tried(row, words.runs, words.verbose)
         except subprocess.TimeoutExpired:
             same, speed, note, wrong = "", "", "", ["takes more than 10 minutes"]
-        print(f"{'FAIL ' if wrong else ''}{row['name']}: {same}, {speed} times life"
+        print(f"{'FAIL ' if wrong else ''}{row['name']}: {same}, {speed} times real time"
               f"{', ' + '; '.join(wrong) if wrong else ''}", flush=True)
         failed += bool(wrong)
         table[row["name"]] = f"| {row['name']} | {same} | {speed} | {note} |\n"
     if words.write:
-        head = "| program | three runs | times life | leaves virtual time |\n|---|---|---|---|\n"
+        head = "| program | three runs | times real time | leaves virtual time |\n|---|---|---|---|\n"
         page = PAGE.read_text()
         before, rest = page.split(BEGIN)
         old, after = rest.split(END)

@@ -306,3 +306,48 @@ impl DeviceKind for ProgramKind {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::scenario::Scenario;
+
+    use super::*;
+
+    fn error(lines: &str) -> Option<String> {
+        let text = format!(
+            "schema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"1s\"\n\
+             [device.scale.program]\nexec = \"true\"\n{lines}"
+        );
+        let (scenario, source) = Scenario::parse(Path::new("s.toml"), text).expect("it is read");
+        let built = scenario.device["scale"].build("scale", 1, &source);
+        built.err().map(|error| error.to_string())
+    }
+
+    /// A coding without its rate would be silently another one; the protocol has one byte for the
+    /// number of a quantity.
+    #[test]
+    fn what_would_be_lost_is_refused() {
+        assert_eq!(error("rate = 9600\nformat = \"7E1\"\n"), None);
+        for wrong in [
+            "description = \"mt-sics\"\nformat = \"7E1\"\n",
+            "format = \"7E1\"\nports = [{ name = \"a\", rate = 9600 }]\n",
+        ] {
+            let said = error(wrong).expect(wrong);
+            assert!(
+                said.contains("program.format: stands without rate"),
+                "{said}"
+            );
+        }
+        let quantities = |count: usize| -> String {
+            let one = |number| format!("q{number} = {{ counter = \"1s\" }}\n");
+            let all: String = (0..count).map(one).collect();
+            format!("rate = 9600\n[device.scale.program.quantities]\n{all}")
+        };
+        assert_eq!(error(&quantities(256)), None);
+        let said = error(&quantities(257)).expect("too many");
+        assert!(
+            said.contains("quantities: has 257, expected at most 256"),
+            "{said}"
+        );
+    }
+}
