@@ -148,6 +148,10 @@ pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice)
         let adversity = Adversity::draw(profile, &targets, places, made.duration, &mut dice.faults);
         let has_faults = adversity.has_faults();
         adversity.apply(profile, &mut made, recovery);
+        if has_faults {
+            let end = made.duration;
+            mission::keep_steering(profile, &mut made.mission, end);
+        }
         if has_faults && !mission::is_fixed(base) && mission::takes_orders(base) {
             let end = made.duration;
             mission::keep_busy(profile, &targets, &mut made.mission, end, &mut dice.mission);

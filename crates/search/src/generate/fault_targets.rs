@@ -19,6 +19,8 @@ pub(super) struct FaultTargets {
     never: Vec<String>,
     /// Set-points with which the robot turns on the spot.
     turn: Option<Vec<SetPoint>>,
+    /// Links that the robot needs in order to drive.
+    needs: Vec<String>,
     hasty: Option<&'static str>,
 }
 
@@ -84,6 +86,7 @@ impl FaultTargets {
                 // A device that the scenario describes itself has no client at its other end.
                 let open = wired.open_ends.iter().map(|end| end.link.as_str());
                 let open: Vec<&str> = open.collect();
+                let needs = wired.instruments.needs().into_iter();
                 let station = wired.instruments.station(&wired.rig);
                 let keys = station.and_then(Station::keys);
                 // A single axis steers and does not turn the robot on the spot.
@@ -92,6 +95,7 @@ impl FaultTargets {
                 let mut targets = Self {
                     never: profile.faults.never.clone(),
                     turn: keys.map(|keys| keys.left).filter(turns),
+                    needs: needs.map(|need| need.link.into_owned()).collect(),
                     consoles: wired.instruments.consoles(),
                     hasty: wired.instruments.silence().map(|silence| silence.link),
                     ..Self::wired(&wired.rig, &open)
@@ -135,6 +139,7 @@ impl FaultTargets {
             consoles: &[],
             never: Vec::new(),
             turn: None,
+            needs: Vec::new(),
             hasty: None,
         }
     }
@@ -197,6 +202,11 @@ impl FaultTargets {
         let is_allowed = |kind: &FaultKind| !self.never.iter().any(|never| never == kind.name());
         let kinds = FaultKind::ALL.iter().copied();
         kinds.filter(is_allowed).filter(can)
+    }
+
+    /// Links that the robot needs in order to drive.
+    pub(super) fn needs(&self) -> &[String] {
+        &self.needs
     }
 
     /// Set-points with which the robot turns on the spot, if it can be driven by hand so.

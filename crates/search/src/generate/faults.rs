@@ -143,6 +143,13 @@ impl Drawn<'_> {
             }
             faults.push(fault);
         }
+        let share = keys.needed_link_percent;
+        if share > 0 && dice.below(100) < share && !targets.needs().is_empty() {
+            let link = &targets.needs()[dice.index(targets.needs().len())];
+            let mut fault = FaultSpec::on(link, DirectionSpec::ToMaster, FaultKind::Cut);
+            self.permanent(&mut fault, dice);
+            faults.push(fault);
+        }
         if self.profile.afterwards.power_cycle {
             for (link, device) in targets.consoles() {
                 if faults.iter().any(|fault| reaches(fault, link)) {

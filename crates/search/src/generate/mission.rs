@@ -59,6 +59,29 @@ pub(super) fn once_more(mission: &Mission, until_ms: u64, recovery_ms: u64) -> [
     ]
 }
 
+/// Orders that keep a robot driving that is steered by hand: its first order again and again, every
+/// other time backwards.
+pub(super) fn keep_steering(profile: &Profile, mission: &mut Mission, end: Span) {
+    let mut drives = mission.step.iter().filter_map(|step| match &step.action {
+        Action::Drive(drive) => Some(drive.clone()),
+        _ => None,
+    });
+    let (Some(first), Some(every)) = (drives.next(), profile.mission.repeat) else {
+        return;
+    };
+    let mut drive = first;
+    let mut at = every.0;
+    while at < end.0 {
+        if let Some(speed) = drive.first_mut() {
+            speed.0 = -speed.0;
+        }
+        mission
+            .step
+            .push(Step::at(Span(at), Action::Drive(drive.clone())));
+        at += every.0;
+    }
+}
+
 /// Time for which the operator turns the robot by hand.
 const BY_HAND_MS: [u64; 2] = [3_000, 9_000];
 

@@ -70,6 +70,10 @@ pub struct Faults {
     /// Share of the faults that last until they are healed, per cent.
     #[serde(default)]
     pub permanent_percent: u64,
+    /// Share of the runs in which a link that the robot needs falls silent until it is healed, per
+    /// cent.
+    #[serde(default)]
+    pub needed_link_percent: u64,
     /// Share of the runs in which one permanent fault is not healed, per cent.
     #[serde(default)]
     pub stays_broken_percent: u64,
@@ -262,6 +266,7 @@ impl Profile {
                 "stays_broken_percent",
                 faults.stays_broken_percent,
             ),
+            ("faults", "needed_link_percent", faults.needed_link_percent),
             ("mission", "by_hand_percent", self.mission.by_hand_percent),
         ] {
             if percent > 100 {
