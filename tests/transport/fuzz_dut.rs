@@ -331,7 +331,8 @@ fn a_program_behind_a_port_is_asked_as_well() {
         "--dut-dir",
     ]);
     command.arg(dir.path()).arg("--out").arg(&out);
-    let (code, said) = run(command.args(["--cases", "1", "--case", "100ms"]), "none");
+    // One case shows it, unless the machine is busy for the 60 ms in which an answer counts.
+    let (code, said) = run(command.args(["--cases", "4", "--case", "100ms"]), "none");
     over.store(true, Ordering::Relaxed);
     board.join().expect("the board lives");
     assert_eq!(code, Some(1), "{said}");
