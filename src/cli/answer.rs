@@ -459,10 +459,11 @@ pub(super) struct Surveyed {
     pub(super) jumps: u64,
     /// Loop closures.
     pub(super) loop_edges: u64,
-    /// Parts of the map that were not joined to each other.
-    pub(super) parts: u64,
+    /// Parts of the map that were not joined to each other, 1 if all is one; null if no loops are
+    /// closed.
+    pub(super) parts: Option<u64>,
     /// Part of the way that only the matching of scans holds, 0 to 1; 1 if the map has several
-    /// parts.
+    /// parts; null if no loops are closed, or the log has no odometry.
     pub(super) doubt: Option<f64>,
     pub(super) cell_mm: f64,
     pub(super) scan_median_us: f64,

@@ -42,8 +42,9 @@ use page::{Page, PageArgs};
     hilrig slam rosbag2_2026_11_23     # the folder, or one .mcap or .db3 file\n  \
     hilrig slam intel.log --ui=8080    # watched on a page while it is mapped\n\n\
     Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder; mode\n\
-    graph also scans.csv (how sure each pose is), graph.g2o and walls.pcd. With --map the map is\n\
-    not changed: trajectory.tum, scans.csv, timing.json, and map.png with walls and way.")]
+    graph also scans.csv (how sure each pose is, and its part of the map), graph.g2o and walls.pcd.\n\
+    With --map the map is not changed: trajectory.tum, scans.csv, timing.json, and map.png with\n\
+    walls and way.")]
 pub(super) struct SlamArgs {
     /// The log, a result folder, or the folder of a rosbag2
     #[arg(value_name = "LOG")]
@@ -197,7 +198,7 @@ pub(super) fn run(args: SlamArgs) -> Result<Verdict, CliError> {
         ambiguous: timing.ambiguous as u64,
         jumps: timing.jumps.len() as u64,
         loop_edges: timing.loop_edges as u64,
-        parts: timing.parts as u64,
+        parts: timing.parts.map(|parts| parts as u64),
         doubt: timing.doubt,
         cell_mm: timing.cell_mm,
         scan_median_us: timing.scan_median_us,
@@ -274,11 +275,12 @@ const DOUBT_MOST: f64 = 0.5;
 fn warn(result: &Survey, path: &Path) {
     let path = path.display();
     let doubt = result.doubt.unwrap_or_default();
-    if result.parts > 1 {
+    let parts = result.parts.unwrap_or_default();
+    if parts > 1 {
         eprintln!(
-            "{path}: warning: {} parts of the map were not joined: the robot moved unseen, and no \
-             place of one part was recognised in another; how they lie to each other is unknown",
-            result.parts
+            "{path}: warning: the map has {parts} parts that were not joined: the robot moved \
+             unseen, and no place of one part was recognised in another. How the parts lie to each \
+             other is unknown. The column part of scans.csv names the part of each scan"
         );
     } else if doubt > DOUBT_MOST {
         eprintln!(

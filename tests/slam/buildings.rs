@@ -22,6 +22,7 @@ fn mapped(seed: u64, closes_loops: bool) -> (Mapper, Vec<Pose>) {
         });
     }
     mapper.finish();
+    assert_eq!(mapper.parts(), closes_loops.then_some(1));
     let truth = building.sights.iter().map(|sight| sight.truth);
     (mapper, truth.collect())
 }
@@ -58,7 +59,10 @@ const SEED: u64 = 16;
 #[test]
 fn a_way_is_found_on_the_map_of_another() {
     let session = crate::command::Session::new("known");
-    for seed in [16, 17] {
+    // Limits of median and maximum on points, then on cells, metres. The map of building 6 is off
+    // by 0.11 m in the median, and the learned bend raises its maximum from 0.25 m to 0.31 m.
+    let (usual, loose) = ([0.05, 0.25, 0.08, 0.4], [0.12, 0.35, 0.12, 0.4]);
+    for (seed, limits) in [(6, loose), (16, usual), (17, usual)] {
         let (mapper, _) = mapped(seed, true);
         let back = Building::passed(seed, 0.0, Pass::Back);
         let median = |walls: &[WallPoint]| {
@@ -101,7 +105,8 @@ fn a_way_is_found_on_the_map_of_another() {
         let cells = walls(&session.path("map.yaml")).expect("a map");
         let (on_points, on_cells) = (median(&mapper.walls()), median(&cells));
         println!("{seed}: on points {on_points:?}, on cells {on_cells:?}");
-        assert!(on_points.0 < 0.05 && on_points.1 < 0.25, "{on_points:?}");
-        assert!(on_cells.0 < 0.08 && on_cells.1 < 0.4, "{on_cells:?}");
+        let measured = [on_points.0, on_points.1, on_cells.0, on_cells.1];
+        let is_within = measured.iter().zip(limits).all(|(off, limit)| *off < limit);
+        assert!(is_within, "{seed}: {measured:?}, limits {limits:?}");
     }
 }

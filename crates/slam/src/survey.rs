@@ -73,10 +73,12 @@ pub struct Survey {
     pub ambiguous: usize,
     /// Loops that were closed and opened again; of the mapper that closes loops.
     pub dropped_loops: usize,
-    /// Parts of the map that were not joined to each other.
-    pub parts: usize,
+    /// Parts of the map that were not joined to each other. Of the mapper that closes loops.
+    pub parts: Option<usize>,
+    /// Of each scan the part that it belongs to, from 1; of the mapper that closes loops.
+    pub scan_parts: Vec<usize>,
     /// Part of the way that only the matching of scans holds, 0 to 1; 1 if the map has several
-    /// parts. Of the mapper that closes loops.
+    /// parts. Of the mapper that closes loops, and a log with odometry.
     pub doubt: Option<f64>,
     /// Scans that lay outside the map.
     pub outside: usize,
@@ -185,7 +187,8 @@ impl Survey {
             doubtful: 0,
             ambiguous: 0,
             dropped_loops: 0,
-            parts: 1,
+            parts: None,
+            scan_parts: Vec::new(),
             doubt: None,
             outside: 0,
             jumps: Vec::new(),

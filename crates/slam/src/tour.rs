@@ -47,8 +47,11 @@ pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, look: &mut dyn FnMut(&Loo
     survey.way = times.zip(mapper.way()).collect();
     survey.ambiguous = mapper.ambiguous();
     survey.dropped_loops = mapper.dropped_loops();
-    survey.parts = mapper.parts().max(1);
-    survey.doubt = Some(mapper.doubt());
+    survey.parts = mapper.parts();
+    if survey.parts.is_some() {
+        survey.scan_parts = mapper.scan_parts();
+    }
+    survey.doubt = mapper.doubt();
     survey.walls = mapper.walls();
     survey.graph = mapper.graph().clone();
     survey

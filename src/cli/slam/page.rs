@@ -174,6 +174,10 @@ impl Open {
             known.corner_m = map.corner;
             known.cells.clone_from(&map.cells);
         }
+        if let Some(parts) = survey.parts.filter(|parts| *parts > 1) {
+            let words = format!("the map has {parts} parts; how they lie to each other is unknown");
+            self.desk.tell("not-joined", words);
+        }
         self.desk.show(&known, self.clock.now(), &self.clock);
     }
 

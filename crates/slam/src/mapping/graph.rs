@@ -160,8 +160,27 @@ impl Graph {
         (off(seen, self.told(edge)), from, to)
     }
 
+    /// Of each pose the lowest pose that ways and loops join it to: equal in one part of the map.
+    pub(crate) fn joined(&self) -> Vec<usize> {
+        fn lowest(of: &mut [usize], mut pose: usize) -> usize {
+            while of[pose] != pose {
+                of[pose] = of[of[pose]];
+                pose = of[pose];
+            }
+            pose
+        }
+        let mut of: Vec<usize> = (0..self.poses.len()).collect();
+        for edge in &self.edges {
+            if matches!(edge.kind, Kind::Way | Kind::Loop) {
+                let (a, b) = (lowest(&mut of, edge.from), lowest(&mut of, edge.to));
+                of[a.max(b)] = a.min(b);
+            }
+        }
+        (0..of.len()).map(|pose| lowest(&mut of, pose)).collect()
+    }
+
     /// Where an edge has its pose: wheels without what they miss.
-    fn told(&self, edge: &Edge) -> Pose {
+    pub(crate) fn told(&self, edge: &Edge) -> Pose {
         match edge.kind {
             Kind::Wheels => bent(edge.way, self.bend),
             Kind::Way | Kind::Loop | Kind::Unknown => edge.way,
@@ -327,6 +346,32 @@ fn weight(edge: &Edge, off: [f64; 3]) -> f64 {
 mod tests {
     use super::*;
     use core::f64::consts::FRAC_PI_2;
+
+    /// Poses 0 and 1, and 2 and 3, are joined by ways; an edge of each kind leads from 1 to 3.
+    #[test]
+    fn ways_and_loops_join_poses_and_no_other_edge_does() {
+        for (kind, joined) in [
+            (Kind::Way, [0, 0, 0, 0]),
+            (Kind::Loop, [0, 0, 0, 0]),
+            (Kind::Wheels, [0, 0, 2, 2]),
+            (Kind::Unknown, [0, 0, 2, 2]),
+        ] {
+            let mut graph = Graph::default();
+            for _ in 0..4 {
+                graph.add_pose(Pose::default());
+            }
+            for (from, to, kind) in [(0, 1, Kind::Way), (3, 2, Kind::Way), (1, 3, kind)] {
+                graph.add_edge(Edge {
+                    from,
+                    to,
+                    way: Pose::default(),
+                    information: diagonal([1.0; 3]),
+                    kind,
+                });
+            }
+            assert_eq!(graph.joined(), joined, "{kind:?}");
+        }
+    }
 
     use crate::mapping::motion::distance;
 

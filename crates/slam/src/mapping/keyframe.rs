@@ -15,6 +15,6 @@ pub(crate) struct Keyframe {
     /// Turn and length of the way to it by the wheels alone, radians and metres.
     pub(crate) turned: f64,
     pub(crate) wheels_m: f64,
-    /// Part of the map that it belongs to.
+    /// Part of the map that it belongs to: the number of that part's first keyframe.
     pub(crate) part: usize,
 }

@@ -22,7 +22,7 @@ pub(super) struct Guess {
     pub(super) from: usize,
     pub(super) to: usize,
     pub(super) way: Pose,
-    information: Matrix,
+    pub(super) information: Matrix,
 }
 
 /// What is kept from one look to the next.
@@ -373,7 +373,13 @@ impl Mapper {
         if agreeing.is_empty() {
             return false;
         }
-        for guess in agreeing.into_iter().chain([guess]) {
+        self.closed(agreeing.into_iter().chain([guess]));
+        true
+    }
+
+    /// Closes loops, and makes the poses agree with them.
+    pub(super) fn closed(&mut self, loops: impl IntoIterator<Item = Guess>) {
+        for guess in loops {
             self.graph.add_edge(Edge {
                 from: guess.from,
                 to: guess.to,
@@ -387,10 +393,9 @@ impl Mapper {
         self.graph.optimise(STEPS);
         let dropped = self.graph.drop_loops(HOPELESS);
         self.agreed(dropped);
-        true
     }
 
-    fn do_agree(&self, a: &Guess, b: &Guess) -> bool {
+    pub(super) fn do_agree(&self, a: &Guess, b: &Guess) -> bool {
         let poses = &self.graph.poses;
         let there = [a, b].map(|guess| moved(poses[guess.from], guess.way));
         let by_walls = between(there[0], there[1]);
@@ -411,6 +416,7 @@ impl Mapper {
             self.closing.dropped += dropped;
             self.graph.optimise(10);
         }
+        self.relabel();
     }
 
     /// The poses have been made to agree, but for some loops that were dropped: the robot is where
@@ -418,6 +424,7 @@ impl Mapper {
     fn agreed(&mut self, dropped: usize) {
         self.closing.fresh = 0;
         self.closing.dropped += dropped;
+        self.relabel();
         self.learn_bend();
         self.pose = *self.graph.poses.last().expect("a keyframe was just kept");
     }

@@ -19,9 +19,8 @@ use crate::mapping::motion::{between, distance, moved};
 pub(crate) struct Lost {
     /// Scans that contradict the walls, in a row.
     held: Vec<usize>,
-    /// The part that the robot is in, the newest one, and whether the first is joined to no other.
+    /// The part that the robot is in, and whether there are others.
     pub(super) part: usize,
-    newest: usize,
     pub(super) is_open: bool,
     tour: Option<Tour>,
     /// A place that was recognised once.
@@ -51,6 +50,11 @@ const UNKNOWN: f64 = 1e-6;
 /// Places are so far apart, metres of way, and are searched so far around.
 const APART_M: f64 = 4.0;
 const AROUND_M: f64 = 4.0;
+/// Way after which a part is looked for in the others, metres: one scan looks like many places,
+/// and a tour of a large map is too long to be made in vain.
+const SHORT_M: f64 = PLACE_M;
+/// Way between the two sights of a place, metres.
+const AGAIN_M: f64 = 2.0;
 /// Places searched at a keyframe.
 const PLACES: usize = 2;
 /// Part of a scan on walls of a place that is recognised, and how much worse all others must be.
@@ -111,8 +115,7 @@ impl Mapper {
         let before = self.at;
         self.path_m += UNKNOWN_M;
         let number = self.graph.add_pose(self.pose);
-        self.lost.newest += 1;
-        self.lost.part = self.lost.newest;
+        self.lost.part = number;
         self.lost.is_open = true;
         (self.lost.tour, self.lost.seen) = (None, None);
         // The scans that were held have been taken behind the unknown motion, too.
@@ -146,30 +149,59 @@ impl Mapper {
         self.redraw();
     }
 
-    /// Parts of the map that were not joined.
-    pub fn parts(&self) -> usize {
-        let mut parts: Vec<usize> = self.keyframes.iter().map(|key| key.part).collect();
-        parts.sort_unstable();
-        parts.dedup();
-        parts.len()
+    /// Number of parts of the map that ways or loops join; `None` if nothing was looked for.
+    pub fn parts(&self) -> Option<usize> {
+        let is_looked_for = self.settings.closes_loops && !self.keyframes.is_empty();
+        is_looked_for.then(|| self.count_parts())
+    }
+
+    fn count_parts(&self) -> usize {
+        let joined = self.graph.joined().into_iter().enumerate();
+        joined.filter(|(pose, lowest)| pose == lowest).count()
+    }
+
+    /// Of each scan the part of the map that it belongs to, the first of which is 1.
+    pub fn scan_parts(&self) -> Vec<usize> {
+        let joined = self.graph.joined();
+        let mut firsts = joined.clone();
+        firsts.sort_unstable();
+        firsts.dedup();
+        let part = |key: usize| firsts.partition_point(|first| *first <= joined[key]);
+        self.scans.iter().map(|(key, _)| part(*key)).collect()
+    }
+
+    /// Gives each keyframe the part that it belongs to, after loops were closed or dropped.
+    pub(super) fn relabel(&mut self) {
+        let mut has_changed = false;
+        for (key, part) in self.keyframes.iter_mut().zip(self.graph.joined()) {
+            has_changed |= key.part != part;
+            key.part = part;
+        }
+        if has_changed {
+            // Places of what is now the same part are no longer looked for.
+            (self.lost.tour, self.lost.seen) = (None, None);
+        }
+        self.lost.part = self.keyframes.get(self.at).map_or(0, |key| key.part);
+        self.lost.is_open = self.count_parts() > 1;
     }
 
     /// How much of the way nothing but the matching of scans holds, 0 to 1: the part that leads
-    /// between no two sights of a place. 1 if parts of the map were not joined.
-    pub fn doubt(&self) -> f64 {
-        if self.parts() > 1 {
-            return 1.0;
+    /// between no two sights of a place. 1 if parts of the map were not joined; `None` if no place
+    /// was looked for, or the wheels told of no way.
+    pub fn doubt(&self) -> Option<f64> {
+        if self.parts()? > 1 {
+            return Some(1.0);
         }
         let whole = self.keyframes.last().map_or(0.0, |key| key.wheels_m);
         if whole <= 0.0 {
-            return 0.0;
+            return None;
         }
         let looped = self.looped();
         let steps = self.keyframes.windows(2).zip(&looped);
         let open = steps
             .filter(|(_, looped)| !**looped)
             .map(|(keys, _)| keys[1].wheels_m - keys[0].wheels_m);
-        open.sum::<f64>() / whole
+        Some(open.sum::<f64>() / whole)
     }
 
     /// Looks for the newest part in all others; whether it was joined.
@@ -179,6 +211,7 @@ impl Mapper {
         }
         let mut tour = match self.lost.tour.take() {
             Some(tour) => tour,
+            None if self.is_short(number) => return false,
             None => self.tour(number),
         };
         for _ in 0..PLACES {
@@ -194,8 +227,38 @@ impl Mapper {
             self.lost.tour = Some(tour);
             return false;
         }
-        self.lost.seen = tour.only_one();
+        self.lost.seen = tour.only_one(|key| self.keyframes[key].part);
         false
+    }
+
+    /// Whether the robot has seen too little since it was lost to be recognised by it.
+    fn is_short(&self, number: usize) -> bool {
+        self.keyframes[number].path_m - self.keyframes[self.lost.part].path_m < SHORT_M
+    }
+
+    /// Ends the search for other parts when there are no more scans: the rest of the tour, and new
+    /// tours as long as they join a part.
+    pub(super) fn find_rest(&mut self) {
+        let last = self.keyframes.len() - 1;
+        while self.settings.closes_loops && self.lost.is_open {
+            let parts = self.count_parts();
+            let is_new = self.lost.tour.is_none() && self.lost.seen.is_none();
+            if is_new {
+                // The newest keyframe is the second sight, so that another is the first.
+                let mut lately = self.chain(last, AGAIN_M, 0.0);
+                let first = lately.find(|key| self.keyframes[*key].part == self.lost.part);
+                self.lost.tour = Some(self.tour(first.unwrap_or(last)));
+            }
+            while self.lost.seen.is_none() && self.lost.tour.is_some() {
+                self.find_part(last);
+            }
+            if let Some(seen) = self.lost.seen {
+                self.is_seen_again(seen, last);
+            }
+            if is_new && self.count_parts() >= parts {
+                break;
+            }
+        }
     }
 
     /// All places of the other parts, the nearest first.
@@ -251,16 +314,19 @@ impl Mapper {
     }
 
     /// Whether a later keyframe is where the first one was recognised; then the parts are joined.
-    fn is_seen_again(&mut self, seen: Guess, number: usize) -> bool {
-        if number == seen.to {
+    /// By the end of a long tour the robot may have left the other part, so one nearby is taken.
+    fn is_seen_again(&mut self, seen: Guess, newest: usize) -> bool {
+        if newest == seen.to {
             return false;
         }
         self.lost.seen = None;
+        let number = self.chain(seen.to, 0.0, AGAIN_M).end - 1;
+        let number = number.max(seen.to + 1);
         let there = moved(self.graph.poses[seen.from], seen.way);
         let by_way = between(self.graph.poses[seen.to], self.graph.poses[number]);
         let there = moved(there, by_way);
-        let (part, now) = (self.lost.part, self.keyframes[seen.from].part);
-        let near = (0..self.keyframes.len()).filter(|key| self.keyframes[*key].part == now);
+        let part = self.keyframes[seen.from].part;
+        let near = (0..self.keyframes.len()).filter(|key| self.keyframes[*key].part == part);
         let far = |key: &usize| distance(self.graph.poses[*key], there);
         let Some(place) = near.min_by(|a, b| far(a).total_cmp(&far(b))) else {
             return false;
@@ -270,29 +336,26 @@ impl Mapper {
         let (Some((guess, ..)), _) = self.recognised(place, number, &spots) else {
             return false;
         };
-        self.closing.guesses = vec![seen];
-        if !self.believe(guess) {
+        if !self.do_agree(&seen, &guess) {
             return false;
         }
-        for key in &mut self.keyframes {
-            if key.part == part {
-                key.part = now;
-            }
-        }
-        (self.lost.part, self.lost.is_open) = (now, false);
+        self.closing.guesses.clear();
+        self.closed([seen, guess]);
         true
     }
 }
 
 impl Tour {
-    /// The place that was recognised, if no other looks like it.
-    fn only_one(self) -> Option<Guess> {
+    /// The place that was recognised, if no other of its part looks like it: how places of several
+    /// parts lie to each other is unknown.
+    fn only_one(self, part: impl Fn(usize) -> usize) -> Option<Guess> {
         let mut found = self.found;
         found.sort_by(|a, b| b.2.total_cmp(&a.2));
         let (guess, pose, score) = *found.first()?;
         let is_rival = |other: &(Guess, Pose, f64)| {
             let turn = wrap_angle(other.1.theta - pose.theta).abs();
-            other.2 > RIVAL * score && (distance(other.1, pose) > 0.7 || turn > 0.15)
+            let is_same = part(other.0.from) == part(guess.from);
+            is_same && other.2 > RIVAL * score && (distance(other.1, pose) > 0.7 || turn > 0.15)
         };
         let has_rival = self.is_ambiguous || found.iter().any(is_rival);
         (!has_rival).then_some(guess)
@@ -302,7 +365,7 @@ impl Tour {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mapping::building::{Building, Sight};
+    use crate::mapping::building::{Building, Pass, Sight};
     use crate::mapping::{Settings, Shot};
 
     fn take(mapper: &mut Mapper, sight: &Sight, turn: f64, is_straight: bool) {
@@ -324,6 +387,163 @@ mod tests {
             start: building.sights[0].truth,
             ..Settings::default()
         })
+    }
+
+    fn observed(mapper: &Mapper) -> (usize, f64) {
+        let observed = mapper.parts().zip(mapper.doubt());
+        observed.expect("loops are closed, and the wheels were read")
+    }
+
+    /// At stake: a mapper that closes no loops, or whose wheels were not read, says that all is
+    /// well.
+    #[test]
+    fn parts_and_doubt_are_none_unless_observed() {
+        let building = Building::generate(1);
+        for (closes_loops, is_measured, parts, has_doubt) in [
+            (true, true, Some(1), true),
+            (false, true, None, false),
+            (true, false, Some(1), false),
+        ] {
+            let mut mapper = Mapper::new(Settings {
+                closes_loops,
+                ..Settings::default()
+            });
+            for sight in &building.sights[..20] {
+                mapper.take(&Shot {
+                    moved: if is_measured {
+                        sight.moved
+                    } else {
+                        Pose::default()
+                    },
+                    is_measured,
+                    ends: &sight.ends,
+                });
+            }
+            mapper.finish();
+            assert_eq!(
+                (mapper.parts(), mapper.doubt().is_some()),
+                (parts, has_doubt)
+            );
+        }
+    }
+
+    /// A scan that is held back moves the robot on by the wheels, whose errors are not forgotten.
+    #[test]
+    fn a_held_scan_is_as_unsure_as_its_wheels() {
+        let building = Building::generate(1);
+        let mut mapper = begun(&building);
+        let sights = &building.sights[..20];
+        sights
+            .iter()
+            .for_each(|sight| take(&mut mapper, sight, 0.0, true));
+        let before = mapper.unsure;
+        let hand = (0..180).map(|beam| {
+            let (sin, cos) = libm::sincos(f64::from(beam).to_radians() - 1.5);
+            let range = 0.5 + 0.05 * f64::from(beam % 7);
+            #[expect(clippy::cast_possible_truncation, reason = "metres")]
+            let end = [(range * cos) as f32, (range * sin) as f32];
+            end
+        });
+        let ends: Vec<[f32; 2]> = hand.collect();
+        mapper.take(&Shot {
+            moved: Pose::new(0.1, 0.0, 0.0),
+            is_measured: true,
+            ends: &ends,
+        });
+        assert_eq!(mapper.lost.held.len(), 1);
+        assert!(mapper.unsure[0] > before[0] && mapper.unsure[1] > before[1]);
+    }
+
+    /// A place as good as the best is a rival if it is in the same part: how places of two parts
+    /// lie to each other is unknown.
+    #[test]
+    fn rivals_are_places_of_one_part() {
+        let found = |from: usize, x: f64| {
+            let guess = Guess {
+                from,
+                to: 9,
+                way: Pose::default(),
+                information: diagonal([1.0; 3]),
+            };
+            (guess, Pose::new(x, 0.0, 0.0), 0.9)
+        };
+        for (parts, is_found) in [([0, 0], false), ([0, 5], true)] {
+            let tour = Tour {
+                number: 9,
+                spots: Vec::new(),
+                places: Vec::new(),
+                next: 0,
+                found: vec![found(0, 0.0), found(1, 3.0)],
+                is_ambiguous: false,
+            };
+            assert_eq!(tour.only_one(|key| parts[key]).is_some(), is_found);
+        }
+    }
+
+    /// A robot is carried from its way to a later place of it, and a second time. It is recognised
+    /// in the second part at once, and in the first when it comes by on its wheels.
+    #[test]
+    fn a_part_is_joined_after_another_was() {
+        let first = Building::generate(1);
+        let again = Building::passed(1, 0.0, Pass::Again(1));
+        let mut mapper = begun(&first);
+        let (there, back) = (&first.sights[330..360], &again.sights[320..460]);
+        let sights = first.sights[..80].iter().chain(there).chain(back);
+        let mut most = 0;
+        for sight in sights {
+            take(&mut mapper, sight, 0.0, true);
+            most = most.max(mapper.count_parts());
+        }
+        mapper.finish();
+        assert_eq!((most, observed(&mapper).0), (3, 1));
+    }
+
+    /// A tour of the old places that takes 500 m of way longer, most of it through empty space: the
+    /// first sight is old when the second comes, and holds.
+    #[test]
+    fn a_part_is_joined_to_a_large_map() {
+        let building = Building::generate(1);
+        let mut mapper = begun(&building);
+        let turned_at = building.sights.len() * 3 / 10;
+        for (number, sight) in building.sights[..turned_at + 120].iter().enumerate() {
+            if number == turned_at {
+                far_away(&mut mapper);
+            }
+            if number == turned_at + 30 {
+                let mut ended = mapper.clone();
+                assert_eq!(ended.count_parts(), 2, "the tour is not over yet");
+                ended.finish();
+                assert_eq!(ended.count_parts(), 1, "the end of the log ends the tour");
+            }
+            let turn = f64::to_radians(if number >= turned_at { 180.0 } else { 0.0 });
+            take(&mut mapper, sight, turn, number <= turned_at);
+        }
+        assert_eq!(mapper.count_parts(), 1);
+    }
+
+    /// The way led for 600 m through empty space a kilometre off.
+    fn far_away(mapper: &mut Mapper) {
+        for step in 0..150 {
+            let pose = Pose::new(1000.0 + 4.0 * f64::from(step), 0.0, 0.0);
+            mapper.path_m += 4.0;
+            let to = mapper.graph.add_pose(pose);
+            mapper.graph.add_edge(Edge {
+                from: to - 1,
+                to,
+                way: between(mapper.graph.poses[to - 1], pose),
+                information: diagonal([1.0; 3]),
+                kind: Kind::Way,
+            });
+            mapper.keyframes.push(Keyframe {
+                cloud: Cloud::new(&[]),
+                path_m: mapper.path_m,
+                quality: 1.0,
+                scan: 0,
+                turned: mapper.by_wheels.turned,
+                wheels_m: mapper.by_wheels.way_m,
+                part: mapper.lost.part,
+            });
+        }
     }
 
     /// At stake: a robot that is turned while its wheels say nothing is mapped on, turned, at the
@@ -349,10 +569,16 @@ mod tests {
             mapper.finish();
             let (way, last) = (mapper.way(), sights.len() - 1);
             let off = distance(way[last], sights[last].truth);
-            joined += usize::from(mapper.parts() == 1);
-            let (parts, doubt) = (mapper.parts(), mapper.doubt());
+            let (parts, doubt) = observed(&mapper);
+            joined += usize::from(parts == 1);
             assert!(off < 1.5 || parts > 1, "{seed} {degrees}: {off} m off");
-            assert_eq!(doubt >= 1.0, parts > 1, "{seed} {degrees}: doubt {doubt}");
+            assert!(doubt >= 1.0 || parts == 1, "{seed} {degrees}: {doubt}");
+            // Without the loops that joined them there are two parts again.
+            mapper.graph.drop_loops(-1.0);
+            mapper.settle();
+            assert_eq!(observed(&mapper), (2, 1.0), "{seed} {degrees}");
+            assert_eq!(mapper.scan_parts()[turned_at - 1], 1);
+            assert_eq!(mapper.scan_parts()[last], 2);
         }
         assert!(joined >= 2, "{joined} of 3 joined");
     }
@@ -365,7 +591,7 @@ mod tests {
         let sights = first.sights[..80].iter().chain(&second.sights[60..150]);
         sights.for_each(|sight| take(&mut mapper, sight, 0.0, true));
         mapper.finish();
-        assert_eq!((mapper.parts(), mapper.doubt()), (2, 1.0));
+        assert_eq!(observed(&mapper), (2, 1.0));
         assert_eq!(mapper.way().len(), 170);
     }
 }
