@@ -54,7 +54,7 @@ impl Rig {
     /// Discards the injected bytes of an outside end that the line has not sent yet.
     pub fn discard_input(&mut self, node: usize) {
         if let Body::Outside(outside) = &mut self.nodes[node].body {
-            outside.to_rig.clear();
+            outside.discard();
         }
     }
 
@@ -99,6 +99,10 @@ mod tests {
 
     /// Two ends of a pin.
     fn rig() -> Rig {
+        rig_of(LinkKind::Pin)
+    }
+
+    fn rig_of(kind: LinkKind) -> Rig {
         let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
         let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
         let mut rig = Rig::new(world.expect("free"));
@@ -106,7 +110,7 @@ mod tests {
             node: rig.add_outside(name, LineConfig::new_8n1(1_000_000)),
             port: Port(0),
         });
-        rig.connect_by(LinkKind::Pin, "pin", ends[0], ends[1], 1);
+        rig.connect_by(kind, "pin", ends[0], ends[1], 1);
         rig
     }
 
@@ -179,6 +183,20 @@ mod tests {
         assert_eq!(seen, [true, true, true, false]);
         assert_eq!(rig.back_as(1), Some("other"));
         assert!(!rig.is_unplugged(0));
+    }
+
+    /// Messages that are thrown away leave nothing behind: the next one arrives whole.
+    #[test]
+    fn messages_that_are_discarded_are_gone() {
+        let mut rig = rig_of(LinkKind::Datagram);
+        rig.hold(0, true);
+        rig.inject(0, &[1, 2, 3]);
+        rig.discard_input(0);
+        rig.hold(0, false);
+        rig.inject(0, &[7]);
+        rig.run_until(Instant::from_millis(5));
+        let messages: Vec<_> = rig.take_messages(1).into_iter().collect();
+        assert_eq!(messages, [[7u8].as_slice()]);
     }
 
     /// Held bytes wait until the line is free again.

@@ -141,13 +141,18 @@ impl Outside {
         self.marks.extend(marks);
     }
 
-    /// Pulls the plug or plugs it in again; then the owner's port is `back_as`. Bytes that the
-    /// owner wrote before are lost.
-    pub(super) fn plug(&mut self, is_out: bool, back_as: Option<&str>) {
+    /// Discards what its owner wrote and the rig has not taken yet.
+    pub(super) fn discard(&mut self) {
         self.to_rig.clear();
         if let Some([to_rig, _]) = &mut self.messages {
             to_rig.clear();
         }
+    }
+
+    /// Pulls the plug or plugs it in again; then the owner's port is `back_as`. Bytes that the
+    /// owner wrote before are lost.
+    pub(super) fn plug(&mut self, is_out: bool, back_as: Option<&str>) {
+        self.discard();
         let (depth, name) = &mut self.unplugged;
         *depth = match is_out {
             true => *depth + 1,
