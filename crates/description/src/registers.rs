@@ -4,6 +4,9 @@ use crate::field::put_number;
 use crate::number::Number;
 use crate::value::Value;
 
+/// Part of a count by which a value may be beyond its limits.
+const SLACK: f64 = 1e-6;
+
 /// Tables of registers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Registers {
@@ -206,8 +209,10 @@ impl Table {
             let taken = rest.len().min(whole.len() - first);
             whole[first..first + taken].copy_from_slice(&rest[..taken]);
             let value = cell.value(&whole);
+            // 3 counts of 0.1 are more than 0.3 by rounding alone.
+            let slack = cell.scale.map_or(0.0, |[scale, _]| scale.abs() * SLACK);
             if let (Some(limits), Some(found)) = (cell.limits, value.as_f64())
-                && !(limits[0]..=limits[1]).contains(&found)
+                && !(limits[0] - slack..=limits[1] + slack).contains(&found)
             {
                 return Err(Refusal::OutOfRange(cell.variable, value, limits));
             }
@@ -216,5 +221,42 @@ impl Table {
             place = cell.at + cell.len;
         }
         Ok(changes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::number::NumberKind;
+    use crate::schema::wire::Endian;
+
+    /// 3 counts of 0.1 are 0.30000000000000004.
+    #[test]
+    fn the_count_at_a_limit_is_within_it() {
+        let endian = Endian::Big;
+        let number = Number {
+            bytes: 2,
+            kind: NumberKind::Unsigned,
+            endian,
+            words: endian,
+        };
+        let cell = Cell {
+            at: 0,
+            len: 1,
+            variable: 0,
+            kind: CellKind::Number(number),
+            is_writable: true,
+            scale: Some([0.1, 0.0]),
+            limits: Some([0.1, 0.3]),
+        };
+        let table = Table {
+            cells: vec![cell],
+            ..Table::default()
+        };
+        let accepted = [0, 1, 3, 4].map(|count| {
+            let values = |_: usize| Value::Int(0);
+            table.write(0, &[0, count], &values).is_ok()
+        });
+        assert_eq!(accepted, [false, true, true, false]);
     }
 }
