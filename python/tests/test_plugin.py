@@ -171,3 +171,31 @@ def wait_until(holds, patience_s: float = 120.0) -> None:
     while not holds():
         assert time.monotonic() < deadline, "it never came true"
         time.sleep(0.02)
+
+
+MARKED = """
+import pytest
+
+class Stub:
+    seed = 1
+    def __init__(self, path, out, virtual): self.virtual = virtual
+    def close(self): pass
+
+@pytest.fixture(autouse=True)
+def stub(monkeypatch):
+    monkeypatch.setattr("hilrig.plugin.Rig", Stub)
+
+@pytest.mark.hilrig("robot.toml", virtual=True)
+def test_marked(rig):
+    assert rig().virtual is True
+    assert rig(virtual=False).virtual is False
+
+@pytest.mark.hilrig("robot.toml")
+def test_plain(rig):
+    assert rig().virtual is False
+    assert rig(virtual=True).virtual is True
+"""
+
+
+def test_the_marker_makes_a_rig_virtual_and_the_option_does_not(inner) -> None:
+    inner(MARKED, "--hilrig-virtual").assert_outcomes(passed=2)

@@ -74,7 +74,7 @@ class RigFactory:
     def __call__(self, scenario: Optional[PathLike] = None, **settings: Any) -> Rig:
         """Starts a rig: of the scenario, or that of the marker. ``settings`` are those of ``Rig``."""
         # A test that is the program runs in real time, so its rig does, whatever the option says.
-        path, settings = self._settings(scenario, {"virtual": False, **settings})
+        path, settings = self._settings(scenario, settings, is_virtual=False)
         rig = Rig(path, out=self._folder(), **settings)
         self._rigs.append(rig)
         self._seeds.append(rig.seed)
@@ -82,7 +82,8 @@ class RigFactory:
 
     def run(self, program: str, scenario: Optional[PathLike] = None, **settings: Any) -> Result:
         """Runs and judges a program, see ``hilrig.run``; in the folder of the test's file."""
-        path, settings = self._settings(scenario, settings)
+        is_virtual = bool(self._request.config.getoption("--hilrig-virtual"))
+        path, settings = self._settings(scenario, settings, is_virtual)
         settings.setdefault("cwd", Path(self._request.node.path).parent)
         result = run(path, program, out=self._folder(), **settings)
         runs = result.raw["result"]["runs"]
@@ -90,7 +91,7 @@ class RigFactory:
         return result
 
     def _settings(
-        self, scenario: Optional[PathLike], given: Dict[str, Any]
+        self, scenario: Optional[PathLike], given: Dict[str, Any], is_virtual: bool
     ) -> Tuple[PathLike, Dict[str, Any]]:
         settings: Dict[str, Any] = {}
         marker = self._request.node.get_closest_marker("hilrig")
@@ -107,7 +108,7 @@ class RigFactory:
         config = self._request.config
         if config.getoption("--hilrig-seed") is not None:
             settings["seed"] = config.getoption("--hilrig-seed")
-        settings.setdefault("virtual", bool(config.getoption("--hilrig-virtual")))
+        settings.setdefault("virtual", is_virtual)
         # As a path in the test's own file would be read by a person: from the file, else from
         # where pytest was started.
         beside = Path(self._request.node.path).parent / path

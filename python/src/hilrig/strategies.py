@@ -13,7 +13,9 @@ Needs the package ``hypothesis``, and Python 3.11 for its reader of TOML.
 
 from __future__ import annotations
 
+import math
 import os
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple, Union
@@ -31,6 +33,12 @@ COUNTS: Dict[str, Tuple[int, int]] = {
 }
 #: Widths of floats, bits.
 FLOATS = {"f32": 32, "f64": 64}
+#: The greatest float of 32 bits.
+F32_MAX = (2 - 2**-23) * 2.0**127
+#: Faults that every described device has.
+FAULTS = ("off", "restart", "stuck", "garbage", "wrong", "slow")
+#: Part of a count by which a limit may miss it.
+SLACK = 1e-6
 #: Tables that a driver may write.
 WRITABLE = ("coils", "holding")
 
@@ -51,6 +59,8 @@ class Register:
     limits: Optional[Tuple[float, float]]
     #: Bytes of a text.
     size: int
+    #: The file of the description.
+    file: str = ""
 
     def values(self) -> "SearchStrategy[Any]":
         """Values within its type and limits, in its unit."""
@@ -60,37 +70,81 @@ class Register:
             return st.booleans()
         if self.kind == "str":
             return st.text("abcdefghijklmnopqrstuvwxyz 0123456789", max_size=self.size)
-        if self.kind in FLOATS:
-            low, high = self.limits or (None, None)
-            width = FLOATS[self.kind]
-            low, high = (_float(bound, width, st) for bound in (low, high))
-            return st.floats(low, high, width=width, allow_nan=False, allow_infinity=False)
-        if self.kind not in COUNTS:
+        kind = self.kind
+        if kind[-2:] in ("le", "be"):
+            # The order of its bytes.
+            kind = kind[:-2]
+        if kind in FLOATS:
+            return self._floats(FLOATS[kind])
+        if kind not in COUNTS:
             raise ValueError(
-                f"the register {self.name} has the type {self.kind}, expected one of "
+                f"{self.file}: the register {self.name} has the type {self.kind}, expected one of "
                 + ", ".join([*COUNTS, *FLOATS, "str"])
+                + ", with le or be behind it if need be"
             )
-        low_count, high_count = COUNTS[self.kind]
+        low_count, high_count = COUNTS[kind]
         if self.limits is not None:
             step = self.scale or 1.0
             bounds = sorted((limit - self.offset) / step for limit in self.limits)
             # A bound that is a count but for rounding is that count.
-            low_count = max(low_count, -int(-(bounds[0] - 1e-9) // 1))
-            high_count = min(high_count, int((bounds[1] + 1e-9) // 1))
+            low_count = max(low_count, math.ceil(bounds[0] - SLACK))
+            high_count = min(high_count, math.floor(bounds[1] + SLACK))
+        if low_count > high_count:
+            raise self._without_values()
         counts = st.integers(low_count, high_count)
         if self.scale is None and self.offset == 0:
             return counts
         scale, offset = self.scale or 1.0, self.offset
         return counts.map(lambda count: count * scale + offset)
 
+    def _floats(self, width: int) -> "SearchStrategy[float]":
+        """Floats of this width whose values are within the limits."""
+        import hypothesis.strategies as st
 
-def _float(bound: Optional[float], width: int, st: Any) -> Optional[float]:
-    """The bound as a float of this width."""
-    import struct
+        scale, offset = self.scale or 1.0, self.offset
+        low, high = -math.inf, math.inf
+        if self.limits is not None:
+            low, high = sorted((limit - offset) / scale for limit in self.limits)
+        if width == 32:
+            low, high = _inward(low, high)
+        if low > high:
+            raise self._without_values()
+        floats = st.floats(
+            None if low == -math.inf else low,
+            None if high == math.inf else high,
+            width=32 if width == 32 else 64,
+            allow_nan=False,
+            allow_infinity=False,
+        )
+        if self.scale is None and offset == 0:
+            return floats
+        return floats.map(lambda raw: raw * scale + offset)
 
-    if bound is None or width == 64:
-        return bound
-    return float(struct.unpack("f", struct.pack("f", bound))[0])
+    def _without_values(self) -> ValueError:
+        return ValueError(
+            f"{self.file}: no value of the register {self.name} ({self.kind}) is within its limits "
+            f"{self.limits}"
+        )
+
+
+def _inward(low: float, high: float) -> Tuple[float, float]:
+    """The least and the greatest float of 32 bits between the bounds."""
+
+    def near(bound: float, step: int) -> float:
+        if math.isinf(bound) or abs(bound) > F32_MAX:
+            return math.copysign(math.inf, bound)
+        single = float(struct.unpack("<f", struct.pack("<f", bound))[0])
+        if (single - bound) * step >= 0:
+            return single
+        # The next one in the direction of the step.
+        (bits,) = struct.unpack("<i", struct.pack("<f", single))
+        if single == 0:
+            bits = 1 if step > 0 else -0x7FFFFFFF
+        else:
+            bits += step if single > 0 else -step
+        return float(struct.unpack("<f", struct.pack("<i", bits))[0])
+
+    return near(low, 1), near(high, -1)
 
 
 class Strategies:
@@ -109,10 +163,10 @@ class Strategies:
         for table, rows in described.get("registers", {}).items():
             for row in rows if isinstance(rows, list) else []:
                 if isinstance(row, dict):
-                    register = _register(table, row)
+                    register = _register(os.fspath(path), table, row)
                     self.registers[register.name] = register
-        #: Names of the faults.
-        self.fault_names: List[str] = list(described.get("faults", {}))
+        #: Names of the faults: those that all described devices have, then its own.
+        self.fault_names: List[str] = [*FAULTS, *described.get("faults", {})]
         self._path = os.fspath(path)
 
     def values(self, name: str) -> "SearchStrategy[Any]":
@@ -135,24 +189,27 @@ class Strategies:
         """Names of the device's faults: ``rig.fault(device="meter", kind="device", fault=..)``."""
         import hypothesis.strategies as st
 
-        if not self.fault_names:
-            raise ValueError(f"{self._path} has no [faults]")
         return st.sampled_from(self.fault_names)
 
 
-def _register(table: str, row: Dict[str, Any]) -> Register:
-    access = row.get("access", "write" if table in WRITABLE else "read")
+def _register(file: str, table: str, row: Dict[str, Any]) -> Register:
+    is_measured = "source" in row or "value" in row
+    usual = "write" if table in WRITABLE and not is_measured else "read"
     limits = row.get("limits")
+    for key in ("at", "name"):
+        if key not in row:
+            raise ValueError(f"{file}: a register of [[registers.{table}]] has no {key!r}")
     return Register(
         table=table,
         address=int(row["at"]),
         name=str(row["name"]),
         kind=str(row.get("type", "u16")),
-        is_writable=access == "write" and "value" not in row,
+        is_writable=row.get("access", usual) == "write",
         scale=row.get("scale"),
         offset=float(row.get("offset", 0)),
         limits=None if limits is None else (float(limits[0]), float(limits[1])),
         size=int(row.get("size", 1)),
+        file=file,
     )
 
 
