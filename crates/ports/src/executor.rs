@@ -81,6 +81,7 @@ impl Bench {
             bench: self.clone(),
             span,
             until: None,
+            number: 0,
         }
     }
 }
@@ -91,6 +92,16 @@ pub struct Timer {
     bench: Bench,
     span: Duration,
     until: Option<Instant>,
+    /// From the first poll on.
+    number: u64,
+}
+
+impl Drop for Timer {
+    fn drop(&mut self) {
+        if self.until.is_some() {
+            self.bench.core.forget(self.number);
+        }
+    }
 }
 
 impl fmt::Debug for Timer {
@@ -108,8 +119,14 @@ impl Future for Timer {
             return Poll::Ready(());
         };
         let (now, end, span) = (turn.now(), turn.end(), self.span);
-        let until = *self.until.get_or_insert_with(|| (now + span).min(end));
-        let polled = turn.poll(cx, Until::Time, until);
+        let until = match self.until {
+            Some(until) => until,
+            None => {
+                self.number = turn.new_timer();
+                *self.until.insert((now + span).min(end))
+            }
+        };
+        let polled = turn.poll(cx, Until::Timer(self.number), until);
         polled.map(|outcome| outcome.unwrap_or_else(|error| panic!("{error}")))
     }
 }

@@ -208,6 +208,10 @@ impl Bench {
         mut found: impl FnMut() -> Option<T>,
     ) -> Option<T> {
         let deadline = (self.now() + timeout).min(self.core.lock().end());
+        if let Ok(mut turn) = self.core.enter() {
+            // What this thread did since its last call may be what another waits for.
+            turn.act();
+        }
         loop {
             if let Some(value) = found() {
                 return Some(value);
@@ -253,8 +257,8 @@ impl Bench {
     }
 
     /// Announces a thread that a driver will start by itself. Time does not pass until this thread
-    /// has called the bench or one of its ports. If several are announced, a thread takes the place
-    /// of its own name, else the first free one.
+    /// has called the bench or one of its ports. A thread takes the place of its own name, else the
+    /// only free one; several free places and a thread of another name are an error.
     pub fn expect_thread(&self, name: &str) {
         self.core.announce(name, false);
     }

@@ -21,10 +21,11 @@ pub const TIMEOUT: Duration = Duration::from_secs(1);
 /// | `write` | takes bytes as long as the driver's buffer of 4096 bytes has room; else waits |
 /// | `flush` | waits until the last bit has left |
 ///
-/// When the scenario's time is up the port is hung up: `read` gives 0 bytes, `write` and `flush`
-/// are a `BrokenPipe`; so a program that serves its ports forever ends all the same. As with a
-/// real driver, unread bytes beyond 4096 are lost. On a link that carries messages one
-/// read gives one message, whose rest is lost if `buf` is too short, and one write is one.
+/// When the scenario's time is up the port is hung up: `read` gives what is left, then 0 bytes;
+/// `write`, `flush` and questions such as [`available`](Self::available) are a `BrokenPipe`; so a
+/// program that serves its ports forever ends all the same. As with a real driver, unread bytes
+/// beyond 4096 are lost. On a link that carries messages one read gives one message, whose rest is
+/// lost if `buf` is too short, and one write is one.
 ///
 /// Clones are handles of the same port: they share its bytes and settings; each has its timeout.
 /// Async reads have no timeout.
@@ -65,8 +66,10 @@ impl VirtualPort {
     /// device's gives garbage, as in life.
     ///
     /// # Errors
-    /// [`ErrorKind::BrokenPipe`] after the run was judged.
+    /// [`ErrorKind::InvalidInput`] if no UART can be set so, [`ErrorKind::BrokenPipe`] after the
+    /// run was judged.
     pub fn set_line(&mut self, line: LineConfig) -> io::Result<()> {
+        check(line)?;
         let mut turn = self.bench.core.enter()?;
         let (run, port) = turn.port(self.index)?;
         port.line = line;
@@ -86,7 +89,7 @@ impl VirtualPort {
     /// Bytes that can be read without waiting; of the next message, if it carries messages.
     ///
     /// # Errors
-    /// [`ErrorKind::BrokenPipe`] after the run was judged.
+    /// [`ErrorKind::BrokenPipe`] when the run is over.
     pub fn available(&self) -> io::Result<usize> {
         let mut turn = self.bench.core.enter()?;
         let (run, port) = turn.port(self.index)?;
@@ -114,9 +117,7 @@ impl VirtualPort {
             return Poll::Ready(Err(hung_up()));
         }
         let (run, port) = turn.port(self.index)?;
-        let taken = &buf[..buf.len().min(port.room(run))];
-        port.put(run, taken);
-        Poll::Ready(Ok(taken.len()))
+        Poll::Ready(port.give(run, buf))
     }
 
     pub(crate) fn poll_flush(&self, cx: &Context<'_>) -> Poll<io::Result<()>> {
@@ -126,6 +127,21 @@ impl VirtualPort {
         let (run, port) = turn.port(self.index)?;
         Poll::Ready(port.is_sent(run).then_some(()).ok_or_else(hung_up))
     }
+}
+
+/// An error if a UART cannot be set so.
+fn check(line: LineConfig) -> io::Result<()> {
+    let message = match line {
+        LineConfig { baud: 0, .. } => "a baud rate of 0, expected 1 or more".to_owned(),
+        LineConfig { data_bits, .. } if !(5..=8).contains(&data_bits) => {
+            format!("{data_bits} data bits, expected 5 to 8")
+        }
+        LineConfig { stop_bits, .. } if !(1..=2).contains(&stop_bits) => {
+            format!("{stop_bits} stop bits, expected 1 or 2")
+        }
+        _ => return Ok(()),
+    };
+    Err(io::Error::new(ErrorKind::InvalidInput, message))
 }
 
 impl Read for VirtualPort {
@@ -163,9 +179,7 @@ impl Write for VirtualPort {
             return Err(hung_up());
         }
         let (run, port) = turn.port(self.index)?;
-        let taken = &buf[..buf.len().min(port.room(run))];
-        port.put(run, taken);
-        Ok(taken.len())
+        port.give(run, buf)
     }
 
     fn flush(&mut self) -> io::Result<()> {

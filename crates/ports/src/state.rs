@@ -6,12 +6,16 @@ use std::io::{self, ErrorKind, Read as _};
 
 use bytes::Bytes;
 use engine::rig::LinkKind;
+use engine::rig::line::MESSAGE_MAX;
 use engine::robots::OpenEnd;
 use engine::run::Run;
 use protocols::{Instant, LineConfig};
 
 /// Bytes written that may wait for the line before a write waits too, as in a UART's driver.
 const BACKLOG_MAX: usize = 4096;
+
+/// Bytes that wait to be read before further ones are lost, as in a UART's driver.
+const UNREAD_MAX: usize = 4096;
 
 /// A port of the rig.
 #[derive(Debug)]
@@ -22,6 +26,8 @@ pub(crate) struct PortState {
     pub(crate) line: LineConfig,
     received: VecDeque<u8>,
     messages: VecDeque<Bytes>,
+    /// Requests on a bus whose answers did not arrive yet.
+    unanswered: usize,
 }
 
 impl PortState {
@@ -33,6 +39,7 @@ impl PortState {
             line,
             received: VecDeque::new(),
             messages: VecDeque::new(),
+            unanswered: 0,
         }
     }
 
@@ -40,8 +47,19 @@ impl PortState {
     pub(crate) fn collect(&mut self, run: &mut Run) -> bool {
         let (rig, node) = (&mut run.rig, self.end.node);
         match self.kind.carries_messages() {
-            true => self.messages.extend(rig.take_messages(node)),
-            false => self.received.extend(rig.take_output(node)),
+            true => {
+                for message in rig.take_messages(node) {
+                    // An answer that came too late is not that of the last request.
+                    self.unanswered = self.unanswered.saturating_sub(1);
+                    if self.unanswered == 0 {
+                        self.messages.push_back(message);
+                    }
+                }
+            }
+            false => {
+                self.received.extend(rig.take_output(node));
+                self.received.truncate(UNREAD_MAX);
+            }
         }
         self.len() > 0
     }
@@ -62,10 +80,26 @@ impl PortState {
         len
     }
 
-    /// Takes the next message.
+    /// Sends a request, which gets one answer.
     #[cfg(feature = "embedded")]
-    pub(crate) fn take_message(&mut self) -> Option<Bytes> {
-        self.messages.pop_front()
+    pub(crate) fn request(&mut self, run: &mut Run, frame: &[u8]) {
+        self.clear(run);
+        self.unanswered += 1;
+        self.put(run, frame);
+    }
+
+    /// The answer of the last request, if it came. What was lost on the way is not waited for.
+    #[cfg(feature = "embedded")]
+    pub(crate) fn take_answer(&mut self, run: &mut Run) -> Option<Bytes> {
+        self.collect(run);
+        let answer = self.messages.pop_front();
+        let link = run.rig.link(&self.end.link);
+        let mut lines = link.iter().flat_map(|link| &link.lines);
+        let is_under_way = lines.any(|line| line.in_flight() > 0);
+        if answer.is_none() && !is_under_way && run.rig.backlog(self.end.node) == 0 {
+            self.unanswered = 0;
+        }
+        answer
     }
 
     /// Discards what arrived.
@@ -74,6 +108,21 @@ impl PortState {
         self.collect(run);
         self.received.clear();
         self.messages.clear();
+    }
+
+    /// Writes as much of `bytes` as has room; returns how much. A message is written whole.
+    pub(crate) fn give(&self, run: &mut Run, bytes: &[u8]) -> io::Result<usize> {
+        if self.kind.carries_messages() && bytes.len() > MESSAGE_MAX {
+            let (len, name) = (bytes.len(), &self.end.name);
+            let message = format!(
+                "a message of {len} bytes to the port {name}, expected at most {MESSAGE_MAX}: \
+                 write it in several messages"
+            );
+            return Err(io::Error::new(ErrorKind::InvalidInput, message));
+        }
+        let taken = &bytes[..bytes.len().min(self.room(run))];
+        self.put(run, taken);
+        Ok(taken.len())
     }
 
     /// Number of bytes that can be written now.

@@ -36,6 +36,8 @@ pub(crate) enum Until {
     Turn,
     /// The deadline alone.
     Time,
+    /// The deadline alone, of the timer with this number.
+    Timer(u64),
     /// Bytes or a message at this port.
     Readable(usize),
     /// Room in this port's buffer.
@@ -51,7 +53,7 @@ pub(crate) enum Until {
 }
 
 /// Something to wait for, at most until a deadline.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Wait {
     pub(crate) until: Until,
     pub(crate) deadline: Instant,
@@ -189,7 +191,11 @@ impl Core {
         }
         let me = state.member_of_this_thread(self)?;
         state.calls += 1;
-        let state = self.await_turn(state, me)?;
+        let mut state = self.await_turn(state, me)?;
+        // The first turn: what the thread did before its next wait is news to the others.
+        if state.members[me].wait.take().is_some() {
+            state.acts += 1;
+        }
         Ok(Turn {
             core: self,
             state,
@@ -252,6 +258,22 @@ impl Core {
         self.turn.notify_all();
     }
 
+    /// Forgets a timer that was dropped.
+    pub(crate) fn forget(&self, timer: u64) {
+        let viewer = *self.viewer.lock().unwrap_or_else(PoisonError::into_inner);
+        if viewer == Some(thread::current().id()) {
+            // It wakes its future once more, which does no harm.
+            return;
+        }
+        let mut state = self.lock();
+        let is_its = |task: &Task| task.wait.until == Until::Timer(timer);
+        let index = state.tasks.iter().position(is_its);
+        let task = index.map(|index| state.tasks.remove(index));
+        drop(state);
+        // A waker may own a future that uses the bench.
+        drop(task);
+    }
+
     /// Ends the run: all that wait are told.
     pub(crate) fn end(&self) -> Option<Run> {
         let mut state = self.lock();
@@ -308,8 +330,8 @@ impl State {
         self.members.len() - 1
     }
 
-    /// The number of this thread. An announced thread is recognised by its name, else as the first
-    /// that was not seen yet.
+    /// The number of this thread. An announced thread is recognised by its name, else as the only
+    /// one that was not seen yet.
     fn member_of_this_thread(&mut self, core: &Arc<Core>) -> io::Result<usize> {
         let this = thread::current();
         let known = |member: &Member| member.thread == Some(this.id()) && !member.is_over;
@@ -320,8 +342,18 @@ impl State {
             |member: &Member| member.thread.is_none() && !member.is_over && !member.is_reserved;
         let is_named = |member: &Member| is_free(member) && this.name() == Some(&*member.name);
         let named = self.members.iter().position(is_named);
+        let free = self.members.iter().filter(|member| is_free(member));
+        let free: Vec<&str> = free.map(|member| &*member.name).collect();
+        let name = this.name().unwrap_or("without a name");
+        if named.is_none() && free.len() > 1 {
+            let free = free.join(", ");
+            let message = format!(
+                "the thread {name} may be any of the expected threads {free}: give each thread of \
+                 the driver the name that `Bench::expect_thread` has"
+            );
+            return Err(io::Error::other(message));
+        }
         let Some(index) = named.or_else(|| self.members.iter().position(is_free)) else {
-            let name = this.name().unwrap_or("without a name");
             let message = format!(
                 "the thread {name} is unknown to the bench: start it with `Bench::spawn`, or call \
                  `Bench::expect_thread` before the driver starts it"
@@ -407,7 +439,7 @@ impl State {
         }
         match wait.until {
             Until::Turn => true,
-            Until::Time => false,
+            Until::Time | Until::Timer(_) => false,
             Until::Readable(port) => is_over || self.ports[port].collect(run),
             Until::Room(port) => is_over || self.ports[port].room(run) > 0,
             Until::Sent(port) => is_over || self.ports[port].is_sent(run),

@@ -5,6 +5,10 @@ use core::pin::Pin;
 use core::time::Duration;
 use std::io::{self, Read as _, Write as _};
 
+use embedded_hal::delay::DelayNs as _;
+use embedded_hal::digital::{InputPin as _, OutputPin as _};
+use embedded_hal::i2c::I2c as _;
+use embedded_io::{ReadReady as _, WriteReady as _};
 use hilrig_ports::Bench;
 use serialport::SerialPort;
 
@@ -122,4 +126,83 @@ fn every_style_sees_the_same_wire() {
     }
     traces.dedup();
     assert_eq!(traces.len(), 1);
+}
+
+type Poll = (&'static str, fn(&Bench));
+
+/// Each polls until the run is over; the devices are a sonar that says nothing, a bus, a pin.
+const POLLS: [Poll; 11] = [
+    ("available", |bench| {
+        let port = bench.port("sonar").expect("a port");
+        while port.available().is_ok() {}
+    }),
+    ("serialport", |bench| {
+        let port = bench.serial("sonar", 9600).expect("a port");
+        while port.bytes_to_read().is_ok() {}
+        assert!(port.bytes_to_write().is_err());
+    }),
+    ("modem lines", |bench| {
+        let mut port = bench.serial("sonar", 9600).expect("a port");
+        while port.read_clear_to_send().is_ok() {}
+    }),
+    ("read without timeout", |bench| {
+        let mut port = bench.port("sonar").expect("a port");
+        port.set_timeout(Duration::ZERO);
+        while !matches!(port.read(&mut [0]), Ok(0)) {}
+    }),
+    ("embedded-io", |bench| {
+        let mut port = bench.port("sonar").expect("a port");
+        while port.read_ready().is_ok() {}
+        assert!(port.write_ready().is_err());
+    }),
+    ("tokio", |bench| {
+        use tokio::io::AsyncReadExt;
+        bench.tokio(async {
+            let mut port = bench.port("sonar").expect("a port");
+            tokio::time::sleep(100 * MS).await;
+            assert_eq!(AsyncReadExt::read(&mut port, &mut [0]).await.ok(), Some(0));
+        });
+    }),
+    ("futures", |bench| {
+        bench.block_on(async {
+            let mut port = bench.port("sonar").expect("a port");
+            bench.timer(3600 * 1000 * MS).await;
+            let read = embedded_io_async::Read::read(&mut port, &mut [0]).await;
+            assert_eq!(read.ok(), Some(0));
+        });
+    }),
+    ("wait_until", |bench| {
+        assert_eq!(bench.wait_until(3600 * 1000 * MS, || None::<u8>), None);
+    }),
+    ("pin", |bench| {
+        let mut pin = bench.pin("lidar-dtr").expect("a pin");
+        while pin.is_high().is_ok() {
+            bench.delay().delay_ms(1);
+        }
+    }),
+    ("driven pin", |bench| {
+        let mut pin = bench.pin("lidar-dtr").expect("a pin");
+        while pin.set_high().is_ok() {
+            bench.delay().delay_ms(1);
+        }
+    }),
+    ("bus", |bench| {
+        let mut bus = bench.i2c("eye").expect("a bus");
+        while bus.read(0x70, &mut [0]).is_ok() {}
+    }),
+];
+
+/// A program that polls forever ends with the run, whatever it asks.
+#[test]
+fn every_style_of_polling_ends_with_the_run() {
+    let devices = "duration = \"20ms\"\ndevice.eye.srf08 = {}\n\
+                   device.lidar.rplidar = { motor = \"dtr\" }\n\
+                   device.sonar.text = { baud = 9600, command = [] }\n";
+    for (name, poll) in POLLS {
+        let text = format!("schema = 1\nname = \"bench\"\nrobot = \"none\"\n{devices}");
+        let bench = Bench::from_text(&text).expect("sound");
+        poll(&bench);
+        assert_eq!(bench.now().as_micros(), 20_000, "{name}");
+        bench.judge();
+    }
 }

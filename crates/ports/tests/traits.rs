@@ -304,3 +304,124 @@ fn a_port_is_not_used_while_the_run_is_borrowed() {
     let _run = bench.run();
     let _ = port.read(&mut [0]);
 }
+
+/// Two threads that meet over channels alone: an answer comes in the instant of its request.
+#[test]
+fn threads_that_wait_for_each_other_lose_no_time() {
+    let bench = bench(SONAR);
+    let (ask, asked) = channel();
+    let (tell, told) = channel();
+    let worker = bench.clone();
+    let worker = bench.spawn("worker", move || {
+        while let Some(number) = worker.wait_until(5000 * MS, || asked.try_recv().ok()) {
+            tell.send(number + 1).expect("the test listens");
+        }
+    });
+    for number in 0..3 {
+        ask.send(number).expect("the worker listens");
+        let reply = bench.wait_until(1000 * MS, || told.try_recv().ok());
+        assert_eq!((reply, bench.now().as_micros()), (Some(number + 1), 0));
+    }
+    worker.join();
+
+    // What a thread does in its first turn, before it waits for a byte.
+    let mut port = bench.port("sonar").expect("a port");
+    let (tell, told) = channel();
+    let begin = bench.now();
+    let first = bench.spawn("first", move || {
+        tell.send(()).expect("the test listens");
+        port.read(&mut [0])
+    });
+    assert!(
+        bench
+            .wait_until(1000 * MS, || told.try_recv().ok())
+            .is_some()
+    );
+    assert_eq!(bench.now(), begin);
+    assert!(first.join().is_ok());
+}
+
+/// Which of two threads comes first is up to the operating system, so their places are by name.
+#[test]
+fn expected_threads_are_told_apart_by_their_names() {
+    let bench = bench(SONAR);
+    bench.expect_thread("a");
+    bench.expect_thread("b");
+    let port = bench.port("sonar").expect("a port");
+    let mut other = port.clone();
+    let nameless = std::thread::spawn(move || other.read(&mut [0]).map_err(|e| e.to_string()));
+    let error = nameless.join().expect("sound").expect_err("no place");
+    assert!(error.contains("expected threads a, b"), "{error}");
+}
+
+/// The earlier of two timers in one future wakes it, and one that was dropped wakes nothing.
+#[test]
+fn timers_of_one_future_are_apart() {
+    use core::pin::Pin;
+    use core::task::Poll;
+    let bench = bench(SONAR);
+    let mut timers = [10, 20].map(|ms| bench.timer(ms * MS));
+    let mut dropped = Some(bench.timer(5 * MS));
+    let mut polls = 0;
+    let first = core::future::poll_fn(|cx| {
+        polls += 1;
+        if let Some(mut timer) = dropped.take() {
+            assert!(Pin::new(&mut timer).poll(cx).is_pending());
+        }
+        let ready = timers
+            .iter_mut()
+            .position(|timer| Pin::new(timer).poll(cx).is_ready());
+        ready.map_or(Poll::Pending, Poll::Ready)
+    });
+    assert_eq!(bench.block_on(first), 0);
+    assert_eq!((bench.now().as_micros(), polls), (10_000, 2));
+}
+
+/// The answer of a transfer that was given up comes in the next one, or never; then the bus works
+/// again. Register 0 is the revision, register 1 the light.
+#[test]
+fn a_late_answer_is_not_that_of_the_next_transfer() {
+    for (kind, pause) in [("stall", 450), ("cut", 600)] {
+        let bench = bench(&format!(
+            "device.eye.srf08 = {{}}\n[[fault]]\nkind = \"{kind}\"\nlink = \"eye\"\n\
+             direction = \"to-master\"\nfrom = \"1s\"\nuntil = \"2500ms\"\n"
+        ));
+        let mut bus = bench.i2c("eye").expect("a bus");
+        let (mut revision, mut light, mut byte) = ([0], [0], [0]);
+        bus.write_read(0x70, &[0], &mut revision).expect("answers");
+        bus.write_read(0x70, &[1], &mut light).expect("answers");
+        assert_ne!(revision, light);
+        bus.write(0x70, &[1]).expect("answers");
+        bench.sleep(1000 * MS);
+        assert!(bus.read(0x70, &mut byte).is_err(), "{kind}");
+        bench.sleep(pause * MS);
+        bus.write_read(0x70, &[0], &mut byte).expect(kind);
+        assert_eq!(byte, revision, "{kind}");
+    }
+    let bench = bench("device.eye.srf08 = {}\n");
+    let mut bus = bench.i2c("eye").expect("a bus");
+    // The address as data sheets with the read bit have it.
+    let error = bus.read(0xE0, &mut [0]).expect_err("eight bits");
+    assert!(error.to_string().contains("more than 7 bits"), "{error}");
+    let mut raw = bench.raw("eye").expect("a bus");
+    let written = raw.write(&[0; 1473]).map_err(|error| error.kind());
+    assert_eq!(written, Err(ErrorKind::InvalidInput));
+}
+
+/// 11520 bytes a second for a second; a driver's buffer has 4096.
+#[test]
+fn unread_bytes_beyond_the_buffer_are_lost() {
+    let bench = bench(
+        "[device.sonar.text]\nbaud = 115200\ncommand = []\n\
+         periodic = { line = \"0123456789\", period = \"1ms\" }\n",
+    );
+    let mut port = bench.port("sonar").expect("a port");
+    bench.sleep(200 * MS);
+    assert!((1..4096).contains(&port.available().expect("known")));
+    bench.sleep(800 * MS);
+    assert_eq!(port.available().expect("known"), 4096);
+    let mut line = port.line().expect("known");
+    line.data_bits = 9;
+    let set = port.set_line(line).map_err(|error| error.kind());
+    assert_eq!(set, Err(ErrorKind::InvalidInput));
+}

@@ -19,6 +19,8 @@ use crate::turns::Until;
 const FRAME: u8 = 0x01;
 /// Time within which a bus answers.
 const ANSWER: Duration = Duration::from_secs(1);
+/// Highest address of 7 bits.
+const ADDRESS_MAX: u8 = 0x7F;
 /// Maximum number of bytes in one transfer, without the address.
 const TRANSFER_MAX: usize = 254;
 
@@ -124,6 +126,15 @@ fn distribute(read: &[u8], operations: &mut [Operation<'_>]) {
 impl I2cPort {
     /// Sends the request of a transfer.
     fn send(&self, address: u8, transfer: &Transfer) -> Result<(), I2cError> {
+        if address > ADDRESS_MAX {
+            return Err(I2cError {
+                kind: ErrorKind::Other,
+                message: format!(
+                    "the address {address:#04x} has more than 7 bits, expected at most \
+                     {ADDRESS_MAX:#04x}: an address of a data sheet with the read bit is twice it"
+                ),
+            });
+        }
         let len = match transfer {
             Transfer::Write(bytes) => bytes.len(),
             Transfer::Read(count) => *count,
@@ -140,10 +151,9 @@ impl I2cPort {
             Transfer::Read(_) => vec![FRAME, 2, address << 1 | 1, count],
         };
         let mut turn = self.bench.core.enter()?;
+        turn.check_open()?;
         let (run, port) = turn.port(self.index)?;
-        // An answer that came too late is not that of this transfer.
-        port.clear(run);
-        port.put(run, &frame);
+        port.request(run, &frame);
         Ok(())
     }
 
@@ -151,8 +161,7 @@ impl I2cPort {
     fn answer(&self, address: u8, transfer: &Transfer) -> Result<Vec<u8>, I2cError> {
         let mut turn = self.bench.core.enter()?;
         let (run, port) = turn.port(self.index)?;
-        port.collect(run);
-        let frame = port.take_message().unwrap_or_default();
+        let frame = port.take_answer(run).unwrap_or_default();
         let count = match transfer {
             Transfer::Write(_) => 0,
             Transfer::Read(count) => *count,
@@ -230,6 +239,7 @@ pub struct PinPort {
 impl PinPort {
     fn set(&mut self, is_high: bool) -> Result<(), PinError> {
         let mut turn = self.bench.core.enter().map_err(PinError)?;
+        turn.check_open().map_err(PinError)?;
         let (run, port) = turn.port(self.index).map_err(PinError)?;
         port.put(run, &[u8::from(is_high)]);
         self.is_high = is_high;

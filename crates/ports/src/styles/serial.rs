@@ -1,7 +1,7 @@
 //! `serialport::SerialPort`.
 
 use core::time::Duration;
-use std::io::{self, ErrorKind};
+use std::io;
 
 use ::serialport::{
     ClearBuffer, DataBits, Error, ErrorKind as Kind, FlowControl, Parity, Result, SerialPort,
@@ -29,21 +29,10 @@ impl Bench {
     /// As [`Bench::port`].
     pub fn serial(&self, name: &str, baud: u32) -> io::Result<Box<dyn SerialPort>> {
         let mut port = self.port(name)?;
-        port.set_line(LineConfig::new_8n1(checked(baud)?))?;
+        port.set_line(LineConfig::new_8n1(baud))?;
         port.write_data_terminal_ready(true)?;
         port.write_request_to_send(true)?;
         Ok(Box::new(port))
-    }
-}
-
-/// A rate that a UART can have.
-fn checked(baud: u32) -> io::Result<u32> {
-    match baud {
-        0 => Err(io::Error::new(
-            ErrorKind::InvalidInput,
-            "a baud rate of 0, expected 1 or more",
-        )),
-        _ => Ok(baud),
     }
 }
 
@@ -143,8 +132,7 @@ impl SerialPort for VirtualPort {
     }
 
     fn set_baud_rate(&mut self, baud_rate: u32) -> Result<()> {
-        let baud = checked(baud_rate)?;
-        self.change_line(|line| line.baud = baud)
+        self.change_line(|line| line.baud = baud_rate)
     }
 
     fn set_data_bits(&mut self, data_bits: DataBits) -> Result<()> {

@@ -104,7 +104,8 @@ impl Clocks<'_> {
 impl Bench {
     /// Runs a future on a tokio runtime of this thread, whose timers follow the rig's clock:
     /// `tokio::time::sleep`, `timeout`, `interval` and `spawn` work as usual. Timers have tokio's
-    /// resolution of 1 ms; bytes arrive at their nanosecond.
+    /// resolution of 1 ms; bytes arrive at their nanosecond. `spawn_blocking` and `tokio::fs`
+    /// are not supported: virtual time does not wait for their threads.
     ///
     /// # Panics
     /// If the future waits for something that never comes, or inside of another runtime.

@@ -9,7 +9,7 @@ use std::sync::{Arc, MutexGuard};
 use engine::run::Run;
 use protocols::Instant;
 
-use super::{Core, State, Task, Until, Wait};
+use super::{Core, NEVER, State, Task, Until, Wait};
 use crate::state::{PortState, hung_up};
 
 /// Questions in one instant before further ones take time.
@@ -62,6 +62,11 @@ impl<'a> Turn<'a> {
             mut state,
             me,
         } = self;
+        let deadline = match until {
+            // At the end virtual time stands.
+            Until::Time | Until::Task if deadline != NEVER => deadline.min(state.end()),
+            _ => deadline,
+        };
         state.waits += 1;
         let number = state.waits;
         state.members[me].wait = Some((number, Wait { until, deadline }));
@@ -82,9 +87,32 @@ impl<'a> Turn<'a> {
         self.state.acts
     }
 
+    /// This thread does something for which another may wait.
+    pub(crate) fn act(&mut self) {
+        self.state.acts += 1;
+    }
+
+    /// The number of a new timer.
+    pub(crate) fn new_timer(&mut self) -> u64 {
+        self.state.waits += 1;
+        self.state.waits
+    }
+
+    /// An error if the run is over.
+    pub(crate) fn check_open(&self) -> io::Result<()> {
+        match self.now() < self.end() {
+            true => Ok(()),
+            false => Err(hung_up()),
+        }
+    }
+
     /// A call that asked for a state: one of very many in the same instant takes time, so that a
     /// loop that asks again and again ends.
+    ///
+    /// # Errors
+    /// If the run is over.
     pub(crate) fn asked(mut self) -> io::Result<()> {
+        self.check_open()?;
         let now = self.now();
         let (at, count) = self.state.spins;
         let count = if at == now { count + 1 } else { 1 };
@@ -116,7 +144,7 @@ impl<'a> Turn<'a> {
             return Poll::Ready(Err(io::Error::other(message)));
         }
         let is_known = |task: &Task| {
-            task.member == me && task.wait.until == until && task.waker.will_wake(cx.waker())
+            task.member == me && task.wait == wait && task.waker.will_wake(cx.waker())
         };
         state.tasks.retain(|task| !is_known(task));
         let waker = cx.waker().clone();

@@ -171,11 +171,14 @@ impl Sonar {
 }
 
 /// A driver of the dust sensor, whose telegrams have ten bytes: fine dust, tenths of a microgram.
-async fn fine_dust<P: embedded_io_async::Read>(port: &mut P) -> Result<u16, P::Error> {
+async fn fine_dust<P: embedded_io_async::Read>(port: &mut P) -> Result<u16, String> {
     let mut telegram = [0; 10];
     loop {
         telegram.rotate_left(1);
-        port.read(&mut telegram[9..]).await?;
+        let read = port.read(&mut telegram[9..]).await;
+        if read.map_err(|error| format!("{error:?}"))? == 0 {
+            return Err("the port hung up before a whole telegram".to_owned());
+        }
         let sum = telegram[2..8]
             .iter()
             .fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
