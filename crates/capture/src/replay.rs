@@ -11,6 +11,7 @@ mod rig;
 mod silence;
 
 use core::time::Duration;
+use std::sync::Arc;
 
 use protocols::{Instant, LineConfig, LineEvent};
 
@@ -212,7 +213,7 @@ pub struct Replay {
     feed: Vec<Feed>,
     expected: Vec<(usize, Passage)>,
     sent: Shared<Vec<Track>>,
-    instruments: Box<dyn Instruments>,
+    instruments: Arc<dyn Instruments>,
     watchers: Watchers,
     next_look: Instant,
     end: Instant,
@@ -326,6 +327,7 @@ impl Replay {
             instruments,
             ..
         } = wired;
+        let instruments: Arc<dyn Instruments> = Arc::from(instruments);
         let (mut feed, mut expected) = (Vec::new(), Vec::new());
         for link in rig.program_links() {
             let name = &rig.links()[link].name;
@@ -369,7 +371,7 @@ impl Replay {
         // A capture that ends before the phases do contains no result for them.
         let lasts = |phases: &PhasesSpec| phases.windows()[3].until <= recorded.end;
         watched.phases = watched.phases.filter(lasts);
-        let watchers = Watchers::of(&watched, &mut rig, &*instruments);
+        let watchers = Watchers::of(&watched, &mut rig, &instruments);
         Ok(Self {
             watchers,
             rig,

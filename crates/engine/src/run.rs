@@ -141,10 +141,11 @@ impl Run {
         let asked = Arc::new(scenario.clone());
         let mut pushes = scenario.world.push.clone();
         pushes.sort_by_key(|push| push.at);
-        let watchers = Watchers::of(&scenario, &mut rig, &*instruments);
+        let instruments: Arc<dyn Instruments> = Arc::from(instruments);
+        let watchers = Watchers::of(&scenario, &mut rig, &instruments);
         let mut run = Self {
             rig,
-            instruments: Arc::from(instruments),
+            instruments,
             asked,
             seed: scenario.seed,
             watchers,
@@ -163,11 +164,6 @@ impl Run {
             is_over: false,
             scenario,
         };
-        let safety = run.scenario.expect.safety.as_ref();
-        if safety.is_some_and(|safety| safety.true_telemetry) {
-            let instruments = Arc::clone(&run.instruments);
-            run.add_checker(Box::new(check::TelemetryTrue::new(instruments)));
-        }
         run.plan_agenda();
         run
     }

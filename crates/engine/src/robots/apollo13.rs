@@ -133,7 +133,8 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     }
     let odometer = scenario.build_device("odometer", ODOMETER, source)?;
     let (camera, eye) = camera(scenario, source)?;
-    let mut wired = Wired::new(Rig::new(world), ApolloInstruments::new(eye));
+    let follows_wall = scenario.program.start_mode.is_some();
+    let mut wired = Wired::new(Rig::new(world), ApolloInstruments::new(eye, follows_wall));
     let program = match dut {
         Dut::Internal => {
             let program = Box::new(Apollo13::new(config));

@@ -102,10 +102,13 @@ impl Need {
         self
     }
 
-    /// Whether the link is needed in `mode`.
+    /// Whether the link is needed in `mode`. Of a program whose mode is unknown only what is needed
+    /// in all modes is known.
     pub fn is_needed(&self, mode: Option<&str>) -> bool {
-        let is_in = |modes: &[&str]| mode.is_some_and(|mode| modes.contains(&mode));
-        (self.only.is_empty() || is_in(self.only)) && !is_in(self.except)
+        let Some(mode) = mode else {
+            return self.only.is_empty() && self.except.is_empty();
+        };
+        (self.only.is_empty() || self.only.contains(&mode)) && !self.except.contains(&mode)
     }
 }
 

@@ -1,21 +1,24 @@
 //! The checkers and observers of a run: the same for a run and for a replay.
 
+use std::sync::Arc;
+
 use emulators::world::Contact;
 
 use super::check::{self, Check, Checker, Look};
 use crate::rig::Rig;
 use crate::robots::Instruments;
-use crate::scenario::Scenario;
+use crate::scenario::{SafetySpec, Scenario};
 
 /// The checkers of a run, selected by its robot and its rig.
 pub struct Watchers {
     checkers: Vec<Box<dyn Checker>>,
+    safety: Option<SafetySpec>,
 }
 
 impl Watchers {
     /// The watchers that suit `scenario`, wired as `rig`.
-    pub fn of(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
-        let mut checkers = check::standard(rig, instruments);
+    pub fn of(scenario: &Scenario, rig: &mut Rig, instruments: &Arc<dyn Instruments>) -> Self {
+        let mut checkers = check::standard(rig, &**instruments);
         if let Some(phases) = scenario.phases {
             checkers.push(Box::new(check::AtWorkAgain::new(
                 phases.windows(),
@@ -23,14 +26,16 @@ impl Watchers {
             )));
         }
         checkers.extend(check::safety::asked_for(scenario, rig, instruments));
-        Self { checkers }
+        let safety = scenario.expect.safety.clone();
+        Self { checkers, safety }
     }
 
     /// The same, for a copy of the rig that they look at; `None` if one of them cannot be copied.
     pub(crate) fn fork(&self, rig: &mut Rig) -> Option<Self> {
         let checkers = self.checkers.iter().map(|checker| checker.fork(rig));
         let checkers = checkers.collect::<Option<Vec<_>>>()?;
-        Some(Self { checkers })
+        let safety = self.safety.clone();
+        Some(Self { checkers, safety })
     }
 
     /// One more.
@@ -50,9 +55,13 @@ impl Watchers {
         checkers.for_each(|checker| checker.observe(&look));
     }
 
-    /// The result of each checker.
+    /// The result of each checker; what the scenario excuses is not observed.
     pub fn verdicts(&self) -> Vec<Check> {
         let checkers = self.checkers.iter();
-        checkers.map(|checker| checker.verdict()).collect()
+        let mut checks: Vec<Check> = checkers.map(|checker| checker.verdict()).collect();
+        if let Some(safety) = &self.safety {
+            checks.iter_mut().for_each(|check| safety.excuse(check));
+        }
+        checks
     }
 }

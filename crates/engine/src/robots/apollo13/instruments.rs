@@ -17,12 +17,16 @@ use crate::scenario::DeviceSpec;
 #[derive(Clone, Debug)]
 pub(super) struct ApolloInstruments {
     camera: DeviceSpec,
+    follows_wall: bool,
 }
 
 impl ApolloInstruments {
-    /// `camera`: how it sits.
-    pub(super) const fn new(camera: DeviceSpec) -> Self {
-        Self { camera }
+    /// `camera`: how it sits. A car that follows a wall sees it with the sensors of its board.
+    pub(super) const fn new(camera: DeviceSpec, follows_wall: bool) -> Self {
+        Self {
+            camera,
+            follows_wall,
+        }
     }
 }
 
@@ -101,11 +105,12 @@ impl Instruments for ApolloInstruments {
         &["markers"]
     }
 
-    /// By hand the phone; otherwise the camera that looks ahead.
+    /// By hand the phone; along a wall the board; otherwise the camera that looks ahead.
     fn needs(&self) -> Vec<Need> {
+        let eyes = if self.follows_wall { "car" } else { "scan" };
         vec![
             Need::always(REMOTE).only(&["remote"]),
-            Need::always("scan").only(&["autonomous", "gates", "mapping"]),
+            Need::always(eyes).only(&["autonomous", "gates", "mapping"]),
         ]
     }
 

@@ -12,6 +12,8 @@ pub use rests::RestsAfterSilence;
 pub use says::NoticesSilence;
 pub use told::TelemetryTrue;
 
+use std::sync::Arc;
+
 use protocols::Instant;
 
 use super::{Check, Checker, Status};
@@ -23,11 +25,12 @@ use crate::scenario::{SafetySpec, Scenario};
 pub(crate) fn asked_for(
     scenario: &Scenario,
     rig: &mut Rig,
-    instruments: &dyn Instruments,
+    shared: &Arc<dyn Instruments>,
 ) -> Vec<Box<dyn Checker>> {
     let Some(spec) = &scenario.expect.safety else {
         return Vec::new();
     };
+    let instruments = &**shared;
     let mut checkers: Vec<Box<dyn Checker>> = Vec::new();
     if let Some(within) = spec.rests_within {
         let drive = instruments.drive_links();
@@ -43,8 +46,11 @@ pub(crate) fn asked_for(
         )));
     }
     if let Some(within) = spec.says_within {
-        let alarms = instruments.alarms();
-        checkers.push(Box::new(NoticesSilence::new(alarms, within.0)));
+        checkers.push(Box::new(NoticesSilence::listening(
+            rig,
+            instruments,
+            within.0,
+        )));
     }
     if let Some(last) = spec.alive_for {
         let from = scenario.duration.0.saturating_sub(last.0);
@@ -57,6 +63,9 @@ pub(crate) fn asked_for(
         );
         let from = Instant::ZERO + from;
         checkers.push(Box::new(AliveAtTheEnd::new(from, exempt, asks_for_pose)));
+    }
+    if spec.true_telemetry {
+        checkers.push(Box::new(TelemetryTrue::new(Arc::clone(shared))));
     }
     checkers
 }

@@ -105,7 +105,7 @@ impl Checker for MovesOnSoundOrders {
             None => format!("no motion before a valid frame on {link}"),
         };
         let check = Check::new(name, self.moved_first.is_none(), detail);
-        check.if_observed(ear.sound + ear.damaged > 0)
+        check.if_observed(ear.damaged > 0 || (ear.sound > 0 && self.has_moved))
     }
 
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {

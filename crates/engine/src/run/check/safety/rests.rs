@@ -56,8 +56,11 @@ struct Watched {
     heard: Heard,
     /// Since when the robot moves though it must not, while commands reach its drive.
     moving_since: Option<Instant>,
+    /// Whether the robot needed the link when its silence began: a robot may change its mode then.
+    was_needed: bool,
+    /// Silences in which the robot could be seen to rest, and whether the present one counts.
     silences: u64,
-    is_silent: bool,
+    is_counted: bool,
     broken: Option<(Instant, Duration)>,
 }
 
@@ -69,8 +72,9 @@ impl RestsAfterSilence {
             need,
             heard: Heard::NEVER,
             moving_since: None,
+            was_needed: false,
             silences: 0,
-            is_silent: false,
+            is_counted: false,
             broken: None,
         });
         Self {
@@ -104,9 +108,15 @@ impl Checker for RestsAfterSilence {
             let silence = one.heard.take(now, count);
             let limit = self.within.max(one.need.stops_after) + BRAKES;
             let is_silent = silence > limit;
-            one.silences += u64::from(is_silent && !one.is_silent);
-            one.is_silent = is_silent;
-            let is_wrong = is_silent && is_moving && is_reached && one.need.is_needed(mode);
+            let is_needed = one.need.is_needed(mode);
+            if silence <= BRAKES {
+                one.was_needed = is_needed;
+            }
+            let is_judged = is_silent && is_reached && (is_needed || one.was_needed);
+            let is_observed = is_judged && self.has_moved;
+            one.silences += u64::from(is_observed && !one.is_counted);
+            one.is_counted = is_silent && (one.is_counted || is_observed);
+            let is_wrong = is_silent && is_moving && is_reached && is_needed;
             if !is_wrong {
                 one.moving_since = None;
                 continue;
@@ -126,20 +136,22 @@ impl Checker for RestsAfterSilence {
         }
         let broken = self.watched.iter().find_map(|one| Some((one, one.broken?)));
         let silences: u64 = self.watched.iter().map(|one| one.silences).sum();
-        let links: Vec<&str> = self.watched.iter().map(|one| &*one.need.link).collect();
+        let observed = self.watched.iter().filter(|one| one.silences > 0);
+        let links: Vec<&str> = observed.map(|one| &*one.need.link).collect();
         let detail = match broken {
             Some((one, (at, silence))) => format!(
                 "still moving at {at} s, {:.1} s after the last byte of {}",
                 silence.as_secs_f64(),
                 one.need.link
             ),
+            None if silences == 0 => "no silence of a link that the moving robot needs".to_owned(),
             None => format!(
                 "at rest in each of {silences} silences of {}",
                 links.join(", ")
             ),
         };
         let check = Check::new(name, broken.is_none(), detail);
-        check.if_observed(self.has_moved && silences > 0)
+        check.if_observed(silences > 0)
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {

@@ -5,23 +5,32 @@ use core::time::Duration;
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
+use crate::Shared;
+use crate::codec::{Codec, Counter};
 use crate::rig::Rig;
-use crate::rig::line::Direction;
-use crate::robots::Alarm;
+use crate::rig::line::{Delivery, Direction};
+use crate::rig::trace::{Side, Tap};
+use crate::robots::{Alarm, Instruments};
 
-/// The program counts a failure of each device that fell silent.
-#[derive(Clone, Debug)]
+/// Valid frames after which a device is at work: two turns of a lidar.
+const AT_WORK: u64 = 180;
+
+/// The program counts a failure of each device that was at work and fell silent.
 pub struct NoticesSilence {
     watched: Vec<Watched>,
     within: Duration,
 }
 
-#[derive(Clone, Debug)]
 struct Watched {
     alarm: Alarm,
+    /// Without a codec each byte is taken for a sign of work.
+    ear: Option<Shared<Ear>>,
     delivered: u64,
     heard_at: Instant,
-    /// The counter when the last byte arrived.
+    /// Valid frames so far, and since the last silence.
+    frames: u64,
+    worked: u64,
+    /// The counter when the last valid frame arrived: garbage is a failure as well.
     counted: u64,
     silences: u64,
     is_judged: bool,
@@ -29,20 +38,62 @@ struct Watched {
 }
 
 impl NoticesSilence {
-    /// Watches a program that must have counted each silence `within` this time.
-    pub fn new(alarms: &[Alarm], within: Duration) -> Self {
-        let watched = alarms.iter().map(|&alarm| Watched {
-            alarm,
-            delivered: 0,
-            heard_at: Instant::ZERO,
-            counted: 0,
-            silences: 0,
-            is_judged: false,
-            broken: None,
+    /// Listens to the links of `rig` whose silence the program must count `within` this time.
+    pub fn listening(rig: &mut Rig, instruments: &dyn Instruments, within: Duration) -> Self {
+        let watched = instruments.alarms().iter().map(|&alarm| {
+            let link = rig.links().iter().position(|link| link.name == alarm.link);
+            let codec = instruments.codec_towards(rig, alarm.link, Direction::ToMaster);
+            let ear = link.zip(codec).map(|(link, codec)| Ear {
+                link,
+                codec,
+                counter: Counter::towards(codec, Direction::ToMaster),
+                frames: 0,
+            });
+            Watched {
+                alarm,
+                ear: ear.map(|ear| ear.listening(rig)),
+                delivered: 0,
+                heard_at: Instant::ZERO,
+                frames: 0,
+                worked: 0,
+                counted: 0,
+                silences: 0,
+                is_judged: false,
+                broken: None,
+            }
         });
         Self {
             watched: watched.collect(),
             within,
+        }
+    }
+}
+
+/// Counts the valid frames of a link.
+struct Ear {
+    link: usize,
+    codec: &'static Codec,
+    counter: Counter,
+    frames: u64,
+}
+
+impl Ear {
+    fn listening(self, rig: &mut Rig) -> Shared<Self> {
+        let ear = Shared::new(self);
+        rig.add_tap(Box::new(Listener(ear.clone())));
+        ear
+    }
+}
+
+struct Listener(Shared<Ear>);
+
+impl Tap for Listener {
+    fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
+
+    fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
+        let mut ear = self.0.lock();
+        if direction == Direction::ToMaster && link == ear.link {
+            ear.frames += ear.counter.push(&delivery.bytes).frames;
         }
     }
 }
@@ -68,13 +119,23 @@ impl Checker for NoticesSilence {
                 }
             });
             if is_new {
+                let ear = one.ear.as_ref();
+                let frames = ear.map_or(delivered, |ear| ear.lock().frames);
+                if frames != one.frames {
+                    one.worked += frames - one.frames;
+                    one.frames = frames;
+                    one.counted = count;
+                }
                 one.delivered = delivered;
                 one.heard_at = now;
-                one.counted = count;
                 one.is_judged = false;
                 continue;
             }
             one.is_judged = true;
+            let enough = if one.ear.is_some() { AT_WORK } else { 1 };
+            if core::mem::take(&mut one.worked) < enough {
+                continue;
+            }
             one.silences += 1;
             if count <= one.counted && one.broken.is_none() {
                 one.broken = Some(one.heard_at);
@@ -100,7 +161,26 @@ impl Checker for NoticesSilence {
         Check::new(name, broken.is_none(), detail).if_observed(silences > 0)
     }
 
-    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
-        Some(Box::new(self.clone()))
+    fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        let watched = self.watched.iter().map(|one| {
+            let ear = one.ear.as_ref().map(|ear| {
+                let old = ear.lock();
+                // A frame that has half arrived is not counted.
+                Ear {
+                    link: old.link,
+                    codec: old.codec,
+                    counter: Counter::towards(old.codec, Direction::ToMaster),
+                    frames: old.frames,
+                }
+            });
+            Watched {
+                ear: ear.map(|ear| ear.listening(rig)),
+                ..*one
+            }
+        });
+        Some(Box::new(Self {
+            watched: watched.collect(),
+            within: self.within,
+        }))
     }
 }

@@ -75,7 +75,7 @@ fn nothing_is_observed_without_links() {
     let check = observed(&mut rests, 3);
     assert_eq!(check.status, Status::NotObserved);
     assert!(check.detail.ends_with("set rests_without"));
-    let mut says = NoticesSilence::new(&[], within);
+    let mut says = NoticesSilence::listening(&mut rig(), &Unknown, within);
     assert_eq!(observed(&mut says, 3).status, Status::NotObserved);
 }
 
@@ -110,4 +110,108 @@ fn queues_that_overflowed_are_counted() {
         check.detail
     );
     assert!(check.detail.contains("fifo-overflow"), "{}", check.detail);
+}
+
+fn in_a_room(duration: &str, more: &str) -> String {
+    format!(
+        "schema = 1\nname = \"r\"\nrobot = \"rescue\"\nduration = \"{duration}\"\n{more}\
+         [mission]\nto_the_end = true\nwaypoints_m = [[1.5, 2.2], [0.8, 1.5]]\n\
+         [world]\nstart = {{ x_m = 0.8, y_m = 1.4, heading_deg = 90 }}\n[[world.wall]]\n\
+         path_m = [[0.2, 0.2], [2.8, 0.2], [2.8, 2.8], [0.2, 2.8], [0.2, 0.2]]\n"
+    )
+}
+
+fn named(outcome: crate::run::Outcome, name: &str) -> Check {
+    let mut checks = outcome.checks.into_iter();
+    let found = checks.find(|check| check.name == name);
+    found.expect("it is asked for")
+}
+
+/// A link that was never needed, or never silent, proves nothing. A lidar that falls silent under
+/// way does; a PC that the robot needs by hand only is not named beside it.
+#[test]
+fn only_silences_of_needed_links_are_observed() {
+    let judged = |fault: &str| {
+        let safety = "[expect.safety]\nrests_within = \"1s\"\n";
+        let text = in_a_room("9s", &format!("{fault}{safety}"));
+        named(
+            crate::run::judge(&text).expect("sound"),
+            "rests-after-silence",
+        )
+    };
+    let calm = judged("");
+    assert_eq!(calm.status, Status::NotObserved, "{}", calm.detail);
+    let cut = "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
+        from = \"5s\"\n";
+    let dark = judged(cut);
+    assert_eq!(dark.status, Status::Pass, "{}", dark.detail);
+    assert!(
+        dark.detail.ends_with("silences of lidar"),
+        "{}",
+        dark.detail
+    );
+}
+
+/// With a program of a stranger the mode is unknown, and so is what is needed in some modes only.
+#[test]
+fn what_a_mode_needs_is_unknown_without_a_mode() {
+    let rows = [
+        (Need::always("a"), [true, true, true]),
+        (Need::always("a").only(&["x"]), [true, false, false]),
+        (Need::always("a").except(&["x"]), [false, true, false]),
+    ];
+    for (need, expected) in rows {
+        let needed = [Some("x"), Some("y"), None].map(|mode| need.is_needed(mode));
+        assert_eq!(needed, expected, "{need:?}");
+    }
+}
+
+/// Along a wall the car sees with its board, and not with its camera.
+#[test]
+fn a_car_along_a_wall_needs_its_board() {
+    let text = include_str!("../../../../../../scenarios/apollo13-wall.toml");
+    for (link, expected) in [("car", Status::Pass), ("scan", Status::NotObserved)] {
+        let text = format!(
+            "{text}\n[expect.safety]\nrests_within = \"1s\"\n[[fault]]\nkind = \"cut\"\n\
+             link = \"{link}\"\ndirection = \"to-master\"\nfrom = \"3s\"\n"
+        );
+        let (mut scenario, source) = Scenario::from_text(&text).expect("sound");
+        scenario.duration = crate::scenario::Span::from_millis(6_000);
+        let run = crate::run::Run::new(scenario, &source, None).expect("sound");
+        let check = named(run.finish(), "rests-after-silence");
+        assert_eq!(check.status, expected, "{link}: {}", check.detail);
+    }
+}
+
+/// A lidar that was never at work before it fell silent is none that fell silent. Garbage before a
+/// silence was counted already.
+#[test]
+fn only_a_device_at_work_falls_silent() {
+    let cut = |from: &str| {
+        format!(
+            "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
+             from = \"{from}\"\n"
+        )
+    };
+    let garbage = "[[fault]]\nkind = \"device\"\ndevice = \"lidar\"\nfault = \"garbage\"\n";
+    let rows = [
+        (cut("4s"), Status::Pass),
+        (
+            format!("{garbage}from = \"4s\"\n{}", cut("6500ms")),
+            Status::Pass,
+        ),
+        (
+            format!("{garbage}from = \"0s\"\n{}", cut("6500ms")),
+            Status::NotObserved,
+        ),
+    ];
+    for (faults, expected) in rows {
+        let text = in_a_room(
+            "10s",
+            &format!("{faults}[expect.safety]\nsays_within = \"3s\"\n"),
+        );
+        let outcome = crate::run::judge(&text).expect("sound");
+        let check = named(outcome, "notices-silence");
+        assert_eq!(check.status, expected, "{faults}{}", check.detail);
+    }
 }
