@@ -29,15 +29,18 @@ pub fn scenario(
     best.origin = None;
     let check = cause.split(": ").next().unwrap_or_default();
     let is_late = is_of_the_end(check);
+    // It judges the last part of the run: in a shorter one, lines are silent that were healed later.
+    let is_of_life = check == ALIVE;
     if !is_late {
         let fails = &mut |case: &Scenario| judge(case) == Judged::FailsAlike;
-        let unasked = nothing_in_the_end(&best);
+        let unasked = nothing_in_the_end(&best, is_of_life);
         take(&mut best, unasked, effort, fails);
     }
     let first = best.clone();
     let blame = Cause::of(&first, &mut judge, effort);
-    let keeps_time = is_late && !blame.is_known();
-    let keeps_waypoint = keeps_time && !start.mission.waypoints_m.is_empty();
+    let has_goal = is_late && !blame.is_known();
+    let keeps_time = has_goal || is_of_life;
+    let keeps_waypoint = has_goal && !start.mission.waypoints_m.is_empty();
     let mut fails = |case: &Scenario| {
         let is_asked = !keeps_waypoint || !case.mission.waypoints_m.is_empty();
         is_asked && judge(case) == Judged::FailsAlike && blame.is_of(case, &mut judge)
@@ -60,8 +63,15 @@ pub fn scenario(
     }
 }
 
-/// `case` without what it expects to be true in the end.
-fn nothing_in_the_end(case: &Scenario) -> Scenario {
+/// The check of `alive_for`.
+const ALIVE: &str = "alive-at-the-end";
+
+/// `case` without what it expects to be true in the end, but for life if that `is_kept`.
+fn nothing_in_the_end(case: &Scenario, is_kept: bool) -> Scenario {
+    let mut safety = case.expect.safety.clone();
+    if let Some(safety) = safety.as_mut().filter(|_| !is_kept) {
+        safety.alive_for = None;
+    }
     let expect = Expect {
         visit_within_mm: None,
         return_within_mm: None,
@@ -71,6 +81,7 @@ fn nothing_in_the_end(case: &Scenario) -> Scenario {
         settle: None,
         wall_overlap_min: None,
         map_received: None,
+        safety,
         ..case.expect.clone()
     };
     Scenario {

@@ -139,3 +139,43 @@ fn a_drive_that_is_off_stays_to_blame() {
     let small = shrunk(off, "waypoints-visited: standing still", without_faults);
     assert_eq!(small.fault[0].kind.name(), "off");
 }
+
+/// In a shorter run a lidar that is healed later is silent at the end, so the time is kept. A run that
+/// fails for something else need not be alive.
+#[test]
+fn a_run_that_must_be_alive_keeps_its_time() {
+    let culprit = "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
+        from = \"9s\"\n[expect.safety]\nalive_for = \"3s\"\n";
+    let text = format!("{HARMLESS}{culprit}").replace("duration = \"25s\"", "duration = \"16s\"");
+    let text = text.replace("[mission]\n", "[mission]\nto_the_end = true\n");
+    let text = text.replace("visit_within_mm = 200\n", "");
+    let (start, _) = Scenario::from_text(&text).expect("sound");
+    let cause = "alive-at-the-end: silent";
+    let fails = |case: &Scenario| match case.expect.safety.as_ref()?.alive_for {
+        Some(_) if !case.fault.is_empty() => Some(cause),
+        _ => None,
+    };
+    let judge = |case: &Scenario| Judged::of(fails(case), cause);
+    let small = scenario(&start, cause, judge, &mut Effort::tries(TRIES));
+    assert_eq!(small.duration, start.duration);
+    assert!(
+        small
+            .expect
+            .safety
+            .is_some_and(|safety| safety.alive_for.is_some())
+    );
+
+    let other = "program-alive: stops";
+    let judge = |case: &Scenario| match case.fault.is_empty() {
+        true => Judged::Passes,
+        false => Judged::FailsAlike,
+    };
+    let small = scenario(&start, other, judge, &mut Effort::tries(TRIES));
+    assert!(small.duration < start.duration);
+    assert!(
+        small
+            .expect
+            .safety
+            .is_none_or(|safety| safety.alive_for.is_none())
+    );
+}
