@@ -374,7 +374,9 @@ pub(super) struct Bugs {
 /// The state of a campaign.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct CampaignEnded {
-    pub(super) folder: String,
+    /// The result folder; none with `--mutants`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) folder: Option<String>,
     pub(super) runs: u64,
     pub(super) failed: u64,
     /// Runs that no shard has done; none for a shard.

@@ -12,6 +12,7 @@ use std::thread;
 use clap::{Args, Subcommand};
 
 use self::live::Live;
+pub(super) use self::scope::needs_faults;
 use self::scope::{covered, profile};
 use super::answer::{CampaignEnded, CauseFound};
 use super::exec::{ExecArgs, is_bare};
@@ -155,6 +156,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         true => Vary::ALL,
         false => Vary::default(),
     });
+    needs_faults(args.profile.as_deref(), vary)?;
     if args.mutants {
         let mut read = read_all(&args.scenarios)?;
         leave_out_bare(&mut read)?;
@@ -232,7 +234,7 @@ fn report_shard(store: &Store, left: usize, out: &Path) -> Result<Verdict, CliEr
     store.show(&campaign::live_page(store.plan(), &far, &failures, None))?;
     println!("{runs} runs, {failed} failed");
     answer(&CampaignEnded {
-        folder: out.display().to_string(),
+        folder: Some(out.display().to_string()),
         runs: runs as u64,
         failed: failed as u64,
         missing: None,
@@ -469,7 +471,7 @@ fn ended(merged: &Merged, out: &Path) -> CampaignEnded {
     });
     let never = merged.situations.iter().filter(|count| count.runs == 0);
     CampaignEnded {
-        folder: out.display().to_string(),
+        folder: Some(out.display().to_string()),
         runs: merged.runs as u64,
         failed: merged.failed as u64,
         missing: Some(merged.missing as u64),

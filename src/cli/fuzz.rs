@@ -119,6 +119,8 @@ pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
         let text = "--link needs --scenario <SCENARIO>, or --exec with --corpus";
         return Err(CliError::Usage(text.to_owned()));
     }
+    let profile = Some(&*args.profile).filter(|name| *name != "gentle");
+    super::campaign::needs_faults(profile, args.vary)?;
     let subjects = subjects(args)?;
     fuzz::silence_panics();
     match &args.repeat {

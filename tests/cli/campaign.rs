@@ -179,7 +179,26 @@ fn a_profile_is_a_file_to_copy_and_change() {
         "my.toml",
         &profile.replace("count_max = 12", "count_max = 0"),
     );
-    assert_eq!(campaign(&session, "--profile my.toml --out mine"), Some(1));
+    let run = |vary: &str| {
+        let arguments =
+            format!("campaign short.toml --seeds 0..6 --vary {vary} --profile my.toml --out mine");
+        let arguments: Vec<&str> = arguments.split_whitespace().collect();
+        session.hilrig(&arguments)
+    };
+    // Without a fault the mission is judged: none is done in 2 s.
+    assert_eq!(run("faults").status.code(), Some(1));
+    let runs = session.read("mine/runs.jsonl");
+    assert_eq!(runs.lines().count(), 6);
+    for line in runs.lines() {
+        assert!(line.contains("waypoints-visited"), "{line}");
+    }
+    let unused = run("timing");
+    assert_eq!(unused.status.code(), Some(2));
+    let error = text(&unused.stderr);
+    assert!(
+        error.contains("--profile: needs faults in --vary"),
+        "{error}"
+    );
     session.write(
         "my.toml",
         &profile.replace("heal = \"12s\"", "heal = \"59s\""),

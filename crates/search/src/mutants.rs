@@ -3,7 +3,8 @@
 //!
 //! Each seed is run without a defect first. A defect is found by a check that fails with it and not
 //! without it. A check that also fails without a defect, at other seeds, counts only if it fails
-//! more than twice as often with it.
+//! more than twice as often with it. What was found is judged anew after each run without a defect,
+//! so that the order of the seeds does not decide.
 
 use core::sync::atomic::{AtomicUsize, Ordering};
 use std::collections::{BTreeMap, BTreeSet};
@@ -34,8 +35,9 @@ pub struct Mutant {
     pub found: Option<(String, String, u64)>,
 }
 
-/// Counts of failures by check, without and with a defect, at the same seeds.
-type Counts = BTreeMap<String, [u64; 2]>;
+/// Failures by check: their number, and the first scenario and seed at which the check fails with
+/// the defect and not without it.
+type Counts = BTreeMap<String, (u64, Option<(String, u64)>)>;
 
 /// The search for all defects of the robots of some scenarios.
 #[derive(Debug)]
@@ -48,6 +50,8 @@ pub struct Mutants<'a> {
     pub sound: [u64; 2],
     /// Failures without a defect, by check.
     pub sound_failures: BTreeMap<String, u64>,
+    /// The same, by robot.
+    sound_by_robot: BTreeMap<String, BTreeMap<String, u64>>,
 }
 
 impl<'a> Mutants<'a> {
@@ -77,6 +81,7 @@ impl<'a> Mutants<'a> {
             mutants: mutants.map(|mutant| (mutant, Counts::new())).collect(),
             sound: [0; 2],
             sound_failures: BTreeMap::new(),
+            sound_by_robot: BTreeMap::new(),
         }
     }
 
@@ -107,9 +112,12 @@ impl<'a> Mutants<'a> {
             let sound = failures(&made, source)?;
             self.sound[0] += 1;
             self.sound[1] += u64::from(!sound.is_empty());
+            let by_robot = self.sound_by_robot.entry(base.robot.clone()).or_default();
             for check in &sound {
                 *self.sound_failures.entry(check.clone()).or_default() += 1;
+                *by_robot.entry(check.clone()).or_default() += 1;
             }
+            self.settle(&base.robot);
             let todo: Vec<usize> = (0..self.mutants.len())
                 .filter(|&index| {
                     let mutant = &self.mutants[index].0;
@@ -120,8 +128,20 @@ impl<'a> Mutants<'a> {
             for (index, found) in failed {
                 self.mutants[index].take(&sound, &found, name, seed);
             }
+            self.settle(&base.robot);
         }
         Ok(true)
+    }
+
+    /// Judges the defects of `robot` by all runs without a defect so far: one that was found may
+    /// become one that is looked for again.
+    fn settle(&mut self, robot: &str) {
+        let none = BTreeMap::new();
+        let sound = self.sound_by_robot.get(robot).unwrap_or(&none);
+        let own = self.mutants.iter_mut();
+        for mutant in own.filter(|(mutant, _)| mutant.robot == robot) {
+            mutant.settle(sound);
+        }
     }
 
     /// The checks that fail with each defect of `todo`.
@@ -159,6 +179,7 @@ impl<'a> Mutants<'a> {
 }
 
 trait Judged {
+    fn settle(&mut self, sound: &BTreeMap<String, u64>);
     fn take(&mut self, sound: &BTreeSet<String>, failed: &BTreeSet<String>, name: &str, seed: u64);
 }
 
@@ -167,19 +188,25 @@ impl Judged for (Mutant, Counts) {
     fn take(&mut self, sound: &BTreeSet<String>, failed: &BTreeSet<String>, name: &str, seed: u64) {
         let (mutant, counts) = self;
         mutant.runs += 1;
-        for check in sound {
-            counts.entry(check.clone()).or_default()[0] += 1;
-        }
         for check in failed {
-            counts.entry(check.clone()).or_default()[1] += 1;
+            let (count, first) = counts.entry(check.clone()).or_default();
+            *count += 1;
+            if !sound.contains(check) {
+                first.get_or_insert_with(|| (name.to_owned(), seed));
+            }
         }
-        let shows = |check: &&String| {
-            let [without, with] = counts.get(*check).copied().unwrap_or_default();
-            !sound.contains(*check) && (without == 0 || with >= 2 * without + MORE)
+    }
+
+    /// Compares with the failures in all runs without a defect.
+    fn settle(&mut self, sound: &BTreeMap<String, u64>) {
+        let (mutant, counts) = self;
+        let shows = |(check, (with, first)): (&String, &(u64, Option<(String, u64)>))| {
+            let without = sound.get(check).copied().unwrap_or_default();
+            let (name, seed) = first.clone()?;
+            let is_found = without == 0 || *with >= 2 * without + MORE;
+            is_found.then(|| (check.clone(), name, seed))
         };
-        if let Some(check) = failed.iter().find(shows) {
-            mutant.found = Some((check.clone(), name.to_owned(), seed));
-        }
+        mutant.found = counts.iter().find_map(shows);
     }
 }
 
@@ -202,32 +229,38 @@ mod tests {
         names.iter().map(|&name| name.to_owned()).collect()
     }
 
-    /// A check that never fails without a defect finds it at once. One that fails without it at one
-    /// of ten seeds finds it after five failures (twice one, and three).
+    /// A check that never fails without a defect finds it at once, and no longer when it fails
+    /// without it at a later seed: then it needs five failures (twice one, and three). The order of
+    /// the seeds makes no difference.
     #[test]
     fn a_check_that_fails_without_a_defect_finds_it_only_if_it_fails_more_often() {
-        let new = || {
+        let judged = |seeds: [u64; 6], failures: usize| {
             let mutant = Mutant {
                 robot: "r".to_owned(),
                 defect: "D-1".to_owned(),
                 runs: 0,
                 found: None,
             };
-            (mutant, Counts::new())
+            let mut judged = (mutant, Counts::new());
+            let mut sound = BTreeMap::new();
+            for seed in seeds {
+                // Without the defect the check fails at seed 0 alone.
+                let without = set(if seed == 0 { &["a"] } else { &[] });
+                for check in &without {
+                    *sound.entry(check.clone()).or_default() += 1;
+                }
+                let fails = seed != 0 && seed <= failures as u64;
+                let with = set(if fails { &["a"] } else { &[] });
+                judged.take(&without, &with, "room", seed);
+                judged.settle(&sound);
+            }
+            judged.0.found.map(|(check, ..)| check)
         };
-        let mut judged = new();
-        judged.take(&set(&["a"]), &set(&["a"]), "room", 0);
-        assert_eq!(judged.0.found, None);
-        judged.take(&set(&["a"]), &set(&["a", "b"]), "room", 1);
-        assert_eq!(judged.0.found, Some(("b".to_owned(), "room".to_owned(), 1)));
-
-        let mut judged = new();
-        judged.take(&set(&["a"]), &set(&[]), "room", 0);
-        for seed in 1..5 {
-            judged.take(&set(&[]), &set(&["a"]), "room", seed);
-            assert_eq!(judged.0.found, None);
+        for seeds in [[0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0]] {
+            assert_eq!(judged(seeds, 4), None);
+            assert_eq!(judged(seeds, 5), Some("a".to_owned()));
         }
-        judged.take(&set(&[]), &set(&["a"]), "room", 5);
-        assert!(judged.0.found.is_some());
+        // Only seeds that pass without a defect.
+        assert_eq!(judged([1; 6], 1), Some("a".to_owned()));
     }
 }

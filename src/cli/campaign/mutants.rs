@@ -21,11 +21,20 @@ pub(super) fn run(
     profile: &Profile,
     vary: Vary,
 ) -> Result<Verdict, CliError> {
-    let mut mutants = Mutants::new(read, profile, vary, &args.defects);
-    if mutants.all().next().is_none() {
-        let message = "--mutants: the robots of these scenarios have no planted defects that match";
+    let all = Mutants::new(read, profile, vary, &[]);
+    let known: Vec<&str> = all.all().map(|mutant| &*mutant.defect).collect();
+    if known.is_empty() {
+        let message = "--mutants: the robots of these scenarios have no planted defects";
         return Err(CliError::Usage(message.to_owned()));
     }
+    if let Some(unknown) = args.defects.iter().find(|id| !known.contains(&id.as_str())) {
+        let known = known.join(", ");
+        let message = format!(
+            "--defect {unknown}: no robot of these scenarios has it, expected one of {known}"
+        );
+        return Err(CliError::Usage(message));
+    }
+    let mut mutants = Mutants::new(read, profile, vary, &args.defects);
     let (clock, stop) = (
         WallClock::start(),
         Stop::new(args.budget.map(|budget| budget.0))?,
@@ -33,14 +42,14 @@ pub(super) fn run(
     let is_over = || stop.is_due(now(&clock));
     let mut rounds = 0;
     for seed in args.seeds.clone() {
-        let is_left = mutants.all().any(|mutant| mutant.found.is_none());
-        if !is_left || !mutants.round(seed, jobs(args, false), &is_over)? {
+        // Also if all are found: a later failure without a defect may take one back.
+        if !mutants.round(seed, jobs(args, false), &is_over)? {
             break;
         }
         rounds += 1;
     }
     print(&mutants, read, &profile.name, rounds);
-    answer(&ended(&mutants, &args.out.display().to_string()));
+    answer(&ended(&mutants));
     Ok(stop.signal().map_or(Verdict::Pass, Verdict::Interrupted))
 }
 
@@ -92,7 +101,7 @@ fn share<'a>(word: &str, all: impl Iterator<Item = &'a Mutant>) -> String {
 }
 
 /// The result in the form of `--json`.
-fn ended(mutants: &Mutants<'_>, folder: &str) -> CampaignEnded {
+fn ended(mutants: &Mutants<'_>) -> CampaignEnded {
     let [runs, failed] = mutants.sound;
     let judged = mutants.all().map(|mutant| MutantJudged {
         robot: mutant.robot.clone(),
@@ -105,7 +114,7 @@ fn ended(mutants: &Mutants<'_>, folder: &str) -> CampaignEnded {
             .map(|(_, name, seed)| (name.clone(), *seed)),
     });
     CampaignEnded {
-        folder: folder.to_owned(),
+        folder: None,
         runs,
         failed,
         missing: None,

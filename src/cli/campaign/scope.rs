@@ -4,12 +4,23 @@ use std::collections::BTreeMap;
 
 use super::super::CliError;
 use crate::search::campaign::{CampaignPlan, Shard, Store};
-use crate::search::generate::Profile;
+use crate::search::generate::{Profile, Vary};
 
 /// The profile of this name or file; of `--mutants` harsh if none is given.
 pub(super) fn profile(name: Option<&str>, is_for_mutants: bool) -> Result<Profile, CliError> {
     let usual = if is_for_mutants { "harsh" } else { "gentle" };
     Ok(Profile::find(name.unwrap_or(usual))?)
+}
+
+/// Refuses a profile that would not be used.
+pub(in crate::cli) fn needs_faults(profile: Option<&str>, vary: Vary) -> Result<(), CliError> {
+    match profile {
+        Some(_) if !vary.faults => {
+            let message = format!("--profile: needs faults in --vary, which is {vary}");
+            Err(CliError::Usage(message))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// What a campaign that was stopped has covered: how many seeds of each scenario.
