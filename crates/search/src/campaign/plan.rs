@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::StoreError;
 use crate::files;
 
-/// Which part of a campaign: every `of`-th run, from `index` on.
+/// Which part of a campaign: of each scenario every `of`-th seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shard {
@@ -24,9 +24,9 @@ impl Shard {
     /// All of it.
     pub const WHOLE: Self = Self { index: 0, of: 1 };
 
-    /// Whether the run with this number in the list belongs to it.
-    pub const fn has(self, number: usize) -> bool {
-        number % self.of == self.index
+    /// Whether the runs of this turn belong to it, see [`CampaignPlan::runs`].
+    pub const fn has(self, turn: usize) -> bool {
+        turn % self.of == self.index
     }
 }
 
@@ -84,25 +84,19 @@ pub struct CampaignPlan {
 }
 
 impl CampaignPlan {
-    /// All runs in order: number, name of the scenario, seed. All scenarios have their first seed,
-    /// then the second, so that a campaign that is stopped has covered all of them alike. Each
-    /// round begins with another scenario: otherwise a shard might get the same one in each.
+    /// All runs in order: turn, name of the scenario, seed. All scenarios have their first seed,
+    /// then the second, so that a campaign that is stopped has covered all of them alike. Shards
+    /// take turns, each scenario one turn later than the scenario before it: so each shard gets
+    /// each scenario.
     pub fn runs(&self) -> impl Iterator<Item = (usize, &str, u64)> {
         let names: Vec<&str> = self.scenarios.keys().map(String::as_str).collect();
-        let pairs = self
-            .seeds
+        self.seeds
             .clone()
             .enumerate()
             .flat_map(move |(round, seed)| {
-                let mut names = names.clone();
-                let count = names.len().max(1);
-                let first = (round + round / count) % count;
-                names.rotate_left(first);
-                names.into_iter().map(move |name| (name, seed))
-            });
-        pairs
-            .enumerate()
-            .map(|(number, (name, seed))| (number, name, seed))
+                let names = names.clone().into_iter().enumerate();
+                names.map(move |(index, name)| (round + index, name, seed))
+            })
     }
 
     /// Name of the fault profile.
@@ -110,8 +104,10 @@ impl CampaignPlan {
         let Some(kept) = &self.profile else {
             return "gentle".to_owned();
         };
-        let named = kept.lines().find_map(|line| line.strip_prefix("name = "));
-        named.map_or_else(|| kept.clone(), |name| name.trim_matches('"').to_owned())
+        // The name of a built-in profile is no TOML.
+        let read = toml::from_str::<toml::Table>(kept).ok();
+        let name = read.as_ref().and_then(|keys| keys.get("name")?.as_str());
+        name.map_or_else(|| kept.clone(), str::to_owned)
     }
 
     /// How many runs there are.
@@ -183,11 +179,64 @@ mod tests {
             plan.scenarios
                 .keys()
                 .for_each(|name| _ = counts.insert(name, 0));
-            for (number, name, _) in plan.runs() {
-                *counts.entry(name).or_default() += u32::from(shard.has(number));
+            for (turn, name, _) in plan.runs() {
+                *counts.entry(name).or_default() += u32::from(shard.has(turn));
                 let (least, most) = (counts.values().min(), counts.values().max());
                 assert!(most <= least.map(|least| least + 2).as_ref(), "{counts:?}");
             }
         }
+    }
+
+    /// Each run belongs to one shard, and each shard gets as many seeds of each scenario as another
+    /// one, but for one.
+    #[test]
+    fn shards_share_each_scenario_evenly() {
+        for count in 1..=8 {
+            let names = (0..count).map(|number| (number.to_string(), String::new()));
+            let plan = CampaignPlan {
+                tool: String::new(),
+                scenarios: names.collect(),
+                seeds: 3..70,
+                vary: "none".to_owned(),
+                profile: None,
+                exec: None,
+            };
+            let all: Vec<_> = plan.runs().collect();
+            assert_eq!(all.len(), 67 * count);
+            for of in 1..=32 {
+                for name in plan.scenarios.keys() {
+                    let own = |index| {
+                        let shard = Shard { index, of };
+                        let own = all.iter().filter(|run| run.1 == name && shard.has(run.0));
+                        own.count()
+                    };
+                    let counts: Vec<usize> = (0..of).map(own).collect();
+                    assert_eq!(counts.iter().sum::<usize>(), 67);
+                    let (least, most) = (counts.iter().min(), counts.iter().max());
+                    assert!(most <= least.map(|least| least + 1).as_ref(), "{counts:?}");
+                }
+            }
+        }
+    }
+
+    /// However the name is written in the file.
+    #[test]
+    fn a_profile_of_a_file_is_shown_by_its_name() {
+        let named = |kept: &str| {
+            let plan = CampaignPlan {
+                tool: String::new(),
+                scenarios: BTreeMap::new(),
+                seeds: 0..1,
+                vary: "all".to_owned(),
+                profile: Some(kept.to_owned()),
+                exec: None,
+            };
+            plan.profile_name()
+        };
+        assert_eq!(named("harsh"), "harsh");
+        assert_eq!(
+            named("schema = 1\nname='my \"own\"' # of 2026\n"),
+            "my \"own\""
+        );
     }
 }
