@@ -10,6 +10,7 @@
 
 mod changes;
 mod dice;
+mod fault_names;
 mod fault_targets;
 mod faults;
 mod ground;
@@ -150,7 +151,8 @@ pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice)
         adversity.apply(profile, &mut made, recovery);
         if has_faults {
             let end = made.duration;
-            mission::keep_steering(profile, &mut made.mission, end);
+            let turns = targets.turn().is_some();
+            mission::keep_steering(profile, turns, &mut made.mission, end);
         }
         if has_faults && !mission::is_fixed(base) && mission::takes_orders(base) {
             let end = made.duration;

@@ -204,9 +204,10 @@ impl FaultTargets {
         kinds.filter(is_allowed).filter(can)
     }
 
-    /// Links that the robot needs in order to drive.
-    pub(super) fn needs(&self) -> &[String] {
-        &self.needs
+    /// Links that the robot needs in order to drive, of those that can fail.
+    pub(super) fn needs(&self) -> impl Iterator<Item = &str> {
+        let needs = self.needs.iter().map(String::as_str);
+        needs.filter(|need| self.links().any(|link| link == *need))
     }
 
     /// Set-points with which the robot turns on the spot, if it can be driven by hand so.

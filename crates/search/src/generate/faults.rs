@@ -144,8 +144,12 @@ impl Drawn<'_> {
             faults.push(fault);
         }
         let share = keys.needed_link_percent;
-        if share > 0 && dice.below(100) < share && !targets.needs().is_empty() {
-            let link = &targets.needs()[dice.index(targets.needs().len())];
+        let may_cut = keys.count_max > 0 && targets.kinds().any(|kind| kind == FaultKind::Cut);
+        let needs: Vec<&str> = targets.needs().filter(|_| may_cut).collect();
+        if share > 0 && dice.below(100) < share && !needs.is_empty() {
+            let link = needs[dice.index(needs.len())];
+            // It takes the place of another one if there are as many as there may be.
+            faults.truncate(usize::try_from(keys.count_max - 1).unwrap_or(usize::MAX));
             let mut fault = FaultSpec::on(link, DirectionSpec::ToMaster, FaultKind::Cut);
             self.permanent(&mut fault, dice);
             faults.push(fault);
@@ -246,8 +250,13 @@ impl Adversity {
         }
         safety.by_hand |= is_by_hand;
         safety.steps_may_wait = true;
-        safety.alive_without = self.stays_broken;
+        let own = &mut safety.alive_without;
+        let broken = self.stays_broken.into_iter();
+        let broken: Vec<String> = broken.filter(|link| !own.contains(link)).collect();
+        own.extend(broken);
         mission.duration = self.length;
+        // Its faults do not keep to the phases of the scenario.
+        mission.phases = None;
         mission.mission.to_the_end = true;
         mission
             .mission

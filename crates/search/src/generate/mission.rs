@@ -59,20 +59,31 @@ pub(super) fn once_more(mission: &Mission, until_ms: u64, recovery_ms: u64) -> [
     ]
 }
 
-/// Orders that keep a robot driving that is steered by hand: its first order again and again, every
-/// other time backwards.
-pub(super) fn keep_steering(profile: &Profile, mission: &mut Mission, end: Span) {
+/// Orders that keep a robot driving that is steered by hand: its first order to move again and
+/// again, every other time backwards. The first set-point is the speed, unless the robot
+/// `turns_on_the_spot`: then each wheel has its own.
+pub(super) fn keep_steering(
+    profile: &Profile,
+    turns_on_the_spot: bool,
+    mission: &mut Mission,
+    end: Span,
+) {
+    let is_mode = |step: &Step| matches!(step.action, Action::Mode(_));
+    if mission.step.iter().any(is_mode) {
+        return;
+    }
     let mut drives = mission.step.iter().filter_map(|step| match &step.action {
-        Action::Drive(drive) => Some(drive.clone()),
+        Action::Drive(drive) if drive.iter().any(|speed| speed.0 != 0.0) => Some(drive.clone()),
         _ => None,
     });
     let (Some(first), Some(every)) = (drives.next(), profile.mission.repeat) else {
         return;
     };
     let mut drive = first;
+    let speeds = if turns_on_the_spot { drive.len() } else { 1 };
     let mut at = every.0;
     while at < end.0 {
-        if let Some(speed) = drive.first_mut() {
+        for speed in drive.iter_mut().take(speeds) {
             speed.0 = -speed.0;
         }
         mission
@@ -80,6 +91,19 @@ pub(super) fn keep_steering(profile: &Profile, mission: &mut Mission, end: Span)
             .push(Step::at(Span(at), Action::Drive(drive.clone())));
         at += every.0;
     }
+    sort(&mut mission.step);
+}
+
+/// Sorts by time. A step with a condition stays behind the step that it follows.
+fn sort(steps: &mut Vec<Step>) {
+    let mut last = None;
+    let keyed = steps.drain(..).map(|step| {
+        last = step.at.or(last);
+        (last, step)
+    });
+    let mut keyed: Vec<(Option<Span>, Step)> = keyed.collect();
+    keyed.sort_by_key(|(at, _)| *at);
+    steps.extend(keyed.into_iter().map(|(_, step)| step));
 }
 
 /// Time for which the operator turns the robot by hand.
@@ -124,9 +148,57 @@ pub(super) fn keep_busy(
             .step
             .push(step(at + dice.between(least, most), waypoints));
     }
-    mission.step.sort_by_key(|step| step.at);
+    sort(&mut mission.step);
 }
 
 fn step(at: u64, action: Action) -> Step {
     Step::at(Span::from_millis(at), action)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use engine::scenario::{Condition, SetPoint};
+
+    /// The step with a condition waits for the step at 3 s, not for the start of the run.
+    #[test]
+    fn a_step_with_a_condition_stays_behind_its_predecessor() {
+        let mut waits = step(0, Action::Connect);
+        (waits.at, waits.when) = (None, Some(Condition::Visited(1)));
+        let mut steps = vec![
+            step(1, Action::Disconnect),
+            step(3, Action::Disconnect),
+            waits,
+            step(9, Action::Disconnect),
+            step(2, Action::Disconnect),
+        ];
+        sort(&mut steps);
+        let times: Vec<_> = steps.iter().map(|step| step.at).collect();
+        let ms = |at| Some(Span::from_millis(at));
+        assert_eq!(times, [ms(1), ms(2), ms(3), None, ms(9)]);
+    }
+
+    /// A car goes back with the same steering, a robot with two wheels with both. A stop is not
+    /// repeated, and a robot that a mode leads is not steered.
+    #[test]
+    fn by_hand_drives_go_on_back_and_forth() {
+        let harsh = Profile::find("harsh").expect("it is built in");
+        let driven = |turns, actions: &[Action]| {
+            let mut mission = Mission::default();
+            let steps = actions.iter().cloned();
+            let steps = steps.map(|action| Step::at(Span::from_millis(1_000), action));
+            mission.step = steps.collect();
+            keep_steering(&harsh, turns, &mut mission, Span::from_millis(30_000));
+            let added = mission.step.split_off(actions.len()).into_iter();
+            added.map(|step| step.action).collect::<Vec<_>>()
+        };
+        let drive = |speeds: [f64; 2]| Action::Drive(speeds.map(SetPoint).to_vec());
+        let orders = [drive([0.0, 0.0]), drive([10.0, 4.0])];
+        let back_and_forth = |back| vec![drive(back), drive([10.0, 4.0])];
+        assert_eq!(driven(false, &orders), back_and_forth([-10.0, 4.0]));
+        assert_eq!(driven(true, &orders), back_and_forth([-10.0, -4.0]));
+        assert_eq!(driven(true, &orders[..1]), []);
+        let led = [orders[1].clone(), Action::Mode("explore".to_owned())];
+        assert_eq!(driven(true, &led), []);
+    }
 }

@@ -3,8 +3,10 @@
 
 use std::path::Path;
 
-use engine::scenario::{SafetySpec, ScenarioError, Source, Span};
+use engine::scenario::{FaultKind, SafetySpec, ScenarioError, Source, Span};
 use serde::Deserialize;
+
+use super::fault_names;
 
 /// The profiles that are built in, gentlest first.
 const BUILT_IN: [(&str, &str); 3] = [
@@ -277,6 +279,14 @@ impl Profile {
             let message = format!("is {}, expected 0 to {COUNT_MAX}", faults.count_max);
             return wrong("faults", "count_max", message);
         }
+        let kinds = FaultKind::ALL.iter().map(|kind| kind.name());
+        let known: Vec<&str> = kinds.chain(fault_names::of_devices()).collect();
+        for name in &faults.never {
+            if let Some(meant) = fault_names::misspelt(name, &known) {
+                let message = format!("there is no fault \"{name}\", did you mean \"{meant}\"?");
+                return wrong("faults", "never", message);
+            }
+        }
         if faults.rates.is_empty() || faults.rates.iter().any(|rate| !(0.0..=1.0).contains(rate)) {
             return wrong(
                 "faults",
@@ -326,6 +336,11 @@ impl Profile {
             if most.is_some_and(|most| most < Span::from_millis(10) || most > LONGEST) {
                 return wrong("time", key, format!("expected 10ms to {LONGEST}"));
             }
+        }
+        let must_heal = self.judge.mission == MissionJudged::AfterFaults;
+        if must_heal && self.faults.stays_broken_percent > 0 {
+            let message = "expected 0 beside judge.mission = \"after-faults\": a mission needs all";
+            return wrong("faults", "stays_broken_percent", message.to_owned());
         }
         if time.triggered && time.heal.is_some() {
             let message = "expected false beside heal: a trigger may come after it";
@@ -403,6 +418,16 @@ mod tests {
                 "my.toml:7: faults.count_max: is 1000",
             ),
             ("count_max", "counts_max", "unknown field `counts_max`"),
+            (
+                "\"mirrored\"",
+                "\"mirored\"",
+                "faults.never: there is no fault \"mirored\", did you mean \"mirrored\"?",
+            ),
+            (
+                "count_max = 12",
+                "count_max = 12\nstays_broken_percent = 5",
+                "my.toml:8: faults.stays_broken_percent: expected 0 beside",
+            ),
             (
                 "0.03]",
                 "1.5]",

@@ -2,7 +2,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::*;
-use engine::scenario::{Action, FaultKind, SetPoint, Step};
+use engine::scenario::{Action, FaultKind, PhasesSpec, SetPoint, Step};
 
 fn base() -> Scenario {
     let text = "schema = 1\nname = \"base\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
@@ -452,4 +452,46 @@ fn harsh_faults_come_at_any_time_and_a_core_is_healed() {
     );
     assert!((20..140).contains(&broken), "{broken} not healed");
     assert!((20..60).contains(&without), "{without} without a fault");
+}
+
+/// The link that falls silent counts as one of the faults, and is left out if the profile has no
+/// cuts. The scenario's own phases do not hold, and its own broken links stay excused.
+#[test]
+fn the_added_cut_keeps_to_the_profile() {
+    let mut base = base();
+    base.duration = Span::from_millis(90_000);
+    let mut safety = Profile::find("harsh").expect("built in").judge.safety;
+    let own = safety.as_mut().expect("it judges safety");
+    own.alive_without = vec!["radio".to_owned()];
+    base.expect.safety = safety;
+    base.phases = Some(PhasesSpec {
+        warm_up: Span::from_millis(5_000),
+        adversity: Span::from_millis(9_000),
+        recovery: Span::from_millis(6_000),
+        judgement: Span::from_millis(4_000),
+    });
+    let made = |change: fn(&mut Profile)| {
+        let mut profile = Profile::find("harsh").expect("it is built in");
+        profile.faults.needed_link_percent = 100;
+        change(&mut profile);
+        let mut made = Vec::new();
+        for seed in 0..40 {
+            let dice = &mut Dice::of_seed(seed, "base");
+            made.push(scenario(&base, Vary::ALL, &profile, dice));
+        }
+        made
+    };
+    let is_cut = |made: &Scenario| made.fault.iter().any(|fault| fault.kind == FaultKind::Cut);
+    let one = made(|profile| profile.faults.count_max = 1);
+    assert!(one.iter().all(|made| made.fault.len() < 2));
+    assert!(one.iter().filter(|made| is_cut(made)).count() > 20);
+    let never = made(|profile| profile.faults.never = vec!["cut".to_owned()]);
+    assert!(!never.iter().any(is_cut));
+    for made in never.iter().filter(|made| !made.fault.is_empty()) {
+        let safety = made.expect.safety.as_ref().expect("it is judged");
+        assert!(safety.alive_without.contains(&"radio".to_owned()));
+        assert_eq!(made.phases, None);
+    }
+    let none = made(|profile| profile.faults.count_max = 0);
+    assert!(none.iter().all(|made| made.fault.is_empty()));
 }
