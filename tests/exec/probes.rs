@@ -35,7 +35,7 @@ const SIGNALS: [(&str, &str); 20] = [
 /// the
 /// nearest 10 ms; a look at a clock costs 1 us; the calendar begins at 2026-01-01, the uptime at
 /// 1000 s.
-const REST: [(&str, &str); 41] = [
+const REST: [(&str, &str); 46] = [
     ("rt-default", "1"),
     ("mq", "6 3 after 50 ms"),
     ("mq-times-out", "-1 1 after 30 ms"),
@@ -71,9 +71,14 @@ const REST: [(&str, &str); 41] = [
     ("wrong-way", "9 4 1 0"),
     ("scans", "1 1"),
     ("asynchronous", "1 1 0"),
+    ("asynchronous-copy", "1 1 0"),
+    ("asynchronous-rt", "1 1 1"),
+    ("poll-shared", "1 1, 77 0"),
     ("kernel-reads", "1 1"),
     ("timer-copy", "1 1 x, 8 1 after 20 ms"),
     ("timer-exec", "8"),
+    ("timer-child", "8 after 50 ms, 8 after 50 ms"),
+    ("timer-kinds", "1 1 1 0 1 0"),
     ("entry", "0 1 1"),
     ("errors", "1"),
     ("yields", "1"),

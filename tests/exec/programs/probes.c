@@ -969,6 +969,43 @@ static void asynchronous(void)
     say("%d %d %d", first, more > 20, count - more);
 }
 
+static int is_signalled(void)
+{
+    int before = count;
+    for (long begin = ms(); ms() - begin < 300;) nap(10);
+    return count - before > 20;
+}
+
+/* Neither the closing of other files nor that of one of two copies ends them. */
+static void asynchronous_copy(void)
+{
+    int copy = dup(port);
+    handle(SIGIO, counts, 0);
+    fcntl(port, F_SETOWN, getpid());
+    fcntl(port, F_SETFL, O_ASYNC);
+    syscall(SYS_close_range, 200, 210, 0);
+    dup2(port, port);
+    dup2(250, port);
+    int first = is_signalled();
+    close(port);
+    int then = is_signalled();
+    fcntl(copy, F_SETFL, 0);
+    say("%d %d %d", first, then, is_signalled());
+}
+
+/* Another signal than SIGIO tells of which file it is, and that bytes came. */
+static void asynchronous_rt(void)
+{
+    handle(SIGRTMIN + 1, counts, 0);
+    fcntl(port, F_SETOWN, getpid());
+    fcntl(port, F_SETSIG, SIGRTMIN + 1);
+    fcntl(port, F_SETFL, O_ASYNC);
+    int is_heard = is_signalled();
+    fcntl(port, F_SETFL, 0);
+    fcntl(port, F_SETSIG, 0);
+    say("%d %d %d", is_heard, code == POLL_IN, value == port);
+}
+
 /* A timer goes on at a copy of its file; the number that it had is another file's now. */
 static void timer_copy(void)
 {
@@ -993,6 +1030,78 @@ static void timer_exec(void)
     dup2(timer, 7);
     timerfd_settime(7, 0, &soon, 0);
     execl("/bin/sh", "sh", "-c", "head -c 8 <&7 | wc -c | sed 's/^ */timer-exec: /'", (char *)0);
+}
+
+/* In a process that has it from another one, which has ended or has closed it. */
+static void timer_child(void)
+{
+    struct itimerspec soon = {.it_value = {0, 50000000}};
+    int ends[2], timer;
+    uint64_t count = 0;
+    char len = 0;
+    long begin = ms();
+    pipe(ends);
+    if (!fork()) {
+        timer = timerfd_create(CLOCK_MONOTONIC, 0);
+        timerfd_settime(timer, 0, &soon, 0);
+        if (fork()) _exit(0);
+        nap(10);
+        len = read(timer, &count, 8);
+        write(ends[1], &len, 1);
+        _exit(0);
+    }
+    read(ends[0], &len, 1);
+    long first = since(begin);
+    char left = len;
+    begin = ms();
+    timer = timerfd_create(CLOCK_MONOTONIC, 0);
+    timerfd_settime(timer, 0, &soon, 0);
+    if (!fork()) {
+        nap(10);
+        len = read(timer, &count, 8);
+        write(ends[1], &len, 1);
+        _exit(0);
+    }
+    close(timer);
+    read(ends[0], &len, 1);
+    say("%d after %ld ms, %d after %ld ms", left, first, len, since(begin));
+}
+
+/* Kinds of notice 0 to 5 of timer_create; 3 and 5 are none. */
+static void timer_kinds(void)
+{
+    int made[6], id;
+    for (int kind = 0; kind < 6; kind++) {
+        struct sigevent event = {.sigev_signo = SIGUSR1, .sigev_notify = kind};
+        ((int *)&event)[4] = getpid();
+        made[kind] = !syscall(SYS_timer_create, CLOCK_MONOTONIC, &event, &id);
+    }
+    say("%d %d %d %d %d %d", made[0], made[1], made[2], made[3], made[4], made[5]);
+}
+
+/* Another thread changes what will be asked for next while a poll waits: that is not undone. */
+static struct pollfd shared[2];
+
+static void *asks_for_another(void *to)
+{
+    nap(20);
+    shared[1].fd = 77;
+    nap(20);
+    write(*(int *)to, "x", 1);
+    return 0;
+}
+
+static void poll_shared(void)
+{
+    int ends[2], others[2];
+    pthread_t thread;
+    pipe(ends);
+    pipe(others);
+    shared[0] = (struct pollfd){ends[0], POLLIN, 0};
+    shared[1] = (struct pollfd){others[0], POLLIN, 99};
+    pthread_create(&thread, 0, asks_for_another, &ends[1]);
+    int ready = poll(shared, 2, 1000);
+    say("%d %d, %d %d", ready, shared[0].revents, shared[1].fd, shared[1].revents);
 }
 
 /* Libraries look for the driver of a port before they open it. */
@@ -1081,12 +1190,17 @@ static const struct {
     /* A port that was closed is as new: no bytes of it are in the kernel before the next probe. */
     {"reopened", reopened},
     {"asynchronous", asynchronous},
+    {"asynchronous-copy", asynchronous_copy},
+    {"asynchronous-rt", asynchronous_rt},
+    {"poll-shared", poll_shared},
     {"kernel-reads", kernel_reads},
     {"file-of-others", file_of_others},
     {"wrong-way", wrong_way},
     {"scans", scans},
     {"timer-copy", timer_copy},
     {"timer-exec", timer_exec},
+    {"timer-child", timer_child},
+    {"timer-kinds", timer_kinds},
     {"entry", entry},
     {"errors", errors},
     {"yields", yields},

@@ -123,6 +123,8 @@ pub(super) struct Supervisor {
     /// The program hears of some file by a signal, and of which: by process and number.
     hears_by_signal: bool,
     notices: BTreeMap<(i32, i32), Notice>,
+    /// Signals beyond 31 about files: to which process, which, and about which number.
+    sent_notices: Vec<(i32, i32, i32)>,
     /// Processes that were killed in place of a signal beyond 31, and which.
     fatal: BTreeMap<i32, i32>,
     /// It has given a socket a network port of its own choice.
@@ -186,6 +188,7 @@ impl Supervisor {
             has_told_files: false,
             hears_by_signal: false,
             notices: BTreeMap::new(),
+            sent_notices: Vec::new(),
             fatal: BTreeMap::new(),
             has_bound: false,
             meetings: Vec::new(),

@@ -1,6 +1,7 @@
 //! A watch in wall time over the one thread that runs: if it waits in the kernel for something of
 //! which virtual time knows nothing, or computes on and on, it is stopped so that it can be named.
 //! Computing is measured in processor time, since on a busy machine a thread may wait for its turn.
+//! For the same reason a thread that computes without a call is no sign that virtual time stands.
 //!
 //! Nothing here counts for a verdict, and a thread that makes calls is never stopped.
 
@@ -142,6 +143,8 @@ fn watch(shared: &Shared, root: i32, spin_max: Duration) {
     // What it was seen to do in all of them.
     let mut seen = None;
     let (mut since, mut time, mut turns, mut moved_at) = (Duration::ZERO, 0, 0, clock.now());
+    // Whose processor time it saw last, and how much that was.
+    let mut last = (0, Duration::ZERO);
     while !shared.is_over.load(Ordering::Relaxed) {
         clock.sleep_until(clock.now() + EVERY);
         let wall = clock.now();
@@ -156,6 +159,13 @@ fn watch(shared: &Shared, root: i32, spin_max: Duration) {
         }
         let tid = shared.tid.load(Ordering::Relaxed);
         let process = shared.process.load(Ordering::Relaxed);
+        let counted = used(process, tid).filter(|_| tid != 0);
+        let state = state(process, tid).filter(|_| tid != 0);
+        let now = shared.steps.load(Ordering::Relaxed);
+        // How long it may compute without a call, another limit says. Calls at no cost are counted.
+        if has_computed(&mut last, tid, counted) && state == Some('R') && now == steps {
+            moved_at = wall;
+        }
         if wall - moved_at >= patience {
             let seconds = u32::try_from((wall - moved_at).as_secs()).unwrap_or(u32::MAX);
             shared.stood.store(seconds, Ordering::Relaxed);
@@ -165,13 +175,11 @@ fn watch(shared: &Shared, root: i32, spin_max: Duration) {
             }
             return;
         }
-        let now = shared.steps.load(Ordering::Relaxed);
-        let used = used(process, tid).unwrap_or(wall - Instant::ZERO);
+        let used = counted.unwrap_or(wall - Instant::ZERO);
         if tid == 0 || now != steps {
             (steps, looks, since) = (now, 0, used);
             continue;
         }
-        let state = state(process, tid);
         if core::mem::replace(&mut seen, state) != state {
             (looks, since) = (0, used);
         }
@@ -198,11 +206,34 @@ fn watch(shared: &Shared, root: i32, spin_max: Duration) {
     }
 }
 
+/// Whether a thread has used processor time since the last look at it.
+const fn has_computed(last: &mut (i32, Duration), tid: i32, used: Option<Duration>) -> bool {
+    let Some(used) = used else {
+        return false;
+    };
+    let (before, was) = core::mem::replace(last, (tid, used));
+    before == tid && used.as_nanos() > was.as_nanos()
+}
+
 /// Processor time that a thread has used; `None` where the system does not tell.
 fn used(process: i32, tid: i32) -> Option<Duration> {
     let text = fs::read_to_string(format!("/proc/{process}/task/{tid}/schedstat")).ok()?;
     let nanos = text.split_ascii_whitespace().next()?.parse().ok()?;
-    Some(Duration::from_nanos(nanos))
+    match nanos {
+        // Some kernels keep no such count, and print zeros.
+        0 => ticks(&fs::read_to_string(format!("/proc/{process}/task/{tid}/stat")).ok()?),
+        nanos => Some(Duration::from_nanos(nanos)),
+    }
+}
+
+/// Processor time by a line of `stat`: fields 14 and 15, in hundredths of a second (proc(5)).
+fn ticks(stat: &str) -> Option<Duration> {
+    let (_, fields) = stat.rsplit_once(") ")?;
+    // The third field is the first one here.
+    let mut fields = fields.split_ascii_whitespace().skip(11);
+    let mut next = || fields.next()?.parse::<u64>().ok();
+    let ticks = next()?.saturating_add(next()?);
+    Some(Duration::from_millis(ticks.saturating_mul(10)))
 }
 
 /// What a thread does, as the system's letter.
@@ -210,4 +241,29 @@ fn state(process: i32, tid: i32) -> Option<char> {
     let stat = fs::read_to_string(format!("/proc/{process}/task/{tid}/stat")).ok()?;
     let (_, fields) = stat.rsplit_once(") ")?;
     fields.chars().next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A thread that waits for its turn, or one that was not watched before, proves nothing.
+    #[test]
+    fn only_growing_processor_time_of_one_thread_is_computing() {
+        let mut last = (0, Duration::ZERO);
+        let mut look =
+            |tid, millis| has_computed(&mut last, tid, Some(Duration::from_millis(millis)));
+        let looks = [(7, 5), (7, 9), (7, 9), (8, 20), (8, 21)];
+        let looks = looks.map(|(tid, millis)| look(tid, millis));
+        assert_eq!(looks, [false, true, false, false, true]);
+        assert!(!has_computed(&mut last, 8, None));
+    }
+
+    /// proc(5): utime and stime are fields 14 and 15; a name may hold brackets and spaces.
+    #[test]
+    fn processor_time_is_read_from_a_line_of_stat() {
+        let stat = "7 (a ) b) R 1 7 7 0 -1 4194304 90 0 0 0 123 45 6 7 20 0 1 0 99 100 1";
+        assert_eq!(ticks(stat), Some(Duration::from_millis(1_680)));
+        assert_eq!(ticks("7 (a) R 1"), None);
+    }
 }

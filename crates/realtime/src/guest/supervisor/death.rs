@@ -289,7 +289,12 @@ impl Supervisor {
         if tid != thread.process {
             return;
         }
-        let fatal = self.processes.remove(&tid).and_then(|it| it.fatal);
+        let gone = self.processes.remove(&tid);
+        let fatal = gone.as_ref().and_then(|it| it.fatal);
+        for (fd, timer) in gone.into_iter().flat_map(|it| it.timers) {
+            self.hand_on(timer, (tid, fd));
+        }
+        self.notices.retain(|&(process, _), _| process != tid);
         self.threads.retain(|_, other| other.process != tid);
         self.fatal.extend(fatal.map(|signal| (tid, signal)));
         if tid == self.root.as_raw() {

@@ -55,6 +55,10 @@ impl Supervisor {
         let [first, second, ..] = call.args.map(low_i32);
         let gone = match call.number {
             libc::SYS_close => first..=first,
+            // With equal numbers, or none that is open, nothing is closed.
+            libc::SYS_dup2 | libc::SYS_dup3 if first == second || !self.is_open(tid, first) => {
+                return;
+            }
             libc::SYS_dup2 | libc::SYS_dup3 => second..=second,
             _ => 0..=i32::MAX,
         };
@@ -64,11 +68,13 @@ impl Supervisor {
         }
         if call.number != libc::SYS_close_range {
             self.forget_timer(tid, *gone.start());
+            self.forget_notice(tid, *gone.start());
         }
-        if let Some(process) = self.threads.get(&tid).map(|thread| thread.process) {
-            self.notices
-                .retain(|(of, fd), _| *of != process || !gone.contains(fd));
-        }
+    }
+
+    fn is_open(&self, tid: i32, fd: i32) -> bool {
+        let process = self.threads.get(&tid).map(|thread| thread.process);
+        process.is_some_and(|pid| std::fs::read_link(format!("/proc/{pid}/fd/{fd}")).is_ok())
     }
 
     /// Drops all copies, and hands the bytes of all ports to the kernel: a call follows that the
@@ -149,6 +155,21 @@ impl Supervisor {
         }
         self.open_fifo(tid, call, &path)
     }
+}
+
+/// The numbers of the open files of a process.
+pub(super) fn numbers(pid: i32) -> impl Iterator<Item = i32> {
+    let files = std::fs::read_dir(format!("/proc/{pid}/fd"));
+    let numbers = files.into_iter().flatten().flatten();
+    numbers.filter_map(|entry| entry.file_name().to_str()?.parse().ok())
+}
+
+/// What the system says of an open file in the line `name` (proc(5)).
+pub(super) fn told_of(pid: i32, fd: i32, name: &str) -> Option<String> {
+    let info = std::fs::read_to_string(format!("/proc/{pid}/fdinfo/{fd}")).ok()?;
+    let mut lines = info.lines();
+    let line = lines.find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
+    Some(line.trim().to_owned())
 }
 
 /// The file whose bytes the kernel itself reads, or watches, in a call.

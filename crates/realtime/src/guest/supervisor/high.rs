@@ -1,4 +1,4 @@
-//! Signals beyond 31 reach the program, those of its timers with what a timer tells.
+//! Signals beyond 31 reach the program, those of its timers and ports with what these tell.
 
 use nix::sys::signal::Signal;
 use nix::unistd::Pid;
@@ -13,6 +13,7 @@ impl Supervisor {
             return Flow::Goes(None);
         };
         let told = self.told_by_timer(process, signal);
+        let told = told.or_else(|| self.told_by_notice(process, signal));
         match deliver(
             process,
             Pid::from_raw(tid),

@@ -2,14 +2,17 @@
 //! other files by the kernel.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 use nix::libc;
 use nix::unistd::Pid;
 use rustix::fs::fcntl_getfl;
 use rustix::process::{Signal, getpgid, kill_process};
+use rustix_libc_wrappers::process::SignalExt as _;
 
 use super::clocks::low_i32;
-use super::files::Kind;
+use super::files::{Kind, numbers, told_of};
+use super::posix_timers::SIGINFO;
 use super::{Memory, Supervisor};
 use crate::guest::call::Call;
 use crate::guest::launch::{F_SETOWN_EX, F_SETSIG};
@@ -18,6 +21,13 @@ use crate::guest::launch::{F_SETOWN_EX, F_SETSIG};
 const FIOASYNC: u64 = 0x5452;
 /// Kind of owner of `F_SETOWN_EX`: a process group (fcntl(2)).
 const OWNER_GROUP: u32 = 2;
+/// The first signal that a program may use of those beyond 31; the C library has the two before.
+const HIGH_MIN: i32 = 34;
+/// What such a signal says: there are bytes (POLLIN | POLLRDNORM).
+const POLL_IN: i32 = 1;
+const BAND_IN: i64 = 0x41;
+/// Most signals that wait with what they say.
+const SENT_MAX: usize = 1024;
 
 /// The signal about a file, and where it goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -93,7 +103,10 @@ impl Supervisor {
         let notices: Vec<_> = self.notices.iter().map(|(&at, &it)| (at, it)).collect();
         let mut told = BTreeSet::new();
         for ((process, fd), notice) in notices {
-            let Some(file) = self.file(process, fd) else {
+            let mut threads = self.threads.values();
+            let thread = threads.find(|thread| thread.process == process);
+            let thread = thread.map(|thread| thread.tid.as_raw());
+            let Some(file) = thread.and_then(|tid| self.file(tid, fd)) else {
                 continue;
             };
             let Kind::Port(port) = file.kind else {
@@ -103,15 +116,48 @@ impl Supervisor {
             let is_on = fcntl_getfl(&file.fd)
                 .is_ok_and(|flags| flags.bits() & libc::O_ASYNC.unsigned_abs() != 0);
             if arrived.contains(&port) && is_held && is_on && told.insert((port, notice)) {
-                self.send_notice(notice);
+                self.send_notice(notice, fd);
             }
         }
     }
 
-    /// Sends one to processes of the program, never to others.
-    fn send_notice(&mut self, notice: Notice) {
+    /// The process of `tid` is about to close `fd`: its signals go on at a copy of that file.
+    pub(super) fn forget_notice(&mut self, tid: i32, fd: i32) {
+        let Some(pid) = self.threads.get(&tid).map(|thread| thread.process) else {
+            return;
+        };
+        let Some(notice) = self.notices.remove(&(pid, fd)) else {
+            return;
+        };
+        let like = look_of(pid, fd);
+        let mut copies = numbers(pid).filter(|&other| other != fd);
+        let copy = copies.find(|&other| {
+            !self.notices.contains_key(&(pid, other)) && look_of(pid, other) == like
+        });
+        if let Some(copy) = copy.filter(|_| like.is_some()) {
+            self.notices.insert((pid, copy), notice);
+        }
+    }
+
+    /// What a handler is told of this signal, if it is about a file (sigaction(2)).
+    pub(super) fn told_by_notice(&mut self, process: i32, signal: i32) -> Option<[u8; SIGINFO]> {
+        let mut sent = self.sent_notices.iter();
+        let index = sent.position(|&(to, number, _)| (to, number) == (process, signal))?;
+        let (_, _, fd) = self.sent_notices.remove(index);
+        let mut info = [0; SIGINFO];
+        info[..4].copy_from_slice(&signal.to_ne_bytes());
+        info[8..12].copy_from_slice(&POLL_IN.to_ne_bytes());
+        info[16..24].copy_from_slice(&BAND_IN.to_ne_bytes());
+        info[24..28].copy_from_slice(&fd.to_ne_bytes());
+        Some(info)
+    }
+
+    /// Sends one about file `fd` to processes of the program, never to others.
+    fn send_notice(&mut self, notice: Notice, fd: i32) {
+        let is_high = notice.signal >= HIGH_MIN;
         let signal = match notice.signal {
             0 => Some(Signal::IO),
+            signal if is_high => Signal::from_raw(signal),
             signal => Signal::from_named_raw(signal),
         };
         let Some(signal) = signal else {
@@ -128,8 +174,18 @@ impl Supervisor {
                 _ => group.is_some() && getpgid(Some(process)).ok() == group,
             };
             if is_meant {
+                if is_high && self.sent_notices.len() < SENT_MAX {
+                    self.sent_notices.push((pid, notice.signal, fd));
+                }
                 let _ = kill_process(process, signal);
             }
         }
     }
+}
+
+/// What a file and its copies have in common: their name and how they were opened.
+fn look_of(pid: i32, fd: i32) -> Option<(PathBuf, u32)> {
+    let name = std::fs::read_link(format!("/proc/{pid}/fd/{fd}")).ok()?;
+    let flags = u32::from_str_radix(&told_of(pid, fd, "flags")?, 8).ok()?;
+    Some((name, flags & !libc::O_CLOEXEC.unsigned_abs()))
 }

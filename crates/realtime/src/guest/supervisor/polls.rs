@@ -22,12 +22,14 @@ pub(super) const POLLFD: usize = 8;
 /// What of a `pollfd` its thread asks for: all but the answer.
 const WANTED: usize = 6;
 const EPOLL_EVENT: usize = 12;
+/// Most pieces of memory that the kernel writes in one call (UIO_MAXIOV).
+const PIECES_MAX: usize = 1024;
 
 impl Supervisor {
     pub(super) fn poll(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let memory = Memory(Pid::from_raw(tid));
         let [address, _, timeout, ..] = call.args;
-        let mut entries = self.noted_entries(tid, call)?;
+        let entries = self.noted_entries(tid, call)?;
         let deadline = match call.number {
             libc::SYS_poll => self.millis_from(tid, low_i32(timeout)),
             _ => self.timespec_from(tid, timeout, 1)?,
@@ -43,10 +45,16 @@ impl Supervisor {
         if ready == 0 && !is_time_up {
             return Ok(wait_until(deadline));
         }
-        for (entry, flags) in entries.chunks_exact_mut(POLLFD).zip(&found) {
-            entry[6..].copy_from_slice(&flags.to_ne_bytes());
+        // The answers alone: another thread may change what is asked for meanwhile.
+        let answers: Vec<[u8; 2]> = found.iter().map(|flags| flags.to_ne_bytes()).collect();
+        let places = (WANTED as u64..).step_by(POLLFD);
+        let places = places.map(|at| address.wrapping_add(at));
+        let places: Vec<_> = places
+            .zip(answers.iter().map(<[u8; 2]>::as_slice))
+            .collect();
+        for part in places.chunks(PIECES_MAX) {
+            memory.write_all(part.iter().copied())?;
         }
-        memory.write(address, &entries)?;
         if call.number == libc::SYS_ppoll {
             self.tell_rest(memory, timeout, deadline, 1)?;
         }

@@ -22,13 +22,15 @@ use crate::guest::task::{PosixTimer, Timer};
 const TIMERS_MAX: usize = 1024;
 /// The highest signal.
 const SIGNAL_MAX: i32 = 64;
-/// Kinds of notice: nothing, and a signal to one thread; all others are a signal.
+/// Kinds of notice: a signal, nothing, a signal for a callback, a signal to one thread.
+const SIGEV_SIGNAL: i32 = 0;
 const SIGEV_NONE: i32 = 1;
+const SIGEV_THREAD: i32 = 2;
 const SIGEV_THREAD_ID: i32 = 4;
 /// What a signal of a timer says of its origin.
 const SI_TIMER: i32 = -2;
 /// Bytes of what tells of a signal.
-const SIGINFO: usize = 128;
+pub(super) const SIGINFO: usize = 128;
 
 impl Supervisor {
     pub(super) fn posix_timer(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
@@ -95,7 +97,8 @@ impl Supervisor {
             let is_valid = match notice {
                 SIGEV_NONE => true,
                 SIGEV_THREAD_ID => is_signal && is_own(word(16)?),
-                _ => is_signal,
+                SIGEV_SIGNAL | SIGEV_THREAD => is_signal,
+                _ => false,
             };
             if !is_valid {
                 return Err(Errno::EINVAL);

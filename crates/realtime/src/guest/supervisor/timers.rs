@@ -10,13 +10,15 @@ use rustix::process::{Signal, kill_process};
 use rustix::time::{Itimerspec, TimerfdTimerFlags, Timespec, timerfd_settime};
 
 use super::clocks::{low_i32, nanos, timespec};
-use super::files::File;
+use super::files::{File, numbers, told_of};
 use super::streams::{buffers, scatter};
 use super::{Memory, On, Outcome, PollFlags, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::guest::task::{Timer, TimerFile};
 
 const SECOND_NS: u64 = 1_000_000_000;
+/// To what the kernel's timer is set while copies of its file are looked for: about a year.
+const MARK_S: i64 = 30_000_000;
 
 impl Supervisor {
     /// alarm, setitimer, getitimer.
@@ -100,8 +102,15 @@ impl Supervisor {
     /// Forgets timers whose files are closed. Not every closing is seen: an exec closes files, and
     /// files with large numbers are closed without a stop.
     pub(super) fn keep_open_timers(&mut self, pid: i32) {
-        if let Some(process) = self.processes.get_mut(&pid) {
-            process.timers.retain(|&fd, _| clock_of(pid, fd).is_some());
+        let Some(process) = self.processes.get_mut(&pid) else {
+            return;
+        };
+        let closed = process
+            .timers
+            .extract_if(.., |&fd, _| clock_of(pid, fd).is_none());
+        let closed: Vec<(i32, TimerFile)> = closed.collect();
+        for (fd, timer) in closed {
+            self.hand_on(timer, (pid, fd));
         }
     }
 
@@ -110,20 +119,33 @@ impl Supervisor {
         let Some(pid) = self.threads.get(&tid).map(|thread| thread.process) else {
             return;
         };
-        let Some(process) = self.processes.get_mut(&pid) else {
+        let timer = self.processes.get_mut(&pid);
+        if let Some(timer) = timer.and_then(|process| process.timers.remove(&fd)) {
+            self.hand_on(timer, (pid, fd));
+        }
+    }
+
+    /// A timer whose file is closed at one place goes on at a copy, in any process.
+    pub(super) fn hand_on(&mut self, timer: TimerFile, closed: (i32, i32)) {
+        if timer.timer.at.is_none() && timer.expired == 0 {
             return;
-        };
-        let Some(timer) = process.timers.remove(&fd) else {
-            return;
-        };
-        let files = std::fs::read_dir(format!("/proc/{pid}/fd"));
-        let numbers = files.into_iter().flatten().flatten();
-        let numbers = numbers.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
-        let copy = numbers
-            .filter(|other| *other != fd && !process.timers.contains_key(other))
-            .find(|&other| clock_of(pid, other) == Some(timer.clock));
-        if let Some(copy) = copy {
-            process.timers.insert(copy, timer);
+        }
+        // By this its copies are known.
+        set_kernels(&timer, MARK_S, 0);
+        let (own, _) = closed;
+        let others = self.processes.keys().copied().filter(|&pid| pid != own);
+        let copies = core::iter::once(own)
+            .chain(others)
+            .flat_map(|pid| numbers(pid).map(move |fd| (pid, fd)));
+        let mut free = copies.filter(|&(pid, fd)| {
+            let process = self.processes.get(&pid);
+            process.is_some_and(|it| !it.timers.contains_key(&fd)) && (pid, fd) != closed
+        });
+        let copy = free.find(|&(pid, fd)| is_marked(pid, fd));
+        set_real(&timer, i64::from(timer.expired > 0));
+        let Some((pid, fd)) = copy else { return };
+        if let Some(process) = self.processes.get_mut(&pid) {
+            process.timers.insert(fd, timer);
         }
     }
 
@@ -246,18 +268,7 @@ pub(super) fn expirations(timer: &mut Timer, now: Instant) -> u64 {
 
 /// Sets the kernel's timer to so many nanoseconds, 0: to nothing, and waits until it shows.
 fn set_real(timer: &TimerFile, nanos: i64) {
-    let zero = Timespec {
-        tv_sec: 0,
-        tv_nsec: 0,
-    };
-    let new = Itimerspec {
-        it_interval: zero,
-        it_value: Timespec {
-            tv_nsec: nanos,
-            ..zero
-        },
-    };
-    let _ = timerfd_settime(&timer.file, TimerfdTimerFlags::empty(), &new);
+    set_kernels(timer, 0, nanos);
     if nanos > 0 {
         let mut fds = [rustix::event::PollFd::new(&timer.file, PollFlags::IN)];
         let most = Timespec {
@@ -268,11 +279,30 @@ fn set_real(timer: &TimerFile, nanos: i64) {
     }
 }
 
+fn set_kernels(timer: &TimerFile, seconds: i64, nanos: i64) {
+    let it_interval = Timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
+    let it_value = Timespec {
+        tv_sec: seconds,
+        tv_nsec: nanos,
+    };
+    let new = Itimerspec {
+        it_interval,
+        it_value,
+    };
+    let _ = timerfd_settime(&timer.file, TimerfdTimerFlags::empty(), &new);
+}
+
+/// Whether the kernel's timer behind a file is set to a long time.
+fn is_marked(pid: i32, fd: i32) -> bool {
+    let left = told_of(pid, fd, "it_value");
+    let seconds = left.and_then(|it| it.strip_prefix('(')?.split(',').next()?.parse().ok());
+    seconds.is_some_and(|seconds: i64| seconds > MARK_S / 2)
+}
+
 /// The clock of a timer's file; `None` if it is none.
 fn clock_of(pid: i32, fd: i32) -> Option<i64> {
-    let info = std::fs::read_to_string(format!("/proc/{pid}/fdinfo/{fd}")).ok()?;
-    let line = info
-        .lines()
-        .find_map(|line| line.strip_prefix("clockid:"))?;
-    line.trim().parse().ok()
+    told_of(pid, fd, "clockid")?.parse().ok()
 }
