@@ -36,38 +36,46 @@ pub trait Payload: Sized {
     fn read(kind: u8, from: &[u8]) -> Result<Self, String>;
 }
 
-/// Writes a message: its length, its type, what `body` writes.
-fn frame(to: &mut Vec<u8>, kind: u8, body: impl FnOnce(&mut Vec<u8>)) {
+/// Writes a message: its length, its type, what `body` writes; nothing if that fails.
+fn frame(
+    to: &mut Vec<u8>,
+    kind: u8,
+    body: impl FnOnce(&mut Vec<u8>) -> Result<(), String>,
+) -> Result<(), String> {
     let start = to.len();
     to.extend_from_slice(&[0; 4]);
     to.push(kind);
-    body(to);
+    let done = body(to);
+    if done.is_err() {
+        to.truncate(start);
+        return done;
+    }
     let len = u32::try_from(to.len() - start - 4).unwrap_or(u32::MAX);
     to[start..start + 4].copy_from_slice(&len.to_le_bytes());
+    Ok(())
 }
 
-fn write_items<T: Payload>(to: &mut Vec<u8>, items: &[Item<T>]) {
+fn write_items<T: Payload>(to: &mut Vec<u8>, items: &[Item<T>]) -> Result<(), String> {
     let at = to.len();
     to.extend_from_slice(&[0; 2]);
     let mut count = 0_u16;
     let mut write = |item: &Item<T>, what: &T| {
-        // The host keeps the number of items far below this.
-        let Some(more) = count.checked_add(1) else {
-            return;
-        };
-        count = more;
-        write_item(to, item, what);
+        let number = count;
+        let more = number.checked_add(1);
+        count = more.ok_or_else(|| format!("it has more than {} items", u16::MAX))?;
+        write_item(to, item, what).map_err(|what| format!("item {number} {what}"))
     };
     for item in items {
         match item.what.parts() {
-            None => write(item, &item.what),
-            Some(parts) => parts.iter().for_each(|part| write(item, part)),
+            None => write(item, &item.what)?,
+            Some(parts) => parts.iter().try_for_each(|part| write(item, part))?,
         }
     }
     to[at..at + 2].copy_from_slice(&count.to_le_bytes());
+    Ok(())
 }
 
-fn write_item<T: Payload>(to: &mut Vec<u8>, item: &Item<T>, what: &T) {
+fn write_item<T: Payload>(to: &mut Vec<u8>, item: &Item<T>, what: &T) -> Result<(), String> {
     to.push(what.kind());
     to.push(item.port);
     let start = to.len();
@@ -75,9 +83,12 @@ fn write_item<T: Payload>(to: &mut Vec<u8>, item: &Item<T>, what: &T) {
     to.extend_from_slice(&item.at.as_nanos().to_le_bytes());
     let body = to.len();
     what.write(to);
-    to.truncate(body + ITEM_MAX);
-    let len = u16::try_from(to.len() - body).unwrap_or(u16::MAX);
-    to[start..start + 2].copy_from_slice(&len.to_le_bytes());
+    let (len, kind) = (to.len() - body, what.kind());
+    let short = u16::try_from(len).map_err(|_| {
+        format!("is of kind {kind} and has {len} bytes, expected {ITEM_MAX} at most")
+    })?;
+    to[start..start + 2].copy_from_slice(&short.to_le_bytes());
+    Ok(())
 }
 
 fn cut<T>(bytes: &[u8], part: impl Fn(Vec<u8>) -> T) -> Option<Vec<T>> {
@@ -86,41 +97,53 @@ fn cut<T>(bytes: &[u8], part: impl Fn(Vec<u8>) -> T) -> Option<Vec<T>> {
 }
 
 /// Writes a request.
-pub fn write_request(to: &mut Vec<u8>, request: &Request) {
+///
+/// # Errors
+/// What of it is too long.
+pub fn write_request(to: &mut Vec<u8>, request: &Request) -> Result<(), String> {
     match request {
         Request::Hello(hello) => frame(to, b'H', |to| {
             let text = serde_json::to_vec(hello).unwrap_or_default();
-            to.extend_from_slice(&text);
+            put(to, &text)
         }),
         Request::Exchange { now, items } => write_exchange(to, *now, items),
-        Request::Save => frame(to, b'S', |_| {}),
-        Request::Load(state) => frame(to, b'L', |to| to.extend_from_slice(state)),
-        Request::End => frame(to, b'E', |_| {}),
+        Request::Save => frame(to, b'S', |_| Ok(())),
+        Request::Load(state) => frame(to, b'L', |to| put(to, state)),
+        Request::End => frame(to, b'E', |_| Ok(())),
     }
 }
 
 /// Writes the request of an exchange.
-pub fn write_exchange(to: &mut Vec<u8>, now: Instant, items: &[Item<Input>]) {
+///
+/// # Errors
+/// Which item is too long.
+pub fn write_exchange(to: &mut Vec<u8>, now: Instant, items: &[Item<Input>]) -> Result<(), String> {
     frame(to, b'X', |to| {
         to.extend_from_slice(&now.as_nanos().to_le_bytes());
-        write_items(to, items);
-    });
+        write_items(to, items)
+    })
 }
 
 /// Writes an answer.
-pub fn write_answer(to: &mut Vec<u8>, answer: &Answer) {
+///
+/// # Errors
+/// Which item is too long.
+pub fn write_answer(to: &mut Vec<u8>, answer: &Answer) -> Result<(), String> {
     match answer {
-        Answer::Hello(text) => frame(to, b'h', |to| {
-            to.extend_from_slice(text.to_string().as_bytes());
-        }),
+        Answer::Hello(text) => frame(to, b'h', |to| put(to, text.to_string().as_bytes())),
         Answer::Exchange(reply) => frame(to, b'x', |to| {
             let next = reply.next.map_or(NEVER, Instant::as_nanos);
             to.extend_from_slice(&next.to_le_bytes());
-            write_items(to, &reply.items);
+            write_items(to, &reply.items)
         }),
-        Answer::Saved(state) => frame(to, b's', |to| to.extend_from_slice(state)),
-        Answer::Loaded => frame(to, b'l', |_| {}),
+        Answer::Saved(state) => frame(to, b's', |to| put(to, state)),
+        Answer::Loaded => frame(to, b'l', |_| Ok(())),
     }
+}
+
+fn put(to: &mut Vec<u8>, bytes: &[u8]) -> Result<(), String> {
+    to.extend_from_slice(bytes);
+    Ok(())
 }
 
 /// A message without its length.
@@ -463,7 +486,8 @@ mod tests {
             item(Output::Quantity(1.0)),
         ];
         let mut written = Vec::new();
-        write_answer(&mut written, &Answer::Exchange(Reply { next: None, items }));
+        let answer = Answer::Exchange(Reply { next: None, items });
+        write_answer(&mut written, &answer).expect("short items");
         let framed = split(&written).expect("sound").expect("whole");
         let Ok(Answer::Exchange(reply)) = read_answer(framed.kind, framed.body) else {
             panic!("an exchange");
@@ -474,5 +498,25 @@ mod tests {
         });
         assert_eq!(reply.items.len(), 3);
         assert_eq!(parts.collect::<Vec<_>>().concat(), bytes);
+    }
+
+    /// What cannot be cut and is too long is said, not shortened; nothing of it is written.
+    #[test]
+    fn an_item_that_is_too_long_is_an_error() {
+        let message = |len: usize| Item {
+            port: 0,
+            at: Instant::ZERO,
+            what: Input::Message(Value::String("x".repeat(len))),
+        };
+        // With its two quotation marks.
+        let mut written = Vec::new();
+        let most = [message(0), message(ITEM_MAX - 2)];
+        write_exchange(&mut written, Instant::ZERO, &most).expect("it fits");
+        let len = written.len();
+        let more = [message(0), message(ITEM_MAX - 1)];
+        let error = write_exchange(&mut written, Instant::ZERO, &more);
+        let expected = "item 1 is of kind 6 and has 65536 bytes, expected 65535 at most";
+        assert_eq!(error, Err(expected.to_owned()));
+        assert_eq!(written.len(), len);
     }
 }

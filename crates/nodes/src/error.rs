@@ -110,6 +110,14 @@ pub enum NodeError {
         /// What is wrong, and what was expected.
         what: String,
     },
+    /// What happened cannot be said in the binary form.
+    #[error("could not be sent {to}: {what}")]
+    Untold {
+        /// Name of the request.
+        to: &'static str,
+        /// What is too long.
+        what: String,
+    },
     /// It speaks of the past.
     #[error("moved time backwards: {what} is at {at} s, expected {now} s or later")]
     Backwards {

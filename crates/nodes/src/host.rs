@@ -154,7 +154,10 @@ impl Host {
             self.together = SameProcessor::keep(self.process.pid());
         }
         match self.form {
-            Form::Binary => binary::write_exchange(&mut self.buf, now, items),
+            Form::Binary => {
+                let written = binary::write_exchange(&mut self.buf, now, items);
+                written.map_err(|what| untold("an exchange", what))?;
+            }
             Form::Json => {
                 let items = items.to_vec();
                 json::write_request(&mut self.buf, &Request::Exchange { now, items });
@@ -267,7 +270,7 @@ impl Host {
     /// If it did not exit, or with another exit code than 0.
     pub fn end(&mut self) -> Result<(), NodeError> {
         self.together = None;
-        self.write(&Request::End);
+        self.write(&Request::End, "end")?;
         self.send("end")?;
         let patience = END_MAX.min(self.limit);
         match self.process.end(patience) {
@@ -307,16 +310,19 @@ impl Host {
     }
 
     fn ask(&mut self, request: &Request, to: &'static str) -> Result<Answer, NodeError> {
-        self.write(request);
+        self.write(request, to)?;
         self.send(to)?;
         self.answer(to)
     }
 
-    fn write(&mut self, request: &Request) {
+    fn write(&mut self, request: &Request, to: &'static str) -> Result<(), NodeError> {
         match self.form {
-            Form::Binary => binary::write_request(&mut self.buf, request),
+            Form::Binary => {
+                binary::write_request(&mut self.buf, request).map_err(|what| untold(to, what))?
+            }
             Form::Json => json::write_request(&mut self.buf, request),
         }
+        Ok(())
     }
 
     fn send(&mut self, to: &'static str) -> Result<(), NodeError> {
@@ -348,6 +354,10 @@ impl Host {
         })?;
         Ok(answer)
     }
+}
+
+const fn untold(to: &'static str, what: String) -> NodeError {
+    NodeError::Untold { to, what }
 }
 
 fn unexpected(to: &'static str, answer: &Answer) -> NodeError {

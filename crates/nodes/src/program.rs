@@ -84,7 +84,7 @@ pub fn serve_on<N: Node>(
             (Request::Hello(hello), _) => {
                 if hello.hilrig_node != VERSION {
                     let answer = Answer::Hello(json!({ "hilrig_node": VERSION }));
-                    write(stream.form, &mut out, &answer);
+                    write(stream.form, &mut out, &answer)?;
                     to.write_all(&out)?;
                     return wrong(format!("the rig speaks version {}", hello.hilrig_node));
                 }
@@ -113,7 +113,7 @@ pub fn serve_on<N: Node>(
             }
         };
         out.clear();
-        write(stream.form, &mut out, &answer);
+        write(stream.form, &mut out, &answer)?;
         to.write_all(&out)?;
         to.flush()?;
     }
@@ -124,10 +124,13 @@ fn wrong<T>(what: String) -> io::Result<T> {
     Err(io::Error::new(io::ErrorKind::InvalidData, what))
 }
 
-fn write(form: Form, out: &mut Vec<u8>, answer: &Answer) {
+fn write(form: Form, out: &mut Vec<u8>, answer: &Answer) -> io::Result<()> {
     match form {
-        Form::Binary => binary::write_answer(out, answer),
-        Form::Json => json::write_answer(out, answer),
+        Form::Binary => binary::write_answer(out, answer).or_else(wrong),
+        Form::Json => {
+            json::write_answer(out, answer);
+            Ok(())
+        }
     }
 }
 

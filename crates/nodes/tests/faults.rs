@@ -22,7 +22,7 @@ const fn at(nanos: u64) -> Instant {
 
 fn answer(answer: &Answer) -> Vec<u8> {
     let mut bytes = Vec::new();
-    binary::write_answer(&mut bytes, answer);
+    binary::write_answer(&mut bytes, answer).expect("short items");
     bytes
 }
 

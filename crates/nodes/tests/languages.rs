@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use nodes::conform::{Mark, findings};
+use nodes::conform::{Finding, Mark, findings};
 use nodes::message::{Answer, Hello, Reply, Request};
 use nodes::program::serve_on;
 use nodes::{Input, Item, NodePort, NodeSpec, Output, binary};
@@ -112,7 +112,7 @@ fn replies(mut answers: &[u8]) -> Vec<Reply> {
 fn stream() -> Vec<u8> {
     let mut stream = binary::MAGIC.to_vec();
     for request in requests() {
-        binary::write_request(&mut stream, &request);
+        binary::write_request(&mut stream, &request).expect("short items");
     }
     stream
 }
@@ -173,7 +173,7 @@ fn the_same_scale_in_three_languages_gives_the_same_answers() {
     assert_eq!(answers_of(Command::new(compiled("scale"))), rust);
 }
 
-fn failed(command: &str, library: bool) -> Vec<String> {
+fn tested(command: &str, library: bool) -> Vec<Finding> {
     let library = library.then(|| root().join("python/src").display().to_string());
     let spec = NodeSpec {
         ports: vec![NodePort::uart("uart", LineConfig::new_8n1(9_600))],
@@ -185,7 +185,11 @@ fn failed(command: &str, library: bool) -> Vec<String> {
         patience: Duration::from_secs(60),
         ..NodeSpec::new("scale", command)
     };
-    let found = findings(&spec, &[b"SI\r\n".to_vec()]);
+    findings(&spec, &[b"SI\r\n".to_vec()])
+}
+
+fn failed(command: &str, library: bool) -> Vec<String> {
+    let found = tested(command, library);
     assert!(found.len() > 8, "{found:?}");
     let failed = found
         .into_iter()
@@ -231,6 +235,40 @@ finally:
             "{found:#?}"
         );
     }
+}
+
+/// What no answer shows is not observed.
+#[test]
+fn a_program_that_says_nothing_proves_little() {
+    let silent = r"
+from hilrig.device import Device, main
+class Silent(Device):
+    saves = True
+    def save(self):
+        return b''
+    def load(self, state):
+        pass
+main(Silent)
+";
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("silent.py");
+    std::fs::write(&path, silent).expect("a folder for tests");
+    let found = tested(&format!("python3 {}", path.display()), true);
+    let silent = found
+        .iter()
+        .filter(|one| one.detail.contains("give it something with --send"));
+    let names: Vec<_> = silent.map(|one| (one.name, one.mark)).collect();
+    let expected = [
+        "exchanges",
+        "chunked-input",
+        "same-every-run",
+        "save-and-load",
+        "json",
+    ];
+    assert_eq!(
+        names,
+        expected.map(|name| (name, Mark::NotOffered)),
+        "{found:#?}"
+    );
 }
 
 /// A program that looks at the clock, cannot save what it offers to save, and outlives its rig: the
