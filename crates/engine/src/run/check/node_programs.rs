@@ -11,7 +11,9 @@ pub const NODE_PROGRAMS: &str = "node-programs";
 /// Whether all node programs of `rig` keep the contract; `None`: there are none.
 pub(crate) fn node_programs(rig: &Rig) -> Option<Check> {
     rig.node_programs().next()?;
-    let lost = rig.lost_nodes().next();
+    // One that was stopped proves less than one that broke the contract.
+    let is_stopped = |error: &NodeError| matches!(error, NodeError::Stopped { .. });
+    let lost = rig.lost_nodes().min_by_key(|(_, error)| is_stopped(error));
     if let Some((name, error)) = lost {
         let node = rig.node_programs().find(|(known, _)| *known == name);
         let said = node.map(|(_, node)| node.said()).unwrap_or_default();
