@@ -213,6 +213,9 @@ void twi_reset(void) {
     /* The bus is let go in the midst of a transaction. */
     end_transaction();
     twi->held = twi->touched = false;
+    /* What the program before asked is no question of this one. */
+    for (int i = 0; i < twi->chip_count; i++)
+        twi->chips[i].is_asked = twi->chips[i].is_late = twi->chips[i].had_late = false;
 }
 
 void twi_attach(void) {
