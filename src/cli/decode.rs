@@ -160,10 +160,15 @@ fn line(args: &DecodeArgs, known: &[Known], lane: &Lane, lanes: &[Lane]) -> Line
         name: lane.name.clone(),
         bytes: lane.bytes.len() as u64,
         protocol: codec.map(|codec| codec.name().to_owned()),
-        framed: codec.map_or(0, |codec| codec.framed(&lane.bytes)),
+        framed: codec.map_or(0, |codec| framed(codec, lane)),
         figures: codec.and_then(|codec| codec.figures(&lane.bytes)),
         damages: damages.iter().map(ToString::to_string).collect(),
     }
+}
+
+/// Bytes of a line in valid frames of its direction.
+fn framed(codec: &Codec, lane: &Lane) -> u64 {
+    codec.framed_towards(&lane.bytes, lane.direction)
 }
 
 /// The protocol of a line: the named one, or that of the capture's scenario if the line has frames
@@ -172,7 +177,7 @@ fn codec_of(args: &DecodeArgs, known: &[Known], lane: &Lane) -> Option<&'static 
     let is_own = |known: &&Known| lane.is_of(&known.link, known.direction);
     let expected = || {
         let codec = known.iter().find(is_own)?.codec?;
-        (codec.framed(&lane.bytes) > 0).then_some(codec)
+        (framed(codec, lane) > 0).then_some(codec)
     };
     let expected = args.protocol.or_else(expected);
     expected.or_else(|| codec::guess(&lane.bytes))
@@ -303,7 +308,7 @@ fn print_sums(
             writeln!(out, "{}", profile(source, lane.link, lane.direction))?;
             continue;
         };
-        let framed = codec.framed(&lane.bytes);
+        let framed = framed(codec, lane);
         let of = codec.name();
         writeln!(
             out,
@@ -338,6 +343,7 @@ fn damages(args: &DecodeArgs, lane: &Lane, lanes: &[Lane]) -> Vec<Damage> {
         bytes: &lane.bytes,
         opposite: opposite.map_or(&[], |other| &other.bytes),
         codec: args.protocol,
+        direction: Some(lane.direction),
         framing_errors: lane.framing_errors,
     })
 }

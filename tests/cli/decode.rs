@@ -227,6 +227,39 @@ fn an_own_slave_is_decoded_with_its_own_names() {
     assert!(said.contains("46: grip-to=20 EC 00\n"), "{said}");
 }
 
+/// A description may have other frames each way: the figures count those of the line's direction.
+#[test]
+fn frames_are_counted_by_the_way_they_go() {
+    let session = Session::new("decode-two-ways");
+    let two = "name = \"two-ways\"\nabout = \"other frames each way\"\nline = { baud = 9600 }\n\
+               frame = [{ name = \"out\", terminator = \"\\n\" }, \
+               { name = \"in\", start = \"<\", end = \">\" }]\nmessage = [\n\
+               { name = \"ask\", from = \"host\", frame = \"in\", text = \"?\" },\n\
+               { name = \"ok\", from = \"device\", frame = \"out\", text = \"ok\" },\n]\n\
+               on = [{ message = \"ask\", reply = \"ok\" }]\n";
+    session.write("two.toml", two);
+    let mut out = Vec::new();
+    Section::default().write(&mut out);
+    Interface::new("box", 9_600).write(&mut out);
+    record(0, 1_000, Direction::ToDevice, b"<?\n>").write(0, &mut out);
+    record(0, 2_000, Direction::ToMaster, b"<?\n>").write(0, &mut out);
+    fs::write(session.folder.join("c.pcapng"), out).expect("writable");
+    let line = ["decode", "c.pcapng", "--description", "two.toml"];
+    let output = session.hilrig(&[&line[..], &["--json"]].concat());
+    let said = text(&output.stdout);
+    for framed in ["\"framed\": 3,", "\"framed\": 4,"] {
+        assert_eq!(said.matches(framed).count(), 1, "{output:?}");
+    }
+    let output = session.hilrig(&[&line[..], &["--summary"]].concat());
+    let said = text(&output.stdout);
+    for framed in [
+        "4 bytes of two-ways, 3 of them",
+        "4 bytes of two-ways, 4 of them",
+    ] {
+        assert_eq!(said.matches(framed).count(), 1, "{output:?}");
+    }
+}
+
 #[test]
 fn a_wrong_link_a_missing_file_and_a_wrong_protocol_are_named() {
     let session = Session::new("decode-errors");

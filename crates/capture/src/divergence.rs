@@ -91,6 +91,7 @@ impl Divergence {
         got: Option<&[u8]>,
         codec: Option<&'static Codec>,
     ) -> Self {
+        let codec = codec.map(|codec| (codec, direction));
         let [left, right] = [expected, got].map(Option::unwrap_or_default);
         let pairs = left.iter().zip(right);
         let same = pairs.take_while(|(left, right)| left == right).count();
@@ -121,6 +122,7 @@ pub fn compare(
     let same = pairs.take_while(|(expected, got)| expected == got).count();
     let at = expected.time_of(same).or_else(|| got.time_of(same))?;
     let codec = codec::guess(&expected.bytes).or_else(|| codec::guess(&got.bytes));
+    let codec = codec.map(|codec| (codec, direction));
     let frame = |track: &Track| words(codec, &track.bytes, same);
     Some(Divergence {
         link: link.to_owned(),
@@ -141,8 +143,11 @@ const AROUND: usize = 4096;
 /// Maximum length of the text of a frame; a row of a map is longer.
 const WORDS_MAX: usize = 200;
 
+/// A protocol, and which way its frames go.
+type Way = (&'static Codec, Direction);
+
 /// Text of a whole message: as a frame, as text, or as bytes around `byte`.
-fn message_words(codec: Option<&'static Codec>, message: &[u8], byte: usize) -> String {
+fn message_words(codec: Option<Way>, message: &[u8], byte: usize) -> String {
     let place = byte.min(message.len().saturating_sub(1));
     let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n');
     match codec {
@@ -161,18 +166,18 @@ fn message_words(codec: Option<&'static Codec>, message: &[u8], byte: usize) -> 
 }
 
 /// Text of the frame that contains `byte` of `bytes`.
-fn words(codec: Option<&'static Codec>, bytes: &[u8], byte: usize) -> String {
+fn words(codec: Option<Way>, bytes: &[u8], byte: usize) -> String {
     if byte >= bytes.len() {
         return "nothing more".to_owned();
     }
     let start = byte.saturating_sub(AROUND);
     let part = &bytes[start..bytes.len().min(byte + AROUND)];
-    let Some(codec) = codec else {
+    let Some((codec, direction)) = codec else {
         return format!("no known protocol: {}", hex(part, byte - start));
     };
     let place = (byte - start) as u64;
     let Some(Stretch { bytes: range, what }) = codec
-        .found(part)
+        .found_towards(part, direction)
         .into_iter()
         .find(|found| found.bytes.contains(&place))
     else {

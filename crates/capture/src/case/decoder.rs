@@ -175,6 +175,7 @@ fn decode(passage: &Passage, direction: Direction, codec: &'static Codec) -> Dec
         bytes: &bytes,
         opposite: &[],
         codec: Some(codec),
+        direction: Some(direction),
         framing_errors,
     });
     let lines = found.into_iter().map(|stretch| line(&bytes, stretch));

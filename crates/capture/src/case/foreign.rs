@@ -11,6 +11,7 @@ use crate::divergence::Track;
 use crate::replay::{Played, Recorded};
 use engine::TOOL;
 use engine::codec::{self, What};
+use engine::rig::line::Direction;
 use engine::run::check::Check;
 use engine::scenario::Scenario;
 
@@ -117,7 +118,7 @@ impl Case {
                 continue;
             };
             let mut is_bad = vec![false; all.len()];
-            for stretch in codec.found(&all) {
+            for stretch in codec.found_towards(&all, Direction::ToMaster) {
                 if matches!(stretch.what, What::Bad(_)) {
                     let range = usize::try_from(stretch.bytes.start).unwrap_or(usize::MAX)
                         ..usize::try_from(stretch.bytes.end).unwrap_or(usize::MAX);

@@ -7,6 +7,7 @@
 mod evidence;
 
 use engine::codec::{self, Codec};
+use engine::rig::line::Direction;
 use evidence::{Counts, doubled, echoed, other_order, slow_sender, swapped};
 
 /// One direction of a link, as a whole.
@@ -18,6 +19,8 @@ pub struct Line<'a> {
     pub opposite: &'a [u8],
     /// The expected protocol of the line, if known.
     pub codec: Option<&'static Codec>,
+    /// Its direction, if known.
+    pub direction: Option<Direction>,
     /// Number of characters without a stop bit, if the capture records them.
     pub framing_errors: u64,
 }
@@ -173,7 +176,10 @@ pub fn diagnose(line: &Line<'_>) -> Vec<Damage> {
         return damages;
     }
     let codec = line.codec.or_else(|| codec::guess(bytes));
-    let framed = codec.map_or(0, |codec| codec.framed(bytes));
+    let framed = codec.map_or(0, |codec| match line.direction {
+        Some(direction) => codec.framed_towards(bytes, direction),
+        None => codec.framed(bytes),
+    });
     if len < BYTES_MIN || framed * 100 >= len * 98 {
         return damages;
     }

@@ -404,7 +404,7 @@ impl Lane {
     fn best(&mut self, len: usize) -> Option<(&'static Codec, u64)> {
         let untold = &self.untold.make_contiguous()[..len];
         if let Some(expected) = self.expected
-            && let framed = expected.framed(untold)
+            && let framed = expected.framed_towards(untold, self.direction)
             && framed > 0
         {
             return Some((expected, framed));
@@ -415,7 +415,7 @@ impl Lane {
         let mut all: Vec<u8> = self.unknown.iter().copied().collect();
         all.extend(untold);
         let (codec, _) = codec::best(&all)?;
-        let framed = codec.framed(untold);
+        let framed = codec.framed_towards(untold, self.direction);
         (framed > 0).then_some((codec, framed))
     }
 

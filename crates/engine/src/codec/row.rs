@@ -289,37 +289,27 @@ impl Codec {
 
     /// Bytes of `bytes` that are in valid frames.
     pub fn framed(&self, bytes: &[u8]) -> u64 {
-        let frames = self.frames(bytes);
-        frames.iter().map(|one| one.end - one.start).sum()
+        len_of(&self.frames(bytes))
+    }
+
+    /// The same of bytes that go in this direction.
+    pub fn framed_towards(&self, bytes: &[u8], direction: Direction) -> u64 {
+        len_of(&self.frames_towards(bytes, direction))
     }
 
     /// Places of the valid frames in `bytes`.
     pub fn frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
-        self.frames_if(bytes, |_| true)
+        frames_if(self.decoder(), bytes, |_| true)
+    }
+
+    /// The same of bytes that go in this direction.
+    pub fn frames_towards(&self, bytes: &[u8], direction: Direction) -> Vec<Range<u64>> {
+        frames_if(self.decoder_towards(direction), bytes, |_| true)
     }
 
     /// Byte ranges of the valid frames in `bytes` with plausible values.
     pub fn plausible_frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
-        self.frames_if(bytes, |decoder| decoder.is_plausible())
-    }
-
-    fn frames_if(&self, bytes: &[u8], is: fn(&dyn AnyDecoder) -> bool) -> Vec<Range<u64>> {
-        let mut decoder = self.decoder();
-        let (mut frames, mut rest) = (Vec::new(), bytes);
-        for is_over in [false, true] {
-            if is_over {
-                decoder.idle();
-            }
-            while let Some(outcome) = decoder.step(&mut rest) {
-                if let Ok(len) = outcome
-                    && is(&*decoder)
-                {
-                    let end = (bytes.len() - rest.len() - decoder.pending()) as u64;
-                    frames.push(end - len as u64..end);
-                }
-            }
-        }
-        frames
+        frames_if(self.decoder(), bytes, |decoder| decoder.is_plausible())
     }
 
     pub(super) fn decoder(&self) -> Box<dyn AnyDecoder> {
@@ -335,6 +325,32 @@ impl Codec {
             Format::Own(format) => format.decoder_towards(direction),
         }
     }
+}
+
+fn len_of(frames: &[Range<u64>]) -> u64 {
+    frames.iter().map(|one| one.end - one.start).sum()
+}
+
+fn frames_if(
+    mut decoder: Box<dyn AnyDecoder>,
+    bytes: &[u8],
+    is: fn(&dyn AnyDecoder) -> bool,
+) -> Vec<Range<u64>> {
+    let (mut frames, mut rest) = (Vec::new(), bytes);
+    for is_over in [false, true] {
+        if is_over {
+            decoder.idle();
+        }
+        while let Some(outcome) = decoder.step(&mut rest) {
+            if let Ok(len) = outcome
+                && is(&*decoder)
+            {
+                let end = (bytes.len() - rest.len() - decoder.pending()) as u64;
+                frames.push(end - len as u64..end);
+            }
+        }
+    }
+    frames
 }
 
 impl Named for Codec {

@@ -65,10 +65,12 @@ const ERRORS_MAX: usize = 8;
 impl Codec {
     /// All that `bytes` are, a pause behind them.
     pub fn found(&'static self, bytes: &[u8]) -> Vec<Stretch> {
-        let mut stream = Stream::new(self);
-        let mut found = stream.push(bytes);
-        found.extend(stream.idle());
-        found
+        Stream::new(self).all(bytes)
+    }
+
+    /// The same of bytes that go in this direction.
+    pub fn found_towards(&'static self, bytes: &[u8], direction: Direction) -> Vec<Stretch> {
+        Stream::towards(self, direction).all(bytes)
     }
 }
 
@@ -83,6 +85,12 @@ impl Stream {
     pub fn towards(codec: &Codec, direction: Direction) -> Self {
         let (decoder, place) = (codec.decoder_towards(direction), Progress::default());
         Self { decoder, place }
+    }
+
+    fn all(mut self, bytes: &[u8]) -> Vec<Stretch> {
+        let mut found = self.push(bytes);
+        found.extend(self.idle());
+        found
     }
 
     /// Takes more bytes and returns the stretches known by now.

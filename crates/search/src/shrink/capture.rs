@@ -153,7 +153,7 @@ fn first_bad(units: &[Unit]) -> Option<(usize, &'static str)> {
         let is_data = unit.record.kind == Kind::Data && !unit.record.bytes.is_empty();
         let is_bad = is_data && unit.frame.is_none();
         let codec = formats.get(&unit.lane()).filter(|_| is_bad)?;
-        Some((index, error_of(&unit.record.bytes, codec)))
+        Some((index, error_of(&unit.record, codec)))
     });
     let first = bad.next()?;
     if first.1 != OUTSIDE {
@@ -162,9 +162,9 @@ fn first_bad(units: &[Unit]) -> Option<(usize, &'static str)> {
     bad.find(|(_, kind)| *kind != OUTSIDE).or(Some(first))
 }
 
-fn error_of(bytes: &[u8], codec: &'static Codec) -> &'static str {
+fn error_of(record: &Record, codec: &'static Codec) -> &'static str {
     let error = codec
-        .found(bytes)
+        .found_towards(&record.bytes, record.direction)
         .into_iter()
         .find_map(|one| match one.what {
             What::Bad(errors) => errors.first().copied(),

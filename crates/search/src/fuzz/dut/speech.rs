@@ -7,6 +7,7 @@ use emulators::rng::Rng;
 
 use engine::codec::wire::{Choices, Piece, Stream};
 use engine::codec::{self, Codec};
+use engine::rig::line::Direction;
 use engine::scenario::{DeviceSpec, OrderSpec, RegistersSpec, TextSpec};
 
 /// What is spoken on a link.
@@ -172,7 +173,8 @@ impl Speech {
     pub fn shape(&self, bytes: &[u8], question: &[u8]) -> Shape {
         match self {
             Self::Frames(codec) => {
-                let found = codec.frames(bytes);
+                // What the program says goes to the device.
+                let found = codec.frames_towards(bytes, Direction::ToDevice);
                 let frame = found.iter().filter_map(|frame| {
                     let [from, to] = [frame.start, frame.end].map(usize::try_from);
                     bytes.get(from.ok()?..to.ok()?)

@@ -110,3 +110,45 @@ pub fn codec_of(description: &Arc<Description>) -> &'static Codec {
     }
     unreachable!("there are more numbers than rows")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::{Count, Counter};
+
+    /// Bytes that are a frame of each way, a short and a long one: the formats of the sender come
+    /// first.
+    #[test]
+    fn frames_are_those_of_the_way_that_bytes_go() {
+        let text = r#"
+            name = "two-ways"
+            about = "other frames each way"
+            line = { baud = 9600 }
+            frame = [{ name = "out", terminator = "\n" }, { name = "in", start = "<", end = ">" }]
+            message = [
+              { name = "ask", from = "host", frame = "in", text = "?" },
+              { name = "ok", from = "device", frame = "out", text = "ok" },
+            ]
+            on = [{ message = "ask", reply = "ok" }]
+        "#;
+        let none = |_: &str| Err("no file".to_owned());
+        let description = Description::parse("two.toml", text, &none).expect("sound");
+        let codec = codec_of(&description);
+        let bytes = b"<?\n>";
+        for (direction, first) in [(Direction::ToDevice, 0..4), (Direction::ToMaster, 0..3)] {
+            let len = first.end - first.start;
+            assert_eq!(codec.framed_towards(bytes, direction), len, "{direction:?}");
+            assert_eq!(codec.frames_towards(bytes, direction), [first.clone()]);
+            let found = codec.found_towards(bytes, direction);
+            let frames = found.iter().filter(|one| one.is_frame());
+            let frames: Vec<_> = frames.map(|one| one.bytes.clone()).collect();
+            assert_eq!(frames, [first], "{direction:?}");
+            let mut counter = Counter::towards(codec, direction);
+            let counts = [counter.push(bytes), counter.idle()];
+            let frames: u64 = counts.iter().map(|count: &Count| count.frames).sum();
+            assert_eq!(frames, 1, "{direction:?}");
+        }
+        // Without a direction, the first in the file.
+        assert_eq!(codec.framed(bytes), 3);
+    }
+}
