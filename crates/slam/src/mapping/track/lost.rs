@@ -382,6 +382,11 @@ mod tests {
         });
     }
 
+    /// Whether all tests run, as `tests/run.sh --all` does it.
+    fn is_thorough() -> bool {
+        std::env::var_os("HILRIG_TESTS").is_some_and(|tests| tests == "all")
+    }
+
     fn begun(building: &Building) -> Mapper {
         Mapper::new(Settings {
             start: building.sights[0].truth,
@@ -499,9 +504,12 @@ mod tests {
     }
 
     /// A tour of the old places that takes 500 m of way longer, most of it through empty space: the
-    /// first sight is old when the second comes, and holds.
+    /// first sight is old when the second comes, and holds. Runs with `HILRIG_TESTS=all`.
     #[test]
     fn a_part_is_joined_to_a_large_map() {
+        if !is_thorough() {
+            return;
+        }
         let building = Building::generate(1);
         let mut mapper = begun(&building);
         let turned_at = building.sights.len() * 3 / 10;
@@ -547,12 +555,14 @@ mod tests {
     }
 
     /// At stake: a robot that is turned while its wheels say nothing is mapped on, turned, at the
-    /// best quality. In two buildings, by several angles: it ends where it is in truth, or the
-    /// map says that it has two parts.
+    /// best quality. By several angles: it ends where it is in truth, or the map says that it has
+    /// two parts. The first angle at each landing, all of them with `HILRIG_TESTS=all`.
     #[test]
     fn a_robot_turned_unseen_is_found_again_or_the_map_has_two_parts() {
         let mut joined = 0;
-        for (seed, degrees) in [(1, 180.0), (1, 80.0), (2, -135.0)] {
+        let all = [(1, 180.0), (1, 80.0), (2, -135.0)];
+        let cases = if is_thorough() { &all[..] } else { &all[..1] };
+        for &(seed, degrees) in cases {
             let building = Building::generate(seed);
             let mut mapper = begun(&building);
             let turned_at = building.sights.len() * 3 / 10;
@@ -580,7 +590,7 @@ mod tests {
             assert_eq!(mapper.scan_parts()[turned_at - 1], 1);
             assert_eq!(mapper.scan_parts()[last], 2);
         }
-        assert!(joined >= 2, "{joined} of 3 joined");
+        assert!(3 * joined >= 2 * cases.len(), "{joined} joined");
     }
 
     /// A robot that is carried from one building into another is recognised nowhere: two parts.
