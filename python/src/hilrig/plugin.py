@@ -157,13 +157,20 @@ class RigFactory:
                 rig.close()
         for folder in [] if failed else self._folders:
             shutil.rmtree(folder, ignore_errors=True)
-            for above in (folder.parent, folder.parent.parent):
-                try:
-                    above.rmdir()
-                except OSError:
-                    break  # Something else is in it.
         if errors:
             raise RigError("; ".join(errors))
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Removes the folder of results if it is empty, when no worker writes there any more."""
+    if hasattr(config, "workerinput"):
+        return
+    keep = Path(config.rootpath) / str(config.getoption("--hilrig-keep"))
+    for folder in (keep, keep.parent):
+        try:
+            folder.rmdir()
+        except OSError:
+            break  # Something else is in it.
 
 
 _FACTORY = pytest.StashKey[RigFactory]()
