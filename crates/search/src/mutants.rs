@@ -37,7 +37,8 @@ pub struct Mutant {
 
 /// Failures by check: their number, and the first scenario and seed at which the check fails with
 /// the defect and not without it.
-type Counts = BTreeMap<String, (u64, Option<(String, u64)>)>;
+type Counts = BTreeMap<String, Count>;
+type Count = (u64, Option<(String, u64)>);
 
 /// The search for all defects of the robots of some scenarios.
 #[derive(Debug)]
@@ -200,7 +201,7 @@ impl Judged for (Mutant, Counts) {
     /// Compares with the failures in all runs without a defect.
     fn settle(&mut self, sound: &BTreeMap<String, u64>) {
         let (mutant, counts) = self;
-        let shows = |(check, (with, first)): (&String, &(u64, Option<(String, u64)>))| {
+        let shows = |(check, (with, first)): (&String, &Count)| {
             let without = sound.get(check).copied().unwrap_or_default();
             let (name, seed) = first.clone()?;
             let is_found = without == 0 || *with >= 2 * without + MORE;

@@ -29,7 +29,8 @@ pub fn scenario(
     best.origin = None;
     let check = cause.split(": ").next().unwrap_or_default();
     let is_late = is_of_the_end(check);
-    // It judges the last part of the run: in a shorter one, lines are silent that were healed later.
+    // It judges the last part of the run. In a shorter run, lines are silent that were healed
+    // later.
     let is_of_life = check == ALIVE;
     if !is_late {
         let fails = &mut |case: &Scenario| judge(case) == Judged::FailsAlike;

@@ -140,8 +140,8 @@ fn a_drive_that_is_off_stays_to_blame() {
     assert_eq!(small.fault[0].kind.name(), "off");
 }
 
-/// In a shorter run a lidar that is healed later is silent at the end, so the time is kept. A run that
-/// fails for something else need not be alive.
+/// In a shorter run a lidar that is healed later is silent at the end, so the time is kept. A run
+/// that fails for something else need not be alive.
 #[test]
 fn a_run_that_must_be_alive_keeps_its_time() {
     let culprit = "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
