@@ -291,16 +291,19 @@ impl Framing {
         let size = match &self.cut {
             Cut::Marked { .. } => return Candidate::Noise,
             Cut::Fixed(size) => *size,
-            Cut::Length(length) if length.is_contradicted(bytes) => {
-                let at = len_u32(length.again.unwrap_or(0));
-                let found = bytes.get(length.again.unwrap_or(0)).copied().unwrap_or(0);
-                let found = u32::from(found);
-                return Candidate::Rejected(FrameError::Implausible { at, found });
-            }
             Cut::Length(length) => match length.size(bytes) {
                 None => return Candidate::Incomplete,
                 Some(size) => match usize::try_from(size) {
-                    Ok(size) if size >= self.least() => size,
+                    // Before the repetition, which may come in a later piece.
+                    Ok(size) if size >= self.least() && size <= self.max => {
+                        if length.is_contradicted(bytes) {
+                            let at = length.again.unwrap_or(0);
+                            let found = bytes.get(at).copied().unwrap_or(0).into();
+                            let at = len_u32(at);
+                            return Candidate::Rejected(FrameError::Implausible { at, found });
+                        }
+                        size
+                    }
                     _ => return too_long(usize::try_from(size).unwrap_or(0)),
                 },
             },
