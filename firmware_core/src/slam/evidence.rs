@@ -81,8 +81,8 @@ impl Evidence {
         self.hits + other.misses >= other.hits + self.misses + self.of / 8
     }
 
-    /// Whether the evidence for its pose is so much better than `other` that the scan belongs
-    /// there: at most the share `remains` of the disagreement is left. A pose without known points
+    /// Whether the evidence of this pose clearly exceeds that of `other`, so that the scan belongs
+    /// here: at most the share `remains` of the disagreement is left. A pose without known points
     /// has no disagreement either, but is not better for that. Nor is a pose with only a handful of
     /// known points, because they fit many poses.
     pub(super) fn outweighs(&self, other: &Self, remains: f32) -> bool {

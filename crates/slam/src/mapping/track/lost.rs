@@ -1,6 +1,6 @@
-//! Robots that were carried, pushed or turned unseen: a scan that contradicts the walls begins a
-//! new part of the map. The part is joined to the others once it is recognised in them, in one
-//! place only and twice; until then nothing is claimed about the motion between them.
+//! Robots that were carried, pushed or turned without the wheels' notice. A scan that contradicts
+//! the walls begins a new part of the map. The part is joined to the others once the mapper
+//! recognises it there, at one place only and twice. Until then their relative pose is unknown.
 
 use emulators::world::{Pose, wrap_angle};
 
@@ -14,12 +14,12 @@ use crate::mapping::keyframe::Keyframe;
 use crate::mapping::matrix::diagonal;
 use crate::mapping::motion::{between, distance, moved};
 
-/// What is kept while the robot is lost.
+/// State of a lost robot.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lost {
-    /// Scans that contradict the walls, in a row.
+    /// Consecutive scans that contradict the walls.
     held: Vec<usize>,
-    /// The part that the robot is in, and whether there are others.
+    /// Part of the map in which the robot is, and whether other parts remain to be joined.
     pub(super) part: usize,
     pub(super) is_open: bool,
     tour: Option<Tour>,
@@ -34,37 +34,37 @@ struct Tour {
     spots: Vec<Spot>,
     places: Vec<usize>,
     next: usize,
-    /// What was found: the place's keyframe, the newest keyframe's pose there, and the score.
+    /// Candidates: the loop, the newest keyframe's pose by it, and the score.
     found: Vec<(Guess, Pose, f64)>,
-    /// Places that looked like several.
+    /// Whether a place fitted at several poses.
     is_ambiguous: bool,
 }
 
-/// Part of a scan that stands where beams went through, or of the walls that its beams go through.
-/// For a scan of which less than half lies on walls, and for one that fits much less than usual.
+/// Limits of the contradiction, a sum of two shares: beam ends in free space, and walls that beams
+/// cross. The first limit is for scans of which less than half lies on walls, the second for scans
+/// that fit much less than usual.
 const CONTRADICTED: [f64; 2] = [0.25, 0.4];
-/// A way that nothing is known of, metres: everything before it is long ago.
+/// Path length that stands for an unknown motion, metres: all keyframes before it count as old.
 const UNKNOWN_M: f64 = 40.0;
-/// Information of a motion that nothing is known of.
+/// Information of an unknown motion.
 const UNKNOWN: f64 = 1e-6;
-/// Places are so far apart, metres of way, and are searched so far around.
+/// Spacing of searched places along the path, and radius of the search around each, metres.
 const APART_M: f64 = 4.0;
 const AROUND_M: f64 = 4.0;
-/// Way after which a part is looked for in the others, metres: one scan looks like many places,
-/// and a tour of a large map is too long to be made in vain.
+/// Path length of a part before it is searched for in the other parts, metres. One scan looks like
+/// many places, and a search of a large map takes long.
 const SHORT_M: f64 = PLACE_M;
-/// Way between the two sights of a place, metres.
+/// Path length between the two sights of a place, metres.
 const AGAIN_M: f64 = 2.0;
 /// Places searched at a keyframe.
 const PLACES: usize = 2;
-/// Part of a scan on walls of a place that is recognised, and how much worse all others must be.
+/// Share of a scan on the walls of a recognised place, and highest relative score of any other.
 const EXPLAINED: f64 = 0.6;
 const RIVAL: f64 = 0.85;
 
 impl Mapper {
-    /// How much a scan contradicts the walls seen lately: the part of it that stands where beams
-    /// went through, and the part of them that its beams go through. A scan of something new does
-    /// neither.
+    /// Contradiction between a scan and the recent walls: the share of its ends in free space plus
+    /// the share of walls that its beams cross. A scan of an unknown area has a contradiction of 0.
     fn contradiction(&self, cloud: &Cloud) -> f64 {
         let last = self.chain(self.at, PLACE_M, 0.0);
         let mut free = Free::like(&self.walls);
@@ -149,7 +149,8 @@ impl Mapper {
         self.redraw();
     }
 
-    /// Number of parts of the map that ways or loops join; `None` if nothing was looked for.
+    /// Number of parts of the map, each connected by motions or loops; `None` if the mapper does
+    /// not close loops.
     pub fn parts(&self) -> Option<usize> {
         let is_looked_for = self.settings.closes_loops && !self.keyframes.is_empty();
         is_looked_for.then(|| self.count_parts())
@@ -160,7 +161,7 @@ impl Mapper {
         joined.filter(|(pose, lowest)| pose == lowest).count()
     }
 
-    /// Of each scan the part of the map that it belongs to, the first of which is 1.
+    /// Part of the map of each scan, from 1.
     pub fn scan_parts(&self) -> Vec<usize> {
         let joined = self.graph.joined();
         let mut firsts = joined.clone();
@@ -170,7 +171,7 @@ impl Mapper {
         self.scans.iter().map(|(key, _)| part(*key)).collect()
     }
 
-    /// Gives each keyframe the part that it belongs to, after loops were closed or dropped.
+    /// Updates the part of each keyframe after loops were closed or dropped.
     pub(super) fn relabel(&mut self) {
         let mut has_changed = false;
         for (key, part) in self.keyframes.iter_mut().zip(self.graph.joined()) {
@@ -178,16 +179,15 @@ impl Mapper {
             key.part = part;
         }
         if has_changed {
-            // Places of what is now the same part are no longer looked for.
+            // Places of the same part need no further search.
             (self.lost.tour, self.lost.seen) = (None, None);
         }
         self.lost.part = self.keyframes.get(self.at).map_or(0, |key| key.part);
         self.lost.is_open = self.count_parts() > 1;
     }
 
-    /// How much of the way nothing but the matching of scans holds, 0 to 1: the part that leads
-    /// between no two sights of a place. 1 if parts of the map were not joined; `None` if no place
-    /// was looked for, or the wheels told of no way.
+    /// Share of the path that no loop closure confirms, 0 to 1. 1 if parts of the map were not
+    /// joined; `None` if the mapper does not close loops, or the wheels measured no path.
     pub fn doubt(&self) -> Option<f64> {
         if self.parts()? > 1 {
             return Some(1.0);
@@ -204,7 +204,7 @@ impl Mapper {
         Some(open.sum::<f64>() / whole)
     }
 
-    /// Looks for the newest part in all others; whether it was joined.
+    /// Searches for the newest part in all others. Returns whether it was joined.
     pub(super) fn find_part(&mut self, number: usize) -> bool {
         if let Some(seen) = self.lost.seen {
             return self.is_seen_again(seen, number);
@@ -231,13 +231,13 @@ impl Mapper {
         false
     }
 
-    /// Whether the robot has seen too little since it was lost to be recognised by it.
+    /// Whether the current part is still too short to be recognised.
     fn is_short(&self, number: usize) -> bool {
         self.keyframes[number].path_m - self.keyframes[self.lost.part].path_m < SHORT_M
     }
 
-    /// Ends the search for other parts when there are no more scans: the rest of the tour, and new
-    /// tours as long as they join a part.
+    /// Completes the search for other parts after the last scan: the rest of the tour, and further
+    /// tours as long as each joins a part.
     pub(super) fn find_rest(&mut self) {
         let last = self.keyframes.len() - 1;
         while self.settings.closes_loops && self.lost.is_open {
@@ -287,7 +287,7 @@ impl Mapper {
         }
     }
 
-    /// What was seen lately from a keyframe, looked for around a place, whatever its heading.
+    /// Searches for the recent view of a keyframe around a place, at every heading.
     fn recognised(
         &mut self,
         place: usize,
@@ -346,8 +346,8 @@ impl Mapper {
 }
 
 impl Tour {
-    /// The place that was recognised, if no other of its part looks like it: how places of several
-    /// parts lie to each other is unknown.
+    /// The recognised place, if no other place of the same part resembles it. Places of other parts
+    /// are not compared, because their relative pose is unknown.
     fn only_one(self, part: impl Fn(usize) -> usize) -> Option<Guess> {
         let mut found = self.found;
         found.sort_by(|a, b| b.2.total_cmp(&a.2));
@@ -399,8 +399,7 @@ mod tests {
         observed.expect("loops are closed, and the wheels were read")
     }
 
-    /// At stake: a mapper that closes no loops, or whose wheels were not read, says that all is
-    /// well.
+    /// A mapper without loop closure or without odometry does not report an unobserved value.
     #[test]
     fn parts_and_doubt_are_none_unless_observed() {
         let building = Building::generate(1);
@@ -459,8 +458,8 @@ mod tests {
         assert!(mapper.unsure[0] > before[0] && mapper.unsure[1] > before[1]);
     }
 
-    /// A place as good as the best is a rival if it is in the same part: how places of two parts
-    /// lie to each other is unknown.
+    /// A place as good as the best is a rival only within the same part: the relative pose of two
+    /// parts is unknown.
     #[test]
     fn rivals_are_places_of_one_part() {
         let found = |from: usize, x: f64| {
@@ -529,7 +528,7 @@ mod tests {
         assert_eq!(mapper.count_parts(), 1);
     }
 
-    /// The way led for 600 m through empty space a kilometre off.
+    /// Adds a path of 600 m through empty space, one kilometre away.
     fn far_away(mapper: &mut Mapper) {
         for step in 0..150 {
             let pose = Pose::new(1000.0 + 4.0 * f64::from(step), 0.0, 0.0);
@@ -554,9 +553,9 @@ mod tests {
         }
     }
 
-    /// At stake: a robot that is turned while its wheels say nothing is mapped on, turned, at the
-    /// best quality. By several angles: it ends where it is in truth, or the map says that it has
-    /// two parts. The first angle at each landing, all of them with `HILRIG_TESTS=all`.
+    /// A robot is turned while its wheels measure nothing. It ends at its true pose, or the map
+    /// reports two parts; without the search the map would be wrong at the best quality. One angle
+    /// runs by default, all of them with `HILRIG_TESTS=all`.
     #[test]
     fn a_robot_turned_unseen_is_found_again_or_the_map_has_two_parts() {
         let mut joined = 0;
@@ -593,7 +592,8 @@ mod tests {
         assert!(3 * joined >= 2 * cases.len(), "{joined} joined");
     }
 
-    /// A robot that is carried from one building into another is recognised nowhere: two parts.
+    /// A robot is carried from one building into another: no place is recognised, so the map has
+    /// two parts.
     #[test]
     fn parts_that_are_recognised_nowhere_stay_apart() {
         let [first, second] = [2, 1].map(Building::generate);

@@ -1,4 +1,4 @@
-//! The way by the wheels alone, and what they miss always: learned where places seen again tell it.
+//! Odometry without scan matching, and its systematic error, learned from loop closures.
 
 use emulators::world::{Pose, wrap_angle};
 
@@ -7,15 +7,14 @@ use crate::mapping::align::Prior;
 use crate::mapping::graph::{Edge, Kind};
 use crate::mapping::motion::{between, distance, moved};
 
-/// The way by the wheels alone.
+/// Odometry without scan matching.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ByWheels {
     pose: Pose,
-    /// Sum of all turns, and of all ways: radians, metres.
+    /// Sum of all turns, radians, and of all distances, metres.
     pub(super) turned: f64,
     pub(super) way_m: f64,
-    /// Where the wheels had the robot when it last stood at a keyframe, and where it stood from
-    /// there.
+    /// Odometry pose at the last keyframe, and the matched pose as seen from that keyframe.
     stood: Pose,
     from: Pose,
 }
@@ -39,46 +38,46 @@ impl ByWheels {
     }
 }
 
-/// What the wheels miss always, radians per metre.
+/// Systematic turn error of the odometry (bend), radians per metre.
 ///
-/// Along a way that leads nowhere again, a weak bend of the wheels and the error that each scan
-/// passes on to the next are one and the same, and a mapper that corrects the wheels by it winds
-/// itself up. The walls of one view show a strong bend, so that is corrected at once; a weak one
-/// is learned only from places seen again.
+/// On a path without loops, a weak bend cannot be told from the systematic error of the scan
+/// matcher: a mapper that corrects it integrates its own error (windup). A strong bend shows in
+/// the walls of a single view, so it is corrected at once. A weak bend is learned from loop
+/// closures only.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bend {
-    /// Turn that the wheels missed lately, its square and the way: radians, metres.
+    /// Recent turn error, distance and squared turn error: radians, metres.
     lately: [f64; 3],
-    /// Turn that they missed between places seen again, and the way.
+    /// Turn error between two sights of the same place, and the distance.
     looped: [f64; 2],
 }
 
-/// Bend that could be the walls' own, radians per metre.
+/// Bend that the walls themselves could have, radians per metre.
 const HIDDEN: f64 = 0.003;
-/// A bend is strong if it is this many standard deviations of what the steps' noise makes.
+/// A bend is strong beyond this many standard deviations of the steps' noise.
 const SIGMAS: f64 = 3.0;
-/// Way back that counts as lately, metres.
+/// Length of the recent path, metres.
 const LATELY_M: f64 = 100.0;
-/// Way after which half of what was missed is believed, metres, and most of it, radians per metre.
+/// Path length after which half of the measured bend is applied, metres: of the recent path, and of
+/// paths between two sights of a place. The maximum bend, radians per metre.
 const HALF_M: [f64; 2] = [5.0, 20.0];
 const BEND_MOST: f64 = 0.05;
-/// Steps that a slip turned by more tell nothing of what the wheels miss always: radians, and part
-/// of the turn.
+/// Steps with a larger turn error are slips and teach no bend: radians, and share of the turn.
 const SLIP_RAD: f64 = 0.05;
 const SLIP_PART: f64 = 0.15;
 
-/// Steps shorter than this count less, and longer than that no more: metres.
+/// Shorter steps have a lower weight, longer steps have no higher one: metres.
 const STEP_M: [f64; 2] = [0.2, 1.0];
 
-/// A missed turn and its way, each weighted by the way: a turn on the spot tells nothing of what is
-/// missed per metre.
+/// Weighted turn error and distance. The weight is the distance, because a turn on the spot teaches
+/// no bend per metre.
 fn by_way(turn: f64, way_m: f64) -> [f64; 2] {
     let weight = way_m.min(STEP_M[1]);
     [weight * turn / way_m.max(STEP_M[0]), weight]
 }
 
 impl Bend {
-    /// The walls have a scan turned by so much from where the wheels have it, so far on.
+    /// Adds a step: `turn` is the heading of the matched scan minus that of the odometry.
     fn add(&mut self, turn: f64, way_m: f64) {
         let kept = libm::exp(-way_m / LATELY_M);
         self.lately = self.lately.map(|sum| sum * kept);
@@ -100,7 +99,8 @@ impl Bend {
 }
 
 impl Mapper {
-    /// How wrong the wheels were: soon believed if it is more than thought, slowly if less.
+    /// Updates the estimated error of the odometry: fast if it is larger than expected, slowly if
+    /// smaller.
     pub(super) fn learn(&mut self, prior: &Prior, pose: Pose, way_m: f64) {
         let turn = wrap_angle(pose.theta - prior.pose.theta);
         let most = 2.0 * prior.deviation[1];
@@ -116,7 +116,7 @@ impl Mapper {
         }
     }
 
-    /// Of each keyframe, how many motions that nothing is known of came before it.
+    /// Number of unknown motions before each keyframe.
     fn stretches(&self) -> Vec<usize> {
         let mut stretches = vec![0; self.keyframes.len()];
         let edges = self.graph.edges.iter();
@@ -131,12 +131,12 @@ impl Mapper {
         stretches
     }
 
-    /// Of each step from a keyframe to the next, whether it leads between two sights of a place.
+    /// Whether each step from a keyframe to the next lies between two sights of a place.
     pub(super) fn looped(&self) -> Vec<bool> {
         let mut opened = vec![0_i32; self.keyframes.len()];
         let stretches = self.stretches();
         let loops = self.graph.edges.iter();
-        // A loop across a motion that nothing is known of joins two parts, and holds no way.
+        // A loop across an unknown motion joins two parts, but confirms no path.
         let is_held = |edge: &&Edge| stretches[edge.from] == stretches[edge.to];
         for edge in loops.filter(|edge| edge.kind == Kind::Loop).filter(is_held) {
             opened[edge.from.min(edge.to)] += 1;
@@ -150,7 +150,7 @@ impl Mapper {
         steps.collect()
     }
 
-    /// Learns what the wheels miss from the steps between a place and where it was seen again.
+    /// Learns the bend from the steps between two sights of a place.
     pub(super) fn learn_bend(&mut self) {
         let (mut turn, mut way) = (0.0, 0.0);
         let steps = self.keyframes.windows(2).zip(self.graph.poses.windows(2));
@@ -177,8 +177,8 @@ mod tests {
     use crate::mapping::keyframe::Keyframe;
     use crate::mapping::matrix::diagonal;
 
-    /// Wheels that miss 0.02 rad in each turn on the spot miss nothing per metre; wheels that miss
-    /// the same in each half metre miss 0.04 rad per metre.
+    /// An error of 0.02 rad in each turn on the spot is no bend. The same error in each half metre
+    /// is a bend of 0.04 rad per metre.
     #[test]
     fn turns_on_the_spot_are_no_bend() {
         for (way_m, least, most) in [(0.0, 0.0, 0.0), (0.5, 0.03, 0.041)] {
@@ -189,8 +189,8 @@ mod tests {
         }
     }
 
-    /// A place is seen at the first and the last of five keyframes. That holds the way between them
-    /// only if all motion between them is known.
+    /// A place is seen at the first and the last of five keyframes. The loop confirms the path only
+    /// if all motion between them is known.
     #[test]
     fn a_loop_across_an_unknown_motion_holds_no_way() {
         for (kind, looped) in [(Kind::Way, true), (Kind::Unknown, false)] {
