@@ -16,7 +16,9 @@ pub(super) fn profile(name: Option<&str>, is_for_mutants: bool) -> Result<Profil
 pub(in crate::cli) fn needs_faults(profile: Option<&str>, vary: Vary) -> Result<(), CliError> {
     match profile {
         Some(_) if !vary.faults => {
-            let message = format!("--profile: needs faults in --vary, which is {vary}");
+            let message = format!(
+                "--profile: needs faults in --vary, which is {vary}; add it, as in --vary all"
+            );
             Err(CliError::Usage(message))
         }
         _ => Ok(()),
