@@ -1,4 +1,4 @@
-//! What a device answers to: values that its entries ask of a request, such as its address, and the
+//! Requests that a device answers: field values that its entries test, such as the address, and the
 //! registers that a request can name.
 
 use crate::behaviour::{On, Trigger};
@@ -13,13 +13,13 @@ use crate::value::{Record, Value};
 pub(crate) struct RegisterRequest {
     /// The register, by its index in the table.
     pub(crate) cell: usize,
-    /// Values of the fields that name it.
+    /// Values of the fields that name the register.
     pub(crate) values: Record,
     /// The field that holds the bytes to be written; `None` if the request reads.
     pub(crate) data: Option<String>,
 }
 
-/// The values of a device at its start.
+/// The state of a device at its start.
 struct AtStart<'a>(&'a Description);
 
 impl Scope for AtStart<'_> {
@@ -35,7 +35,7 @@ impl Scope for AtStart<'_> {
     }
 }
 
-/// The values of a request, and those of the device.
+/// The values of a request, then the state of the device.
 struct Asked<'a>(&'a Record, AtStart<'a>);
 
 impl Scope for Asked<'_> {
@@ -45,13 +45,13 @@ impl Scope for Asked<'_> {
     }
 }
 
-/// Values of a request that are tried at most.
+/// Maximum number of request values that are tried.
 const TRIALS_MAX: usize = 2_000;
 
 impl Description {
-    /// Values of `message` like `plain` that the device answers: for each entry with a reply those
-    /// that make it the first that fits as the device starts, such as its address. `plain` itself
-    /// if nothing is answered.
+    /// Values of `message` that the device answers in its start state, derived from `plain`: one
+    /// record for each entry with a reply, e.g. with the device's address. Returns `plain` if no
+    /// entry replies.
     pub fn answered(&self, message: &Message, plain: &Record) -> Vec<Record> {
         let mut like = plain.clone();
         if let Some(request) = self.register_requests(message).first() {
@@ -81,7 +81,7 @@ impl Description {
         found
     }
 
-    /// `like`, and the same with the values that the conditions of `entries` compare fields with.
+    /// Returns `like` and its variants with the values that the conditions of `entries` test.
     fn trials(&self, message: &Message, entries: &[&On], like: &Record) -> Vec<Record> {
         let names = message.names();
         let mut trials = vec![like.clone()];

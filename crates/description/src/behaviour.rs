@@ -1,4 +1,4 @@
-//! What a device does, ready to be done.
+//! The behaviour of a device, compiled.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::expr::Expr;
 use crate::schema::behaviour::EventSpec;
 
-/// What something is done upon.
+/// The cause of an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trigger {
     /// A message, by index.
@@ -16,7 +16,7 @@ pub(crate) enum Trigger {
     Event(EventSpec),
 }
 
-/// What is done.
+/// An action: assignments and messages to send.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Deed {
     pub(crate) when: Option<Expr>,
@@ -24,7 +24,7 @@ pub(crate) struct Deed {
     pub(crate) set: Vec<(usize, Expr)>,
     /// Messages, by index.
     pub(crate) send: Vec<usize>,
-    /// Fields of the messages.
+    /// Values for fields of the messages.
     pub(crate) with: Vec<(Arc<str>, Expr)>,
 }
 
@@ -56,7 +56,7 @@ pub(crate) struct After {
     pub(crate) deed: Deed,
 }
 
-/// Something that can go wrong.
+/// A fault of the device, compiled.
 #[derive(Clone, Debug)]
 pub(crate) struct Fault {
     pub(crate) name: &'static str,
@@ -66,7 +66,7 @@ pub(crate) struct Fault {
     pub(crate) late: Duration,
     pub(crate) is_mute: bool,
     pub(crate) is_bad_checksum: bool,
-    /// Messages and what is sent in their place.
+    /// Pairs of messages, by index: the original and its replacement.
     pub(crate) replace: Vec<(usize, usize)>,
     pub(crate) garbage: usize,
     pub(crate) restarts: bool,

@@ -1,7 +1,7 @@
-//! Checksums by name: the CRC catalogue, a polynomial of one's own, sums.
+//! Checksums by name: the CRC catalogue, user-defined polynomials, sums.
 //!
-//! Names are compared without regard to case and to what separates their parts, so that
-//! `CRC-16/IBM-SDLC`, `crc-16-ibm-sdlc` and its other name `X-25` are all found.
+//! The comparison of names ignores case and separators: `CRC-16/IBM-SDLC`, `crc-16-ibm-sdlc` and
+//! the alias `X-25` name the same algorithm.
 
 mod catalogue;
 mod engine;
@@ -12,17 +12,17 @@ use std::sync::Arc;
 use engine::Engine;
 pub use engine::Polynomial;
 
-/// An algorithm.
+/// A checksum algorithm.
 #[derive(Clone, Debug)]
 pub struct Algorithm {
     engine: Arc<Engine>,
     name: Arc<str>,
 }
 
-/// A sum: its names, and what makes it, with the bytes of its result.
+/// A sum: its names, and the constructor of its engine with the width of the result in bytes.
 type Sum = (&'static [&'static str], fn() -> (Engine, u8));
 
-/// Sums, with their other names.
+/// Sums, with their aliases.
 const SUMS: [Sum; 15] = [
     (&["SUM", "SUM8"], || (Engine::Sum, 1)),
     (&["SUM16"], || (Engine::Sum, 2)),
@@ -41,7 +41,7 @@ const SUMS: [Sum; 15] = [
     (&["INTERNET"], || (Engine::Internet, 2)),
 ];
 
-/// Other names of algorithms in the catalogue.
+/// Aliases of algorithms in the catalogue.
 const ALIASES: [(&str, &str); 30] = [
     ("MODBUS", "CRC_16_MODBUS"),
     ("X_25", "CRC_16_IBM_SDLC"),
@@ -76,10 +76,10 @@ const ALIASES: [(&str, &str); 30] = [
 ];
 
 impl Algorithm {
-    /// The algorithm called `name`, and the bytes that its result takes.
+    /// The algorithm called `name`, and the width of its result in bytes.
     ///
     /// # Errors
-    /// If there is none; with some that are called alike.
+    /// If no algorithm has this name; the text suggests similar names.
     pub fn named(name: &str) -> Result<(Self, u8), String> {
         let plain = plain(name);
         let aliased = ALIASES.iter().find(|(alias, _)| *alias == plain);
@@ -102,10 +102,10 @@ impl Algorithm {
         ))
     }
 
-    /// A CRC with parameters of one's own, and the bytes that its result takes.
+    /// A CRC with user-defined parameters, and the width of its result in bytes.
     ///
     /// # Errors
-    /// If the width is not 3 to 64 bits, or a parameter is wider.
+    /// If the width is not 3 to 64 bits, or a parameter has more bits than the width.
     pub fn of(polynomial: Polynomial) -> Result<(Self, u8), String> {
         let width = polynomial.width;
         if !(3..=64).contains(&width) {
@@ -126,13 +126,13 @@ impl Algorithm {
         Ok((Self::new(Engine::of(polynomial), &name), bytes))
     }
 
-    /// The checksum of `bytes`, of which `width` bytes are kept.
+    /// The checksum of `bytes`, cut to its low `width` bytes.
     pub fn compute(&self, bytes: &[u8], width: u8) -> u128 {
         let kept = u128::MAX >> (128 - 8 * u32::from(width.clamp(1, 16)));
         self.engine.compute(bytes) & kept
     }
 
-    /// Its name in the catalogue, or what it is.
+    /// The name in the catalogue, or a description of a user-defined algorithm.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -154,7 +154,7 @@ impl Algorithm {
     }
 }
 
-/// Upper case, one `_` between parts.
+/// Converts a name to upper case with one `_` between its parts.
 fn plain(name: &str) -> String {
     let parts = name.split(|c: char| !c.is_ascii_alphanumeric());
     let parts = parts.filter(|part| !part.is_empty());
@@ -162,7 +162,7 @@ fn plain(name: &str) -> String {
     parts.join("_")
 }
 
-/// As people write it: `CRC-16/MODBUS`, `sum8`.
+/// The usual spelling of a name: `CRC-16/MODBUS`, `sum8`.
 fn pretty(name: &str) -> String {
     match name
         .strip_prefix("CRC_")
@@ -173,7 +173,7 @@ fn pretty(name: &str) -> String {
     }
 }
 
-/// Names that begin as `name` does, or have its last part.
+/// Names with the same beginning as `name`, or with its last part.
 fn alike(name: &str) -> String {
     let begin: String = name.chars().take(6).collect();
     let names = catalogue::NAMES
@@ -207,7 +207,7 @@ mod tests {
         }
     }
 
-    /// A polynomial of one's own with the parameters of CRC-16/MODBUS is that algorithm.
+    /// A user-defined polynomial with the parameters of CRC-16/MODBUS gives the same checksum.
     #[test]
     fn a_polynomial_of_ones_own_is_computed() {
         let polynomial = Polynomial {
@@ -228,9 +228,9 @@ mod tests {
         assert_eq!(error, "poly is 0x18005, expected 16 bits at most");
     }
 
-    /// By hand: 1+2+3 = 6, 256-6 = 250, 255-6 = 249, 1^2^3 = 0. NMEA: the sentence by which
-    /// Dale DePriest's page on NMEA data explains it. Fletcher-16, Fletcher-32 and Adler-32: the
-    /// examples of their articles in Wikipedia. RFC 1071 section 3 adds the same eight bytes up to
+    /// Worked out by hand: 1+2+3 = 6, 256-6 = 250, 255-6 = 249, 1^2^3 = 0. NMEA: the example
+    /// sentence on Dale DePriest's page on NMEA data. Fletcher-16, Fletcher-32 and Adler-32: the
+    /// examples in their Wikipedia articles. RFC 1071 section 3: the same eight bytes add up to
     /// 0xddf2.
     #[test]
     fn sums_give_what_can_be_worked_out_by_hand() {

@@ -1,5 +1,5 @@
-//! From what a file says to what can be used: names are found, sizes are added up, and what cannot
-//! be is refused with its reason.
+//! Compiles a parsed file into a description: resolves names, adds up sizes, and rejects errors
+//! with their reasons.
 
 mod behave;
 mod checks;
@@ -23,13 +23,13 @@ use crate::schema::{ProtocolSpec, Schema};
 use crate::state::Variable;
 use crate::value::Value;
 
-/// Reads files beside the description, by the names that it gives them.
+/// Reads files beside the description by the names that the description uses.
 pub type Files<'a> = &'a dyn Fn(&str) -> Result<String, String>;
 
-/// Rates of a line.
+/// Allowed baud rates.
 const BAUD: core::ops::RangeInclusive<u32> = 300..=4_000_000;
 
-/// What is known while a description is put together.
+/// The state of the compilation of one description.
 pub(crate) struct Compiler<'a> {
     pub(crate) places: Places<'a>,
     pub(crate) schema: &'a Schema,
@@ -39,7 +39,7 @@ pub(crate) struct Compiler<'a> {
 }
 
 impl<'a> Compiler<'a> {
-    /// Nothing known yet.
+    /// A compiler before its first step.
     pub(crate) fn new(places: Places<'a>, schema: &'a Schema, files: Files<'a>) -> Self {
         let (enums, variables) = (BTreeMap::new(), Vec::new());
         Self {
@@ -51,7 +51,7 @@ impl<'a> Compiler<'a> {
         }
     }
 
-    /// The description, if nothing is wrong.
+    /// Returns the description, or all errors.
     pub(crate) fn compile(mut self, file: &str) -> Result<Description, crate::DescriptionError> {
         let schema = self.schema;
         self.check_name("name", &schema.name);
@@ -111,12 +111,12 @@ impl<'a> Compiler<'a> {
         }
     }
 
-    /// Notes that the value of `key` is wrong.
+    /// Records an error in the value of `key`.
     pub(crate) fn wrong(&mut self, key: impl Into<String>, message: impl Into<String>) {
         self.places.wrong(key, message);
     }
 
-    /// Notes a wrong name of something that expressions may read.
+    /// Records an error if `name` cannot be used in expressions.
     pub(crate) fn check_word(&mut self, key: &str, name: &str) {
         let is_sound = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
             && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
@@ -146,7 +146,7 @@ impl<'a> Compiler<'a> {
         }
     }
 
-    /// Reads an expression whose names `is_known` knows.
+    /// Parses an expression; `is_known` checks each name.
     pub(crate) fn expr(
         &mut self,
         key: &str,
@@ -188,7 +188,7 @@ impl<'a> Compiler<'a> {
         self.wrong(key, format!("\"{text}\": {error}"));
     }
 
-    /// The names of the variables, for messages.
+    /// The names of the variables, for error messages.
     pub(crate) fn variable_names(&self) -> String {
         let names: Vec<_> = self
             .variables
@@ -198,7 +198,7 @@ impl<'a> Compiler<'a> {
         names.join(", ")
     }
 
-    /// Index of a variable.
+    /// The index of a variable.
     pub(crate) fn variable(&self, name: &str) -> Option<usize> {
         let name = name.strip_prefix("state.").unwrap_or(name);
         self.variables
@@ -206,7 +206,7 @@ impl<'a> Compiler<'a> {
             .position(|variable| &*variable.name == name)
     }
 
-    /// Least and greatest value.
+    /// Checks that the least value is below the greatest one.
     pub(crate) fn check_limits(&mut self, key: &str, limits: Option<[f64; 2]>) {
         if let Some([least, most]) = limits
             && (least > most || !least.is_finite() || !most.is_finite())
@@ -219,7 +219,7 @@ impl<'a> Compiler<'a> {
         }
     }
 
-    /// Scale and offset, if one is given.
+    /// Scale and offset, if either is given.
     pub(crate) fn scale(
         &mut self,
         key: &str,
@@ -245,7 +245,7 @@ impl<'a> Compiler<'a> {
         Some([scale, offset])
     }
 
-    /// The table of names called `name`.
+    /// The names table called `name`.
     pub(crate) fn names(&mut self, key: &str, name: Option<&str>) -> Option<Names> {
         let name = name?;
         let found = self.enums.get(name).cloned();
@@ -317,7 +317,7 @@ impl<'a> Compiler<'a> {
     }
 }
 
-/// A whole number as a key of a table: decimal, or hexadecimal behind `0x`.
+/// A whole number as a table key: decimal, or hexadecimal with the prefix `0x`.
 pub(crate) fn whole(text: &str) -> Option<i128> {
     match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(digits) => i128::from_str_radix(digits, 16).ok(),
@@ -328,8 +328,8 @@ pub(crate) fn whole(text: &str) -> Option<i128> {
 /// Faults that every described device has.
 pub(crate) const COMMON_FAULTS: [&str; 6] = ["off", "restart", "stuck", "garbage", "wrong", "slow"];
 
-/// The names of all faults, for as long as the process lives: a rig asks for them so. Bytes for
-/// each description that is read.
+/// The names of all faults with a static lifetime, as a rig requires them. Each description leaks
+/// some bytes.
 fn fault_names(faults: &[crate::behaviour::Fault]) -> &'static [&'static str] {
     if faults.is_empty() {
         return &COMMON_FAULTS;
@@ -339,7 +339,7 @@ fn fault_names(faults: &[crate::behaviour::Fault]) -> &'static [&'static str] {
     Vec::leak(names)
 }
 
-/// A name for as long as the process lives.
+/// Leaks `name` to get a static lifetime.
 pub(crate) fn forever(name: &str) -> &'static str {
     Box::leak(name.to_owned().into_boxed_str())
 }

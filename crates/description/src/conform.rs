@@ -1,13 +1,13 @@
-//! A device compared with its description: whatever the description says is asked, and the answers
-//! are held against those of the device that the description emulates.
+//! Compares a real device with its description: sends the same requests to the device and to
+//! emulated twins, and compares the answers.
 //!
 //! ```text
 //! description --> probes --+--> the device: answers, times
-//!                          +--> several emulated twins: what answers and times may be
+//!                          +--> several emulated twins: allowed answers and times
 //! ```
 //!
-//! What differs between the twins, which have different seeds and started at different times, may
-//! differ in the device too: a measured value lies within their range, a constant one is the same.
+//! The twins have different seeds and start times. Values that differ between the twins may differ
+//! in the device too: a measured value must lie within their range, a constant value must be equal.
 
 mod judge;
 mod probes;
@@ -30,12 +30,12 @@ use crate::value::{Record, Value};
 use judge::Samples;
 use probes::Probe;
 
-/// What is compared, and how strictly.
+/// The scope and tolerance of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Strictness {
-    /// Also requests that change the device's state are sent.
+    /// Whether requests that change the device's state are sent too.
     pub writes: bool,
-    /// Times that a device may be off by, besides a fifth of what is expected.
+    /// Allowed deviation of times, in addition to a fifth of the expected time.
     pub slack: Duration,
 }
 
@@ -47,48 +47,48 @@ impl Strictness {
     };
 }
 
-/// Something that differs.
+/// A difference between device and description.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Difference {
-    /// What kind of difference.
+    /// The kind of difference.
     pub kind: DifferenceKind,
     /// The request, message, field or register.
     pub place: String,
-    /// What the description says.
+    /// The value or behaviour in the description.
     pub expected: String,
-    /// What the device does.
+    /// The value or behaviour of the device.
     pub found: String,
 }
 
 /// Kinds of differences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DifferenceKind {
-    /// A request is not answered.
+    /// The device does not answer a request.
     NoReply,
-    /// A request is answered that is not to be.
+    /// The device answers a request that it should ignore.
     UnexpectedReply,
-    /// A request is answered by another message.
+    /// The device answers with another message.
     OtherReply,
-    /// A request is refused that is to be answered, or the other way round, or for another reason.
+    /// The device refuses a request that it should answer, or the reverse, or for another reason.
     Refusal,
     /// A reply has another length.
     Length,
     /// Replies come earlier or later.
     Latency,
-    /// Messages come more or less often by themselves.
+    /// Unsolicited messages come more or less often.
     Period,
-    /// The bytes of a number stand in another order.
+    /// A number has another byte order.
     ByteOrder,
-    /// A count is worth more or less.
+    /// A number has another scale.
     Scale,
-    /// The sign of a number is read otherwise.
+    /// A number has another signedness.
     Sign,
     /// A value differs.
     Value,
 }
 
 impl DifferenceKind {
-    /// Its name.
+    /// The name of the kind.
     pub const fn name(self) -> &'static str {
         match self {
             Self::NoReply => "no-reply",
@@ -118,31 +118,31 @@ impl fmt::Display for Difference {
     }
 }
 
-/// What a comparison came to.
+/// The result of a comparison.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Conformity {
     /// Requests that were sent.
     pub requests: usize,
-    /// Replies that came.
+    /// Replies that were received.
     pub replies: usize,
     /// Median and 99th percentile of the time from a request to its reply.
     pub latency: Option<[Duration; 2]>,
-    /// Requests whose replies were compared, each with all its values.
+    /// Requests whose replies were compared with all their values.
     pub compared: usize,
-    /// Whether the device said anything by itself that was compared.
+    /// Whether unsolicited messages of the device were compared.
     pub heard_by_itself: bool,
-    /// What differs.
+    /// The differences found.
     pub differences: Vec<Difference>,
     /// Requests that were left out because they change the device's state.
     pub left_out: usize,
-    /// Requests that the description answers, and that the emulated device did not answer either:
-    /// nothing was compared.
+    /// Requests that the description answers, but the emulated twins did not: their replies were
+    /// not compared.
     pub unproved: Vec<String>,
 }
 
 impl Conformity {
-    /// Whether nothing that the device says was held against the description: such a device has
-    /// not been observed, and does not pass.
+    /// Whether no message of the device was compared with the description. Such a comparison does
+    /// not pass: the device was not observed.
     pub fn is_void(&self) -> bool {
         let is_unasked = self.compared == 0 && self.unproved.is_empty();
         let is_unanswered = self.compared == 0 && !self.unproved.is_empty();
@@ -150,15 +150,15 @@ impl Conformity {
     }
 }
 
-/// Twins with which a device is compared.
+/// Number of emulated twins.
 const TWINS: u64 = 6;
-/// Times at which the twins started before the comparison, milliseconds: counters and waves differ
-/// then.
+/// Virtual times for which the twins ran before the comparison, milliseconds. They differ so that
+/// counters and waves differ between the twins.
 const STARTED_MS: [u64; 6] = [0, 3_370, 17_910, 61_230, 301_570, 1_801_830];
-/// Maximum number of steps of a twin before the comparison. A device that streams has started less
-/// long ago for that than [`STARTED_MS`] says.
+/// Maximum number of steps of a twin before the comparison. The limit shortens the times of
+/// [`STARTED_MS`] for devices that stream.
 const STEPS_MAX: u32 = 10_000;
-/// Bytes of a reply whose time is waited for in any case.
+/// Minimum number of reply bytes for which the timeout allows.
 const REPLY_BYTES: u64 = 64;
 
 /// A frame that answered a probe.
@@ -179,7 +179,7 @@ struct Seen {
     raw: Option<Raw>,
 }
 
-/// The bytes of a number, and what a count is worth.
+/// The bytes of a number, and its scale.
 #[derive(Clone, Debug, PartialEq)]
 struct Raw {
     bytes: Vec<u8>,
@@ -213,7 +213,7 @@ pub fn conform(
     Ok(conformity)
 }
 
-/// The device of a description, in virtual time.
+/// The described device, emulated in virtual time.
 pub fn emulated(description: &Arc<Description>, seed: u64) -> Emulated {
     let place = Place {
         name: description.name.clone(),
@@ -225,7 +225,7 @@ pub fn emulated(description: &Arc<Description>, seed: u64) -> Emulated {
     Emulated::new(Box::new(device), Described::UART)
 }
 
-/// The time within which a reply begins and mostly ends.
+/// The time within which a reply begins and usually ends.
 fn patience(of: &Description) -> Duration {
     let jitter = |jitter: Option<Duration>| jitter.unwrap_or(Duration::ZERO);
     let latencies = of.on.iter().map(|on| on.latency + jitter(on.jitter));
@@ -266,7 +266,7 @@ fn ask(
     Ok(all)
 }
 
-/// What a frame is as an answer to a probe; `None` if it came by itself.
+/// Interprets a frame as an answer to a probe; `None` if the frame is unsolicited.
 fn answer(of: &Description, probe: &Probe, latency: Duration, frame: &Frame) -> Option<Answer> {
     let body = of.body(frame)?;
     let mut answer = Answer {
@@ -353,7 +353,7 @@ fn seen(outer: &str, fields: &[field::Field], record: &Record, out: &mut Vec<See
     }
 }
 
-/// Puts the value of a register in the place of its bytes.
+/// Replaces the bytes of a register with its value.
 fn register_of(of: &Description, index: usize, fields: &mut [Seen]) {
     let cells = of.registers.as_ref().map(|all| &all.bytes.cells);
     let Some(cell) = cells.and_then(|cells| cells.get(index)) else {
@@ -372,7 +372,7 @@ fn register_of(of: &Description, index: usize, fields: &mut [Seen]) {
     }
 }
 
-/// The value of a register as one that was seen.
+/// The value of a register as an entry of an answer.
 fn of_cell(of: &Description, cell: &registers::Cell, value: Value) -> Seen {
     let raw = match cell.kind {
         registers::CellKind::Number(number) => Some(Raw {
@@ -393,7 +393,7 @@ fn register_values(of: &Description, read: &speak::Read, bytes: &[u8]) -> Vec<Se
     values.collect()
 }
 
-/// Values of all answers by their places.
+/// Values of all answers, grouped by place.
 fn samples<'a>(all: impl Iterator<Item = &'a Answer>) -> BTreeMap<&'a str, Samples<'a>> {
     let mut samples: BTreeMap<&str, Samples<'_>> = BTreeMap::new();
     for seen in all.flat_map(|answer| &answer.fields) {

@@ -1,4 +1,4 @@
-//! A device that has been described.
+//! A description that has been read and checked.
 
 use core::fmt;
 use core::time::Duration;
@@ -19,10 +19,10 @@ use crate::schema::message::From;
 use crate::state::Variable;
 use crate::value::Record;
 
-/// A description that was read and found sound. Many devices and decoders share one.
+/// A description that was read and found valid. Devices and decoders share it.
 #[derive(Clone)]
 pub struct Description {
-    /// The text that it was read from.
+    /// The source text of the description.
     pub(crate) text: Arc<str>,
     pub(crate) name: String,
     pub(crate) about: String,
@@ -49,7 +49,7 @@ pub struct Description {
     pub(crate) program: Option<String>,
 }
 
-/// A protocol that the tool knows.
+/// A built-in protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     /// Modbus RTU.
@@ -59,17 +59,18 @@ pub enum Protocol {
 }
 
 impl fmt::Debug for Description {
-    /// The text that it was read from: all the rest follows from it.
+    /// Prints the source text: all other fields follow from it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)
     }
 }
 
 impl Description {
-    /// Reads a description; `file` is for messages, `files` reads files that it names.
+    /// Reads a description; `file` is used in error messages, `files` reads files that the text
+    /// names.
     ///
     /// # Errors
-    /// All that is wrong with it, each with its line and key.
+    /// If the text is not a description; lists all problems, each with line and key.
     pub fn parse(file: &str, text: &str, files: Files<'_>) -> Result<Arc<Self>, DescriptionError> {
         let mut places = Places::of(text);
         match toml::from_str::<Schema>(text) {
@@ -83,58 +84,59 @@ impl Description {
         }
     }
 
-    /// Whether `other` was read from the same text.
+    /// Whether `self` and `other` have the same source text.
     pub fn is_same(&self, other: &Self) -> bool {
         self.text == other.text
     }
 
-    /// Its name.
+    /// The name of the device.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What it is, in a line.
+    /// A description of the device in one line.
     pub fn about(&self) -> &str {
         &self.about
     }
 
-    /// Documents that it was written from.
+    /// Documents on which the description is based.
     pub fn documents(&self) -> &[String] {
         &self.documents
     }
 
-    /// Coding of its line.
+    /// Coding of the device's line.
     pub const fn line(&self) -> LineConfig {
         self.line
     }
 
-    /// Address on its wire, if it has one.
+    /// The address on the wire, if the device has one.
     pub const fn address(&self) -> Option<u32> {
         self.address
     }
 
-    /// The protocol that it speaks, if the tool knows it.
+    /// The protocol, if it is a built-in one.
     pub const fn protocol(&self) -> Option<Protocol> {
         self.protocol
     }
 
-    /// The command of the program that is the device, if one is.
+    /// The command line of the program that implements the device, if there is one.
     pub fn program(&self) -> Option<&str> {
         self.program.as_deref()
     }
 
-    /// Pause that ends a half-received frame.
+    /// Idle time after which a partial frame is discarded.
     pub fn idle(&self) -> Duration {
         let idle = self.frames.0.iter().map(|frame| frame.idle);
         idle.max().unwrap_or(Duration::from_millis(50))
     }
 
-    /// Its messages.
+    /// The messages of the device.
     pub fn messages(&self) -> &[Message] {
         &self.messages
     }
 
-    /// Names of faults, with a line about each of its own.
+    /// The names of all faults; a fault of the description has a one-line text, a common fault has
+    /// none.
     pub fn faults(&self) -> impl Iterator<Item = (&'static str, &str)> {
         self.fault_names.iter().map(|&name| {
             let own = self.faults.iter().find(|fault| fault.name == name);
@@ -142,17 +144,18 @@ impl Description {
         })
     }
 
-    /// An empty decoder of its frames.
+    /// An empty decoder of the device's frames.
     pub fn cutter(&self) -> Cutter {
         cutter(self.frames.clone())
     }
 
-    /// The frame formats that `from` sends: those that carry a message of that end, or none at all.
+    /// The frame formats that `from` uses: those with a message of that end, or without any
+    /// message.
     pub(crate) fn frames_of(&self, from: From) -> Frames {
         self.frames.without(self.unsent(from))
     }
 
-    /// The formats that carry messages, but none of the end `from`.
+    /// The formats with messages of the other end only.
     fn unsent(&self, from: From) -> Unused {
         let is_sent = |format: usize| {
             let mut carried = self
@@ -165,8 +168,8 @@ impl Description {
         unsent.fold(Unused::default(), Unused::with)
     }
 
-    /// An empty decoder of what `from` seems to have sent: formats of that end come first, others
-    /// are looked for as well, as a capture may have its ends mixed up.
+    /// An empty decoder of bytes that `from` probably sent. It tries the formats of that end first,
+    /// then all others, because a capture may have mixed up its ends.
     pub fn cutter_for(&self, from: From) -> Cutter {
         cutter(self.frames.without(self.unsent(from).last()))
     }
@@ -176,31 +179,31 @@ impl Description {
         cutter(self.frames_of(from))
     }
 
-    /// Whether a silence ends the frames that a driver sends: then [`whole`](Self::whole) judges
-    /// what came before it.
+    /// Whether a silence ends the driver's frames: [`whole`](Self::whole) then decodes the bytes
+    /// before the silence.
     pub fn ends_with_silence(&self) -> bool {
         self.frames_of(From::Host).ends_with_silence()
     }
 
-    /// The frame that a driver sent between two silences.
+    /// Decodes the bytes that a driver sent between two silences as one frame.
     ///
     /// # Errors
-    /// If it is none.
+    /// If the bytes are not one frame.
     pub fn whole(&self, bytes: &[u8]) -> Result<Frame, FrameError> {
         self.frames_of(From::Host).whole(bytes)
     }
 
-    /// The body of a frame: what the messages see.
+    /// The body of a frame: the bytes that messages decode.
     pub fn body(&self, frame: &Frame) -> Option<Vec<u8>> {
         self.body_of(frame).map(Cow::into_owned)
     }
 
-    /// As [`body`](Self::body), without a copy where that is possible.
+    /// Like [`body`](Self::body), without a copy where possible.
     pub(crate) fn body_of<'a>(&self, frame: &'a Frame) -> Option<Cow<'a, [u8]>> {
         self.frames.0.get(frame.format)?.body(&frame.bytes)
     }
 
-    /// The message of a frame that `from` sent, and its values; the first one that fits.
+    /// The first message that fits a frame sent by `from`, and its values.
     pub fn message(&self, frame: &Frame, from: From) -> Option<(&Message, Record)> {
         let framing = self.frames.0.get(frame.format)?;
         let body = framing.body(&frame.bytes)?;
@@ -215,7 +218,7 @@ impl Description {
         fitting.find_map(|(index, message)| Some((index, message.decode(body)?)))
     }
 
-    /// The frame of a message with these values; `None` if they do not fit.
+    /// The frame of a message with these values; `None` if the values do not fit.
     pub fn frame(&self, message: &Message, values: &Record) -> Option<Vec<u8>> {
         self.frames
             .0
@@ -223,29 +226,29 @@ impl Description {
             .frame(&message.encode(values).bytes)
     }
 
-    /// The frame of a body in the format with this index.
+    /// The frame of a body in the format with the index `format`.
     pub fn frame_of(&self, format: usize, body: &[u8]) -> Option<Vec<u8>> {
         self.frames.0.get(format)?.frame(body)
     }
 
-    /// How many frame formats there are.
+    /// The number of frame formats.
     pub fn formats(&self) -> usize {
         self.frames.0.len()
     }
 
-    /// Makes length and checksums fit a damaged frame again, as far as there is room.
+    /// Corrects the length and the checksums of a damaged frame where they fit into it.
     pub fn repair(&self, frame: &mut [u8]) {
         for framing in self.frames.0.iter() {
             framing.repair(frame);
         }
     }
 
-    /// A frame in words.
+    /// Describes a frame in words.
     pub fn words(&self, frame: &Frame) -> String {
         self.words_for(frame, From::Both)
     }
 
-    /// A frame in words that `from` seems to have sent: its messages come first.
+    /// Describes in words a frame that `from` probably sent: messages of that end are tried first.
     pub fn words_for(&self, frame: &Frame, from: From) -> String {
         let Some(body) = self.body(frame) else {
             return "no frame".to_owned();

@@ -1,4 +1,4 @@
-//! The device that a description describes.
+//! The device that a description defines.
 
 mod act;
 mod faults;
@@ -23,22 +23,22 @@ use crate::value::Value;
 use act::{Doer, Timer};
 use faults::Faults;
 
-/// Replies that wait at most.
+/// Maximum number of queued replies.
 const QUEUE_MAX: usize = 32;
-/// Bytes that wait for the line at most.
+/// Maximum number of bytes in the transmit buffer.
 const OUTPUT_MAX: usize = 8_192;
 
-/// Where a device is: what one file cannot know of several devices of its kind.
+/// The identity of a device in its rig, which the description cannot contain.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Its name in the rig, which chooses its dice.
+    /// Name in the rig; it selects the random stream.
     pub name: String,
     /// Seed of the run.
     pub seed: u64,
-    /// Its address, in place of the description's.
+    /// Address, instead of the description's.
     pub address: Option<u32>,
-    /// Whether it is the only device on its wire: then a request for another address is the
-    /// driver's mistake.
+    /// Whether the device is alone on its wire: a request for another address is then an error of
+    /// the driver.
     pub is_alone: bool,
 }
 
@@ -49,26 +49,26 @@ pub struct Described {
     place: Place,
     state: State,
     cutter: Cutter,
-    /// Pause that ends a half-received frame.
+    /// Idle time after which a partial frame is discarded.
     idle: Duration,
     /// Whether a silence ends the frames that a driver sends.
     is_silence_framed: bool,
-    /// What came in since the last poll: when its last byte ended, and the bytes.
+    /// Bytes received since the last poll, with the time at which the last byte ended.
     inbox: VecDeque<(Instant, Vec<u8>)>,
-    /// When the line has been quiet for so long that a frame ends.
+    /// When the silence is long enough to end a frame.
     quiet_at: Option<Instant>,
-    /// Bytes of a frame that ends with a silence.
+    /// Bytes of a frame that a silence will end.
     silent: Vec<u8>,
     watchdog_at: Option<Instant>,
-    /// Frames that are to be sent, and when.
+    /// Frames to be sent, with their times.
     pending: VecDeque<(Instant, Vec<u8>)>,
     output: VecDeque<u8>,
-    /// Until when the device is sending.
+    /// When the transmission ends.
     sending_until: Instant,
     busy_until: Instant,
-    /// Until when the device is starting.
+    /// When the start of the device ends.
     boot_until: Option<Instant>,
-    /// Something happened that is not dealt with yet.
+    /// Events that have not been processed yet.
     events: VecDeque<(Instant, EventSpec)>,
     timers: Vec<Timer>,
     faults: Faults,
@@ -77,10 +77,10 @@ pub struct Described {
 }
 
 impl Described {
-    /// The line.
+    /// The serial port of the device.
     pub const UART: Port = Port(0);
 
-    /// A device that is switched on as the run begins.
+    /// A device that is powered on when the run begins.
     pub fn new(description: Arc<Description>, place: Place) -> Self {
         let state = State::new(description.variables.clone(), place.seed, &place.name);
         let dice = Rng::stream(place.seed, &format!("{}.behaviour", place.name));
@@ -116,13 +116,13 @@ impl Described {
         &self.description
     }
 
-    /// Its address on the wire; 1 if the description has none.
+    /// The address on the wire; 1 if the description has none.
     pub fn address(&self) -> u32 {
         self.place.address.or(self.description.address).unwrap_or(1)
     }
 
-    /// Values of its variables: address of the register if there is one, name, value and value in
-    /// words.
+    /// The variables of the device: address of the register if there is one, name, value, and value
+    /// in words.
     pub fn values(&self, now: Instant, world: &World) -> Vec<(Option<u32>, String, Value, String)> {
         let known = self.description.variables.iter().enumerate();
         let rows = known.map(|(index, variable)| {
@@ -138,7 +138,7 @@ impl Described {
         rows.collect()
     }
 
-    /// Everything begins anew at `now`, the variables apart.
+    /// Resets everything except the variables at `now`.
     fn begin(&mut self, now: Instant) {
         self.cutter = self.description.cutter_of(From::Host);
         self.inbox.clear();
@@ -158,7 +158,7 @@ impl Described {
         }
     }
 
-    /// The device starts again.
+    /// Restarts the device.
     fn restart(&mut self, now: Instant, why: &str) {
         self.state.restart(now);
         self.begin(now);
@@ -166,12 +166,12 @@ impl Described {
         self.send_garbage(now);
     }
 
-    /// A byte ended at `at`.
+    /// Records that a byte ended at `at`.
     fn heard(&mut self, at: Instant) {
         self.quiet_at = Some(at + self.idle);
     }
 
-    /// Queues a frame that is to be sent at `due`.
+    /// Queues a frame to be sent at `due`.
     fn queue(&mut self, due: Instant, frame: Vec<u8>) {
         if self.pending.len() >= QUEUE_MAX {
             let detail = || format!("{QUEUE_MAX} frames wait already");
@@ -184,7 +184,7 @@ impl Described {
             .insert(behind.unwrap_or(self.pending.len()), (due, frame));
     }
 
-    /// Moves frames whose time has come to the transmitter.
+    /// Moves due frames to the transmitter.
     fn send_due(&mut self, now: Instant) {
         while let Some((due, frame)) = self.pending.pop_front() {
             if due > now {
@@ -227,7 +227,7 @@ impl Device for Described {
         }
         match event {
             LineEvent::Break => self.events.push_back((now, EventSpec::Break)),
-            // A character that is no byte: the frame around it cannot hold.
+            // A character that is not a byte: the frame around it is damaged.
             LineEvent::FramingError | LineEvent::ParityError => {
                 self.log
                     .repeated(now, EventKind::Note, "bad-character", || {
@@ -280,7 +280,7 @@ impl Device for Described {
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        // A poll does nothing then, so timers that pass must not ask for one.
+        // A poll has no effect while the device is off, so expired timers must not request one.
         if self.faults.is_off() {
             return self.log.poll_at();
         }

@@ -186,7 +186,7 @@ fn piece_text(piece: &Piece) -> String {
     }
 }
 
-/// Rows of fields; `bit` is the place of the next one as long as that is fixed.
+/// Table rows of fields; `bit` is the offset of the next field while it is fixed.
 fn fields_page(fields: &[Field], bit: &mut Option<usize>, outer: &str, page: &mut String) {
     for field in fields {
         let at = bit.map_or_else(
@@ -239,7 +239,7 @@ fn fields_page(fields: &[Field], bit: &mut Option<usize>, outer: &str, page: &mu
     }
 }
 
-/// Bits of a field whose size is fixed.
+/// Bits of a field of fixed size.
 fn bits_of(field: &Field) -> Option<usize> {
     let fixed = |size: &Size| match size {
         Size::Fixed(size) => Some(8 * size),
@@ -322,7 +322,7 @@ fn limits(limits: Option<[f64; 2]>) -> String {
     limits.map_or_else(String::new, |[least, most]| format!("{least} to {most}"))
 }
 
-/// Text that ends no cell of a table.
+/// Escapes text for a table cell.
 fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }

@@ -1,4 +1,4 @@
-//! What is wrong with a description: file, line, key, what was expected.
+//! Errors in a description: file, line, key, expected value.
 
 use core::fmt;
 use core::ops::Range;
@@ -6,23 +6,23 @@ use core::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Why a file is no description.
+/// The errors that make a file invalid.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DescriptionError {
-    /// The file, as it was named.
+    /// The name of the file, as the caller gave it.
     pub file: String,
-    /// What is wrong, at least one, in the order of the lines.
+    /// The problems, at least one, in order of lines.
     pub problems: Vec<Problem>,
 }
 
-/// Something that is wrong.
+/// One error in a file.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Problem {
     /// Line, from 1.
     pub line: usize,
     /// The key in question, e.g. `message[0].fields[2].type`; empty if the file is no TOML.
     pub key: String,
-    /// What is wrong and what was expected.
+    /// The error and the expected value.
     pub message: String,
 }
 
@@ -40,18 +40,18 @@ impl fmt::Display for DescriptionError {
 
 impl core::error::Error for DescriptionError {}
 
-/// A file's text as a tree whose parts know their places, and what is wrong with it.
+/// The parsed text of a file with the positions of its parts, and the problems found.
 pub(crate) struct Places<'a> {
     text: &'a str,
     root: DeTable<'a>,
     problems: Vec<Problem>,
 }
 
-/// Problems told of one file: more are rarely read.
+/// Maximum number of problems that are reported for one file.
 const PROBLEMS_MAX: usize = 20;
 
 impl<'a> Places<'a> {
-    /// The tree of `text`, as far as it can be read.
+    /// Parses `text` as far as possible.
     pub(crate) fn of(text: &'a str) -> Self {
         let (root, _) = DeTable::parse_recoverable(text);
         Self {
@@ -66,14 +66,14 @@ impl<'a> Places<'a> {
         self.text
     }
 
-    /// Notes that the value of `key` is wrong.
+    /// Records an error in the value of `key`.
     pub(crate) fn wrong(&mut self, key: impl Into<String>, message: impl Into<String>) {
         let (key, message) = (key.into(), message.into());
         let line = self.line(self.find(&key).map_or(0, |span| span.start));
         self.note(Problem { line, key, message });
     }
 
-    /// Notes what the TOML reader said.
+    /// Records an error of the TOML parser.
     pub(crate) fn refused(&mut self, error: &toml::de::Error) {
         let at = error.span().map_or(0, |span| span.start);
         let mut key = String::new();
@@ -93,7 +93,7 @@ impl<'a> Places<'a> {
         }
     }
 
-    /// Whether nothing is wrong so far.
+    /// Whether no problem was found so far.
     pub(crate) fn is_sound(&self) -> bool {
         self.problems.is_empty()
     }
@@ -112,7 +112,7 @@ impl<'a> Places<'a> {
         1 + before.iter().filter(|&&byte| byte == b'\n').count()
     }
 
-    /// Where the value of `key` stands, or the nearest table around it.
+    /// The position of the value of `key`, or of the nearest enclosing table.
     fn find(&self, key: &str) -> Option<Range<usize>> {
         let mut found = None;
         let mut table = Some(&self.root);
@@ -135,7 +135,7 @@ impl<'a> Places<'a> {
                         found = Some(value.span());
                         value
                     }
-                    // A single table where a list may stand.
+                    // A single table instead of a list.
                     None => continue,
                 },
             };
@@ -168,7 +168,7 @@ fn steps(key: &str) -> impl Iterator<Item = Step<'_>> {
     })
 }
 
-/// Finds the innermost key whose value lies at `at`.
+/// Finds the innermost key whose value contains the offset `at`.
 fn key_at(table: &DeTable<'_>, at: usize, path: String, best: &mut String) {
     for (name, value) in table {
         let name_of: &str = name.get_ref();

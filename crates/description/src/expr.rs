@@ -6,14 +6,13 @@
 //! unit::volt                 min(x, 100), len(data), bit(flags, 3)
 //! ```
 //!
-//! Operators and their order are those of Kaitai Struct's expressions, except that `/` divides
-//! exactly, as in Python 3, and `//` rounds down. An expression reads no clock, draws no dice and
-//! ends: the same values give the same result.
+//! Operators and their precedence are those of Kaitai Struct's expressions, except that `/` divides
+//! exactly, as in Python 3, and `//` rounds down. An expression reads no clock, uses no random
+//! numbers and always terminates: the same values give the same result.
 //!
-//! Written here and not taken from a crate: `evalexpr` has been AGPL since version 12, `exmex`
-//! knows no text, `cel` no bits and no mixed numbers, and they cost 23 s (`exmex`), 54 s (`cel`)
-//! and
-//! 69 s (`rhai`) of compiling on a busy machine with two cores.
+//! No crate is used: `evalexpr` is AGPL since version 12, `exmex` has no text, `cel` has no bit
+//! operators and no mixed numbers. Compiling them takes 23 s (`exmex`), 54 s (`cel`) and 69 s
+//! (`rhai`) on a busy machine with two cores.
 
 mod eval;
 mod lua;
@@ -23,19 +22,19 @@ use core::fmt;
 
 use crate::value::{Record, Value};
 
-/// An expression that has been read.
+/// A parsed expression.
 #[derive(Clone, Debug)]
 pub struct Expr {
     source: String,
     root: Node,
 }
 
-/// Why an expression cannot be read or computed.
+/// The reason why an expression cannot be parsed or evaluated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExprError {
-    /// Place in the expression, characters from 1; 0 if there is none.
+    /// Column in the expression, from 1; 0 if there is none.
     pub column: usize,
-    /// What is wrong and what was expected.
+    /// The error and the expected input.
     pub message: String,
 }
 
@@ -50,18 +49,18 @@ impl fmt::Display for ExprError {
 
 impl core::error::Error for ExprError {}
 
-/// Where an expression finds values.
+/// The source of values for an expression.
 pub trait Scope {
     /// The value called `name`.
     fn value(&self, name: &str) -> Option<Value>;
 
-    /// Bytes of registers, from an address on, if there is a table.
+    /// Bytes of the register table from `address` on, if there is a table.
     fn registers(&self, _address: i128, _count: i128) -> Option<Vec<u8>> {
         None
     }
 }
 
-/// A scope without anything.
+/// An empty scope.
 #[derive(Clone, Copy, Debug)]
 pub struct Nothing;
 
@@ -154,10 +153,10 @@ functions! {
 }
 
 impl Expr {
-    /// Reads an expression; `constant` gives the values of `enum::member`.
+    /// Parses an expression; `constant` gives the values of `enum::member`.
     ///
     /// # Errors
-    /// If it is none; with the column.
+    /// If the text is not an expression; with the column.
     pub fn parse(
         source: &str,
         constant: &dyn Fn(&str, &str) -> Option<Value>,
@@ -169,7 +168,7 @@ impl Expr {
         })
     }
 
-    /// An expression that is always `value`.
+    /// An expression with the constant value `value`.
     pub fn constant(value: Value) -> Self {
         Self {
             source: value.to_string(),
@@ -177,19 +176,19 @@ impl Expr {
         }
     }
 
-    /// Its text.
+    /// The source text.
     pub fn source(&self) -> &str {
         &self.source
     }
 
-    /// The names that it reads.
+    /// The names that the expression reads.
     pub fn names(&self) -> Vec<&str> {
         let mut names = Vec::new();
         self.root.names(&mut names);
         names
     }
 
-    /// The one name that it consists of, if it does.
+    /// The name, if the expression is a single name.
     pub fn single_name(&self) -> Option<&str> {
         match &self.root {
             Node::Name(name) => Some(name),
@@ -197,32 +196,32 @@ impl Expr {
         }
     }
 
-    /// Whether it reads the table of registers.
+    /// Whether the expression reads the register table.
     pub fn uses_registers(&self) -> bool {
         self.root.uses_registers()
     }
 
-    /// Its value in `scope`.
+    /// Evaluates the expression in `scope`.
     ///
     /// # Errors
-    /// If a name is unknown there, or the values do not fit its operators.
+    /// If a name is unknown in `scope`, or a value does not fit an operator.
     pub fn eval(&self, scope: &dyn Scope) -> Result<Value, ExprError> {
         self.root.eval(scope)
     }
 
-    /// The name that the expression consists of, if it is one.
+    /// The name, if the expression is a single name.
     pub(crate) fn name(&self) -> Option<&str> {
         self.root.name()
     }
 
-    /// Names that `scope` does not have and that are compared with values that it has.
+    /// Pairs from comparisons: names that `scope` lacks, with values that `scope` can compute.
     pub(crate) fn compared(&self, scope: &dyn Scope) -> Vec<(String, Value)> {
         let mut found = Vec::new();
         self.root.compared(scope, &mut found);
         found
     }
 
-    /// The names in `registers(ADDRESS, COUNT)`, if it is called with two names.
+    /// The two names in `registers(ADDRESS, COUNT)`, if both arguments are names.
     pub(crate) fn registers_read(&self) -> Option<(&str, &str)> {
         self.root.registers_read()
     }
@@ -310,7 +309,7 @@ mod tests {
         }
     }
 
-    /// Worked out by hand, with the order of operators that Python has.
+    /// Expected values are worked out by hand with Python's operator precedence.
     #[test]
     fn expressions_are_computed_as_in_python() {
         for (source, expected) in [
@@ -377,7 +376,7 @@ mod tests {
         }
     }
 
-    /// What a file holds never exhausts the stack.
+    /// No input exhausts the stack.
     #[test]
     fn deep_nesting_is_refused() {
         for (open, close) in [("(", ")"), ("-", ""), ("not ", "")] {

@@ -19,7 +19,7 @@ pub(crate) use example::{example, longer};
 /// Names of values.
 pub(crate) type Names = Arc<BTreeMap<i128, String>>;
 
-/// A field, ready to be used.
+/// A compiled field.
 #[derive(Clone, Debug)]
 pub(crate) struct Field {
     pub(crate) name: Arc<str>,
@@ -29,39 +29,39 @@ pub(crate) struct Field {
     pub(crate) repeat: Option<Size>,
     pub(crate) condition: Option<Expr>,
     pub(crate) is_optional: bool,
-    /// Worth of a count, and value of count 0.
+    /// Value of one count, and value of count 0.
     pub(crate) scale: Option<[f64; 2]>,
     pub(crate) unit: String,
     pub(crate) limits: Option<[f64; 2]>,
     pub(crate) names: Option<Names>,
     pub(crate) flags: Vec<String>,
     pub(crate) about: String,
-    /// The field whose size or count this one is, if it is not given.
+    /// The field whose size or count this field holds, if its value is not given.
     pub(crate) counts: Option<Arc<str>>,
 }
 
-/// What the bytes of a field are.
+/// The encoding of a field.
 #[derive(Clone, Debug)]
 pub(crate) enum Kind {
     Number(Number),
-    /// Bits, highest first or lowest first.
+    /// Bits, highest or lowest first.
     Bits {
         bits: u8,
         is_low_first: bool,
     },
-    /// Two decimal digits a byte, the highest byte first or last.
+    /// Two decimal digits per byte, highest or lowest byte first.
     Bcd {
         size: Size,
         is_low_first: bool,
     },
-    /// Decimal digits as text, with a sign if there is room.
+    /// Decimal digits as text, with a sign if the width allows.
     Decimal(Size),
     /// Hexadecimal digits as text.
     Hex(Size),
     Str(Size),
     StrZ,
     Bytes(Size),
-    /// Text or bytes behind their length.
+    /// Text or bytes with a length prefix.
     Prefixed {
         prefix: Number,
         is_text: bool,
@@ -75,7 +75,7 @@ pub(crate) enum Kind {
     },
 }
 
-/// How many.
+/// A number of bytes or elements.
 #[derive(Clone, Debug)]
 pub(crate) enum Size {
     Fixed(usize),
@@ -83,11 +83,11 @@ pub(crate) enum Size {
     Rest,
 }
 
-/// Elements at most, whatever bytes say.
+/// Maximum number of elements, whatever number the bytes contain.
 pub(crate) const COUNT_MAX: usize = 4_096;
 
 impl Size {
-    /// The number, given what is left.
+    /// Evaluates the number; `left` is the number of remaining bytes.
     fn of(&self, scope: &dyn Scope, left: usize) -> Option<usize> {
         match self {
             Self::Fixed(size) => Some(*size),
@@ -100,7 +100,7 @@ impl Size {
     }
 }
 
-/// Values of a group, and those around it.
+/// Values of a group, then those of the enclosing group.
 struct Nested<'a> {
     own: &'a Record,
     outer: &'a dyn Scope,
@@ -118,13 +118,13 @@ impl Scope for Nested<'_> {
 }
 
 impl Field {
-    /// Whether it takes all bytes that are left.
+    /// Whether the field takes all remaining bytes.
     pub(crate) const fn takes_rest(&self) -> bool {
         matches!(self.repeat, Some(Size::Rest))
             || matches!(self.kind, Kind::Str(Size::Rest) | Kind::Bytes(Size::Rest))
     }
 
-    /// The value of a count.
+    /// Converts a count to a value.
     pub(crate) fn scaled(&self, value: Value) -> Value {
         match self.scale.and_then(|scale| Some((scale, value.as_f64()?))) {
             Some(([scale, offset], count)) => Value::Float(count * scale + offset),
@@ -132,7 +132,7 @@ impl Field {
         }
     }
 
-    /// As [`unscaled`](Self::unscaled); the value itself is not copied.
+    /// Like [`unscaled`](Self::unscaled), without a copy of the value.
     pub(crate) fn count_of<'a>(&self, value: &'a Value) -> Cow<'a, Value> {
         match self.scale {
             None => Cow::Borrowed(value),
@@ -140,7 +140,7 @@ impl Field {
         }
     }
 
-    /// The count of a value.
+    /// Converts a value to a count.
     pub(crate) fn unscaled(&self, value: Value) -> Value {
         match self.scale.and_then(|scale| Some((scale, value.as_f64()?))) {
             Some(([scale, offset], value)) => Value::Float((value - offset) / scale),
@@ -148,7 +148,7 @@ impl Field {
         }
     }
 
-    /// The number whose name `value` is, or the value itself.
+    /// Converts a name to its number; returns other values unchanged.
     pub(crate) fn unnamed(&self, value: Value) -> Value {
         if let (Value::Text(text), Some(names)) = (&value, &self.names)
             && let Some((number, _)) = names.iter().find(|(_, name)| *name == text)
@@ -158,7 +158,7 @@ impl Field {
         value
     }
 
-    /// Whether `value` is beyond the limits, and what they are.
+    /// The limits, if `value` is beyond them.
     pub(crate) fn beyond(&self, value: &Value) -> Option<[f64; 2]> {
         let limits = self.limits?;
         let [least, greatest] = limits;
@@ -166,7 +166,7 @@ impl Field {
         (!(least..=greatest).contains(&number)).then_some(limits)
     }
 
-    /// The value in words, with its unit or its name.
+    /// A value in words, with its unit or name.
     pub(crate) fn words(&self, value: &Value) -> String {
         if let Value::List(list) = value {
             let all: Vec<_> = list.iter().map(|value| self.words(value)).collect();
@@ -210,7 +210,7 @@ impl Field {
     }
 }
 
-/// Values in words, with the names of the fields.
+/// Values in words, with their field names.
 pub(crate) fn words_of(fields: &[Field], record: &Record) -> String {
     let mut words = Vec::new();
     for (name, value) in &record.0 {
@@ -224,7 +224,7 @@ pub(crate) fn words_of(fields: &[Field], record: &Record) -> String {
     words.join(", ")
 }
 
-/// The field called `name`, also of the cases of a switch.
+/// The field called `name`; the cases of a switch are searched too.
 pub(crate) fn find<'a>(fields: &'a [Field], name: &str) -> Option<&'a Field> {
     fields.iter().find_map(|field| match &field.kind {
         Kind::Switch { cases, other, .. } => {

@@ -1,7 +1,7 @@
-//! How frames are cut out of bytes, and made of a body.
+//! Frame formats: cutting frames out of bytes, and building a frame from a body.
 //!
-//! A frame's *content* is what is left of its bytes once markers and stuffing are gone; the *body*
-//! is the content without sync bytes, length field and checksums: what messages see.
+//! The *content* of a frame is its bytes without markers and stuffing. The *body* is the content
+//! without sync bytes, length field and checksums; messages decode the body.
 
 mod bytes;
 mod cut;
@@ -21,7 +21,7 @@ pub(crate) use cut::{hex_bytes, hex_text};
 pub use judge::{Cutter, Frame, Frames};
 pub(crate) use judge::{HeadSize, Unused, cutter};
 
-/// Most bytes of a frame.
+/// Maximum number of bytes of a frame.
 pub(crate) const FRAME_MAX: usize = 2_000;
 
 /// A frame format.
@@ -31,24 +31,24 @@ pub(crate) struct Framing {
     pub(crate) cut: Cut,
     /// First bytes of the content.
     pub(crate) sync: Vec<u8>,
-    /// Whether content is written as hexadecimal digits.
+    /// Whether the content is written as hexadecimal digits.
     pub(crate) is_hex: bool,
     pub(crate) checks: Vec<Check>,
-    /// Bytes of the content that are no body, each with its length, in order, not at the end.
+    /// Parts of the content that are not body, except the end: offset and length, in order.
     pub(crate) holes: Vec<(usize, usize)>,
-    /// Bytes at the end of the content that are no body.
+    /// Number of bytes at the end of the content that are not body.
     pub(crate) trailer: usize,
-    /// Last bytes of the content of a frame whose length is known.
+    /// Last bytes of the content of a frame of known length.
     pub(crate) end: Vec<u8>,
-    /// Whether an empty line, or one of line ends alone, is a message.
+    /// Whether an empty line, or a line of line ends only, is a message.
     pub(crate) has_blank: bool,
-    /// Most bytes on the wire.
+    /// Maximum number of bytes on the wire.
     pub(crate) max: usize,
-    /// Pause that ends a half-received frame.
+    /// Idle time after which a partial frame is discarded.
     pub(crate) idle: Duration,
 }
 
-/// Where a frame ends.
+/// The rule that finds the end of a frame.
 #[derive(Clone, Debug)]
 pub(crate) enum Cut {
     Marked {
@@ -59,24 +59,24 @@ pub(crate) enum Cut {
     },
     Length(Length),
     Fixed(usize),
-    /// An expression over the first bytes.
+    /// By an expression over the first bytes.
     Sized {
         head: usize,
         size: HeadSize,
     },
-    /// By one byte.
+    /// By the value of one byte.
     Table {
         at: usize,
         sizes: Box<[u16; 256]>,
     },
-    /// A silence; where lengths follow from the bytes, they are given.
+    /// By a silence; `lengths` is given if lengths follow from the bytes.
     Silence {
         lengths: Option<Lengths>,
     },
 }
 
-/// Lengths that a frame that begins with these bytes may have, in rising order; empty if it needs
-/// more bytes, `None` if there is no telling.
+/// Possible lengths of a frame that begins with these bytes, in rising order. Empty if more bytes
+/// are needed, `None` if the length is unknown.
 pub(crate) type Lengths = fn(&[u8]) -> Option<Vec<usize>>;
 
 /// A length field.
@@ -84,11 +84,11 @@ pub(crate) type Lengths = fn(&[u8]) -> Option<Vec<usize>>;
 pub(crate) struct Length {
     pub(crate) at: usize,
     pub(crate) number: Number,
-    /// Bytes of the frame are value * unit + base.
+    /// The frame has value * unit + base bytes.
     pub(crate) unit: i64,
     pub(crate) base: i64,
     pub(crate) mask: u64,
-    /// Place of a second field with the same value.
+    /// Offset of a second field with the same value.
     pub(crate) again: Option<usize>,
 }
 
@@ -96,7 +96,7 @@ pub(crate) struct Length {
 #[derive(Clone, Debug)]
 pub(crate) struct Check {
     pub(crate) algorithm: Algorithm,
-    /// Bytes of its value.
+    /// Number of bytes of the checksum's value.
     pub(crate) width: u8,
     pub(crate) is_little: bool,
     pub(crate) is_hex: bool,
@@ -105,11 +105,11 @@ pub(crate) struct Check {
     pub(crate) before: Vec<u8>,
     pub(crate) from: i64,
     pub(crate) to: Option<i64>,
-    /// Place of its separator; less than 0 from the end.
+    /// Offset of the separator before the checksum; a negative offset counts from the end.
     pub(crate) at: i64,
 }
 
-/// Counts from the end if less than 0.
+/// Resolves an offset; a negative one counts from the end.
 fn place(at: i64, len: usize) -> Option<usize> {
     let from_start = if at < 0 {
         at + i64::try_from(len).ok()?
@@ -120,17 +120,17 @@ fn place(at: i64, len: usize) -> Option<usize> {
 }
 
 impl Check {
-    /// Bytes that its value takes in the content.
+    /// Number of bytes of the value in the content.
     pub(crate) fn value_len(&self) -> usize {
         usize::from(self.width) * if self.is_hex { 2 } else { 1 }
     }
 
-    /// Bytes that it takes in the content.
+    /// Number of bytes of the checksum in the content, with its separator.
     pub(crate) fn len(&self) -> usize {
         self.separator.len() + self.value_len()
     }
 
-    /// The value that `content` should have, and where it is written.
+    /// The correct checksum of `content`, and its offset.
     fn expected(&self, content: &[u8]) -> Option<(u128, usize)> {
         let at = place(self.at, content.len())?;
         let from = place(self.from, content.len())?;
@@ -140,7 +140,7 @@ impl Check {
             Some(to) => place(to, content.len())?,
         };
         let covered = content.get(from..to)?;
-        // A checksum within what it covers counts as 0.
+        // The bytes of a checksum within the covered range count as 0.
         let own = at.max(from)..(at + self.len()).min(to);
         let is_plain = self.extra.is_empty() && self.before.is_empty() && own.is_empty();
         let value = if is_plain {
@@ -156,7 +156,7 @@ impl Check {
         Some((value, at + self.separator.len()))
     }
 
-    /// Whether it holds.
+    /// Verifies the checksum.
     fn holds(&self, content: &[u8]) -> Result<(), FrameError> {
         let cut_off = FrameError::Truncated {
             found: u32::try_from(content.len()).unwrap_or(u32::MAX),
@@ -189,7 +189,7 @@ impl Check {
         }
     }
 
-    /// Writes it.
+    /// Writes the checksum.
     fn fill(&self, content: &mut [u8]) -> Option<()> {
         let (value, at) = self.expected(content)?;
         let mut all = value.to_be_bytes();
@@ -222,7 +222,7 @@ impl Framing {
                 }
             });
         }
-        // What stands in front of the body alone is left out without a copy.
+        // Without holes behind the body, the bytes in front of it are skipped without a copy.
         let mut holes = self.holes.iter();
         let front = holes.try_fold(0, |end, (at, len)| (*at == end).then_some(end + len));
         if let (Cow::Borrowed(content), Some(front)) = (&content, front) {
@@ -238,7 +238,7 @@ impl Framing {
         Some(Cow::Owned(body))
     }
 
-    /// The frame of a body; `None` if it is too long, or the frame's length says otherwise.
+    /// The frame of a body; `None` if the frame is too long or contradicts its length.
     pub(crate) fn frame(&self, body: &[u8]) -> Option<Vec<u8>> {
         let mut content = self.around(body)?;
         self.finish(&mut content)?;
@@ -246,8 +246,7 @@ impl Framing {
         (wire.len() <= self.max).then_some(wire)
     }
 
-    /// Bytes of body that a frame has which begins as that of `body` does; `None` if the body may
-    /// have any length.
+    /// The body size of a frame that begins like `body`; `None` if the body may have any length.
     pub(crate) fn room(&self, body: &[u8]) -> Option<usize> {
         let holes: usize = self.holes.iter().map(|(_, len)| len).sum();
         let size = match &self.cut {
@@ -262,7 +261,7 @@ impl Framing {
         size.checked_sub(holes + self.trailer)
     }
 
-    /// The content with this body, without its length and checksums.
+    /// The content with this body; length and checksums are still empty.
     fn around(&self, body: &[u8]) -> Option<Vec<u8>> {
         let holes: usize = self.holes.iter().map(|(_, len)| len).sum();
         let mut content = Vec::with_capacity(body.len() + holes + self.trailer);
@@ -289,7 +288,7 @@ impl Framing {
             if length.mask.count_ones() < 8 * u32::from(length.number.bytes))
     }
 
-    /// Writes the length of `content` into it.
+    /// Writes the length of `content` into its length field.
     pub(crate) fn write_length(&self, content: &mut [u8]) -> Option<()> {
         let Cut::Length(length) = &self.cut else {
             return None;
@@ -316,7 +315,7 @@ impl Framing {
         Some(())
     }
 
-    /// The frame of a content without what stands behind its body; its length is not changed.
+    /// The frame of a content without trailer; the length field keeps its value.
     pub(crate) fn assemble(&self, content: &[u8]) -> Option<Vec<u8>> {
         let mut content = [content, &vec![0; self.trailer]].concat();
         let len = content.len();
@@ -350,7 +349,7 @@ impl Framing {
         Some(())
     }
 
-    /// Makes length and checksums fit a damaged frame again, as far as there is room.
+    /// Corrects the length and the checksums of a damaged frame where they fit into it.
     pub(crate) fn repair(&self, frame: &mut [u8]) {
         let Ok(content) = self.content(frame) else {
             return;
@@ -387,7 +386,7 @@ impl Framing {
         *frame = self.wire(content);
     }
 
-    /// Whether all checksums hold.
+    /// Verifies all checksums.
     fn checked(&self, content: &[u8]) -> Result<(), FrameError> {
         self.checks
             .iter()

@@ -1,25 +1,25 @@
 //! Serial devices described by data.
 //!
 //! A [`Description`] is read from a TOML file: line, frames, checksums, messages, state, registers
-//! and behaviour. One description gives a device to be emulated ([`Described`]), a decoder with
-//! words for every field ([`Description::cutter`], [`Description::words`]), and the rules that a
-//! driver must keep. It is pure: no clock, no I/O, no randomness but the named streams of
+//! and behaviour. One description gives an emulated device ([`Described`]), a decoder with words
+//! for every field ([`Description::cutter`], [`Description::words`]), and the rules that a driver
+//! must keep. The crate has no clock, no I/O and no randomness except the named streams of
 //! [`emulators::rng`].
 //!
 //! | module | is |
 //! |---|---|
-//! | [`schema`] | what a file may say |
-//! | [`error`] | what is wrong with a file |
+//! | [`schema`] | keys and tables of a file |
+//! | [`error`] | errors in a file |
 //! | [`expr`] | expressions over fields and variables |
 //! | [`checksum`] | algorithms by name |
 //! | [`number`] | numbers as bytes |
-//! | [`value`] | what fields and variables hold |
-//! | [`description`] | a description that was found sound |
-//! | [`device`] | the device that it describes |
+//! | [`value`] | values of fields and variables |
+//! | [`description`] | a valid description |
+//! | [`device`] | the described device |
 //! | [`wire`] | several devices on one wire |
 //! | [`speak`] | requests and replies in the words of a description |
-//! | [`peer`] | the other end of a line: a device in virtual time, a port |
-//! | [`conform`] | a device compared with its description |
+//! | [`peer`] | the other end of a line: a device in virtual time, or a port |
+//! | [`conform`] | comparison of a device with its description |
 //! | [`shipped`] | the descriptions that come with the tool |
 
 mod addressed;

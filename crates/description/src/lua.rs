@@ -1,5 +1,5 @@
-//! A description in Lua, for Wireshark's dissector: tables that `described.lua` reads as the tool
-//! reads the description.
+//! A description in Lua, for Wireshark's dissector: tables that `described.lua` interprets as the
+//! tool interprets the description.
 
 use core::fmt::Write as _;
 use std::collections::BTreeMap;
@@ -14,34 +14,34 @@ use crate::schema::message::From;
 use crate::schema::wire::Stuffing;
 use crate::value::Value;
 
-/// What reads the tables; it sees the table `f` of fields and makes the local table `D`.
+/// The interpreter of the tables; it uses the table `f` of fields and defines the local table `D`.
 pub const RUNTIME: &str = include_str!("lua/described.lua");
 
-/// What the dissector needs of a description.
+/// The parts of a dissector for one description.
 #[derive(Clone, Debug)]
 pub struct LuaPart {
-    /// Something that can be filtered for.
+    /// Fields that display filters can use.
     pub fields: Vec<LuaField>,
-    /// An expression that gives its row of the table of formats.
+    /// An expression that gives the row of this description in the table of formats.
     pub row: String,
 }
 
 /// A field of the dissector.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LuaField {
-    /// Its name in the table `f`.
+    /// Name in the table `f`.
     pub key: String,
-    /// What makes it: `double`, `int64`, `uint64` or `string`.
+    /// Type of the field: `double`, `int64`, `uint64` or `string`.
     pub kind: &'static str,
-    /// Its name in filters.
+    /// Name in display filters.
     pub filter: String,
-    /// What it is called in the tree.
+    /// Label in the packet tree.
     pub label: String,
 }
 
 const TAKES_ALL: &str = "a string takes everything";
 
-/// Bytes as a text of Lua.
+/// Bytes as a Lua string.
 pub(crate) fn quoted(bytes: &[u8]) -> String {
     let mut out = String::from("\"");
     for &byte in bytes {
@@ -54,7 +54,7 @@ pub(crate) fn quoted(bytes: &[u8]) -> String {
     out + "\""
 }
 
-/// A plain value in Lua.
+/// A plain value as Lua.
 pub(crate) fn literal(value: &Value) -> String {
     match value {
         Value::Bool(yes) => u8::from(*yes).to_string(),
@@ -75,7 +75,7 @@ pub(crate) fn literal(value: &Value) -> String {
 }
 
 impl Description {
-    /// The end that sends frames of this format, as Lua; `nil` if both do.
+    /// The end that sends frames of this format, as Lua; `nil` if both ends do.
     fn sender(&self, format: usize) -> &'static str {
         let sent = |from| self.frames_of(from).looks_for(format);
         match (sent(From::Host), sent(From::Device)) {
@@ -85,7 +85,7 @@ impl Description {
         }
     }
 
-    /// Its part of the dissector; `name` is unique among those in one file.
+    /// The dissector part of this description; `name` must be unique within one file.
     pub fn lua(&self, name: &str) -> LuaPart {
         let plain = |c: char| match c {
             'a'..='z' | '0'..='9' | '_' => c,
@@ -248,7 +248,7 @@ fn size(size: &Size) -> String {
     }
 }
 
-/// What shows a value best.
+/// The best display type of a field.
 fn shown(field: &Field) -> &'static str {
     if field.scale.is_some() {
         return "double";
@@ -261,7 +261,7 @@ fn shown(field: &Field) -> &'static str {
         },
         Kind::Bits { bits: 64, .. } => "uint64",
         Kind::Bits { .. } => "int64",
-        // These can have more digits than 64 bits hold.
+        // These can have more digits than 64 bits can hold.
         Kind::Bcd {
             size: Size::Fixed(..9),
             ..
@@ -279,7 +279,7 @@ const fn hole_shown(hole: &Hole) -> &'static str {
     }
 }
 
-/// One kind for values of both.
+/// The common display type of two fields.
 fn either(a: &'static str, b: &'static str) -> &'static str {
     match (a, b) {
         (a, b) if a == b => a,
@@ -291,7 +291,7 @@ fn either(a: &'static str, b: &'static str) -> &'static str {
 struct Writer<'a> {
     own: String,
     label: &'a str,
-    /// Fields by their path: messages share those of a name.
+    /// Fields by path: messages share fields of the same name.
     fields: BTreeMap<String, LuaField>,
 }
 
@@ -463,7 +463,7 @@ impl Writer<'_> {
     }
 }
 
-/// What fields of bytes and of texts have in common.
+/// The properties that binary and text fields share.
 fn common(field: &Field) -> String {
     let mut out = String::new();
     if let Some(constant) = &field.constant {

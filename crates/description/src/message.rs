@@ -1,4 +1,4 @@
-//! Messages: what the body of a frame means.
+//! Messages: the meaning of a frame's body.
 
 use std::sync::Arc;
 
@@ -9,10 +9,10 @@ use crate::pattern::{self, Piece};
 use crate::schema::message::From;
 use crate::value::{Record, Value};
 
-/// Steps in which an example is made as long as its frame: an element a step.
+/// Maximum number of steps that adjust an example to the length of its frame, one element per step.
 const FIT_STEPS: usize = 512;
 
-/// A message, ready to be used.
+/// A compiled message.
 #[derive(Clone, Debug)]
 pub struct Message {
     pub(crate) name: Arc<str>,
@@ -27,7 +27,7 @@ pub struct Message {
     pub(crate) has_limits: bool,
 }
 
-/// What a body consists of.
+/// The structure of a body.
 #[derive(Clone, Debug)]
 pub(crate) enum Layout {
     Fields(Vec<Field>),
@@ -38,7 +38,7 @@ pub(crate) enum Layout {
 }
 
 impl Layout {
-    /// Whether a field has limits, also of the cases of a switch.
+    /// Whether a field, or a field in a case of a switch, has limits.
     pub(crate) fn has_limits(&self) -> bool {
         fn any(fields: &[Field]) -> bool {
             fields.iter().any(|field| match &field.kind {
@@ -54,7 +54,7 @@ impl Layout {
     }
 }
 
-/// The bytes of a message, and what was wrong with its values.
+/// The bytes of a message, and the problems with its values.
 #[derive(Debug, Default)]
 pub(crate) struct Written {
     pub(crate) bytes: Vec<u8>,
@@ -63,27 +63,27 @@ pub(crate) struct Written {
 }
 
 impl Message {
-    /// Its name.
+    /// The name of the message.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What it is for.
+    /// The purpose of the message.
     pub fn about(&self) -> &str {
         &self.about
     }
 
-    /// The end that sends it.
+    /// The end that sends the message.
     pub const fn from(&self) -> From {
         self.from
     }
 
-    /// Whether the end `from` sends it.
+    /// Whether the end `from` sends the message.
     pub(crate) fn is_from(&self, from: From) -> bool {
         self.from == from || self.from == From::Both || from == From::Both
     }
 
-    /// Names of its fields; those without one are left out.
+    /// The names of its named fields.
     pub fn field_names(&self) -> Vec<&str> {
         let pieces = match &self.layout {
             Layout::Fields(_) => &[],
@@ -109,7 +109,7 @@ impl Message {
         }
     }
 
-    /// Its text with names of fields in braces, if it is a text.
+    /// The text with field names in braces, if the message is a text.
     pub fn text(&self) -> Option<String> {
         match &self.layout {
             Layout::Fields(_) => None,
@@ -167,7 +167,7 @@ impl Message {
         }
     }
 
-    /// Values that it can have, chosen by `choice(n)`, a number below `n`.
+    /// Example values, selected by `choice(n)`, which returns a number below `n`.
     pub fn example(&self, choice: &mut dyn FnMut(u64) -> u64) -> Record {
         match &self.layout {
             Layout::Fields(fields) => {
@@ -179,7 +179,7 @@ impl Message {
         }
     }
 
-    /// Gives the field that takes the rest the length that a frame of a known size leaves to it.
+    /// Resizes the field that takes the rest so that the body fits a frame of known size.
     fn fit(&self, fields: &[Field], record: &mut Record, choice: &mut dyn FnMut(u64) -> u64) {
         let (Some(rest), Some(framing)) = (
             fields.iter().find(|field| field.takes_rest()),

@@ -1,5 +1,5 @@
-//! Modbus: requests to a table of registers, by the application protocol specification V1.1b3, and
-//! frames of the serial line specification V1.02.
+//! Modbus: requests to a table of registers (application protocol specification V1.1b3) and frames
+//! (serial line specification V1.02).
 
 use crate::registers::{Refusal, Registers, Table};
 use crate::value::Value;
@@ -9,25 +9,25 @@ const ILLEGAL_FUNCTION: u8 = 1;
 const ILLEGAL_ADDRESS: u8 = 2;
 const ILLEGAL_VALUE: u8 = 3;
 
-/// Most registers and bits of a request (sections 6.1 to 6.17).
+/// Maximum numbers of registers and bits of a request (sections 6.1 to 6.17).
 const READ_BITS_MAX: u16 = 2_000;
 const READ_WORDS_MAX: u16 = 125;
 const WRITE_BITS_MAX: u16 = 1_968;
 const WRITE_WORDS_MAX: u16 = 123;
 const EXCHANGE_WORDS_MAX: u16 = 121;
 
-/// What a request comes to.
+/// The result of a request.
 #[derive(Debug)]
 pub(crate) struct Answer {
     /// The response without address and checksum.
     pub(crate) response: Vec<u8>,
-    /// Variables that change.
+    /// Variables that change, by index, with their new values.
     pub(crate) changes: Vec<(usize, Value)>,
-    /// What the driver did wrong.
+    /// The error of the driver, if any.
     pub(crate) wrong: Option<Wrong>,
 }
 
-/// What a driver did wrong.
+/// An error of the driver.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Wrong {
     Function(u8),
@@ -161,7 +161,7 @@ fn respond(registers: &Registers, request: &[u8], values: Values<'_>) -> Result<
             let (to, written) = (field(5)?, counted(field(7)?, EXCHANGE_WORDS_MAX)?);
             exact(10 + 2 * usize::from(written))?;
             byte_count(request[9], 2 * usize::from(written))?;
-            // The write comes first (section 6.17).
+            // The write precedes the read (section 6.17).
             let changes = write(table, to, &request[10..], values)?;
             let changed = |variable: usize| {
                 let new = changes
@@ -207,7 +207,7 @@ fn write(
         .map_err(Wrong::Register)
 }
 
-/// Bits as bytes, the first one lowest.
+/// Packs bits into bytes, first bit lowest.
 fn pack(bits: &[u8]) -> Vec<u8> {
     let bytes = bits.chunks(8).map(|bits| {
         let bits = bits.iter().enumerate();
@@ -216,8 +216,8 @@ fn pack(bits: &[u8]) -> Vec<u8> {
     bytes.collect()
 }
 
-/// Lengths that a frame with address and CRC may have, as a request or a response, in rising order;
-/// empty if that takes more bytes, `None` for functions that are not known.
+/// Possible lengths of a frame with address and CRC, as a request or response, in rising order.
+/// Empty if more bytes are needed, `None` for unknown functions.
 pub(crate) fn lengths(bytes: &[u8]) -> Option<Vec<usize>> {
     let Some(&function) = bytes.get(1) else {
         return Some(Vec::new());
@@ -241,7 +241,7 @@ pub(crate) fn lengths(bytes: &[u8]) -> Option<Vec<usize>> {
         22 => Some(vec![10]),
         23 => match (count(2), count(10)) {
             (None, _) => Some(Vec::new()),
-            // The shortest request, so that a response that does not hold waits for its count.
+            // The shortest request, so that a response with a wrong checksum waits for its count.
             (Some(response), None) => Some(vec![5 + response, 15]),
             (Some(response), Some(request)) => Some(both(Some(13 + request), Some(5 + response))),
         },
@@ -263,13 +263,13 @@ const FUNCTIONS: [(u8, &str); 10] = [
     (23, "exchange registers"),
 ];
 
-/// The name of a function.
+/// The name of a function code.
 pub(crate) fn function_name(function: u8) -> &'static str {
     let known = FUNCTIONS.iter().find(|(code, _)| *code == function & 0x7F);
     known.map_or("unknown function", |(_, name)| name)
 }
 
-/// A frame's body, with its address, in words.
+/// The body of a frame, with its address, in words.
 pub(crate) fn words(body: &[u8]) -> String {
     let [address, function, rest @ ..] = body else {
         return "too short for Modbus".to_owned();

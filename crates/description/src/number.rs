@@ -1,13 +1,13 @@
-//! Numbers as bytes: widths, signs, orders of bytes and words.
+//! Numbers as bytes: widths, signs, byte orders and word orders.
 
 use crate::schema::wire::Endian;
 
-/// How a number lies in bytes.
+/// The layout of a number in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Number {
     /// Bytes, 1 to 8.
     pub bytes: u8,
-    /// What the bits mean.
+    /// The interpretation of the bits.
     pub kind: NumberKind,
     /// Order of bytes within a word.
     pub endian: Endian,
@@ -15,18 +15,18 @@ pub struct Number {
     pub words: Endian,
 }
 
-/// What the bits of a number mean.
+/// The interpretation of a number's bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NumberKind {
-    /// A whole number from 0 on.
+    /// An unsigned integer.
     Unsigned,
-    /// A whole number with sign, as two's complement.
+    /// A signed integer in two's complement.
     Signed,
     /// IEEE 754.
     Float,
 }
 
-/// The names of types of numbers, without their order.
+/// The names of number types, without byte order.
 pub(crate) const NAMES: [(&str, NumberKind, u8); 12] = [
     ("u8", NumberKind::Unsigned, 1),
     ("u16", NumberKind::Unsigned, 2),
@@ -42,20 +42,20 @@ pub(crate) const NAMES: [(&str, NumberKind, u8); 12] = [
     ("f64", NumberKind::Float, 8),
 ];
 
-/// Orders that are given beside the name of a type.
+/// Orders that are given beside the type name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Orders {
-    /// Of bytes.
+    /// Byte order.
     pub(crate) endian: Option<Endian>,
-    /// Of words.
+    /// Word order.
     pub(crate) words: Option<Endian>,
 }
 
 impl Number {
-    /// The number of the type `name`; `None` if it is none.
+    /// The number type `name`; `None` if the name is not a number type.
     ///
     /// # Errors
-    /// If its order is not known.
+    /// If the byte order in the name is unknown.
     pub(crate) fn named(name: &str, orders: Orders) -> Option<Result<Self, String>> {
         let known = |name: &str| NAMES.iter().find(|(known, ..)| *known == name).copied();
         let ordered = |order: &str, endian| {
@@ -89,7 +89,7 @@ impl Number {
         ))
     }
 
-    /// Least and greatest value of a whole number.
+    /// Least and greatest value of an integer type.
     pub(crate) fn range(self) -> [i128; 2] {
         let values = 1_i128 << (8 * u32::from(self.bytes));
         match self.kind {
@@ -99,7 +99,7 @@ impl Number {
         }
     }
 
-    /// Puts bytes of the wire into the order highest first, or back.
+    /// Converts between the wire order and highest byte first.
     fn arrange(self, bytes: &mut [u8]) {
         if self.words == Endian::Little && bytes.len().is_multiple_of(2) {
             bytes.reverse();
@@ -112,7 +112,7 @@ impl Number {
         }
     }
 
-    /// The bits in `bytes`, of which there are as many as the number has.
+    /// The bits in `bytes`, which has the length of the number.
     pub(crate) fn bits(self, bytes: &[u8]) -> u64 {
         let whole = |bits: u64, byte: &u8| bits << 8 | u64::from(*byte);
         match (self.endian, self.words) {
@@ -141,7 +141,7 @@ impl Number {
         out.extend_from_slice(bytes);
     }
 
-    /// The whole number of `bits`.
+    /// The integer that `bits` encodes.
     pub(crate) fn int(self, bits: u64) -> i128 {
         let value = i128::from(bits);
         let [_, greatest] = self.range();
@@ -151,7 +151,7 @@ impl Number {
         }
     }
 
-    /// The number of `bits`, of IEEE 754.
+    /// The IEEE 754 number that `bits` encodes.
     pub(crate) fn float(self, bits: u64) -> f64 {
         match self.bytes {
             4 => f64::from(f32::from_bits(u32::try_from(bits).unwrap_or(u32::MAX))),
@@ -159,7 +159,7 @@ impl Number {
         }
     }
 
-    /// The bits of `value`, of IEEE 754.
+    /// The IEEE 754 encoding of `value`.
     pub(crate) fn float_bits(self, value: f64) -> u64 {
         #[expect(clippy::cast_possible_truncation, reason = "the nearest one is meant")]
         match self.bytes {
@@ -173,7 +173,7 @@ impl Number {
 mod tests {
     use super::*;
 
-    /// The four orders of 0x11223344 that Modbus devices have: ABCD, CDAB, BADC, DCBA.
+    /// The four orders of 0x11223344 that Modbus devices use: ABCD, CDAB, BADC, DCBA.
     #[test]
     fn bytes_and_words_have_their_orders() {
         let orders = [

@@ -1,4 +1,4 @@
-//! Frames taken apart and put together again, for inputs that are wrong on purpose.
+//! Frames disassembled and reassembled, for intentionally wrong inputs.
 
 use core::ops::Range;
 
@@ -9,19 +9,19 @@ use crate::message::Layout;
 use crate::number::{Number, NumberKind};
 use crate::schema::message::From;
 
-/// A number in a content, with values to be tried there.
+/// A number in a content, with values to try there.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NumberPlace {
-    /// Its place.
+    /// The position of the number.
     pub range: Range<usize>,
-    /// Values as bytes: at the limits of its type and of the field, and one beyond.
+    /// Values as bytes: the limits of the type and of the field, and one beyond each.
     pub values: Vec<Vec<u8>>,
-    /// Whether it is the length of the frame.
+    /// Whether the number is the length of the frame.
     pub is_length: bool,
 }
 
 impl Description {
-    /// The content of a frame without what stands behind its body: sync bytes, length and body.
+    /// The content of a frame without trailer: sync bytes, length and body.
     pub fn content(&self, frame: &Frame) -> Option<Vec<u8>> {
         let framing = self.frames.0.get(frame.format)?;
         let mut content = framing.content(&frame.bytes).ok()?.into_owned();
@@ -29,7 +29,7 @@ impl Description {
         Some(content)
     }
 
-    /// The frame of such a content, whatever its length field says; its checksums hold.
+    /// The frame of such a content. The length field keeps its value; the checksums are correct.
     pub fn assemble(&self, format: usize, content: &[u8]) -> Option<Vec<u8>> {
         self.frames.0.get(format)?.assemble(content)
     }
@@ -39,7 +39,7 @@ impl Description {
         self.frames.spoil(format, frame);
     }
 
-    /// Writes into a content how long its frame is.
+    /// Writes the length of the frame into its content.
     pub fn repair_length(&self, format: usize, content: &mut [u8]) {
         let Some(framing) = self.frames.0.get(format) else {
             return;
@@ -50,8 +50,8 @@ impl Description {
         }
     }
 
-    /// The numbers of a content: the frame's length, and the fields of the device's message that it
-    /// is.
+    /// The numbers of a content: the length of the frame, and the fields of the device's message in
+    /// it.
     pub fn number_places(&self, format: usize, content: &[u8]) -> Vec<NumberPlace> {
         let Some(framing) = self.frames.0.get(format) else {
             return Vec::new();
@@ -60,7 +60,7 @@ impl Description {
         if let Cut::Length(length) = &framing.cut {
             places.extend(length_place(content, length.at, length.number));
         }
-        // The body is what lies between the holes.
+        // The body is the bytes outside the holes.
         let (mut body, mut at_of) = (Vec::new(), Vec::new());
         for (at, byte) in content.iter().enumerate() {
             let is_hole = framing
@@ -84,7 +84,7 @@ impl Description {
             else {
                 continue;
             };
-            // A number around a hole has no range of its own.
+            // A number that encloses a hole has no single range.
             if last - first + 1 == len {
                 places.push(NumberPlace {
                     range: *first..last + 1,
@@ -127,7 +127,7 @@ fn written(number: Number, bits: u64) -> Vec<u8> {
     bytes
 }
 
-/// Values at which programs fail.
+/// Values that often cause failures.
 fn values(number: Number, limits: Option<[f64; 2]>) -> Vec<Vec<u8>> {
     let bits = 8 * u32::from(number.bytes);
     let (top, all) = (1_u64 << (bits - 1), u64::MAX >> (64 - bits));

@@ -1,8 +1,8 @@
 //! The text of a message: words and fields.
 //!
 //! ```text
-//! SPEED {left} {right}          a number each, as it is
-//! {lat:09.4f},{fix?}            four digits behind the point, nine characters; may be missing
+//! SPEED {left} {right}          a number each, in plain form
+//! {lat:09.4f},{fix?}            nine characters with four decimals; an optional field
 //! {address:02X} {name:s}        two hexadecimal digits; text
 //! ```
 
@@ -20,11 +20,11 @@ pub(crate) enum Piece {
 /// A field within a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Hole {
-    /// As the file has it.
+    /// The text in braces.
     source: String,
     pub(crate) name: String,
     pub(crate) form: Form,
-    /// Characters at least, filled up with zeros or spaces.
+    /// Minimum number of characters, padded with zeros or spaces.
     pub(crate) width: usize,
     has_zeros: bool,
     has_sign: bool,
@@ -32,27 +32,27 @@ pub(crate) struct Hole {
     pub(crate) is_optional: bool,
 }
 
-/// How a value is written.
+/// The format of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Form {
-    /// A number, with a fraction if it has one.
+    /// A number, with decimals if it has any.
     Plain,
     /// A whole number.
     Decimal,
-    /// A number with a fraction.
+    /// A number with decimals.
     Fixed,
-    /// A whole number in hexadecimal digits, in capitals.
+    /// An integer in upper-case hexadecimal digits.
     Hex,
-    /// The same in small letters.
+    /// An integer in lower-case hexadecimal digits.
     SmallHex,
     /// Text.
     Text,
 }
 
-/// Splits a text at its fields; `{{` is a brace.
+/// Splits a text at its fields; `{{` is a literal brace.
 ///
 /// # Errors
-/// If a field is not what it should be.
+/// If a field in braces is malformed.
 pub(crate) fn pieces(text: &str) -> Result<Vec<Piece>, String> {
     let mut pieces = Vec::new();
     let mut words = String::new();
@@ -146,7 +146,7 @@ impl Hole {
         })
     }
 
-    /// Characters that it always has, if they are so many that nothing has to end it.
+    /// The exact number of characters, if it is fixed: no delimiter is then needed.
     pub(crate) fn fixed_width(&self) -> Option<usize> {
         match self.form {
             Form::Text => self.precision,
@@ -189,7 +189,7 @@ impl Hole {
         *out += &format!("{}{sign}{}{digits}", " ".repeat(spaces), "0".repeat(zeros));
     }
 
-    /// The value of `text`, if it is one.
+    /// Parses `text` as a value of this format.
     fn read(&self, text: &str) -> Option<Value> {
         let plain = text.trim_start_matches(' ');
         let digits = plain.strip_prefix(['-', '+']).unwrap_or(plain);
@@ -225,7 +225,7 @@ pub(crate) fn source(pieces: &[Piece]) -> String {
     pieces.collect()
 }
 
-/// The values in `text` if it fits the pieces.
+/// The values in `text`, if it fits the pieces.
 pub(crate) fn decode(pieces: &[Piece], fields: &[Field], text: &str) -> Option<Record> {
     let mut record = Record::default();
     let mut rest = text;
@@ -238,7 +238,7 @@ pub(crate) fn decode(pieces: &[Piece], fields: &[Field], text: &str) -> Option<R
             Piece::Hole(hole) => hole,
         };
         let end = match (hole.fixed_width(), pieces.get(index + 1)) {
-            // What is given as optional is left out as a whole.
+            // The words before a missing optional field are missing too.
             (Some(_), Some(Piece::Words(words)))
                 if hole.is_optional && rest.starts_with(words.as_str()) =>
             {
@@ -281,7 +281,7 @@ pub(crate) fn decode(pieces: &[Piece], fields: &[Field], text: &str) -> Option<R
     rest.is_empty().then_some(record)
 }
 
-/// The text with the values of `scope`; what has none is 0 or empty.
+/// The text with the values of `scope`; a field without value becomes 0 or empty.
 pub(crate) fn encode(
     pieces: &[Piece],
     fields: &[Field],
@@ -332,7 +332,7 @@ pub(crate) fn encode(
     text
 }
 
-/// Values that the text can have; what is encoded from them is decoded to the same.
+/// Example values of the text; encoding and decoding them gives the same values.
 pub(crate) fn example(
     pieces: &[Piece],
     fields: &[Field],
@@ -355,7 +355,7 @@ pub(crate) fn example(
         if field.is_some_and(|field| field.calc.is_some()) {
             continue;
         }
-        // Below what the width holds, so that nothing runs into the next piece.
+        // Fewer digits than the width, so that the value does not run into the next piece.
         let width = u32::try_from(hole.width).unwrap_or(0).clamp(1, 9);
         let value = match hole.form {
             Form::Text => {
@@ -411,7 +411,7 @@ mod tests {
         encode(&pieces, &[], &values, &mut Vec::new())
     }
 
-    /// As `printf` does it.
+    /// Expected texts are those of `printf`.
     #[test]
     fn values_are_written_in_their_form() {
         let values = || {

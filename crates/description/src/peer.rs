@@ -1,6 +1,6 @@
 //! The other end of a line as a driver sees it, and exchanges with it.
 //!
-//! A [`Peer`] takes bytes and gives bytes with their times. [`Emulated`] is a device in virtual
+//! A [`Peer`] accepts bytes and returns bytes with their times. [`Emulated`] is a device in virtual
 //! time; a real port is a peer too.
 
 use core::time::Duration;
@@ -14,38 +14,39 @@ use crate::description::Description;
 use crate::framing::{Cutter, Frame};
 use crate::schema::message::From;
 
-/// What is at the other end of a line.
+/// The other end of a line.
 pub trait Peer {
     /// The present time.
     fn now(&self) -> Instant;
 
-    /// Sends bytes; returns when the last one has left the line.
+    /// Sends bytes; returns the time at which the last one has left the line.
     ///
     /// # Errors
     /// If the port is gone.
     fn send(&mut self, bytes: &[u8]) -> Result<Instant, String>;
 
-    /// The next bytes and when the first one began; `None` if none come until `until`.
+    /// The next bytes and the start time of the first one; `None` if no byte arrives before
+    /// `until`.
     ///
     /// # Errors
     /// If the port is gone.
     fn hear(&mut self, until: Instant) -> Result<Option<(Instant, Vec<u8>)>, String>;
 }
 
-/// A device in virtual time, at the far end of an ideal line.
+/// A device in virtual time, at the other end of an ideal line.
 pub struct Emulated {
     device: Box<dyn Device>,
     port: Port,
     line: LineConfig,
     world: World,
     now: Instant,
-    /// Until when the device is sending.
+    /// When the device's transmission ends.
     sending_until: Instant,
     heard: VecDeque<(Instant, Vec<u8>)>,
 }
 
 impl Emulated {
-    /// The device behind `port`, in an empty world.
+    /// The device that owns `port`, in an empty world.
     pub fn new(device: Box<dyn Device>, port: Port) -> Self {
         let scene = Scene::new::<Shape>([], Vec::new()).expect("an empty scene is sound");
         let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
@@ -60,8 +61,8 @@ impl Emulated {
         }
     }
 
-    /// Lets time pass; what the device sends meanwhile is lost. Gives up after `polls` steps, so
-    /// that a device that streams does not take for ever.
+    /// Lets time pass and discards the device's output. Stops after `polls` steps, so that a device
+    /// that streams does not take too long.
     pub fn pass(&mut self, time: Duration, polls: u32) {
         let end = self.now + time;
         for _ in 0..polls {
@@ -108,15 +109,15 @@ impl Peer for Emulated {
     }
 }
 
-/// Time for the end of a frame that began in time.
+/// Extra time for the end of a frame that began before the timeout.
 const LATE_MAX: Duration = Duration::from_secs(3);
 
-/// What came after a request.
+/// Bytes received after a request.
 #[derive(Clone, Debug, Default)]
 pub struct Heard {
     /// Frames, each with the time from the end of the request to its first byte.
     pub frames: Vec<(Duration, Frame)>,
-    /// Bytes of no frame.
+    /// Number of bytes outside frames.
     pub stray: usize,
 }
 
@@ -143,7 +144,8 @@ impl<'a> Speaker<'a> {
         }
     }
 
-    /// Sends `bytes` and takes frames until `is_last` says so of one, or until `time` is over.
+    /// Sends `bytes` and receives frames until `is_last` returns true for a frame, or until `time`
+    /// is over.
     ///
     /// # Errors
     /// If the port is gone.
@@ -165,7 +167,8 @@ impl<'a> Speaker<'a> {
         let mut began = None;
         let stop_at = until + LATE_MAX;
         loop {
-            // A pause within a frame ends it; a frame that has begun in time is heard to its end.
+            // A pause ends a partial frame; a frame that began before the timeout is received to
+            // its end.
             let stop = match self.cutter.pending() {
                 0 => until,
                 _ => stop_at.min(peer.now() + idle),
@@ -200,7 +203,7 @@ impl<'a> Speaker<'a> {
         }
     }
 
-    /// Lets time pass and takes what comes.
+    /// Lets time pass and receives bytes.
     fn wait(
         &mut self,
         peer: &mut dyn Peer,

@@ -51,7 +51,7 @@ fn page(of: &Description) -> Page {
     page
 }
 
-/// A table of two columns with what the device is as a whole.
+/// A table of two columns with the properties of the whole device.
 fn facts(of: &Description) -> Block {
     let mut rows = vec![(
         "Line",
@@ -139,7 +139,7 @@ fn field_table(rows: Vec<Vec<String>>) -> Block {
     Block::table(&["Byte", "Field", "Type", "Value", "Meaning"], rows)
 }
 
-/// Rows of fields; `at` is the place of the next one as long as it is known, in bits.
+/// Table rows of fields; `at` is the bit offset of the next field while it is known.
 fn field_rows(fields: &[Field], outer: &str, at: &mut Option<usize>, rows: &mut Vec<Vec<String>>) {
     for field in fields {
         let place = match *at {
@@ -199,7 +199,7 @@ fn note(text: String) -> Vec<String> {
     ]
 }
 
-/// The parts that say something, as a list within a line.
+/// Joins the non-empty parts with separators.
 fn joined(parts: Vec<String>) -> String {
     let parts: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
     parts.join("; ")
@@ -315,7 +315,7 @@ fn value_of(field: &Field) -> String {
     joined(parts)
 }
 
-/// Unit, and what a count is worth.
+/// Text for scale and unit.
 fn scale_of(scale: Option<[f64; 2]>, unit: &str) -> Option<String> {
     let unit = if unit.is_empty() { "" } else { unit };
     match scale {

@@ -1,10 +1,10 @@
-//! A table of registers: values at addresses, read and written in pieces.
+//! Tables of registers: values at addresses, also read and written in parts.
 
 use crate::field::put_number;
 use crate::number::Number;
 use crate::value::Value;
 
-/// Part of a count by which a value may be beyond its limits.
+/// Tolerance for a value beyond its limits, as a fraction of one count.
 const SLACK: f64 = 1e-6;
 
 /// Tables of registers.
@@ -15,18 +15,18 @@ pub(crate) struct Registers {
     pub(crate) input: Table,
     pub(crate) holding: Table,
     pub(crate) bytes: Table,
-    /// Function codes that are known; empty for all.
+    /// Function codes that the device knows; empty: all codes.
     pub(crate) functions: Vec<u8>,
 }
 
 /// One table.
 #[derive(Clone, Debug)]
 pub(crate) struct Table {
-    /// In the order of addresses, none over another.
+    /// Registers in order of addresses, without overlaps.
     pub(crate) cells: Vec<Cell>,
-    /// Bytes of an address.
+    /// Number of bytes per address.
     pub(crate) unit: usize,
-    /// Whether addresses without a register read 0 and take writes.
+    /// Whether addresses without a register read as 0 and accept writes.
     pub(crate) has_gaps: bool,
 }
 
@@ -44,7 +44,7 @@ impl Default for Table {
 #[derive(Clone, Debug)]
 pub(crate) struct Cell {
     pub(crate) at: u32,
-    /// Addresses that it takes.
+    /// Number of addresses of the register.
     pub(crate) len: u32,
     pub(crate) variable: usize,
     pub(crate) kind: CellKind,
@@ -53,16 +53,16 @@ pub(crate) struct Cell {
     pub(crate) limits: Option<[f64; 2]>,
 }
 
-/// What the bytes of a register are.
+/// The type of a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CellKind {
     Bit,
     Number(Number),
-    /// Text of so many bytes.
+    /// Text with this number of bytes.
     Text(usize),
 }
 
-/// Why a register is not read or written.
+/// The reason why a register is not read or written.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Refusal {
     /// No register at this address.
@@ -76,14 +76,14 @@ pub(crate) enum Refusal {
 type Values<'a> = &'a dyn Fn(usize) -> Value;
 
 impl Cell {
-    /// Its bytes, as on the wire.
+    /// The bytes of the register on the wire.
     pub(crate) fn bytes(&self, value: &Value) -> Vec<u8> {
         let mut bytes = Vec::new();
         self.put(value, &mut bytes);
         bytes
     }
 
-    /// Writes its bytes.
+    /// Appends the bytes of the register.
     fn put(&self, value: &Value, out: &mut Vec<u8>) {
         let scaled = self.scale.and_then(|[scale, offset]| {
             let value = value.as_f64()?;
@@ -107,7 +107,7 @@ impl Cell {
         }
     }
 
-    /// The value of its bytes.
+    /// Decodes the bytes of the register.
     pub(crate) fn value(&self, bytes: &[u8]) -> Value {
         let raw = match self.kind {
             CellKind::Bit => return Value::Bool(bytes.first().is_some_and(|byte| *byte != 0)),
@@ -128,7 +128,7 @@ impl Cell {
 }
 
 impl Registers {
-    /// Address of a variable.
+    /// The address of a variable.
     pub(crate) fn address_of(&self, variable: usize) -> Option<u32> {
         let tables = [
             &self.coils,
@@ -145,7 +145,7 @@ impl Registers {
 }
 
 impl Table {
-    /// Whether it has no register.
+    /// Whether the table has no register.
     pub(crate) fn is_empty(&self) -> bool {
         self.cells.is_empty()
     }
@@ -156,7 +156,7 @@ impl Table {
         (at - cell.at < cell.len).then_some(cell)
     }
 
-    /// Bytes of `count` addresses from `at` on.
+    /// The bytes of `count` addresses from `at` on.
     pub(crate) fn read(&self, at: u32, count: u32, values: Values<'_>) -> Result<Vec<u8>, Refusal> {
         let mut out = Vec::with_capacity(count as usize * self.unit);
         let end = u64::from(at) + u64::from(count);
@@ -172,7 +172,7 @@ impl Table {
             };
             let start = out.len();
             cell.put(&values(cell.variable), &mut out);
-            // Of a register that is read in part the rest is left out.
+            // Of a register that is read in part, only the requested bytes are returned.
             let first = (place - cell.at) as usize * self.unit;
             out.drain(start..start + first);
             let left = usize::try_from(end - u64::from(place)).unwrap_or(usize::MAX);
@@ -182,7 +182,8 @@ impl Table {
         Ok(out)
     }
 
-    /// What writing `bytes` from `at` on changes: variables and their values, all or nothing.
+    /// The variables that a write of `bytes` from `at` on changes, with their new values; all or
+    /// nothing.
     pub(crate) fn write(
         &self,
         at: u32,
@@ -209,7 +210,7 @@ impl Table {
             let taken = rest.len().min(whole.len() - first);
             whole[first..first + taken].copy_from_slice(&rest[..taken]);
             let value = cell.value(&whole);
-            // 3 counts of 0.1 are more than 0.3 by rounding alone.
+            // 3 counts of 0.1 exceed 0.3 through rounding alone.
             let slack = cell.scale.map_or(0.0, |[scale, _]| scale.abs() * SLACK);
             if let (Some(limits), Some(found)) = (cell.limits, value.as_f64())
                 && !(limits[0] - slack..=limits[1] + slack).contains(&found)

@@ -1,4 +1,4 @@
-//! A description as a file has it: TOML with these keys and tables, and no others.
+//! The schema of description files: these keys and tables, no others.
 
 pub mod behaviour;
 pub mod message;
@@ -24,24 +24,24 @@ use wire::{Endian, FrameSpec, LineSpec};
 pub struct Schema {
     /// Name: letters, digits and `-`.
     pub name: String,
-    /// What it is, in a line.
+    /// A description of the device in one line.
     pub about: String,
-    /// Documents that it was written from.
+    /// Documents on which the description is based.
     #[serde(default)]
     pub documents: Vec<String>,
-    /// A protocol that the tool knows: frames, messages and behaviour come with it.
+    /// A built-in protocol, with its frames, messages and behaviour.
     #[serde(default)]
     pub protocol: Option<ProtocolSpec>,
-    /// Order of the bytes of numbers that do not say otherwise.
+    /// Default byte order of numbers.
     #[serde(default)]
     pub endian: Option<Endian>,
     /// Time from a request to its reply; 1 ms if not given.
     #[serde(default)]
     pub latency: Option<Span>,
-    /// Most that a latency is longer by chance.
+    /// Maximum random addition to a latency.
     #[serde(default)]
     pub jitter: Option<Span>,
-    /// Silence of the driver after which values become safe; never if not given.
+    /// Silence of the driver after which variables take their safe values; never if not given.
     #[serde(default)]
     pub watchdog: Option<Span>,
     /// Time after a start in which the device receives nothing; none if not given.
@@ -49,13 +49,13 @@ pub struct Schema {
     pub boot: Option<Span>,
     /// The serial line.
     pub line: LineSpec,
-    /// How frames are cut out of bytes; several if several formats share the line.
+    /// The frame format, or several formats that share the line.
     #[serde(default)]
     pub frame: Many<FrameSpec>,
-    /// Names of values: a table each, with the value as key.
+    /// Names of values: one table per set of names, with the values as keys.
     #[serde(default)]
     pub enums: BTreeMap<String, BTreeMap<String, String>>,
-    /// What frames hold.
+    /// The messages in the frames.
     #[serde(default)]
     pub message: Vec<MessageSpec>,
     /// Variables of the device.
@@ -64,24 +64,24 @@ pub struct Schema {
     /// Registers.
     #[serde(default)]
     pub registers: Option<RegistersSpec>,
-    /// What it does when something happens.
+    /// Reactions to messages and events.
     #[serde(default)]
     pub on: Vec<OnSpec>,
-    /// What it does again and again.
+    /// Periodic actions.
     #[serde(default)]
     pub every: Vec<EverySpec>,
-    /// What it does some time after something.
+    /// Delayed actions.
     #[serde(default)]
     pub after: Vec<AfterSpec>,
-    /// What can go wrong with it, by name.
+    /// Faults of the device, by name.
     #[serde(default)]
     pub faults: BTreeMap<String, FaultSpec>,
-    /// A program of one's own that is the device.
+    /// An external program that implements the device.
     #[serde(default)]
     pub program: Option<ProgramSpec>,
 }
 
-/// Protocols that the tool knows.
+/// Built-in protocols.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ProtocolSpec {

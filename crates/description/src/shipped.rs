@@ -1,9 +1,9 @@
 //! The descriptions that come with the tool, from the folder `devices`.
 
-/// Declares the descriptions by the names of their files.
+/// Declares the descriptions by file name.
 macro_rules! shipped {
     ($($name:literal,)+) => {
-        /// Names and texts, in the order of the alphabet.
+        /// Names and texts, in alphabetical order.
         pub const ALL: &[(&str, &str)] = &[
             $(($name, include_str!(concat!("../devices/", $name, ".toml"))),)+
         ];

@@ -1,9 +1,9 @@
-//! A device spoken to in the words of its description: requests from words, replies in words.
+//! Requests and replies in the words of a description.
 //!
 //! ```text
 //! set target=22.5          a message with its fields
 //! read voltage             a register by its name
-//! write alarm_voltage=251  the same, written
+//! write alarm_voltage=251  a write to a register
 //! read input 0 2           two registers by table, address and count
 //! ```
 

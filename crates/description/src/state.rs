@@ -1,4 +1,4 @@
-//! Variables of a device: where their values come from, what they may be.
+//! Variables of a device: sources and limits of their values.
 
 mod recording;
 
@@ -17,7 +17,7 @@ use crate::value::{Value, is_same};
 
 pub(crate) use recording::Recording;
 
-/// A variable, ready to be used.
+/// A compiled variable.
 #[derive(Clone, Debug)]
 pub(crate) struct Variable {
     pub(crate) name: Arc<str>,
@@ -31,7 +31,7 @@ pub(crate) struct Variable {
     pub(crate) about: String,
 }
 
-/// Where a value comes from.
+/// The source of a value.
 #[derive(Clone, Debug)]
 pub(crate) enum Source {
     Stored,
@@ -59,7 +59,7 @@ pub(crate) enum Source {
     Computed(Expr),
 }
 
-/// Distance beyond which a ray sees nothing, metres.
+/// Maximum range of a ray, metres.
 const RANGE_MAX_M: f64 = 10.0;
 
 /// Values of the variables.
@@ -70,18 +70,18 @@ pub(crate) struct State {
     began: Instant,
     seed: u64,
     name: String,
-    /// What faults do to values.
+    /// Effects of active faults on values.
     pub(crate) overlays: Vec<Overlay>,
 }
 
-/// What a fault does to the value of a variable.
+/// The effect of a fault on a variable.
 #[derive(Clone, Debug)]
 pub(crate) struct Overlay {
     pub(crate) variable: usize,
     pub(crate) change: Change,
 }
 
-/// What becomes of a value.
+/// The change of a value.
 #[derive(Clone, Debug)]
 pub(crate) enum Change {
     Frozen(Value),
@@ -89,7 +89,7 @@ pub(crate) enum Change {
     Computed { expr: Expr, figure: f64 },
 }
 
-/// The state at a time in a world, as expressions see it.
+/// The state at one time in a world: the scope of expressions.
 pub(crate) struct Reading<'a> {
     pub(crate) state: &'a State,
     pub(crate) now: Instant,
@@ -103,7 +103,7 @@ impl Scope for Reading<'_> {
     }
 }
 
-/// What a fault's expression sees besides: the value as it would be, and the scenario's figure.
+/// The scope of a fault's expression: also the value without the fault, and the scenario's figure.
 struct Faulty<'a> {
     reading: Reading<'a>,
     value: &'a Value,
@@ -121,7 +121,7 @@ impl Scope for Faulty<'_> {
 }
 
 impl Variable {
-    /// Whether only the device changes it.
+    /// Whether only the device changes the variable.
     pub(crate) const fn is_measured(&self) -> bool {
         !matches!(self.source, Source::Stored)
     }
@@ -140,7 +140,7 @@ impl Variable {
 }
 
 impl State {
-    /// The values at the start of a run; `seed` and `name` choose the noise.
+    /// The values at the start of a run; `seed` and `name` select the noise.
     pub(crate) fn new(known: Arc<Vec<Variable>>, seed: u64, name: &str) -> Self {
         Self {
             values: known
@@ -155,7 +155,7 @@ impl State {
         }
     }
 
-    /// Index of the variable called `name`; `state.` may stand before it.
+    /// The index of the variable called `name`; the prefix `state.` is allowed.
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
         let name = name.strip_prefix("state.").unwrap_or(name);
         self.known
@@ -163,7 +163,7 @@ impl State {
             .position(|variable| is_same(&variable.name, name))
     }
 
-    /// The device starts again.
+    /// Restarts the device.
     pub(crate) fn restart(&mut self, now: Instant) {
         for (value, variable) in self.values.iter_mut().zip(self.known.iter()) {
             if !variable.keeps {
@@ -173,7 +173,7 @@ impl State {
         self.began = now;
     }
 
-    /// The driver is silent; whether a value changed.
+    /// Sets the safe values after a silence of the driver; returns whether a value changed.
     pub(crate) fn make_safe(&mut self) -> bool {
         let mut is_changed = false;
         for (value, variable) in self.values.iter_mut().zip(self.known.iter()) {
@@ -185,7 +185,7 @@ impl State {
         is_changed
     }
 
-    /// Stores a value; `false` if it is beyond the limits, of which the nearer one is stored then.
+    /// Stores a value. Beyond the limits, stores the nearer limit and returns `false`.
     pub(crate) fn write(&mut self, index: usize, value: Value) -> bool {
         let variable = &self.known[index];
         let limits = variable.limits;
@@ -198,7 +198,7 @@ impl State {
         fits
     }
 
-    /// The value at `now`, with what faults do to it.
+    /// The value at `now` with the effects of faults.
     pub(crate) fn read(&self, index: usize, now: Instant, world: &World) -> Value {
         let mut value = self.sound(index, now, world);
         for overlay in self
@@ -217,7 +217,7 @@ impl State {
                     other => other.clone(),
                 },
                 Change::Computed { expr, figure } => {
-                    // A fault sees the sound values, not those of other faults: no circle.
+                    // A fault reads the values without faults: this prevents circular dependencies.
                     let mut plain = self.clone();
                     plain.overlays.clear();
                     let reading = Reading {
@@ -265,7 +265,8 @@ impl State {
                 deviation,
                 period,
             } => {
-                // Each period has a stream of its own: how often it is read changes nothing.
+                // Each period has its own random stream, so that the number of reads does not
+                // matter.
                 let name = format!("{}.{}.{}", self.name, variable.name, periods(*period));
                 let draw = Rng::stream(self.seed, &name).gauss();
                 Value::Float(mean + deviation * draw)

@@ -1,4 +1,4 @@
-//! What fields, variables and expressions hold.
+//! Values of fields, variables and expressions.
 
 use core::fmt;
 use std::sync::Arc;
@@ -6,11 +6,11 @@ use std::sync::Arc;
 /// A value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// Yes or no.
+    /// A truth value.
     Bool(bool),
-    /// A whole number: 64 bits with or without sign, and room for sums of them.
+    /// An integer: 64 bits with or without sign, with room for sums.
     Int(i128),
-    /// A number with a fraction.
+    /// A floating-point number.
     Float(f64),
     /// Text.
     Text(String),
@@ -22,7 +22,7 @@ pub enum Value {
     Record(Record),
 }
 
-/// Whether two names are the same: most that are not differ in their length or first letter.
+/// Whether two names are equal; most unequal names differ in length or first letter.
 pub(crate) fn is_same(one: &str, other: &str) -> bool {
     let (one, other) = (one.as_bytes(), other.as_bytes());
     one.len() == other.len() && one.first() == other.first() && one == other
@@ -33,7 +33,7 @@ pub(crate) fn is_same(one: &str, other: &str) -> bool {
 pub struct Record(pub Vec<(Arc<str>, Value)>);
 
 impl Record {
-    /// The value called `name`; `outer.inner` is one of a group.
+    /// The value called `name`; `outer.inner` is a value in a group.
     pub fn get(&self, name: &str) -> Option<&Value> {
         if let Some((_, value)) = self.0.iter().find(|(key, _)| is_same(key, name)) {
             return Some(value);
@@ -48,7 +48,7 @@ impl Record {
         }
     }
 
-    /// Adds a value, or replaces the one of that name.
+    /// Adds a value, or replaces the value of that name.
     pub fn set(&mut self, name: &str, value: Value) {
         match self.0.iter_mut().find(|(key, _)| &**key == name) {
             Some((_, old)) => *old = value,
@@ -58,7 +58,7 @@ impl Record {
 }
 
 impl Record {
-    /// As [`set`](Self::set), with a name that is shared.
+    /// Like [`set`](Self::set), with a shared name.
     pub(crate) fn set_shared(&mut self, name: &Arc<str>, value: Value) {
         match self.0.iter_mut().find(|(key, _)| is_same(key, name)) {
             Some((_, old)) => *old = value,
@@ -68,7 +68,7 @@ impl Record {
 }
 
 impl Value {
-    /// The number, if it is one; yes is 1.
+    /// The value as a number; true is 1.
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Self::Bool(yes) => Some(f64::from(u8::from(*yes))),
@@ -79,7 +79,7 @@ impl Value {
         }
     }
 
-    /// The whole number that it is, or the nearest one.
+    /// The value as an integer, rounded to the nearest.
     pub fn as_int(&self) -> Option<i128> {
         match self {
             Self::Bool(yes) => Some(i128::from(*yes)),
@@ -90,7 +90,7 @@ impl Value {
         }
     }
 
-    /// Whether it counts as yes: not 0, not empty.
+    /// Whether the value counts as true: not 0, not empty.
     pub fn is_true(&self) -> bool {
         match self {
             Self::Bool(yes) => *yes,
@@ -103,7 +103,7 @@ impl Value {
         }
     }
 
-    /// What it is, for messages.
+    /// The name of the type, for messages.
     pub const fn kind(&self) -> &'static str {
         match self {
             Self::Bool(_) => "a truth value",
@@ -143,7 +143,7 @@ impl fmt::Display for Value {
     }
 }
 
-/// A number with seven digits at most, as scaled fields have: 23.4 and not 23.400000000000002.
+/// A number with at most seven digits, as scaled fields have: 23.4, not 23.400000000000002.
 fn shown(float: f64) -> String {
     let plain = format!("{float}");
     if plain.len() <= 9 || !float.is_finite() {

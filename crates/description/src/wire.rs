@@ -1,4 +1,4 @@
-//! Several devices on one wire, as on RS-485: all hear the driver, each answers for itself.
+//! Several devices on one wire, as on RS-485: all receive each request, the addressed one replies.
 
 use emulators::device::{BrokenRules, Device, Event, earliest};
 use emulators::world::World;
@@ -8,16 +8,16 @@ use crate::compile::COMMON_FAULTS;
 use crate::device::Described;
 use crate::value::Value;
 
-/// Devices that share a line; one is a device of its own.
+/// Devices that share a line; also used for a single device.
 #[derive(Clone)]
 pub struct Wire {
     units: Vec<(String, Described)>,
     fault_names: &'static [&'static str],
-    /// The device whose frame is being sent: another one waits for its end.
+    /// The device that is sending a frame; others wait for its end.
     sender: Option<usize>,
 }
 
-/// Why devices cannot share a wire.
+/// The reason why devices cannot share a wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WireError(pub String);
 
@@ -25,7 +25,8 @@ impl Wire {
     /// Devices with their names on one wire.
     ///
     /// # Errors
-    /// If there is none, or two of them have another line, the same name or the same address.
+    /// If there is no device, or two devices have different lines, the same name or the same
+    /// address.
     pub fn new(units: Vec<(String, Described)>) -> Result<Self, WireError> {
         let Some((_, first)) = units.first() else {
             return Err(WireError(
@@ -65,12 +66,12 @@ impl Wire {
         })
     }
 
-    /// Its devices with their names.
+    /// The devices with their names.
     pub fn units(&self) -> impl Iterator<Item = (&str, &Described)> {
         self.units.iter().map(|(name, unit)| (name.as_str(), unit))
     }
 
-    /// Values of all variables: address of the register, name, value, value in words.
+    /// The variables of all devices: address of the register, name, value, value in words.
     pub fn values(&self, now: Instant, world: &World) -> Vec<(Option<u32>, String, Value, String)> {
         let is_single = self.units.len() == 1;
         let rows = self.units.iter().flat_map(|(unit, device)| {
@@ -84,8 +85,8 @@ impl Wire {
     }
 }
 
-/// `off` and its like of all devices at once, and every fault of one as `NAME.FAULT`, for as long
-/// as the process lives: a rig asks for them so.
+/// The names of all faults with a static lifetime, as a rig requires them: common faults such as
+/// `off` for all devices at once, and every fault of one device as `NAME.FAULT`.
 fn names_of_faults(units: &[(String, Described)]) -> &'static [&'static str] {
     let single = units.iter().flat_map(|(name, unit)| {
         let faults = unit.known_faults().iter();
@@ -157,7 +158,7 @@ impl Device for Wire {
         }
     }
 
-    /// Of several slaves on one wire each entry of the log is one break.
+    /// With several slaves on one wire, each entry of the log counts as one violation.
     fn broken_rules(&self) -> Option<&BrokenRules> {
         match &self.units[..] {
             [(_, unit)] => unit.broken_rules(),

@@ -1,4 +1,4 @@
-//! What a described device does, over the description that has everything, and devices on one wire.
+//! Behaviour of a described device that uses every feature, and of several devices on one wire.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ fn unit(description: &Arc<Description>, name: &str, address: u32) -> (String, De
     (name.to_owned(), Described::new(description.clone(), place))
 }
 
-/// A driver at the far end of an ideal line.
+/// A driver at the other end of an ideal line.
 struct Driver {
     wire: Wire,
     description: Arc<Description>,
@@ -71,7 +71,7 @@ impl Driver {
         self.wire.receive(Described::UART, self.now, bytes);
     }
 
-    /// What the device says within 60 ms, in words.
+    /// Sends a message; returns the device's frames within 60 ms, in words.
     fn say(&mut self, message: &str, fields: &[(&str, Value)]) -> Vec<String> {
         let known = self.description.messages().iter();
         let message = known
@@ -119,7 +119,7 @@ fn int(value: i128) -> Value {
 #[test]
 fn a_device_does_what_its_description_says() {
     let mut driver = Driver::new(EVERYTHING, &[5]);
-    // 10 ms of start, then the report of [[after]] 5 ms later, with the text that it gives.
+    // 10 ms of start, then 5 ms later the report of `[[after]]`, with its text.
     assert_eq!(driver.words(14), [""; 0]);
     assert_eq!(
         driver.words(10),
@@ -133,7 +133,8 @@ fn a_device_does_what_its_description_says() {
     );
     assert_eq!(driver.say("read", &read(0, 17)), ["error: code 7"]);
     assert_eq!(driver.rules(), ["out-of-range", "too-many"]);
-    // A goal of 100 counts, 50 degrees; then one beyond its limits, and a register that is none.
+    // A goal of 100 counts, 50 degrees; then a goal beyond its limits, and an address without
+    // register.
     let write = |start, data: &[u8]| [("start", int(start)), ("data", Value::Bytes(data.to_vec()))];
     assert_eq!(
         driver.say("write", &write(8, &[100, 0, 0, 0])),
@@ -150,15 +151,15 @@ fn a_device_does_what_its_description_says() {
     assert_eq!(driver.say("write", &write(0, &[1])), ["error: code 2"]);
     assert_eq!(driver.say("write", &write(4, &[1])), ["error: code 2"]);
     assert_eq!(driver.rules(), ["write-read-only", "unknown-register"]);
-    // Mode 1 reports 50 ms later, and each second from 110 ms on.
+    // Mode 1 sends a report after 50 ms, and each second from 110 ms on.
     assert_eq!(
         driver.say("set_mode", &[("to", int(1))]),
         ["report: level 1.5 bar, mode 1, label \"plain\""]
     );
-    // The watchdog made the level safe in the meantime.
+    // In the meantime the watchdog has set the safe level.
     let words = driver.words(1_200);
     assert_eq!(words, ["report: level 0 bar, mode 1, label \"plain\""]);
-    // The second value beyond its limits within a second is told with its count.
+    // The second value beyond its limits within a second is logged with its count.
     assert_eq!(driver.rules(), ["made-safe", "out-of-range"]);
     // A bad checksum of the header.
     driver.send(&[0xFF, 0xFE, 1, 0, 9, 0]);
@@ -166,8 +167,8 @@ fn a_device_does_what_its_description_says() {
     assert_eq!(driver.rules(), ["bad-checksum"]);
 }
 
-/// Three devices on one wire, one of them without supply: its requests are not answered, the others
-/// go on.
+/// Three devices on one wire, one of them without power: it does not answer its requests; the
+/// others continue.
 #[test]
 fn devices_share_a_wire() {
     let meter = shipped::text("modbus-meter").expect("shipped");
@@ -201,7 +202,7 @@ fn devices_share_a_wire() {
     );
 }
 
-/// Modbus ASCII: the request of the serial line specification's kind, its LRC by hand: the sum of
+/// A Modbus ASCII request in the form of the serial line specification, its LRC by hand: the sum of
 /// 01 04 00 0A 00 02 is 0x11, and 0x100 - 0x11 is 0xEF.
 #[test]
 fn a_modbus_device_speaks_ascii() {
@@ -218,7 +219,7 @@ fn a_modbus_device_speaks_ascii() {
     assert_eq!(driver.rules(), ["bad-checksum"]);
 }
 
-/// A copy of a device goes on as the device does: what checkpoints need.
+/// A copy of a device continues like the original, as checkpoints require.
 #[test]
 fn a_copy_goes_on_alike() {
     let mut driver = Driver::new(EVERYTHING, &[5]);

@@ -1,4 +1,4 @@
-//! Host and device with formats of their own, and times at which nothing may happen.
+//! Host and device with different frame formats, and times without any action.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ fn world() -> World {
     World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free")
 }
 
-/// What the device sends until `millis`.
+/// The output of the device until `millis`.
 fn said(device: &mut Described, millis: u64) -> String {
     let (mut world, mut now) = (world(), Instant::ZERO);
     let end = Instant::from_millis(millis);
@@ -43,8 +43,8 @@ fn said(device: &mut Described, millis: u64) -> String {
     String::from_utf8_lossy(&out).into_owned()
 }
 
-/// A host that ends its lines with LF, a device that ends them with CR LF; the host's format alone
-/// cuts what the device hears, though the device's is the first.
+/// The host ends its lines with LF, the device ends them with CR LF. Only the host's format applies
+/// to the bytes that the device receives, although the device's format comes first.
 #[test]
 fn a_device_hears_the_formats_of_the_host() {
     let mut device = device(
@@ -64,8 +64,8 @@ fn a_device_hears_the_formats_of_the_host() {
     assert_eq!(said(&mut device, 100), "ok\r\n");
 }
 
-/// Replies without a frame, of a device whose requests have markers: a silence ends the replies
-/// only.
+/// Replies without frames, of a device whose requests have markers: a silence ends only the
+/// replies.
 #[test]
 fn a_silence_may_end_the_frames_of_one_end() {
     let mut device = device(
@@ -86,7 +86,7 @@ fn a_silence_may_end_the_frames_of_one_end() {
     assert_eq!(said(&mut device, 100), "AB");
 }
 
-/// 0x0201 ^ 0x0403 = 0x0602, low byte first; its own two bytes count as 0.
+/// 0x0201 ^ 0x0403 = 0x0602, low byte first; the checksum's own two bytes count as 0.
 #[test]
 fn a_checksum_within_what_it_covers_counts_as_0() {
     let description = parse(
@@ -104,14 +104,15 @@ fn a_checksum_within_what_it_covers_counts_as_0() {
         description.frame_of(0, &[1, 2, 3, 4]),
         Some(vec![1, 2, 2, 6, 3, 4])
     );
-    // One value is that of each.
+    // A single value is repeated for each element.
     let mut values = Record::default();
     values.set("n", Value::Int(7));
     let frame = description.frame(&description.messages()[0], &values);
     assert_eq!(frame, Some(vec![7, 7, 0, 0, 7, 7]));
 }
 
-/// A device without power has timers that pass. It asks for no poll, or time would stand still.
+/// Timers expire while the device has no power. The device must not request a poll, or time would
+/// stop.
 #[test]
 fn a_device_that_is_off_asks_for_no_poll_until_it_is_back() {
     let mut device = device(
@@ -146,8 +147,8 @@ fn a_device_that_is_off_asks_for_no_poll_until_it_is_back() {
     assert_eq!(device.poll_at().map(|at| at.max(back)), Some(back));
 }
 
-/// A driver that asks as soon as the last byte of a reply is there, on a line with one sender at a
-/// time: times of bytes are rounded down, each by itself.
+/// A request immediately after the last byte of a reply, on a half-duplex line. Byte times are
+/// rounded down one by one.
 #[test]
 fn a_request_right_behind_a_reply_is_heard() {
     let mut device = device(
@@ -173,7 +174,7 @@ fn a_request_right_behind_a_reply_is_heard() {
     device.poll(due, &mut world);
     let mut buf = [0; 16];
     assert_eq!(device.transmit(Described::UART, &mut buf), 7);
-    // The bytes one by one, as the line hands them over, then the request's.
+    // The line passes the bytes on one by one, then those of the request.
     let mut now = due;
     for _ in 0..14 {
         now += line.byte_time();
@@ -188,7 +189,7 @@ fn a_request_right_behind_a_reply_is_heard() {
             .iter()
             .all(|event| event.rule != "request-before-reply")
     );
-    // One that comes before the reply has gone out is lost.
+    // A request before the end of the reply is lost.
     let early = now + Duration::from_micros(600);
     device.receive(Described::UART, early, b"C\0\0\0\0\0\0");
     device.poll(early, &mut world);
@@ -200,7 +201,7 @@ fn a_request_right_behind_a_reply_is_heard() {
     );
 }
 
-/// What is due later sees the fields of its message, also in its condition.
+/// A delayed action can read the fields of its message, also in its condition.
 #[test]
 fn what_is_due_later_sees_its_message() {
     let mut device = device(
@@ -220,7 +221,7 @@ fn what_is_due_later_sees_its_message() {
     assert_eq!(said(&mut device, 100), "said 4\n");
 }
 
-/// A body of which a field takes the rest is as long as its frame leaves room for.
+/// A field that takes the rest fills a frame of known size.
 #[test]
 fn a_field_takes_the_rest_of_a_frame_of_known_size() {
     let description = parse(
@@ -244,7 +245,7 @@ fn a_field_takes_the_rest_of_a_frame_of_known_size() {
     );
 }
 
-/// An empty line is a message where the description has one: what a terminal asks for a prompt.
+/// An empty line is a message if the description defines it: a terminal sends it to get a prompt.
 #[test]
 fn an_empty_line_can_be_a_message() {
     let text = r#"
@@ -258,7 +259,7 @@ fn an_empty_line_can_be_a_message() {
         ]
         on = [{ message = "enter", reply = "ready" }]
         "#;
-    // A message that names no frame has the first one.
+    // A message without `frame` has the first format.
     for text in [text, &text.replace(r#"frame = "in", "#, "")] {
         let mut device = device(text);
         device.receive(Described::UART, Instant::from_millis(1), b"\r");
@@ -266,8 +267,8 @@ fn an_empty_line_can_be_a_message() {
     }
 }
 
-/// Both ends speak in lines that the other one's format cuts as well: the end that sent a line says
-/// which format it has. Of mixed up ends the other formats are looked for too.
+/// Each end sends lines that fit the other end's format as well: the sender determines the format.
+/// If a capture has mixed up its ends, the other formats are tried too.
 #[test]
 fn a_line_has_the_format_of_the_end_that_sent_it() {
     let description = parse(

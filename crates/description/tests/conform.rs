@@ -1,5 +1,5 @@
-//! A device compared with its description: an emulated device never differs from its own one, and
-//! each difference that is planted is named by its kind and its place.
+//! Comparison of a device with its description: an emulated device never differs from its own
+//! description, and each planted difference is reported with its kind and place.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ fn parse(text: &str) -> Arc<Description> {
     Description::parse("device.toml", text, &csv).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The device `real` compared with the description `said`.
+/// The result for the device `real` and the description `said`.
 fn compared(said: &str, real: &str) -> Conformity {
     let mut device = emulated(&parse(real), 4_711);
     let found = conform(&parse(said), &mut device, Strictness::EMULATED);
@@ -22,7 +22,7 @@ fn differences(said: &str, real: &str) -> Vec<Difference> {
     compared(said, real).differences
 }
 
-/// What is not answered is not compared: each request of each device is answered at least once.
+/// Only answered requests are compared: each request of each device is answered at least once.
 #[test]
 fn no_device_differs_from_its_own_description() {
     let mut wrong = Vec::new();
@@ -30,7 +30,7 @@ fn no_device_differs_from_its_own_description() {
         let found = compared(text, text);
         let differences = found.differences.iter();
         wrong.extend(differences.map(|one| format!("{name}: {one}")));
-        // The meter reads it out only once it was called: another request comes first.
+        // The meter answers this request only after it was called by another request.
         let is_behind = |one: &&String| *name == "iec-62056-21" && *one == "choice";
         let unproved = found.unproved.iter().filter(|one| !is_behind(one));
         wrong.extend(unproved.map(|one| format!("{name}: {one}: never answered")));
@@ -38,8 +38,8 @@ fn no_device_differs_from_its_own_description() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// A device that only listens, and one that answers nothing of what it is asked, are not observed:
-/// that is no pass.
+/// A device that only listens, and a device that answers no request, are not observed: neither
+/// passes.
 #[test]
 fn a_comparison_of_nothing_is_void() {
     let head = "name = \"sink\"\nabout = \"a sink\"\nline = { baud = 9600 }\n\
@@ -69,11 +69,11 @@ fn a_comparison_of_nothing_is_void() {
     }
 }
 
-/// Changes of a description, each with the difference that it makes: kind and place.
+/// Changes of a description, each with the kind and place of the difference that it causes.
 type Planted<'a> = (&'a str, &'a str, &'a str, &'a str);
 
-/// Plants each change into the device and looks for its difference, and that no other place is
-/// accused of the same kind without reason.
+/// Plants each change into the device and checks that its difference is found, and that no other
+/// place is reported with the same kind without reason.
 fn all_are_named(name: &str, planted: &[Planted<'_>]) {
     let text = shipped::text(name).expect("shipped");
     for (from, to, kind, place) in planted {

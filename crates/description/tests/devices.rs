@@ -1,4 +1,4 @@
-//! The three devices that the documentation begins with, as a driver sees them.
+//! The three example devices of the documentation, as a driver sees them.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ fn shipped(name: &str) -> Arc<Description> {
     found.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Every file of the folder comes with the tool, and every one is sound.
+/// Every file of the folder is shipped and valid.
 #[test]
 fn every_shipped_description_is_sound() {
     let folder = format!("{}/../../devices", env!("CARGO_MANIFEST_DIR"));
@@ -36,7 +36,7 @@ fn world() -> World {
     World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free")
 }
 
-/// A driver at the far end of an ideal line.
+/// A driver at the other end of an ideal line.
 struct Driver {
     device: Described,
     world: World,
@@ -59,7 +59,7 @@ impl Driver {
         }
     }
 
-    /// What comes within `time`.
+    /// The bytes received within `time`.
     fn listen(&mut self, time: Duration) -> Vec<u8> {
         let end = self.now + time;
         let mut out = Vec::new();
@@ -73,7 +73,7 @@ impl Driver {
         out
     }
 
-    /// What is answered to `request` within a tenth of a second.
+    /// The reply to `request` within a tenth of a second.
     fn ask(&mut self, request: &[u8]) -> Vec<u8> {
         self.now += self
             .device
@@ -163,7 +163,7 @@ fn the_meter_answers_modbus() {
 fn mistakes_of_a_driver_are_refused_and_named() {
     let mut meter = Driver::new("modbus-meter");
     let mut refused = |request: &[u8], expected: &[u8], rule: &str| {
-        // What is broken again within a second is counted, not told.
+        // A rule broken again within a second is counted, not logged again.
         meter.listen(Duration::from_millis(1_100));
         let found = meter.ask(&with_crc(request));
         let wanted = if expected.is_empty() {
@@ -190,21 +190,21 @@ fn mistakes_of_a_driver_are_refused_and_named() {
         (meter.ask(&[1, 3]), meter.rules()),
         (Vec::new(), vec!["frame-cut-off"])
     );
-    // A broadcast is done and not answered.
+    // The device executes a broadcast and does not reply.
     assert!(meter.ask(&with_crc(&[0, 6, 0, 2, 0, 200])).is_empty());
     assert_eq!(
         meter.ask(&with_crc(&[1, 3, 0, 2, 0, 1])),
         with_crc(&[1, 3, 2, 0, 200])
     );
     meter.listen(Duration::from_millis(1_100));
-    // Two requests without a pause are one frame that does not hold.
+    // Two requests without a pause form one invalid frame.
     let one = with_crc(&[1, 3, 0, 0, 0, 1]);
     assert!(meter.ask(&[&one[..], &one].concat()).is_empty());
     assert_eq!(meter.rules(), ["bad-checksum"]);
 }
 
-/// The sentence is that of the state: 45319 s are 12:35:19, 48.1173 degrees are 48 degrees 7.038
-/// minutes, and the checksum of the fixed part is computed here by itself.
+/// The sentence contains the state: 45319 s are 12:35:19, 48.1173 degrees are 48 degrees 7.038
+/// minutes. The test computes the checksum of the fixed part independently.
 #[test]
 fn the_receiver_speaks_nmea_and_ubx_on_one_line() {
     let mut gps = Driver::new("gps");
@@ -256,7 +256,7 @@ fn the_sensor_speaks_floats_in_cobs() {
         "{words}"
     );
     assert!(words.ends_with("hPa, heater 0 %"), "{words}");
-    // Heat at 50 %; after five seconds of silence it is off again.
+    // Heat at 50 %; after five seconds of silence the heater is off again.
     sensor.ask(&say(&[2, 0, 0, 0, 0, 0x48, 0x42]));
     let heater = |sensor: &Driver| {
         let rows = sensor.device.values(sensor.now, &sensor.world);
@@ -268,13 +268,13 @@ fn the_sensor_speaks_floats_in_cobs() {
     sensor.listen(Duration::from_secs(5));
     assert_eq!(heater(&sensor).as_deref(), Some("0 %"));
     assert_eq!(sensor.rules(), ["made-safe"]);
-    // 200 % is named, and cut to what the variable may be.
+    // 200 % is a violation; the variable is limited to 100 %.
     sensor.ask(&say(&[2, 0, 0, 0, 0, 0x48, 0x43]));
     assert_eq!(heater(&sensor).as_deref(), Some("100 %"));
     assert_eq!(sensor.rules(), ["out-of-range", "value-cut"]);
 }
 
-/// What every device can have, and what the description adds.
+/// Common faults of all devices, and faults of the description.
 #[test]
 fn faults_change_what_a_driver_reads() {
     let mut meter = Driver::new("modbus-meter");
@@ -309,7 +309,7 @@ fn faults_change_what_a_driver_reads() {
     assert_eq!(current(&mut meter), Some(7.0));
     set(&mut meter, "wrong", None, false);
     assert_eq!(current(&mut meter), Some(3.5));
-    // 20 ms times 10 are later than the driver listens.
+    // 20 ms times 10 exceed the driver's timeout.
     set(&mut meter, "slow", None, true);
     assert_eq!(current(&mut meter), None);
     meter.listen(Duration::from_millis(300));

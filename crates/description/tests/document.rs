@@ -2,7 +2,7 @@
 
 use description::{Description, shipped};
 
-/// Places by hand: two constants, then four, four, four .. bytes.
+/// Offsets by hand: two constants, then four, four, four .. bytes.
 #[test]
 fn a_page_tells_every_field_with_its_place_and_unit() {
     let text = shipped::text("gps").expect("shipped");

@@ -1,8 +1,8 @@
-//! Laws that every description keeps: what is encoded is decoded to the same, the pieces in which
-//! bytes come make no difference, and a damaged frame costs at most itself.
+//! Properties of every description: decoding an encoded message gives the same values, chunk
+//! boundaries do not matter, and damage to a frame loses at most that frame.
 //!
-//! Descriptions are generated: framing, checksums, byte orders, fields. Only checksums of 32 bits
-//! and more are used where frames are damaged, as a shorter one holds by chance now and then.
+//! Descriptions are generated: framing, checksums, byte orders, fields. Tests with damaged frames
+//! use only checksums of 32 bits and more, because a shorter checksum sometimes matches by chance.
 
 use std::sync::Arc;
 
@@ -52,7 +52,7 @@ fn field() -> impl Strategy<Value = String> {
     prop_oneof![numbers, scaled, sized, others.prop_map(str::to_owned)]
 }
 
-/// The last field of a message, which may take all the rest.
+/// The last field of a message, which may take all remaining bytes.
 fn last() -> impl Strategy<Value = &'static str> {
     select(vec![
         "",
@@ -73,7 +73,7 @@ fn last() -> impl Strategy<Value = &'static str> {
     ])
 }
 
-/// The last field of a message whose frame has a known size: what is left belongs to it.
+/// The last field of a message in a frame of known size: it takes all remaining bytes.
 fn filling() -> impl Strategy<Value = &'static str> {
     select(vec![
         "{ name = \"rest\", type = \"bytes\", size = \"rest\" }",
@@ -82,7 +82,7 @@ fn filling() -> impl Strategy<Value = &'static str> {
     ])
 }
 
-/// Frames that are as long as their first bytes say, or all alike.
+/// Frames whose first bytes give their size, or of constant size.
 fn sized(checksums: &'static [&'static str]) -> impl Strategy<Value = String> {
     let cut = select(vec![
         "size = 120",
@@ -111,12 +111,12 @@ fn frame(checksums: &'static [&'static str]) -> impl Strategy<Value = String> {
         "length = { at = 0, type = \"u16\", without = 2, counts = \"payload\" }\nsync = []",
         "sync = [0x02]\nend = [0x03]\nlength = { at = 1, type = \"u16\" }",
         "sync = [0xFA]\nlength = { at = 3, type = \"u16\" }",
-        // It counts three bytes more than there are.
+        // The length counts three bytes more than the frame has.
         "sync = [0xB5]\nlength = { at = 1, type = \"u16le\", counts = \"rest\", without = -3 }",
         "sync = [0xB6]\nlength = { at = 1, type = \"u24\", counts = \"rest\" }",
         "sync = [0x68]\nlength = { at = 1, again = 3, type = \"u16\" }\nend = [0x16]",
     ]);
-    // What a checksum does not cover can be damaged unseen.
+    // Damage outside the covered range is not detectable.
     let from = if checksums == WIDE { "" } else { ", from = 1" };
     let place = select(vec![
         "",
@@ -144,7 +144,8 @@ const ALL: &[&str] = &[
     "ubx",
     "adler32",
 ];
-/// None of those that begin with 0, like CRC-82/DARC: they do not see zeros before a frame.
+/// Checksums with an initial value other than 0; one that starts with 0, like CRC-82/DARC, does not
+/// detect zeros before a frame.
 const WIDE: &[&str] = &[
     "CRC-32/ISO-HDLC",
     "CRC-64/XZ",
@@ -152,7 +153,7 @@ const WIDE: &[&str] = &[
     "CRC-32/MPEG-2",
 ];
 
-/// A frame with a checksum of its header besides.
+/// A frame with an additional checksum of its header.
 fn headed(checksums: &'static [&'static str]) -> impl Strategy<Value = String> {
     select(checksums).prop_map(|algorithm| {
         format!(
@@ -170,7 +171,7 @@ fn silent() -> impl Strategy<Value = String> {
     })
 }
 
-/// Descriptions of frames whose end is in their bytes.
+/// Descriptions of frames whose bytes define their end.
 fn described(checksums: &'static [&'static str]) -> impl Strategy<Value = Arc<Description>> {
     let open = prop_oneof![4 => frame(checksums).boxed(), 1 => headed(checksums).boxed()];
     prop_oneof![
@@ -179,7 +180,7 @@ fn described(checksums: &'static [&'static str]) -> impl Strategy<Value = Arc<De
     ]
 }
 
-/// The same, and those that a silence ends.
+/// The same, and frames that a silence ends.
 fn any_described() -> impl Strategy<Value = Arc<Description>> {
     prop_oneof![5 => described(ALL).boxed(), 1 => of_frame(silent(), last()).boxed()]
 }
@@ -212,7 +213,7 @@ fn of_frame(
     })
 }
 
-/// A piece of a line: words, and a field of a form behind them.
+/// A piece of a line: words, then a formatted field.
 fn piece() -> impl Strategy<Value = (&'static str, &'static str)> {
     let words = select(vec![",", " ", ";", "=", "/", ",,", " mm "]);
     let form = select(vec![
@@ -221,8 +222,7 @@ fn piece() -> impl Strategy<Value = (&'static str, &'static str)> {
     (words, form)
 }
 
-/// A device that speaks in lines: with or without a start and a checksum, each message with its own
-/// first word.
+/// A text protocol: with or without start marker and checksum; each message has its own first word.
 fn speaking() -> impl Strategy<Value = Arc<Description>> {
     let frame = select(vec![
         "terminator = \"\\r\\n\"",
@@ -249,7 +249,7 @@ fn speaking() -> impl Strategy<Value = Arc<Description>> {
     })
 }
 
-/// Frames with the values that were put into them.
+/// Frames with the values that were encoded.
 fn frames(description: &Description, choices: &[u64]) -> Vec<(Vec<u8>, Record)> {
     let mut dice = choices.iter().copied().cycle();
     let mut step = 0_u64;
@@ -269,7 +269,7 @@ fn frames(description: &Description, choices: &[u64]) -> Vec<(Vec<u8>, Record)> 
     made.collect()
 }
 
-/// The bodies of all that is found in pieces of these sizes, with a pause at the end.
+/// The bodies decoded from chunks of these sizes, with a pause at the end.
 fn found(
     description: &Description,
     bytes: &[u8],
@@ -289,7 +289,7 @@ fn found(
     all
 }
 
-/// What was given, with what the fields that count others became.
+/// The given values, with the computed values of count fields.
 fn holds(given: &Record, read: &Record) -> bool {
     given
         .0
@@ -332,7 +332,7 @@ proptest! {
         }
     }
 
-    /// Lines too; the pieces in which they come make no difference.
+    /// The same for lines; chunk boundaries do not matter.
     #[test]
     fn a_line_is_read_as_it_was_written(
         description in speaking(),
@@ -397,7 +397,7 @@ proptest! {
         let (first, last) = (all(&frames[0]), all(&last));
         prop_assert_eq!(found.first(), first.first());
         prop_assert_eq!(found.last(), last.last());
-        // Damage outside of what the checksum covers may leave the frame what it was.
+        // Damage outside the covered range may leave the frame unchanged.
         prop_assert!(found.len() == 2 || (found.len() == 3 && found[1] == found[0]));
     }
 }
@@ -407,7 +407,7 @@ trait ConcatWith {
 }
 
 impl ConcatWith for Vec<u8> {
-    /// Noise before each frame.
+    /// Concatenates the frames with noise before each.
     fn concat_with(&self, frames: &[Vec<u8>]) -> Vec<u8> {
         frames
             .iter()

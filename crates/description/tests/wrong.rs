@@ -1,13 +1,13 @@
-//! Wrong descriptions: every part of sound ones is changed in turn, and whatever is refused says
-//! file, line, key and what was expected. None panics.
+//! Wrong descriptions: each part of a valid one is changed in turn. Every error states file, line,
+//! key and the expected value. No change causes a panic.
 
 use description::{Description, DescriptionError, shipped};
 use toml::{Table, Value};
 
 const EVERYTHING: &str = include_str!("data/everything.toml");
 
-/// Keys of frames that the other ones do not have: markers in the checksum, a length that stands
-/// twice, sizes by a byte and by an expression.
+/// Frame keys that the other descriptions do not use: markers in the checksum, a repeated length,
+/// sizes by a byte and by an expression.
 const FRAMES: &str = r#"
 name = "frames"
 about = "frames of many forms"
@@ -36,7 +36,7 @@ fn parse(text: &str) -> Result<(), DescriptionError> {
     Description::parse("wrong.toml", text, &csv).map(drop)
 }
 
-/// Ways to spoil a value.
+/// Wrong replacements for a value.
 fn spoilt(value: &Value) -> Vec<Value> {
     let mut others = vec![
         Value::String("?! {".to_owned()),
@@ -102,7 +102,7 @@ fn mutants_of(value: &Value) -> Vec<Value> {
     }
 }
 
-/// Words of which a message has at least one: what was expected, or what to do.
+/// A message contains at least one of these words: the expected value, or the fix.
 const FIXES: [&str; 6] = [
     "expected",
     "missing field",
@@ -112,7 +112,7 @@ const FIXES: [&str; 6] = [
     "twice",
 ];
 
-/// What an error does not say.
+/// The parts that an error message lacks.
 fn untold(text: &str, error: &DescriptionError) -> Vec<String> {
     let lines = text.lines().count();
     let mut untold = Vec::new();
@@ -120,7 +120,7 @@ fn untold(text: &str, error: &DescriptionError) -> Vec<String> {
         let line = text.lines().nth(problem.line - 1).unwrap_or_default();
         let mut names = problem.key.split(['.', '[']);
         let has_line = (1..=lines).contains(&problem.line);
-        // The line has the key, or a table begins there.
+        // The line contains the key, or begins a table.
         let is_there = names.any(|name| line.contains(name)) || line.contains('[');
         let has_key = !problem.key.is_empty() || problem.message.contains('`');
         let is_clear = FIXES.iter().any(|fix| problem.message.contains(fix));
@@ -135,7 +135,7 @@ fn untold(text: &str, error: &DescriptionError) -> Vec<String> {
 fn what_is_wrong_is_told_with_file_line_and_key() {
     assert_eq!(parse(EVERYTHING), Ok(()));
     assert_eq!(parse(FRAMES), Ok(()));
-    // Three that differ most: each description has thousands of mutants.
+    // The three most different descriptions: each has thousands of mutants.
     let texts = ["cobs-sensor", "gps", "modbus-meter"];
     let texts = texts.map(|name| shipped::text(name).expect("shipped"));
     let texts = texts.into_iter().chain([EVERYTHING, FRAMES]);
@@ -158,7 +158,7 @@ fn what_is_wrong_is_told_with_file_line_and_key() {
     assert!(refused > 200 && tried > refused);
 }
 
-/// Text that is cut off anywhere is refused or sound, and never more.
+/// Truncated text is rejected or valid; it never causes a panic.
 #[test]
 fn a_file_that_is_cut_off_is_no_panic() {
     for text in [EVERYTHING, shipped::text("gps").expect("shipped")] {
@@ -183,7 +183,7 @@ fn error_of(change: impl Fn(&mut Table), text: &str) -> String {
     parse(&text).expect_err("wrong").to_string()
 }
 
-/// What a description as a whole must be.
+/// Errors in a description as a whole.
 #[test]
 fn descriptions_that_cannot_be_are_refused_with_the_reason() {
     let meter = shipped::text("modbus-meter").expect("shipped");
@@ -228,7 +228,7 @@ fn descriptions_that_cannot_be_are_refused_with_the_reason() {
     );
 }
 
-/// All problems of a file are told at once.
+/// All problems of a file are reported at once.
 #[test]
 fn all_problems_are_told_at_once() {
     let meter = shipped::text("modbus-meter").expect("shipped");

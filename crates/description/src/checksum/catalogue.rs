@@ -4,10 +4,10 @@ use crc::*;
 
 use super::engine::Engine;
 
-/// Declares the algorithms, those of a register width in a group.
+/// Declares the algorithms, grouped by register width.
 macro_rules! catalogue {
     ($($engine:ident $width:ty: $($name:ident)+;)+) => {
-        /// Names as the constants of the crate `crc` have them.
+        /// Names of the constants in the crate `crc`.
         pub(super) const NAMES: &[&str] = &[$($(stringify!($name),)+)+];
 
         /// The algorithm whose constant is called `name`.
@@ -18,7 +18,7 @@ macro_rules! catalogue {
             None
         }
 
-        /// The checksum of `123456789` by each algorithm, as the catalogue has it.
+        /// The checksum of `123456789` for each algorithm, from the catalogue.
         #[cfg(test)]
         pub(super) const CHECKS: &[(&str, u128)] =
             &[$($((stringify!($name), $name.check as u128),)+)+];

@@ -1,4 +1,4 @@
-//! What computes a checksum.
+//! The computation of checksums.
 
 use core::fmt;
 
@@ -13,7 +13,7 @@ pub(super) enum Engine {
     U128(Box<Crc<u128, Table<1>>>),
     /// Sum of bytes, modulo the width.
     Sum,
-    /// What adds up to 0 with the sum of the bytes.
+    /// The two's complement of the sum: sum and checksum add up to 0.
     TwosComplement,
     /// The sum with all bits inverted.
     OnesComplement,
@@ -31,7 +31,7 @@ pub(super) enum Engine {
     Xv11,
 }
 
-/// The parameters of a CRC of one's own, as the catalogue names them.
+/// The parameters of a user-defined CRC, with the names of the catalogue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Polynomial {
     /// Bits of the register, 3 to 64.
@@ -44,7 +44,7 @@ pub struct Polynomial {
     pub refin: bool,
     /// Whether the register is reflected at the end.
     pub refout: bool,
-    /// What the register is XORed with at the end.
+    /// The value that is XORed with the register at the end.
     pub xorout: u64,
 }
 
@@ -52,7 +52,7 @@ macro_rules! own {
     ($engine:ident, $type:ty, $of:expr) => {{
         let of: Polynomial = $of;
         let narrow = |value: u64| <$type>::try_from(value).unwrap_or(<$type>::MAX);
-        // The crate wants its parameters for ever: some 40 bytes for each description that is read.
+        // `crc` needs parameters with a static lifetime: some 40 bytes leak for each description.
         let algorithm: &'static Algorithm<$type> = Box::leak(Box::new(Algorithm {
             width: of.width,
             poly: narrow(of.poly),
@@ -68,7 +68,7 @@ macro_rules! own {
 }
 
 impl Engine {
-    /// A CRC with parameters of one's own.
+    /// A CRC with user-defined parameters.
     pub(super) fn of(polynomial: Polynomial) -> Self {
         match polynomial.width {
             0..=8 => own!(U8, u8, polynomial),
@@ -78,7 +78,7 @@ impl Engine {
         }
     }
 
-    /// Bits of its result.
+    /// Bits of the result.
     pub(super) const fn bits(&self) -> u8 {
         match self {
             Self::U8(crc) => crc.algorithm.width,
@@ -92,7 +92,7 @@ impl Engine {
         }
     }
 
-    /// The checksum of `bytes`, of which the caller keeps as many bits as it has room for.
+    /// The checksum of `bytes`; the caller cuts it to its width.
     pub(super) fn compute(&self, bytes: &[u8]) -> u128 {
         match self {
             Self::U8(crc) => crc.checksum(bytes).into(),
@@ -131,7 +131,7 @@ impl Engine {
                 (!sum & 0xffff).into()
             }
             Self::Xv11 => {
-                // The sum of the maker's sample code is 32 bits wide.
+                // The manufacturer's sample code computes the sum with 32 bits.
                 let all =
                     words(bytes).fold(0_u32, |all, word| (all << 1).wrapping_add(word.into()));
                 (((all & 0x7fff) + (all >> 15)) & 0x7fff).into()
@@ -150,7 +150,7 @@ fn sum(bytes: &[u8]) -> u64 {
     bytes.iter().map(|&byte| u64::from(byte)).sum()
 }
 
-/// Words, low byte first; a last odd byte counts as one with a zero.
+/// Words, low byte first; a last odd byte is padded with a zero.
 fn words(bytes: &[u8]) -> impl Iterator<Item = u16> {
     let (pairs, rest) = bytes.as_chunks::<2>();
     let pairs = pairs.iter().map(|pair| u16::from_le_bytes(*pair));

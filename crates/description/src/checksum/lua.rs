@@ -1,10 +1,10 @@
-//! A checksum in Lua, for the dissector: a function of bytes.
+//! Checksums in Lua, for the dissector: each is a function of bytes.
 
 use super::Algorithm;
 use super::engine::Engine;
 use crate::lua::quoted;
 
-/// The parameters of a CRC, whatever the width of its register.
+/// The parameters of a CRC with a register of any width.
 struct Crc {
     width: u8,
     poly: u128,

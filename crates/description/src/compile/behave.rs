@@ -12,7 +12,7 @@ use crate::schema::message::{From, Names};
 use crate::schema::short::Plain;
 
 impl Compiler<'_> {
-    /// What is done when something happens.
+    /// Compiles `[[on]]`.
     pub(super) fn on(&mut self, messages: &[Message], latency: Duration) -> Vec<On> {
         let schema = self.schema;
         let specs = schema.on.iter().enumerate();
@@ -75,7 +75,7 @@ impl Compiler<'_> {
             || spec.violation.is_some()
             || spec.busy.is_some()
             || spec.restart;
-        // An entry that only takes a message away from later ones is sound, too.
+        // An entry without any action is valid too: later entries do not see its message.
         if !does && spec.event.is_some() {
             self.wrong(
                 &key,
@@ -94,7 +94,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// What is done again and again.
+    /// Compiles `[[every]]`.
     pub(super) fn every(&mut self, messages: &[Message]) -> Vec<Every> {
         let schema = self.schema;
         let mut all = Vec::new();
@@ -123,7 +123,7 @@ impl Compiler<'_> {
         all
     }
 
-    /// What is done some time after something.
+    /// Compiles `[[after]]`.
     pub(super) fn after(&mut self, messages: &[Message]) -> Vec<After> {
         let schema = self.schema;
         let mut all = Vec::new();
@@ -178,7 +178,7 @@ impl Compiler<'_> {
         found.map_or(Trigger::AnyMessage, Trigger::Message)
     }
 
-    /// Index of the message `name` that `from` sends.
+    /// The index of the message `name`, which `from` must send.
     fn message_index(
         &mut self,
         key: &str,
@@ -327,7 +327,7 @@ impl Compiler<'_> {
         self.expr(key, text, &is_known, &names)
     }
 
-    /// What can go wrong.
+    /// Compiles `[faults]`.
     pub(super) fn faults(&mut self, messages: &[Message]) -> Vec<Fault> {
         let schema = self.schema;
         let faults = schema.faults.iter();
@@ -410,7 +410,7 @@ impl Compiler<'_> {
     }
 }
 
-/// The keys that all kinds of behaviour have.
+/// The keys that all kinds of behaviour share.
 struct Parts<'a> {
     when: Option<&'a str>,
     set: &'a BTreeMap<String, Plain>,

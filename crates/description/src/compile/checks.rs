@@ -1,4 +1,4 @@
-//! `checksum`: what is summed up and where the sum stands.
+//! `checksum`: the covered bytes and the position of the checksum.
 
 use super::Compiler;
 use crate::checksum::{Algorithm, Polynomial};
@@ -7,7 +7,8 @@ use crate::schema::short::Short;
 use crate::schema::wire::{ChecksumSpec, Encoding, Endian, FrameSpec};
 
 impl Compiler<'_> {
-    /// The checksums, the holes that sync bytes and they leave, and what stands at the end.
+    /// The checksums, the holes of sync bytes and checksums in the content, and the length of the
+    /// trailer.
     pub(super) fn checks(
         &mut self,
         key: &str,
@@ -31,7 +32,7 @@ impl Compiler<'_> {
         if !matches!(cut, Cut::Marked { .. }) && !sync.is_empty() {
             holes.push((0, sync.len()));
         }
-        // Those at the end without a place stand one behind the other.
+        // Checksums at the end without `at` follow each other.
         let mut behind = end;
         for (index, (_, check)) in checks.iter_mut().enumerate().rev() {
             let given = spec.checksum.0.get(index).and_then(|Short(spec)| spec.at);
@@ -100,7 +101,7 @@ impl Compiler<'_> {
                 format!("is {width}, expected 1 to {bytes}"),
             );
         }
-        // Modbus sends its CRC low byte first, and this fixed order is part of its name.
+        // Modbus sends its CRC low byte first; this fixed order is part of the algorithm's name.
         let named = |name: &str| {
             spec.algorithm
                 .as_ref()

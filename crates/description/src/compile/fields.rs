@@ -1,4 +1,4 @@
-//! `[[message]]`: fields, texts, what counts what.
+//! `[[message]]`: fields, texts, and fields that count other fields.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::schema::message::{FieldSpec, MessageSpec};
 use crate::schema::wire::SizeSpec;
 use crate::value::Value;
 
-/// Groups within groups at most.
+/// Maximum depth of nested groups.
 const DEPTH_MAX: usize = 8;
 
 impl Compiler<'_> {
@@ -90,7 +90,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// Notes two fields side by side of which the end of the first cannot be told.
+    /// Records an error for two adjacent fields if the end of the first is ambiguous.
     fn check_pieces(&mut self, key: &str, pieces: &[Piece]) {
         for pair in pieces.windows(2) {
             if let [Piece::Hole(first), Piece::Hole(second)] = pair
@@ -122,7 +122,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// What is to be known of the fields of a text.
+    /// The declared properties of the fields of a text.
     fn text_fields(&mut self, key: &str, specs: &[FieldSpec], pieces: &[Piece]) -> Vec<Field> {
         let fields = specs.iter().enumerate().map(|(index, spec)| {
             let key = format!("{key}.fields[{index}]");
@@ -188,7 +188,7 @@ impl Compiler<'_> {
         fields
     }
 
-    /// Notes bits that do not add up to bytes.
+    /// Records an error if adjacent bit fields do not add up to whole bytes.
     fn check_bits(&mut self, key: &str, fields: &[Field]) {
         let mut bits = 0_usize;
         let mut order = None;
@@ -240,7 +240,7 @@ impl Compiler<'_> {
             .as_ref()
             .map(|plain| self.constant(key, spec, &plain.0, &kind));
         let calc = spec.calc.as_ref().map(|text| {
-            // Any field of the message, and the state.
+            // `calc` may read any field of the message, and the state.
             self.expr_of_fields(&format!("{key}.calc"), text, None)
         });
         let repeat = spec
@@ -272,7 +272,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// The value that a field always has, in the form that it is read in.
+    /// The constant value of a field, as its type decodes it.
     fn constant(&mut self, key: &str, spec: &FieldSpec, value: &Value, kind: &Kind) -> Value {
         let named = spec.names.as_ref().and_then(|names| self.enums.get(names));
         if let (Value::Text(text), Some(names)) = (value, named)
@@ -320,7 +320,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// An expression over fields: `earlier` ones, or any and the state.
+    /// Compiles an expression over `earlier` fields, or over all fields and the state.
     pub(super) fn expr_of_fields(
         &mut self,
         key: &str,
@@ -359,7 +359,7 @@ const fn takes_rest(field: &Field) -> bool {
     of_size || matches!(field.repeat, Some(Size::Rest))
 }
 
-/// Tells fields that are the size or the count of another one.
+/// Links each field that holds the size or count of another field to that field.
 fn link_counts(fields: &mut [Field]) {
     for index in 0..fields.len() {
         let field = &fields[index];

@@ -1,4 +1,4 @@
-//! `[frame]`: where frames end, what in them is no body.
+//! `[frame]`: the ends of frames, and the bytes that are not body.
 
 use core::time::Duration;
 
@@ -13,14 +13,14 @@ use crate::modbus;
 use crate::number::{Number, NumberKind, Orders};
 use crate::schema::wire::{Counts, Encoding, Endian, FrameSpec, LengthSpec, SizeSpec, Stuffing};
 
-/// Most bytes of a frame if a file does not say.
+/// Maximum number of bytes of a frame if the file sets no limit.
 const MAX: u16 = 1_024;
-/// Most bytes of a Modbus frame on a serial line.
+/// Maximum number of bytes of a Modbus frame on a serial line.
 const MODBUS_MAX: usize = 256;
 /// The silence that ends a Modbus frame above 19200 baud (serial line specification, 2.5.1.1).
 const FAST_SILENCE: Duration = Duration::from_micros(1_750);
 
-/// The silence of so many characters.
+/// The duration of `characters` characters.
 fn silence(line: LineConfig, characters: f64) -> Duration {
     let nanos = Duration::from_secs_f64(
         characters.clamp(0.0, 10_000.0) * f64::from(line.bits_per_byte()) / f64::from(line.baud),
@@ -29,7 +29,7 @@ fn silence(line: LineConfig, characters: f64) -> Duration {
 }
 
 impl Compiler<'_> {
-    /// The frame formats.
+    /// Compiles the frame formats.
     pub(super) fn frames(&mut self, line: LineConfig, protocol: Option<Protocol>) -> Vec<Framing> {
         let specs = &self.schema.frame.0;
         match protocol {
@@ -136,7 +136,7 @@ impl Compiler<'_> {
         closing
     }
 
-    /// Whether an empty line, or one of line ends alone, is a message of this format.
+    /// Whether an empty line, or a line of line ends only, is a message of this format.
     fn has_blank(&self, name: &str) -> bool {
         let first = self.schema.frame.0.first();
         let is_first = first.is_some_and(|first| first.name == name);
@@ -152,7 +152,7 @@ impl Compiler<'_> {
         texts.any(|text| text.is_empty() || text.starts_with(['\r', '\n']))
     }
 
-    /// What the length field means needs to know what stands behind the body.
+    /// Computes the base of the length field, which depends on the bytes behind the body.
     fn finish_length(&mut self, key: &str, spec: &FrameSpec, framing: &mut Framing) {
         let (Cut::Length(length), Some(field)) = (&mut framing.cut, &spec.length) else {
             return;
@@ -378,7 +378,7 @@ impl Compiler<'_> {
     }
 }
 
-/// The frames of a protocol that the tool knows.
+/// The frame format of a built-in protocol.
 fn of_protocol(protocol: Protocol, line: LineConfig) -> Framing {
     let (name, width) = match protocol {
         Protocol::ModbusRtu => ("CRC-16/MODBUS", 2),

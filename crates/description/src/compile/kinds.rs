@@ -8,7 +8,7 @@ use crate::schema::message::FieldSpec;
 use crate::schema::wire::Endian;
 use crate::value::Value;
 
-/// Types besides numbers, for messages.
+/// Types other than numbers, for error messages.
 const TYPES: &str = "u8, u16, u24, u32, u64, i8 .. i64, f32, f64, b1 .. b64, bcd, bcdle, decimal, hex, \
     str, strz, bytes, pad, group, switch";
 

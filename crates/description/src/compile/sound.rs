@@ -1,4 +1,4 @@
-//! What a description as a whole must be: it can answer, and its messages can be told apart.
+//! Checks of a whole description: the device can answer, and its messages are distinguishable.
 
 use super::Compiler;
 use crate::behaviour::Trigger;
@@ -8,11 +8,11 @@ use crate::message::Message;
 use crate::schema::message::From;
 use crate::value::Record;
 
-/// Examples by which messages are told apart.
+/// Number of examples that are used to distinguish messages.
 const EXAMPLES: u64 = 12;
 
 impl Compiler<'_> {
-    /// Notes what cannot be.
+    /// Records errors in the description as a whole.
     pub(super) fn check(&mut self, description: &Description) {
         self.check_that_it_acts(description);
         self.check_messages(description);
@@ -30,7 +30,7 @@ impl Compiler<'_> {
                 [program]";
             self.wrong("name", message);
         }
-        // What a catch-all takes, later entries never see.
+        // Later entries never see the messages of a catch-all entry.
         let mut taken: Vec<Trigger> = Vec::new();
         for (index, on) in description.on.iter().enumerate() {
             let is_taken = taken.contains(&on.trigger)
@@ -47,8 +47,8 @@ impl Compiler<'_> {
         }
     }
 
-    /// A message of which every example is taken for an earlier one can never arrive; one that does
-    /// not come back as it was cannot be spoken.
+    /// Records an error for each message that is always mistaken for an earlier one, or that does
+    /// not decode to the values that were encoded.
     fn check_messages(&mut self, description: &Description) {
         let messages = &description.messages;
         for (index, message) in messages.iter().enumerate() {
@@ -83,7 +83,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// Why an example of a message does not come back, if so.
+    /// The reason why an example does not decode to its own values, if it does not.
     fn misread(
         &self,
         description: &Description,
@@ -92,7 +92,8 @@ impl Compiler<'_> {
         body: &[u8],
     ) -> Option<String> {
         if message.decode(body).is_none() {
-            // A condition or a size that depends on the state can fail here and be sound there.
+            // A condition or size that depends on the state can fail here and be valid in the
+            // device.
             let is_pure = message.encode(&Nothing).failed.is_empty();
             return is_pure.then(|| {
                 format!(
@@ -132,7 +133,7 @@ impl Compiler<'_> {
     }
 }
 
-/// A small generator, so that the same file is always judged alike.
+/// A small generator with a fixed seed, so that a file always gets the same result.
 fn xorshift(seed: u64) -> impl FnMut() -> u64 {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     move || {

@@ -1,4 +1,4 @@
-//! `[state]` and `[registers]`: variables, where they come from, where they lie.
+//! `[state]` and `[registers]`: variables, their sources, and their addresses.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::state::{Recording, Source, Variable};
 use crate::value::Value;
 use span::Span;
 
-/// Time for which noise stays, if a file does not say.
+/// Time for which a noise value stays if the file does not set it.
 const NOISE: Duration = Duration::from_millis(100);
 
 impl Compiler<'_> {
@@ -357,7 +357,7 @@ impl Compiler<'_> {
         }
     }
 
-    /// The expressions of variables that are computed, now that all names are known.
+    /// Compiles the expressions of computed variables, after all names are known.
     pub(super) fn computed(&mut self) {
         let schema = self.schema;
         let mut found: Vec<(String, &str, &str)> = Vec::new();

@@ -1,4 +1,4 @@
-//! Answers of a device held against those of its twins.
+//! Comparison of a device's answers with those of its twins.
 
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,7 +13,7 @@ use crate::schema::wire::Endian;
 use crate::speak::Asks;
 use crate::value::Value;
 
-/// Values at one place.
+/// All values at one place.
 #[derive(Debug, Default)]
 pub(super) struct Samples<'a>(Vec<&'a Seen>);
 
@@ -27,12 +27,12 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// What values may be.
+/// The allowed range of values.
 struct Range {
     least: f64,
     most: f64,
     margin: f64,
-    /// They grow from twin to twin: a counter, which may be anywhere above.
+    /// Values grow from twin to twin, as a counter does: the device's value has no upper limit.
     is_rising: bool,
 }
 
@@ -93,7 +93,8 @@ pub(super) fn judge(
     }
 }
 
-/// Whether the description answers a request. What is asked to be refused may stay without a reply.
+/// Whether the description answers a request. A reply to a request that should be refused is
+/// optional.
 fn is_answered(probe: &Probe) -> bool {
     let has_reply = match &probe.asks {
         Some(Asks::Messages(replies)) => !replies.is_empty(),
@@ -135,7 +136,7 @@ fn difference(kind: Kind, place: &str, expected: String, found: String) -> Diffe
     }
 }
 
-/// Labels of answers, as a text.
+/// The labels of answers, joined as text.
 fn labels(answers: &[Answer]) -> String {
     let labels: Vec<_> = answers.iter().map(|answer| answer.label.as_str()).collect();
     match &labels[..] {
@@ -148,7 +149,7 @@ fn answers(probe: &Probe, expected: &[&[Answer]], found: &[Answer]) -> Option<Di
     let is_like = |other: &&&[Answer]| labels(other) == labels(found);
     if let Some(like) = expected.iter().find(is_like) {
         let lens = |answers: &[Answer]| answers.iter().map(|answer| answer.len).collect::<Vec<_>>();
-        // Lengths that differ between the twins are no rule.
+        // A length that differs between the twins gives no rule.
         let is_fixed = expected.iter().all(|other| lens(other) == lens(like));
         let differs = is_fixed && lens(like) != lens(found);
         return differs.then(|| {
@@ -170,7 +171,7 @@ fn answers(probe: &Probe, expected: &[&[Answer]], found: &[Answer]) -> Option<Di
     Some(difference(kind, &probe.place, labels(first), labels(found)))
 }
 
-/// How often messages came by themselves.
+/// Compares the number of unsolicited messages.
 fn periods(
     expected: &[&[Answer]],
     found: &[Answer],
@@ -200,7 +201,7 @@ fn periods(
                 (least.min(count), most.max(count))
             });
         let count = of(&found);
-        // One more or less, and a fifth.
+        // Tolerance: one message and a fifth.
         let fits = count + 1 + least / 5 >= least && count <= most + 1 + most / 5;
         if !fits {
             let words = |count: usize| format!("{count} in {} s", time.as_secs_f64());
@@ -271,11 +272,11 @@ fn values(twins: &[Vec<Vec<Answer>>], found: &[Vec<Answer>], out: &mut BTreeSet<
     }
 }
 
-/// Differences from values on which all twins agree at the same request, by their places.
+/// Differences from values on which all twins agree for the same request, by place.
 fn certain(twins: &[Vec<Vec<Answer>>], found: &[Vec<Answer>]) -> BTreeMap<String, Difference> {
     let mut differences = BTreeMap::new();
     for (at, answers) in found.iter().enumerate() {
-        // A reply of several frames has a place several times.
+        // A reply of several frames contains a place several times.
         let mut times: BTreeMap<&str, usize> = BTreeMap::new();
         for seen in answers.iter().flat_map(|answer| &answer.fields) {
             let time = times.entry(&seen.place).or_default();
@@ -301,7 +302,7 @@ fn certain(twins: &[Vec<Vec<Answer>>], found: &[Vec<Answer>]) -> BTreeMap<String
     differences
 }
 
-/// Whether two values are the same, as far as the device can write them.
+/// Whether two values are equal within the resolution of the device.
 fn is_same(one: &Seen, other: &Seen) -> bool {
     match (one.value.as_f64(), other.value.as_f64()) {
         (Some(a), Some(b)) => (a - b).abs() <= near(&[a, b], one) || a.is_nan() && b.is_nan(),
@@ -309,7 +310,7 @@ fn is_same(one: &Seen, other: &Seen) -> bool {
     }
 }
 
-/// By how much numbers may differ and still be the same.
+/// The tolerance within which numbers count as equal.
 fn near(numbers: &[f64], seen: &Seen) -> f64 {
     let count = seen.raw.as_ref().map_or(0.0, |raw| raw.scale[0].abs());
     let is_float = matches!(seen.value, Value::Float(_));
@@ -318,7 +319,7 @@ fn near(numbers: &[f64], seen: &Seen) -> f64 {
         .fold(0.0_f64, |most, number| most.max(number.abs()));
     match (is_float, &seen.raw) {
         (false, _) => 0.0,
-        // Whole counts.
+        // Whole counts differ by at least one.
         (true, Some(raw)) if raw.number.kind != NumberKind::Float => 0.5 * count,
         (true, _) => 1e-6 * size,
     }
@@ -333,7 +334,7 @@ fn value(place: &str, expected: &[&Samples<'_>], own: &Samples<'_>) -> Option<Di
             .map(|seen| &seen.value)
             .collect();
         let other = own.0.iter().find(|seen| !known.contains(&&seen.value))?;
-        // Values that differ between the twins are no rule.
+        // A value that differs between the twins gives no rule.
         let is_fixed = expected.windows(2).all(|pair| {
             let values = |twin: &Samples<'_>| {
                 twin.0
@@ -397,7 +398,7 @@ fn value(place: &str, expected: &[&Samples<'_>], own: &Samples<'_>) -> Option<Di
     Some(difference(Kind::Value, place, range.words(), shown))
 }
 
-/// Factors by which counts are worth more or less elsewhere.
+/// Wrong scale factors that are recognised.
 const FACTORS: [f64; 14] = [
     0.1,
     10.0,
@@ -421,7 +422,7 @@ fn of(number: Number, raw: &Raw) -> f64 {
     count.unwrap_or(f64::NAN) * scale + offset
 }
 
-/// The other orders of a number's bytes.
+/// The other byte orders of a number.
 fn orders(number: Number) -> Vec<Number> {
     let ends = [Endian::Little, Endian::Big];
     let all = ends.into_iter().flat_map(|endian| {
@@ -435,7 +436,7 @@ fn orders(number: Number) -> Vec<Number> {
         .collect()
 }
 
-/// What the twins say that values may be.
+/// The range of values that the twins allow.
 fn range(numbers: &[Vec<f64>], own: &Samples<'_>) -> Option<Range> {
     let all = || {
         numbers
@@ -460,7 +461,7 @@ fn range(numbers: &[Vec<f64>], own: &Samples<'_>) -> Option<Range> {
     let near = own.0.first().map_or(0.0, |seen| near(&[least, most], seen));
     let margin = match width <= 2.0 * near {
         true => near,
-        // Samples of noise rarely reach its ends.
+        // Noise samples rarely reach the ends of the distribution.
         false => 2.0 * width + count,
     };
     Some(Range {

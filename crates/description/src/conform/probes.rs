@@ -1,5 +1,5 @@
-//! What a device is asked: each request with usual values and with values at and beyond limits,
-//! damaged and unknown frames, addresses that it does not have.
+//! Probes: each request with usual values and with values at and beyond limits, damaged and unknown
+//! frames, other addresses.
 
 use core::time::Duration;
 
@@ -12,28 +12,28 @@ use crate::schema::message::From;
 use crate::speak::{self, Asks, Request};
 use crate::value::{Record, Value};
 
-/// Something that a device is asked.
+/// A request that is sent to the device.
 #[derive(Clone, Debug)]
 pub(super) struct Probe {
-    /// The request by its name, for reports.
+    /// The name of the request, for reports.
     pub(super) place: String,
     pub(super) bytes: Vec<u8>,
     pub(super) asks: Option<Asks>,
-    /// It may change what the device does.
+    /// Whether the request may change the device's state.
     pub(super) changes: bool,
-    /// For how long the device is listened to, if not for the time of a reply.
+    /// Listening time, if not the time of a reply.
     pub(super) listen: Option<Duration>,
-    /// The register whose bytes the reply holds, by its index in the table.
+    /// Index in the table of the register whose bytes the reply holds.
     pub(super) cell: Option<usize>,
-    /// It may stay without a reply.
+    /// Whether a missing reply is allowed.
     pub(super) is_strange: bool,
 }
 
-/// How often each plain request is sent: latencies and measured values need several.
+/// Repetitions of each plain request: latencies and measured values need several samples.
 const REPEATS: usize = 4;
-/// Examples of each message.
+/// Number of examples of each message.
 const EXAMPLES: usize = 3;
-/// Longest time for which the device is listened to.
+/// Maximum listening time.
 const LISTEN_MAX: Duration = Duration::from_secs(10);
 
 pub(super) fn of(description: &Description) -> Vec<Probe> {
@@ -71,7 +71,7 @@ impl Probe {
         }
     }
 
-    /// As one that may stay without a reply.
+    /// Allows the reply to be missing.
     fn strange(self) -> Self {
         Self {
             is_strange: true,
@@ -80,7 +80,7 @@ impl Probe {
     }
 }
 
-/// A small generator: the same probes on each run.
+/// A small generator with a fixed seed: each run sends the same probes.
 fn dice(seed: u64) -> impl FnMut(u64) -> u64 {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     move |below| {
@@ -108,7 +108,7 @@ fn messages(of: &Description, probes: &mut Vec<Probe>) {
                     examples.push(example);
                 }
             }
-            // Such as a request for another address.
+            // For example a request for another address.
             if !examples.contains(&plain) {
                 strange.push(plain);
             }
@@ -136,7 +136,8 @@ fn messages(of: &Description, probes: &mut Vec<Probe>) {
     }
 }
 
-/// Requests for each register of a table that messages read and write, and behind its end.
+/// Requests for each register of a table that messages read and write, and for an address behind
+/// its end.
 fn table(of: &Description, message: &Message, like: Option<&Record>, probes: &mut Vec<Probe>) {
     let (Some(like), Some(registers)) = (like, &of.registers) else {
         return;
@@ -208,7 +209,7 @@ fn outside(cell: &Cell, [least, most]: [f64; 2]) -> Vec<Value> {
     values.into_iter().filter(holds).collect()
 }
 
-/// Whether a message changes what the device does.
+/// Whether a message changes the device's state.
 fn changes(of: &Description, message: usize) -> bool {
     let fits =
         |trigger: Trigger| trigger == Trigger::Message(message) || trigger == Trigger::AnyMessage;
@@ -223,7 +224,7 @@ fn changes(of: &Description, message: usize) -> bool {
         .any(|after| fits(after.trigger) && !after.deed.set.is_empty())
 }
 
-/// Values of which one is beyond the limits of its field, with the field's name.
+/// Records in which one value is beyond the limits of its field, with the name of the field.
 fn beyond(message: &Message, values: &Record) -> Vec<(String, Record)> {
     let mut all = Vec::new();
     for (name, _) in &values.0 {
@@ -243,7 +244,7 @@ fn beyond(message: &Message, values: &Record) -> Vec<(String, Record)> {
     all
 }
 
-/// The least by which values of a field differ.
+/// The smallest difference between two values of a field.
 fn step(field: &Field) -> f64 {
     field.scale.map_or(1.0, |[scale, _]| scale.abs())
 }
@@ -281,7 +282,7 @@ fn modbus(of: &Description, probes: &mut Vec<Probe>) {
                     write(Value::Float(value), place);
                 }
             }
-            // As it was.
+            // Restore the initial value.
             write(variable.initial.clone(), format!("write {}", variable.name));
         }
         let end = table.cells.last().map_or(0, |cell| cell.at + cell.len);
@@ -304,7 +305,7 @@ fn value_of(cell: &Cell, share: f64) -> Value {
         (CellKind::Number(_), Some([least, most])) => {
             let value = least + (most - least) * share;
             Value::Float(match cell.scale {
-                // A whole count.
+                // Round to a whole count.
                 Some([scale, offset]) => ((value - offset) / scale).round() * scale + offset,
                 None => value.round(),
             })
@@ -319,7 +320,7 @@ fn value_of(cell: &Cell, share: f64) -> Value {
     }
 }
 
-/// Frames that no sound driver sends.
+/// Frames that a correct driver never sends.
 fn damaged(of: &Description, probes: &mut Vec<Probe>) {
     let sound = probes
         .iter()
@@ -344,7 +345,7 @@ fn damaged(of: &Description, probes: &mut Vec<Probe>) {
     if sound.len() > 2 {
         probes.push(probe("half a frame", sound[..sound.len() / 2].to_vec()));
     }
-    // It still answers after that.
+    // The device must still answer afterwards.
     probes.push(Probe {
         place: "a request after a damaged frame".to_owned(),
         asks: probes

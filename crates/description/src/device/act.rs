@@ -1,4 +1,4 @@
-//! What a device does: replies, changes of state, timers.
+//! The actions of a device: replies, state changes, timers.
 
 use core::time::Duration;
 
@@ -18,12 +18,12 @@ use crate::schema::message::From;
 use crate::state::Reading;
 use crate::value::{Record, Value};
 
-/// Something that is to be done at a time.
+/// An action that is due at a set time.
 #[derive(Clone, Debug)]
 pub(super) struct Timer {
     pub(super) at: Instant,
     what: Timed,
-    /// Fields of the message that began it.
+    /// Fields of the message that started the timer.
     request: Record,
 }
 
@@ -33,11 +33,11 @@ enum Timed {
     After(usize),
 }
 
-/// Timers at most: each message can begin one.
+/// Maximum number of timers: each message can start one.
 const TIMERS_MAX: usize = 256;
 
 impl Timer {
-    /// The timers of a device that is up at `up`.
+    /// The timers of a device that has started at `up`.
     pub(super) fn of(description: &Description, up: Instant) -> Vec<Self> {
         let every = description.every.iter().enumerate();
         let timers = every.map(|(index, every)| Self {
@@ -49,13 +49,13 @@ impl Timer {
     }
 }
 
-/// A device at work in its world.
+/// A device that acts in its world.
 pub(super) struct Doer<'a> {
     pub(super) device: &'a mut Described,
     pub(super) world: &'a World,
 }
 
-/// What expressions of behaviour see: fields of a request, then the state.
+/// The scope of behaviour expressions: fields of a request, then the state.
 struct Seen<'a> {
     request: &'a Record,
     reading: Reading<'a>,
@@ -85,7 +85,7 @@ impl Scope for Seen<'_> {
     }
 }
 
-/// What a message is filled from: what is given, then the state, then the request.
+/// The scope that fills a message: explicit values, then the state, then the request.
 struct Filled<'a> {
     given: Record,
     seen: Seen<'a>,
@@ -147,7 +147,7 @@ impl Doer<'_> {
             .repeated(at, EventKind::Violation, rule, || detail);
     }
 
-    /// A frame that is no Modbus.
+    /// Handles a frame of a protocol other than Modbus.
     pub(super) fn message(&mut self, at: Instant, frame: &Frame, body: &[u8]) {
         let description = self.device.description.clone();
         let Some((index, request)) = description.decode(frame.format, body, From::Host) else {
@@ -191,7 +191,7 @@ impl Doer<'_> {
             .repeated(at, EventKind::Note, "not-answered", || detail);
     }
 
-    /// Does what an entry says.
+    /// Executes an entry.
     fn react(&mut self, at: Instant, on: &On, request: &Record) {
         if let Some(rule) = on.violation {
             let detail = Value::Record(request.clone()).to_string();
@@ -214,7 +214,7 @@ impl Doer<'_> {
         self.send(at, due, &on.deed, request);
     }
 
-    /// The time to a reply, with chance and faults.
+    /// The time until a reply, with jitter and faults.
     fn latency(&mut self, latency: Duration, jitter: Option<Duration>) -> Duration {
         let by_chance = match jitter {
             None => Duration::ZERO,
@@ -235,7 +235,7 @@ impl Doer<'_> {
         }
     }
 
-    /// Writes to the table of bytes; `false` if it was refused.
+    /// Writes to the table of bytes; `false` if the write is refused.
     fn write(&mut self, at: Instant, address: &Expr, data: &Expr, request: &Record) -> bool {
         let address = self
             .eval(at, address, request)
@@ -294,7 +294,7 @@ impl Doer<'_> {
         }
     }
 
-    /// A Modbus frame with its address.
+    /// Handles a Modbus frame with its address.
     pub(super) fn modbus(&mut self, at: Instant, body: &[u8]) {
         let Some((&address, request)) = body.split_first() else {
             return;
@@ -338,7 +338,7 @@ impl Doer<'_> {
         }
     }
 
-    /// Begins what is done some time after `trigger`.
+    /// Starts the timers of `trigger`.
     fn begin_timers(&mut self, at: Instant, trigger: Trigger, request: &Record) {
         let description = self.device.description.clone();
         for (index, after) in description.after.iter().enumerate() {
@@ -363,7 +363,7 @@ impl Doer<'_> {
         }
     }
 
-    /// Does what is due by `now`, in the order of time.
+    /// Executes all actions that are due by `now`, in order of time.
     pub(super) fn run_timers(&mut self, now: Instant) {
         let due = |timers: &[Timer]| {
             let due = timers
@@ -384,7 +384,7 @@ impl Doer<'_> {
                         None => Duration::ZERO,
                         Some(most) => most.mul_f64(self.device.dice.uniform()),
                     };
-                    // A late poll sends no messages of the past.
+                    // After a late poll, messages of the past are skipped.
                     let next = Timer {
                         at: (timer.at + every.period).max(now),
                         ..timer.clone()
@@ -406,7 +406,7 @@ impl Doer<'_> {
         }
     }
 
-    /// Deals with what happened.
+    /// Processes queued events.
     pub(super) fn run_events(&mut self, now: Instant) {
         while let Some((at, event)) = self.device.events.pop_front() {
             self.run_events_of(at.max(Instant::ZERO).min(now), event, &Record::default());
@@ -424,7 +424,7 @@ impl Doer<'_> {
         }
     }
 
-    /// Sends the messages of a deed at `due`.
+    /// Sends the messages of an action at `due`.
     fn send(&mut self, at: Instant, due: Instant, deed: &Deed, request: &Record) {
         let description = self.device.description.clone();
         for &index in &deed.send {
@@ -467,7 +467,7 @@ impl Doer<'_> {
 }
 
 impl Described {
-    /// The watchdog.
+    /// Checks the watchdog.
     pub(super) fn watch(&mut self, now: Instant) {
         if let Some(at) = self.watchdog_at.take_if(|at| *at <= now) {
             if self.state.make_safe() {

@@ -1,4 +1,4 @@
-//! What can go wrong with a described device: what all have, and what it says itself.
+//! Faults of a described device: the common ones and those of the description.
 
 use core::time::Duration;
 
@@ -8,21 +8,21 @@ use protocols::Instant;
 use super::Described;
 use crate::state::{Change, Overlay, State};
 
-/// Factor of `wrong` if a scenario does not say.
+/// Factor of the fault `wrong` if the scenario sets none.
 const WRONG: f64 = 1.2;
-/// Factor of `slow` if a scenario does not say.
+/// Factor of the fault `slow` if the scenario sets none.
 const SLOW: f64 = 10.0;
 
-/// The faults that last now, with their figures.
+/// The active faults with their figures.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Faults {
     active: Vec<(&'static str, Option<f64>)>,
-    /// Variables are to be frozen at the next poll, when the world can be seen.
+    /// Whether variables must be frozen at the next poll, which has access to the world.
     is_changed: bool,
 }
 
 impl Faults {
-    /// Whether the device has no supply.
+    /// Whether the device has no power.
     pub(super) fn is_off(&self) -> bool {
         self.figure("off").is_some()
     }
@@ -34,7 +34,7 @@ impl Faults {
 }
 
 impl Described {
-    /// A fault begins or ends.
+    /// Begins or ends a fault.
     pub(super) fn change_fault(
         &mut self,
         now: Instant,
@@ -63,7 +63,7 @@ impl Described {
         }
     }
 
-    /// Lays what faults do to values over the state.
+    /// Applies the effects of active faults to the state.
     pub(super) fn lay_faults(&mut self, now: Instant, world: &World) {
         if !core::mem::take(&mut self.faults.is_changed) {
             return;
@@ -122,17 +122,17 @@ impl Described {
         own.filter(|own| self.faults.figure(own.name).is_some())
     }
 
-    /// Whether a fault keeps it from sending.
+    /// Whether a fault stops transmission.
     pub(super) fn is_mute(&self) -> bool {
         self.own_faults().any(|own| own.is_mute)
     }
 
-    /// How much later than usual it is.
+    /// The delay that faults add.
     pub(super) fn delayed(&self) -> Duration {
         self.own_faults().map(|own| own.late).sum()
     }
 
-    /// A latency with what faults add.
+    /// A latency with the effects of faults.
     pub(super) fn slowed(&self, latency: Duration) -> Duration {
         let factor = self
             .faults
@@ -141,14 +141,14 @@ impl Described {
         latency.mul_f64(factor.clamp(0.0, 1e6)) + self.delayed()
     }
 
-    /// What is sent in place of a message.
+    /// The replacement of a message.
     pub(super) fn replaced(&self, message: usize) -> usize {
         let mut pairs = self.own_faults().flat_map(|own| own.replace.iter());
         let found = pairs.find(|(from, _)| *from == message);
         found.map_or(message, |(_, to)| *to)
     }
 
-    /// A frame as faults leave it.
+    /// A frame with the damage of active faults.
     pub(super) fn spoiled(&mut self, format: usize, mut frame: Vec<u8>) -> Vec<u8> {
         if self.own_faults().any(|own| own.is_bad_checksum) {
             self.description.frames.spoil(format, &mut frame);
@@ -161,7 +161,7 @@ impl Described {
         frame
     }
 
-    /// The bytes that a start makes.
+    /// Sends the garbage bytes of a restart.
     pub(super) fn send_garbage(&mut self, now: Instant) {
         let count: usize = self.own_faults().map(|own| own.garbage).sum();
         if count > 0 {

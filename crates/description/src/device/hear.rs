@@ -1,4 +1,4 @@
-//! From bytes to messages, and what a driver does wrong on the way.
+//! Reception: from bytes to messages, with the driver's errors.
 
 use protocols::{Decode, FrameError, Instant};
 
@@ -10,7 +10,7 @@ use crate::schema::behaviour::EventSpec;
 use crate::schema::message::From;
 
 impl Doer<'_> {
-    /// Takes what came in.
+    /// Processes the received bytes.
     pub(super) fn hear(&mut self, now: Instant) {
         while let Some((at, bytes)) = self.device.inbox.pop_front() {
             if at > now {
@@ -33,7 +33,7 @@ impl Doer<'_> {
         self.end_of_silence(now);
     }
 
-    /// The line was quiet until `now`, if the last byte is so old.
+    /// Ends a frame if the line was silent for long enough before `now`.
     fn end_of_silence(&mut self, now: Instant) {
         let Some(at) = self.device.quiet_at.filter(|at| *at <= now) else {
             return;
@@ -47,14 +47,14 @@ impl Doer<'_> {
         self.cut(at, &[]);
     }
 
-    /// A byte, which ended at `end`; `is_last` of those that came together.
+    /// Processes a byte that ended at `end`; `is_last` marks the last byte of a chunk.
     fn byte(&mut self, end: &dyn Fn() -> Instant, byte: u8, is_last: bool) {
         let device = &mut *self.device;
         if device.description.is_half_duplex {
             let at = end();
             let started = device.description.line.byte_end(at, 1);
             let is_waiting = !device.pending.is_empty();
-            // Times of bytes are rounded. No receiver sees an overlap of less than a bit.
+            // Byte times are rounded. No receiver detects an overlap of less than a bit.
             let line = device.description.line;
             let bit = line.byte_time() / line.bits_per_byte();
             if is_waiting || started + bit < device.sending_until {
@@ -70,12 +70,12 @@ impl Doer<'_> {
                 );
             }
         }
-        // When it ended is worked out only where it is seen.
+        // The end time is computed only where it is used.
         if is_last {
             device.heard(end());
         }
         if device.is_silence_framed {
-            // A frame that is too long stays wrong, whatever else comes.
+            // A frame that is too long stays invalid, whatever bytes follow.
             if device.silent.len() <= crate::framing::FRAME_MAX {
                 device.silent.push(byte);
             }
@@ -89,7 +89,7 @@ impl Doer<'_> {
         }
     }
 
-    /// A frame that a silence has ended.
+    /// Processes a frame that ended with a silence.
     fn silent_frame(&mut self, at: Instant, bytes: &[u8]) {
         if bytes.is_empty() {
             return;
@@ -102,7 +102,7 @@ impl Doer<'_> {
         }
     }
 
-    /// Feeds the decoder.
+    /// Feeds bytes to the decoder.
     fn cut(&mut self, at: Instant, bytes: &[u8]) {
         let mut rest = bytes;
         if let Some(outcome) = self.device.cutter.step(&mut rest) {
@@ -110,7 +110,7 @@ impl Doer<'_> {
         }
     }
 
-    /// Deals with what the decoder found, and what else it finds in `rest`.
+    /// Processes the decoder's result, and further results from `rest`.
     fn outcomes(&mut self, at: Instant, first: Result<Frame, FrameError>, mut rest: &[u8]) {
         let mut first_error = None;
         let mut next = Some(first);
@@ -122,7 +122,8 @@ impl Doer<'_> {
                     }
                     self.frame(at, &frame);
                 }
-                // The rest of a damaged frame makes errors of its own; the first one says why.
+                // The rest of a damaged frame causes further errors; the first error gives the
+                // reason.
                 Err(error) => first_error = first_error.or(Some(error)),
             }
             next = self.device.cutter.step(&mut rest);

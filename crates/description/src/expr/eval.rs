@@ -1,4 +1,4 @@
-//! The value of a tree.
+//! Evaluation of a tree.
 
 use core::cmp::Ordering;
 
@@ -11,7 +11,7 @@ fn error(message: impl Into<String>) -> ExprError {
 }
 
 impl Node {
-    /// Its value.
+    /// Evaluates the node.
     pub(super) fn eval(&self, scope: &dyn Scope) -> Result<Value, ExprError> {
         match self {
             Self::Const(value) => Ok(value.clone()),
@@ -364,7 +364,7 @@ fn call(function: Function, arguments: &[Value], scope: &dyn Scope) -> Result<Va
     }
 }
 
-/// The one of two that is greater, or less.
+/// The greater or the lesser of two values.
 fn pick(left: &Value, right: &Value, wanted: Ordering) -> Result<Value, ExprError> {
     let found = compare(left, right);
     let found = found.ok_or_else(|| {

@@ -4,7 +4,7 @@ use super::{Binary, Expr, Function, Node, Unary};
 use crate::lua::{literal, quoted};
 
 impl Expr {
-    /// The expression in Lua; names are asked of `s`.
+    /// Translates the expression to Lua; names are looked up in `s`.
     pub(crate) fn lua(&self) -> String {
         self.root.lua()
     }
@@ -42,7 +42,7 @@ impl Node {
             }
             Self::Choice(parts) => {
                 let [condition, yes, no] = &**parts;
-                // A function, as "and .. or" would take the other branch for a false one.
+                // A function, because `and .. or` takes the other branch if the value is false.
                 format!(
                     "(function() if D.truth({}) then return {} end return {} end)()",
                     condition.lua(),

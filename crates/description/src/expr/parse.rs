@@ -1,11 +1,11 @@
-//! From text to a tree, by the order of operators.
+//! Parser with operator precedence.
 
 use super::{Binary, ExprError, Function, Node, Unary};
 use crate::value::Value;
 
-/// Nesting at most: what is read and computed recursively must fit the stack.
+/// Maximum nesting: recursive parsing and evaluation must fit the stack.
 const DEPTH_MAX: usize = 48;
-/// Characters at most, for the same reason: a chain of operators is a tree that leans over.
+/// Maximum number of characters, for the same reason: a chain of operators is a deep tree.
 const LEN_MAX: usize = 1_000;
 
 type Constant<'a> = &'a dyn Fn(&str, &str) -> Option<Value>;
@@ -37,7 +37,7 @@ pub(super) fn parse(source: &str, constant: Constant<'_>) -> Result<Node, ExprEr
     }
 }
 
-/// Operators of two operands, the loosest first; a longer one stands before its beginning.
+/// Binary operators by precedence, lowest first; a longer operator precedes its own prefix.
 const LEVELS: [&[(&str, Binary)]; 7] = [
     &[
         ("==", Binary::Equal),
@@ -87,7 +87,7 @@ impl<'a> Parser<'a> {
         ExprError { column, message }
     }
 
-    /// Takes `symbol` if it comes next.
+    /// Consumes `symbol` if it is next.
     fn take(&mut self, symbol: &str) -> bool {
         self.space();
         let is_next = self.rest().starts_with(symbol);
@@ -104,7 +104,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Takes the word `word` if it comes next.
+    /// Consumes the word `word` if it is next.
     fn take_word(&mut self, word: &str) -> bool {
         self.space();
         let is_next = self.word() == word;
@@ -114,7 +114,7 @@ impl<'a> Parser<'a> {
         is_next
     }
 
-    /// The name that comes next, or nothing.
+    /// The next name; empty if there is none.
     fn word(&self) -> &'a str {
         let rest = self.rest();
         let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
@@ -191,7 +191,7 @@ impl<'a> Parser<'a> {
             let Some(behind) = rest.strip_prefix(symbol) else {
                 return false;
             };
-            // `||` and `&&` are operators of their own; `<` is not the beginning of `<<`.
+            // `||` and `&&` are separate operators; `<` is not the beginning of `<<`.
             let is_doubled = symbol.len() == 1 && behind.starts_with(symbol);
             !(is_doubled && "|&<>".contains(symbol))
         };

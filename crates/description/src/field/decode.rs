@@ -1,4 +1,4 @@
-//! Values of bytes.
+//! Decoding of bytes into values.
 
 use super::{Field, Kind, Nested, Size};
 use crate::expr::Scope;
@@ -6,7 +6,7 @@ use crate::framing::hex_bytes;
 use crate::number::{Number, NumberKind};
 use crate::value::{Record, Value};
 
-/// The values of `bytes` if they are these fields, all of them and nothing else.
+/// Decodes `bytes` if the fields consume all of them.
 pub(crate) fn decode(fields: &[Field], bytes: &[u8], scope: &dyn Scope) -> Option<Record> {
     let mut reader = Reader::of(bytes);
     let mut record = Record::default();
@@ -14,7 +14,7 @@ pub(crate) fn decode(fields: &[Field], bytes: &[u8], scope: &dyn Scope) -> Optio
     (reader.bytes.is_empty() && reader.bit == 0).then_some(record)
 }
 
-/// A number within bytes.
+/// The position of a number within bytes.
 #[derive(Clone, Debug)]
 pub(crate) struct Place {
     pub(crate) at: usize,
@@ -23,7 +23,7 @@ pub(crate) struct Place {
     pub(crate) limits: Option<[f64; 2]>,
 }
 
-/// The places of the numbers in `bytes` if they are these fields; constants are left out.
+/// The positions of all numbers in `bytes` if the fields fit; constants are left out.
 pub(crate) fn places(fields: &[Field], bytes: &[u8]) -> Vec<Place> {
     let mut reader = Reader {
         places: Some(Vec::new()),
@@ -33,7 +33,7 @@ pub(crate) fn places(fields: &[Field], bytes: &[u8]) -> Vec<Place> {
     read.map_or_else(Vec::new, |()| reader.places.unwrap_or_default())
 }
 
-/// The value of a number of a register.
+/// The value of a number in a register.
 pub(crate) fn number_value(number: Number, bytes: &[u8]) -> Value {
     let bits = number.bits(bytes);
     match number.kind {
@@ -44,11 +44,11 @@ pub(crate) fn number_value(number: Number, bytes: &[u8]) -> Value {
 
 struct Reader<'a> {
     bytes: &'a [u8],
-    /// Bits of the first byte that were read.
+    /// Number of bits of the first byte that have been read.
     bit: u8,
-    /// How many bytes there were.
+    /// Number of bytes at the start.
     len: usize,
-    /// Where numbers were read, if that is wanted.
+    /// Positions of the numbers read so far, if requested.
     places: Option<Vec<Place>>,
 }
 
@@ -234,7 +234,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Text of a byte a character, without the padding of a fixed size.
+/// Text with one byte per character; the padding of a fixed size is removed.
 fn text_value(bytes: &[u8], is_padded: bool) -> Value {
     let padding = bytes
         .iter()
@@ -245,7 +245,7 @@ fn text_value(bytes: &[u8], is_padded: bool) -> Value {
     Value::Text(text.iter().map(|&byte| char::from(byte)).collect())
 }
 
-/// The fields of the case for `on`.
+/// The fields of the case that `on` selects.
 pub(super) fn choose<'a>(
     on: &Value,
     cases: &'a [(Value, Vec<Field>)],

@@ -1,4 +1,4 @@
-//! Bytes of values.
+//! Encoding of values into bytes.
 
 use std::borrow::Cow;
 
@@ -9,24 +9,24 @@ use crate::framing::hex_text;
 use crate::number::{Number, NumberKind};
 use crate::value::{Record, Value};
 
-/// The bytes of fields, and what of their values did not fit.
+/// The bytes of fields, and the values that did not fit.
 #[derive(Debug, Default)]
 pub(crate) struct Encoding {
     pub(crate) bytes: Vec<u8>,
-    /// Fields whose value was changed because it does not fit: name and value.
+    /// Fields whose value was changed to fit: name and value.
     pub(crate) cut: Vec<(String, Value)>,
-    /// Expressions that could not be computed.
+    /// Expressions that could not be evaluated.
     pub(crate) failed: Vec<String>,
-    /// Bits that wait for the rest of their byte.
+    /// Bits of an incomplete byte.
     bits: [bool; 8],
     bit_count: usize,
     is_low_first: bool,
 }
 
-/// Room for the body of a usual message.
+/// Initial capacity for the body of a usual message.
 const BODY: usize = 64;
 
-/// Writes `fields` with the values of `scope`; what has none is 0 or empty.
+/// Encodes `fields` with the values of `scope`; a field without value becomes 0 or empty.
 pub(crate) fn encode(fields: &[Field], scope: &dyn Scope) -> Encoding {
     let mut encoding = Encoding {
         bytes: Vec::with_capacity(BODY),
@@ -37,14 +37,14 @@ pub(crate) fn encode(fields: &[Field], scope: &dyn Scope) -> Encoding {
     encoding
 }
 
-/// The bytes of a number of a register, and whether the value fits.
+/// The bytes of a number in a register, and whether the value fits.
 pub(crate) fn number_bytes(number: Number, value: &Value) -> (Vec<u8>, bool) {
     let mut out = Vec::new();
     let fits = put_number(number, value, &mut out);
     (out, fits)
 }
 
-/// Writes a number; whether the value fits.
+/// Writes a number; returns whether the value fits.
 pub(crate) fn put_number(number: Number, value: &Value, out: &mut Vec<u8>) -> bool {
     if number.kind == NumberKind::Float {
         let float = value.as_f64();
@@ -62,7 +62,7 @@ pub(crate) fn put_number(number: Number, value: &Value, out: &mut Vec<u8>) -> bo
 
 impl Encoding {
     fn fields(&mut self, fields: &[Field], own: &Record, outer: &dyn Scope) {
-        // What has been written, for expressions over earlier fields.
+        // Values written so far, for expressions over earlier fields.
         let mut written = own.clone();
         for field in fields {
             let scope = Nested {
@@ -103,7 +103,7 @@ impl Encoding {
                         Value::Bytes(bytes) => {
                             bytes.iter().map(|&byte| Value::Int(byte.into())).collect()
                         }
-                        // One value is that of each.
+                        // A single value is repeated for each element.
                         one => {
                             let count = match size {
                                 Size::Rest => usize::from(is_known),
@@ -132,7 +132,7 @@ impl Encoding {
         }
     }
 
-    /// What `field` is to hold; `known` is what `scope` has for it.
+    /// The value that `field` encodes; `known` is its value in `scope`.
     fn value_of(
         &mut self,
         field: &Field,
@@ -285,7 +285,7 @@ impl Encoding {
         }
     }
 
-    /// Writes the bits that wait, as a byte.
+    /// Writes the pending bits as a byte.
     fn flush(&mut self) {
         if self.bit_count == 0 {
             return;
@@ -305,7 +305,7 @@ impl Encoding {
 fn plain_bytes(value: &Value) -> Cow<'_, [u8]> {
     Cow::Owned(match value {
         Value::Bytes(bytes) => return Cow::Borrowed(bytes),
-        // A byte a character, as it is read.
+        // One byte per character, as in decoding.
         Value::Text(text) => text
             .chars()
             .map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?'))
@@ -319,7 +319,7 @@ fn plain_bytes(value: &Value) -> Cow<'_, [u8]> {
     })
 }
 
-/// The last `len` decimal digits, and whether those are all.
+/// The last `len` decimal digits, and whether no digit was cut off.
 fn digits(value: Option<i128>, len: usize) -> (String, bool) {
     let wanted = value.unwrap_or(0);
     let text = format!("{:0len$}", wanted.max(0));

@@ -1,12 +1,12 @@
-//! Values that fields can have, for tests, fuzzing and requests.
+//! Example values of fields, for tests, fuzzing and requests.
 
 use super::decode::choose;
 use super::{Field, Kind, Nested, Size};
 use crate::number::NumberKind;
 use crate::value::{Record, Value};
 
-/// Values that the fields can have, chosen by `choice(n)`, a number below `n`: what is encoded from
-/// them is decoded to the same.
+/// Example values of the fields, selected by `choice(n)`, which returns a number below `n`.
+/// Encoding and decoding the examples gives the same values.
 pub(crate) fn example(fields: &[Field], choice: &mut dyn FnMut(u64) -> u64) -> Record {
     let mut record = Record::default();
     examples(fields, choice, &mut record);
@@ -65,7 +65,8 @@ fn examples(fields: &[Field], choice: &mut dyn FnMut(u64) -> u64, record: &mut R
     }
 }
 
-/// `value` of a field that takes the rest, changed towards `room` bytes where it makes `len` now.
+/// Resizes `value` of a field that takes the rest: it encodes to `len` bytes now and should encode
+/// to `room` bytes.
 pub(crate) fn longer(
     field: &Field,
     value: &Value,
@@ -121,7 +122,7 @@ fn one_example(field: &Field, choice: &mut dyn FnMut(u64) -> u64, record: &Recor
     }
     let raw = match &field.kind {
         Kind::Number(number) => {
-            // The bits of any number, but none that is equal to nothing.
+            // Any bit pattern, except NaN and infinity: NaN is not equal to itself.
             let bits = choice(u64::MAX) >> (64 - 8 * u32::from(number.bytes));
             match number.kind {
                 NumberKind::Float => {
@@ -174,7 +175,7 @@ fn one_example(field: &Field, choice: &mut dyn FnMut(u64) -> u64, record: &Recor
     }
 }
 
-/// A value that the field can have and that lies within limits.
+/// An example value within the limits of the field.
 fn within(field: &Field, least: f64, greatest: f64, choice: &mut dyn FnMut(u64) -> u64) -> Value {
     #[expect(clippy::cast_precision_loss, reason = "at most 1000")]
     let share = choice(1_001) as f64 / 1_000.0;

@@ -1,9 +1,9 @@
-//! The bytes of a frame, without a heap if they are few.
+//! The bytes of a frame; short frames need no heap.
 
 use core::fmt;
 use core::ops::Deref;
 
-/// Longest frame without a heap.
+/// Maximum number of bytes of a frame that is stored without a heap.
 const SHORT_MAX: usize = 40;
 
 /// The bytes of a frame.

@@ -1,4 +1,4 @@
-//! Between the bytes of the wire and the content of a frame: markers, stuffing, digits.
+//! Conversion between the bytes on the wire and the content of a frame: markers, stuffing, digits.
 
 use std::borrow::Cow;
 
@@ -15,7 +15,7 @@ const HDLC_FLAG: u8 = 0x7E;
 const HDLC_ESC: u8 = 0x7D;
 
 impl Stuffing {
-    /// The marker that comes with it.
+    /// The marker that the stuffing implies.
     pub(crate) const fn marker(self) -> Option<u8> {
         match self {
             Self::None => None,
@@ -27,7 +27,7 @@ impl Stuffing {
 }
 
 impl Framing {
-    /// The content of `frame`, a whole one.
+    /// The content of the complete frame `frame`.
     pub(crate) fn content<'a>(&self, frame: &'a [u8]) -> Result<Cow<'a, [u8]>, FrameError> {
         let Cut::Marked {
             start,
@@ -62,7 +62,7 @@ impl Framing {
         }
     }
 
-    /// The bytes on the wire of `content`.
+    /// The bytes on the wire for `content`.
     pub(super) fn wire(&self, content: Vec<u8>) -> Vec<u8> {
         let Cut::Marked {
             start,
@@ -89,7 +89,7 @@ impl Framing {
     }
 }
 
-/// The bytes of hexadecimal digits, two for each.
+/// Decodes pairs of hexadecimal digits.
 pub(crate) fn hex_bytes(digits: &[u8]) -> Option<Vec<u8>> {
     let digit = |byte: u8| {
         char::from(byte)
@@ -103,7 +103,7 @@ pub(crate) fn hex_bytes(digits: &[u8]) -> Option<Vec<u8>> {
     pairs.collect()
 }
 
-/// Bytes as hexadecimal digits in capitals.
+/// Bytes as upper-case hexadecimal digits.
 pub(crate) fn hex_text(bytes: &[u8]) -> Vec<u8> {
     let pairs = bytes.iter().map(|byte| format!("{byte:02X}"));
     pairs.collect::<String>().into_bytes()
@@ -176,7 +176,7 @@ fn cobs(content: &[u8]) -> Vec<u8> {
     let mut out = vec![1];
     let mut code = 0;
     for &byte in content {
-        // A full group is closed only if something follows it.
+        // A full group is closed only if bytes follow.
         if out[code] == 0xFF {
             code = out.len();
             out.push(1);
@@ -213,8 +213,8 @@ fn uncobs(inner: &[u8]) -> Result<Vec<u8>, FrameError> {
 mod tests {
     use super::*;
 
-    /// The examples of the article on COBS in Wikipedia, the SLIP bytes of RFC 1055 and the octet
-    /// stuffing of RFC 1662.
+    /// Examples: the Wikipedia article on COBS, the SLIP bytes of RFC 1055, the octet stuffing of
+    /// RFC 1662.
     #[test]
     fn stuffing_gives_its_published_examples() {
         let examples: [(&[u8], &[u8]); 5] = [

@@ -1,4 +1,4 @@
-//! What bytes are: the described formats behind the machine that serves all decoders.
+//! Recognition of frames: the described formats for the common decoder.
 
 use std::sync::Arc;
 
@@ -13,24 +13,24 @@ use crate::value::Value;
 #[derive(Clone, Debug)]
 pub struct Frames(pub(crate) Arc<Vec<Framing>>, Unused, Looked);
 
-/// How many formats are looked for.
+/// The number of formats that are tried.
 #[derive(Clone, Copy, Debug)]
 enum Looked {
-    /// The one of this index: a frame that was cut out has it.
+    /// Only the format with this index.
     One(usize),
     Many,
 }
 
-/// Formats that are not looked for, a bit for each; those beyond are looked for always.
+/// Formats that are skipped, one bit each; formats beyond the last bit are always tried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Unused {
     bits: u64,
-    /// They are looked for after the others.
+    /// Whether the formats are tried after the others instead.
     are_last: bool,
 }
 
 impl Unused {
-    /// With the format of this index.
+    /// Adds the format with this index.
     pub(crate) fn with(self, index: usize) -> Self {
         let bit = u32::try_from(index)
             .ok()
@@ -41,7 +41,7 @@ impl Unused {
         }
     }
 
-    /// The same formats, to be looked for after the others.
+    /// The same set of formats, to be tried after the others.
     pub(crate) const fn last(self) -> Self {
         Self {
             are_last: true,
@@ -54,12 +54,12 @@ impl Unused {
     }
 }
 
-/// A frame whose checksums hold.
+/// A frame with correct checksums.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frame {
-    /// Which of the formats it has.
+    /// Index of the frame's format.
     pub format: usize,
-    /// All its bytes.
+    /// All bytes of the frame.
     pub bytes: FrameBytes,
 }
 
@@ -72,8 +72,8 @@ pub(crate) fn cutter(frames: Frames) -> Cutter {
 }
 
 impl Frames {
-    /// The first format that wants the bytes. One that still waits keeps later ones from being
-    /// asked, so that the pieces in which bytes come make no difference.
+    /// The first format that accepts the bytes. An incomplete frame blocks later formats, so that
+    /// the result does not depend on the chunks in which bytes arrive.
     fn verdict(&self, bytes: &[u8], is_last: bool) -> (usize, Candidate) {
         if let Looked::One(index) = self.2 {
             let found = match self.0[index].judge(bytes, is_last) {
@@ -109,7 +109,7 @@ impl Frames {
         Self(formats, Unused::default(), Looked::Many).without(Unused::default())
     }
 
-    /// The formats that are looked for, with their indices.
+    /// The formats that are tried, with their indices.
     fn used(&self) -> impl Iterator<Item = (usize, &Framing)> {
         let all = || self.0.iter().enumerate();
         let first = all().filter(|(index, _)| !self.1.has(*index));
@@ -117,12 +117,12 @@ impl Frames {
         first.chain(last)
     }
 
-    /// Whether frames of this format are looked for.
+    /// Whether the format with this index is tried.
     pub(crate) fn looks_for(&self, format: usize) -> bool {
         self.used().any(|(index, _)| index == format)
     }
 
-    /// The same formats, without those that are `unused`.
+    /// The same formats without the `unused` ones.
     pub(crate) fn without(&self, unused: Unused) -> Self {
         let mut frames = Self(self.0.clone(), unused, Looked::Many);
         let only = {
@@ -141,7 +141,7 @@ impl Frames {
             .any(|(_, framing)| matches!(framing.cut, Cut::Silence { .. }))
     }
 
-    /// The frame that all of `bytes` are, as a silence ended them.
+    /// Decodes all of `bytes`, which a silence ended, as one frame.
     pub(crate) fn whole(&self, bytes: &[u8]) -> Result<Frame, FrameError> {
         let cut_off = FrameError::Truncated {
             found: len_u32(bytes.len()),
@@ -163,7 +163,7 @@ impl Frames {
         }
     }
 
-    /// Inverts the last checksum of a frame of a format.
+    /// Inverts the last checksum of a frame.
     pub(crate) fn spoil(&self, format: usize, frame: &mut Vec<u8>) {
         if let Some(framing) = self.0.get(format) {
             framing.spoil(frame);
@@ -192,7 +192,7 @@ impl Format for Frames {
     }
 }
 
-/// The first bytes of a frame as `b0`, `b1`, ..
+/// The first bytes of a frame as variables `b0`, `b1`, ..
 struct Head<'a>(&'a [u8]);
 
 impl Scope for Head<'_> {
@@ -203,11 +203,12 @@ impl Scope for Head<'_> {
     }
 }
 
-/// The size of a frame by its first bytes.
+/// The size of a frame, computed from its first bytes.
 #[derive(Clone, Debug)]
 pub(crate) struct HeadSize {
     expr: Expr,
-    /// The sizes by the value of one byte, if no other one matters; 0: no frame.
+    /// The offset of a byte and the sizes by its value (0: no frame), if the size depends on one
+    /// byte only.
     by_byte: Option<(usize, Box<[u16; 256]>)>,
 }
 
@@ -230,7 +231,7 @@ impl HeadSize {
         Self { expr, by_byte }
     }
 
-    /// Its text.
+    /// The source text of the expression.
     pub(crate) fn source(&self) -> &str {
         self.expr.source()
     }
@@ -240,7 +241,7 @@ impl HeadSize {
         &self.expr
     }
 
-    /// The size of the frame that begins with `head`; `None`: there is no such frame.
+    /// The size of the frame that begins with `head`; `None` if no frame begins so.
     pub(super) fn of(&self, head: &[u8]) -> Option<usize> {
         match &self.by_byte {
             Some((at, sizes)) => {
@@ -252,7 +253,7 @@ impl HeadSize {
     }
 }
 
-/// The place of the byte called `b0`, `b1`, ..
+/// The offset of the byte called `b0`, `b1`, ..
 fn place_of(name: &str) -> Option<usize> {
     name.strip_prefix('b')?.parse().ok()
 }
@@ -269,12 +270,12 @@ fn len_u32(bytes: usize) -> u32 {
 }
 
 impl Framing {
-    /// Judges `bytes` from their first one; `is_last` if no more will come.
+    /// Checks whether a frame begins at the first byte; `is_last` if no more bytes will come.
     pub(super) fn judge(&self, bytes: &[u8], is_last: bool) -> Candidate {
         if let Cut::Marked { .. } = self.cut {
             return self.judge_marked(bytes);
         }
-        // A few bytes: a loop is faster than a call.
+        // For a few bytes a loop is faster than a call.
         if bytes
             .iter()
             .zip(&self.sync)
@@ -294,7 +295,7 @@ impl Framing {
             Cut::Length(length) => match length.size(bytes) {
                 None => return Candidate::Incomplete,
                 Some(size) => match usize::try_from(size) {
-                    // Before the repetition, which may come in a later piece.
+                    // Checked before the repeated length, which may come in a later chunk.
                     Ok(size) if size >= self.least() && size <= self.max => {
                         if length.is_contradicted(bytes) {
                             let at = length.again.unwrap_or(0);
@@ -332,13 +333,13 @@ impl Framing {
         }
     }
 
-    /// Least bytes of the content.
+    /// Minimum number of bytes of the content.
     pub(crate) fn least(&self) -> usize {
         let holes: usize = self.holes.iter().map(|(_, len)| len).sum();
         (holes + self.trailer).max(usize::from(!self.has_blank))
     }
 
-    /// Judges a frame that has its length.
+    /// Checks a frame of complete length.
     fn whole(&self, frame: &[u8]) -> Candidate {
         if !self.end.is_empty() && !frame.ends_with(&self.end) {
             let found = frame.last().copied().unwrap_or(0).into();
@@ -371,7 +372,7 @@ impl Framing {
                     .map_or(Candidate::Noise, |frame| self.whole(frame)),
             };
         }
-        // Without lengths only the silence ends a frame.
+        // Without known lengths only the silence ends a frame.
         if is_last {
             return match self.whole(bytes) {
                 Candidate::Rejected(_) if bytes.len() < self.least() => Candidate::Noise,
@@ -397,7 +398,7 @@ impl Framing {
         };
         let seen = start.len().min(bytes.len());
         let has_start = bytes[..seen] == start[..seen];
-        // Two frames may share the marker between them.
+        // Two adjacent frames may share a marker.
         let may_lack_start = start == end;
         if !has_start && !may_lack_start {
             return Candidate::Noise;
@@ -408,7 +409,7 @@ impl Framing {
         let from = if has_start { start.len() } else { 0 };
         let reject = |error| match has_start {
             true => Candidate::Rejected(error),
-            // It was no candidate in the first place.
+            // Without its start marker this was not a candidate.
             false => Candidate::Noise,
         };
         let inner = &bytes[from..];
@@ -458,13 +459,13 @@ impl Framing {
         }
     }
 
-    /// Whether an end marker has no line ends in it: then line ends may begin a frame.
+    /// Whether the end marker contains no line end: line ends may then begin a frame.
     fn is_text(&self, end: &[u8]) -> bool {
         !end.iter().any(|byte| b"\r\n".contains(byte))
     }
 }
 
-/// Where `wanted` begins in `bytes`.
+/// The offset of `wanted` in `bytes`.
 fn find(bytes: &[u8], wanted: &[u8]) -> Option<usize> {
     match wanted {
         [] => None,
@@ -474,14 +475,14 @@ fn find(bytes: &[u8], wanted: &[u8]) -> Option<usize> {
 }
 
 impl Length {
-    /// Whether the second field says another length.
+    /// Whether the repeated length differs.
     fn is_contradicted(&self, bytes: &[u8]) -> bool {
         let len = usize::from(self.number.bytes);
         let again = self.again.and_then(|at| bytes.get(at..at + len));
         again.is_some_and(|again| bytes.get(self.at..self.at + len) != Some(again))
     }
 
-    /// The frame's size, as the field says; `None` if it has not come yet.
+    /// The size of the frame from its length field; `None` if the field is incomplete.
     fn size(&self, bytes: &[u8]) -> Option<i64> {
         let field = bytes.get(self.at..self.at + usize::from(self.number.bytes))?;
         let value = (self.number.bits(field) & self.mask) >> self.mask.trailing_zeros();

@@ -1,4 +1,4 @@
-//! What the device does, in sentences.
+//! The behaviour of the device in sentences.
 
 use core::time::Duration;
 

@@ -1,4 +1,4 @@
-//! Diagrams of frames and bodies: what stands where.
+//! Diagrams of frames and bodies.
 
 use core::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::field::{Field, Kind, Size};
 use crate::framing::{Check, Cut, Framing};
 use crate::schema::wire::Stuffing;
 
-/// A part of a frame: what it is, and how long.
+/// A part of a frame: its name and its length.
 pub(super) type Part = (String, String);
 
 pub(super) fn frames(of: &Description, page: &mut Page) {
@@ -33,7 +33,7 @@ pub(super) fn frames(of: &Description, page: &mut Page) {
     }
 }
 
-/// A time for people: without what is below a thousandth of it.
+/// A time rounded for display, to a thousandth of its unit.
 fn rounded(time: Duration) -> Duration {
     let step = match time.as_micros() {
         0..10_000 => Duration::from_micros(1),
@@ -219,7 +219,7 @@ pub(super) fn body(fields: &[Field]) -> Vec<Part> {
     parts.collect()
 }
 
-/// Bits of a field, if it always has as many.
+/// The number of bits of a field, if it is fixed.
 pub(super) fn bits(field: &Field) -> Option<usize> {
     let one = match &field.kind {
         Kind::Number(number) => 8 * usize::from(number.bytes),

@@ -13,7 +13,7 @@ pub(super) struct Page {
 
 /// A part of a page.
 pub(super) enum Block {
-    /// With its level.
+    /// A heading with its level.
     Heading(u8, String),
     Text(String),
     Code(String),
@@ -24,7 +24,7 @@ pub(super) enum Block {
     Diagram(Vec<Part>),
 }
 
-/// The style of the HTML page: it needs no other file, and follows the colours of the system.
+/// The style of the HTML page. It needs no other file and follows the system's colour scheme.
 const STYLE: &str = "
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
@@ -37,7 +37,7 @@ pre { border: 1px solid #8888; padding: 0.5rem; overflow-x: auto; }
 ";
 
 impl Block {
-    /// A table; columns that are empty in all rows are left out.
+    /// A table without the columns that are empty in all rows.
     pub(super) fn table(heads: &[&str], rows: Vec<Vec<String>>) -> Self {
         let is_used = |column: usize| rows.iter().any(|row| !row[column].is_empty());
         let used: Vec<usize> = (0..heads.len()).filter(|column| is_used(*column)).collect();
@@ -155,7 +155,7 @@ fn row(cells: &[String]) -> String {
     format!("|{}", cells.collect::<String>())
 }
 
-/// Parts side by side, the bytes of each below it.
+/// The parts of a frame side by side, with their sizes below.
 fn diagram(parts: &[Part]) -> String {
     let (mut names, mut sizes) = ("|".to_owned(), " ".to_owned());
     for (name, size) in parts {
@@ -166,7 +166,7 @@ fn diagram(parts: &[Part]) -> String {
     format!("{names}\n{}", sizes.trim_end())
 }
 
-/// Text with the signs of Markdown that it may hold as plain signs.
+/// Escapes characters that have a meaning in Markdown.
 fn escaped(text: &str) -> String {
     let mut out = String::new();
     for c in text.chars() {

@@ -9,167 +9,167 @@ use super::message::Names;
 use super::short::Plain;
 use span::Span;
 
-/// What the device does when something happens; the first that fits is done.
+/// A reaction to a message or event; the first entry that fits is executed.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OnSpec {
-    /// The message that arrives; `*` is any that no earlier entry took.
+    /// The message that arrives; `*` is any message that no earlier entry accepts.
     #[serde(default)]
     pub message: Option<String>,
-    /// Something else that happens.
+    /// An event other than a message.
     #[serde(default)]
     pub event: Option<EventSpec>,
-    /// Only if this expression over the message's fields and the state is true.
+    /// A condition: an expression over the message's fields and the state.
     #[serde(default)]
     pub when: Option<String>,
-    /// Variables that change, in this order of their names, each with an expression.
+    /// Variables to change, in alphabetical order, each with an expression.
     #[serde(default)]
     pub set: BTreeMap<String, Plain>,
-    /// Bytes written to the table of registers.
+    /// Bytes to write to the register table.
     #[serde(default)]
     pub write: Option<WriteSpec>,
-    /// Messages that are sent.
+    /// Messages to send.
     #[serde(default)]
     pub reply: Names,
-    /// Fields of the reply, each with an expression. Others are the variable or the field of the
-    /// request with their name, or 0.
+    /// Fields of the reply, each with an expression. Other fields take the value of the variable or
+    /// request field with the same name, or 0.
     #[serde(default)]
     pub with: BTreeMap<String, Plain>,
-    /// Time to the reply, in place of the device's.
+    /// Time to the reply; overrides the device's latency.
     #[serde(default)]
     pub latency: Option<Span>,
-    /// Most that the latency is longer by chance.
+    /// Maximum random addition to the latency.
     #[serde(default)]
     pub jitter: Option<Span>,
-    /// Time for which the device takes no further message.
+    /// Time for which the device ignores further messages.
     #[serde(default)]
     pub busy: Option<Span>,
-    /// The driver did something wrong: name of the broken rule for the log.
+    /// Marks an error of the driver: the name of the broken rule, for the log.
     #[serde(default)]
     pub violation: Option<String>,
-    /// The device starts again.
+    /// Restarts the device.
     #[serde(default)]
     pub restart: bool,
 }
 
-/// Bytes for the table of registers.
+/// Bytes for the register table.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WriteSpec {
-    /// Address of the first one, an expression.
+    /// Address of the first byte, an expression.
     pub at: Plain,
     /// The bytes, an expression.
     pub data: String,
 }
 
-/// What happens besides messages.
+/// Events other than messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum EventSpec {
-    /// A frame came whose checksum is wrong, or which is cut off.
+    /// A frame with a wrong checksum, or a partial frame.
     BadFrame,
-    /// A frame came that is no message.
+    /// A valid frame without a matching message.
     Unknown,
     /// The device has started.
     Start,
     /// The driver was silent for the watchdog time.
     Watchdog,
-    /// A break on the line.
+    /// A break on the line arrives.
     Break,
-    /// The driver wrote or read outside of the registers, or what it must not.
+    /// The driver read or wrote outside the registers, or wrote a read-only register.
     Refused,
 }
 
-/// What the device does again and again.
+/// A periodic action.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EverySpec {
-    /// Time between two.
+    /// Time between two repetitions.
     pub period: Span,
-    /// Time of the first one after the start; a period if not given.
+    /// Time of the first repetition after the start; one period if not given.
     #[serde(default)]
     pub first: Option<Span>,
-    /// Only if this expression over the state is true.
+    /// A condition: an expression over the state.
     #[serde(default)]
     pub when: Option<String>,
-    /// Messages that are sent.
+    /// Messages to send.
     #[serde(default)]
     pub send: Names,
     /// Fields of the messages, each with an expression.
     #[serde(default)]
     pub with: BTreeMap<String, Plain>,
-    /// Variables that change, each with an expression.
+    /// Variables to change, each with an expression.
     #[serde(default)]
     pub set: BTreeMap<String, Plain>,
-    /// Most that it is late by chance.
+    /// Maximum random delay of a repetition.
     #[serde(default)]
     pub jitter: Option<Span>,
 }
 
-/// What the device does some time after something.
+/// A delayed action.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AfterSpec {
-    /// How long after it.
+    /// Delay after the message or event.
     pub delay: Span,
-    /// The message that arrived.
+    /// The message that starts the delay.
     #[serde(default)]
     pub message: Option<String>,
-    /// What happened otherwise; the start if neither is given.
+    /// The event that starts the delay; the start of the device if neither is given.
     #[serde(default)]
     pub event: Option<EventSpec>,
-    /// Only if this expression is true when the time has come.
+    /// A condition, evaluated at the end of the delay.
     #[serde(default)]
     pub when: Option<String>,
-    /// Messages that are sent.
+    /// Messages to send.
     #[serde(default)]
     pub send: Names,
     /// Fields of the messages, each with an expression.
     #[serde(default)]
     pub with: BTreeMap<String, Plain>,
-    /// Variables that change, each with an expression.
+    /// Variables to change, each with an expression.
     #[serde(default)]
     pub set: BTreeMap<String, Plain>,
 }
 
-/// Something that can go wrong with the device.
+/// A fault of the device.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FaultSpec {
-    /// What it is, in a line.
+    /// A description of the fault in one line.
     #[serde(default)]
     pub about: String,
-    /// Variables and registers with other values while it lasts, each an expression; `factor` is
-    /// the figure of the scenario, `self` what the value would be.
+    /// Variables and registers that the fault changes, each with an expression; `factor` is the
+    /// figure of the scenario, `self` the value without the fault.
     #[serde(default)]
     pub set: BTreeMap<String, Plain>,
-    /// Variables and registers that stay as they are.
+    /// Variables and registers that keep their value.
     #[serde(default)]
     pub freeze: Vec<String>,
-    /// Replies come later by this.
+    /// Additional delay of replies.
     #[serde(default)]
     pub late: Option<Span>,
-    /// Nothing is sent.
+    /// The device sends nothing.
     #[serde(default)]
     pub mute: bool,
-    /// Checksums are wrong.
+    /// The device sends wrong checksums.
     #[serde(default)]
     pub bad_checksum: bool,
-    /// Messages that are sent in place of others.
+    /// Messages and their replacements.
     #[serde(default)]
     pub replace: BTreeMap<String, String>,
-    /// Random bytes sent when the device starts again.
+    /// Number of random bytes that the device sends when it restarts.
     #[serde(default)]
     pub garbage: Option<u16>,
-    /// The device starts again when it begins.
+    /// The device restarts when the fault begins.
     #[serde(default)]
     pub restart: bool,
 }
 
-/// A program of one's own that is the device, described by the rest of the file.
+/// An external program that implements the device; the rest of the file describes it.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProgramSpec {
-    /// Its command line.
+    /// The command line of the program.
     pub exec: String,
 }

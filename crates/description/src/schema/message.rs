@@ -8,24 +8,24 @@ use serde::Deserialize;
 use super::short::{Many, Plain};
 use super::wire::{Endian, SizeSpec};
 
-/// A message: what a frame holds.
+/// A message: the content of a frame.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MessageSpec {
     /// Name, for behaviour and reports.
     pub name: String,
-    /// Which end sends it.
+    /// The end that sends the message.
     pub from: From,
-    /// What it is for, in a line.
+    /// The purpose of the message in one line.
     #[serde(default)]
     pub about: String,
-    /// Which frames carry it, by name; the first format if not given.
+    /// The frame format, by name; the first format if not given.
     #[serde(default)]
     pub frame: Option<String>,
     /// The text of a line: words and fields in braces, e.g. `SPEED {left} {right:.2f}`.
     #[serde(default)]
     pub text: Option<String>,
-    /// Fields in the order of the bytes; for a `text` what is to be known of those in braces.
+    /// Fields in the order of the bytes; for a `text`, properties of the fields in braces.
     #[serde(default)]
     pub fields: Vec<FieldSpec>,
 }
@@ -38,7 +38,7 @@ pub enum From {
     Host,
     /// The device.
     Device,
-    /// Either of them.
+    /// Either end.
     Both,
 }
 
@@ -46,49 +46,50 @@ pub enum From {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldSpec {
-    /// Name; a field without one is not reported.
+    /// Name; a field without a name is not reported.
     #[serde(default)]
     pub name: String,
-    /// What its bytes are: `u8` to `u64`, `i8` to `i64`, `f32`, `f64`, with `le` or `be` behind it
-    /// if the order is another one; `b1` to `b64` bits, highest first; `bcd` (`bcdle`: lowest byte
-    /// first), `decimal`, `hex` and `str` of `size` bytes, `strz` that ends with a 0, `bytes`,
-    /// `pad`, `group` of `fields`, `switch` of `cases`.
+    /// The type: `u8` to `u64`, `i8` to `i64`, `f32`, `f64`, with the suffix `le` or `be` for
+    /// another byte order; `b1` to `b64` bits, highest first; `bcd` (`bcdle`: lowest byte first),
+    /// `decimal`, `hex` and `str` of `size` bytes; `strz` that ends with a 0; `bytes`, `pad`,
+    /// `group` of `fields`, `switch` of `cases`.
     #[serde(default, rename = "type")]
     pub kind: String,
-    /// The value that it always has: it tells messages apart.
+    /// The constant value of the field; it distinguishes messages.
     #[serde(default)]
     pub value: Option<Plain>,
-    /// What is sent, as an expression over fields and state.
+    /// The value to send, as an expression over fields and state.
     #[serde(default)]
     pub calc: Option<String>,
-    /// Bytes, digits or characters: a number, an expression over earlier fields, or `rest`.
+    /// Number of bytes, digits or characters: a number, an expression over earlier fields, or
+    /// `rest`.
     #[serde(default)]
     pub size: Option<SizeSpec>,
-    /// How many there are: a number, an expression over earlier fields, or `rest`.
+    /// Number of repetitions: a number, an expression over earlier fields, or `rest`.
     #[serde(default)]
     pub repeat: Option<SizeSpec>,
-    /// It is there only if this expression over earlier fields is true.
+    /// The field is present only if this expression over earlier fields is true.
     #[serde(default, rename = "if")]
     pub condition: Option<String>,
-    /// It may be missing at the end of a message, with all fields behind it.
+    /// The field may be missing at the end of a message, with all fields behind it.
     #[serde(default)]
     pub optional: bool,
-    /// Order of its bytes.
+    /// Byte order of the field.
     #[serde(default)]
     pub endian: Option<Endian>,
-    /// Order of its words of 16 bits, where that is another one.
+    /// Order of the field's 16-bit words, if different.
     #[serde(default)]
     pub words: Option<Endian>,
-    /// Type of the number before a `str` or `bytes` that says how long it is.
+    /// Type of the length prefix of a `str` or `bytes`.
     #[serde(default)]
     pub prefix: Option<String>,
-    /// What one count is worth: the value is count * scale + offset.
+    /// Value of one count: the value is count * scale + offset.
     #[serde(default)]
     pub scale: Option<f64>,
     /// The value of count 0.
     #[serde(default)]
     pub offset: Option<f64>,
-    /// Unit of the value, for people.
+    /// Unit of the value, for display.
     #[serde(default)]
     pub unit: String,
     /// Least and greatest value.
@@ -97,19 +98,19 @@ pub struct FieldSpec {
     /// Names of values: the name of a table of `[enums]`.
     #[serde(default, rename = "enum")]
     pub names: Option<String>,
-    /// Names of bits, lowest first; an empty one is unused.
+    /// Names of bits, lowest first; an empty name marks an unused bit.
     #[serde(default)]
     pub flags: Vec<String>,
     /// Fields of a `group`.
     #[serde(default)]
     pub fields: Vec<Self>,
-    /// What chooses the case of a `switch`: an expression over earlier fields.
+    /// The expression over earlier fields that selects the case of a `switch`.
     #[serde(default)]
     pub on: Option<String>,
-    /// Fields of a `switch` by the value of `on`; `_` is any other.
+    /// Fields of a `switch` by the value of `on`; `_` is any other value.
     #[serde(default)]
     pub cases: BTreeMap<String, Vec<Self>>,
-    /// What it is, for people.
+    /// A description of the field, for display.
     #[serde(default)]
     pub about: String,
 }

@@ -105,7 +105,7 @@ impl<'de> Deserialize<'de> for Marker {
 pub struct Plain(pub Value);
 
 impl Plain {
-    /// The text of an expression that gives it.
+    /// The text of an expression with this value.
     pub fn expression(&self) -> String {
         match &self.0 {
             Value::Text(text) => text.clone(),
@@ -165,16 +165,16 @@ impl<'de> Deserialize<'de> for Plain {
     }
 }
 
-/// What a plain value may stand for.
+/// A conversion from a plain value.
 pub trait FromPlain: Sized {
-    /// What is expected in a file.
+    /// The expected form in a file.
     const EXPECTED: &'static str;
 
-    /// What `value` stands for, if it can.
+    /// Converts `value`, if it has the expected form.
     fn from_plain(value: Value) -> Option<Self>;
 }
 
-/// A table, or a plain value that stands for one.
+/// A table, or a plain value as its short form.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Short<T>(pub T);
 

@@ -15,25 +15,25 @@ pub struct StateSpec {
     /// Value at the start; 0 if not given.
     #[serde(default)]
     pub initial: Option<Plain>,
-    /// Unit, for people.
+    /// Unit, for display.
     #[serde(default)]
     pub unit: String,
     /// Least and greatest value.
     #[serde(default)]
     pub limits: Option<[f64; 2]>,
-    /// Where it comes from; what was written last if not given.
+    /// The source of the value; the last written value if not given.
     #[serde(default)]
     pub source: Option<SourceSpec>,
-    /// An expression over other variables that it always is.
+    /// An expression over other variables that computes the value.
     #[serde(default)]
     pub value: Option<String>,
     /// Value after the watchdog time.
     #[serde(default)]
     pub safe: Option<Plain>,
-    /// It keeps its value when the device starts again.
+    /// Keeps its value when the device restarts.
     #[serde(default)]
     pub keeps: bool,
-    /// What it is, for people.
+    /// A description of the variable, for display.
     #[serde(default)]
     pub about: String,
 }
@@ -50,35 +50,35 @@ impl FromPlain for StateSpec {
     }
 }
 
-/// Where a value comes from.
+/// The source of a value.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum SourceSpec {
-    /// What was written last, or the initial value.
+    /// The last written value, or the initial value.
     Stored,
-    /// Counts one up each such time.
+    /// Counts up by one in each period.
     Counter(Span),
-    /// Goes evenly from one value to another, again and again.
+    /// Changes evenly from one value to another, repeatedly.
     Ramp {
-        /// At the beginning.
+        /// Value at the beginning.
         from: f64,
-        /// At the end.
+        /// Value at the end.
         to: f64,
         /// Time of one rise.
         period: Span,
     },
     /// A sine.
     Sine {
-        /// In the middle.
+        /// Mean value.
         mean: f64,
-        /// Greatest distance from there.
+        /// Greatest deviation from the mean.
         amplitude: f64,
-        /// Time of one wave.
+        /// Period of the wave.
         period: Span,
     },
-    /// Values around another, by the run's seed.
+    /// Normally distributed values, selected by the run's seed.
     Noise {
-        /// In the middle.
+        /// Mean value.
         mean: f64,
         /// Standard deviation.
         deviation: f64,
@@ -92,7 +92,7 @@ pub enum SourceSpec {
         file: String,
         /// Name of the column in the first line.
         column: String,
-        /// Begins anew at the end; the last value stays if not given.
+        /// Repeats the recording; the last value stays if not given.
         #[serde(default)]
         repeats: bool,
     },
@@ -114,9 +114,9 @@ pub enum WorldQuantity {
     SpeedMS,
     /// True turn rate, degrees per second counter-clockwise.
     TurnRateDegS,
-    /// Distance to what is ahead of the robot's middle, metres, at most 10.
+    /// Distance ahead from the robot's centre to the nearest obstacle, metres, at most 10.
     RangeM,
-    /// Times that the robot ran into something.
+    /// Number of collisions of the robot.
     Contacts,
 }
 
@@ -124,10 +124,10 @@ pub enum WorldQuantity {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegistersSpec {
-    /// Order of the bytes of values; big for Modbus, little for a table of bytes if not given.
+    /// Byte order of values; if not given, big for Modbus and little for a table of bytes.
     #[serde(default)]
     pub endian: Option<Endian>,
-    /// Order of the words of values with several registers; as `endian` if not given.
+    /// Word order of values in several registers; the same as `endian` if not given.
     #[serde(default)]
     pub words: Option<Endian>,
     /// Modbus coils: bits that can be written.
@@ -145,10 +145,10 @@ pub struct RegistersSpec {
     /// A table of bytes for protocols with frames of their own.
     #[serde(default)]
     pub bytes: Vec<RegisterSpec>,
-    /// Function codes that the device knows; all for which there are tables if not given.
+    /// Function codes that the device knows; if not given, all codes with a table.
     #[serde(default)]
     pub functions: Vec<u8>,
-    /// Addresses without a register read 0 and take writes, instead of an error.
+    /// Addresses without a register read as 0 and accept writes, instead of causing an error.
     #[serde(default)]
     pub gaps: bool,
 }
@@ -161,52 +161,52 @@ pub struct RegisterSpec {
     pub at: u32,
     /// Name; expressions read and write it as a variable.
     pub name: String,
-    /// Type as of fields; `u16` if not given.
+    /// Type, as for fields; `u16` if not given.
     #[serde(default, rename = "type")]
     pub kind: Option<String>,
-    /// Bytes of a `str`.
+    /// Number of bytes of a `str`.
     #[serde(default)]
     pub size: Option<u16>,
-    /// Whether the driver may write it.
+    /// Whether the driver may write the register.
     #[serde(default)]
     pub access: Option<Access>,
-    /// Order of its bytes.
+    /// Byte order of the register.
     #[serde(default)]
     pub endian: Option<Endian>,
-    /// Order of its words.
+    /// Word order of the register.
     #[serde(default)]
     pub words: Option<Endian>,
-    /// What one count is worth: the value is count * scale + offset.
+    /// Value of one count: the value is count * scale + offset.
     #[serde(default)]
     pub scale: Option<f64>,
     /// The value of count 0.
     #[serde(default)]
     pub offset: Option<f64>,
-    /// Unit of the value, for people.
+    /// Unit of the value, for display.
     #[serde(default)]
     pub unit: String,
     /// Names of values: the name of a table of `[enums]`.
     #[serde(default, rename = "enum")]
     pub names: Option<String>,
-    /// Least and greatest value that is taken.
+    /// Least and greatest accepted value.
     #[serde(default)]
     pub limits: Option<[f64; 2]>,
     /// Value at the start; 0 if not given.
     #[serde(default)]
     pub initial: Option<Plain>,
-    /// Where it comes from.
+    /// The source of the value.
     #[serde(default)]
     pub source: Option<SourceSpec>,
-    /// An expression over variables and other registers that it always is.
+    /// An expression over variables and other registers that computes the value.
     #[serde(default)]
     pub value: Option<String>,
     /// Value after the watchdog time.
     #[serde(default)]
     pub safe: Option<Plain>,
-    /// It keeps its value when the device starts again.
+    /// Keeps its value when the device restarts.
     #[serde(default)]
     pub keeps: bool,
-    /// What it is, for people.
+    /// A description of the register, for display.
     #[serde(default)]
     pub about: String,
 }
@@ -215,8 +215,8 @@ pub struct RegisterSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Access {
-    /// The device only.
+    /// Only the device changes the register.
     Read,
-    /// The driver too.
+    /// The driver may write the register too.
     Write,
 }

@@ -19,10 +19,11 @@ pub struct LineSpec {
     /// Data bits, parity and stop bits, e.g. `8N1` or `7E1`.
     #[serde(default = "eight_n_one")]
     pub format: String,
-    /// Only one end may send at a time, as on RS-485: what arrives while the device sends is lost.
+    /// Only one end may send at a time, as on RS-485; the device loses bytes that arrive while it
+    /// sends.
     #[serde(default)]
     pub half_duplex: bool,
-    /// Least time from the end of a request to the beginning of the reply.
+    /// Minimum time from the end of a request to the beginning of the reply.
     #[serde(default)]
     pub turnaround: Option<Span>,
     /// Address of the device on its wire, for protocols and expressions that need one.
@@ -47,51 +48,52 @@ pub enum Endian {
     Big,
 }
 
-/// How frames are cut out of bytes. Exactly one of `terminator`, `end`, `length`, `size`, `sizes`
-/// and `silence` says where a frame ends.
+/// A frame format. Exactly one of `terminator`, `end`, `length`, `size`, `sizes` and `silence`
+/// defines the end of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameSpec {
     /// Name, if there are several formats on the line.
     #[serde(default)]
     pub name: String,
-    /// Ends a line of text.
+    /// Line terminator of a text protocol.
     #[serde(default)]
     pub terminator: Option<Marker>,
-    /// Begins a frame whose end is marked; no part of what the messages see.
+    /// Start marker of a frame with an end marker; not part of the body.
     #[serde(default)]
     pub start: Option<Marker>,
-    /// Ends a frame.
+    /// End marker of a frame.
     #[serde(default)]
     pub end: Option<Marker>,
-    /// How bytes of the markers are kept out of a frame.
+    /// How marker bytes within a frame are escaped.
     #[serde(default)]
     pub stuffing: Option<Stuffing>,
-    /// Bytes behind the end marker that belong to the frame.
+    /// Number of bytes behind the end marker that belong to the frame.
     #[serde(default)]
     pub tail: Option<u16>,
-    /// Last bytes of the tail, e.g. a line end behind the checksum.
+    /// Last bytes behind the end marker, e.g. a line end behind the checksum.
     #[serde(default)]
     pub closing: Option<Marker>,
-    /// How the frame's bytes are written: `hex` for two hexadecimal digits each.
+    /// Encoding of the frame's bytes: `hex` for two hexadecimal digits per byte.
     #[serde(default)]
     pub encoding: Option<Encoding>,
-    /// First bytes of every frame whose length is known.
+    /// First bytes of every frame of known length.
     #[serde(default)]
     pub sync: Option<Marker>,
-    /// Where the frame says how long it is.
+    /// The length field.
     #[serde(default)]
     pub length: Option<LengthSpec>,
-    /// Bytes of every frame; or an expression over its first bytes `b0`, `b1`, .., see `head`.
+    /// Number of bytes of every frame, or an expression over its first bytes `b0`, `b1`, .. (see
+    /// `head`).
     #[serde(default)]
     pub size: Option<SizeSpec>,
-    /// Bytes that have to be there for the expression `size`; 1 if not given.
+    /// Number of bytes that the expression `size` reads; 1 if not given.
     #[serde(default)]
     pub head: Option<u8>,
-    /// Bytes of a frame by the byte `at`, e.g. `{ 0x01 = 8, 0x02 = 4 }`.
+    /// Frame size by the value of the byte `at`, e.g. `{ 0x01 = 8, 0x02 = 4 }`.
     #[serde(default)]
     pub sizes: BTreeMap<String, u16>,
-    /// Which byte `sizes` looks at, from 0; 0 if not given.
+    /// Offset of the byte that `sizes` reads; 0 if not given.
     #[serde(default)]
     pub at: Option<u8>,
     /// Characters of silence that end a frame, e.g. 3.5.
@@ -100,49 +102,49 @@ pub struct FrameSpec {
     /// Checksums.
     #[serde(default)]
     pub checksum: Many<Short<ChecksumSpec>>,
-    /// Most bytes of a frame; 1024 if not given.
+    /// Maximum number of bytes of a frame; 1024 if not given.
     #[serde(default)]
     pub max: Option<u16>,
-    /// Pause that ends a half-received frame; as long as 20 characters and at least 10 ms if not
-    /// given.
+    /// Idle time after which a partial frame is discarded; if not given, the time of 20 characters
+    /// and at least 10 ms.
     #[serde(default)]
     pub idle: Option<Span>,
 }
 
-/// How bytes of the markers are kept out of a frame.
+/// How marker bytes within a frame are escaped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stuffing {
-    /// They are not.
+    /// No escape.
     None,
-    /// C0 ends a frame; within it C0 is DB DC, DB is DB DD (RFC 1055).
+    /// C0 ends a frame; within a frame C0 is sent as DB DC, and DB as DB DD (RFC 1055).
     Slip,
-    /// 7E is the marker; within a frame 7D stands before a byte whose bit 5 is inverted (RFC 1662).
+    /// 7E is the marker; within a frame 7D precedes a byte whose bit 5 is inverted (RFC 1662).
     Hdlc,
     /// Consistent overhead byte stuffing; 0 is the marker.
     Cobs,
 }
 
-/// How the bytes of a frame are written.
+/// The encoding of a frame's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Encoding {
-    /// As they are.
+    /// Plain bytes.
     Binary,
-    /// As two hexadecimal digits each, in capitals.
+    /// Two upper-case hexadecimal digits per byte.
     Hex,
 }
 
-/// Bytes, or an expression.
+/// A number of bytes, or an expression.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "expected a number of bytes, or an expression as text"
 )]
 pub enum SizeSpec {
-    /// Bytes.
+    /// A number of bytes.
     Bytes(u32),
-    /// An expression; `rest` is all that is left.
+    /// An expression; `rest` is all remaining bytes.
     Expression(String),
 }
 
@@ -150,78 +152,79 @@ pub enum SizeSpec {
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LengthSpec {
-    /// Its place in the frame, from 0.
+    /// Offset of the field in the frame.
     pub at: u16,
-    /// `u8`, `u16`, `u24` or `u32`, with `le` or `be` behind it if the order is another one.
+    /// `u8`, `u16`, `u24` or `u32`, with the suffix `le` or `be` for another byte order.
     #[serde(rename = "type")]
     pub kind: String,
-    /// What it counts.
+    /// The bytes that the field counts.
     #[serde(default)]
     pub counts: Counts,
-    /// Bytes of those that it does not count; less than 0 if it counts more.
+    /// Number of those bytes that are not counted; negative if more bytes are counted.
     #[serde(default)]
     pub without: i32,
-    /// Bytes for each that it counts, e.g. 2 for words.
+    /// Number of bytes per count, e.g. 2 for words.
     #[serde(default)]
     pub unit: Option<u16>,
-    /// Bits of the field that are the length; all if not given. The other bits belong to the
-    /// message, which has a field of this size at this place.
+    /// Mask of the length bits; all bits if not given. The other bits belong to the message, which
+    /// has a field of the same size at the same offset.
     #[serde(default)]
     pub mask: Option<u32>,
-    /// Place of a second field with the same length, as M-Bus has it.
+    /// Offset of a second field with the same length, as in M-Bus.
     #[serde(default)]
     pub again: Option<u16>,
 }
 
-/// What a length field counts.
+/// The bytes that a length field counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Counts {
-    /// The bytes behind it, without checksums and end marker at the end.
+    /// The bytes behind the field, without checksums and end marker at the end.
     #[default]
     Payload,
-    /// All bytes behind it.
+    /// All bytes behind the field.
     Rest,
     /// All bytes of the frame.
     Frame,
 }
 
-/// A checksum; the name of its algorithm is the short form.
+/// A checksum; its short form is the name of the algorithm.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChecksumSpec {
     /// The algorithm: a name of the CRC catalogue such as `CRC-16/MODBUS`, or a sum such as `sum8`.
     #[serde(default)]
     pub algorithm: Option<String>,
-    /// A CRC of one's own.
+    /// A user-defined CRC.
     #[serde(default)]
     pub polynomial: Option<PolynomialSpec>,
-    /// First byte that it covers; less than 0 from the end; 0 if not given.
+    /// Offset of the first covered byte; negative from the end; 0 if not given.
     #[serde(default)]
     pub from: Option<i32>,
-    /// First byte behind those that it covers; 0 is the end; its own place if not given. Its own
-    /// bytes count as 0.
+    /// Offset behind the last covered byte; 0 is the end; the offset of the checksum if not given.
+    /// The bytes of the checksum itself count as 0.
     #[serde(default)]
     pub to: Option<i32>,
-    /// Its place; less than 0 from the end; the end if not given.
+    /// Offset of the checksum; negative from the end; the end if not given.
     #[serde(default)]
     pub at: Option<i32>,
-    /// Its bytes, if only some are sent.
+    /// Number of bytes that are sent, if fewer than the result has.
     #[serde(default)]
     pub bytes: Option<u8>,
-    /// Order of its bytes.
+    /// Byte order of the checksum.
     #[serde(default)]
     pub endian: Option<Endian>,
-    /// How it is written; binary if not given.
+    /// Encoding of the checksum; binary if not given.
     #[serde(default)]
     pub encoding: Option<Encoding>,
-    /// What stands before it.
+    /// Bytes before the checksum that separate it.
     #[serde(default)]
     pub separator: Option<Marker>,
-    /// Bytes that are summed up behind those of the frame.
+    /// Bytes that the checksum covers in addition, behind those of the frame.
     #[serde(default)]
     pub extra: Option<Marker>,
-    /// Bytes that are summed up before those of the frame, e.g. its start marker.
+    /// Bytes that the checksum covers in addition, before those of the frame, e.g. its start
+    /// marker.
     #[serde(default)]
     pub before: Option<Marker>,
 }
@@ -243,7 +246,7 @@ pub struct PolynomialSpec {
     /// Whether the register is reflected at the end.
     #[serde(default)]
     pub refout: bool,
-    /// What the register is XORed with at the end.
+    /// The value that is XORed with the register at the end.
     #[serde(default)]
     pub xorout: u64,
 }

@@ -1,4 +1,4 @@
-//! Registers of a Modbus device by their names.
+//! Registers of a Modbus device, by name.
 
 use super::{Asks, Reply, Request, number};
 use crate::description::Description;
@@ -6,7 +6,7 @@ use crate::modbus;
 use crate::registers::{Cell, CellKind, Table};
 use crate::value::Value;
 
-/// What a request reads: function, first address and how many.
+/// The range that a request reads: function, first address and count.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Read {
     pub(crate) function: u8,
@@ -176,7 +176,7 @@ pub(crate) fn write(of: &Description, function: u8, cell: &Cell, value: &Value) 
     raw(of, &pdu, format!("write {name}={value}"), None)
 }
 
-/// A request of these bytes behind the address.
+/// A request with the bytes `pdu` behind the address.
 pub(crate) fn raw(of: &Description, pdu: &[u8], words: String, read: Option<Read>) -> Request {
     let address = of
         .address
@@ -222,7 +222,7 @@ pub(super) fn reply(of: &Description, address: u8, read: Option<&Read>, body: &[
     reply
 }
 
-/// The registers that lie whole within what was read, with their values.
+/// The registers that lie completely within the range that was read, with their values.
 pub(crate) fn values<'a>(of: &'a Description, read: &Read, bytes: &[u8]) -> Vec<(&'a Cell, Value)> {
     let table = tables(of)
         .into_iter()

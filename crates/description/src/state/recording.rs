@@ -1,15 +1,15 @@
 //! A column of figures over time, from a CSV file.
 
-/// Times in seconds and figures, in rising order of time.
+/// Times in seconds and values, in rising order of time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Recording(Vec<(f64, f64)>);
 
 impl Recording {
-    /// Reads the column `column` of `text`, whose first line names the columns and whose first
-    /// column is the time in seconds.
+    /// Reads the column `column` of `text`. The first line names the columns; the first column is
+    /// the time in seconds.
     ///
     /// # Errors
-    /// If there is no such column, or a cell is no number; with the line.
+    /// If the column is missing, or a cell is not a number; with the line.
     pub(crate) fn parse(text: &str, column: &str) -> Result<Self, String> {
         let mut lines = (1..)
             .zip(text.lines())
@@ -46,7 +46,7 @@ impl Recording {
         }
     }
 
-    /// The figure at a time: the last one before it.
+    /// The value at a time: the last one recorded before it.
     pub(crate) fn at(&self, seconds: f64, repeats: bool) -> f64 {
         let (first, last) = (self.0[0], self.0[self.0.len() - 1]);
         let seconds = match repeats && last.0 > first.0 {
@@ -71,7 +71,7 @@ mod tests {
             [read(0.5, false), read(1.0, false), read(9.0, false)],
             [2.0, 3.0, 4.0]
         );
-        // Two seconds are one round.
+        // The recording has a period of two seconds.
         assert_eq!([read(2.5, true), read(3.5, true)], [2.0, 3.0]);
         let error = |text, column| Recording::parse(text, column).expect_err("wrong");
         assert_eq!(
