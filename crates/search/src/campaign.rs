@@ -1,9 +1,9 @@
-//! Many runs of some scenarios, one for each seed, on all processors and on many machines: what
-//! they came to, grouped by cause, and what has changed since an earlier campaign.
+//! Campaigns: many runs of some scenarios, one for each seed, on all processors and on many
+//! machines. Results are grouped by cause and compared with an earlier campaign.
 //!
-//! A shard is stateless: it takes every n-th run of the list, keeps what each came to in a file of
-//! lines, and continues where it stopped. Shards are merged by sorting, so that it makes no
-//! difference how a campaign was cut, or in which order the runs ended.
+//! A shard is stateless: it executes every n-th run of the list, appends each result to a file of
+//! lines, and continues where it stopped. Merging sorts the shards, so the result depends neither
+//! on the number of shards nor on the order in which runs ended.
 
 pub mod array;
 mod compare;

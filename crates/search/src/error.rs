@@ -1,4 +1,4 @@
-//! Why a folder that a search continues from cannot be used.
+//! Errors of folders that a search writes and continues from.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,36 +9,36 @@ pub enum StoreError {
     /// A file cannot be read or written.
     #[error("{}: {source}", .path.display())]
     File {
-        /// Which.
+        /// The path of the file.
         path: PathBuf,
         /// The error of the operating system.
         source: io::Error,
     },
-    /// What is needed cannot be used, like a folder in the place of a file.
+    /// A required file or folder cannot be used, e.g. because a folder has the name of a file.
     #[error("{}: {source}, expected {expected}", .path.display())]
     Unusable {
-        /// Which.
+        /// The path.
         path: PathBuf,
         /// The error of the operating system.
         source: io::Error,
-        /// What should be there.
+        /// The expected kind of file.
         expected: &'static str,
     },
-    /// Another process works in the folder.
+    /// Another process holds the lock on the folder.
     #[error(
         "{}: {} works in this folder, expected none: wait for its end or give another --out",
         .dir.display(), .pid.map_or("another process".to_owned(), |pid| format!("process {pid}"))
     )]
     Locked {
-        /// Which.
+        /// The folder.
         dir: PathBuf,
-        /// Number of that process, if its lock says so.
+        /// The id of that process, if the lock file contains it.
         pid: Option<i32>,
     },
     /// A file has the wrong content.
     #[error("{}: {message}", .path.display())]
     Content {
-        /// Which.
+        /// The path of the file.
         path: PathBuf,
         /// The error, and the expected value.
         message: String,

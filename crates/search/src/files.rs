@@ -1,4 +1,4 @@
-//! Files that a kill at any moment leaves whole: read with what is expected, replaced in one step.
+//! Files that survive a kill at any moment: replaced in one step.
 
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
@@ -7,10 +7,10 @@ use std::path::Path;
 use super::error::{StoreError, failed};
 use safefs::Dir;
 
-/// The bytes of the file `path`, which should be `expected`.
+/// Reads the file `path`; `expected` is used in the error message.
 ///
 /// # Errors
-/// If there is none, it cannot be read, or something else has its name, like a folder.
+/// If the file does not exist or cannot be read, or if the path is not a file.
 pub(super) fn read(path: &Path, expected: &'static str) -> Result<Vec<u8>, StoreError> {
     let (mut file, mut bytes) = (open(path, expected)?, Vec::new());
     let read = file.read_to_end(&mut bytes);
@@ -22,36 +22,36 @@ pub(super) fn read(path: &Path, expected: &'static str) -> Result<Vec<u8>, Store
     Ok(bytes)
 }
 
-/// The file `path`, which should be `expected`, to be read.
+/// Opens the file `path` for reading; `expected` is used in the error message.
 ///
 /// # Errors
-/// If there is none, or something else has its name, like a folder.
+/// If the file does not exist, or if the path is not a file.
 pub(super) fn open(path: &Path, expected: &'static str) -> Result<File, StoreError> {
     let unusable = |source| StoreError::Unusable {
         path: path.to_owned(),
         source,
         expected,
     };
-    // A pipe would be waited for, without end.
+    // Reading a pipe could block forever.
     if !fs::metadata(path).map_err(unusable)?.is_file() {
         return Err(unusable(io::Error::other("is not a file")));
     }
     File::open(path).map_err(unusable)
 }
 
-/// Replaces the file `name` below `dir`: a kill leaves the old file or the new one. For what the
-/// same command makes again, because after a power cut there may be neither.
+/// Replaces the file `name` below `dir`: after a kill the old or the new content is there. After a
+/// power cut both may be lost, so this is for files that the same command can create again.
 ///
 /// # Errors
-/// If the folder cannot be written, or a folder has the name.
+/// If the folder cannot be written, or a folder has this name.
 pub(super) fn replace(dir: &Path, name: impl AsRef<Path>, bytes: &[u8]) -> Result<(), StoreError> {
     replace_after(dir, name.as_ref(), |file| file.write_all(bytes))
 }
 
-/// As [`replace`], and a power cut leaves the old file or the new one as well.
+/// Like [`replace`], and also safe against a power cut.
 ///
 /// # Errors
-/// As [`replace`].
+/// Those of [`replace`].
 pub(super) fn replace_for_good(
     dir: &Path,
     name: impl AsRef<Path>,
@@ -60,10 +60,10 @@ pub(super) fn replace_for_good(
     replace_with(dir, name, |file| file.write_all(bytes))
 }
 
-/// As [`replace_for_good`], for what `write` writes bit by bit.
+/// Like [`replace_for_good`], for content that `write` writes in parts.
 ///
 /// # Errors
-/// As [`replace`].
+/// Those of [`replace`].
 pub(super) fn replace_with(
     dir: &Path,
     name: impl AsRef<Path>,
@@ -92,10 +92,10 @@ fn replace_after(
     written.map_err(failed(&path))
 }
 
-/// Makes the folder `path` if there is none.
+/// Creates the folder `path` if it does not exist.
 ///
 /// # Errors
-/// If something else has its name, or it cannot be made.
+/// If the path is not a folder, or the folder cannot be created.
 pub(super) fn make_folder(path: &Path) -> Result<Dir, StoreError> {
     Dir::create(path).map_err(|source| StoreError::Unusable {
         path: path.to_owned(),

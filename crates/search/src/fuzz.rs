@@ -6,12 +6,12 @@
 //!        +------------- choices that did something new ----------+         +--> finding
 //! ```
 //!
-//! A fuzzer mutates strings of *choices*, any bytes at all; a [`Subject`] makes a case of them,
-//! runs it, and judges it. Choices that bring about what none did before are kept and mutated
-//! further. A *finding* is kept as a value that people can read, never as a seed: bytes in
-//! hexadecimal, a scenario as TOML. So it means the same in every later version.
+//! A fuzzer mutates strings of *choices*, which may be any bytes. A [`Subject`] builds a case from
+//! them, runs it and judges it. Choices that cause new behaviour are kept and mutated further. A
+//! *finding* is stored as a readable value, never as a seed: bytes in hexadecimal, a scenario as
+//! TOML. Therefore it has the same meaning in every later version.
 //!
-//! [`dut`] is for programs that cannot be looked into: they are met through their ports.
+//! [`dut`] is for programs without access to their inside: it tests them through their ports.
 
 pub mod dut;
 mod engine;

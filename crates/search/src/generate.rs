@@ -1,12 +1,13 @@
-//! Missions with faults, made of a seed or of a string of bytes: world, mission, timing and faults.
+//! Generated missions with faults: a seed or a string of bytes determines world, mission, timing
+//! and faults.
 //!
-//! Each of the four has a stream of chance of its own (`generate.world` and so on), or a lane of
-//! its own in the bytes, so that another fault never moves a wall. Whole kinds of faults are off in
-//! some missions and on in others, because what one kind hides another brings to light.
+//! Each of the four parts has its own random stream (`generate.world` etc.), or its own lane in the
+//! bytes: another fault never moves a wall. Each mission uses only some kinds of faults, because
+//! one kind may hide the effect of another.
 //!
-//! The world is the scenario's own with some of it moved, or a made-up floor that suits the robot;
-//! in either the mission leads where the robot fits with a margin, by a planner that knows the true
-//! world. What goes wrong ends early enough that the mission must succeed afterwards.
+//! The world is the scenario's own world with some objects moved, or a generated floor that suits
+//! the robot. In both cases a planner with the true world checks that the robot fits along the
+//! mission with a margin. Faults end early enough that the mission must succeed afterwards.
 
 mod changes;
 mod dice;
@@ -27,21 +28,21 @@ use fault_targets::FaultTargets;
 use faults::Adversity;
 pub use profile::{MissionJudged, Profile};
 
-/// What is made again; the rest is as in the scenario that it starts from.
+/// The parts that are generated; the others are those of the scenario.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Vary {
     /// Walls, obstacles and start.
     pub world: bool,
-    /// Where to go, and what else the PC does.
+    /// Waypoints, and further actions of the PC.
     pub mission: bool,
-    /// When things begin and how long they take on the way.
+    /// Time of the connection, and latencies of links.
     pub timing: bool,
-    /// A fault.
+    /// Faults.
     pub faults: bool,
 }
 
 impl Vary {
-    /// Everything.
+    /// All parts.
     pub const ALL: Self = Self {
         world: true,
         mission: true,
@@ -92,12 +93,13 @@ impl core::fmt::Display for Vary {
     }
 }
 
-/// Time for a mission in a world of its own, if the profile gives no time to recover, milliseconds.
+/// Time for a mission in a generated world, if the profile gives no recovery time, milliseconds.
 const RECOVERY_MS: u64 = 120_000;
-/// So near a place of a made-up mission counts as visited, millimetres, if its robot comes as near.
+/// Distance from a waypoint of a generated mission within which it counts as visited, millimetres,
+/// unless the scenario allows more.
 const VISIT_WITHIN_MM: f64 = 200.0;
 
-/// The scenario that `dice` make of `base`, with the faults of `profile`.
+/// The variation of `base` that `dice` determine, with the faults of `profile`.
 pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice) -> Scenario {
     let mut made = base.clone();
     let targets = FaultTargets::of(base, profile);
@@ -111,7 +113,7 @@ pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice)
         let place = vary.world.then(|| world::vary(&mut made, dice)).flatten();
         let waypoints = match &place {
             Some(place) => place.waypoints(&mut dice.mission),
-            // Where the scenario's own room has places to go to, only the scenario knows.
+            // Only the scenario knows the valid destinations in its own room.
             None => mission::waypoints(base.mission.waypoints_m.clone(), &mut dice.mission),
         };
         if let Some(place) = &place {
@@ -121,7 +123,7 @@ pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice)
         made.mission.step = mission::steps(&waypoints, until, &mut dice.mission);
         made.mission.waypoints_m = waypoints;
         made.duration = made.duration.max(recovery);
-        // A robot that stops farther off than that does it at every goal.
+        // A robot that may stop farther from its goals does so at every goal.
         let own_mm = base.expect.visit_within_mm.unwrap_or(VISIT_WITHIN_MM);
         made.expect.visit_within_mm = Some(own_mm.max(VISIT_WITHIN_MM));
         made.expect.settle = Some(Span::from_millis(dice.mission.between(2_000, 4_000)));

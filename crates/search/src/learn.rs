@@ -1,5 +1,5 @@
-//! What bytes of an unknown device tell: how frames are distinguished, their checksum and lengths,
-//! requests and replies.
+//! Knowledge from the bytes of an unknown device: frame boundaries, checksum and lengths, requests
+//! and replies.
 //!
 //! ```text
 //!  capture, folder --+
@@ -7,7 +7,7 @@
 //!  conversation -----+
 //! ```
 //!
-//! Fuzzing makes mutants of it; `hilrig learn` proposes a description.
+//! Fuzzing creates mutants from it; `hilrig learn` proposes a description.
 
 mod checksum;
 mod corpus;

@@ -1,4 +1,4 @@
-//! Cases made by chance, judged in great numbers, made small.
+//! Random test cases: created and judged in large numbers, and minimised.
 
 pub mod campaign;
 mod error;

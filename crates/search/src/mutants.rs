@@ -1,10 +1,10 @@
-//! How strong a campaign is: planted defects are switched on one by one, and the share that its
-//! checkers find is counted.
+//! Strength of a campaign: planted defects are activated one by one, and the share that the checks
+//! detect is counted.
 //!
-//! Each seed is run without a defect first. A defect is found by a check that fails with it and not
-//! without it. A check that also fails without a defect, at other seeds, counts only if it fails
-//! more than twice as often with it. What was found is judged anew after each run without a defect,
-//! so that the order of the seeds does not decide.
+//! Each seed runs without a defect first. A defect is detected by a check that fails with it and
+//! not without it. A check that also fails without a defect, at other seeds, counts only if it
+//! fails more than twice as often with the defect. The verdict is updated after each run without a
+//! defect, so that the order of the seeds does not matter.
 
 use core::sync::atomic::{AtomicUsize, Ordering};
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,44 +19,44 @@ use engine::workers;
 use crate::campaign;
 use crate::generate::{self, Dice, Profile, Vary};
 
-/// Failures beyond twice those without a defect that are needed if there are any.
+/// Required number of failures beyond twice the number without the defect, if that is not 0.
 const MORE: u64 = 3;
 
-/// A planted defect, and what found it.
+/// A planted defect, and the check that detected it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mutant {
     /// Name of the robot.
     pub robot: String,
     /// Number of the defect.
     pub defect: String,
-    /// Runs that were made with it.
+    /// Number of runs with the defect.
     pub runs: u64,
-    /// The check that found it, and the scenario and seed of that run.
+    /// The check that detected it, with scenario and seed of the run.
     pub found: Option<(String, String, u64)>,
 }
 
 /// Failures by check: their number, and the first scenario and seed at which the check fails with
-/// the defect and not without it.
+/// the defect but not without it.
 type Counts = BTreeMap<String, Count>;
 type Count = (u64, Option<(String, u64)>);
 
-/// The search for all defects of the robots of some scenarios.
+/// The search for all defects of the robots in some scenarios.
 #[derive(Debug)]
 pub struct Mutants<'a> {
     scenarios: &'a BTreeMap<String, (Scenario, Source)>,
     profile: &'a Profile,
     vary: Vary,
     mutants: Vec<(Mutant, Counts)>,
-    /// Runs without a defect that were made, and how many of them failed.
+    /// Number of runs without a defect, and of failed ones among them.
     pub sound: [u64; 2],
     /// Failures without a defect, by check.
     pub sound_failures: BTreeMap<String, u64>,
-    /// The same, by robot.
+    /// Failures without a defect, by robot and check.
     sound_by_robot: BTreeMap<String, BTreeMap<String, u64>>,
 }
 
 impl<'a> Mutants<'a> {
-    /// All defects of the robots of `scenarios`, or those in `only` if there are any.
+    /// All defects of the robots of `scenarios`; if `only` is not empty, those in `only`.
     pub fn new(
         scenarios: &'a BTreeMap<String, (Scenario, Source)>,
         profile: &'a Profile,
@@ -86,13 +86,13 @@ impl<'a> Mutants<'a> {
         }
     }
 
-    /// The defects, in the order of their numbers.
+    /// The defects in order of their numbers.
     pub fn all(&self) -> impl Iterator<Item = &Mutant> {
         self.mutants.iter().map(|(mutant, _)| mutant)
     }
 
-    /// Runs one seed of each scenario, without and with each defect that was not found yet, on
-    /// `jobs` threads. Stops when `is_over`, and returns false then.
+    /// Runs one seed of each scenario, without a defect and with each defect that is not yet
+    /// detected, on `jobs` threads. Stops when `is_over` returns true, and then returns false.
     ///
     /// # Errors
     /// If a scenario cannot be wired.
@@ -109,7 +109,8 @@ impl<'a> Mutants<'a> {
             let mut dice = Dice::of_seed(seed, name);
             let mut made = generate::scenario(base, self.vary, self.profile, &mut dice);
             made.seed = seed;
-            // What the scenario switches on itself is part of the sound run.
+            // Defects that the scenario itself activates belong to the run without a planted
+            // defect.
             let sound = failures(&made, source)?;
             self.sound[0] += 1;
             self.sound[1] += u64::from(!sound.is_empty());
@@ -134,8 +135,8 @@ impl<'a> Mutants<'a> {
         Ok(true)
     }
 
-    /// Judges the defects of `robot` by all runs without a defect so far: one that was found may
-    /// become one that is looked for again.
+    /// Judges the defects of `robot` by all runs without a defect so far. A defect that counted as
+    /// detected may have to be searched again.
     fn settle(&mut self, robot: &str) {
         let none = BTreeMap::new();
         let sound = self.sound_by_robot.get(robot).unwrap_or(&none);
@@ -185,7 +186,7 @@ trait Judged {
 }
 
 impl Judged for (Mutant, Counts) {
-    /// Takes the checks that failed at a seed, without and with the defect.
+    /// Adds the checks that failed at a seed, without and with the defect.
     fn take(&mut self, sound: &BTreeSet<String>, failed: &BTreeSet<String>, name: &str, seed: u64) {
         let (mutant, counts) = self;
         mutant.runs += 1;
@@ -211,7 +212,7 @@ impl Judged for (Mutant, Counts) {
     }
 }
 
-/// Names of the checks that fail; `panic` if the program does.
+/// The names of the failed checks; `panic` if the program panics.
 fn failures(made: &Scenario, source: &Source) -> Result<BTreeSet<String>, ScenarioError> {
     let (_, outcome) = campaign::run(made, source)?;
     let Some(outcome) = outcome else {
@@ -230,9 +231,9 @@ mod tests {
         names.iter().map(|&name| name.to_owned()).collect()
     }
 
-    /// A check that never fails without a defect finds it at once, and no longer when it fails
-    /// without it at a later seed: then it needs five failures (twice one, and three). The order of
-    /// the seeds makes no difference.
+    /// A check that never fails without a defect detects it at once. If the check later fails at a
+    /// seed without the defect, it needs five failures (twice one, and three). The order of the
+    /// seeds does not matter.
     #[test]
     fn a_check_that_fails_without_a_defect_finds_it_only_if_it_fails_more_often() {
         let judged = |seeds: [u64; 6], failures: usize| {
@@ -245,7 +246,7 @@ mod tests {
             let mut judged = (mutant, Counts::new());
             let mut sound = BTreeMap::new();
             for seed in seeds {
-                // Without the defect the check fails at seed 0 alone.
+                // Without the defect the check fails at seed 0 only.
                 let without = set(if seed == 0 { &["a"] } else { &[] });
                 for check in &without {
                     *sound.entry(check.clone()).or_default() += 1;
@@ -261,7 +262,7 @@ mod tests {
             assert_eq!(judged(seeds, 4), None);
             assert_eq!(judged(seeds, 5), Some("a".to_owned()));
         }
-        // Only seeds that pass without a defect.
+        // Seeds that pass without a defect only.
         assert_eq!(judged([1; 6], 1), Some("a".to_owned()));
     }
 }

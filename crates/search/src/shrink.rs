@@ -1,7 +1,7 @@
-//! Making what fails smaller while it still fails for the same reason.
+//! Minimisation of failing cases: the smaller case must fail for the same reason.
 //!
-//! Everything here is deterministic: the same case and the same judge come to the same bytes. When
-//! the effort is over the best so far is the result.
+//! Minimisation is deterministic: the same case and the same judge give the same bytes. When the
+//! effort is used up, the smallest case so far is the result.
 
 mod branches;
 mod capture;
@@ -14,19 +14,20 @@ pub use capture::{Repair, Unit, capture, fault_of, to_bytes, units, with_units};
 pub use list::fewest;
 pub use scenario::{in_words, scenario};
 
-/// What a try came to.
+/// The result of a try.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Judged {
-    /// Nothing is wrong.
+    /// The case passes.
     Passes,
-    /// It fails for the cause that is looked for.
+    /// The case fails for the wanted cause.
     FailsAlike,
-    /// It fails for another one.
+    /// The case fails for another cause.
     FailsOtherwise,
 }
 
 impl Judged {
-    /// Of a run that failed for `found`, or passed, when `wanted` is looked for.
+    /// The result of a run with the cause `found`, or without a failure, when `wanted` is the
+    /// wanted cause.
     pub fn of(found: Option<&str>, wanted: &str) -> Self {
         match found {
             None => Self::Passes,
@@ -36,7 +37,7 @@ impl Judged {
     }
 }
 
-/// How much may be spent.
+/// The remaining effort.
 pub struct Effort<'a> {
     tries: u32,
     most: u32,
@@ -50,7 +51,7 @@ impl core::fmt::Debug for Effort<'_> {
 }
 
 impl Effort<'static> {
-    /// At most this many tries.
+    /// At most `most` tries.
     pub const fn tries(most: u32) -> Self {
         Self {
             tries: 0,
@@ -61,7 +62,7 @@ impl Effort<'static> {
 }
 
 impl<'a> Effort<'a> {
-    /// At most this many tries, and none once `is_over` says so: then the best so far is taken.
+    /// At most `most` tries, and none after `is_over` returns true.
     pub const fn until(most: u32, is_over: &'a dyn Fn() -> bool) -> Self {
         Self {
             tries: 0,
@@ -70,12 +71,12 @@ impl<'a> Effort<'a> {
         }
     }
 
-    /// How many tries were made.
+    /// Number of tries so far.
     pub const fn spent(&self) -> u32 {
         self.tries
     }
 
-    /// Whether one more try is allowed; it is counted.
+    /// Whether one more try is allowed; counts it.
     pub fn spend(&mut self) -> bool {
         if self.tries >= self.most || self.is_over.is_some_and(|is_over| is_over()) {
             return false;

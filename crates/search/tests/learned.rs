@@ -1,5 +1,5 @@
-//! Descriptions learned from captured bytes: right for most of the shipped devices, never sure of
-//! what is wrong, silent on bytes without a form.
+//! Descriptions learned from captured bytes: correct for most shipped devices, never certain of a
+//! wrong claim, and without claims about random bytes.
 
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ fn dice(mut state: u64) -> impl FnMut(u64) -> u64 {
     }
 }
 
-/// A capture under way.
+/// A capture that is being recorded.
 struct Tape(Vec<u8>);
 
 impl Tape {
@@ -58,7 +58,8 @@ impl Tape {
     }
 }
 
-/// A conversation of a driver with the emulated device; only listening if it speaks by itself.
+/// A conversation of a driver with the emulated device; the driver only listens if the device sends
+/// unsolicited messages.
 fn conversation(of: &Arc<Description>) -> Tape {
     let mut tape = Tape::new(of.line().baud);
     let mut peer = emulated(of, 5);
@@ -96,7 +97,7 @@ fn conversation(of: &Arc<Description>) -> Tape {
     tape
 }
 
-/// Frames in `bytes` that come in one go, ended by a silence.
+/// The frames in `bytes`, which arrive at once and end with a silence.
 fn frames(of: &Description, bytes: &[u8]) -> Vec<Vec<u8>> {
     let mut cutter = of.cutter_of(From::Device);
     let mut found: Vec<_> = cutter.push(bytes).flatten().collect();
@@ -130,8 +131,8 @@ fn fresh(of: &Description) -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Whether the draft cuts fresh frames as the device's description does, and whether it sees damage
-/// as that does.
+/// Whether the draft splits new frames like the device's description, and whether it detects damage
+/// like it.
 fn is_right(of: &Description, draft: &str) -> (bool, bool) {
     let learned = parse(draft);
     let fresh = fresh(of);
@@ -143,7 +144,7 @@ fn is_right(of: &Description, draft: &str) -> (bool, bool) {
         let mut damaged = bytes.clone();
         let at = damaged.len() / 2;
         damaged[at] ^= 1;
-        // Damage that the device itself does not see is none.
+        // Damage that the device's own description does not detect does not count.
         (frames(of, &damaged) != [damaged.clone()]).then_some(damaged)
     });
     let damaged: Vec<_> = damaged.collect();
@@ -154,7 +155,7 @@ fn is_right(of: &Description, draft: &str) -> (bool, bool) {
     (is_cut, is_summed)
 }
 
-/// Framing and checksum of most devices; what is sure is never wrong. The table is printed.
+/// Framing and checksum of most devices are found; no certain claim is wrong. The table is printed.
 #[test]
 fn devices_are_learned_and_nothing_wrong_is_sure() {
     let (mut right, mut wrong) = (0, Vec::new());
@@ -168,7 +169,7 @@ fn devices_are_learned_and_nothing_wrong_is_sure() {
         let (is_cut, is_summed) = is_right(&of, draft);
         let is_sure = |one: &&Claim| one.confidence == Confidence::Sure;
         for claim in learned.claims.iter().filter(is_sure) {
-            // Fresh frames of a device with several formats are not all of the learned ones.
+            // A device with several formats may send new frames of a format that was not learned.
             let is_frame = matches!(claim.topic, "framing" | "checksum");
             if is_frame && !is_cut && of.formats() == 1 {
                 wrong.push(format!("{name}: {claim}\n{draft}"));

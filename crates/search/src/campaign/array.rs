@@ -1,17 +1,17 @@
-//! The shard of a queue's task, from the variables that the queue sets.
+//! The shard of a queue task, from the environment variables that the queue sets.
 //!
-//! How many shards there are cannot be read as safely: a task that is submitted again alone is told
-//! that it is the only one of its array.
+//! The number of shards cannot be read reliably: a task that is resubmitted alone is told that it
+//! is the only one of its array.
 
 use core::num::NonZeroUsize;
 
 use super::Shard;
 
-/// What a queue calls the number of a task, and the number of the first.
+/// The variable in which a queue stores the task number, and the number of the first task.
 struct Variable {
     name: &'static str,
     first: usize,
-    /// What it is where there is no array.
+    /// The variable's value in a job without an array.
     without: &'static str,
 }
 
@@ -23,11 +23,11 @@ const fn counted(name: &'static str, first: usize, without: &'static str) -> Var
     }
 }
 
-/// Set by the script that starts the shards; it takes precedence over all others.
+/// Set by the script that starts the shards; overrides all others.
 const OWN: Variable = counted("HILRIG_SHARD", 0, "");
 
-/// From the manuals: sbatch(1), PBS Professional and Torque, Grid Engine's qsub(1), LSF's bsub,
-/// AWS Batch array jobs, indexed jobs of Kubernetes, `parallel` of GitLab CI. GitHub sets none.
+/// From the manuals: sbatch(1), PBS Professional and Torque, Grid Engine's qsub(1), LSF's bsub, AWS
+/// Batch array jobs, indexed jobs of Kubernetes, `parallel` of GitLab CI. GitHub sets no variable.
 const QUEUES: [Variable; 8] = [
     counted("SLURM_ARRAY_TASK_ID", 0, ""),
     counted("JOB_COMPLETION_INDEX", 0, ""),
@@ -39,10 +39,11 @@ const QUEUES: [Variable; 8] = [
     counted("CI_NODE_INDEX", 1, ""),
 ];
 
-/// The shard of `of` that this task is, by the variables that `read` reads.
+/// The shard of this task, out of `of`, from the variables that `read` reads.
 ///
 /// # Errors
-/// If no queue has told its number, if two have, or if there are not so many shards.
+/// If no queue or more than one queue sets a task number, or if the number exceeds the number of
+/// shards.
 pub fn shard(of: NonZeroUsize, read: impl Fn(&str) -> Option<String>) -> Result<Shard, String> {
     let told = |variable: &'static Variable| {
         let value = read(variable.name)?;
@@ -89,7 +90,7 @@ fn no_queue() -> String {
 mod tests {
     use super::*;
 
-    /// What shard of four a task is that has only these variables.
+    /// The shard, out of four, of a task with these variables only.
     fn of_four(set: &[(&str, &str)]) -> Result<usize, String> {
         let read = |name: &str| {
             let mut set = set.iter();
@@ -103,7 +104,7 @@ mod tests {
         })
     }
 
-    /// The last of four tasks: 3 where the queue counts from 0, 4 where it counts from 1.
+    /// The last of four tasks: 3 for queues that count from 0, 4 for queues that count from 1.
     #[test]
     fn each_queue_tells_the_number_in_its_own_way() {
         for name in [
@@ -126,7 +127,7 @@ mod tests {
         }
     }
 
-    /// A task that is submitted again alone is the third still, though its array has one task.
+    /// A task that is resubmitted alone keeps its number 3, although its array now has one task.
     #[test]
     fn a_task_submitted_again_alone_keeps_its_number() {
         let again = [
@@ -144,7 +145,8 @@ mod tests {
         assert!(error.contains("HILRIG_SHARD"), "{error}");
     }
 
-    /// A runner of GitLab in a pod of Kubernetes: the two disagree, and only HILRIG_SHARD decides.
+    /// A GitLab runner in a Kubernetes pod: the two variables disagree, and only `HILRIG_SHARD`
+    /// decides.
     #[test]
     fn of_two_queues_neither_is_guessed() {
         let two = [("JOB_COMPLETION_INDEX", "1"), ("CI_NODE_INDEX", "3")];

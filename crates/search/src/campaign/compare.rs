@@ -1,8 +1,8 @@
-//! What has changed since an earlier campaign, cause by cause.
+//! Comparison with an earlier campaign, cause by cause.
 //!
-//! A run is the same in both if scenario, seed and what is varied are. Only such a run can tell
-//! that something is fixed: a cause that has no failure left because its seeds were not run again,
-//! or because its runs now fail earlier on for another cause, is not known to be.
+//! Two runs are the same if scenario, seed and variation are equal. Only such runs show that a
+//! defect is fixed. A cause without failures is not known to be fixed if its seeds were not run
+//! again, or if its runs now fail earlier for another cause.
 
 use core::fmt;
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,17 +13,18 @@ use serde::Serialize;
 use super::{CampaignPlan, Run, Store};
 use engine::scenario::Scenario;
 
-/// What became of a cause, what asks for attention first.
+/// The change of a cause, most urgent first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Change {
-    /// No run failed for it in the earlier campaign.
+    /// No run of the earlier campaign failed for this cause.
     New,
-    /// Runs fail for it in both.
+    /// Runs of both campaigns fail for this cause.
     StillFailing,
-    /// No run fails for it now, but some that did were not run again or fail for another cause.
+    /// No run fails for this cause now, but some earlier ones were not run again or fail for
+    /// another cause.
     NotKnown,
-    /// Each run that failed for it passes now.
+    /// Each run that failed for this cause passes now.
     Fixed,
 }
 
@@ -38,37 +39,37 @@ impl fmt::Display for Change {
     }
 }
 
-/// Some runs that fail for a cause, by what they came to in the other campaign: the rest of them
-/// fails alike there.
+/// Runs that fail for a cause, counted by their results in the other campaign. The runs that are
+/// not counted below fail there for the same cause.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Elsewhere {
-    /// Their number.
+    /// Number of runs.
     pub runs: usize,
-    /// Of these, how many pass there.
+    /// Number of runs that pass in the other campaign.
     pub pass: usize,
-    /// How many fail there for another cause.
+    /// Number of runs that fail there for another cause.
     pub fail_otherwise: usize,
-    /// How many were not run there.
+    /// Number of runs that were not run there.
     pub not_run: usize,
 }
 
-/// A cause in both campaigns.
+/// The change of one cause between two campaigns.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct CauseChange {
-    /// Why runs fail, as in the groups.
+    /// The cause, as in the groups.
     pub cause: String,
-    /// Its state compared with the earlier campaign.
+    /// The kind of change.
     pub change: Change,
-    /// Runs that fail for it now, and what they came to in the earlier campaign.
+    /// Runs that fail for the cause now, by their earlier results.
     pub now: Elsewhere,
-    /// Runs that failed for it in the earlier campaign, and what they come to now.
+    /// Runs that failed for the cause earlier, by their results now.
     pub earlier: Elsewhere,
-    /// One of these runs, the first that fails now if there is one: scenario and seed.
+    /// An example run, preferably the first that fails now: scenario and seed.
     pub first: (String, u64),
 }
 
 impl CauseChange {
-    /// How often it came up, in words.
+    /// The numbers of failures in words.
     pub fn in_words(&self) -> String {
         let (now, earlier) = (self.now.runs, self.earlier.runs);
         let counts = match self.change {
@@ -89,7 +90,7 @@ impl CauseChange {
 }
 
 impl Elsewhere {
-    /// What the runs came to in the other campaign, which was run `when`.
+    /// The results in the other campaign in words; `when` names that campaign.
     fn in_words(self, when: &str) -> String {
         let alike = self.runs - self.pass - self.fail_otherwise - self.not_run;
         let parts = [
@@ -106,21 +107,20 @@ impl Elsewhere {
     }
 }
 
-/// What has changed since an earlier campaign.
+/// The comparison with an earlier campaign.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Comparison {
     /// Folder of the earlier campaign.
     pub against: String,
-    /// Tool and version that ran it.
+    /// Name and version of the tool that ran the earlier campaign.
     pub tool: String,
-    /// Runs that were done in both.
+    /// Number of runs in both campaigns.
     pub runs_in_both: usize,
-    /// Whether `--vary` or `--profile` differs, so that no run says anything of one in the other
-    /// campaign.
+    /// Whether `--vary` or `--profile` differs: then no runs are comparable.
     pub vary_differs: bool,
-    /// Scenarios of both that differ, so that their runs say nothing of each other.
+    /// Scenarios with the same name and different content: their runs are not comparable.
     pub differing_scenarios: Vec<String>,
-    /// What became of each cause.
+    /// The change of each cause.
     pub causes: Vec<CauseChange>,
 }
 
@@ -143,7 +143,7 @@ impl Comparison {
         format!("compared with {against} ({tool}): {counts}; {both} runs in both")
     }
 
-    /// What was not compared, and why.
+    /// The runs that were not compared, with the reason.
     pub fn left_out(&self) -> Vec<String> {
         if self.vary_differs {
             return vec!["--vary or --profile differs: no run is compared".to_owned()];
@@ -155,7 +155,7 @@ impl Comparison {
     }
 }
 
-/// Says what has changed from `earlier`, whose folder was given as `against`, to `now`.
+/// Compares `now` with `earlier`; `against` is the folder of the earlier campaign.
 pub fn compare(now: &Store, earlier: &Store, against: &Path) -> Comparison {
     let (mut same, differing) = scenarios_in_both(now.plan(), earlier.plan());
     let made = |store: &Store| (store.plan().vary.clone(), store.plan().profile.clone());
@@ -208,7 +208,7 @@ fn causes_of(store: &Store) -> impl Iterator<Item = &str> {
     store.causes().map(|(cause, _)| cause)
 }
 
-/// Names of scenarios of both plans: those that are the same, and those that are not.
+/// Names of scenarios in both plans: the equal ones, then the different ones.
 fn scenarios_in_both<'a>(
     now: &'a CampaignPlan,
     earlier: &CampaignPlan,
@@ -222,7 +222,7 @@ fn scenarios_in_both<'a>(
     (names(same), names(differing))
 }
 
-/// Whether two texts are the same scenario, comments and layout aside.
+/// Whether two texts define the same scenario, apart from comments and layout.
 fn is_same(text: &str, other: &str) -> bool {
     let parsed = |text: &str| {
         let parsed = Scenario::parse(Path::new("<campaign>"), text.to_owned());
@@ -231,17 +231,17 @@ fn is_same(text: &str, other: &str) -> bool {
     text == other || parsed(text).is_some_and(|text| Some(text) == parsed(other))
 }
 
-/// The same run in `other`, if it was done there.
+/// The same run in `other`, if it exists there.
 fn twin<'a>(run: &Run<'_>, other: &'a Store, same: &BTreeSet<&str>) -> Option<Run<'a>> {
     let is_same = same.contains(run.scenario);
     let key = is_same.then_some((run.scenario, run.seed));
     key.and_then(|(scenario, seed)| other.run(scenario, seed))
 }
 
-/// A run by name and seed.
+/// Scenario and seed of a run.
 type RunKey<'a> = (&'a str, u64);
 
-/// For each cause in `store` what became of its runs in `other`, and its first run.
+/// For each cause in `store`: the results of its runs in `other`, and its first run.
 fn elsewhere<'a>(
     store: &'a Store,
     other: &Store,

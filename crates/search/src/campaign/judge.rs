@@ -12,14 +12,14 @@ use engine::scenario::{Scenario, ScenarioError, Source};
 use realtime::exec::{ExecError, Foreign};
 use realtime::guest;
 
-/// What one run came to.
+/// The result of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
     /// Name of the scenario.
     pub scenario: String,
     /// Seed of the run.
     pub seed: u64,
-    /// Why it failed, without the figures; the same for every run that fails alike.
+    /// The cause of the failure without figures; equal for all runs with the same failure.
     pub cause: Option<String>,
     /// The cause of the failure, with the figures.
     pub detail: Option<String>,
@@ -27,12 +27,12 @@ pub struct Record {
     pub ran_ms: u64,
     /// Fingerprint of all bytes.
     pub trace: String,
-    /// Situations that came up, see [`robots::Robot::situations`].
+    /// Situations that occurred, see [`robots::Robot::situations`].
     pub reached: BTreeSet<String>,
 }
 
-/// Runs `scenario` with everything that watches a run, and what it came to. A panic of the program
-/// under test or of the rig is a failure like any other.
+/// Runs `scenario` with all checkers and returns the result. A panic of the program under test or
+/// of the rig counts as a failure.
 ///
 /// # Errors
 /// If the scenario cannot be wired.
@@ -47,11 +47,11 @@ pub fn run(
     )
 }
 
-/// The same for a run of `scenario` that `begin` makes, which may have come some way already;
-/// `watch` looks at it after every step.
+/// Like `run`, for a run of `scenario` that `begin` creates; the run may start at a checkpoint.
+/// `watch` is called after every step.
 ///
 /// # Errors
-/// That of `begin`.
+/// Those of `begin`.
 pub(crate) fn run_from(
     scenario: &Scenario,
     begin: impl FnOnce() -> Result<Run, ScenarioError>,
@@ -80,11 +80,11 @@ pub(crate) fn run_from(
     }
 }
 
-/// Runs `scenario` with a user's program, in real time or virtual, with its ports in the first of
-/// `places` and its output in the second. `None` if `goes_on` returned false.
+/// Runs `scenario` with a user's program, in real or virtual time. The first of `places` holds the
+/// ports, the second receives the output. `None` if `goes_on` returned false.
 ///
 /// # Errors
-/// If the program cannot be put on trial.
+/// If the program cannot be started.
 pub fn run_foreign(
     scenario: &Scenario,
     source: &Source,
@@ -101,7 +101,7 @@ pub fn run_foreign(
 }
 
 impl Record {
-    /// Of a run that came to nothing yet.
+    /// A record without a result.
     fn of(scenario: &Scenario) -> Self {
         Self {
             scenario: scenario.name.clone(),
@@ -122,7 +122,7 @@ impl Record {
     }
 }
 
-/// A panic as a cause without figures, and what it says.
+/// The cause of a panic without figures, and its message.
 pub fn words_of_panic(panic: &(dyn Any + Send)) -> (String, String) {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
@@ -130,8 +130,8 @@ pub fn words_of_panic(panic: &(dyn Any + Send)) -> (String, String) {
     (format!("panic: {}", without_figures(text)), text.to_owned())
 }
 
-/// The first check that failed and how, without and with its figures: checkers of the whole run
-/// come before what was to be true in the end.
+/// The first failed check, without and with figures. Checks of the whole run precede checks of the
+/// final state.
 pub(crate) fn cause_of(outcome: &Outcome) -> Option<(String, String)> {
     let failed = |check: &&engine::run::check::Check| check.status == Status::Fail;
     let check = outcome.checks.iter().find(failed)?;
@@ -144,8 +144,8 @@ pub(crate) fn cause_of(outcome: &Outcome) -> Option<(String, String)> {
     Some((cause, detail))
 }
 
-/// The first rule that was broken, for the check that counts them: its figures say nothing of the
-/// cause.
+/// The first broken rule, for the check that counts violations: the count itself does not identify
+/// the cause.
 fn first_rule(check: &str, outcome: &Outcome) -> Option<String> {
     let mut broken = outcome.events.iter().filter(|logged| logged.is_violation());
     let first = broken.next().filter(|_| check == "violations")?;
@@ -165,7 +165,7 @@ pub fn without_figures(text: &str) -> String {
     out
 }
 
-/// The situations that the scenario's robot should come into.
+/// The situations that the scenario's robot should reach.
 pub(super) fn situations_of(scenario: &Scenario) -> &'static [&'static str] {
     robots::find(&scenario.robot).map_or(&[], |robot| robot.situations())
 }
@@ -188,8 +188,8 @@ mod tests {
     use crate::generate::{self, Dice, Profile, Vary};
     use engine::scenario::Span;
 
-    /// What a campaign finds is found in its case: of each scenario that is shipped, with
-    /// everything made again, the first 16 s, in which most faults come.
+    /// Replaying the case of a run gives the same result: for each shipped scenario, with all
+    /// variations, over the first 16 s, in which most faults occur.
     #[test]
     fn a_case_does_again_what_its_run_did() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");

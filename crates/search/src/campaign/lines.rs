@@ -1,6 +1,6 @@
-//! The file of finished runs: one JSON object a line, only ever appended to.
+//! The file of finished runs: one JSON object per line, append-only.
 //!
-//! A kill can leave the last line without its end; whatever has an end is whole.
+//! A kill can truncate the last line; a line with its line end is complete.
 
 use std::borrow::Cow;
 use std::io::{self, BufRead};
@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{Record, Run};
 
-/// How every line begins.
+/// The first bytes of every line.
 const START: &[u8] = b"{\"scenario\":\"";
 
-/// What one run came to, as it stands in the file. Whatever has no escapes is not copied.
+/// The result of one run as written in the file. Text without escapes is not copied.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Line<'a> {
@@ -30,7 +30,7 @@ pub(super) struct Line<'a> {
     reached: Vec<Word<'a>>,
 }
 
-/// A text within something else: only so serde borrows it.
+/// A nested text, in the form that serde can borrow.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Word<'a>(#[serde(borrow)] Cow<'a, str>);
 
@@ -41,7 +41,7 @@ impl<'a> Word<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// Of a run that has just ended.
+    /// The line of a run that has just ended.
     pub(super) fn of(record: &'a Record) -> Self {
         Self {
             scenario: Cow::Borrowed(&record.scenario),
@@ -54,7 +54,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Of a run that is kept.
+    /// The line of a stored run.
     pub(super) fn of_kept(run: &'a Run<'_>) -> Self {
         Self {
             scenario: Cow::Borrowed(run.scenario),
@@ -77,31 +77,31 @@ impl<'a> Line<'a> {
         self.detail.as_ref().map(|word| &*word.0)
     }
 
-    /// Situations that came up.
+    /// Situations that occurred.
     pub(super) fn reached(&self) -> impl Iterator<Item = &str> {
         self.reached.iter().map(|word| &*word.0)
     }
 
-    /// As bytes of the file.
+    /// The bytes of the line.
     pub(super) fn text(&self) -> String {
         serde_json::to_string(self).expect("plain data") + "\n"
     }
 }
 
-/// Why a file is not one of runs.
+/// The reason why a file is not a file of runs.
 #[derive(Debug)]
 pub(super) enum LinesError {
-    /// It cannot be read.
+    /// The file cannot be read.
     Read(io::Error),
-    /// It says something else.
+    /// The file has other content.
     Content(String),
 }
 
-/// Gives `take` the runs in `file`, one at a time, and says how many bytes their lines have: what
-/// follows is a torn line.
+/// Passes the runs in `file` to `take` one by one. Returns the number of bytes of complete lines; a
+/// truncated line may follow.
 ///
 /// # Errors
-/// If a line is not a run, `take` refuses it, or the end is not what a kill leaves of a line.
+/// If a line is not a run, if `take` rejects it, or if the end is not a truncated line.
 pub(super) fn read(
     mut file: impl BufRead,
     mut take: impl FnMut(&Line<'_>) -> Result<(), String>,
@@ -130,8 +130,8 @@ pub(super) fn read(
     Ok(whole)
 }
 
-/// Whether `bytes` are the beginning of a line. After a power cut some file systems have zeros in
-/// place of what was not written yet.
+/// Whether `bytes` are the beginning of a line. After a power cut some file systems fill the
+/// missing part with zeros.
 fn is_torn_line(bytes: &[u8]) -> bool {
     let zeros = bytes.iter().rev().take_while(|&&byte| byte == 0).count();
     let written = &bytes[..bytes.len() - zeros];
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     prop_compose! {
-        /// A run with any text in its words, line ends among it.
+        /// A run with arbitrary texts, also with line ends.
         fn any_record()(
             scenario in "[a-z.-]{1,8}",
             seed: u64,
@@ -164,7 +164,7 @@ mod tests {
         Line::of(record).text()
     }
 
-    /// The texts of the runs in `bytes`, and how long they are.
+    /// The texts of the runs in `bytes`, and their length.
     fn parse(bytes: &[u8]) -> Result<(Vec<String>, u64), String> {
         let mut lines = Vec::new();
         let whole = read(bytes, |line| {
@@ -179,7 +179,7 @@ mod tests {
     }
 
     proptest! {
-        /// A kill cuts the file anywhere, a power cut may leave zeros behind the cut.
+        /// A kill truncates the file at any byte; a power cut may leave zeros behind that point.
         #[test]
         fn every_whole_line_before_a_cut_is_kept(
             records in vec(any_record(), 0..6),
@@ -216,7 +216,8 @@ mod tests {
         }
     }
 
-    /// What is cut away was begun by a campaign: a stranger's file without a line end is none.
+    /// Only the truncated line of a campaign is removed: a foreign file without a final line end is
+    /// rejected.
     #[test]
     fn the_end_of_another_file_is_not_cut_away() {
         let refused = |bytes: &[u8]| parse(bytes).is_err();

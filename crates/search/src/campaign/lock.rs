@@ -1,7 +1,7 @@
-//! One process at a time in a folder.
+//! A lock that allows one process at a time in a folder.
 //!
-//! The lock is the kernel's (`flock`), so that it ends with its process, however that ends. The
-//! file's content only names the process; one that a dead process left there counts for nothing.
+//! The kernel holds the lock (`flock`) and releases it when the process ends for any reason. The
+//! content of the file only names the process; the content of a dead process is ignored.
 
 use core::time::Duration;
 use std::fs::File;
@@ -18,23 +18,23 @@ use realtime::clock::{Clock as _, WallClock};
 use safefs::Dir;
 
 const NAME: &str = "campaign.lock";
-/// Longest content of the file: a process id and the end of the line.
+/// Maximum length of the content: a process id and a line end.
 const CONTENT_MAX: usize = 12;
-/// How long to wait for the process that has just taken the lock to write its id.
+/// Maximum wait for the process that has just taken the lock to write its id.
 const PATIENCE: Duration = Duration::from_secs(1);
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// Holds a folder until it is dropped.
+/// A lock on a folder, held until it is dropped.
 #[derive(Debug)]
 pub(super) struct Lock {
     file: File,
 }
 
 impl Lock {
-    /// Takes `dir` for this process.
+    /// Takes the lock on `dir` for this process.
     ///
     /// # Errors
-    /// If another process has it, or its lock file is none.
+    /// If another process holds the lock, or the lock file has other content.
     pub(super) fn take(dir: &Path) -> Result<Self, StoreError> {
         let path = dir.join(NAME);
         let opened = Dir::open(dir).and_then(|dir| dir.open_or_create(NAME));
@@ -60,12 +60,12 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // The file stays: a process that has it open already may be waiting for this very file.
+        // The file is kept: another process may have it open and wait for the lock.
         let _ = self.file.set_len(0);
     }
 }
 
-/// Locks `file`, or says which process has `dir`.
+/// Locks `file`, or reports the process that holds the lock on `dir`.
 fn wait_for(file: &File, dir: &Path) -> Result<(), StoreError> {
     let clock = WallClock::start();
     let deadline = clock.now() + PATIENCE;
@@ -86,7 +86,7 @@ fn wait_for(file: &File, dir: &Path) -> Result<(), StoreError> {
     }
 }
 
-/// The beginning of the file, one byte more than a lock may have.
+/// The first bytes of the file, one more than a lock file may have.
 fn content(file: &File) -> io::Result<Vec<u8>> {
     let mut content = [0; CONTENT_MAX + 1];
     let count = file.read_at(&mut content, 0)?;
@@ -98,13 +98,13 @@ fn is_lock(content: &[u8]) -> bool {
     content.len() <= CONTENT_MAX && content.iter().all(fits)
 }
 
-/// The process that the file names; `None` while it is being written.
+/// The process that the file names; `None` while the id is being written.
 fn owner(content: &[u8]) -> Option<Pid> {
     let text = core::str::from_utf8(content).ok()?.strip_suffix('\n')?;
     Pid::from_raw(text.parse().ok()?)
 }
 
-/// Whether the process exists, also if another user owns it.
+/// Whether the process exists, even if another user owns it.
 fn is_alive(pid: Pid) -> bool {
     !matches!(test_kill_process(pid), Err(Errno::SRCH))
 }

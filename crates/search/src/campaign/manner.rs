@@ -1,4 +1,4 @@
-//! How a run failed, by what the robot did: one check fails for many reasons.
+//! The manner of a failure, from the robot's motion: one check can fail for many reasons.
 
 use core::time::Duration;
 
@@ -7,21 +7,22 @@ use protocols::Instant;
 
 use engine::run::{Outcome, is_of_the_end};
 
-/// What is checked of a mission that was not done: its end.
+/// The last part of an unfinished mission that is examined.
 const END: Duration = Duration::from_secs(15);
-/// What is checked before a contact.
+/// The time before a contact that is examined.
 const BEFORE: Duration = Duration::from_millis(300);
-/// A robot that believes to be farther off than this, metres and radians, is lost: a waypoint
-/// counts within 20 cm.
+/// A robot is lost if its believed pose differs more than this from its true pose, metres and
+/// radians. A waypoint counts as reached within 20 cm.
 const LOST_M: f64 = 0.15;
 const LOST_RAD: f64 = 0.26;
-/// A robot that stays within this is at rest; one that stays within a robot's length is not, but
-/// gets nowhere.
+/// A robot within this range is at rest, metres and radians. A robot that moves more, but less than
+/// its own length, makes no progress.
 const REST_M: f64 = 0.02;
 const REST_RAD: f64 = 0.1;
 const TO_AND_FRO_M: f64 = 0.3;
 
-/// How the robot came to fail `check` in `outcome`; `None` if that check is not about what it did.
+/// The manner in which `outcome` failed `check`; `None` if the check does not concern the robot's
+/// motion.
 pub(super) fn of(check: &str, outcome: &Outcome) -> Option<&'static str> {
     let end = Instant::ZERO + outcome.ran;
     if is_of_the_end(check) && check != "map-received" && check != "wall-overlap" {
@@ -43,7 +44,7 @@ pub(super) fn of(check: &str, outcome: &Outcome) -> Option<&'static str> {
     })
 }
 
-/// Whether the program's pose was wrong when it told one last before `at`.
+/// Whether the last pose that the program reported before `at` was wrong.
 fn is_lost(outcome: &Outcome, at: Instant) -> bool {
     let mut before = outcome.pairs.iter().rev();
     let newest = before.find(|pair| pair.at <= at);
@@ -59,7 +60,7 @@ enum Way {
     Far,
 }
 
-/// What the robot did in the last `span` before `until`.
+/// The robot's motion in the `span` before `until`.
 fn way(outcome: &Outcome, until: Instant, span: Duration) -> Way {
     let is_then = |at: Instant| at <= until && until - at <= span;
     let mut poses = outcome.truth.iter().filter(|(at, _)| is_then(*at));
@@ -94,7 +95,7 @@ mod tests {
         )
     }
 
-    /// Turning on the spot is no rest, and neither are 10 cm.
+    /// Neither turning on the spot nor moving 10 cm counts as rest.
     #[test]
     fn resting_turning_and_driving_are_told_apart() {
         assert_eq!(

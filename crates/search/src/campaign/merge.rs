@@ -14,62 +14,62 @@ use show::moment;
 
 /// Maximum number of seeds named for a group.
 const SEEDS_MAX: usize = 20;
-/// Maximum number of runs spent on making the case of a group smaller. A number, not a time:
-/// merged anywhere, a campaign comes to the same bytes.
+/// Maximum number of runs that minimise the case of a group. The limit is a number, not a time, so
+/// that a merge gives the same bytes on every machine.
 const TRIES: u32 = 150;
 
-/// Runs that failed alike.
+/// Runs with the same failure.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Group {
     /// Checker and first broken rule, without figures.
     pub cause: String,
-    /// What the first of them says, with figures.
+    /// The message of the first run, with figures.
     pub detail: String,
-    /// Their number.
+    /// Number of runs.
     pub runs: usize,
-    /// The first of them: scenario and seed.
+    /// The first run: scenario and seed.
     pub first: (String, u64),
-    /// Some of the others.
+    /// Some of the other runs.
     pub others: Vec<(String, u64)>,
     /// The smallest case of this cause, relative to the merged folder; none if the first run left
     /// no case, because it panicked.
     pub case: Option<String>,
-    /// What is left in the case, in words.
+    /// The remaining content of the case in words.
     pub left: Option<String>,
-    /// The case at its failure, as SVG; none if its program is not here to be run.
+    /// The case at its failure, as SVG; none if the program is not available here.
     #[serde(skip)]
     pub picture: Option<String>,
 }
 
-/// How many runs came into a situation.
+/// Number of runs that reached a situation.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SituationCount {
-    /// Which.
+    /// Name of the situation.
     pub situation: String,
-    /// How many runs.
+    /// Number of runs.
     pub runs: usize,
 }
 
-/// What a whole campaign came to.
+/// The result of a whole campaign.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Merged {
     /// Plan of the campaign.
     pub plan: CampaignPlan,
-    /// Runs done.
+    /// Number of finished runs.
     pub runs: usize,
-    /// Runs that no shard has done.
+    /// Number of runs that no shard has done.
     pub missing: usize,
-    /// Runs that failed.
+    /// Number of failed runs.
     pub failed: usize,
     /// Virtual time of all runs, milliseconds.
     pub ran_ms: u64,
-    /// Fingerprint of all runs' fingerprints.
+    /// Fingerprint over the fingerprints of all runs.
     pub trace: String,
     /// Failures by cause, the most frequent first.
     pub groups: Vec<Group>,
-    /// Situations that must come up at least once in a campaign, and how often they did.
+    /// Situations that must occur at least once in a campaign, with their numbers of runs.
     pub situations: Vec<SituationCount>,
-    /// What has changed since an earlier campaign, if one was named.
+    /// The comparison with an earlier campaign, if the user named one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub comparison: Option<Comparison>,
     /// All runs in order.
@@ -77,11 +77,12 @@ pub struct Merged {
     pub strip: Strip,
 }
 
-/// Merges the shards in `dirs` into the folder `out`, with what it has already if it belongs to the
-/// same campaign; then `out` can be gone on with, or be merged in its turn.
+/// Merges the shards in `dirs` into the folder `out`, together with runs of the same campaign that
+/// `out` already contains. The result can be continued or merged again.
 ///
 /// # Errors
-/// If a folder cannot be read, the shards are of different campaigns, or `out` cannot be written.
+/// If a folder cannot be read, the shards belong to different campaigns, or `out` cannot be
+/// written.
 pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Store, StoreError> {
     let stores = dirs.iter().map(|dir| Store::open(dir));
     let stores: Vec<Store> = stores.collect::<Result<_, _>>()?;
@@ -100,9 +101,9 @@ pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Store, StoreError> {
     Ok(merged)
 }
 
-/// Sums up `store`, compared with `earlier` and the folder that it is from, if that is given:
-/// writes `campaign.json`, `campaign.html` and a minimised case for each cause into its folder.
-/// Once `is_over` says so, the cases stay as small as they are.
+/// Summarises `store`, compared with `earlier` if given. Writes `campaign.json`, `campaign.html`
+/// and a minimised case for each cause into the folder of `store`. When `is_over` returns true,
+/// minimisation stops and the cases keep their size.
 ///
 /// # Errors
 /// If a case cannot be read, or the folder cannot be written.
@@ -167,9 +168,10 @@ fn count(store: &Store) -> Merged {
     }
 }
 
-/// How many of the runs that `reached` these sets of situations came into each that must come up.
+/// Counts the runs that reached each required situation; `reached` counts runs by sets of
+/// situations.
 fn situations(plan: &CampaignPlan, reached: &BTreeMap<&[String], usize>) -> Vec<SituationCount> {
-    // Situations are counted inside the robot's own program.
+    // Only the built-in program counts its situations.
     let inside = plan.scenarios.values().filter(|_| plan.exec.is_none());
     let wanted = inside.filter_map(|text| {
         let parsed = Scenario::parse(Path::new("<campaign>"), text.clone());
@@ -220,7 +222,7 @@ fn minimise(
     files::replace(store.dir(), &name, small.to_toml().as_bytes())?;
     group.left = Some(shrink::in_words(&small));
     if tries > 0 {
-        // A case that cannot be wired any more, or panics, has no picture.
+        // A case that cannot be wired any more, or that panics, has no picture.
         let ran = judge::run(&small, &source)
             .ok()
             .and_then(|(_, outcome)| outcome);

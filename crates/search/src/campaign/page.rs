@@ -1,4 +1,4 @@
-//! A campaign as one HTML file that opens anywhere, without a network.
+//! A campaign as a self-contained HTML file.
 
 use core::fmt::{self, Write as _};
 use core::time::Duration;
@@ -22,8 +22,8 @@ pub fn page(merged: &Merged) -> String {
     out
 }
 
-/// The page of a campaign of which only the `failures` are known; `far` says how far it is. It
-/// loads itself again in each `period`, if there is one.
+/// The page of a running campaign with its `failures` so far; `far` describes the progress. The
+/// page reloads itself after each `period`, if given.
 pub fn live_page(
     plan: &CampaignPlan,
     far: &str,
@@ -63,7 +63,7 @@ fn write_live_page(
     out.write_str("</table></main>\n</html>\n")
 }
 
-/// What is run: scenarios, seeds, what is varied.
+/// Writes the plan: scenarios, seeds, variations.
 fn write_plan(plan: &CampaignPlan, out: &mut String) -> fmt::Result {
     let names: Vec<&str> = plan.scenarios.keys().map(String::as_str).collect();
     write!(
@@ -106,7 +106,7 @@ fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
     out.write_str("</main>\n</html>\n")
 }
 
-/// A card for each cause, the most frequent first.
+/// Writes a card for each cause, the most frequent first.
 fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
     if merged.groups.is_empty() {
         return Ok(());
@@ -155,7 +155,7 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
     out.write_str("</ol>")
 }
 
-/// Those that never came up, and folded those that did.
+/// Writes the situations that never occurred, and a folded list of the others.
 fn write_situations(merged: &Merged, out: &mut String) -> fmt::Result {
     let (met, never): (Vec<_>, Vec<_>) = merged.situations.iter().partition(|one| one.runs > 0);
     out.write_str("<h2>Situations that must come up</h2>")?;

@@ -1,4 +1,4 @@
-//! What a campaign runs, and which part of it a shard does.
+//! The plan of a campaign, and the part of each shard.
 
 use core::ops::Range;
 use core::str::FromStr;
@@ -10,32 +10,32 @@ use serde::{Deserialize, Serialize};
 use crate::error::StoreError;
 use crate::files;
 
-/// Which part of a campaign: of each scenario every `of`-th seed.
+/// A part of a campaign: every `of`-th seed of each scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shard {
     /// Number of this shard, from 0.
     pub index: usize,
-    /// Their number.
+    /// Number of shards.
     pub of: usize,
 }
 
 impl Shard {
-    /// All of it.
+    /// The whole campaign.
     pub const WHOLE: Self = Self { index: 0, of: 1 };
 
-    /// Whether the runs of this turn belong to it, see [`CampaignPlan::runs`].
+    /// Whether this shard executes the runs of the turn `turn`, see [`CampaignPlan::runs`].
     pub const fn has(self, turn: usize) -> bool {
         turn % self.of == self.index
     }
 }
 
-/// Which part is asked for.
+/// The selected part of a campaign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShardChoice {
-    /// The one that the queue tells this task, see [`array`](super::array).
+    /// The shard that the queue assigns to this task, see [`array`](super::array).
     Auto,
-    /// This one.
+    /// The given shard.
     Given(Shard),
 }
 
@@ -62,32 +62,31 @@ impl FromStr for Shard {
     }
 }
 
-/// What a campaign runs: equal plans may be merged.
+/// The runs of a campaign; shards with equal plans can be merged.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CampaignPlan {
-    /// Tool and version.
+    /// Name and version of the tool.
     pub tool: String,
     /// Name and text of each scenario.
     pub scenarios: BTreeMap<String, String>,
-    /// First seed, and the one after the last.
+    /// The seeds, without the end.
     pub seeds: Range<u64>,
-    /// What is made again for each seed, as on the command line.
+    /// The parts of the scenario that vary with the seed, as on the command line.
     pub vary: String,
-    /// Fault profile: the name of a built-in one, or the text of a file; `None`: gentle.
+    /// The fault profile: the name of a built-in profile, or the text of a file; `None` is gentle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<String>,
-    /// Options that name a user's program, as on the command line; `None` for the robot's own. Runs
-    /// with it take place in real time, so no two are the same.
+    /// Options that select a user's program, as on the command line; `None` for the robot's own
+    /// program. Runs with a user's program take place in real time, so two runs differ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exec: Option<String>,
 }
 
 impl CampaignPlan {
-    /// All runs in order: turn, name of the scenario, seed. All scenarios have their first seed,
-    /// then the second, so that a campaign that is stopped has covered all of them alike. Shards
-    /// take turns, each scenario one turn later than the scenario before it: so each shard gets
-    /// each scenario.
+    /// All runs in order: turn, name of the scenario, seed. All scenarios run with the first seed,
+    /// then with the second, so that a stopped campaign covers all scenarios equally. Each scenario
+    /// is one turn later than the previous one, so that each shard gets runs of each scenario.
     pub fn runs(&self) -> impl Iterator<Item = (usize, &str, u64)> {
         let names: Vec<&str> = self.scenarios.keys().map(String::as_str).collect();
         self.seeds
@@ -104,28 +103,28 @@ impl CampaignPlan {
         let Some(kept) = &self.profile else {
             return "gentle".to_owned();
         };
-        // The name of a built-in profile is no TOML.
+        // The name of a built-in profile is not valid TOML.
         let read = toml::from_str::<toml::Table>(kept).ok();
         let name = read.as_ref().and_then(|keys| keys.get("name")?.as_str());
         name.map_or_else(|| kept.clone(), str::to_owned)
     }
 
-    /// How many runs there are.
+    /// Number of runs.
     pub(crate) fn len(&self) -> usize {
         let seeds = self.seeds.end.saturating_sub(self.seeds.start);
         let seeds = usize::try_from(seeds).unwrap_or(usize::MAX);
         seeds.saturating_mul(self.scenarios.len())
     }
 
-    /// Whether this run is one of them.
+    /// Whether the plan contains this run.
     pub(super) fn has(&self, scenario: &str, seed: u64) -> bool {
         self.seeds.contains(&seed) && self.scenarios.contains_key(scenario)
     }
 
-    /// The plan that the file `path` holds.
+    /// Reads the plan from the file `path`.
     ///
     /// # Errors
-    /// If there is none, or the file holds something else.
+    /// If the file does not exist or has other content.
     pub(super) fn read(path: &Path) -> Result<Self, StoreError> {
         let wrong = |what: &str| StoreError::Content {
             path: path.to_owned(),
@@ -134,7 +133,7 @@ impl CampaignPlan {
         let text = files::read(path, "the plan of a campaign")?;
         let plan: Self =
             serde_json::from_slice(&text).map_err(|error| wrong(&error.to_string()))?;
-        // Cases are named after their scenarios.
+        // Files of cases are named after their scenarios.
         let leads_elsewhere = |name: &&String| name.contains(['/', '\0']);
         match plan.scenarios.keys().find(leads_elsewhere) {
             Some(name) => Err(wrong(&format!("{name:?} is no name of a scenario"))),
@@ -142,10 +141,10 @@ impl CampaignPlan {
         }
     }
 
-    /// Writes the plan as the file `name` of `dir`.
+    /// Writes the plan to the file `name` in `dir`.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the file cannot be written.
     pub(super) fn write(&self, dir: &Path, name: &str) -> Result<(), StoreError> {
         let text = serde_json::to_string_pretty(self).expect("plain data");
         files::replace_for_good(dir, name, (text + "\n").as_bytes())
@@ -156,8 +155,8 @@ impl CampaignPlan {
 mod tests {
     use super::*;
 
-    /// At stake: a night that spends its time on the first scenario. After any number of runs, of
-    /// the whole or of a shard, no scenario is more than two runs ahead.
+    /// A campaign must not spend a whole night on its first scenario. After any number of runs,
+    /// whole or in a shard, no scenario is more than two runs ahead.
     #[test]
     fn scenarios_take_turns() {
         let names = ["a", "b", "c", "d"].map(|name| (name.to_owned(), String::new()));
@@ -187,8 +186,8 @@ mod tests {
         }
     }
 
-    /// Each run belongs to one shard, and each shard gets as many seeds of each scenario as another
-    /// one, but for one.
+    /// Each run belongs to one shard. The numbers of seeds that shards get of a scenario differ by
+    /// at most one.
     #[test]
     fn shards_share_each_scenario_evenly() {
         for count in 1..=8 {
@@ -219,7 +218,7 @@ mod tests {
         }
     }
 
-    /// However the name is written in the file.
+    /// The spelling of the key in the file does not matter.
     #[test]
     fn a_profile_of_a_file_is_shown_by_its_name() {
         let named = |kept: &str| {

@@ -1,4 +1,4 @@
-//! What a million runs came to, in few bytes each: words that many have in common are kept once.
+//! Results of a million runs in little memory: repeated words are stored once.
 
 use core::num::NonZeroU32;
 use std::borrow::Cow;
@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::lines::Line;
 
-/// What one run came to, as it is kept.
+/// The stored result of one run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run<'a> {
     /// Name of the scenario.
@@ -21,7 +21,7 @@ pub struct Run<'a> {
     /// Virtual time, milliseconds.
     pub ran_ms: u64,
     trace: Trace<'a>,
-    /// Situations that came up, in order.
+    /// Situations that occurred, in order.
     pub reached: &'a [String],
 }
 
@@ -35,7 +35,7 @@ impl Run<'_> {
     }
 }
 
-/// A fingerprint, which is 16 hexadecimal digits but for a run that panicked.
+/// A fingerprint: 16 hexadecimal digits, or another text for a run that panicked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Trace<'a> {
     Hash(u64),
@@ -51,7 +51,7 @@ impl<'a> Trace<'a> {
     }
 }
 
-/// Number of something that is kept once, from 1.
+/// The number of a word that is stored once, from 1.
 type Id = NonZeroU32;
 
 /// A run in 32 bytes.
@@ -66,7 +66,7 @@ struct Packed {
     is_hash: bool,
 }
 
-/// Things that are kept once, in the order in which they first came.
+/// Words that are stored once, in order of their first use.
 #[derive(Debug, Default)]
 struct Words {
     ids: BTreeMap<Arc<str>, Id>,
@@ -74,7 +74,7 @@ struct Words {
 }
 
 impl Words {
-    /// The number of `word`; `None` after four thousand million.
+    /// The number of `word`; `None` after four thousand million words.
     fn id(&mut self, word: &str) -> Option<Id> {
         if let Some(&id) = self.ids.get(word) {
             return Some(id);
@@ -91,7 +91,7 @@ impl Words {
     }
 }
 
-/// Sets of words that are kept once.
+/// Sets of words that are stored once.
 #[derive(Debug, Default)]
 struct Sets {
     words: Words,
@@ -101,7 +101,7 @@ struct Sets {
 }
 
 impl Sets {
-    /// The number of the set of `words`; `None` after four thousand million.
+    /// The number of the set of `words`; `None` after four thousand million sets.
     fn id<'a>(&mut self, words: impl Iterator<Item = &'a str>) -> Option<Id> {
         let set: Option<Vec<Id>> = words.map(|word| self.words.id(word)).collect();
         let mut set = set?;
@@ -138,17 +138,17 @@ const fn index(id: Id) -> usize {
 pub(super) struct Runs {
     /// Names of the scenarios, in order.
     scenarios: Vec<String>,
-    /// For each of them its runs by seed.
+    /// The runs of each scenario, by seed.
     done: Vec<BTreeMap<u64, Packed>>,
     causes: Words,
-    /// Runs that failed for each cause.
+    /// Number of failed runs for each cause.
     failed: Vec<usize>,
     details: Words,
     sets: Sets,
 }
 
 impl Runs {
-    /// None yet of these scenarios, named in order.
+    /// An empty set of runs; `scenarios` are in order.
     pub(super) fn new(scenarios: impl Iterator<Item = String>) -> Self {
         let scenarios: Vec<String> = scenarios.collect();
         Self {
@@ -161,35 +161,35 @@ impl Runs {
         }
     }
 
-    /// Their number.
+    /// Number of runs.
     pub(super) fn len(&self) -> usize {
         self.done.iter().map(BTreeMap::len).sum()
     }
 
-    /// How many failed.
+    /// Number of failed runs.
     pub(super) fn failed(&self) -> usize {
         self.failed.iter().sum()
     }
 
-    /// Each cause, and how many runs failed for it.
+    /// Each cause with its number of failed runs.
     pub(super) fn causes(&self) -> impl Iterator<Item = (&str, usize)> {
         let counted = self.causes.all.iter().zip(&self.failed);
         let some = counted.filter(|(_, runs)| **runs > 0);
         some.map(|(cause, &runs)| (&**cause, runs))
     }
 
-    /// Whether this run is done.
+    /// Whether this run is finished.
     pub(super) fn has(&self, scenario: &str, seed: u64) -> bool {
         self.packed(scenario, seed).is_some()
     }
 
-    /// Result of this run, if it is done.
+    /// The result of this run, if it is finished.
     pub(super) fn get(&self, scenario: &str, seed: u64) -> Option<Run<'_>> {
         let (number, packed) = self.packed(scenario, seed)?;
         Some(self.unpacked(number, seed, packed))
     }
 
-    /// All in order.
+    /// All runs in order.
     pub(super) fn iter(&self) -> impl Iterator<Item = Run<'_>> {
         self.done
             .iter()
@@ -200,8 +200,8 @@ impl Runs {
             })
     }
 
-    /// Adds what a run came to, or puts it in the place of what it came to before. Whether its
-    /// scenario is one of these, and there is room.
+    /// Adds a result, or replaces the earlier result of the run. Returns false if the scenario is
+    /// unknown or the numbers are used up.
     pub(super) fn insert(&mut self, line: &Line<'_>) -> bool {
         let Some(number) = self.number(&line.scenario) else {
             return false;
@@ -294,7 +294,7 @@ mod tests {
         Runs::new(["hall", "room"].map(str::to_owned).into_iter())
     }
 
-    /// What makes a million runs fit into 100 MB: the key has 8 bytes more, and a tree of sorted
+    /// At this size a million runs fit into 100 MB: a key takes 8 more bytes, and a tree of sorted
     /// entries is a little more than half full.
     #[test]
     fn a_run_that_passes_is_kept_in_32_bytes() {
@@ -308,7 +308,7 @@ mod tests {
         assert_eq!((runs.causes.all.len(), runs.details.all.len()), (0, 0));
     }
 
-    /// A fingerprint keeps its leading zeros, and what is none its text.
+    /// A fingerprint keeps its leading zeros; any other text is kept unchanged.
     #[test]
     fn what_is_kept_is_what_was_given() {
         let mut runs = runs();
@@ -327,7 +327,7 @@ mod tests {
         }
     }
 
-    /// Room 1 fails, then passes when it is done again.
+    /// Room 1 fails, then passes when it is run again.
     #[test]
     fn of_a_run_done_twice_the_later_counts() {
         let mut runs = runs();

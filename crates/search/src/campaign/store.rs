@@ -1,7 +1,7 @@
-//! What a shard leaves in its folder: the plan, a line for each run, and a case for each cause.
+//! The folder of a shard: the plan, one line for each run, and one case for each cause.
 //!
-//! Nothing that is finished is ever at risk: runs are appended, all else is written beside and
-//! renamed, and one process at a time writes.
+//! Finished runs are never at risk: runs are appended, all other files are written under a
+//! temporary name and renamed, and only one process writes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -17,33 +17,33 @@ use crate::files;
 use engine::scenario::Scenario;
 use safefs::Dir;
 
-/// A run of a campaign: name of its scenario, seed.
+/// A run of a campaign: scenario and seed.
 type RunKey = (String, u64);
 
-/// Runs that fail alike, as far as is known while others run.
+/// Runs with the same failure, while the campaign is running.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Failures<'a> {
-    /// Why they fail.
+    /// The cause of the failure.
     pub cause: &'a str,
-    /// Their number.
+    /// Number of runs.
     pub runs: usize,
-    /// The first of them: scenario and seed.
+    /// The first run: scenario and seed.
     pub first: (&'a str, u64),
 }
 
-/// The folder of a shard, or of shards that were merged.
+/// The folder of a shard, or of merged shards.
 #[derive(Debug)]
 pub struct Store {
     dir: PathBuf,
     plan: CampaignPlan,
     runs: Runs,
-    /// For each cause its first run.
+    /// The first run of each cause.
     first: BTreeMap<String, RunKey>,
-    /// `None` if it is only read.
+    /// `None` if the folder is only read.
     writer: Option<Writer>,
 }
 
-/// What only the process has that works in the folder.
+/// Files that only the writing process has open.
 #[derive(Debug)]
 struct Writer {
     lines: File,
@@ -54,15 +54,16 @@ const PLAN: &str = "plan.json";
 const RUNS: &str = "runs.jsonl";
 const CASES: &str = "cases";
 const PAGE: &str = "campaign.html";
-/// Bytes of the runs that are read at once.
+/// Size of the read buffer, bytes.
 const READ_AT_ONCE: usize = 1 << 16;
 
 impl Store {
-    /// Opens `dir`, or makes it, to continue with `plan`, and keeps other processes out of it. A
-    /// line that was cut off is cut away.
+    /// Opens or creates `dir` to continue with `plan`, and locks out other processes. Removes a
+    /// truncated last line.
     ///
     /// # Errors
-    /// If it cannot be written, belongs to another campaign, or another process works in it.
+    /// If the folder cannot be written, belongs to another campaign, or another process holds its
+    /// lock.
     pub fn create(dir: &Path, plan: &CampaignPlan) -> Result<Self, StoreError> {
         files::make_folder(dir)?;
         let lock = Lock::take(dir)?;
@@ -99,16 +100,16 @@ impl Store {
         Ok(store)
     }
 
-    /// Reads what a shard left in `dir`. A last line that was cut off is left out.
+    /// Reads the shard in `dir`. Ignores a truncated last line.
     ///
     /// # Errors
-    /// If it is not the folder of a campaign, or one of its files cannot be read.
+    /// If the folder is not that of a campaign, or one of its files cannot be read.
     pub fn open(dir: &Path) -> Result<Self, StoreError> {
         let plan = CampaignPlan::read(&dir.join(PLAN))?;
         Ok(Self::read(dir, plan)?.0)
     }
 
-    /// Reads the runs of `plan` in `dir`, and how long their lines are in bytes.
+    /// Reads the runs of `plan` in `dir`; also returns the length of their lines in bytes.
     fn read(dir: &Path, plan: CampaignPlan) -> Result<(Self, u64), StoreError> {
         let path = dir.join(RUNS);
         let mut runs = Runs::new(plan.scenarios.keys().cloned());
@@ -140,47 +141,47 @@ impl Store {
         Ok((store, whole))
     }
 
-    /// The campaign that it belongs to.
+    /// The plan of the campaign.
     pub const fn plan(&self) -> &CampaignPlan {
         &self.plan
     }
 
-    /// Its folder.
+    /// The folder.
     pub(crate) fn dir(&self) -> &Path {
         &self.dir
     }
 
-    /// Whether this run is done.
+    /// Whether this run is finished.
     pub fn has(&self, scenario: &str, seed: u64) -> bool {
         self.runs.has(scenario, seed)
     }
 
-    /// How many runs are done.
+    /// Number of finished runs.
     pub fn len(&self) -> usize {
         self.runs.len()
     }
 
-    /// Whether no run is done.
+    /// Whether no run is finished.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// How many of them failed.
+    /// Number of failed runs.
     pub fn failed(&self) -> usize {
         self.runs.failed()
     }
 
-    /// The runs done so far, in order.
+    /// The finished runs in order.
     pub(crate) fn runs(&self) -> impl Iterator<Item = Run<'_>> {
         self.runs.iter()
     }
 
-    /// Result of this run, if it is done.
+    /// The result of this run, if it is finished.
     pub fn run(&self, scenario: &str, seed: u64) -> Option<Run<'_>> {
         self.runs.get(scenario, seed)
     }
 
-    /// Each cause so far, and how many runs failed for it.
+    /// Each cause so far with its number of failed runs.
     pub(super) fn causes(&self) -> impl Iterator<Item = (&str, usize)> {
         self.runs.causes()
     }
@@ -200,7 +201,7 @@ impl Store {
         known
     }
 
-    /// Adds what a run of the plan came to; its `case` is kept if it is the first of its cause.
+    /// Adds the result of a run; keeps its `case` if it is the first of its cause.
     ///
     /// # Errors
     /// If the folder cannot be written.
@@ -217,21 +218,21 @@ impl Store {
             _ => None,
         };
         let line = Line::of(record);
-        // After the case: a run that has its line has its case as well.
+        // Written after the case, so that every run with a line has its case.
         if let Some(writer) = &mut self.writer {
             let written = writer.lines.write_all(line.text().as_bytes());
             written.map_err(failed(&self.dir.join(RUNS)))?;
         }
         self.runs.insert(&line);
         if let Some((scenario, seed)) = replaced {
-            // It was the first until now; its case is of no use any more.
+            // The other run was the first until now; its case is no longer needed.
             self.forget(&scenario, seed);
         }
         Ok(())
     }
 
-    /// Takes over what `others` have done, with the cases of causes; of two results of one run the
-    /// later counts. The lines are in order then, whatever was merged in which order.
+    /// Adds the runs of `others` with the cases of their causes; of two results of one run the
+    /// later one counts. Sorts the lines, so that the order of merging does not matter.
     ///
     /// # Errors
     /// If a case cannot be read or the folder cannot be written.
@@ -277,19 +278,19 @@ impl Store {
         files::replace(&self.dir, PAGE, page.as_bytes())
     }
 
-    /// The case of a run that was the first of its cause in this shard.
+    /// The case of the first run of a cause in this shard.
     pub(crate) fn case(&self, scenario: &str, seed: u64) -> PathBuf {
         self.dir.join(case_name(scenario, seed))
     }
 
-    /// Removes a case that is of use no more. One that stays costs nothing but its space.
+    /// Removes a case that is no longer needed. A failure only wastes disk space.
     fn forget(&self, scenario: &str, seed: u64) {
         let name = case_name(scenario, seed);
         let _ = Dir::open(&self.dir).and_then(|dir| dir.remove_file(name));
     }
 }
 
-/// For each cause its first run.
+/// The first run of each cause.
 fn first_of_causes(runs: &Runs) -> BTreeMap<String, RunKey> {
     let mut first = BTreeMap::<String, RunKey>::new();
     for run in runs.iter() {
@@ -303,7 +304,7 @@ fn first_of_causes(runs: &Runs) -> BTreeMap<String, RunKey> {
     first
 }
 
-/// Where the case of a run is, in the folder of its shard.
+/// The path of a case within the folder.
 fn case_name(scenario: &str, seed: u64) -> PathBuf {
     Path::new(CASES).join(format!("{scenario}-{seed}.toml"))
 }

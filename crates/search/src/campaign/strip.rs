@@ -1,25 +1,25 @@
-//! All runs of a campaign in their order as small squares, coloured by cause.
+//! All runs of a campaign in order, as small squares that are coloured by cause.
 
 use core::fmt::{self, Write as _};
 
 use show::html::Escaped;
 
-/// Maximum number of squares: a campaign of more runs has several in each.
+/// Maximum number of squares: in a larger campaign a square stands for several runs.
 const SQUARES_MAX: usize = 1200;
-/// Squares in a row.
+/// Number of squares in a row.
 const COLUMNS: usize = 120;
-/// Causes with a colour of their own: the most frequent ones.
+/// Number of causes with their own colour: the most frequent ones.
 pub(super) const COLOURS: usize = 6;
 
-/// All runs in order: what each failed of.
+/// All runs in order, with the cause of each failure.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Strip {
-    /// For each run the number of its cause, the most frequent one being 0, and its name.
+    /// The cause of each run by rank and name; 0 is the most frequent cause.
     runs: Vec<Option<usize>>,
 }
 
 impl Strip {
-    /// The strip of runs that failed of these causes, `causes` being all, the most frequent first.
+    /// The strip of runs with these causes; `causes` lists all causes, the most frequent first.
     pub(super) fn of<'a>(
         runs: impl Iterator<Item = Option<&'a str>>,
         causes: impl Fn(&str) -> Option<usize>,
@@ -30,13 +30,13 @@ impl Strip {
         }
     }
 
-    /// Runs in a square.
+    /// Number of runs per square.
     fn each(&self) -> usize {
         self.runs.len().div_ceil(SQUARES_MAX).max(1)
     }
 
-    /// What each square shows: its most frequent cause, if any of its runs failed, so that no
-    /// failure is lost among those that passed.
+    /// The most frequent cause of each square, if any of its runs failed: one failure among many
+    /// passes stays visible.
     fn squares(&self) -> impl Iterator<Item = Option<usize>> {
         self.runs.chunks(self.each()).map(|square| {
             let mut causes: Vec<usize> = square.iter().copied().flatten().collect();
@@ -47,7 +47,7 @@ impl Strip {
         })
     }
 
-    /// As SVG; `names` are those of the causes.
+    /// Writes the strip as SVG; `names` are the names of the causes.
     pub(super) fn write(&self, names: &[&str], out: &mut String) -> fmt::Result {
         let squares: Vec<Option<usize>> = self.squares().collect();
         let failed = self.runs.iter().flatten().count();
@@ -86,7 +86,7 @@ impl Strip {
     }
 }
 
-/// The class that colours a cause.
+/// The CSS class of a cause.
 pub(super) fn class(cause: Option<usize>) -> String {
     match cause {
         None => "ran".to_owned(),
@@ -104,8 +104,8 @@ mod tests {
         }
     }
 
-    /// 2,400 runs, two in a square: one failure among 2,400 is seen, and of a square with two
-    /// causes the more frequent one of all is shown.
+    /// 2,400 runs, two per square: one failure among 2,400 is visible. A square with two causes
+    /// shows the one that is more frequent overall.
     #[test]
     fn no_failure_is_lost_in_a_long_strip() {
         let mut runs = vec![None; 2400];

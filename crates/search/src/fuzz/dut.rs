@@ -5,18 +5,20 @@
 //!                                  +--> ports --> the program, a process of its own
 //!  seed -----> raw traffic --------+                 |
 //!              on one link                           v
-//!  finding <-- smaller case <-- cause <-- ends, says nothing, breaks a rule, takes what is damaged
+//!  finding <-- smaller case <-- cause <-- ends, is silent, breaks a rule, accepts damage
 //! ```
 //!
-//! A *case* is what the program is told, as a value: a scenario with faults in what the program
-//! receives, or traffic on one link in place of a device's. It is the same for the same seed. What
-//! the program does is the same in virtual time; else it is not, as it lives in the time of the
-//! wall clock. So it is judged by what needs no exact time, and with generous limits: whether it
-//! lives, whether a device calls what it does against the rules, whether it answers a damaged
-//! frame as it answers the sound one. The last one needs an experiment. The fuzzer picks a frame
-//! that gets the same answer twice, while noise does not get that answer. It damages the frame so
-//! that it is no valid frame of the format. A program that still answers it has not checked its
-//! checksum.
+//! A *case* is the complete input of the program as a value: a scenario with faults in the data
+//! that the program receives, or raw traffic on one link instead of a device's. The same seed gives
+//! the same case.
+//!
+//! In virtual time the program's behaviour is reproducible; in real time it is not. Therefore the
+//! verdict needs no exact times and has generous limits: whether the program is alive, whether a
+//! device reports a violation, and whether the program answers a damaged frame like the intact one.
+//!
+//! The last check is an experiment. The fuzzer selects a frame that gets the same answer twice,
+//! while noise does not get that answer. It damages the frame so that it is not a valid frame of
+//! the format. A program that still answers it has not verified the checksum.
 
 mod case;
 mod cause;

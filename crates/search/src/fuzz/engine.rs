@@ -1,5 +1,5 @@
-//! The fuzzer: rounds of cases that depend on the seed and on the pool at the begin of the round
-//! alone, so that it makes no difference how many processors try them.
+//! The fuzzer: rounds of cases. A round depends only on the seed and on the pool at its beginning,
+//! so that the number of processors does not change the result.
 
 use core::cell::Cell;
 use core::panic::AssertUnwindSafe;
@@ -15,12 +15,12 @@ use super::subject::{Behaviour, MARKS, Subject, Violation, law};
 use crate::campaign::words_of_panic;
 use engine::workers;
 
-/// Maximum number of causes that are kept of one law: a law that is broken in a hundred ways is
-/// one to look at.
+/// Maximum number of stored causes per law: if a law is broken in more ways, the first ones show
+/// the defect.
 const CAUSES_MAX: usize = 5;
-/// Maximum number of choices that are kept for being new.
+/// Maximum number of stored choices.
 const POOL_MAX: usize = 20_000;
-/// Cases that a thread takes at once.
+/// Number of cases that a thread takes at once.
 const CHUNK: u64 = 16;
 
 /// The first case of a cause.
@@ -28,18 +28,18 @@ const CHUNK: u64 = 16;
 pub struct FirstCase {
     /// The violated law.
     pub fault: Violation,
-    /// The choices that brought it about.
+    /// The choices that led to the case.
     pub choices: Vec<u8>,
     /// Number of the case.
     pub case: u64,
 }
 
-/// What a round came to.
+/// The result of a round.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Round {
-    /// Choices that did something new, in order; they are in the pool now.
+    /// Choices with new behaviour, in order; they have been added to the pool.
     pub new: Vec<Vec<u8>>,
-    /// The first cases of causes that were not known.
+    /// The first case of each new cause.
     pub found: Vec<FirstCase>,
 }
 
@@ -50,11 +50,11 @@ pub struct Fuzzer<'a> {
     cases: u64,
     pool: Vec<Vec<u8>>,
     seen: Coverage,
-    /// How often each cause came up.
+    /// Number of occurrences of each cause.
     causes: BTreeMap<String, u64>,
 }
 
-/// A case that is worth a look.
+/// A case with new behaviour or a violation.
 struct Tried {
     case: u64,
     choices: Vec<u8>,
@@ -63,7 +63,7 @@ struct Tried {
 }
 
 impl<'a> Fuzzer<'a> {
-    /// A fuzzer that has tried `cases` cases before, which came to `causes`.
+    /// A fuzzer that has already run `cases` cases with the result `causes`.
     pub fn new(
         subject: &'a dyn Subject,
         seed: u64,
@@ -80,22 +80,23 @@ impl<'a> Fuzzer<'a> {
         }
     }
 
-    /// Cases tried so far.
+    /// Number of cases so far.
     pub const fn cases(&self) -> u64 {
         self.cases
     }
 
-    /// Different things that cases did so far.
+    /// Number of different behaviours so far.
     pub const fn behaviours(&self) -> usize {
         self.seen.count
     }
 
-    /// How often each cause came up.
+    /// Number of occurrences of each cause.
     pub const fn causes(&self) -> &BTreeMap<String, u64> {
         &self.causes
     }
 
-    /// Tries `choices` and takes them into the pool if they do something new. They are no case.
+    /// Runs `choices`, and adds them to the pool if their behaviour is new. They do not count as a
+    /// case.
     pub fn add(&mut self, choices: Vec<u8>) -> Round {
         let mut behaviour = Behaviour::default();
         let tried = self.attempt(self.cases, choices, &mut behaviour);
@@ -104,9 +105,9 @@ impl<'a> Fuzzer<'a> {
         round
     }
 
-    /// Tries up to `most` cases on `jobs` threads.
+    /// Runs up to `most` cases on `jobs` threads.
     pub fn round(&mut self, most: u64, jobs: usize) -> Round {
-        // Rounds begin at multiples of their length, also after one that was cut short.
+        // Rounds begin at multiples of their length, also after a shortened round.
         let length = self.subject.round();
         let end = self.cases + (length - self.cases % length).min(most);
         let next = AtomicU64::new(self.cases);
@@ -146,7 +147,7 @@ impl<'a> Fuzzer<'a> {
         round
     }
 
-    /// Runs one case. Marks are those that no case had before the round, and maybe others.
+    /// Runs one case. Marks are those that were not set before the round; some may be known.
     fn attempt(&self, case: u64, choices: Vec<u8>, behaviour: &mut Behaviour) -> Tried {
         behaviour.clear();
         let fault = judged(self.subject, &choices, behaviour);
@@ -185,7 +186,7 @@ impl<'a> Fuzzer<'a> {
     }
 }
 
-/// Runs `choices` and says what is wrong; a panic is.
+/// Runs `choices` and returns the violation; a panic counts as one.
 pub(super) fn judged(
     subject: &dyn Subject,
     choices: &[u8],
@@ -195,11 +196,11 @@ pub(super) fn judged(
 }
 
 thread_local! {
-    /// Whether this thread is trying a case, whose panic is a finding and told as such.
+    /// Whether this thread is running a case: its panic is a finding and is reported as such.
     static TRIES: Cell<bool> = const { Cell::new(false) };
 }
 
-/// What `run` comes to; a panic is a fault.
+/// Runs `run`; a panic becomes a violation.
 pub(super) fn caught(run: impl FnOnce() -> Result<(), Violation>) -> Result<(), Violation> {
     let before = TRIES.replace(true);
     let judged = catch_unwind(AssertUnwindSafe(run));
@@ -210,7 +211,7 @@ pub(super) fn caught(run: impl FnOnce() -> Result<(), Violation>) -> Result<(), 
     })
 }
 
-/// From now on a panic of a case is not printed: it becomes a finding.
+/// Suppresses the output of panics in cases: they become findings.
 pub fn silence_panics() {
     let usual = panic::take_hook();
     panic::set_hook(Box::new(move |about| {
@@ -220,7 +221,7 @@ pub fn silence_panics() {
     }));
 }
 
-/// The marks that were ever set.
+/// The set of all marks.
 struct Coverage {
     bits: Vec<u64>,
     count: usize,
@@ -240,7 +241,7 @@ impl Coverage {
         (mark as usize / 64, 1 << (mark % 64))
     }
 
-    /// Whether one of `marks` was never set.
+    /// Whether one of `marks` is new.
     fn lacks(&self, marks: &[u32]) -> bool {
         marks.iter().any(|&mark| {
             let (word, bit) = Self::place(mark);
@@ -248,7 +249,7 @@ impl Coverage {
         })
     }
 
-    /// Sets `marks`; whether one is new.
+    /// Adds `marks`; returns whether one is new.
     fn add(&mut self, marks: &[u32]) -> bool {
         let before = self.count;
         for &mark in marks {

@@ -1,8 +1,8 @@
-//! What a fuzzer leaves behind, and continues from.
+//! The folder that a fuzzer writes and continues from.
 //!
 //! ```text
-//! fuzz.json                     what is fuzzed, how many cases were tried, how often each cause
-//! corpus/TARGET/000017.txt      choices that did something new, in order, with their case in words
+//! fuzz.json                     the subject, the number of cases, the number of each cause
+//! corpus/TARGET/000017.txt      choices with new behaviour, in order, with their case in words
 //! findings/LAW-1A2B3C4D/        a finding: the small case, cause.txt, repeat.txt
 //! ```
 
@@ -17,17 +17,17 @@ use crate::error::{StoreError, failed};
 use engine::hex;
 use safefs::Dir;
 
-/// What is fuzzed: only the same is gone on with.
+/// The subject of the fuzzer: a search continues only if it is equal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FuzzPlan {
-    /// Tool and version.
+    /// Name and version of the tool.
     pub tool: String,
     /// Seed of all mutations.
     pub seed: u64,
     /// Text of the scenario, if one is fuzzed.
     pub scenario: Option<String>,
-    /// What of it is made again, as on the command line.
+    /// The parts of the scenario that vary, as on the command line.
     pub vary: String,
     /// Fault profile, as in [`CampaignPlan`](crate::campaign::CampaignPlan::profile).
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -36,7 +36,7 @@ pub struct FuzzPlan {
     pub defects: Vec<String>,
 }
 
-/// How far the fuzzing of a target has come.
+/// The progress with one target.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Progress {
@@ -57,7 +57,7 @@ fn put(dir: &Path, name: impl AsRef<Path>, bytes: &[u8]) -> Result<(), StoreErro
     written.map_err(failed(&dir.join(name)))
 }
 
-/// Begins a file of the corpus; the choices follow in hexadecimal.
+/// First word of a corpus file; the choices follow in hexadecimal.
 const CHOICES: &str = "# choices ";
 
 /// The folder of a fuzzer.
@@ -68,10 +68,10 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Opens `dir`, or makes it, to continue with `plan`.
+    /// Opens or creates `dir` to continue with `plan`.
     ///
     /// # Errors
-    /// If it cannot be written, or belongs to another plan.
+    /// If the folder cannot be written, or belongs to another plan.
     pub fn create(dir: &Path, plan: FuzzPlan) -> Result<Self, StoreError> {
         let made = Dir::create(dir).and_then(|dir| dir.below("findings"));
         made.map_err(failed(dir))?;
@@ -98,16 +98,16 @@ impl Folder {
         Ok(Self { dir, state })
     }
 
-    /// Cases of `target` that were tried before, and how often each cause came up.
+    /// The number of earlier cases of `target`, and the number of each cause.
     pub fn progress(&self, target: &str) -> (u64, BTreeMap<String, u64>) {
         let progress = self.state.targets.get(target).cloned().unwrap_or_default();
         (progress.cases, progress.causes)
     }
 
-    /// Says how far `target` has come.
+    /// Stores the progress with `target`.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the file cannot be written.
     pub fn save(
         &mut self,
         target: &str,
@@ -118,7 +118,7 @@ impl Folder {
         let progress = Progress { cases, causes };
         self.state.targets.insert(target.to_owned(), progress);
         let text = serde_json::to_string_pretty(&self.state).expect("plain data");
-        // In one step, so that a kill leaves the old state or the new one.
+        // In one step: a kill leaves the old or the new state.
         put(&self.dir, "fuzz.json", (text + "\n").as_bytes())
     }
 
@@ -126,7 +126,7 @@ impl Folder {
         self.dir.join("corpus").join(subject.name())
     }
 
-    /// The choices for `subject` that were kept, in order.
+    /// The stored choices for `subject`, in order.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -137,10 +137,10 @@ impl Folder {
         }
     }
 
-    /// Keeps the `number`-th choices of `subject`'s pool.
+    /// Stores the choices with the number `number` in the pool of `subject`.
     ///
     /// # Errors
-    /// If they cannot be written.
+    /// If the file cannot be written.
     pub fn keep_choices(
         &self,
         subject: &dyn Subject,
@@ -156,10 +156,10 @@ impl Folder {
         put(&self.dir, name, text.as_bytes())
     }
 
-    /// Keeps a finding; its folder.
+    /// Stores a finding; returns its folder.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the folder cannot be written.
     pub fn keep_finding(&self, subject: &dyn Subject, kept: &Kept) -> Result<PathBuf, StoreError> {
         let case = kept.files.first().map_or(&[][..], |(_, bytes)| bytes);
         let hash = engine::rig::trace::fingerprint(case).to_ascii_uppercase();
@@ -178,7 +178,7 @@ impl Folder {
     }
 }
 
-/// Small letters, digits and dashes.
+/// A file name of lower-case letters, digits and dashes.
 fn file_name(law: &str) -> String {
     let kept = law.chars().take(40).map(|c| match c {
         'a'..='z' | '0'..='9' => c,
@@ -188,11 +188,11 @@ fn file_name(law: &str) -> String {
     kept.collect()
 }
 
-/// Choices of all files of `dir`, in the order of their names: a fuzzer's own, and cases as people
-/// write them.
+/// Reads the choices in all files of `dir`, in order of file names: files of a fuzzer, and
+/// hand-written cases.
 ///
 /// # Errors
-/// If a file cannot be read or understood.
+/// If a file cannot be read or parsed.
 pub fn read_corpus(dir: &Path, subject: &dyn Subject) -> Result<Vec<Vec<u8>>, StoreError> {
     let entries = fs::read_dir(dir).map_err(failed(dir))?;
     let mut paths = Vec::new();

@@ -2,22 +2,22 @@
 
 use emulators::rng::Rng;
 
-/// Longest string of choices.
+/// Maximum length of a string of choices.
 const LEN_MAX: usize = 4096;
-/// Longest one made from nothing; most are shorter.
+/// Maximum length of a string created from nothing; most are shorter.
 const FRESH_MAX: u64 = 400;
-/// Bytes at which programs change their minds: limits of counters, and the wire formats' own
-/// start bytes.
+/// Bytes at which programs often change their behaviour: limits of counters, and start bytes of the
+/// wire formats.
 const TELLING: [u8; 12] = [
     0x00, 0x01, 0x02, 0x10, 0x20, 0x7F, 0x80, 0xFE, 0xFF, 0xAB, 0xFA, b'P',
 ];
 
-/// Choices made from one of `pool`, or from nothing.
+/// Choices mutated from a string in `pool`, or created from nothing.
 pub(super) fn mutated(pool: &[Vec<u8>], rng: &mut Rng) -> Vec<u8> {
     if pool.is_empty() || rng.below(8) == 0 {
         return fresh(rng);
     }
-    // Of two the younger: what was found last is where the news is.
+    // Prefers the younger of two: recent findings lead to more new behaviour.
     let at = index(rng, pool.len()).max(index(rng, pool.len()));
     let mut choices = pool[at].clone();
     for _ in 0..1_u64 << rng.below(5) {
@@ -41,14 +41,14 @@ fn index(rng: &mut Rng, len: usize) -> usize {
     usize::try_from(rng.below(len as u64)).expect("below a length")
 }
 
-/// A part of `len` bytes: where it begins and ends.
+/// A random range within `len` bytes.
 fn part(rng: &mut Rng, len: usize) -> core::ops::Range<usize> {
     let start = index(rng, len + 1);
     let most = (len - start).min(32);
     start..start + index(rng, most + 1)
 }
 
-/// One change of `choices`; `pool` is where parts of others come from, not empty.
+/// Applies one mutation to `choices`; parts of other strings come from `pool`, which is not empty.
 pub(super) fn mutate(choices: &mut Vec<u8>, pool: &[Vec<u8>], rng: &mut Rng) {
     if choices.is_empty() {
         choices.push(byte(rng));
@@ -74,7 +74,7 @@ pub(super) fn mutate(choices: &mut Vec<u8>, pool: &[Vec<u8>], rng: &mut Rng) {
             choices.splice(at..at, other[part(rng, other.len())].iter().copied());
         }
         _ => {
-            // The head of one, the tail of another.
+            // The beginning of one string, the end of another.
             let other = &pool[index(rng, pool.len())];
             choices.truncate(at);
             choices.extend(&other[at.min(other.len())..]);
@@ -94,7 +94,7 @@ mod tests {
         assert_ne!(make(3), make(4));
     }
 
-    /// Splices double a string; it must not grow forever.
+    /// A splice may double a string, but the length stays limited.
     #[test]
     fn choices_stay_short() {
         let pool = vec![vec![7; LEN_MAX]];

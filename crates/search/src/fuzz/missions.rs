@@ -8,8 +8,8 @@ use crate::shrink::{self, Effort, Judged};
 use engine::run::Outcome;
 use engine::scenario::{Expect, SafetySpec, Scenario, Source, Span};
 
-/// A scenario: world, mission, timing and faults made of choices, run with everything that watches
-/// a run.
+/// Scenarios as a subject: choices determine world, mission, timing and faults; all checkers watch
+/// the run.
 #[derive(Debug)]
 pub struct Missions {
     scenario: Scenario,
@@ -18,11 +18,11 @@ pub struct Missions {
     profile: Profile,
 }
 
-/// A file of a finding.
+/// File name of a finding's case.
 const CASE: &str = "case.toml";
 
 impl Missions {
-    /// What is made of `scenario` when `vary` of it is made again, with the faults of `profile`.
+    /// Variations of `scenario` in the parts `vary`, with the faults of `profile`.
     pub const fn new(scenario: Scenario, source: Source, vary: Vary, profile: Profile) -> Self {
         Self {
             scenario,
@@ -45,7 +45,7 @@ impl Missions {
     fn judged(&self, scenario: &Scenario) -> (Option<Violation>, Option<Box<Outcome>>) {
         match campaign::run(scenario, &self.source) {
             Ok((record, outcome)) => (fault_of(record), outcome),
-            // What was generated must make sense.
+            // A generated scenario must be valid.
             Err(error) => (
                 Some(Violation::new("can-be-wired", error.to_string())),
                 None,
@@ -54,15 +54,14 @@ impl Missions {
     }
 }
 
-/// A case lasts at most this much longer than its scenario, per cent: so long if goals are judged
-/// after what went wrong.
+/// Maximum length of a case relative to its scenario, per cent: applies if goals are judged after
+/// the faults.
 const LONGER_PERCENT: u32 = 150;
-/// Share of a case by whose end all has gone wrong that does, per cent.
+/// The part of a case in which faults may occur, per cent.
 const ADVERSITY_PERCENT: u32 = 80;
 
-/// `made` in the time of `base`, if it takes much longer: faults come as much sooner, and no goal
-/// is
-/// expected, because there is no time to reach it after them.
+/// Shortens `made` to the duration of `base` if it is much longer. Faults begin earlier in
+/// proportion, and no goal is expected, because there is no time to reach it afterwards.
 fn in_time_of(mut made: Scenario, base: &Scenario) -> Scenario {
     if made.duration.0 <= base.duration.0 * LONGER_PERCENT / 100 {
         return made;
@@ -71,7 +70,7 @@ fn in_time_of(mut made: Scenario, base: &Scenario) -> Scenario {
     made.phases = None;
     made.expect = Expect {
         violations_max: base.expect.violations_max,
-        // Its end comes earlier, and faults may last until then.
+        // The run ends earlier, and faults may last until then.
         safety: made.expect.safety.take().map(|safety| SafetySpec {
             alive_for: None,
             ..safety
@@ -95,25 +94,25 @@ fn in_time_of(mut made: Scenario, base: &Scenario) -> Scenario {
     };
     for fault in &mut made.fault {
         fault.from = fault.from.map(sooner);
-        // A window is never empty.
+        // A window must not be empty.
         let least = Span(fault.from.map_or(Duration::ZERO, |from| from.0) + MOMENT);
         fault.until = fault.until.map(|until| sooner(until).max(least));
     }
     made
 }
 
-/// Shortest time of a fault.
+/// Minimum duration of a fault.
 const MOMENT: Duration = Duration::from_millis(1);
 
-/// What makes a smaller case fail for the same reason. A goal that is not reached is not reached in
-/// a moment either, or in a world without walls, which says nothing.
+/// The kinds of failure that a smaller case must share. Every goal is missed in a very short run or
+/// in a world without walls, so such a case proves nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    /// Something happens that must not.
+    /// A forbidden event occurs.
     Event,
-    /// A goal is not reached because of the faults.
+    /// A goal is missed because of the faults.
     Spoilt,
-    /// It is not reached without them either.
+    /// A goal is missed even without the faults.
     Hopeless,
 }
 
@@ -183,7 +182,7 @@ impl Subject for Missions {
         8
     }
 
-    /// As many as a campaign spends on a cause.
+    /// The same number as for a cause in a campaign.
     fn tries(&self) -> u32 {
         150
     }
@@ -210,7 +209,7 @@ impl Subject for Missions {
             let cause = self.judged(case).0.map(|fault| fault.cause);
             cause.as_ref() == Some(&fault.cause)
         };
-        // As the bytes that they hit, random faults can be left out one by one.
+        // Written as the bytes that they hit, random faults can be removed one by one.
         let expanded = self.judged(&made).1.map(|outcome| outcome.case);
         let start = expanded.filter(|case| effort.spend() && fails(case));
         let start = start.unwrap_or(made);
@@ -239,7 +238,7 @@ impl Subject for Missions {
         format!("hilrig run {}", dir.join(CASE).display())
     }
 
-    /// A scenario is not made of choices that could be found again.
+    /// Choices cannot be reconstructed from a scenario.
     fn choices_of(&self, _: &str) -> Result<Option<Vec<u8>>, String> {
         Ok(None)
     }
@@ -255,7 +254,7 @@ impl Subject for Missions {
 mod tests {
     use super::*;
 
-    /// Ninety seconds with a fault.
+    /// A scenario of ninety seconds with a fault.
     fn start() -> Scenario {
         let text = "schema = 1\nname = \"a\"\nrobot = \"rescue\"\nduration = \"90s\"\n\
             [world]\nstart = { x_m = 1.5, y_m = 1.5, heading_deg = 90 }\n[[fault]]\n\
@@ -271,8 +270,8 @@ mod tests {
         }
     }
 
-    /// Five seconds stay five seconds, whatever is made again, and all faults end within them. A
-    /// mission of ninety may last half as long again: its goals are judged then.
+    /// A case of five seconds keeps this length with any variation, and all faults end within it. A
+    /// mission of ninety seconds may last half as long again: its goals are judged then.
     #[test]
     fn a_case_lasts_as_long_as_its_scenario() {
         for (duration, most) in [(5, 5), (90, 135)] {
@@ -299,7 +298,7 @@ mod tests {
         }
     }
 
-    /// A goal that takes a minute, and that the fault spoils.
+    /// A goal that takes a minute, and that the fault prevents.
     #[test]
     fn a_goal_missed_in_a_moment_is_another_failure() {
         let start = start();

@@ -1,10 +1,9 @@
-//! Programs as subjects: sessions of bytes, pauses and spoilt replies, each a value that people
-//! read and write.
+//! Programs as subjects: sessions of bytes, pauses and damaged replies, each a readable text.
 //!
 //! ```text
 //! base AB 2E 83 14 EC 00 02 5C      bytes on a port, back to back
 //! wait 1200 ms
-//! reply count 7E                    the next reply is spoilt in this way
+//! reply count 7E                    damages the next reply in this way
 //! ```
 
 mod base;
@@ -21,17 +20,17 @@ use crate::shrink::{Effort, fewest};
 use step::Step;
 use tape::Tape;
 
-/// A program on a bench.
+/// A program on a test bench.
 trait Bench: Sync {
     /// Name of the subject.
     const NAME: &'static str;
-    /// Names of the ports on which it receives, with their rates.
+    /// The program's input ports with their baud rates.
     const PORTS: &'static [(&'static str, u32)];
 
-    /// The session that `choices` make.
+    /// The session that `choices` create.
     fn steps(&self, choices: &[u8]) -> Vec<Step>;
 
-    /// Runs a session, and judges it.
+    /// Runs a session and judges it.
     fn judge(
         &self,
         steps: &[Step],
@@ -39,17 +38,17 @@ trait Bench: Sync {
         tape: &mut Tape,
     ) -> Result<(), Violation>;
 
-    /// Steps that would be easier to read than `step`, the easiest first.
+    /// Simpler variants of `step`, the simplest first.
     fn plainer(&self, step: &Step) -> Vec<Step>;
 
-    /// Numbers of the defects that are switched on.
+    /// Numbers of the active defects.
     fn defects(&self) -> &[String];
 }
 
-/// The programs that can be fuzzed, with the defects called `defects`.
+/// The programs that can be fuzzed, with the defects `defects`.
 ///
 /// # Errors
-/// The first of `defects` that none of the programs has.
+/// The first of `defects` that no program has.
 pub fn programs(defects: &[String]) -> Result<Vec<Box<dyn Subject>>, String> {
     let known = |id: &&String| !(base::knows(id) || rescue::knows(id) || pc::knows(id));
     if let Some(unknown) = defects.iter().find(known) {
@@ -81,7 +80,7 @@ impl<B: Bench> Sessions<B> {
         judged.is_err_and(|fault| fault.cause == cause)
     }
 
-    /// The fewest and plainest steps with the same fault.
+    /// Minimises to the fewest and simplest steps with the same violation.
     fn smallest(&self, steps: &[Step], cause: &str, effort: &mut Effort<'_>) -> Vec<Step> {
         let mut best = fewest(steps, effort, |left| self.fails(left, cause));
         loop {
@@ -176,7 +175,7 @@ impl<B: Bench> Subject for Sessions<B> {
         command + &format!(" --repeat {}", dir.join(SESSION).display())
     }
 
-    /// Choices are not found again from their session.
+    /// Choices cannot be reconstructed from a session.
     fn choices_of(&self, text: &str) -> Result<Option<Vec<u8>>, String> {
         step::parse(text, &Self::names()).map(|_| None)
     }

@@ -1,15 +1,15 @@
-//! What is fuzzed: something that makes a case of any bytes, runs it and judges it.
+//! Subjects of the fuzzer: a subject creates a case from any bytes, runs it and judges it.
 
 use std::path::Path;
 
 use crate::shrink::Effort;
 use engine::codec::wire::Broken;
 
-/// A law that was broken.
+/// A broken law.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// The law in kebab case, and perhaps after a colon what sets one way of breaking it apart from
-    /// others, without figures: the same cause has the same words.
+    /// The law in kebab case; after an optional colon, words without figures that distinguish the
+    /// ways to break it. Equal causes have equal words.
     pub cause: String,
     /// A sentence with the figures.
     pub detail: String,
@@ -24,13 +24,13 @@ impl Violation {
         }
     }
 
-    /// The law alone.
+    /// The name of the law.
     pub fn law(&self) -> &str {
         law(&self.cause)
     }
 }
 
-/// The law in `cause`.
+/// The name of the law in `cause`.
 pub(super) fn law(cause: &str) -> &str {
     cause.split(':').next().unwrap_or_default()
 }
@@ -41,18 +41,18 @@ impl From<Broken> for Violation {
     }
 }
 
-/// What a case brought about, as marks: a mark that was never set before is new behaviour.
+/// The behaviour of a case as marks: a mark that was never set before is new behaviour.
 #[derive(Clone, Debug, Default)]
 pub struct Behaviour {
     marks: Vec<u32>,
 }
 
-/// Marks that are distinguished.
+/// Number of different marks.
 pub(super) const MARKS: u32 = 1 << 20;
 
 impl Behaviour {
-    /// Notes that `what` happened, where numbers are meant as they are: give counts and lengths as
-    /// their [`size`].
+    /// Records that `what` happened. Different numbers count as different behaviour: pass counts
+    /// and lengths as their [`size`].
     pub fn note(&mut self, what: &[u64]) {
         // FNV-1a over whole words, folded.
         let hash = what.iter().fold(0xCBF2_9CE4_8422_2325, |hash: u64, word| {
@@ -64,7 +64,7 @@ impl Behaviour {
         self.marks.push(u32::try_from(folded).expect("below 2^20"));
     }
 
-    /// Notes that something called `name` happened, `count` times.
+    /// Records that the event `name` happened `count` times.
     pub fn named(&mut self, name: &str, count: u64) {
         let hash = name.bytes().fold(0, |hash: u64, byte| {
             hash.wrapping_mul(31).wrapping_add(u64::from(byte))
@@ -72,78 +72,78 @@ impl Behaviour {
         self.note(&[hash, size(count)]);
     }
 
-    /// What was noted.
+    /// The recorded marks.
     pub(super) fn marks(&self) -> &[u32] {
         &self.marks
     }
 
-    /// Forgets all.
+    /// Removes all marks.
     pub(super) fn clear(&mut self) {
         self.marks.clear();
     }
 }
 
-/// The size of a number: how many bits it has.
+/// The size of a number: its number of bits.
 pub const fn size(number: u64) -> u64 {
     (u64::BITS - number.leading_zeros()) as u64
 }
 
-/// A finding, made as small as the effort allowed.
+/// A finding, minimised as far as the effort allowed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Kept {
-    /// What is wrong with the small case.
+    /// The violation of the minimised case.
     pub fault: Violation,
-    /// Names and contents of its files; the first is the case itself.
+    /// Names and contents of its files; the first one is the case.
     pub files: Vec<(&'static str, Vec<u8>)>,
 }
 
-/// A decoder that accepts any bytes.
+/// A target of the fuzzer that accepts any bytes.
 pub trait Subject: Sync {
-    /// Its name, as on the command line and of its folder in the corpus.
+    /// The name on the command line and of the corpus folder.
     fn name(&self) -> &str;
 
-    /// How many cases are tried with the same pool: as many as take a moment on a few processors.
+    /// Number of cases that are run with the same pool: enough for a moment on a few processors.
     fn round(&self) -> u64;
 
-    /// How many tries making a finding small is worth.
+    /// Maximum number of tries that minimise a finding.
     fn tries(&self) -> u32;
 
-    /// Makes a case of `choices`, runs it, notes what it did, and judges it. Any choices mean
-    /// something, and always the same.
+    /// Creates a case from `choices`, runs it, records its behaviour, and judges it. Any choices
+    /// are valid, and equal choices create equal cases.
     ///
     /// # Errors
-    /// The law that was broken.
+    /// The broken law.
     fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Violation>;
 
-    /// Numbers of the defects that were switched on in it.
+    /// Numbers of the active defects.
     fn defects(&self) -> &[String] {
         &[]
     }
 
-    /// Choices to begin with.
+    /// Initial choices.
     fn seeds(&self) -> Vec<Vec<u8>>;
 
-    /// The case that `choices` make, for people, as lines.
+    /// The case of `choices` as lines of readable text.
     fn in_words(&self, choices: &[u8]) -> String;
 
-    /// Makes what `choices` do wrong small.
+    /// Minimises the case of `choices` that broke a law.
     fn keep(&self, choices: &[u8], fault: &Violation, effort: &mut Effort<'_>) -> Kept;
 
-    /// Name of the file that holds the case of a finding.
+    /// Name of the file that contains the case of a finding.
     fn case_file(&self) -> &'static str;
 
-    /// The command that repeats a finding in the folder `dir`.
+    /// The command that repeats the finding in the folder `dir`.
     fn repeat(&self, dir: &Path) -> String;
 
-    /// Choices that make the case that `text` describes, if there are such.
+    /// Choices that create the case in `text`, if they can be reconstructed.
     ///
     /// # Errors
-    /// A sentence on what in `text` is wrong.
+    /// A message about the error in `text`.
     fn choices_of(&self, text: &str) -> Result<Option<Vec<u8>>, String>;
 
-    /// Runs and judges the case that `text` describes.
+    /// Runs and judges the case in `text`.
     ///
     /// # Errors
-    /// A sentence on what in `text` is wrong.
+    /// A message about the error in `text`.
     fn repeated(&self, text: &str) -> Result<Result<(), Violation>, String>;
 }

@@ -6,11 +6,12 @@ use crate::shrink::{Effort, fewest};
 use engine::codec;
 use engine::codec::wire::{Holds, Piece, Stream, Target};
 
-/// A wire format: streams into its decoder, judged by the laws of [`wire`](codec::wire).
+/// A wire format as a subject: streams into its decoder, judged by the laws of
+/// [`wire`](codec::wire).
 #[derive(Clone, Copy, Debug)]
 pub struct Wires(pub &'static Target);
 
-/// A file of a finding.
+/// File name of a finding's stream.
 const STREAM: &str = "stream.txt";
 
 impl Wires {
@@ -23,7 +24,7 @@ impl Wires {
         caught(|| (self.0.check)(stream).map_err(Violation::from))
     }
 
-    /// The smallest stream with the same fault: fewer bytes, pieces and pauses, then zeros.
+    /// Minimises a stream with the same violation: fewer bytes, chunks and pauses, then zeros.
     fn smallest(&self, stream: &Stream, cause: &str, effort: &mut Effort<'_>) -> Stream {
         let fails = |atoms: &[Atom]| {
             self.judged(&of_atoms(atoms))
@@ -43,11 +44,11 @@ impl Wires {
     }
 }
 
-/// What a stream can be taken apart into.
+/// The parts of a stream that can be removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Atom {
     Byte(u8),
-    /// The next byte comes in another piece.
+    /// A boundary of a chunk.
     Cut,
     Idle,
 }
@@ -112,7 +113,7 @@ impl Subject for Wires {
         (self.0.check)(&stream).map_err(Violation::from)
     }
 
-    /// A frame of zeros, and three with something in them; the rest is found from there.
+    /// A frame of zeros, and three other frames; the search finds the rest.
     fn seeds(&self) -> Vec<Vec<u8>> {
         if self.0.holds == Holds::Bytes {
             return vec![
@@ -172,8 +173,8 @@ mod tests {
         assert_eq!(of_atoms(&atoms_of(&stream)).to_text(), text);
     }
 
-    /// A decoder that gives up forever at a read of 64 registers or more. Nothing of the stream
-    /// matters but such a frame's three bytes and that they are a frame.
+    /// A decoder that stops forever at a read of 64 registers or more. Only the first three bytes
+    /// of such a frame, and its validity, matter.
     static BROKEN: Target = Target {
         check: |stream| {
             let is_long = |bytes: &[u8]| matches!(bytes, [0xAB, _, 64..=127, _, sum] if *sum > 0);

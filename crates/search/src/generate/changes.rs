@@ -4,17 +4,17 @@ use super::dice::Draw;
 use super::ground::Ground;
 use engine::scenario::{Scenario, WorldSpec};
 
-/// Maximum number of walls and pieces of furniture that are moved.
+/// Maximum number of moved walls and pieces of furniture.
 const MOVES_MAX: u64 = 4;
-/// How far, in centimetres to each side.
+/// Maximum displacement to each side, centimetres.
 const MOVE_CM: u64 = 20;
-/// Ends and sides nearer to something else than this belong to it.
+/// Objects closer than this are joined, metres.
 const JOINED_M: f64 = 0.02;
-/// What must be left of the ground on which the robot could drive.
+/// Minimum share of the ground that must stay within reach, in tenths.
 const LEFT_OF_10: usize = 6;
 
-/// Moves walls, doors, furniture and what walks in the world of `made`, none of which may leave the
-/// square of `side_m`, so that most of the ground stays within reach from the start.
+/// Moves walls, doors, furniture and moving obstacles in the world of `made`, within the square of
+/// `side_m`. Most of the ground stays within reach from the start.
 pub(super) fn change(made: &mut Scenario, margin_m: f64, side_m: Option<f64>, dice: &mut Draw) {
     let start = made.world.start_pose();
     let reached = |scenario: &Scenario| {
@@ -67,7 +67,7 @@ fn move_something(world: &mut WorldSpec, dice: &mut Draw) {
                 return;
             }
             let place = dice.index(pillar.at_m.len());
-            // A post stays with its wall: it is what a lidar sees of a pane of glass.
+            // A post stays with its wall: a lidar sees only the post of a pane of glass.
             if !touches(world, pillar.at_m[place], pillar.radius_m, Of::Pillar) {
                 let place = &mut world.pillar[index].get_mut().at_m[place];
                 *place = moved(*place, by);
@@ -84,9 +84,9 @@ fn move_something(world: &mut WorldSpec, dice: &mut Draw) {
     }
 }
 
-/// A wall that ends in the room becomes longer or shorter, as at a door; of one that does not, a
-/// side is moved, but none that is held by something at an end. A wall that no lidar sees stays
-/// where it is: the robot cannot know where a pane without a frame ends.
+/// Changes a wall. A wall that ends in the room becomes longer or shorter, as at a door. Of any
+/// other wall a free side is moved. A wall that is invisible to lidars does not move: the robot
+/// cannot know the end of a pane without a frame.
 fn move_wall(world: &mut WorldSpec, index: usize, by: f64, dice: &mut Draw) {
     let wall = world.wall[index].get_ref();
     if wall.glass || wall.height_m.is_some() {
@@ -114,8 +114,8 @@ fn move_wall(world: &mut WorldSpec, index: usize, by: f64, dice: &mut Draw) {
     path[end] = moved(path[end], along.map(|part| part * by));
 }
 
-/// Furniture that stands free is moved, of the rest a side that touches nothing. What a pane ends
-/// at is its frame and stays.
+/// Moves free-standing furniture; of other furniture, a side that touches nothing. The frame of a
+/// pane does not move.
 fn move_polygon(world: &mut WorldSpec, index: usize, by: [f64; 2], dice: &mut Draw) {
     let corners = &world.polygon[index].get_ref().corners_m;
     if is_frame(world, corners) {
@@ -146,7 +146,7 @@ fn move_polygon(world: &mut WorldSpec, index: usize, by: [f64; 2], dice: &mut Dr
     corners.pop();
 }
 
-/// Whether a pane of glass begins or ends at the outline of `corners`.
+/// Whether a pane of glass ends at the outline of `corners`.
 fn is_frame(world: &WorldSpec, corners: &[[f64; 2]]) -> bool {
     let panes = world.wall.iter().map(Spanned::get_ref);
     let panes = panes.filter(|wall| wall.glass);
@@ -154,8 +154,8 @@ fn is_frame(world: &WorldSpec, corners: &[[f64; 2]]) -> bool {
     ends.any(|&end| is_near_outline(corners, 0.0, end))
 }
 
-/// Moves the line from corner `side` of `path` to the next across itself; where the path is
-/// closed, both of its ends.
+/// Moves the side from corner `side` of `path` to the next one at right angles; in a closed path
+/// both ends move.
 fn move_side(path: &mut [[f64; 2]], side: usize, by: f64) {
     let Some(last) = path.len().checked_sub(1).filter(|&last| side < last) else {
         return;
@@ -172,7 +172,7 @@ fn move_side(path: &mut [[f64; 2]], side: usize, by: f64) {
     }
 }
 
-/// What a point belongs to: it does not touch itself.
+/// The object of a point: an object does not touch itself.
 #[derive(Clone, Copy, PartialEq)]
 enum Of {
     Wall(usize),
@@ -180,8 +180,8 @@ enum Of {
     Pillar,
 }
 
-/// Whether what reaches so many metres around `place` touches a wall or polygon, or, if it is no
-/// pillar, one of these.
+/// Whether an object with the radius `reach_m` at `place` touches a wall or a polygon; unless it is
+/// a pillar, pillars count too.
 fn touches(world: &WorldSpec, place: [f64; 2], reach_m: f64, of: Of) -> bool {
     let near = |from: [f64; 2], to: [f64; 2]| line_distance(from, to, place) <= reach_m + JOINED_M;
     let along = |path: &[[f64; 2]]| path.windows(2).any(|pair| near(pair[0], pair[1]));
@@ -201,7 +201,7 @@ fn touches(world: &WorldSpec, place: [f64; 2], reach_m: f64, of: Of) -> bool {
         })
 }
 
-/// Whether what reaches so many metres around `place` touches the outline of `corners`.
+/// Whether an object with the radius `reach_m` at `place` touches the outline of `corners`.
 fn is_near_outline(corners: &[[f64; 2]], reach_m: f64, place: [f64; 2]) -> bool {
     let next = corners.iter().cycle().skip(1);
     let mut sides = corners.iter().zip(next);
@@ -228,7 +228,7 @@ fn moved([x, y]: [f64; 2], by: [f64; 2]) -> [f64; 2] {
     [rounded(x + by[0]), rounded(y + by[1])]
 }
 
-/// To the millimetre, as people write it.
+/// Rounds to the millimetre, as in hand-written files.
 fn rounded(metres: f64) -> f64 {
     (metres * 1000.0).round() / 1000.0
 }
@@ -245,7 +245,7 @@ fn is_within(world: &WorldSpec, side: f64) -> bool {
 mod tests {
     use super::*;
 
-    /// A room with a wall that ends in it and a table that touches nothing.
+    /// A room with a wall that ends in it, and a free-standing table.
     fn world() -> WorldSpec {
         let text = "start = { x_m = 0.5, y_m = 0.5, heading_deg = 0 }\n[[wall]]\n\
             path_m = [[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [0.0, 2.0], [0.0, 0.0]]\n[[wall]]\n\
@@ -266,7 +266,7 @@ mod tests {
         assert_eq!(world.wall[1].get_ref().path_m, [[1.0, 0.0], [1.0, 1.35]]);
     }
 
-    /// A pane of glass from a wall to its post, and the post: neither goes without the other.
+    /// A pane of glass from a wall to its post, and the post: both stay together.
     #[test]
     fn a_pane_and_its_post_stay_together() {
         let mut world = world();
@@ -282,7 +282,7 @@ mod tests {
         let only_pane = world.wall.pop().expect("the pane");
         world.wall = vec![only_pane];
         let before = world.clone();
-        // With no side and no furniture left, each draw takes the pane or the post.
+        // No side and no furniture can move: each draw selects the pane or the post.
         for byte in 0..=255 {
             move_something(
                 &mut world,
@@ -293,8 +293,8 @@ mod tests {
         assert_eq!(pillar(&world), pillar(&before));
     }
 
-    /// A pane that begins 4 cm before a wall is held by it: 20 cm longer it would stand out of the
-    /// wall's other side, without a post.
+    /// A pane that begins 4 cm before a wall is joined to it: 20 cm longer, it would protrude from
+    /// the other side of the wall without a post.
     #[test]
     fn a_pane_and_a_threshold_stay_as_they_are() {
         let mut before = world();
@@ -312,8 +312,8 @@ mod tests {
         assert!(!moved(&before));
     }
 
-    /// A pane in the middle of a block's narrow side, 4 cm from its corners: without the block it
-    /// would end in the open, where no lidar sees it. The block without the pane is furniture.
+    /// A pane at the centre of the narrow side of a block, 4 cm from its corners: without the block
+    /// its end would be free and invisible to lidars. Without the pane the block is furniture.
     #[test]
     fn the_frame_of_a_pane_stays_with_it() {
         let mut world = world();
@@ -330,8 +330,7 @@ mod tests {
         assert!(moved(&world));
     }
 
-    /// The side along y = 0 moves to the left of its direction: into the room. The path stays
-    /// closed.
+    /// The side along y = 0 moves to its left, into the room. The path stays closed.
     #[test]
     fn a_side_of_a_room_moves_across_itself() {
         let mut world = world();
@@ -346,8 +345,8 @@ mod tests {
         let mut world = world();
         move_polygon(&mut world, 0, [0.1, -0.2], &mut zeros());
         assert_eq!(world.polygon[0].get_ref().corners_m[0], [2.1, 0.8]);
-        // The first of its sides that touches nothing is the upper one, from right to left; moved
-        // to its left it comes down.
+        // The first side that touches nothing is the upper one, from right to left; moved to its
+        // left, it comes down.
         move_polygon(&mut world, 1, [0.1, 0.0], &mut zeros());
         let corners = &world.polygon[1].get_ref().corners_m;
         assert_eq!(

@@ -1,6 +1,6 @@
 use emulators::rng::Rng;
 
-/// Chance for each part of a mission, none shifting another.
+/// Random sources for the parts of a mission; they do not influence each other.
 #[derive(Clone, Debug)]
 pub struct Dice {
     pub(super) world: Draw,
@@ -10,8 +10,8 @@ pub struct Dice {
 }
 
 impl Dice {
-    /// Named streams of `seed` for the scenario called `name`: no two scenarios get the same
-    /// made-up world.
+    /// Named streams of `seed` for the scenario `name`: no two scenarios get the same generated
+    /// world.
     pub fn of_seed(seed: u64, name: &str) -> Self {
         let stream = |part: &str| Draw::Stream(Rng::stream(seed, &format!("generate.{part}")));
         Self {
@@ -22,8 +22,8 @@ impl Dice {
         }
     }
 
-    /// Choices made by `bytes`: every fourth byte belongs to the same part. Used-up bytes go on as
-    /// zeros.
+    /// Choices from `bytes`: every fourth byte belongs to the same part. Zeros follow the last
+    /// byte.
     pub(crate) fn of_bytes(bytes: &[u8]) -> Self {
         let lane = |first: usize| {
             let lane: Vec<u8> = bytes.iter().skip(first).step_by(4).copied().collect();
@@ -38,7 +38,7 @@ impl Dice {
     }
 }
 
-/// One source of choices.
+/// A source of choices.
 #[derive(Clone, Debug)]
 pub(super) enum Draw {
     Stream(Rng),
@@ -46,7 +46,7 @@ pub(super) enum Draw {
 }
 
 impl Draw {
-    /// A number below `n`, which is more than 0.
+    /// A number below `n`, which must not be 0.
     pub(super) fn below(&mut self, n: u64) -> u64 {
         match self {
             Self::Stream(rng) => rng.below(n),
@@ -65,7 +65,7 @@ impl Draw {
         least + self.below(most - least + 1)
     }
 
-    /// The same, for a smaller type.
+    /// Like `between`, for a smaller type.
     pub(super) fn narrow<T: TryFrom<u64>>(&mut self, least: u64, most: u64) -> T
     where
         T::Error: core::fmt::Debug,
@@ -74,7 +74,7 @@ impl Draw {
         number.try_into().expect("the bounds fit the type")
     }
 
-    /// An index into `len` things.
+    /// An index into a list of `len` elements.
     pub(super) fn index(&mut self, len: usize) -> usize {
         usize::try_from(self.below(len as u64)).expect("below a length")
     }

@@ -31,11 +31,11 @@ pub(super) fn of_devices() -> impl Iterator<Item = &'static str> {
     names.into_iter().flatten().copied()
 }
 
-/// Letters by which a misspelt name differs at most. Names that differ more may be those of a
-/// device of the user.
+/// Maximum number of letters by which a misspelt name differs. A name that differs more may be a
+/// fault of a user's device.
 const LETTERS: usize = 2;
 
-/// The name of `known` that was probably meant, if `name` is none of them.
+/// The similar name in `known`, if `name` is not in it.
 pub(super) fn misspelt<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     if known.contains(&name) {
         return None;
@@ -44,7 +44,7 @@ pub(super) fn misspelt<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     (near.0 <= LETTERS).then_some(near.1)
 }
 
-/// Letters to insert, leave out or change.
+/// The edit distance: letters to insert, remove or change.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

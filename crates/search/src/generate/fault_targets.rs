@@ -7,19 +7,19 @@ use engine::scenario::{
     DirectionSpec, FaultKind, FaultPlace, Scenario, SetPoint, Source, WorldSpec,
 };
 
-/// All of a robot that something can go wrong with, as its links and devices are wired.
+/// All parts of a robot that can have a fault, as its links and devices are wired.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FaultTargets {
     links: Vec<String>,
-    /// What they are made of.
+    /// The kinds of the links.
     link_kinds: Vec<LinkKind>,
     devices: Vec<Device>,
     consoles: &'static [Console],
-    /// Kinds that the profile leaves out.
+    /// Kinds that the profile excludes.
     never: Vec<String>,
-    /// Set-points with which the robot turns on the spot.
+    /// Set-points that turn the robot on the spot.
     turn: Option<Vec<SetPoint>>,
-    /// Links that the robot needs in order to drive.
+    /// Links without which the robot cannot drive.
     needs: Vec<String>,
     hasty: Option<&'static str>,
 }
@@ -27,25 +27,27 @@ pub(super) struct FaultTargets {
 #[derive(Clone, Debug)]
 pub(super) struct Device {
     pub(super) name: String,
-    /// The faults that it knows.
+    /// The faults of the device.
     pub(super) faults: &'static [&'static str],
-    /// Whether its registers can be checked.
+    /// Whether the device has registers.
     pub(super) has_registers: bool,
-    /// Whether it sends messages. What has levels alone is read when it is checked, never late.
+    /// Whether the device sends messages. A device with signal levels only is read on demand, never
+    /// late.
     pub(super) has_messages: bool,
-    /// Whether its robot searches until all is seen, and goes home before if its battery is low.
+    /// Whether its robot searches until the whole area is seen, and returns early if its battery is
+    /// low.
     has_to_last: bool,
-    /// Faults that the profile leaves out.
+    /// Faults that the profile excludes.
     never: Vec<String>,
-    /// Links that it is on.
+    /// Links of the device.
     pub(super) links: Vec<String>,
 }
 
-/// What ends a search by the robot's own decision.
+/// The fault that ends a search by the robot's own decision.
 const SENT_HOME: &str = "battery-low";
 
 impl Device {
-    /// Faults that no other device has, and that the profile allows.
+    /// Faults that only this device has, and that the profile allows.
     pub(super) fn of_its_own(&self) -> impl Iterator<Item = &'static str> {
         let is_known = |name: &str| FaultKind::ALL.iter().any(|kind| kind.name() == name);
         self.faults
@@ -58,14 +60,14 @@ impl Device {
 }
 
 impl FaultTargets {
-    /// Links and devices of `scenario`, as far as `profile` allows. Nothing if it cannot be wired,
-    /// which its run will report.
+    /// Links and devices of `scenario` that `profile` allows. Empty if the scenario cannot be
+    /// wired; its run will report this.
     pub(super) fn of(scenario: &Scenario, profile: &Profile) -> Self {
         let source = Source {
             path: PathBuf::from(&scenario.name),
             text: String::new(),
         };
-        // What is wired does not depend on where the robot stands.
+        // The wiring does not depend on the pose of the robot.
         let nowhere = "start = { x_m = 1, y_m = 1, heading_deg = 0 }\n\
             [[wall]]\npath_m = [[0, 0], [2, 0]]";
         let nowhere: WorldSpec = toml::from_str(nowhere).expect("a wall and a start");
@@ -83,13 +85,13 @@ impl FaultTargets {
         };
         match robots::wire_into(plan) {
             Ok(wired) => {
-                // A device that the scenario describes itself has no client at its other end.
+                // A device that the scenario describes has no client at the other end.
                 let open = wired.open_ends.iter().map(|end| end.link.as_str());
                 let open: Vec<&str> = open.collect();
                 let needs = wired.instruments.needs().into_iter();
                 let station = wired.instruments.station(&wired.rig);
                 let keys = station.and_then(Station::keys);
-                // A single axis steers and does not turn the robot on the spot.
+                // A single axis steers, but does not turn the robot on the spot.
                 let turns =
                     |set: &Vec<SetPoint>| set.iter().filter(|axis| axis.0 != 0.0).count() > 1;
                 let mut targets = Self {
@@ -112,7 +114,7 @@ impl FaultTargets {
         }
     }
 
-    /// A level is no message: what goes wrong with bytes says nothing about it.
+    /// Signal levels are not messages: faults of bytes do not apply to them.
     fn wired(rig: &Rig, open: &[&str]) -> Self {
         let links = rig.links().iter();
         let links = links.filter(|link| link.kind != LinkKind::Pin);
@@ -144,30 +146,30 @@ impl FaultTargets {
         }
     }
 
-    /// Names of the links.
+    /// The names of the links.
     pub(super) fn links(&self) -> impl Iterator<Item = &str> {
         self.links.iter().map(String::as_str)
     }
 
-    /// Links that reach a console, and whose it is; see
+    /// Links with a console and the owner of the console; see
     /// [`Instruments::consoles`](robots::Instruments::consoles).
     pub(super) fn consoles(&self) -> impl Iterator<Item = (&'static str, &'static str)> + use<> {
         self.consoles.iter().copied()
     }
 
-    /// The link on which axes are commanded: its client waits less than others.
+    /// The link that commands the axes: its client has a shorter timeout.
     pub(super) const fn hasty(&self) -> Option<&'static str> {
         self.hasty
     }
 
-    /// Every direction of every link.
+    /// Both directions of each link.
     pub(super) fn lanes(&self) -> Vec<(&str, DirectionSpec)> {
         let both = [DirectionSpec::ToMaster, DirectionSpec::ToDevice];
         let lanes = self.links().flat_map(|link| both.map(|way| (link, way)));
         lanes.collect()
     }
 
-    /// The devices that can have a fault of `kind`, or lose their supply with others.
+    /// The devices that can have a fault of `kind`, or lose power with others.
     pub(super) fn devices(&self, kind: FaultKind) -> Vec<&Device> {
         let can = |device: &&Device| match kind {
             FaultKind::Delayed => device.has_messages,
@@ -184,13 +186,13 @@ impl FaultTargets {
         devices.find(|device| Some(device.name.as_str()) == name)
     }
 
-    /// Devices whose registers can be checked.
+    /// Devices with registers.
     pub(super) fn with_registers(&self) -> Vec<&Device> {
         let devices = self.devices.iter();
         devices.filter(|device| device.has_registers).collect()
     }
 
-    /// The kinds of faults that something here can have, those of links on whichever link.
+    /// The kinds of faults that any device or link can have.
     pub(super) fn kinds(&self) -> impl Iterator<Item = FaultKind> {
         let can = |kind: &FaultKind| match (kind.place(), kind) {
             (FaultPlace::Line, _) if !self.link_kinds.iter().all(|link| kind.fits(*link)) => false,
@@ -204,19 +206,19 @@ impl FaultTargets {
         kinds.filter(is_allowed).filter(can)
     }
 
-    /// Links that the robot needs in order to drive, of those that can fail.
+    /// Links without which the robot cannot drive, of those that can fail.
     pub(super) fn needs(&self) -> impl Iterator<Item = &str> {
         let needs = self.needs.iter().map(String::as_str);
         needs.filter(|need| self.links().any(|link| link == *need))
     }
 
-    /// Set-points with which the robot turns on the spot, if it can be driven by hand so.
+    /// Set-points that turn the robot on the spot, if it can be driven by hand.
     pub(super) fn turn(&self) -> Option<&[SetPoint]> {
         self.turn.as_deref()
     }
 }
 
-/// The links that the device `name` is on.
+/// The links of the device `name`.
 fn links_of(rig: &Rig, name: &str) -> Vec<String> {
     let links = rig.links().iter();
     let links = links.filter(|link| {

@@ -9,22 +9,21 @@ use engine::scenario::{
     Scenario, Span, Step, WhenSpec,
 };
 
-/// Rates at which a sender runs instead of its own.
+/// Wrong baud rates of a sender.
 const BAUDS: [u32; 7] = [9_600, 38_400, 57_600, 111_111, 230_400, 921_600, 1_040_000];
-/// Time before anything goes wrong, if there is such a time.
+/// Minimum time before the first fault, if the run is long enough.
 const WARM_UP_MS: u64 = 5_000;
-/// How near a waypoint is passed, or the last one come to rest at, is no matter of precision while
-/// something is wrong: a map that is begun with a lidar that is 2 % off stays so, 60 mm for walls
-/// 3 m away. Millimetres.
+/// Distance within which a waypoint counts as visited while faults are active, millimetres: a map
+/// that is started with a lidar error of 2 % keeps it, 60 mm for walls 3 m away.
 const WITHIN_MM: f64 = 150.0;
 
-/// The same if an operator steers by hand through the mission's script: an order one second late
-/// also acts one second later, and the robot has no means to correct for that.
+/// The same if the mission's script drives by hand: an order that comes one second late also acts
+/// one second later, and the robot has no means to correct this.
 const BY_HAND_WITHIN_MM: f64 = 400.0;
-/// And where it rests if the order to stop came late as well.
+/// The same for the final position, if the order to stop came late too.
 const BY_HAND_REST_MM: f64 = 800.0;
 
-/// With phases the robot is at work before anything goes wrong, and must be again afterwards.
+/// In a run with phases the robot works before the first fault, and must work again afterwards.
 const fn phases(until_ms: u64) -> PhasesSpec {
     PhasesSpec {
         warm_up: Span::from_millis(WARM_UP_MS),
@@ -38,39 +37,39 @@ fn millis(span: Span) -> u64 {
     u64::try_from(span.0.as_millis()).unwrap_or(u64::MAX)
 }
 
-/// Length of a run with faults, if the scenario takes `duration`.
+/// The length of a run with faults, if the scenario takes `duration`.
 fn length(profile: &Profile, duration: Span) -> Span {
     let heal = profile.time.heal.unwrap_or_default();
-    // There must be time for faults before they are healed.
+    // Faults need some time before they are healed.
     let least = Span(heal.0 + profile.time.from.0 + LEAST);
     let most = profile.time.length_max.unwrap_or(duration);
     duration.min(most).max(least)
 }
 
-/// When the last fault ends, milliseconds, if the scenario takes `duration`.
+/// The end of the last fault, milliseconds, if the scenario takes `duration`.
 pub(super) fn end_of_trouble(profile: &Profile, duration: Span) -> u64 {
     let heal = profile.time.heal.unwrap_or_default();
     let before_healing = length(profile, duration).0.saturating_sub(heal.0);
     millis(profile.time.until.unwrap_or(Span(before_healing)))
 }
 
-/// Least time with faults.
+/// Minimum time with faults.
 const LEAST: Duration = Duration::from_secs(5);
 
-/// All that goes wrong in a mission.
+/// All faults of a mission.
 pub(super) struct Adversity {
     faults: Vec<FaultSpec>,
     budget: Option<BudgetSpec>,
     phases: Option<PhasesSpec>,
-    /// When the last one ends, milliseconds.
+    /// The end of the last fault, milliseconds.
     until_ms: u64,
-    /// Length of the run, if the profile limits it.
+    /// The length of the run, if the profile limits it.
     length: Span,
-    /// Links of what is not healed.
+    /// Links with faults that are not healed.
     stays_broken: Vec<String>,
 }
 
-/// What is known while faults are drawn.
+/// The context of drawing faults.
 struct Drawn<'a> {
     profile: &'a Profile,
     targets: &'a FaultTargets,
@@ -79,7 +78,8 @@ struct Drawn<'a> {
 }
 
 impl Adversity {
-    /// Whole kinds are off in some missions and on in others. `duration` is that of the scenario.
+    /// Draws the faults of a mission, which uses only some kinds. `duration` is that of the
+    /// scenario.
     pub(super) fn draw(
         profile: &Profile,
         targets: &FaultTargets,
@@ -110,7 +110,7 @@ impl Adversity {
         made
     }
 
-    /// Whether anything goes wrong, or the profile counts that as if.
+    /// Whether the mission has faults, or the profile judges it as if it had.
     pub(super) fn has_faults(&self) -> bool {
         !self.faults.is_empty()
     }
@@ -148,7 +148,7 @@ impl Drawn<'_> {
         let needs: Vec<&str> = targets.needs().filter(|_| may_cut).collect();
         if share > 0 && dice.below(100) < share && !needs.is_empty() {
             let link = needs[dice.index(needs.len())];
-            // It takes the place of another one if there are as many as there may be.
+            // Replaces another fault if the maximum number is reached.
             faults.truncate(usize::try_from(keys.count_max - 1).unwrap_or(usize::MAX));
             let mut fault = FaultSpec::on(link, DirectionSpec::ToMaster, FaultKind::Cut);
             self.permanent(&mut fault, dice);
@@ -167,7 +167,7 @@ impl Drawn<'_> {
         }
     }
 
-    /// One of the faults that last until they are healed is not healed.
+    /// Exempts one of the permanent faults from being healed.
     fn leave_one_broken(&self, made: &mut Adversity, dice: &mut Draw) {
         let end = Span::from_millis(self.until_ms);
         let lasts = |fault: &&mut FaultSpec| {
@@ -191,7 +191,7 @@ impl Drawn<'_> {
 }
 
 impl Adversity {
-    /// Lets it happen in `mission`, which must succeed within `recovery` afterwards.
+    /// Adds the faults to `mission`, which must succeed within `recovery` afterwards.
     pub(super) fn apply(self, profile: &Profile, mission: &mut Scenario, recovery: Span) {
         if profile.judge.mission == MissionJudged::WithoutFaults {
             return self.apply_without_mission(profile, mission);
@@ -209,8 +209,8 @@ impl Adversity {
         mission.fault = self.faults;
         mission.budget = self.budget;
         mission.phases = self.phases;
-        // A bad line is not the fault of the sender, and this case does not judge where the robot
-        // believes to be while it cannot see.
+        // A damaged line is not the fault of its sender. This case does not judge the believed pose
+        // while the robot has no measurements.
         mission.expect.violations_max = None;
         let is_by_hand = |step: &Step| matches!(step.action, Action::Drive(_));
         let [visit_mm, rest_mm] = match mission.mission.step.iter().any(is_by_hand) {
@@ -223,8 +223,8 @@ impl Adversity {
         mission.expect.pose_rms_mm_max = None;
         mission.expect.heading_rms_deg_max = None;
         mission.expect.map_received = None;
-        // A map that is begun while a lidar is 2 % off stays so: 60 mm for a wall 3 m away. An
-        // unreported motion of 10 cm in a corridor lies between all walls before and behind.
+        // A map that is started while a lidar has an error of 2 % keeps it: 60 mm for a wall 3 m
+        // away. An unreported motion of 10 cm along a corridor cannot be detected from its walls.
         let is_wrong = |fault: &FaultSpec| fault.kind == FaultKind::Wrong;
         let asked = mission.expect.wall_overlap_min;
         mission.expect.wall_overlap_min = match mission.fault.iter().any(is_wrong) {
@@ -235,7 +235,7 @@ impl Adversity {
 }
 
 impl Adversity {
-    /// The same, if the mission is judged in runs without faults only.
+    /// The same, if only runs without faults judge the mission.
     fn apply_without_mission(self, profile: &Profile, mission: &mut Scenario) {
         let is_by_hand = |step: &Step| matches!(step.action, Action::Drive(_));
         let is_by_hand = mission.mission.step.iter().any(is_by_hand);
@@ -255,7 +255,7 @@ impl Adversity {
         let broken: Vec<String> = broken.filter(|link| !own.contains(link)).collect();
         own.extend(broken);
         mission.duration = self.length;
-        // Its faults do not keep to the phases of the scenario.
+        // The faults do not follow the phases of the scenario.
         mission.phases = None;
         mission.mission.to_the_end = true;
         mission
@@ -271,11 +271,11 @@ impl Adversity {
     }
 }
 
-/// Of a map that was drawn while something failed so much is asked at most.
+/// Maximum required wall overlap of a map that was drawn during faults.
 const WALLS_MIN: f64 = 0.5;
 
-/// A quarter, a half or three quarters of the kinds. Eight of them are chosen by two numbers, so
-/// that a short string of bytes still says something about what goes wrong.
+/// A quarter, a half or three quarters of the kinds. Two numbers choose eight of them, so that a
+/// short string of bytes still selects faults.
 fn some_kinds(targets: &FaultTargets, dice: &mut Draw) -> Vec<FaultKind> {
     let all: Vec<FaultKind> = targets.kinds().collect();
     let share = dice.below(3);
@@ -289,7 +289,7 @@ fn some_kinds(targets: &FaultTargets, dice: &mut Draw) -> Vec<FaultKind> {
     enabled
 }
 
-/// Whether it puts something on the wire to the device of `link`.
+/// Whether the fault inserts bytes on the way to the device of `link`.
 fn reaches(fault: &FaultSpec, link: &str) -> bool {
     let is_to = |way| fault.direction == Some(way);
     let comes_back = fault.kind == FaultKind::Echo && is_to(DirectionSpec::ToMaster);
@@ -297,7 +297,7 @@ fn reaches(fault: &FaultSpec, link: &str) -> bool {
     is_on && (is_to(DirectionSpec::ToDevice) || comes_back)
 }
 
-/// Power cycle, as a person does it, of a device that does not recover by itself.
+/// A power cycle by an operator, for a device that does not recover by itself.
 fn switched_off_and_on(device: &str, at_ms: u64) -> FaultSpec {
     FaultSpec {
         device: Some(device.to_owned()),
@@ -307,7 +307,7 @@ fn switched_off_and_on(device: &str, at_ms: u64) -> FaultSpec {
     }
 }
 
-/// A fault of `kind` on something that can have it.
+/// A fault of `kind` on a random target that can have it.
 fn somewhere(kind: FaultKind, targets: &FaultTargets, dice: &mut Draw) -> FaultSpec {
     let devices = targets.devices(kind);
     match kind.place() {
@@ -321,7 +321,7 @@ fn somewhere(kind: FaultKind, targets: &FaultTargets, dice: &mut Draw) -> FaultS
             ..FaultSpec::new(kind)
         },
         FaultPlace::Devices => {
-            // One of them keeps its supply, if there are more than two.
+            // If there are more than two devices, one keeps its power.
             let spared = dice.index(devices.len());
             let dips = |&(index, _): &(usize, &&Device)| devices.len() == 2 || index != spared;
             let names = devices.iter().enumerate().filter(dips);
@@ -333,7 +333,7 @@ fn somewhere(kind: FaultKind, targets: &FaultTargets, dice: &mut Draw) -> FaultS
     }
 }
 
-/// Whether nothing sensible gets through, rather than less.
+/// Whether the fault stops all useful traffic instead of reducing it.
 fn silences(kind: FaultKind) -> bool {
     use FaultKind as K;
     matches!(
@@ -350,26 +350,26 @@ fn silences(kind: FaultKind) -> bool {
     )
 }
 
-/// Whether something that is there seems not to be, or to stand still: a robot can know no better,
-/// and one that does not steer hits what it was to pass.
+/// Whether the fault hides an object or its motion: the robot cannot detect this, and without
+/// steering it hits the object.
 fn is_deceived(fault: &FaultSpec) -> bool {
     let name = fault.fault.as_deref().unwrap_or_default();
     fault.kind == FaultKind::Stuck || ["blind", "servo"].contains(&name)
 }
 
-/// Whether it comes and goes by its nature.
+/// Whether the fault is intermittent by nature.
 fn comes_in_spells(kind: FaultKind) -> bool {
     matches!(kind, FaultKind::Clog | FaultKind::Intermittent)
 }
 
-/// Comes again and again.
+/// Makes the fault intermittent.
 fn spells(fault: &mut FaultSpec, dice: &mut Draw) {
     let every = dice.between(50, 2_000);
     fault.every = Some(Span::from_millis(every));
     fault.lasting = Some(Span::from_millis(dice.between(1, every)));
 }
 
-/// Longest time of `fault`.
+/// The maximum duration of `fault`.
 fn limit(time: &Time, fault: &FaultSpec) -> Option<Span> {
     match fault.kind {
         _ if is_deceived(fault) => time.stuck_max,
@@ -379,7 +379,7 @@ fn limit(time: &Time, fault: &FaultSpec) -> Option<Span> {
 }
 
 impl Drawn<'_> {
-    /// The keys that only some kinds have.
+    /// Draws the keys of individual kinds.
     fn detail(&self, fault: &mut FaultSpec, dice: &mut Draw) {
         use FaultKind as K;
         let (targets, kind) = (self.targets, fault.kind);
@@ -421,7 +421,7 @@ impl Drawn<'_> {
         }
     }
 
-    /// Times that are known beforehand.
+    /// Draws fixed times.
     fn foreseen(&self, fault: &mut FaultSpec, is_late: bool, dice: &mut Draw) {
         let time = &self.profile.time;
         let earliest = [millis(time.from), WARM_UP_MS][usize::from(is_late)];
@@ -435,7 +435,7 @@ impl Drawn<'_> {
         }
     }
 
-    /// From some time until it is healed.
+    /// Makes the fault permanent until it is healed.
     fn permanent(&self, fault: &mut FaultSpec, dice: &mut Draw) {
         let from = dice.between(millis(self.profile.time.from), self.until_ms - 100);
         fault.from = Some(Span::from_millis(from));
@@ -445,7 +445,7 @@ impl Drawn<'_> {
         }
     }
 
-    /// Waits for a byte, a frame, a place or a register.
+    /// Lets the fault wait for a byte, a frame, a position or a register.
     fn unforeseen(&self, fault: &mut FaultSpec, dice: &mut Draw) {
         if comes_in_spells(fault.kind) {
             return self.foreseen(fault, false, dice);

@@ -6,14 +6,14 @@ use emulators::world::{Point, Pose, World};
 use engine::robots;
 use engine::scenario::{Scenario, Source, WorldSpec};
 
-/// Edge of a cell, metres, and most cells along an edge: a hall gets larger cells.
+/// Minimum edge of a cell, metres, and maximum number of cells along an edge: a hall gets larger
+/// cells.
 const CELL_M: f64 = 0.06;
 const EDGE_MAX: f64 = 160.0;
-/// Headings at which a body fits that is no disc.
+/// Number of headings that are tried for a body that is not a disc.
 const HEADINGS: u8 = 4;
 
-/// Where the true world leaves room for the robot: a mission that leads from free cell to free cell
-/// can be done.
+/// The free space of the true world: a mission from free cell to free cell is possible.
 pub(super) struct Ground {
     origin: Point,
     cell_m: f64,
@@ -23,16 +23,16 @@ pub(super) struct Ground {
     free: Vec<bool>,
 }
 
-/// Cells that can be reached from one of them, and how far each is.
+/// Cells that can be reached from a cell, with their distances.
 pub(super) struct Reach<'a> {
     ground: &'a Ground,
-    /// Steps from cell to cell.
+    /// Number of steps to each cell.
     steps: Vec<Option<u32>>,
 }
 
 impl Ground {
-    /// Looks at `scenario`'s world, in which `margin_m` is left beside the robot. `None` if it
-    /// cannot be built: its run will say why.
+    /// Examines the world of `scenario` with the margin `margin_m` beside the robot. `None` if the
+    /// world cannot be built; its run will report this.
     pub(super) fn of(scenario: &Scenario, margin_m: f64) -> Option<Self> {
         let source = Source {
             path: PathBuf::from(&scenario.name),
@@ -66,7 +66,7 @@ impl Ground {
         ground
     }
 
-    /// What can be reached from `place`; nothing if the robot does not fit there.
+    /// The cells that can be reached from `place`; empty if the robot does not fit there.
     pub(super) fn reach_from(&self, [x, y]: [f64; 2]) -> Reach<'_> {
         let column = cells_along(x - self.origin.x, self.cell_m).saturating_sub(1);
         let row = cells_along(y - self.origin.y, self.cell_m).saturating_sub(1);
@@ -75,7 +75,7 @@ impl Ground {
         self.spread(inside.then(|| row * self.width + column))
     }
 
-    /// The largest part of the world that hangs together.
+    /// The largest connected part of the world.
     pub(super) fn largest(&self) -> Reach<'_> {
         let mut best = self.spread(None);
         let mut seen = vec![false; self.free.len()];
@@ -132,12 +132,12 @@ impl Ground {
 }
 
 impl Reach<'_> {
-    /// How many cells there are.
+    /// Number of cells.
     pub(super) fn len(&self) -> usize {
         self.steps.iter().flatten().count()
     }
 
-    /// Middles of the cells, to the centimetre.
+    /// Centres of the cells, rounded to the centimetre.
     pub(super) fn places(&self) -> Vec<[f64; 2]> {
         let cells = self.steps.iter().enumerate();
         let cells = cells.filter(|(_, steps)| steps.is_some());
@@ -149,7 +149,7 @@ impl Reach<'_> {
             .collect()
     }
 
-    /// How far `place` is, along the cells; `None` if no way leads there.
+    /// Length of the path to `place` along the cells; `None` if there is no path.
     pub(super) fn way_m(&self, place: [f64; 2]) -> Option<f64> {
         let there = self.ground.reach_from(place);
         let cell = there.steps.iter().position(|steps| *steps == Some(0))?;
@@ -164,7 +164,7 @@ fn cells_along(length: f64, cell_m: f64) -> usize {
     cells
 }
 
-/// The least free distance at any heading.
+/// The smallest free distance over all headings.
 fn clearance(world: &mut World, place: Point) -> f64 {
     let mut least = f64::INFINITY;
     for heading in 0..HEADINGS {
@@ -175,8 +175,7 @@ fn clearance(world: &mut World, place: Point) -> f64 {
     least
 }
 
-/// Whether `place` is far enough from moving things that a body reaching `keep_m` is never in their
-/// way.
+/// Whether a body with the radius `keep_m` at `place` is never hit by moving obstacles.
 fn keeps_from_moving(spec: &WorldSpec, place: Point, keep_m: f64) -> bool {
     spec.moving.iter().all(|moving| {
         let moving = moving.get_ref();
@@ -187,7 +186,7 @@ fn keeps_from_moving(spec: &WorldSpec, place: Point, keep_m: f64) -> bool {
     })
 }
 
-/// From `place` to the line between two points.
+/// The distance of `place` from the line between two points.
 fn distance(from: Point, to: Point, place: Point) -> f64 {
     let along = Point::new(to.x - from.x, to.y - from.y);
     let square = along.x * along.x + along.y * along.y;
@@ -204,8 +203,8 @@ fn distance(from: Point, to: Point, place: Point) -> f64 {
 mod tests {
     use super::*;
 
-    /// Two rooms of 2 m and a wall between them with a gap at the top. The robot's radius is 0.16
-    /// m.
+    /// Two rooms of 2 m, and between them a wall with a gap at the top. The radius of the robot is
+    /// 0.16 m.
     fn two_rooms(gap_m: f64) -> Scenario {
         let text = format!(
             "schema = 1\nname = \"two\"\nrobot = \"rescue\"\nduration = \"5s\"\n[world]\n\
@@ -225,7 +224,7 @@ mod tests {
             ground.reach_from([1.0, 1.0]).way_m([3.0, 1.0])
         };
         assert_eq!(way(0.45), None);
-        // 2 m across, and up to the door and down again from 1.0 to 1.7 at least.
+        // 2 m across, and up to the door and down again at least from 1.0 to 1.7.
         let way = way(0.6).expect("a way");
         assert!((3.3..4.0).contains(&way), "{way}");
     }
@@ -248,7 +247,7 @@ mod tests {
         assert!(places.iter().all(|place| place[0] > 1.5), "{places:?}");
     }
 
-    /// A person walks along the wall at y = 1.7: 0.15 + 0.16 + 0.1 m from there is out of reach.
+    /// A person walks along the wall at y = 1.7: positions within 0.15 + 0.16 + 0.1 m are excluded.
     #[test]
     fn nobody_is_sent_where_somebody_walks() {
         let mut walked = two_rooms(1.9);

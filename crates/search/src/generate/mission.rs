@@ -4,19 +4,19 @@ use super::fault_targets::FaultTargets;
 use engine::robots::{self, Robot};
 use engine::scenario::{Action, Mission, Scenario, Span, Step};
 
-/// Whether the waypoints must stay: the steps lead the robot, by modes or by hand, or the robot
-/// takes no orders. Other waypoints would be a mission that the robot cannot do.
+/// Whether the waypoints must stay: steps lead the robot by modes or by hand, or the robot takes no
+/// orders. With other waypoints the mission would be impossible.
 pub(super) fn is_fixed(scenario: &Scenario) -> bool {
     let leads = |step: &Step| matches!(step.action, Action::Mode(_) | Action::Drive(_));
     !takes_orders(scenario) || scenario.mission.step.iter().any(leads)
 }
 
-/// Whether there is a PC that could hang up, or say something once more.
+/// Whether a PC can disconnect, or repeat an order.
 pub(super) fn takes_orders(scenario: &Scenario) -> bool {
     robots::find(&scenario.robot).is_none_or(Robot::takes_orders)
 }
 
-/// Some of `places`, in any order.
+/// Some of `places`, in random order.
 pub(super) fn waypoints(mut places: Vec<[f64; 2]>, dice: &mut Draw) -> Vec<[f64; 2]> {
     let count = dice.between(1, 3).min(places.len() as u64);
     (0..count)
@@ -24,8 +24,7 @@ pub(super) fn waypoints(mut places: Vec<[f64; 2]>, dice: &mut Draw) -> Vec<[f64;
         .collect()
 }
 
-/// What the PC does besides sending the mission, before `until_ms`: it sends it once more, or hangs
-/// up for a while.
+/// Further actions of the PC before `until_ms`: it repeats the mission, or disconnects for a while.
 pub(super) fn steps(waypoints: &[[f64; 2]], until_ms: u64, dice: &mut Draw) -> Vec<Step> {
     let mut steps = Vec::new();
     for _ in 0..dice.below(4) {
@@ -41,10 +40,10 @@ pub(super) fn steps(waypoints: &[[f64; 2]], until_ms: u64, dice: &mut Draw) -> V
     steps
 }
 
-/// The last steps of a mission: an operator who sees the robot stand tries again. After the last
-/// fault the port is opened again, and waypoints that the robot did not confirm are sent again. If
-/// the mission is not done a while later, because the robot took another place for a waypoint, or
-/// went home with a low battery, it is given once more.
+/// The last steps of a mission: an operator tries again after the last fault. The operator opens
+/// the port again, and sends waypoints again that the robot did not confirm. Some time later the
+/// mission is ordered once more if it is not finished, because the robot mistook its pose or
+/// returned with a low battery.
 pub(super) fn once_more(mission: &Mission, until_ms: u64, recovery_ms: u64) -> [Step; 3] {
     let mode = mission.step.iter().map(|step| &step.action);
     let mut mode = mode.filter(|action| matches!(action, Action::Mode(_)));
@@ -59,9 +58,9 @@ pub(super) fn once_more(mission: &Mission, until_ms: u64, recovery_ms: u64) -> [
     ]
 }
 
-/// Orders that keep a robot driving that is steered by hand: its first order to move again and
-/// again, every other time backwards. The first set-point is the speed, unless the robot
-/// `turns_on_the_spot`: then each wheel has its own.
+/// Orders that keep a manually driven robot moving: its first motion order repeatedly, every second
+/// time backwards. The first set-point is the speed, unless the robot `turns_on_the_spot`: then
+/// each wheel has a set-point.
 pub(super) fn keep_steering(
     profile: &Profile,
     turns_on_the_spot: bool,
@@ -94,7 +93,7 @@ pub(super) fn keep_steering(
     sort(&mut mission.step);
 }
 
-/// Sorts by time. A step with a condition stays behind the step that it follows.
+/// Sorts by time. A step with a condition stays behind its predecessor.
 fn sort(steps: &mut Vec<Step>) {
     let mut last = None;
     let keyed = steps.drain(..).map(|step| {
@@ -106,11 +105,11 @@ fn sort(steps: &mut Vec<Step>) {
     steps.extend(keyed.into_iter().map(|(_, step)| step));
 }
 
-/// Time for which the operator turns the robot by hand.
+/// Duration for which the operator turns the robot by hand.
 const BY_HAND_MS: [u64; 2] = [3_000, 9_000];
 
-/// Orders that keep the robot driving in the whole run: its waypoints again and again, and turns by
-/// hand. A turn on the spot leads into no wall.
+/// Orders that keep the robot moving in the whole run: its waypoints repeatedly, and turns by hand.
+/// A turn on the spot hits no wall.
 pub(super) fn keep_busy(
     profile: &Profile,
     targets: &FaultTargets,
@@ -178,8 +177,8 @@ mod tests {
         assert_eq!(times, [ms(1), ms(2), ms(3), None, ms(9)]);
     }
 
-    /// A car goes back with the same steering, a robot with two wheels with both. A stop is not
-    /// repeated, and a robot that a mode leads is not steered.
+    /// A car drives back with the same steering, a robot with two wheels reverses both. An order to
+    /// stop is not repeated, and a robot that a mode leads is not driven by hand.
     #[test]
     fn by_hand_drives_go_on_back_and_forth() {
         let harsh = Profile::find("harsh").expect("it is built in");

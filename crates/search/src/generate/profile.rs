@@ -1,5 +1,5 @@
-//! Fault profiles: what goes wrong in generated missions, when, and what is expected then. A
-//! profile is a TOML file; three are built in.
+//! Fault profiles: kinds and times of faults in generated missions, and expectations. A profile is
+//! a TOML file; three are built in.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::fault_names;
 
-/// The profiles that are built in, gentlest first.
+/// The built-in profiles, gentlest first.
 const BUILT_IN: [(&str, &str); 3] = [
     ("gentle", include_str!("profiles/gentle.toml")),
     ("field", include_str!("profiles/field.toml")),
@@ -17,9 +17,9 @@ const BUILT_IN: [(&str, &str); 3] = [
 
 /// Version of the format.
 const SCHEMA: u32 = 1;
-/// More faults than this make each run the same.
+/// Maximum number of faults: with more, all runs become alike.
 const COUNT_MAX: u64 = 100;
-/// A run is no longer than a day.
+/// Maximum length of a run: one day.
 const LONGEST: Span = Span::from_millis(86_400_000);
 
 /// A fault profile.
@@ -30,50 +30,51 @@ pub struct Profile {
     pub schema: u32,
     /// Its name, for reports.
     pub name: String,
-    /// What it is for, in a sentence.
+    /// The purpose of the profile in one sentence.
     #[serde(default)]
     pub description: String,
-    /// Which faults are drawn.
+    /// The kinds of faults.
     pub faults: Faults,
-    /// When they are active.
+    /// The times of faults.
     pub time: Time,
-    /// What else the operator does.
+    /// Further actions of the operator.
     #[serde(default)]
     pub mission: MissionKeys,
-    /// What happens after the last fault.
+    /// Actions after the last fault.
     #[serde(default)]
     pub afterwards: Afterwards,
-    /// What is expected.
+    /// Expectations.
     pub judge: Judge,
-    /// What a campaign keeps of it: the name of a built-in one, the text of a file.
+    /// The reference to the profile in a campaign: the name of a built-in profile, or the text of a
+    /// file.
     #[serde(skip)]
     pub kept: String,
 }
 
-/// Which faults are drawn.
+/// The kinds of faults.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Faults {
     /// Share of the runs that have no fault, per cent.
     #[serde(default)]
     pub without_percent: u64,
-    /// Maximum number in a run.
+    /// Maximum number of faults in a run.
     pub count_max: u64,
-    /// Chances per byte, of which each fault of that kind has one.
+    /// Probabilities per byte; each fault with a rate uses one of them.
     pub rates: Vec<f64>,
-    /// Factors by which a device measures wrongly.
+    /// Wrong factors of measurements.
     pub factors: Vec<f64>,
-    /// Kinds, and faults of devices, that are never drawn.
+    /// Kinds of faults, and device faults, that are excluded.
     #[serde(default)]
     pub never: Vec<String>,
     /// Whether the battery may be low in a search that ends at home.
     #[serde(default)]
     pub low_battery_in_search: bool,
-    /// Share of the faults that last until they are healed, per cent.
+    /// Share of permanent faults, which last until they are healed, per cent.
     #[serde(default)]
     pub permanent_percent: u64,
-    /// Share of the runs in which a link that the robot needs falls silent until it is healed, per
-    /// cent.
+    /// Share of the runs in which a link that the robot needs becomes silent until it is healed,
+    /// per cent.
     #[serde(default)]
     pub needed_link_percent: u64,
     /// Share of the runs in which one permanent fault is not healed, per cent.
@@ -81,34 +82,34 @@ pub struct Faults {
     pub stays_broken_percent: u64,
 }
 
-/// When faults are active.
+/// The times of faults.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
-    /// The first fault begins no earlier.
+    /// Earliest begin of a fault.
     pub from: Span,
-    /// All end here; when the last phase begins if not given.
+    /// End of all faults; if not given, the begin of the last phase.
     #[serde(default)]
     pub until: Option<Span>,
-    /// A longer run with faults is cut here.
+    /// Maximum length of a run with faults.
     #[serde(default)]
     pub length_max: Option<Span>,
     /// Length of the last phase, in which faults are healed.
     #[serde(default)]
     pub heal: Option<Span>,
-    /// Longest silence of a link or a device; no limit if not given.
+    /// Maximum silence of a link or a device; no limit if not given.
     #[serde(default)]
     pub silence_max: Option<Span>,
-    /// Longest time for which a moving part seems to stand still; no limit if not given.
+    /// Maximum time for which a moving part seems to stand still; no limit if not given.
     #[serde(default)]
     pub stuck_max: Option<Span>,
-    /// Longest time of a fault that waits for something.
+    /// Maximum duration of a fault that waits for a trigger.
     #[serde(default)]
     pub triggered_max: Option<Span>,
-    /// Longest time of any other fault; no limit if not given.
+    /// Maximum duration of any other fault; no limit if not given.
     #[serde(default)]
     pub other_max: Option<Span>,
-    /// Whether some faults wait for a byte, a frame, a place or a register.
+    /// Whether some faults wait for a byte, a frame, a position or a register.
     #[serde(default)]
     pub triggered: bool,
     /// Whether some runs have phases.
@@ -116,11 +117,11 @@ pub struct Time {
     pub phases: bool,
 }
 
-/// What else the operator does in a run with faults.
+/// Further actions of the operator in a run with faults.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MissionKeys {
-    /// The waypoints are ordered again each time.
+    /// Interval at which the waypoints are ordered again.
     #[serde(default)]
     pub repeat: Option<Span>,
     /// Share of the runs in which the operator turns the robot by hand, per cent.
@@ -128,14 +129,14 @@ pub struct MissionKeys {
     pub by_hand_percent: u64,
 }
 
-/// What happens after the last fault.
+/// Actions after the last fault.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Afterwards {
-    /// Whether an operator opens the port again, and orders the mission again.
+    /// Whether an operator opens the port and orders the mission again.
     #[serde(default)]
     pub operator: bool,
-    /// Whether a device is switched off and on if a fault may have opened its console.
+    /// Whether a device is power-cycled if a fault may have opened its console.
     #[serde(default)]
     pub power_cycle: bool,
     /// Time to finish the mission.
@@ -143,29 +144,29 @@ pub struct Afterwards {
     pub recovery: Option<Span>,
 }
 
-/// What is expected.
+/// Expectations.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Judge {
-    /// When the mission must be finished.
+    /// The runs in which the mission must be finished.
     pub mission: MissionJudged,
     /// Safety during the whole run.
     #[serde(default)]
     pub safety: Option<SafetySpec>,
 }
 
-/// When the mission must be finished.
+/// The runs in which the mission must be finished.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MissionJudged {
-    /// After the faults, within wider limits.
+    /// In runs with faults after the faults, within wider limits.
     AfterFaults,
-    /// In runs without faults only, within the scenario's own limits.
+    /// Only in runs without faults, within the scenario's own limits.
     WithoutFaults,
 }
 
 impl Default for Profile {
-    /// The gentle one.
+    /// The gentle profile.
     fn default() -> Self {
         Self::built_in("gentle").expect("it is built in")
     }
@@ -177,7 +178,7 @@ impl Profile {
         BUILT_IN.iter().map(|(name, _)| *name)
     }
 
-    /// The text of the built-in profile `name`, to be copied and changed.
+    /// The text of the built-in profile `name`, as a template.
     pub fn text(name: &str) -> Option<&'static str> {
         let found = BUILT_IN.iter().find(|(known, _)| *known == name);
         found.map(|(_, text)| *text)
@@ -193,10 +194,10 @@ impl Profile {
         })
     }
 
-    /// The built-in profile of this name, or that of the file `name`.
+    /// The built-in profile `name`, or the profile in the file `name`.
     ///
     /// # Errors
-    /// If there is neither, or the file is no profile.
+    /// If neither exists, or the file is not a profile.
     pub fn find(name: &str) -> Result<Self, ScenarioError> {
         if let Some(profile) = Self::built_in(name) {
             return Ok(profile);
@@ -219,10 +220,10 @@ impl Profile {
         }
     }
 
-    /// Reads a profile; `path` is for messages.
+    /// Parses a profile; `path` is used in error messages.
     ///
     /// # Errors
-    /// If it is none; the error names file, line and key.
+    /// If the text is not a profile; the error names file, line and key.
     pub fn parse(path: &Path, text: String) -> Result<Self, ScenarioError> {
         let parsed = toml::from_str::<Self>(&text);
         let profile = parsed.map_err(|source| ScenarioError::Parse {
@@ -238,7 +239,7 @@ impl Profile {
         })
     }
 
-    /// Whether it is the gentle one: campaigns of old ran with that.
+    /// Whether the profile is the gentle one, which early campaigns always used.
     pub fn is_gentle(&self) -> bool {
         self.kept == "gentle"
     }
@@ -366,12 +367,12 @@ impl Profile {
     }
 }
 
-/// Least time for faults, milliseconds: the operator's steps lie within it.
+/// Minimum time for faults, milliseconds: the operator's steps lie within it.
 const LEAST_MS: u64 = 5_000;
-/// A warm-up of 5 s and as long again.
+/// A warm-up of 5 s, and the same time for the faults.
 const PHASES_MIN: Span = Span::from_millis(10_000);
 
-/// The line of `key` in `table`, for messages.
+/// The line of `key` in `table`, for error messages.
 fn line_of(source: &Source, table: &str, key: &str) -> Option<core::ops::Range<usize>> {
     let mut is_in = table.is_empty();
     let mut at = 0;
@@ -396,8 +397,8 @@ fn line_of(source: &Source, table: &str, key: &str) -> Option<core::ops::Range<u
 mod tests {
     use super::*;
 
-    /// Each wrong value is refused with file, line, key and what was expected. Lines are those of
-    /// the built-in gentle profile.
+    /// Each wrong value is rejected with file, line, key and the expected value. Line numbers are
+    /// those of the built-in gentle profile.
     #[test]
     fn what_is_wrong_in_a_profile_is_named() {
         let refused = |from: &str, to: &str| {

@@ -4,17 +4,17 @@ use super::dice::Draw;
 use engine::robots::Arena;
 use engine::scenario::WallSpec;
 
-/// How a floor is laid out, before it is turned and mirrored.
+/// The layout of a floor before it is rotated and mirrored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Shape {
     Rectangle,
-    /// Without one corner.
+    /// A rectangle without one corner.
     Angle,
-    /// Two rooms and a door.
+    /// Two rooms with a door.
     TwoRooms,
     /// A corridor with two bends.
     Corridor,
-    /// A block in the middle, to go around.
+    /// A room with a block at the centre.
     Block,
     /// A corridor along one side, with two rooms beside it.
     Flat,
@@ -32,10 +32,10 @@ const SHAPES: [Shape; 6] = [
 /// Thickness of the walls between rooms.
 const WALL_M: f64 = 0.08;
 
-/// Walls as lines of points.
+/// Walls as polylines.
 type Lines = Vec<Vec<[f64; 2]>>;
 
-/// The walls of a made-up floor that suits `arena`.
+/// The walls of a generated floor that suits `arena`.
 pub(super) fn walls(arena: &Arena, dice: &mut Draw) -> Vec<Spanned<WallSpec>> {
     let shape = SHAPES[dice.index(SHAPES.len())];
     let side = arena.side_m;
@@ -75,8 +75,8 @@ pub(super) fn walls(arena: &Arena, dice: &mut Draw) -> Vec<Spanned<WallSpec>> {
     lines.map(thick).map(wall).collect()
 }
 
-/// The outline of a wall that ends in the room: a line seen from its end is not seen at all, and
-/// no wall is one. Other paths are as they were.
+/// The outline of a wall that ends in the room: seen from its end, a line would be invisible. Other
+/// paths are returned unchanged.
 fn thick(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     let &[from, to] = &line[..] else {
         return line;
@@ -157,7 +157,7 @@ fn laid_out(
 mod tests {
     use super::*;
 
-    /// A wall of 8 cm along x, from (1, 2) to (3, 2), and a room, which has its thickness outside.
+    /// A wall of 8 cm along x, from (1, 2) to (3, 2), and a room with its walls' thickness outside.
     #[test]
     fn a_wall_that_ends_in_the_room_has_an_end() {
         let wall = thick(vec![[1.0, 2.0], [3.0, 2.0]]);

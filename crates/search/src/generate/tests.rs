@@ -26,7 +26,7 @@ fn a_seed_is_always_the_same_mission_and_its_neighbour_another() {
     assert_ne!(make(7), make(8));
 }
 
-/// The lanes are interleaved: byte 0 is the world's, byte 3 the faults'.
+/// The lanes are interleaved: byte 0 belongs to the world, byte 3 to the faults.
 #[test]
 fn other_bytes_for_the_faults_leave_world_mission_and_timing_alone() {
     let bytes: Vec<u8> = (0..=255).collect();
@@ -51,8 +51,8 @@ fn other_bytes_for_the_faults_leave_world_mission_and_timing_alone() {
     assert_eq!(one, other);
 }
 
-/// R1: a square room, for which half of the seeds make another one. Of both kinds there are
-/// several, no other scenario gets the same, and every way is one for the robot.
+/// R1: a square room; half of the seeds replace it. Several worlds of both kinds occur, other
+/// scenarios get different worlds, and every mission is possible for the robot.
 #[test]
 fn worlds_are_the_scenarios_own_or_made_up_and_every_mission_can_be_done() {
     let (mut own, mut worlds) = (0, BTreeSet::new());
@@ -73,7 +73,7 @@ fn worlds_are_the_scenarios_own_or_made_up_and_every_mission_can_be_done() {
         own +=
             u32::from(made.world.wall.len() == 1 && made.world.wall[0].get_ref().path_m.len() == 3);
         worlds.insert(format!("{:?}", made.world.wall));
-        // 16 cm of body and 5 cm, half of the margin with which the mission was made.
+        // 16 cm of body and 5 cm, half of the margin with which the mission was generated.
         let ground = ground::Ground::of(&made, 0.05).expect("it can be built");
         let start = made.world.start_pose();
         let reach = ground.reach_from([start.x, start.y]);
@@ -88,7 +88,7 @@ fn worlds_are_the_scenarios_own_or_made_up_and_every_mission_can_be_done() {
     assert!(worlds.len() > 40, "{} worlds", worlds.len());
 }
 
-/// A car that is content 300 mm from its goal stopped at 203 of 200.
+/// A car with a tolerance of 300 mm stopped 203 mm from a goal with a tolerance of 200 mm.
 #[test]
 fn a_made_up_mission_asks_for_no_more_than_the_scenarios_own() {
     let asked = |own: Option<f64>| {
@@ -106,7 +106,7 @@ fn a_made_up_mission_asks_for_no_more_than_the_scenarios_own() {
     assert_eq!(asked, [Some(200.0), Some(200.0), Some(300.0)]);
 }
 
-/// If an operator steers by hand, a command one second late also takes effect farther on.
+/// If an operator drives by hand, a command that comes one second late also acts farther on.
 #[test]
 fn a_mission_by_hand_may_be_a_second_late() {
     let made = |base: &Scenario| {
@@ -132,8 +132,8 @@ fn a_mission_by_hand_may_be_a_second_late() {
     assert_eq!(made(&base), [Some(400.0), Some(800.0)]);
 }
 
-/// "explore", "gates": a list of waypoints in their place would be another mission. What has a
-/// place in the scenario's own world stays there.
+/// "explore", "gates": with waypoints in their place the mission would be another one. Objects at
+/// fixed positions of the scenario's world stay there.
 #[test]
 fn a_mission_that_its_steps_lead_stays_as_it_is() {
     let vary = Vary {
@@ -175,7 +175,7 @@ fn a_mission_that_its_steps_lead_stays_as_it_is() {
     assert_eq!(seeds.len(), 20);
 }
 
-/// A scenario cannot give orders to a user's own program.
+/// A scenario cannot send orders to a user's program.
 #[test]
 fn a_program_that_takes_no_orders_gets_none() {
     let text = include_str!("../../scenarios/custom-robot.toml");
@@ -239,7 +239,7 @@ fn kinds_of_faults_are_off_in_some_missions_and_on_in_others() {
     );
 }
 
-/// The rescue robot has links, and devices that know every fault of a device.
+/// The rescue robot has links, and devices that support all device faults.
 #[test]
 fn every_kind_of_fault_comes_up() {
     let seen: BTreeSet<&str> = (0..400).flat_map(kinds).collect();
@@ -247,7 +247,7 @@ fn every_kind_of_fault_comes_up() {
     assert_eq!(seen, all);
 }
 
-/// Links and devices are those of the robot as the scenario fits it out.
+/// Links and devices are those of the robot as the scenario equips it.
 #[test]
 fn a_display_is_disturbed_if_there_is_one() {
     let mut fitted = base();
@@ -273,7 +273,8 @@ fn a_display_is_disturbed_if_there_is_one() {
     );
 }
 
-/// A chip's own registers are neither garbled nor late; what they stand for may fail.
+/// The registers of a chip are neither garbled nor late; the quantities behind them may have
+/// faults.
 #[test]
 fn registers_of_the_chip_are_no_wire() {
     let mut other = base();
@@ -303,8 +304,8 @@ fn registers_of_the_chip_are_no_wire() {
     );
 }
 
-/// Nothing tells a robot that its lidar sits otherwise, or that a sensor sees less than there
-/// is: the former never comes, the latter for half a second at most.
+/// A robot cannot detect that its lidar is mounted differently, or that a sensor overlooks an
+/// object. The first fault never occurs, the second for at most half a second.
 #[test]
 fn no_sensor_deceives_for_long() {
     let mut other = base();
@@ -339,7 +340,7 @@ fn no_sensor_deceives_for_long() {
     );
 }
 
-/// What was made is sound, and means the same when it is read from its file.
+/// A generated scenario is valid, and reading its file gives the same scenario.
 #[test]
 fn a_mission_survives_its_file() {
     for seed in 0..100 {
@@ -361,8 +362,8 @@ fn a_mission_survives_its_file() {
     }
 }
 
-/// What is drawn while a sensor measures wrongly stays in the map; and one that is 25 cm off
-/// for the sake of decoders is no sensor.
+/// A map keeps the errors of a sensor that was wrong while it was drawn. An error of 25 cm, which
+/// exists to test decoders, does not occur.
 #[test]
 fn no_map_is_judged_that_a_wrong_sensor_began() {
     let vary = Vary {
@@ -393,8 +394,8 @@ fn no_map_is_judged_that_a_wrong_sensor_began() {
     assert!(wrong > 0);
 }
 
-/// The figure was computed by the generator before it had profiles. Another one means that saved
-/// campaigns cannot be continued.
+/// The generator computed this value before it had profiles. If it changes, stored campaigns cannot
+/// be continued.
 #[test]
 fn gentle_draws_what_was_drawn_before_there_were_profiles() {
     let mut sum = 0xcbf2_9ce4_8422_2325_u64;
@@ -413,8 +414,9 @@ fn gentle_draws_what_was_drawn_before_there_were_profiles() {
     assert_eq!(sum, 9_003_238_271_275_720_686);
 }
 
-/// With harsh, faults come in the whole run but for its last 12 s, some of them for good. What is
-/// not healed is named. Without a fault the scenario's own expectations hold.
+/// With the profile harsh, faults occur in the whole run except its last 12 s, and some are
+/// permanent. The scenario lists faults that are not healed. Without faults the scenario's own
+/// expectations apply.
 #[test]
 fn harsh_faults_come_at_any_time_and_a_core_is_healed() {
     let harsh = Profile::find("harsh").expect("it is built in");
@@ -454,8 +456,8 @@ fn harsh_faults_come_at_any_time_and_a_core_is_healed() {
     assert!((20..60).contains(&without), "{without} without a fault");
 }
 
-/// The link that falls silent counts as one of the faults, and is left out if the profile has no
-/// cuts. The scenario's own phases do not hold, and its own broken links stay excused.
+/// The link that becomes silent counts as one of the faults, and is left out if the profile has no
+/// cuts. The scenario's own phases are removed, and its own broken links stay excused.
 #[test]
 fn the_added_cut_keeps_to_the_profile() {
     let mut base = base();

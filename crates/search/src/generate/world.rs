@@ -7,31 +7,32 @@ use super::rooms;
 use engine::robots::{self, Arena, Robot};
 use engine::scenario::{PillarSpec, Scenario, Span, StartSpec, WorldSpec};
 
-/// Drawn floors of which none is suitable before the scenario's own world is taken.
+/// Number of unsuitable generated floors after which the scenario's own world is used.
 const FLOORS: u8 = 4;
-/// Cells on which a mission makes sense: a square metre.
+/// Minimum number of free cells for a mission: a square metre.
 const CELLS_MIN: usize = 250;
-/// Maximum number of obstacles that are added.
+/// Maximum number of added obstacles.
 const OBSTACLES_MAX: u64 = 3;
-/// What they leave of the ground, in tenths.
+/// Minimum share of the ground that obstacles leave within reach, in tenths.
 const LEFT_OF_10: usize = 8;
-/// Waypoints of a mission at most, and how far each is from the one before.
+/// Maximum number of waypoints, and minimum distance between two consecutive ones.
 const WAYPOINTS_MAX: u64 = 4;
 const APART_M: f64 = 0.5;
-/// Draws of a waypoint that is far enough.
+/// Number of tries for a waypoint at this distance.
 const DRAWS: u8 = 8;
 
-/// Where a mission may take place.
+/// The place of a mission.
 pub(super) struct Place {
     arena: Arena,
     ground: Ground,
     start: [f64; 2],
-    /// What can be reached from there.
+    /// Positions that can be reached.
     free: Vec<[f64; 2]>,
 }
 
-/// Makes another world of `made`'s, or moves some of it; and where the robot can go there. `None`
-/// if the robot does not say what suits it, or has no room where it is: then nothing is changed.
+/// Generates another world for `made`, or moves objects in its world; returns the place of the
+/// mission. `None` if the robot defines no arena, or does not fit into the world: `made` is then
+/// unchanged.
 pub(super) fn vary(made: &mut Scenario, dice: &mut Dice) -> Option<Place> {
     let arena = robots::find(&made.robot).and_then(Robot::arena)?;
     let dice = &mut dice.world;
@@ -59,8 +60,8 @@ pub(super) fn vary(made: &mut Scenario, dice: &mut Dice) -> Option<Place> {
     place
 }
 
-/// The same for a mission that its steps lead: another maze of the same size, or, where nothing has
-/// to be found or passed at a place that only the scenario knows, another world.
+/// The same for a mission that its steps lead: another maze of the same size, or another world if
+/// the mission needs no object at a fixed position.
 pub(super) fn vary_around(made: &mut Scenario, dice: &mut Dice) {
     if let Some(maze) = &mut made.world.maze {
         maze.get_mut().seed = dice.world.below(1 << 32);
@@ -69,9 +70,9 @@ pub(super) fn vary_around(made: &mut Scenario, dice: &mut Dice) {
     }
 }
 
-/// Puts the robot where most can be reached; how many cells that are.
+/// Places the robot into the largest connected part; returns the number of its cells.
 fn start_on_the_largest_part(made: &mut Scenario, arena: &Arena) -> Option<usize> {
-    // Nothing is out there, wherever the walls are.
+    // This position is outside all walls.
     put(&mut made.world, [-arena.side_m; 2], 0);
     let ground = Ground::of(made, arena.margin_m)?;
     let largest = ground.largest();
@@ -88,7 +89,7 @@ fn put(world: &mut WorldSpec, [x_m, y_m]: [f64; 2], heading_deg: u64) {
     world.start = Spanned::new(0..0, start);
 }
 
-/// Adds obstacles, `least` at least, and draws where the robot starts.
+/// Adds at least `least` obstacles, and draws the start pose.
 fn furnish(made: &mut Scenario, arena: Arena, least: u64, dice: &mut Draw) -> Option<Place> {
     let start = made.world.start_pose();
     let start = [start.x, start.y];
@@ -101,7 +102,7 @@ fn furnish(made: &mut Scenario, arena: Arena, least: u64, dice: &mut Draw) -> Op
         }
         let mut fuller = made.clone();
         fuller.world.pillar.push(obstacle(&arena, &places, dice));
-        // Not where the robot is, nor where it cuts off too much.
+        // Rejects an obstacle at the robot's pose, or one that cuts off too much ground.
         if let Some(left) = Ground::of(&fuller, arena.margin_m)
             && left.reach_from(start).len() * 10 >= before * LEFT_OF_10
         {
@@ -135,7 +136,7 @@ fn obstacle(arena: &Arena, places: &[[f64; 2]], dice: &mut Draw) -> Spanned<Pill
 }
 
 impl Place {
-    /// Places to go to, one after the other.
+    /// Draws the waypoints of a mission, in order.
     pub(super) fn waypoints(&self, dice: &mut Draw) -> Vec<[f64; 2]> {
         let mut waypoints: Vec<[f64; 2]> = Vec::new();
         let mut from = self.start;
@@ -153,7 +154,7 @@ impl Place {
         waypoints
     }
 
-    /// Time that the robot needs for `waypoints` from wherever it is, and once more in their order.
+    /// Time that the robot needs for `waypoints` from any pose, and once more in order.
     pub(super) fn time_for(&self, waypoints: &[[f64; 2]]) -> Span {
         let froms = waypoints.last().into_iter().chain(waypoints);
         let ways = froms.zip(waypoints).map(|(&from, &to)| {
@@ -163,7 +164,7 @@ impl Place {
         let seconds = ways.sum::<f64>() / self.arena.pace_m_s;
         #[expect(clippy::cast_possible_truncation, reason = "a way of metres")]
         #[expect(clippy::cast_sign_loss, reason = "a length")]
-        // The mission is given once more when a third of the time is over.
+        // The mission is repeated after a third of the time.
         Span::from_millis((seconds * 1500.0) as u64)
     }
 }

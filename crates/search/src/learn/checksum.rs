@@ -1,42 +1,42 @@
-//! Which checksum a set of frames carries, found by trying all known ones over the likely ranges.
+//! Detection of the checksum in a set of frames: tries all known algorithms over the likely ranges.
 //!
-//! A candidate is claimed only with evidence: each *different* value that fits gives the bits of
-//! the checksum, and the number of candidates tried takes its logarithm away. So random bytes are
-//! claimed by none.
+//! A candidate is claimed only with evidence. Each *different* value that fits adds the bits of the
+//! checksum; the logarithm of the number of candidates is subtracted. Therefore no checksum is
+//! claimed for random bytes.
 
 use std::collections::BTreeSet;
 
 use super::sums::{self, ALL, Sum};
 
-/// Bits of evidence above which a checksum is claimed.
+/// Minimum evidence for a claim, bits.
 const CLAIMED_BITS: f64 = 20.0;
-/// Bits above which it is worth a try, if all frames fit.
+/// Minimum evidence for a guess, bits, if all frames fit.
 const GUESSED_BITS: f64 = 7.0;
-/// Share of frames that may not fit: captures hold damaged frames.
+/// One frame in this many may not fit: captures contain damaged frames.
 const DAMAGED_SHARE: usize = 5;
-/// Bytes of a header that a checksum may leave out.
+/// Maximum number of header bytes that a checksum does not cover.
 const START_MAX: usize = 4;
-/// Bytes after a checksum, e.g. a terminator.
+/// Maximum number of bytes behind a checksum, e.g. a terminator.
 const TAIL_MAX: usize = 2;
-/// Last place of a checksum in a header.
+/// Maximum offset of a checksum in a header.
 const HEAD_MAX: usize = 12;
-/// Frames that are checked.
+/// Maximum number of examined frames.
 const FRAMES_MAX: usize = 64;
-/// Most evidence of a sum over bytes of which only one changes.
+/// Maximum evidence of a sum over bytes of which only one changes, bits.
 const COPY_BITS: f64 = 16.0;
-/// Evidence that a `*` before two hexadecimal digits gives: NMEA 0183.
+/// Evidence from a `*` before two hexadecimal digits, bits: NMEA 0183.
 const NMEA_BITS: f64 = 14.0;
 
-/// How a value is written.
+/// The encoding of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Encoding {
     /// Bytes, least significant first.
     Little,
     /// Bytes, most significant first.
     Big,
-    /// Two digits a byte, `A` to `F`.
+    /// Two digits per byte, `A` to `F`.
     Upper,
-    /// Two digits a byte, `a` to `f`.
+    /// Two digits per byte, `a` to `f`.
     Lower,
 }
 
@@ -79,32 +79,32 @@ impl Encoding {
     }
 }
 
-/// Where the value stands and what it covers.
+/// The position of the value and the bytes that it covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
-    /// So many bytes before the end; it covers what is before it but for the last `gap` bytes.
+    /// `tail` bytes before the end; covers all bytes before it, except the last `gap` bytes.
     End { tail: usize, gap: usize },
-    /// At this offset; it covers what is behind it, and what is before it if `is_whole`.
+    /// At this offset; covers all bytes behind it, and those before it if `is_whole`.
     Head { at: usize, is_whole: bool },
-    /// At this offset; it covers what is before it: the checksum of a header.
+    /// At this offset; covers the bytes before it: the checksum of a header.
     Front { at: usize },
 }
 
-/// A checksum as it stands in frames.
+/// A checksum with its position in frames.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Checksum {
     sum: &'static Sum,
     encoding: Encoding,
     place: Place,
-    /// Bytes at the beginning that it does not cover.
+    /// Number of bytes at the beginning that it does not cover.
     start: usize,
     /// A constant that is added.
     free: u64,
-    /// Whether the evidence is enough to say so.
+    /// Whether the evidence suffices for a claim.
     pub(crate) is_sure: bool,
     /// Evidence, bits.
     pub(crate) bits: f64,
-    /// What is always between its range and itself, and behind it.
+    /// Constant bytes between the covered range and the value, and behind the value.
     fixed: [u8; TAIL_MAX + 1],
 }
 
@@ -130,26 +130,26 @@ impl core::fmt::Display for Checksum {
     }
 }
 
-/// Where a checksum stands, and what is around it.
+/// The position of a checksum, and its surroundings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Placed {
-    /// Bytes at the beginning that it does not cover.
+    /// Number of bytes at the beginning that it does not cover.
     pub(crate) start: usize,
-    /// What is always between its range and itself.
+    /// Constant bytes between the covered range and the value.
     pub(crate) gap: Vec<u8>,
-    /// What is always behind it.
+    /// Constant bytes behind the value.
     pub(crate) tail: Vec<u8>,
-    /// Bytes of its value, and of its field.
+    /// Number of bytes of the value, and of its field.
     pub(crate) bytes: usize,
     pub(crate) len: usize,
     pub(crate) is_big: bool,
     pub(crate) is_hex: bool,
-    /// Its place and the first and the last byte that it covers, if it stands in a header.
+    /// The offset of a checksum in a header, and the first and last byte that it covers.
     pub(crate) head: Option<[usize; 3]>,
 }
 
 impl Checksum {
-    /// The name of its algorithm.
+    /// The name of the algorithm.
     pub(crate) const fn name(&self) -> &'static str {
         self.sum.name
     }
@@ -159,8 +159,8 @@ impl Checksum {
         self.free
     }
 
-    /// Where it stands, if descriptions can say that. The end of what it covers is 0 for the end of
-    /// the frame.
+    /// The position, if a description can express it. An end of the covered range of 0 means the
+    /// end of the frame.
     pub(crate) fn placed(&self) -> Option<Placed> {
         let (tail, gap, head) = match self.place {
             Place::End { tail, gap } => (tail, gap, None),
@@ -169,7 +169,7 @@ impl Checksum {
                 at,
                 is_whole: false,
             } => (0, 0, Some([at, at + self.len(), 0])),
-            // Its own bytes count as 0, which only sums do not notice.
+            // The bytes of the checksum count as 0, which has no effect on sums only.
             Place::Head { at, is_whole: true } if self.sum.skips_zeros() => {
                 (0, 0, Some([at, 0, 0]))
             }
@@ -188,7 +188,7 @@ impl Checksum {
         })
     }
 
-    /// Bytes that it and what is around it take at the end.
+    /// Number of bytes of the field and its surroundings at the end.
     pub(crate) const fn len_behind(&self) -> usize {
         match self.place {
             Place::End { tail, gap } => tail + gap + self.len(),
@@ -196,12 +196,12 @@ impl Checksum {
         }
     }
 
-    /// Bytes of its field.
+    /// Number of bytes of the field.
     const fn len(&self) -> usize {
         self.encoding.len(self.sum.bytes)
     }
 
-    /// Where its field begins in `body`.
+    /// The offset of the field in `body`.
     fn at(&self, body: &[u8]) -> Option<usize> {
         let at = match self.place {
             Place::End { tail, gap } => {
@@ -213,7 +213,7 @@ impl Checksum {
         (at + self.len() <= body.len()).then_some(at)
     }
 
-    /// The value over what is covered, if the field is at `at`.
+    /// The checksum of the covered bytes, if the field is at `at`.
     fn over(&self, body: &[u8], at: usize) -> u64 {
         let behind = &body[at + self.len()..];
         let value = match self.place {
@@ -225,7 +225,7 @@ impl Checksum {
         self.sum.with(value, self.free)
     }
 
-    /// Whether it holds in `body`.
+    /// Whether the checksum of `body` is correct.
     pub(crate) fn holds(&self, body: &[u8]) -> bool {
         let at = self.at(body);
         at.is_some_and(|at| {
@@ -234,7 +234,7 @@ impl Checksum {
         })
     }
 
-    /// `body` without its field and what is always around that.
+    /// `body` without the field and its constant surroundings.
     pub(crate) fn without(&self, body: &[u8]) -> Option<Vec<u8>> {
         let at = self.at(body)?;
         Some(match self.place {
@@ -245,7 +245,7 @@ impl Checksum {
         })
     }
 
-    /// `content` with the field, which holds; with `off` it is off by that much.
+    /// `content` with a correct field; its value is changed by `off`.
     pub(crate) fn put(&self, content: &[u8], off: u64) -> Vec<u8> {
         let mut body = content.to_vec();
         let field = vec![0; self.len()];
@@ -264,7 +264,7 @@ impl Checksum {
             }
         };
         let start = match self.place {
-            // What is shorter than the header that is left out covers nothing.
+            // A body that is shorter than the skipped header has no covered bytes.
             Place::End { gap, .. } => self.start.min(at - gap),
             Place::Head { .. } => 0,
             Place::Front { .. } => self.start.min(at),
@@ -275,15 +275,15 @@ impl Checksum {
         body
     }
 
-    /// Evidence that `bodies` carry it, in bits, before what was tried is taken away; `None` if
-    /// too many do not.
+    /// The evidence that `bodies` carry this checksum, bits, without the correction for the number
+    /// of candidates; `None` if too many bodies do not fit.
     fn evidence(&mut self, bodies: &[&[u8]]) -> Option<f64> {
         let allowed = match bodies.len() {
             0..5 => 0,
             len => len / DAMAGED_SHARE,
         };
         if self.sum.is_free {
-            // Of the values that the first frames would need the one that most of them share.
+            // Of the constants that the first frames require, uses the most frequent one.
             let needed = bodies.iter().take(5).filter_map(|body| {
                 let at = self.at(body)?;
                 let value = self.encoding.read(&body[at..at + self.len()])?;
@@ -307,24 +307,24 @@ impl Checksum {
                 }
             }
         }
-        // A constant of its own costs a value; 0 and all ones are usual.
+        // A free constant costs one value; 0 and all ones are common constants.
         let is_usual = sums::described(self.sum.name, self.free).is_some();
         let one = usize::from(self.sum.is_free && !is_usual);
         let known = values.len().min(ranges.len()).saturating_sub(one);
-        // A byte of the field that is always the same tells nothing.
+        // A constant byte of the field gives no evidence.
         let each = match varying(values.iter().copied()) {
             0 => self.sum.bits(),
             count => self.sum.bits() * count.min(self.len()) / self.len(),
         };
         let mut bits = (each * known) as f64 + self.sum.prior();
-        // Of ways that fit alike the plainest one.
+        // Of equally good candidates prefers the simplest one.
         bits -= 0.2 * self.start as f64;
         bits += match self.place {
             Place::End { .. } if is_usual || !self.sum.is_free => 1.0,
             Place::End { .. } => 0.5,
             Place::Head { .. } | Place::Front { .. } => 0.0,
         };
-        // The sum of one byte that changes is a copy of it: a counter that stands there twice.
+        // The sum of a single changing byte is a copy of that byte, e.g. a repeated counter.
         if self.sum.is_free && varying(ranges.iter().flatten().map(Vec::as_slice)) < 2 {
             bits = bits.min(COPY_BITS);
         }
@@ -342,8 +342,8 @@ impl Checksum {
         Some(bits + more)
     }
 
-    /// Whether no other byte could be the checksum as well: where an exclusive or covers all of a
-    /// frame each byte is that of the others, and the one that changes most is the likeliest.
+    /// Whether the position is unambiguous. If an exclusive or covers the whole frame, each byte is
+    /// the exclusive or of the others; the byte that changes most is then the likeliest.
     fn has_certain_place(&self, bodies: &[&[u8]]) -> bool {
         if self.sum.name != "exclusive or" {
             return true;
@@ -360,7 +360,7 @@ impl Checksum {
         most.max().unwrap_or(0) * 2 <= own * 3
     }
 
-    /// Whether what is around the field is the same in `body` as in `first`.
+    /// Whether the surroundings of the field are the same in `body` and `first`.
     fn is_fixed(&self, body: &[u8], first: &[u8]) -> bool {
         self.around(body) == self.around(first)
     }
@@ -374,7 +374,7 @@ impl Checksum {
     }
 }
 
-/// At how many places `parts` differ; at all of them if their lengths do.
+/// The number of positions at which `parts` differ; all positions if their lengths differ.
 fn varying<'a>(parts: impl Iterator<Item = &'a [u8]>) -> usize {
     let parts: Vec<&[u8]> = parts.collect();
     let Some((first, others)) = parts.split_first() else {
@@ -387,7 +387,7 @@ fn varying<'a>(parts: impl Iterator<Item = &'a [u8]>) -> usize {
     (0..first.len()).filter(differs).count()
 }
 
-/// The checksum of `bodies`, frames without what ends them, if they carry one.
+/// The checksum of `bodies`, which are frames without their ends, if one is found.
 pub(crate) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
     let distinct: BTreeSet<&[u8]> = bodies.iter().map(Vec::as_slice).collect();
     let distinct: Vec<&[u8]> = distinct.into_iter().take(FRAMES_MAX).collect();
@@ -419,8 +419,8 @@ pub(crate) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
     (best.is_sure || (is_whole && best.bits >= GUESSED_BITS)).then_some(best)
 }
 
-/// Where `sum` may stand in frames of at least `shortest` and mostly of `usual` bytes, of which
-/// `count` differ.
+/// The candidates of `sum` for frames of at least `shortest` and typically `usual` bytes; `count`
+/// is the number of different frames.
 fn candidates(sum: &'static Sum, [shortest, usual]: [usize; 2], count: usize) -> Vec<Checksum> {
     let mut all = Vec::new();
     let mut add = |encoding, place, start| {
@@ -440,7 +440,7 @@ fn candidates(sum: &'static Sum, [shortest, usual]: [usize; 2], count: usize) ->
         _ => &[Encoding::Little, Encoding::Big],
     };
     let hex = [Encoding::Upper, Encoding::Lower];
-    // Of one frame or two little can be learnt: only the likeliest places are tried.
+    // One or two frames give little evidence: only the likeliest positions are tried.
     let (tails, heads) = if count < 3 {
         (0, 0)
     } else {
@@ -457,7 +457,7 @@ fn candidates(sum: &'static Sum, [shortest, usual]: [usize; 2], count: usize) ->
             for start in 0..=START_MAX {
                 let around = tail + gap + len + start;
                 let room = |len: usize| len.saturating_sub(around);
-                // A sum of less than half of a frame protects nothing.
+                // A checksum over less than half of a frame is implausible.
                 if room(shortest) >= 1 && room(usual) >= least.max(start) {
                     add(encoding, Place::End { tail, gap }, start);
                 }

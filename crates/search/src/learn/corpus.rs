@@ -9,25 +9,25 @@ use capture::Capture;
 use capture::import::{self, Format, Options};
 use engine::codec::wire::{Piece, Stream};
 
-/// Maximum number of files of a folder, and most bytes of a file that is no capture.
+/// Maximum number of files in a folder, and maximum size of a file that is not a capture, bytes.
 const FILES_MAX: usize = 10_000;
 const FILE_BYTES_MAX: u64 = 16 << 20;
 /// The first bytes of a pcapng file.
 const PCAPNG: &[u8] = &[0x0A, 0x0D, 0x0D, 0x0A];
 
-/// What files hold.
+/// The content of the files.
 #[derive(Clone, Debug, Default)]
 pub struct Corpus {
     /// Captures, each with the names of its links.
     captures: Vec<Capture>,
-    /// Bytes that came in one go, without a known direction.
+    /// Chunks of bytes without a known direction.
     chunks: Vec<Vec<u8>>,
 }
 
-/// A corpus that cannot be read.
+/// The reason why a corpus cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum CorpusError {
-    /// A file or a folder.
+    /// A file or folder cannot be read.
     #[error("--corpus {path}: {1}", path = .0.display())]
     Read(PathBuf, io::Error),
     /// A file has the wrong content.
@@ -36,10 +36,10 @@ pub enum CorpusError {
 }
 
 impl Corpus {
-    /// Reads a file, or all files of a folder in the order of their names.
+    /// Reads a file, or all files of a folder in order of their names.
     ///
     /// # Errors
-    /// If one cannot be read, or if there is nothing in them.
+    /// If a file cannot be read, or if all files are empty.
     pub fn read(path: &Path) -> Result<Self, CorpusError> {
         let wrong = |error| CorpusError::Read(path.to_owned(), error);
         let mut corpus = Self::default();
@@ -92,7 +92,7 @@ impl Corpus {
         }
         let text = core::str::from_utf8(&bytes).ok();
         let stream = text.and_then(|text| Stream::parse(text).ok());
-        // Plain hexadecimal digits are a frame on each line here.
+        // In a corpus, plain hexadecimal digits are one frame per line.
         let format = Format::detect(&bytes);
         if let Some(format) = format.filter(|&format| format != Format::Hex || stream.is_none()) {
             let options = Options::default();
@@ -114,7 +114,7 @@ impl Corpus {
         Ok(())
     }
 
-    /// Adds what is told here of `link` to `gathered`.
+    /// Adds the data about `link` to `gathered`.
     pub(crate) fn teach(&self, link: &str, gathered: &mut Gathered) {
         for capture in &self.captures {
             let mut spoken = super::conversation(capture, Some(link));
@@ -124,7 +124,7 @@ impl Corpus {
                     .count()
             };
             let is_one_sided = spoken.iter().all(|one| one.is_program);
-            // A tool does not know which side the program is; its requests tell.
+            // The capture does not say which side is the program; known requests identify it.
             if is_one_sided || known(false, &spoken) > known(true, &spoken) {
                 for one in &mut spoken {
                     one.is_program = !one.is_program;

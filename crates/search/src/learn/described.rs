@@ -1,5 +1,5 @@
-//! The frame format of a description, for mutations: a content is a frame without markers, stuffing
-//! and checksums, with its length field.
+//! The frame format of a description, for mutations: a content is a frame with its length field,
+//! without markers, stuffing and checksums.
 
 use std::sync::Arc;
 
@@ -8,11 +8,11 @@ use protocols::Decode as _;
 
 use super::frame_format::{FieldLimits, FrameFormat};
 
-/// Examples of each message of the device.
+/// Number of examples of each message of the device.
 const EXAMPLES: usize = 4;
 
-/// The frames of a description. Where there are several formats the first byte of a content says
-/// which one it has.
+/// The frames of a description. If there are several formats, the first byte of a content is the
+/// index of its format.
 #[derive(Clone, Debug)]
 pub(crate) struct DescribedFormat(Arc<Description>);
 

@@ -1,38 +1,38 @@
-//! A frame format: what ends a frame, how its bytes are stuffed, its checksum and its lengths.
+//! A frame format: the end of frames, stuffing, checksum and lengths.
 
 use super::checksum::Checksum;
 use super::frame_format::{FieldLimits, FrameFormat};
 
-/// How the bytes of a frame are kept apart from what ends it.
+/// The stuffing that keeps the end marker out of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Coding {
-    /// As they are.
+    /// No stuffing.
     Raw,
-    /// Consistent overhead byte stuffing: no zero inside.
+    /// Consistent overhead byte stuffing: no zero within a frame.
     Cobs,
     /// RFC 1055: DB DC for C0, DB DD for DB.
     Slip,
-    /// As in PPP: 7D and the byte with bit 5 changed.
+    /// As in PPP: 7D precedes a byte with inverted bit 5.
     Hdlc,
 }
 
-/// A field that tells how long the frame is.
+/// A length field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Length {
-    /// Where it is in the content.
+    /// Offset in the content.
     pub(crate) at: usize,
-    /// Its bytes.
+    /// Number of bytes of the field.
     pub(crate) bytes: usize,
     /// Whether the most significant byte comes first.
     pub(crate) is_big: bool,
-    /// Bytes of the content for each one it counts.
+    /// Number of bytes of the content per count.
     pub(crate) scale: usize,
-    /// Bytes of the content that it does not count.
+    /// Number of bytes of the content that are not counted.
     pub(crate) rest: isize,
 }
 
 impl Length {
-    /// What it says in `content`.
+    /// The length that `content` states.
     pub(crate) fn read(&self, content: &[u8]) -> Option<usize> {
         let field = content.get(self.at..self.at + self.bytes)?;
         let number = |value: usize, byte: &u8| value << 8 | usize::from(*byte);
@@ -42,7 +42,7 @@ impl Length {
         })
     }
 
-    /// Whether it says how long `content` is.
+    /// Whether `content` states its correct length.
     pub(crate) fn holds(&self, content: &[u8]) -> bool {
         self.read(content) == self.wanted(content.len())
     }
@@ -54,14 +54,14 @@ impl Length {
             .then(|| counted / self.scale)
     }
 
-    /// Writes how long `content` is, if there is room for the field.
+    /// Writes the correct length into `content`, if the field fits.
     pub(crate) fn repair(&self, content: &mut [u8]) {
         if let Some(wanted) = self.wanted(content.len()) {
             self.write(content, wanted);
         }
     }
 
-    /// Writes `value`.
+    /// Writes `value` into the field.
     pub(crate) fn write(&self, content: &mut [u8], value: usize) {
         if let Some(field) = content.get_mut(self.at..self.at + self.bytes) {
             let little = value.to_le_bytes();
@@ -76,22 +76,22 @@ impl Length {
 /// A frame format.
 #[derive(Clone, Debug)]
 pub(crate) struct Format {
-    /// Ends a frame; empty: nothing does.
+    /// End marker; empty: none.
     pub(crate) end: Vec<u8>,
-    /// Begins each frame besides, e.g. the flag of HDLC.
+    /// Additional start marker, e.g. the flag of HDLC.
     pub(crate) flag: Vec<u8>,
-    /// How bytes are stuffed.
+    /// Stuffing.
     pub(crate) coding: Coding,
     /// The checksum.
     pub(crate) checksum: Option<Checksum>,
-    /// Fields that tell lengths.
+    /// Length fields.
     pub(crate) lengths: Vec<Length>,
     /// Whether frames are lines of text.
     pub(crate) is_text: bool,
 }
 
 impl Format {
-    /// Bytes of which nothing is known.
+    /// Bytes of an unknown format.
     pub(crate) const fn unknown() -> Self {
         Self {
             end: Vec::new(),
@@ -103,7 +103,8 @@ impl Format {
         }
     }
 
-    /// Splits `chunk` into frames, each with its end; what is behind the last end is one too.
+    /// Splits `chunk` into frames with their end markers; bytes behind the last end marker count as
+    /// a frame too.
     pub(crate) fn split<'a>(&self, chunk: &'a [u8]) -> Vec<&'a [u8]> {
         if self.end.is_empty() {
             return vec![chunk];
@@ -112,7 +113,7 @@ impl Format {
         let mut at = 0;
         while at + self.end.len() <= chunk.len() {
             let is_end = chunk[at..].starts_with(&self.end);
-            // Two flags in a row begin a frame.
+            // Two consecutive flags begin a frame.
             if is_end && !(self.flag == self.end && at == from) {
                 at += self.end.len();
                 frames.push(&chunk[from..at]);
@@ -127,7 +128,7 @@ impl Format {
         frames
     }
 
-    /// The bytes of a frame without its end and its stuffing; `None` if that is damaged.
+    /// A frame without its end marker and stuffing; `None` if the stuffing is damaged.
     pub(crate) fn body(&self, frame: &[u8]) -> Option<Vec<u8>> {
         let inner = frame.strip_suffix(&*self.end)?;
         let inner = inner.strip_prefix(&*self.flag).unwrap_or(inner);
@@ -139,7 +140,7 @@ impl Format {
         }
     }
 
-    /// The same without the checksum.
+    /// A frame without end marker, stuffing and checksum.
     pub(crate) fn content(&self, frame: &[u8]) -> Option<Vec<u8>> {
         let body = self.body(frame)?;
         match &self.checksum {
@@ -148,14 +149,14 @@ impl Format {
         }
     }
 
-    /// Whether the checksum of `frame` holds; `None` if it has none, as far as is known.
+    /// Whether the checksum of `frame` is correct; `None` if no checksum is known.
     pub(crate) fn is_sound(&self, frame: &[u8]) -> Option<bool> {
         let checksum = self.checksum.as_ref()?;
         let body = self.body(frame);
         Some(body.is_some_and(|body| checksum.holds(&body)))
     }
 
-    /// A frame of `content`; its checksum is off by `off`.
+    /// A frame of `content`; its checksum is changed by `off`.
     pub(crate) fn frame(&self, content: &[u8], off: u64) -> Vec<u8> {
         let body = match &self.checksum {
             Some(checksum) => checksum.put(content, off),
@@ -226,7 +227,7 @@ fn cobs_encoded(body: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     for (index, block) in body.split(|byte| *byte == 0).enumerate() {
         let mut rest = block;
-        // A block of 254 bytes stands without a zero behind it.
+        // No zero follows a block of 254 bytes.
         while rest.len() >= 0xFE {
             out.push(0xFF);
             out.extend(&rest[..0xFE]);
@@ -299,7 +300,7 @@ impl FrameFormat for Format {
             .for_each(|length| length.repair(content));
     }
 
-    /// The fields that tell lengths: one more and one less, none, all.
+    /// Test values for the length fields: one more and one less, none, all.
     fn limits(&self, content: &[u8]) -> Vec<FieldLimits> {
         let limits = |length: &Length| {
             let told = length.read(content)?;

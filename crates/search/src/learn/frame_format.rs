@@ -1,26 +1,27 @@
-//! What a mutation needs to know of a frame format, learned from bytes or taken from a description.
+//! The properties of a frame format that mutations need, learned from bytes or taken from a
+//! description.
 
-/// A frame format as mutations see it. A *content* is a frame without its end, its stuffing and its
-/// checksum: changed contents become frames again whose checksum holds.
+/// A frame format for mutations. A *content* is a frame without end marker, stuffing and checksum;
+/// a changed content can become a frame with a correct checksum again.
 pub(crate) trait FrameFormat: core::fmt::Debug + Send + Sync {
-    /// Splits `chunk` into frames; what is behind the last one is a frame too.
+    /// Splits `chunk` into frames; bytes behind the last frame count as a frame too.
     fn split<'a>(&self, chunk: &'a [u8]) -> Vec<&'a [u8]>;
 
-    /// The content of `frame`; `None` if that is no frame of this format.
+    /// The content of `frame`; `None` if `frame` does not have this format.
     fn content(&self, frame: &[u8]) -> Option<Vec<u8>>;
 
-    /// The frame of `content`. Its checksum is changed by `off`, if it has one: 0 for a sound
+    /// The frame of `content`. Its checksum is changed by `off`, if it has one; 0 gives an intact
     /// frame.
     fn frame(&self, content: &[u8], off: u64) -> Vec<u8>;
 
-    /// Writes how long `content` is into it.
+    /// Writes the correct length into `content`.
     fn repair_lengths(&self, content: &mut [u8]);
 
-    /// The places of numbers in `content`, each with values at which a program may fail; empty: any
-    /// place may be a number.
+    /// The positions of lengths in `content` with test values; empty: any position may hold a
+    /// number.
     fn limits(&self, content: &[u8]) -> Vec<FieldLimits>;
 
-    /// The places of known fields in `content`, each with values at and beyond its limits.
+    /// The positions of known fields in `content`, with values at and beyond their limits.
     fn fields(&self, _content: &[u8]) -> Vec<FieldLimits> {
         Vec::new()
     }
@@ -32,10 +33,10 @@ pub(crate) trait FrameFormat: core::fmt::Debug + Send + Sync {
     fn is_text(&self) -> bool;
 }
 
-/// A number in a content, and values to be tried there.
+/// A number in a content with test values.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct FieldLimits {
-    /// Its place.
+    /// The position of the number.
     pub(crate) range: core::ops::Range<usize>,
     /// The values, as bytes.
     pub(crate) values: Vec<Vec<u8>>,

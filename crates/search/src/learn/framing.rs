@@ -1,22 +1,22 @@
-//! How frames of an unknown format are distinguished: by what ends or begins them, by their
-//! stuffing and by what they tell of their length.
+//! Detection of frame boundaries in an unknown format: by end or start markers, stuffing and length
+//! fields.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::checksum;
 use super::format::{Coding, Format, Length};
 
-/// Last place of a field that tells a length.
+/// Maximum offset of a length field.
 const LENGTH_AT_MAX: usize = 40;
-/// Bits of evidence that a length field needs.
+/// Minimum evidence for a length field, bits.
 const LENGTH_BITS: f64 = 10.0;
-/// Lengths of a format that are kept.
+/// Maximum number of length fields of a format.
 const LENGTHS_MAX: usize = 3;
-/// Share of chunks of which one may not end as the others, or not be stuffed as they are.
+/// One chunk in this many may have another end or stuffing.
 const DAMAGED_SHARE: usize = 8;
-/// Maximum number of checked bytes.
+/// Maximum number of examined bytes.
 const BYTES_MAX: usize = 64 << 10;
-/// Ends of frames that are tried first, each with its stuffing.
+/// End markers that are tried first, with their stuffing.
 const ENDS: [(&[u8], &[u8], Coding); 8] = [
     (b"\r\n", b"", Coding::Raw),
     (b"\n", b"", Coding::Raw),
@@ -27,12 +27,12 @@ const ENDS: [(&[u8], &[u8], Coding); 8] = [
     (&[0x7E], &[0x7E], Coding::Hdlc),
     (&[0x00], b"", Coding::Raw),
 ];
-/// Bits of evidence for one way to split above which no beginnings of frames are tried.
+/// Evidence for one way to split above which start markers are not tried, bits.
 const ENOUGH_BITS: f64 = 20.0;
-/// Beginnings of frames that are tried if nothing ends them.
+/// Maximum number of start markers that are tried if no end marker is found.
 const STARTS_MAX: usize = 6;
 
-/// The format of `chunks`, each what came in one go, and their frames.
+/// The format of `chunks`, and their frames.
 pub(crate) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
     let chunks = few(chunks);
     let mut found: Vec<(f64, Format, Vec<Vec<u8>>)> = Vec::new();
@@ -53,7 +53,7 @@ pub(crate) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
         };
         found.extend(tried(format, &chunks));
     }
-    // Each chunk a frame.
+    // Tries each chunk as one frame.
     let format = with_fields(Format::unknown(), &chunks);
     found.push((score(&format), format, chunks.clone()));
     if found.iter().all(|(score, ..)| *score < ENOUGH_BITS) {
@@ -66,7 +66,7 @@ pub(crate) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
             }
         }
     }
-    // The first of equals.
+    // Selects the first of equally good formats.
     let best = found
         .into_iter()
         .rev()
@@ -76,7 +76,7 @@ pub(crate) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
     })
 }
 
-/// So many of `chunks` as are checked.
+/// As many of `chunks` as are examined.
 fn few(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
     let mut room = BYTES_MAX;
     let mut few = Vec::new();
@@ -91,15 +91,15 @@ fn few(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
     few
 }
 
-/// What is known of `format` if `chunks` may be of it.
+/// The properties of `format`, if `chunks` may have it.
 fn tried(format: Format, chunks: &[Vec<u8>]) -> Option<(f64, Format, Vec<Vec<u8>>)> {
     let is_ended = |chunk: &&Vec<u8>| chunk.ends_with(&format.end);
     let ended = chunks.iter().filter(is_ended).count();
     let ends = |chunk: &Vec<u8>| format.split(chunk).len();
-    // One long chunk is a stream that may begin and end anywhere.
+    // A single long chunk is a stream that may begin and end within a frame.
     let is_stream = chunks.iter().any(|chunk| ends(chunk) > 3);
     let is_usual = is_stream || ended * DAMAGED_SHARE >= chunks.len() * (DAMAGED_SHARE - 1);
-    // A conversation that ends in the middle of a frame has one chunk that is cut.
+    // If a conversation ends within a frame, its last chunk is truncated.
     if ended == 0 && !is_stream || !is_usual && ended + 1 < chunks.len() {
         return None;
     }
@@ -125,7 +125,7 @@ fn tried(format: Format, chunks: &[Vec<u8>]) -> Option<(f64, Format, Vec<Vec<u8>
     Some((score(&format), format, frames))
 }
 
-/// `format` with its checksum and its lengths.
+/// `format` with its checksum and lengths.
 fn with_fields(mut format: Format, frames: &[Vec<u8>]) -> Format {
     let bodies: Vec<Vec<u8>> = frames
         .iter()
@@ -143,7 +143,7 @@ fn with_fields(mut format: Format, frames: &[Vec<u8>]) -> Format {
     format
 }
 
-/// How much speaks for `format`, bits.
+/// The evidence for `format`, bits.
 fn score(format: &Format) -> f64 {
     let checksum = format
         .checksum
@@ -154,13 +154,14 @@ fn score(format: &Format) -> f64 {
         Coding::Cobs | Coding::Slip | Coding::Hdlc => 4.0,
     };
     let ended = if format.end.is_empty() { 0.0 } else { 1.0 };
-    // Of two ends that fit the longer one: the other leaves a byte of it in each frame.
+    // Of two fitting end markers prefers the longer one: the shorter one would leave a byte of it
+    // in each frame.
     let ended = ended + format.end.len() as f64 * 0.1;
     let text = if format.is_text { 8.0 } else { 0.0 };
     checksum + stuffed + ended + text + format.lengths.len() as f64
 }
 
-/// Bytes with which many of several chunks end.
+/// Bytes at the end of many chunks.
 fn common_ends(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
     if chunks.len() < 4 {
         return Vec::new();
@@ -175,7 +176,7 @@ fn common_ends(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
     common.map(|(byte, _)| vec![byte]).collect()
 }
 
-/// Pairs of bytes that come most often in a stream.
+/// The most frequent pairs of bytes in a stream.
 fn common_starts(whole: &[u8]) -> Vec<Vec<u8>> {
     let mut counts: BTreeMap<&[u8], usize> = BTreeMap::new();
     for len in [1, 2] {
@@ -185,7 +186,7 @@ fn common_starts(whole: &[u8]) -> Vec<Vec<u8>> {
     }
     let mut common: Vec<(&[u8], usize)> =
         counts.into_iter().filter(|(_, count)| *count > 3).collect();
-    // A longer beginning is a better one.
+    // A longer start marker is better.
     common.sort_by_key(|(start, count)| core::cmp::Reverse((start.len(), *count)));
     let pairs = common.iter().filter(|(start, _)| start.len() == 2);
     let singles = common.iter().filter(|(start, _)| start.len() == 1);
@@ -206,7 +207,7 @@ fn split_before(whole: &[u8], start: &[u8]) -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// The fields of `contents` that tell how long they are.
+/// The length fields of `contents`.
 fn lengths(contents: &[Vec<u8>]) -> Vec<Length> {
     let distinct: BTreeSet<&Vec<u8>> = contents.iter().collect();
     let sizes: BTreeSet<usize> = distinct.iter().map(|content| content.len()).collect();
@@ -225,7 +226,7 @@ fn lengths(contents: &[Vec<u8>]) -> Vec<Length> {
             }
         }
     }
-    // What each other length tells is worth its bits: the first one only sets the constant.
+    // Each further length is worth its bits; the first one only determines the constant.
     let bits = 8.0 * (sizes.len() as f64 - 1.0) - tried.max(1.0).log2();
     let bits = bits
         + if sizes.len() > 1 {
@@ -236,7 +237,7 @@ fn lengths(contents: &[Vec<u8>]) -> Vec<Length> {
     if bits < LENGTH_BITS && sizes.len() < 3 {
         return Vec::new();
     }
-    // The widest field at a place, the low byte of which another one would be.
+    // Keeps the widest field at an offset; its low byte would be a field too.
     let mut kept: Vec<Length> = Vec::new();
     for length in found {
         let overlaps = |known: &Length| {
@@ -249,7 +250,7 @@ fn lengths(contents: &[Vec<u8>]) -> Vec<Length> {
     kept
 }
 
-/// The field of that kind at `at`, if it tells of all of `contents`.
+/// The length field of this kind at `at`, if it fits all of `contents`.
 fn length(
     at: usize,
     bytes: usize,
@@ -267,7 +268,7 @@ fn length(
     let first = contents.first()?;
     let value = unset.read(first)?.checked_mul(scale)?;
     let rest = isize::try_from(first.len()).ok()? - isize::try_from(value).ok()?;
-    // A length counts no more than a small trailer that is not here, such as a checksum.
+    // A length counts at most a small trailer that was removed, such as a checksum.
     let length = Length { rest, ..unset };
     let is_likely = (-8..=64).contains(&rest);
     (is_likely && contents.iter().all(|content| length.holds(content))).then_some(length)

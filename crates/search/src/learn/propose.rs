@@ -1,7 +1,8 @@
-//! A description proposed from captured bytes of an unknown device.
+//! A description proposed from the captured bytes of an unknown device.
 //!
-//! Each claim has its evidence, and whether it is sure. What is not supported is left as bytes. The
-//! draft is read back as a description, and its share of the captured bytes is told.
+//! Each claim states its evidence and whether it is certain. Parts without evidence stay plain
+//! bytes. The draft is parsed as a description, and the proposal states the share of captured bytes
+//! that it covers.
 
 mod form;
 mod frame;
@@ -19,25 +20,25 @@ use super::{Spoken, conversation};
 use frame::Cover;
 use written::Proposed;
 
-/// How far a claim can be trusted.
+/// The confidence in a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Confidence {
-    /// Chance is ruled out: less than one in a million.
+    /// The probability of a coincidence is below one in a million.
     Sure,
-    /// It fits, and other readings may fit too.
+    /// The claim fits, but other interpretations may fit too.
     Guess,
 }
 
-/// Something that is said of the device.
+/// A claim about the device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Claim {
-    /// What: `framing`, `checksum`, `length`, `messages`, `replies`.
+    /// Topic: `framing`, `checksum`, `length`, `messages`, `replies`.
     pub topic: &'static str,
-    /// The claim.
+    /// The claim in words.
     pub words: String,
-    /// What supports it.
+    /// The evidence.
     pub evidence: String,
-    /// How far it can be trusted.
+    /// The confidence.
     pub confidence: Confidence,
 }
 
@@ -58,15 +59,15 @@ impl fmt::Display for Claim {
 /// A proposed description.
 #[derive(Clone, Debug)]
 pub struct Proposal {
-    /// What is claimed.
+    /// The claims.
     pub claims: Vec<Claim>,
-    /// The draft; none if nothing can be claimed.
+    /// The draft; none without any claim.
     pub draft: Option<String>,
-    /// Bytes in frames of the draft, and all bytes.
+    /// Number of bytes in frames of the draft, and of all bytes.
     pub covered: [usize; 2],
 }
 
-/// What came in one go.
+/// Bytes received at once.
 #[derive(Clone, Debug)]
 struct Chunk {
     is_host: bool,
@@ -74,19 +75,19 @@ struct Chunk {
     bytes: Vec<u8>,
 }
 
-/// Silence that divides chunks, in characters, and its least.
+/// Silence between two chunks, in characters, and its minimum.
 const GAP_CHARACTERS: u32 = 3;
 const GAP_MIN: Duration = Duration::from_millis(2);
-/// Rate of a line whose rate is not known.
+/// Assumed baud rate if the capture contains none.
 const BAUD: u32 = 115_200;
-/// Longest time from a request to its reply, nanoseconds.
+/// Maximum time from a request to its reply, nanoseconds.
 const REPLY_NANOS: u64 = 1_000_000_000;
 
 impl Proposal {
-    /// What the bytes of `link`, or of the only link, tell.
+    /// Examines the bytes of `link`, or of the only link.
     ///
     /// # Errors
-    /// If there is no such link, or no byte on it; with what was expected.
+    /// If the link does not exist or has no bytes; with the expected name.
     pub fn of(capture: &Capture, link: Option<&str>) -> Result<Self, String> {
         let names: Vec<&str> = capture.links.iter().map(|link| &*link.name).collect();
         let known = names.join(", ");
@@ -106,7 +107,7 @@ impl Proposal {
             None => 0,
         };
         let link = names.get(at).ok_or("there is no link with bytes in it")?;
-        // Of a file that does not say it, what most devices have.
+        // If the file contains no baud rate, the most common one is assumed.
         let baud = match capture.links[at].baud {
             0 => BAUD,
             baud => baud.max(300),
@@ -148,7 +149,7 @@ impl Proposal {
             .map(|chunk| chunk.bytes.len())
             .sum();
         if covered * 100 < said * COVERED_SURE && !formats.iter().any(|one| one.is_summed) {
-            // A format that most bytes do not have is none.
+            // A format that does not cover most bytes is rejected.
             return nothing;
         }
         let (told, more) = message::messages(&read, &chunks, &formats);
@@ -168,10 +169,10 @@ impl Proposal {
     }
 }
 
-/// Share of the bytes that frames without a checksum have at least, per cent.
+/// Minimum share of bytes in frames without a checksum, per cent.
 const COVERED_SURE: usize = 85;
 
-/// The description with `formats`; what `told` says of messages, or bytes alone.
+/// The description with `formats`; `told` holds the learned messages, if any.
 fn draft(formats: &[Proposed], baud: u32, all: usize, told: Option<&str>) -> String {
     let claims = formats.iter().flat_map(|format| &format.claims);
     let claims: String = claims.map(|claim| format!("# {claim}\n")).collect();
@@ -196,7 +197,7 @@ fn parse(text: &str) -> Result<Arc<Description>, String> {
     Description::parse("draft", text, &nothing).map_err(|error| error.to_string())
 }
 
-/// What came together, in the order of time.
+/// Joins bytes that were sent at once, in order of time.
 fn chunks(spoken: &[Spoken], gap: u64) -> Vec<Chunk> {
     let mut chunks: Vec<Chunk> = Vec::new();
     let mut last_at = 0;

@@ -1,4 +1,5 @@
-//! What a device says, learned from a conversation: replies to requests, and what comes by itself.
+//! Messages of a device, learned from a conversation: replies to requests, and unsolicited
+//! messages.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -6,42 +7,42 @@ use std::sync::Arc;
 use super::frame_format::FrameFormat;
 use super::{DescribedFormat, framing};
 
-/// Replies that are kept of one request, requests, and what comes by itself.
+/// Maximum numbers of stored replies per request, of requests, and of unsolicited messages.
 const REPLIES_MAX: usize = 32;
 const REQUESTS_MAX: usize = 64;
 const CHUNKS_MAX: usize = 256;
-/// Silence between two chunks, nanoseconds: what comes closer came in one go.
+/// Silence between two chunks, nanoseconds: bytes with shorter gaps belong to one chunk.
 const GAP_NANOS: u64 = 3_000_000;
-/// Longest time from a request to its reply, nanoseconds.
+/// Maximum time from a request to its reply, nanoseconds.
 const REPLY_NANOS: u64 = 1_000_000_000;
 
 /// Bytes of a conversation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Spoken {
-    /// Whether the program said them, not the device.
+    /// Whether the program sent the bytes, not the device.
     pub(crate) is_program: bool,
-    /// When, nanoseconds.
+    /// Time, nanoseconds.
     pub(crate) at: u64,
     /// The bytes.
     pub(crate) bytes: Vec<u8>,
 }
 
-/// What a program may be told, learned from what devices told it.
+/// Inputs for a program, learned from messages of devices.
 #[derive(Clone, Debug)]
 pub(crate) struct Seeds {
-    /// Requests of the program, each with what the device said to it.
+    /// Requests of the program with the replies of the device.
     pub(crate) exchanges: Vec<(Vec<u8>, Vec<Vec<u8>>)>,
-    /// What came by itself.
+    /// Unsolicited messages.
     pub(crate) unasked: Vec<Vec<u8>>,
-    /// Whether the program said anything.
+    /// Whether the program sent any bytes.
     pub(crate) asks: bool,
-    /// The format of what the device says; of the requests, if it never says anything.
+    /// The format of the device's messages; of the requests if the device sent none.
     pub(crate) format: Arc<dyn FrameFormat>,
-    /// Contents of its frames.
+    /// Contents of the device's frames.
     pub(crate) contents: Vec<Vec<u8>>,
 }
 
-/// Seeds as they are gathered.
+/// Seeds while they are collected.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gathered {
     requests: Vec<Vec<u8>>,
@@ -50,7 +51,7 @@ pub(crate) struct Gathered {
 }
 
 impl Gathered {
-    /// Takes a conversation in the order of time.
+    /// Adds a conversation in order of time.
     pub(crate) fn conversation(&mut self, spoken: &[Spoken]) {
         let mut chunks: Vec<Spoken> = Vec::new();
         let mut last_at = 0;
@@ -80,7 +81,7 @@ impl Gathered {
         }
     }
 
-    /// Takes what a device says, to whatever it is asked.
+    /// Adds a message of the device without its request.
     pub(crate) fn unasked(&mut self, chunk: Vec<u8>) {
         let is_new = !chunk.is_empty() && !self.unasked.contains(&chunk);
         if is_new && self.unasked.len() < CHUNKS_MAX {
@@ -104,12 +105,12 @@ impl Gathered {
         }
     }
 
-    /// Whether the program said anything of this as its request.
+    /// Whether the program sent `chunk` as a request.
     pub(crate) fn knows_request(&self, chunk: &[u8]) -> bool {
         self.requests.iter().any(|request| request == chunk)
     }
 
-    /// What can be learned; the format is `described` if that is given.
+    /// The learned seeds; the format is `described` if given.
     pub(crate) fn learned(self, described: Option<DescribedFormat>) -> Seeds {
         let replies = self.replies.values().flatten().chain(&self.unasked);
         let mut chunks: Vec<Vec<u8>> = replies.cloned().collect();
@@ -134,7 +135,7 @@ impl Gathered {
         if contents.is_empty() {
             contents.push(Vec::new());
         }
-        // A stream that came in one go is many frames.
+        // A stream received at once contains many frames.
         let unasked = self
             .unasked
             .iter()

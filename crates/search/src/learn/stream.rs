@@ -1,26 +1,26 @@
-//! Frames in a stream without pauses: those of one size, and those that begin with sync bytes and
-//! say how long they are.
+//! Frames in a stream without pauses: frames of constant size, and frames with sync bytes and a
+//! length field.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How frames of a stream are distinguished.
+/// A way to split a stream into frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Cutting {
     /// First bytes of each frame.
     pub(crate) sync: Vec<u8>,
     pub(crate) how: How,
-    /// Share of the bytes that lie in such frames, per cent.
+    /// Share of bytes in such frames, per cent.
     pub(crate) share: usize,
-    /// Share of the chunks that begin with such a frame, per cent.
+    /// Share of chunks that begin with such a frame, per cent.
     pub(crate) aligned: usize,
 }
 
-/// What says where a frame ends.
+/// The rule that defines the end of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum How {
-    /// All have this size.
+    /// All frames have this size.
     Fixed(usize),
-    /// A number in the frame: its value times `unit`, and `base`, are the frame's size.
+    /// The frame has a length field: its value times `unit` plus `base` is the size of the frame.
     Length {
         at: usize,
         bytes: usize,
@@ -30,23 +30,23 @@ pub(crate) enum How {
     },
 }
 
-/// Maximum number of checked bytes.
+/// Maximum number of examined bytes.
 const BYTES_MAX: usize = 32 << 10;
-/// Sync bytes that are tried.
+/// Maximum number of sync byte sequences that are tried.
 const STARTS_MAX: usize = 10;
-/// Bytes with which chunks begin that are tried as sync bytes.
+/// Maximum length of a common beginning of chunks that is tried as sync bytes.
 const PREFIX_MAX: usize = 4;
-/// Least byte behind the first one that is taken for a part of a mark.
+/// Minimum value of a second or later sync byte.
 const MARK_MIN: u8 = 0x20;
-/// Last place of a length field behind the sync bytes.
+/// Maximum offset of a length field behind the sync bytes.
 const AT_MAX: usize = 6;
-/// Longest frame.
+/// Maximum length of a frame.
 const FRAME_MAX: usize = 1_024;
-/// Least share of bytes in frames, per cent: other formats may share the line.
+/// Minimum share of bytes in frames, per cent: other formats may share the line.
 const SHARE_MIN: usize = 10;
 /// Minimum number of frames.
 const FRAMES_MIN: usize = 6;
-/// Bytes of a frame that its length field does not count, at most.
+/// Maximum number of bytes of a frame that its length field does not count.
 const BASE_MAX: usize = 32;
 
 /// The number at `at`.
@@ -60,7 +60,7 @@ fn number(bytes: &[u8], at: usize, len: usize, is_big: bool) -> Option<usize> {
 }
 
 impl Cutting {
-    /// The size of the frame that `bytes` begin with, if they say so.
+    /// The size of the frame at the beginning of `bytes`, if a frame begins there.
     fn size(&self, bytes: &[u8]) -> Option<usize> {
         if !bytes.starts_with(&self.sync) {
             return None;
@@ -80,8 +80,8 @@ impl Cutting {
         }
     }
 
-    /// The frames in `chunks`. A frame counts only if a byte follows it with which chunks begin, or
-    /// the end of its chunk.
+    /// The frames in `chunks`. A frame counts only if its chunk ends behind it, or if the next byte
+    /// is a common first byte of chunks.
     pub(crate) fn frames<'a>(&self, chunks: &'a [Vec<u8>]) -> Vec<&'a [u8]> {
         let firsts: BTreeSet<u8> = chunks
             .iter()
@@ -110,7 +110,8 @@ impl Cutting {
         frames
     }
 
-    /// Whether the two bytes of its length could be one, or the other way round.
+    /// Rank among splits with equal coverage: constant size, then 2 bytes low byte first, then 1
+    /// byte.
     const fn rank(&self) -> usize {
         match self.how {
             How::Fixed(_) => 3,
@@ -125,7 +126,7 @@ impl Cutting {
     }
 }
 
-/// The ways in which `chunks` can be cut, best first.
+/// The possible ways to split `chunks`, the best first.
 pub(crate) fn cuttings(chunks: &[Vec<u8>]) -> Vec<Cutting> {
     let mut room = BYTES_MAX;
     let few = chunks.iter().take_while(|chunk| {
@@ -174,7 +175,7 @@ pub(crate) fn cuttings(chunks: &[Vec<u8>]) -> Vec<Cutting> {
         let share = (cutting.share, cutting.aligned);
         core::cmp::Reverse((share, cutting.rank(), cutting.sync.len()))
     });
-    // Of marks that begin alike the longest one that finds as much.
+    // Of sync bytes with a common beginning keeps the longest that covers as much.
     let mut kept: Vec<Cutting> = Vec::new();
     for cutting in found {
         let is_like = |known: &Cutting| {
@@ -187,11 +188,11 @@ pub(crate) fn cuttings(chunks: &[Vec<u8>]) -> Vec<Cutting> {
     kept
 }
 
-/// Bytes that come so often that they may begin frames: longer ones first.
+/// Frequent byte sequences that may begin frames, longer ones first.
 fn starts(stream: &[u8], chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
     let mut all: Vec<Vec<u8>> = Vec::new();
     let mut add = |start: &[u8]| {
-        // Small numbers behind the first byte are rather addresses and kinds than marks.
+        // Small numbers behind the first byte are addresses and kinds rather than sync bytes.
         let end = start.iter().skip(1).position(|byte| *byte < MARK_MIN);
         let start = &start[..end.map_or(start.len(), |at| at + 1)];
         if !all.iter().any(|known| known == start) {
@@ -215,7 +216,7 @@ fn starts(stream: &[u8], chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
         let mut common: Vec<(&[u8], usize)> = counts
             .into_iter()
             .filter(|(start, count)| {
-                // A row of one value is no mark.
+                // A sequence of equal bytes is not a sync sequence.
                 let is_plain = len > 1 && start.iter().all(|byte| [0, 0xFF].contains(byte));
                 *count >= FRAMES_MIN && !is_plain
             })
@@ -227,7 +228,7 @@ fn starts(stream: &[u8], chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
     all
 }
 
-/// The distance that most beginnings have from the next one.
+/// The most frequent distance between two beginnings.
 fn fixed(places: &[usize]) -> Option<How> {
     let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
     for pair in places.windows(2) {
@@ -238,10 +239,10 @@ fn fixed(places: &[usize]) -> Option<How> {
     is_usual.then_some(How::Fixed(size))
 }
 
-/// Kinds of numbers that may be a length.
+/// Types of numbers that may be a length.
 const NUMBERS: [(usize, bool); 3] = [(1, false), (2, false), (2, true)];
 
-/// Numbers behind the sync bytes that say how far it is to the next beginning.
+/// Numbers behind the sync bytes that give the distance to the next beginning.
 fn lengths(stream: &[u8], sync: &[u8], places: &[usize]) -> Vec<How> {
     let mut found = Vec::new();
     for at in sync.len()..=sync.len() + AT_MAX {
@@ -256,7 +257,7 @@ fn lengths(stream: &[u8], sync: &[u8], places: &[usize]) -> Vec<How> {
     found
 }
 
-/// Numbers behind the sync bytes that say how far it is to a next beginning or the end of the
+/// Numbers behind the sync bytes that give the distance to a later beginning or to the end of the
 /// chunk.
 fn lengths_of_chunks(chunks: &[Vec<u8>], sync: &[u8]) -> Vec<How> {
     let stream = chunks.concat();
@@ -280,8 +281,7 @@ fn lengths_of_chunks(chunks: &[Vec<u8>], sync: &[u8]) -> Vec<How> {
     found
 }
 
-/// The number at `at` of frames that begin at a place and may have several sizes, if it says of
-/// most of them which one they have.
+/// The length field at `at` for frames of several sizes, if it fits most frames.
 fn voted(
     stream: &[u8],
     ends: &[(usize, Vec<usize>)],
@@ -305,7 +305,7 @@ fn voted(
             }
         }
         let most = counts.into_iter().max_by_key(|(_, count)| *count);
-        // A field that always has the same value says nothing of lengths.
+        // A constant field gives no evidence of lengths.
         if let Some((base, count)) = most
             && values.len() > 1
             && count * 2 >= ends.len()

@@ -1,5 +1,5 @@
-//! Checksum algorithms: those of the CRC catalogue that fill whole bytes, and the sums of common
-//! serial protocols.
+//! Checksum algorithms: CRCs of the catalogue with whole bytes, and sums of common serial
+//! protocols.
 
 use std::sync::LazyLock;
 
@@ -7,12 +7,12 @@ use crc::{Algorithm, Crc};
 
 /// A checksum algorithm.
 pub(crate) struct Sum {
-    /// Name, of a CRC that of the catalogue.
+    /// The name; for a CRC that of the catalogue.
     pub(crate) name: &'static str,
-    /// Bytes of its value.
+    /// Number of bytes of the value.
     pub(crate) bytes: usize,
-    /// Whether a constant may be added to it (to an exclusive or: combined with it), which covers
-    /// start values and complements.
+    /// Whether a constant may be added (for an exclusive or: combined). It covers initial values
+    /// and complements.
     pub(crate) is_free: bool,
     how: How,
 }
@@ -45,12 +45,12 @@ impl Sum {
         }
     }
 
-    /// Whether bytes of 0 make no difference to it.
+    /// Whether zero bytes do not change the sum.
     pub(crate) const fn skips_zeros(&self) -> bool {
         matches!(self.how, How::Xor | How::Add | How::Subtract | How::Add7)
     }
 
-    /// Evidence in bits that one value gives.
+    /// Evidence of one matching value, bits.
     pub(crate) const fn bits(&self) -> usize {
         match self.how {
             How::Add7 => 7,
@@ -58,7 +58,7 @@ impl Sum {
         }
     }
 
-    /// The value for `parts`, one after the other.
+    /// The checksum over the concatenation of `parts`.
     pub(crate) fn of<'a>(&self, parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
         let mut parts = parts.into_iter();
         let mask = u64::MAX >> (64 - 8 * self.bytes);
@@ -102,7 +102,7 @@ impl Sum {
         }
     }
 
-    /// `value` with the constant `free`.
+    /// `value` combined with the constant `free`.
     pub(crate) const fn with(&self, value: u64, free: u64) -> u64 {
         let mask = u64::MAX >> (64 - 8 * self.bytes);
         match self.how {
@@ -122,7 +122,7 @@ impl Sum {
         }
     }
 
-    /// Bits by which this algorithm is likelier than another one, before anything is seen.
+    /// Prior preference for this algorithm, bits.
     pub(crate) fn prior(&self) -> f64 {
         match self.name {
             "CRC_16_MODBUS" | "CRC_16_IBM_3740" | "CRC_16_XMODEM" | "CRC_16_KERMIT"
@@ -185,7 +185,7 @@ pub(crate) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
     all
 });
 
-/// Sums that descriptions have too: the name here, the constant that is added, and the name there.
+/// Sums with a name in descriptions: the name here, the constant, and the name there.
 pub(crate) const DESCRIBED: [(&str, u64, &str); 12] = [
     ("exclusive or", 0, "xor"),
     ("sum of bytes", 0, "sum8"),
@@ -205,7 +205,7 @@ pub(crate) const DESCRIBED: [(&str, u64, &str); 12] = [
     ("sum of bytes, 24 bits", 0, "sum24"),
 ];
 
-/// The name in descriptions of a sum with this constant, if they have it.
+/// The name in descriptions of a sum with this constant, if there is one.
 pub(crate) fn described(name: &str, free: u64) -> Option<&'static str> {
     let found = DESCRIBED
         .iter()

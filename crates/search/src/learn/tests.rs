@@ -1,4 +1,4 @@
-//! The learner against streams of known formats, and against chance.
+//! Tests of the learner with streams of known formats, and with random bytes.
 
 use super::corpus::Corpus;
 use super::format::{Coding, Format};
@@ -6,15 +6,15 @@ use super::seeds::{Gathered, Spoken};
 use super::*;
 use emulators::rng::Rng;
 
-/// A line of the NMEA 0183 standard's own examples, as receivers' manuals print it.
+/// An example line of the NMEA 0183 standard, as printed in manuals of receivers.
 const RMC: &[u8] = b"$GPRMC,081836,A,3751.65,S,14507.36,E,000.0,360.0,130998,011.3,E*62\r\n";
 
 pub(crate) fn chance(rng: &mut Rng, len: u64) -> Vec<u8> {
     (0..len).map(|_| rng.next_u64().to_be_bytes()[0]).collect()
 }
 
-/// Frames of a made-up sensor: a number, 8 bytes of values, a count of 16 bits and as many bytes,
-/// then the checksum of the catalogue under that name, low byte first, COBS.
+/// Frames of a fictional sensor: a number, 8 bytes of values, a 16-bit count with as many bytes,
+/// then the checksum of that name in the catalogue, low byte first, COBS.
 pub(crate) fn sensor_frames(count: u8) -> Vec<Vec<u8>> {
     let crc = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740);
     let stuffed = Format {
@@ -35,7 +35,7 @@ pub(crate) fn sensor_frames(count: u8) -> Vec<Vec<u8>> {
     (0..count).map(frame).collect()
 }
 
-/// Sets of random frames of the same and of different lengths: none has a checksum.
+/// Sets of random frames with equal and with different lengths: no checksum is found.
 #[test]
 fn random_bytes_have_no_checksum() {
     for seed in 1..40 {
@@ -53,7 +53,7 @@ fn random_bytes_have_no_checksum() {
     }
 }
 
-/// As `random_bytes_have_no_checksum`, for what is alike from frame to frame: a counter, zeros.
+/// Like `random_bytes_have_no_checksum`, for frames with common parts: a counter, zeros.
 #[test]
 fn frames_that_hardly_differ_have_no_checksum() {
     let counted: Vec<Vec<u8>> = (0..60)
@@ -67,8 +67,8 @@ fn frames_that_hardly_differ_have_no_checksum() {
     }
 }
 
-/// One line is enough, because of the star before the sum; the sum of the example is the
-/// standard's.
+/// The star before the sum makes one line sufficient; the sum of the example is that of the
+/// standard.
 #[test]
 fn the_sum_of_a_line_is_learned_from_one_line() {
     let (format, _) = framing::infer(&[RMC.to_vec()]);
@@ -76,7 +76,7 @@ fn the_sum_of_a_line_is_learned_from_one_line() {
     assert_eq!(format.is_sound(RMC), Some(true));
     let content = format.content(RMC).expect("sound");
     assert_eq!(format.frame(&content, 0), RMC);
-    // 62 with another digit in the line: '8' for '0' at the first field changes it by 08.
+    // 62 with another digit in the line: '8' for '0' in the first field changes the sum by 08.
     let other = RMC.strip_prefix(b"$GPRMC,0").expect("as above");
     let other = [b"$GPRMC,8", other].concat();
     assert_eq!(format.is_sound(&other), Some(false));
@@ -88,7 +88,7 @@ fn the_sum_of_a_line_is_learned_from_one_line() {
     );
 }
 
-/// Frames in one stream or one by one: the same stuffing, checksum and count.
+/// Frames in one stream or one by one: stuffing, checksum and count are the same.
 #[test]
 fn a_stuffed_frame_with_a_count_is_learned() {
     let frames = sensor_frames(6);
@@ -123,8 +123,8 @@ fn a_damaged_frame_is_no_reason_to_give_up() {
     assert_eq!(damaged, [7]);
 }
 
-/// Every algorithm, low byte first and high byte first, after a header that it leaves out: it holds
-/// in frames that are made again by what was learned.
+/// Every algorithm in both byte orders, behind a header that it does not cover: frames that are
+/// rebuilt with the learned checksum are correct.
 #[test]
 fn every_checksum_is_found() {
     for sum in sums::ALL.iter() {
@@ -153,7 +153,7 @@ fn every_checksum_is_found() {
     }
 }
 
-/// A request, its reply 5 ms later, a line that comes by itself 2 s later.
+/// A request, its reply 5 ms later, an unsolicited line 2 s later.
 #[test]
 fn a_conversation_is_requests_with_replies_and_what_comes_by_itself() {
     let spoken = |is_program, at_ms: u64, bytes: &[u8]| Spoken {
@@ -178,7 +178,8 @@ fn a_conversation_is_requests_with_replies_and_what_comes_by_itself() {
     assert!(seeds.asks && seeds.format.is_text());
 }
 
-/// A folder with bytes and with hexadecimal text, a frame a line; an empty folder is refused.
+/// A folder with binary files and with hexadecimal text, one frame per line; an empty folder is
+/// rejected.
 #[test]
 fn frames_are_read_from_a_folder() {
     let dir = std::env::temp_dir().join(format!("hilrig-corpus-{}", std::process::id()));

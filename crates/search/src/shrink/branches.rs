@@ -1,4 +1,4 @@
-//! Tries of one case that begin where they part from the best so far, not at the beginning.
+//! Tries that begin at a checkpoint of the best case so far, where they first differ from it.
 
 use core::cmp::Reverse;
 use core::time::Duration;
@@ -11,30 +11,31 @@ use engine::rig::trace::fingerprint;
 use engine::run::{Checkpoint, LOOK_EVERY, Outcome, Run};
 use engine::scenario::{Scenario, ScenarioError, Source};
 
-/// Checkpoints of one run, evenly over its time; as many at most before what goes wrong.
+/// Number of checkpoints, distributed evenly over a run; as many again at most before faults.
 const POINTS: u32 = 24;
-/// Minimum time between two.
+/// Minimum time between two checkpoints.
 const EVERY_MIN: Duration = Duration::from_millis(100);
 
-/// Runs the tries of a search in this process; each comes to what a run from the beginning does.
+/// Executes the tries of a search in this process; the result equals that of a run from the
+/// beginning.
 ///
-/// The checkpoints are those of two ways, each with the tries that it branched from and the latest
-/// at its end.
+/// The checkpoints are those of two runs, each in order of time, including those of the run from
+/// which it branched.
 #[derive(Debug)]
 pub struct Branches<'a> {
     source: &'a Source,
     cause: String,
-    /// Of the last try that failed alike, which is the best so far or near it.
+    /// Checkpoints of the last try that failed alike: the best case so far, or similar to it.
     failing: Vec<Rc<Checkpoint>>,
-    /// Of the last other one without faults, which is asked whenever one with them has failed.
+    /// Checkpoints of the last other try without faults. Such a try follows each failed try with
+    /// faults.
     faultless: Vec<Rc<Checkpoint>>,
-    /// What each scenario came to, by its fingerprint: that of a case without its faults is asked
-    /// after every step.
+    /// Results by fingerprint of the scenario: the case without faults is judged after every step.
     judged: BTreeMap<String, Judged>,
 }
 
 impl<'a> Branches<'a> {
-    /// Nothing tried yet; what fails for `cause` fails alike.
+    /// A search without tries; a try that fails for `cause` fails alike.
     pub fn new(source: &'a Source, cause: &str) -> Self {
         Self {
             source,
@@ -45,7 +46,7 @@ impl<'a> Branches<'a> {
         }
     }
 
-    /// Runs the scenario that a search begins with, and what it came to: what fails for the same
+    /// Runs the first scenario of a search and returns its result; a try that fails for the same
     /// cause fails alike.
     ///
     /// # Errors
@@ -64,7 +65,7 @@ impl<'a> Branches<'a> {
         Ok((branches, record, outcome))
     }
 
-    /// What `candidate` comes to.
+    /// Judges `candidate`.
     pub fn judge(&mut self, candidate: &Scenario) -> Judged {
         let name = name_of(candidate);
         if let Some(known) = self.judged.get(&name) {
@@ -88,8 +89,7 @@ impl<'a> Branches<'a> {
         found
     }
 
-    /// Runs `candidate` from the latest checkpoint that it can branch from; with the checkpoints of
-    /// its way.
+    /// Runs `candidate` from the latest usable checkpoint; returns the checkpoints of the run too.
     fn run(&self, candidate: &Scenario) -> Result<Ran, ScenarioError> {
         let ways = [&self.failing, &self.faultless];
         let ends = ways.into_iter().flat_map(|way| {
@@ -106,7 +106,7 @@ impl<'a> Branches<'a> {
         let every = (candidate.duration.0 / POINTS).max(EVERY_MIN);
         let from = run.as_ref().map_or(Duration::ZERO, time_of);
         let mut next = from + every;
-        // Most tries leave out or move something that goes wrong: they part where it begins.
+        // Most tries remove or move a fault: they differ from its begin on.
         let mut begins = begins_of(candidate);
         begins.retain(|begin| *begin > from + LOOK_EVERY);
         let mut begins = begins.into_iter().peekable();
@@ -129,10 +129,10 @@ impl<'a> Branches<'a> {
     }
 }
 
-/// What a try came to, and the checkpoints of its way.
+/// The result of a try, and its checkpoints.
 type Ran = (Record, Option<Box<Outcome>>, Vec<Rc<Checkpoint>>);
 
-/// A fingerprint of all that a run depends on: not of its words.
+/// A fingerprint of all that determines a run, without descriptive texts.
 fn name_of(case: &Scenario) -> String {
     let plain = Scenario {
         origin: None,
@@ -142,8 +142,8 @@ fn name_of(case: &Scenario) -> String {
     fingerprint(plain.to_toml().as_bytes())
 }
 
-/// When what goes wrong in `case` begins, as far as it is planned by time, in order. Where that is
-/// at more times than there are checkpoints, those lie among them anyway, and none counts.
+/// The planned times at which faults of `case` begin, in order. Empty if there are more times than
+/// checkpoints: those are then close to each fault anyway.
 fn begins_of(case: &Scenario) -> Vec<Duration> {
     let begins = case.fault.iter().filter_map(|fault| fault.from);
     let mut begins: Vec<Duration> = begins.map(|from| from.0).collect();
@@ -163,7 +163,7 @@ fn time_of(run: &Run) -> Duration {
 mod tests {
     use super::*;
 
-    /// A case in other words is the same case; one of another seed is not.
+    /// A case with other descriptive texts is the same case; a case with another seed is not.
     #[test]
     fn what_was_judged_is_not_run_again() {
         let text = "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"100ms\"\n\
@@ -178,8 +178,8 @@ mod tests {
         assert_eq!(branches.judged.len(), 2);
     }
 
-    /// 400 ms have checkpoints each 100 ms, and one more before the cut at 250 ms, behind which
-    /// they count again.
+    /// 400 ms have a checkpoint every 100 ms, and one more before the cut at 250 ms; the next one
+    /// follows 100 ms later.
     #[test]
     fn what_goes_wrong_has_a_checkpoint_before_it() {
         let text = "schema = 1\nname = \"test\"\nrobot = \"rescue\"\nduration = \"400ms\"\n\

@@ -9,12 +9,12 @@ use capture::{Capture, Kind, Record};
 use engine::codec::{self, Codec, Stream, What};
 use engine::rig::line::Direction;
 
-/// A frame, or a stretch of bytes that are none, or a line event: what is kept or left out whole.
+/// A frame, a stretch of bytes outside frames, or a line event: kept or removed as a whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unit {
-    /// As it stands in the capture.
+    /// The record in the capture.
     pub record: Record,
-    /// The format in which it is a valid frame, if it is one.
+    /// The format, if the unit is a valid frame.
     pub frame: Option<&'static Codec>,
 }
 
@@ -25,7 +25,7 @@ impl Unit {
         (record.link, record.direction == Direction::ToDevice)
     }
 
-    /// Changes the bytes; clones that share them keep theirs.
+    /// Changes the bytes; clones keep the original bytes.
     fn change(&mut self, change: impl FnOnce(&mut [u8])) {
         let mut bytes = BytesMut::from(take(&mut self.record.bytes));
         change(&mut bytes);
@@ -33,8 +33,7 @@ impl Unit {
     }
 }
 
-/// The units of `capture` in the order in which they ended. Bytes of an unknown format stay as
-/// they were recorded.
+/// The units of `capture` in order of their ends. Bytes of an unknown format stay as recorded.
 pub fn units(capture: &Capture) -> Vec<Unit> {
     let mut lanes: BTreeMap<(usize, bool), Vec<&Record>> = BTreeMap::new();
     for record in &capture.records {
@@ -49,7 +48,7 @@ pub fn units(capture: &Capture) -> Vec<Unit> {
     units
 }
 
-/// The format of a lane, told from its first bytes.
+/// The format of a lane, determined from its first bytes.
 fn codec_of(lane: &[&Record]) -> Option<&'static Codec> {
     let mut bytes = Vec::new();
     for record in lane {
@@ -71,7 +70,7 @@ fn cut(lane: &[&Record]) -> Vec<Unit> {
     };
     let mut units = Vec::new();
     let mut bytes = BytesMut::new();
-    // Where each record's bytes end in all bytes of the lane, to find the record of a unit's end.
+    // The ends of the records in the concatenated bytes, to find the record in which a unit ends.
     let mut ends: Vec<(usize, &Record)> = Vec::new();
     let mut stream = match lane.first() {
         Some(record) => Stream::towards(codec, record.direction),
@@ -115,7 +114,7 @@ fn cut(lane: &[&Record]) -> Vec<Unit> {
     units
 }
 
-/// `capture` with these units and no more.
+/// `capture` with these units only.
 pub fn with_units(capture: &Capture, units: &[Unit]) -> Capture {
     Capture {
         sections: capture.sections.clone(),
@@ -125,9 +124,8 @@ pub fn with_units(capture: &Capture, units: &[Unit]) -> Capture {
     }
 }
 
-/// What is wrong with the bytes of a capture: the first frame that is broken or, if all are sound,
-/// the first bytes outside of frames, of which many devices have some; by its lane and the kind of
-/// error, without figures.
+/// The error in a capture: its first broken frame. If all frames are valid, the first bytes outside
+/// frames, which many devices send. The result is the lane and the kind of error, without figures.
 pub fn fault_of(capture: &Capture, units: &[Unit]) -> Option<String> {
     let (index, kind) = first_bad(units)?;
     let record = &units[index].record;
@@ -140,8 +138,8 @@ pub fn fault_of(capture: &Capture, units: &[Unit]) -> Option<String> {
 
 const OUTSIDE: &str = "bytes outside of frames";
 
-/// The first unit that is a broken frame, or else no frame though its lane has frames, and what is
-/// wrong with it. Of a lane without any, whose format is unknown, nothing can be said.
+/// The first broken frame, or else the first bytes outside frames on a lane with frames, and the
+/// error. A lane without frames has an unknown format and is not judged.
 fn first_bad(units: &[Unit]) -> Option<(usize, &'static str)> {
     let mut formats: BTreeMap<(usize, bool), &'static Codec> = BTreeMap::new();
     for unit in units {
@@ -178,10 +176,10 @@ fn error_of(record: &Record, codec: &'static Codec) -> &'static str {
     }
 }
 
-/// The fewest units, and the plainest bytes in them, for which `fails` still holds. In valid frames
-/// the payload is put to zero byte by byte; with `repairs` their checksums are made to fit again.
+/// The smallest set of units with the simplest bytes for which `fails` still returns true. In valid
+/// frames payload bytes are set to zero one by one; with `repairs` the checksums are corrected.
 ///
-/// `fails` holds for all of `units`.
+/// `fails` must return true for all of `units`.
 pub fn capture(
     units: &[Unit],
     mut fails: impl FnMut(&[Unit]) -> bool,
@@ -209,9 +207,9 @@ pub fn capture(
     best
 }
 
-/// What lies around the first thing that is wrong, for which `fails` still holds: of a long capture
-/// that is nearly always enough, and found in the time that it takes to read it. First on its own
-/// lane, then on all of them, twice as far each time.
+/// The neighbourhood of the first error for which `fails` still returns true; it nearly always
+/// suffices for a long capture. Searches the lane of the error first, then all lanes, and doubles
+/// the distance each time.
 fn neighbourhood(
     units: &[Unit],
     fails: &mut impl FnMut(&[Unit]) -> bool,
@@ -235,12 +233,12 @@ fn neighbourhood(
     None
 }
 
-/// What happens to the checksum of a frame whose payload was changed.
+/// The treatment of the checksum when the payload of a frame changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Repair {
-    /// It is made to fit.
+    /// The checksum is corrected.
     Checksums,
-    /// It stays.
+    /// The checksum is not changed.
     Nothing,
 }
 

@@ -1,17 +1,17 @@
 use super::{Effort, Judged};
 use engine::scenario::Scenario;
 
-/// What a case fails for, as far as it can be taken out of it: what is left of the case must
-/// continue failing for it, and not for what was left out.
+/// The removable cause of a failure. A smaller case must fail because of it, not because other
+/// parts were removed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Culprit {
-    /// Everything that goes wrong.
+    /// All faults.
     Faults,
-    /// A thing of a list, by its number in the first case.
+    /// An element of a list, by its index in the first case.
     Thing(List, usize),
 }
 
-/// Lists of a scenario whose parts may be in the way.
+/// Lists of a scenario whose elements may prevent the mission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum List {
     Push,
@@ -54,7 +54,7 @@ impl List {
         }
     }
 
-    /// Whether these two things of the list are one.
+    /// Whether the two elements of the list are equal.
     fn is_same(self, [a, b]: [&Scenario; 2], [i, j]: [usize; 2]) -> bool {
         match self {
             Self::Push => a.world.push[i] == b.world.push[j],
@@ -67,7 +67,7 @@ impl List {
     }
 }
 
-/// The case that a search begins with, its culprit, and what it comes to without it.
+/// The first case of a search, its culprit, and its result without the culprit.
 pub(super) struct Cause<'a> {
     start: &'a Scenario,
     culprit: Option<Culprit>,
@@ -75,7 +75,7 @@ pub(super) struct Cause<'a> {
 }
 
 impl<'a> Cause<'a> {
-    /// Finds what `start` fails for: its faults, or else the first thing without which it passes.
+    /// Finds the culprit of `start`: its faults, or the first element without which it passes.
     pub(super) fn of(
         start: &'a Scenario,
         judge: &mut impl FnMut(&Scenario) -> Judged,
@@ -108,13 +108,13 @@ impl<'a> Cause<'a> {
         }
     }
 
-    /// Whether something is to blame.
+    /// Whether there is a culprit.
     pub(super) const fn is_known(&self) -> bool {
         self.culprit.is_some()
     }
 
-    /// Whether `case`, which fails, fails for this cause: it has the culprit, and without it the
-    /// result is the first case's result without it.
+    /// Whether the failing `case` fails for this cause: it contains the culprit, and without the
+    /// culprit its result equals that of the first case.
     pub(super) fn is_of(
         &self,
         case: &Scenario,

@@ -1,9 +1,9 @@
 use super::Effort;
 
-/// The fewest of `items`, in order, with which `fails` still holds: Zeller's delta debugging. None
-/// of those that are left can be left out alone, unless the effort ended.
+/// The smallest list of `items`, in order, for which `fails` still returns true (Zeller's delta
+/// debugging). No single remaining item can be removed, unless the effort was used up.
 ///
-/// `fails` holds for all of `items`.
+/// `fails` must return true for all of `items`.
 pub fn fewest<T: Clone>(
     items: &[T],
     effort: &mut Effort<'_>,
@@ -17,7 +17,7 @@ pub fn fewest<T: Clone>(
     while left.len() > 1 {
         let size = left.len().div_ceil(parts);
         let mut smaller = None;
-        // First each part alone, which is quickest if it works, then each part left out.
+        // Tries each part alone first, which is fast if it succeeds, then removes each part.
         for start in (0..left.len()).step_by(size) {
             let end = (start + size).min(left.len());
             let only = left[start..end].to_vec();
@@ -49,7 +49,7 @@ pub fn fewest<T: Clone>(
 mod tests {
     use super::*;
 
-    /// 3 and 77 matter, the other 98 do not.
+    /// The items 3 and 77 are necessary, the other 98 are not.
     #[test]
     fn two_of_a_hundred_are_found() {
         let items: Vec<u32> = (0..100).collect();
@@ -64,7 +64,7 @@ mod tests {
         assert!(fewest(&[1, 2], &mut Effort::tries(9), |_| true).is_empty());
     }
 
-    /// Out of effort, what is left still fails.
+    /// When the effort is used up, the remaining list still fails.
     #[test]
     fn the_best_so_far_still_fails() {
         let items: Vec<u32> = (0..64).collect();

@@ -5,19 +5,18 @@ use super::{Effort, Judged, fewest};
 use engine::run::is_of_the_end;
 use engine::scenario::{Expect, FaultSpec, Scenario, Span};
 
-/// The smallest scenario found that `judge` says fails alike: a shorter run and fewer faults first,
-/// because they are what the cause is read from, then fewer orders and waypoints, less in the
-/// world, and settings as they are by default.
+/// The smallest scenario found for which `judge` returns `FailsAlike`. The search first shortens
+/// the run and removes faults, because they show the cause, then removes orders, waypoints and
+/// objects, and resets settings.
 ///
-/// If `start` does not fail without its faults, or passes without one of the things in its world or
-/// one of its orders, the result has this property too: a mission that is impossible in its time
-/// does not show what kept the robot from it. For the same reason a run keeps its time and one
-/// waypoint if its `cause`, which begins with the name of the check that fails, is about a goal
-/// that was not reached and no culprit is known. Other expectations about the end are left out if
-/// the cause is a different one.
+/// If `start` passes without its faults, or without one object or order, the result has this
+/// property too: a mission that is impossible in its time would not show the obstacle. If no
+/// culprit is known and `cause`, which begins with the name of the failed check, concerns a missed
+/// goal, the run keeps its time and one waypoint. Expectations about the end are removed if the
+/// cause is a different one.
 ///
-/// `start` fails alike. Random faults cannot be thinned out without becoming others; give the case
-/// of a run, in which they are written out as the bytes that they hit.
+/// `start` must fail alike. Random faults change if they are thinned out; pass the case of a run,
+/// in which they are written as the bytes that they hit.
 pub fn scenario(
     start: &Scenario,
     cause: &str,
@@ -25,12 +24,12 @@ pub fn scenario(
     effort: &mut Effort<'_>,
 ) -> Scenario {
     let mut best = start.clone();
-    // Where it was saved from is not where it is going.
+    // The path of the original file does not apply to the new case.
     best.origin = None;
     let check = cause.split(": ").next().unwrap_or_default();
     let is_late = is_of_the_end(check);
-    // It judges the last part of the run. In a shorter run, lines are silent that were healed
-    // later.
+    // `alive_for` judges the last part of the run. If the run is shortened, lines that are healed
+    // later are still silent.
     let is_of_life = check == ALIVE;
     if !is_late {
         let fails = &mut |case: &Scenario| judge(case) == Judged::FailsAlike;
@@ -67,7 +66,7 @@ pub fn scenario(
 /// The check of `alive_for`.
 const ALIVE: &str = "alive-at-the-end";
 
-/// `case` without what it expects to be true in the end, but for life if that `is_kept`.
+/// `case` without expectations about the end; `alive_for` stays if `is_kept`.
 fn nothing_in_the_end(case: &Scenario, is_kept: bool) -> Scenario {
     let mut safety = case.expect.safety.clone();
     if let Some(safety) = safety.as_mut().filter(|_| !is_kept) {
@@ -91,12 +90,12 @@ fn nothing_in_the_end(case: &Scenario, is_kept: bool) -> Scenario {
     }
 }
 
-/// Minimum time by which faults are tried earlier.
+/// Minimum time by which faults are moved forward.
 const EARLIER_MIN: Duration = Duration::from_millis(100);
 
 type Fails<'a> = &'a mut dyn FnMut(&Scenario) -> bool;
 
-/// Takes `smaller` for `best` if it differs and still fails.
+/// Replaces `best` with `smaller` if they differ and `smaller` still fails.
 fn take(best: &mut Scenario, smaller: Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) -> bool {
     let is_taken = smaller != *best && effort.spend() && fails(&smaller);
     if is_taken {
@@ -105,8 +104,8 @@ fn take(best: &mut Scenario, smaller: Scenario, effort: &mut Effort<'_>, fails: 
     is_taken
 }
 
-/// Leaves out whatever begins before the last quarter, or half, of the run: what came last is most
-/// often what did it, and every try from there on is a short one.
+/// Removes everything that begins before the last quarter, or half, of the run: the last events are
+/// the cause most often, and each later try is short.
 fn late_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     for from in [best.duration.0 * 3 / 4, best.duration.0 / 2] {
         let mut smaller = best.clone();
@@ -120,7 +119,7 @@ fn late_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
 }
 
 fn fewer_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
-    // Whole lanes first: a case may hold thousands of damaged bytes on lines that do not matter.
+    // Whole lanes first: a case may contain thousands of damaged bytes on irrelevant lines.
     let mut lanes: Vec<(String, &str)> = Vec::new();
     for fault in &best.fault {
         let lane = (fault.place(), fault.kind.name());
@@ -146,7 +145,7 @@ fn fewer_faults(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) 
     }
 }
 
-/// Halves the time that a fault lasts, from the end and from the beginning.
+/// Halves the duration of a fault, from its end and from its beginning.
 fn shorter_window(best: &mut Scenario, index: usize, effort: &mut Effort<'_>, fails: Fails<'_>) {
     for from_the_end in [true, false] {
         loop {
@@ -175,7 +174,7 @@ fn whole_ms(length: Duration) -> Duration {
 }
 
 fn shorter(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
-    // The end of the run is found to a tenth of a second: as many tries as it has bits.
+    // Bisects the end of the run to a tenth of a second.
     let (mut least, mut most) = (Duration::ZERO, best.duration.0);
     while most - least > Duration::from_millis(100) {
         let middle = whole_ms(least + (most - least) / 2);
@@ -189,8 +188,8 @@ fn shorter(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     }
 }
 
-/// Lets all that goes wrong, and the end of the run, come earlier: each try that cannot continue
-/// from a checkpoint is as long as the run.
+/// Moves all faults and the end of the run forward: a try that cannot start from a checkpoint takes
+/// as long as the run.
 fn earlier(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     let begin = |fault: &FaultSpec| {
         let waits = fault.at_byte.is_some() || fault.at_frame.is_some() || fault.when.is_some();
@@ -216,7 +215,7 @@ fn earlier(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     }
 }
 
-/// Leaves out what a list holds, one list of the scenario after the other.
+/// Removes elements, one list of the scenario after the other.
 fn fewer_parts(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     macro_rules! fewer {
         ($($field:ident).+) => {
@@ -237,7 +236,7 @@ fn fewer_parts(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     fewer!(world.wall);
 }
 
-/// Puts settings back to what they are by default.
+/// Resets settings to their defaults.
 fn plainer(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     for link in best.link.keys().cloned().collect::<Vec<_>>() {
         let mut smaller = best.clone();
@@ -263,7 +262,7 @@ fn plainer(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     }
 }
 
-/// A sentence on what is left of a case.
+/// A sentence about the remaining parts of a case.
 pub fn in_words(case: &Scenario) -> String {
     let faults: Vec<String> = case
         .fault
@@ -322,8 +321,8 @@ mod tests {
         pillars.any(|pillar| pillar.get_ref().at_m == [[2.0, 2.0]])
     }
 
-    /// R2: 40 s are enough for the mission, but not with the second pillar in the way. What comes
-    /// out still says so: it keeps the pillar, and 40 s, in which it passes without the pillar.
+    /// R2: 40 s suffice for the mission, but not with the second pillar. The minimised case shows
+    /// this: it keeps the pillar and 40 s, in which it passes without the pillar.
     #[test]
     fn a_mission_that_a_thing_prevents_keeps_the_thing_and_time_to_do_it_without() {
         let is_short = |case: &Scenario| case.duration.0 < Duration::from_secs(40);
@@ -333,7 +332,7 @@ mod tests {
         assert!(has_pillar(&small) && small.world.pillar.len() == 1);
     }
 
-    /// The cause is unknown: only a run that takes as long shows it.
+    /// Without a known cause the failure is only shown by a run of the same length.
     #[test]
     fn a_mission_that_nothing_prevents_keeps_its_time_and_a_waypoint() {
         let small = smallest("waypoints-visited", |_| true);
@@ -341,8 +340,8 @@ mod tests {
         assert_eq!(small.mission.waypoints_m.len(), 1);
     }
 
-    /// A cut at 16 s that matters from 3 s on: three quarters earlier is 4 s, and of that three
-    /// quarters or a half earlier would be 1 s and 2 s, a quarter is 3 s.
+    /// A cut at 16 s that matters from 3 s on: three quarters earlier is 4 s; from there three
+    /// quarters or a half earlier would be 1 s and 2 s, a quarter earlier is 3 s.
     #[test]
     fn what_goes_wrong_comes_as_early_as_it_still_matters() {
         let fault = "link = \"base\"\ndirection = \"to-device\"\nkind = \"cut\"\n\
@@ -369,7 +368,7 @@ mod tests {
         );
     }
 
-    /// A contact at 12 s has nothing to do with how long the run is behind it.
+    /// A contact at 12 s does not depend on the length of the run after it.
     #[test]
     fn what_happens_on_the_way_is_shown_by_a_shorter_run() {
         let fails = |case: &Scenario| case.duration.0 > Duration::from_secs(12) && has_pillar(case);

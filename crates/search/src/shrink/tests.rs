@@ -1,5 +1,5 @@
-//! What a case that was made smaller still says: five cases that were made to fail for a cause
-//! which is known, each among things that do not matter.
+//! The content of minimised cases: five cases that fail for a known cause, each with irrelevant
+//! elements.
 
 use std::path::PathBuf;
 
@@ -7,8 +7,8 @@ use super::{Effort, Judged, scenario};
 use crate::campaign;
 use engine::scenario::{Scenario, Source};
 
-/// Two rooms, a door of 80 cm at the top, a way through it; a byte lost now and then, a pause and a
-/// leg in a corner do no harm.
+/// Two rooms, a door of 80 cm at the top, a path through it. Harmless: an occasionally lost byte, a
+/// pause, and a table leg in a corner.
 const HARMLESS: &str = r#"
 schema = 1
 name = "known"
@@ -43,7 +43,7 @@ from = "2s"
 until = "3s"
 "#;
 
-/// Tries for each: enough to leave out what does not matter.
+/// Number of tries for each case: enough to remove irrelevant elements.
 const TRIES: u32 = 24;
 
 fn cause_of(case: &Scenario) -> Option<String> {
@@ -56,8 +56,8 @@ fn cause_of(case: &Scenario) -> Option<String> {
 }
 
 /// Adds `culprit` to the harmless case, which then fails for a cause that begins with `begins`, and
-/// shrinks it; the case that is left. It fails as the first one did, and passes when `take_out` has
-/// taken the culprit out.
+/// minimises it. The result fails like the first case, and passes after `take_out` has removed the
+/// culprit.
 fn shrunk(culprit: &str, begins: &str, take_out: impl Fn(&mut Scenario)) -> Scenario {
     let text = format!("{HARMLESS}{culprit}");
     let (start, _) = Scenario::from_text(&text).expect("sound");
@@ -93,7 +93,7 @@ fn the_harmless_case_passes() {
     assert_eq!(cause_of(&harmless), None);
 }
 
-/// The encoders count nothing: the robot turns and drives without noticing.
+/// The encoders count nothing: the robot turns and drives without measuring it.
 #[test]
 fn encoders_that_stick_stay_to_blame() {
     let stuck = "[[fault]]\nkind = \"stuck\"\ndevice = \"base\"\nfrom = \"1s\"\n";
@@ -101,7 +101,7 @@ fn encoders_that_stick_stay_to_blame() {
     assert_eq!(small.fault[0].kind.name(), "stuck");
 }
 
-/// The robot gets no waypoints.
+/// The robot receives no waypoints.
 #[test]
 fn a_radio_that_is_cut_for_ever_stays_to_blame() {
     let cut = "[[fault]]\nkind = \"cut\"\nlink = \"radio\"\ndirection = \"to-master\"\n";
@@ -118,12 +118,12 @@ fn an_obstacle_in_the_door_stays_to_blame() {
         let pillars = &mut case.world.pillar;
         pillars.retain(|pillar| !pillar.get_ref().at_m.iter().any(is_in_the_door));
     });
-    // Without other things the robot may fail in another manner: they may stay.
+    // Without the other objects the robot may fail in another manner, so they may stay.
     let mut pillars = small.world.pillar.iter();
     assert!(pillars.any(|pillar| pillar.get_ref().at_m.iter().any(is_in_the_door)));
 }
 
-/// A lidar that sees nothing.
+/// A lidar without any return.
 #[test]
 fn a_blinded_lidar_stays_to_blame() {
     let dark =
@@ -132,7 +132,7 @@ fn a_blinded_lidar_stays_to_blame() {
     assert_eq!(small.fault[0].kind.name(), "device");
 }
 
-/// Motors without a supply.
+/// Motors without power.
 #[test]
 fn a_drive_that_is_off_stays_to_blame() {
     let off = "[[fault]]\nkind = \"off\"\ndevice = \"base\"\nfrom = \"3s\"\n";
@@ -140,8 +140,8 @@ fn a_drive_that_is_off_stays_to_blame() {
     assert_eq!(small.fault[0].kind.name(), "off");
 }
 
-/// In a shorter run a lidar that is healed later is silent at the end, so the time is kept. A run
-/// that fails for something else need not be alive.
+/// In a shorter run a lidar that is healed later is silent at the end, so the time is kept. If the
+/// run fails for another reason, it need not be alive at the end.
 #[test]
 fn a_run_that_must_be_alive_keeps_its_time() {
     let culprit = "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\

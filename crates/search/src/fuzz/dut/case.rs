@@ -7,50 +7,49 @@ use serde::{Deserialize, Serialize};
 use engine::codec::wire::Stream;
 use engine::scenario::{DirectionSpec, Expect, FaultKind, FaultSpec, Scenario, Span};
 
-/// How long the devices are at work, in virtual time, before the program comes: a lidar turns by
-/// then.
+/// Virtual time for which the devices run before the program starts; after it a lidar is turning.
 pub(super) const WARM_UP: Duration = Duration::from_secs(5);
 /// Maximum number of faults of a case.
 const FAULTS_MAX: u64 = 6;
 
-/// What is done to a program, as a value.
+/// The complete input of a program, as a value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// World, devices, and the faults in what the program receives.
+    /// World, devices, and the faults in the data that the program receives.
     pub scenario: Scenario,
-    /// The rest.
+    /// All other input.
     pub told: Told,
 }
 
-/// What a finding's folder holds besides the scenario.
+/// The content of a finding's folder, in addition to the scenario.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Told {
-    /// How long the scenario lasts before the program must show that it lives.
+    /// Duration of the scenario before the program must prove that it is alive.
     pub lasting: Span,
-    /// What the program does when nothing is wrong.
+    /// The behaviour of the program without faults.
     pub known: Known,
-    /// Traffic in place of a device's.
+    /// Raw traffic instead of a device's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub raw: Option<Raw>,
 }
 
-/// What a program does when nothing is wrong, by the names of the ports.
+/// The behaviour of a program without faults, by port name.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Known {
-    /// It opens these.
+    /// Ports that the program opens.
     pub opens: BTreeSet<String>,
-    /// It reads these.
+    /// Ports that the program reads.
     pub reads: BTreeSet<String>,
-    /// It speaks on these by itself.
+    /// Ports on which the program sends without a request.
     pub speaks: BTreeSet<String>,
-    /// It ends by itself with exit code 0.
+    /// Whether the program ends by itself with exit code 0.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub ends: bool,
 }
 
-/// Traffic on one link in place of a device's.
+/// Raw traffic on one link instead of a device's.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Raw {
@@ -59,38 +58,38 @@ pub struct Raw {
     /// Frames that the program answers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub answered: Vec<Answered>,
-    /// Kinds of what it says there unasked.
+    /// Kinds of unsolicited frames that the program sends.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub chatter: Vec<Hex>,
-    /// The beginning of a frame that the program answers, with silence after it.
+    /// The beginning of a frame that the program answers; a silence follows it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cut: Option<Hex>,
-    /// Sound replies of the device, for requests for which there is no turn.
+    /// Intact replies of the device, for requests without a turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exchange: Vec<Exchange>,
-    /// Whether the program asks: then it gets a turn when it did, and not before.
+    /// Whether the program sends requests: each turn then waits for a request.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub asks: bool,
-    /// What is said to the program, one turn for each of its requests; in place of the stream.
+    /// Data sent to the program, one turn for each of its requests; replaces the stream.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub turn: Vec<Turn>,
-    /// Pairs of frames, first of all.
+    /// Pairs of frames, sent first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pair: Vec<Pair>,
-    /// Then this: a piece a line, `idle` for a pause.
+    /// The stream that follows: one chunk per line, `idle` for a pause.
     #[serde(default)]
     pub stream: String,
 }
 
 impl Raw {
-    /// Whether nothing is said.
+    /// Whether nothing is sent.
     pub(super) const fn is_empty(&self) -> bool {
         let is_nothing = self.pair.is_empty() && self.stream.is_empty() && self.cut.is_none();
         self.turn.is_empty() && is_nothing
     }
 }
 
-/// A request of the program and what the device says to it.
+/// A request of the program and the reply of the device.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Exchange {
@@ -100,19 +99,19 @@ pub struct Exchange {
     pub reply: Hex,
 }
 
-/// What is said to the program in one go.
+/// Data sent to the program at once.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Turn {
-    /// How it was made, e.g. `wrong-length`.
+    /// The mutation, e.g. `wrong-length`.
     pub kind: String,
-    /// Whether it differs from what a sound device says: then a program may refuse it.
+    /// Whether the data differ from those of an intact device: the program may then reject them.
     #[serde(rename = "altered")]
     pub is_altered: bool,
-    /// The request to which it is the reply; none: to any, or unasked.
+    /// The request that the data answer; none: any request, or unsolicited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to: Option<Hex>,
-    /// The bytes, in pieces with a short pause between them.
+    /// The bytes, in chunks with a short pause between them.
     pub say: Vec<Hex>,
 }
 
@@ -122,23 +121,23 @@ pub struct Turn {
 pub struct Answered {
     /// The frame.
     pub frame: Hex,
-    /// The kinds of its answer, see [`Speech::shape`](super::Speech::shape).
+    /// The kinds of the answer, see [`Speech::shape`](super::Speech::shape).
     pub kinds: Vec<Hex>,
 }
 
-/// A frame that the program answers, damaged and not.
+/// A frame that the program answers, intact and damaged.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pair {
-    /// Sound.
+    /// The intact frame.
     pub good: Hex,
-    /// No frame at all.
+    /// The damaged frame, which is not a valid frame.
     pub damaged: Hex,
-    /// The same number of bytes, without meaning in the format.
+    /// The same number of bytes, without a valid frame.
     pub noise: Hex,
 }
 
-/// Bytes that people can read.
+/// Bytes as readable text.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub struct Hex(pub Vec<u8>);
@@ -164,8 +163,8 @@ impl core::fmt::Display for Hex {
     }
 }
 
-/// `scenario` for a program that comes after the warm-up: its mission begins then, it has no faults
-/// of its own, and the end of the mission is not judged.
+/// `scenario` for a program that starts after the warm-up: the mission begins then, the scenario's
+/// own faults are removed, and the final state is not judged.
 pub(super) fn quiet(scenario: &Scenario, lasting: Duration) -> Scenario {
     let mut quiet = scenario.clone();
     quiet.mission.connect = Span(quiet.mission.connect.0 + WARM_UP);
@@ -179,8 +178,9 @@ pub(super) fn quiet(scenario: &Scenario, lasting: Duration) -> Scenario {
     quiet
 }
 
-/// Kinds of faults in what a program receives. None delays: a program that asks again because an
-/// answer is late breaks no rule, and the device could not tell the difference.
+/// Kinds of faults in the data that a program receives. No kind delays data: a program that repeats
+/// a request because a reply is late breaks no rule, and the device cannot distinguish the two
+/// cases.
 const KINDS: [FaultKind; 12] = [
     FaultKind::Flip,
     FaultKind::Drop,
@@ -195,10 +195,11 @@ const KINDS: [FaultKind; 12] = [
     FaultKind::EatXonXoff,
     FaultKind::ClearBit7,
 ];
-/// Chances per byte.
+/// Probabilities per byte.
 const RATES: [f64; 6] = [0.0003, 0.001, 0.003, 0.01, 0.03, 0.1];
 
-/// Faults in what the program receives on `links`, from the end of the warm-up, for `lasting`.
+/// Faults in the data that the program receives on `links`, from the end of the warm-up, for
+/// `lasting`.
 pub(super) fn faults(links: &[String], lasting: Duration, rng: &mut Rng) -> Vec<FaultSpec> {
     let Some(last) = (links.len() as u64).checked_sub(1) else {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! What was wrong with a program, so that two of a kind have the same key.
+//! Causes of findings; findings with the same cause have the same key.
 
 use core::fmt;
 
@@ -6,8 +6,8 @@ use super::case::{Hex, Pair};
 use super::errors::LastWords;
 use realtime::process::Ended;
 
-/// Rules about when something is said: a program that is not given the processor in time breaks
-/// them without being to blame.
+/// Rules about time: a program that gets no processor time in time breaks them without being
+/// responsible.
 const RULES_OF_TIME: [&str; 5] = [
     "request-before-reply",
     "gap-in-frame",
@@ -16,66 +16,65 @@ const RULES_OF_TIME: [&str; 5] = [
     "frame-cut-off",
 ];
 
-/// Cause of a finding.
+/// The cause of a finding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// It ended by a signal, or with an exit code that is not 0.
+    /// The program ended by a signal, or with an exit code other than 0.
     Crash {
-        /// How.
+        /// Exit code or signal.
         ended: Ended,
-        /// What it said last.
+        /// The last output of the program.
         last_words: String,
-        /// Where it failed, as far as it says or was seen.
+        /// The location of the failure, from the output or from observation.
         place: String,
-        /// Whether it reported an error of its own, rather than failed.
+        /// Whether the program reported an error on purpose instead of crashing.
         is_reported: bool,
     },
-    /// It ended with exit code 0.
+    /// The program ended with exit code 0.
     Ended,
-    /// It lives and gives no sign of it.
+    /// The program is running and shows no sign of life.
     Hang(String),
-    /// It waits forever for a reply that does not come.
+    /// The program waits forever for a reply that does not come.
     NoTimeout(String),
-    /// A thread computes without end; only in virtual time, where the thread is known.
+    /// A thread computes without end. Detected only in virtual time, where the thread is known.
     Spins(String),
-    /// It answered a damaged frame as if it were sound.
+    /// The program answered a damaged frame like the intact one.
     Accepts {
         /// The frames.
         pair: Pair,
-        /// On which link.
+        /// Name of the link.
         link: String,
     },
-    /// It broke a rule of a device.
+    /// The program broke a rule of a device.
     Rule {
-        /// Which device.
+        /// Name of the device.
         device: String,
-        /// Which rule.
+        /// Name of the rule.
         rule: String,
-        /// The device's words.
+        /// The message of the device.
         detail: String,
     },
-    /// A checker of the whole run failed.
+    /// A check of the whole run failed.
     Check {
-        /// Which.
+        /// Name of the check.
         name: String,
-        /// Its words.
+        /// Message of the check.
         detail: String,
     },
-    /// A real port is not there any more.
+    /// A real port has disappeared.
     PortLost(String),
 }
 
 impl Cause {
-    /// A crash, if a program that `ended` and `said` so much did not end by itself. `fault` is
-    /// where
-    /// it was then, if that was seen.
+    /// The cause for a program that ended by itself: a crash, unless the exit code is 0. `said` is
+    /// its output, `fault` is its location at the end, if known.
     pub fn of_end(ended: Ended, said: &str, fault: Option<String>) -> Self {
         match ended {
             Ended::Code(0) => Self::Ended,
             _ => {
                 let words = LastWords::of(said);
                 let is_exit = matches!(ended, Ended::Code(_));
-                // What a program that a signal ended said before need not have to do with it.
+                // The output of a program that was killed by a signal need not concern the signal.
                 let is_telling = is_exit || words.is_failure;
                 Self::Crash {
                     ended,
@@ -94,7 +93,8 @@ impl Cause {
         }
     }
 
-    /// Whether the program ended because of an error that it reported itself, or with 0.
+    /// Whether the program ended with exit code 0, or because of an error that it reported on
+    /// purpose.
     pub(super) const fn is_reported(&self) -> bool {
         matches!(
             self,
@@ -106,7 +106,7 @@ impl Cause {
         )
     }
 
-    /// Whether the program is not to be spoken to any more.
+    /// Whether the program cannot be tested further.
     pub(super) const fn is_final(&self) -> bool {
         !matches!(
             self,
@@ -114,18 +114,18 @@ impl Cause {
         )
     }
 
-    /// Whether a busy machine may have brought it about: a program that was not given the processor
-    /// in time asks twice, or does not stop before a wall.
+    /// Whether a busy machine may be the reason: a program that gets no processor time in time
+    /// repeats requests, or does not stop before a wall.
     pub(super) fn may_be_lateness(&self) -> bool {
         matches!(self, Self::Check { .. }) || self.is_about_time()
     }
 
-    /// Whether it is a rule about when something is said.
+    /// Whether the cause is a rule about time.
     pub(super) fn is_about_time(&self) -> bool {
         matches!(self, Self::Rule { rule, .. } if RULES_OF_TIME.contains(&&**rule))
     }
 
-    /// What kind of thing is wrong, for a folder's name.
+    /// The kind of cause, for the name of a folder.
     pub fn kind(&self) -> String {
         let kind = match self {
             Self::Crash { ended, .. } => format!("crash-{ended}"),
@@ -142,7 +142,7 @@ impl Cause {
         kind.replace(|c: char| !c.is_ascii_alphanumeric(), "-")
     }
 
-    /// What two findings share that have the same cause, as far as can be told from outside.
+    /// The key of the cause: findings with the same cause, as seen from outside, share it.
     pub fn key(&self) -> String {
         let more = match self {
             Self::Crash { place, .. } => place.clone(),
@@ -196,7 +196,7 @@ impl fmt::Display for Cause {
     }
 }
 
-/// The beginning and the end of a frame, where its head and its checksum are.
+/// The beginning and end of a frame, with its header and its checksum.
 fn shortened(bytes: &[u8]) -> String {
     let hex = |bytes: &[u8]| Hex(bytes.to_vec()).to_string();
     match bytes.len() {

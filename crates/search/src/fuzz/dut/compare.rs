@@ -1,43 +1,43 @@
-//! What a program compared, and what to say instead so that the comparison comes out otherwise.
+//! Comparisons that a program made, and inputs that change their results.
 //!
-//! If one side is found in what it was told, as bytes or in digits, the other side is put in its
-//! place (Aschermann et al., REDQUEEN, NDSS 2019). So a condition that chance would meet once in a
-//! million costs a few tries.
+//! If one side of a comparison occurs in the input, as bytes or digits, the other side replaces it
+//! (Aschermann et al., REDQUEEN, NDSS 2019). A condition that random bytes meet once in a million
+//! tries then costs a few tries.
 
 use std::collections::BTreeSet;
 
-/// Bytes of a side that are kept; as many as the runtime has.
+/// Maximum number of bytes of a side; the same as in the runtime.
 pub(super) const SIDE: usize = 32;
-/// Bytes of a comparison in the file; as many as the runtime has.
+/// Number of bytes of a comparison in the file; the same as in the runtime.
 pub(super) const PAIR: usize = 8 + 2 * SIDE;
-/// Kinds, as the runtime has them.
+/// Kinds of comparisons; the same as in the runtime.
 const FLOATING: u8 = 0x40;
 const TEXT: u8 = 0x80;
-/// Places of a message at which one side is looked for.
+/// Maximum number of positions in a message at which a side is replaced.
 const PLACES_MAX: usize = 6;
-/// Maximum number of messages that are made because of one comparison.
+/// Maximum number of messages that one comparison creates.
 const MADE_MAX: usize = 40;
 
 /// Two sides that were not equal.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Comparison {
-    /// Where in the program.
+    /// The location of the comparison in the program.
     pub(super) place: u32,
     sides: Sides,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum Sides {
-    /// Whole numbers of so many bytes.
+    /// Integers with this number of bytes.
     Numbers(usize, [u64; 2]),
-    /// Floating-point numbers of so many bytes.
+    /// Floating-point numbers with this number of bytes.
     Floating(usize, [f64; 2]),
     /// Texts or memory.
     Texts([Vec<u8>; 2]),
 }
 
 impl Comparison {
-    /// Reads what the runtime wrote; a program may have written over it.
+    /// Parses an entry of the runtime; the program may have overwritten it.
     pub(super) fn read(pair: &[u8]) -> Option<Self> {
         let place = u32::from_le_bytes(pair.get(..4)?.try_into().ok()?);
         let side = |at: usize| {
@@ -63,12 +63,12 @@ impl Comparison {
         Some(Self { place, sides })
     }
 
-    /// Whether texts were compared: a word of many, often.
+    /// Whether texts were compared, e.g. a word with a list of commands.
     pub(super) const fn is_of_texts(&self) -> bool {
         matches!(self.sides, Sides::Texts(_))
     }
 
-    /// What `message` might say instead, in the order of what is worth most.
+    /// Variants of `message` that change the result, the most promising first.
     pub(super) fn instead(&self, message: &[u8]) -> Vec<Vec<u8>> {
         let mut made = Made::new(message);
         match &self.sides {
@@ -88,7 +88,7 @@ impl Comparison {
         made.all
     }
 
-    /// Texts that the program knows and that are in none of `messages`: words of its language.
+    /// Texts in the program that occur in none of `messages`: words of its language.
     pub(super) fn words<'a>(&'a self, messages: &[&[u8]]) -> impl Iterator<Item = &'a [u8]> {
         let sides = match &self.sides {
             Sides::Texts(sides) => sides.as_slice(),
@@ -100,7 +100,7 @@ impl Comparison {
     }
 }
 
-/// Where `part` stands in `message`, the first few places.
+/// The first positions of `part` in `message`.
 fn found(message: &[u8], part: &[u8]) -> Vec<usize> {
     if part.is_empty() {
         return Vec::new();
@@ -110,7 +110,7 @@ fn found(message: &[u8], part: &[u8]) -> Vec<usize> {
     places.map(|(at, _)| at).take(PLACES_MAX).collect()
 }
 
-/// Messages that are made of one.
+/// Variants of one message.
 struct Made<'a> {
     message: &'a [u8],
     all: Vec<Vec<u8>>,
@@ -142,11 +142,12 @@ impl<'a> Made<'a> {
         }
     }
 
-    /// `to` and its neighbours in place of `from`, because a program may compare with less or more.
+    /// Replaces `from` with `to` and its neighbours, because the program may test for less or
+    /// greater.
     fn number(&mut self, len: usize, from: u64, to: u64) {
         for to in [to, to.wrapping_add(1), to.wrapping_sub(1)] {
             self.digits(len, from, to);
-            // Narrow numbers are compared as wide ones.
+            // Compilers widen narrow numbers before they compare them.
             for width in [1, 2, 4, 8].into_iter().filter(|width| *width <= len) {
                 if !fits(from, len, width) || !fits(to, len, width) {
                     continue;
@@ -221,19 +222,19 @@ const fn mask(len: usize) -> u64 {
     }
 }
 
-/// A number of `len` bytes with its sign.
+/// The signed value of a number of `len` bytes.
 const fn signed(number: u64, len: usize) -> i64 {
     let unused = 64 - 8 * len;
     (number.cast_signed() << unused) >> unused
 }
 
-/// Whether a number of `len` bytes is one of `width`, with a sign or without.
+/// Whether a number of `len` bytes fits `width` bytes, signed or unsigned.
 fn fits(number: u64, len: usize, width: usize) -> bool {
     let number = number & mask(len);
     number <= mask(width) || signed(number, len) == signed(number, width)
 }
 
-/// Stretches of bytes that are of a kind.
+/// Ranges of consecutive bytes of one kind.
 fn runs(message: &[u8], is: impl Fn(u8) -> bool) -> Vec<core::ops::Range<usize>> {
     let (mut all, mut start) = (Vec::new(), 0);
     for stretch in message.split_inclusive(|byte| !is(*byte)) {
@@ -263,7 +264,8 @@ mod tests {
             .any(|made| made == expected)
     }
 
-    /// 300 is 01 2C; it is compared as four bytes, with 513, 02 01. Less or more by 1 is tried too.
+    /// 300 is 01 2C; it is compared as four bytes with 513, 02 01. The neighbours of 513 are tried
+    /// too.
     #[test]
     fn a_number_is_found_in_either_order_of_its_bytes_and_in_digits() {
         let compared = numbers(4, [300, 513]);
@@ -304,7 +306,8 @@ mod tests {
         assert!(has(&compared, b"a\x00\x00\x20\x40", b"a\x00\x00\x00\x41"));
     }
 
-    /// As the runtime writes it: place 7, two bytes, 1 and 2; then lengths that are none.
+    /// An entry as the runtime writes it: location 7, two bytes, 1 and 2; then entries with invalid
+    /// lengths.
     #[test]
     fn what_a_program_wrote_is_read_and_never_believed() {
         let mut pair = [0; PAIR];

@@ -1,8 +1,8 @@
-//! What a program says of the places that it reaches and of what it compares: counters and pairs in
-//! a file, if it was built with SanitizerCoverage and [`RUNTIME`].
+//! Coverage and comparisons of a program that was built with SanitizerCoverage and [`RUNTIME`]:
+//! counters and pairs in a shared file.
 //!
-//! The file is mapped by the program into its memory and read here as a file, so that a program
-//! that crashes or is killed leaves what it counted.
+//! The program maps the file into its memory; hilrig reads it as a file. Therefore the counters
+//! survive a crash or a kill.
 
 use core::cell::Cell;
 use std::fs::{self, File};
@@ -12,35 +12,35 @@ use std::path::{Path, PathBuf};
 
 use super::compare::{Comparison, PAIR};
 
-/// What a program is linked with to be seen, in C.
+/// The C source that is linked to the program to be observed.
 pub const RUNTIME: &str = include_str!("hilrig-coverage.c");
-/// The variable that names the file.
+/// The environment variable that names the file.
 pub(super) const VARIABLE: &str = "HILRIG_COVERAGE";
 
-/// Different sizes of a count.
+/// Number of classes of counts.
 pub(super) const SIZES: u32 = 16;
-/// Counters; as many as [`RUNTIME`] has.
+/// Number of counters; the same as in [`RUNTIME`].
 const SIZE: usize = 1 << 16;
-/// Behind them: how many pairs there are, the pairs, and how often each place has one.
+/// Behind the counters: the number of pairs, the pairs, and the number of pairs per location.
 const HEAD: usize = 8;
 const PAIRS: usize = 1024;
 const PLACES: usize = 4096;
-/// The name of the file, before the number of our process.
+/// Prefix of the file name; our process id follows.
 const NAME: &str = "hilrig-coverage-";
-/// Where files are that are no more than memory.
+/// The folder of a file system in memory.
 const MEMORY: &str = "/dev/shm";
 
-/// What a program did from one look to the next.
+/// The activity of a program between two reads.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reached {
-    /// Where it came, as numbers below [`SIZE`], times [`SIZES`], and how often: once, twice, up to
-    /// 3, 7, 15 times ..
+    /// Locations that were reached, as numbers below [`SIZE`], times [`SIZES`], plus the class of
+    /// the count: 1, 2, up to 3, 7, 15 ..
     pub(super) marks: Vec<u32>,
-    /// What it compared and found not to be equal.
+    /// Comparisons of unequal values.
     pub(super) compared: Vec<Comparison>,
 }
 
-/// Counters that programs share with us.
+/// Counters that are shared with programs.
 #[derive(Debug)]
 pub(super) struct Counters {
     path: PathBuf,
@@ -49,18 +49,20 @@ pub(super) struct Counters {
 }
 
 impl Counters {
-    /// New ones, all 0; in `dir` if the system has no file system in memory.
+    /// Creates counters that are all 0; the file lies in `dir` if the system has no file system in
+    /// memory.
     pub(super) fn new(dir: &Path) -> io::Result<Self> {
         let memory = Path::new(MEMORY);
         let dir = if memory.is_dir() { memory } else { dir };
-        // As long in each run: the environment lies in the program's memory.
+        // The name has the same length in each run: the environment is part of the program's
+        // memory.
         let path = dir.join(format!("{NAME}{:010}", std::process::id()));
         remove_orphans(dir);
         Self::at(path)
     }
 
     fn at(path: PathBuf) -> io::Result<Self> {
-        // What a process of this number has left is replaced.
+        // Replaces a file of an earlier process with the same id.
         let file = safefs::create(&path)?;
         file.set_len((SIZE + HEAD + PAIRS * PAIR + PLACES) as u64)?;
         let was_used = Cell::new(false);
@@ -71,18 +73,18 @@ impl Counters {
         })
     }
 
-    /// For the program.
+    /// The path, for the program.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether any program ever counted.
+    /// Whether any program has ever counted.
     pub(super) const fn was_used(&self) -> bool {
         self.was_used.get()
     }
 
-    /// What was done since the last call. What cannot be read was not; what cannot be set back
-    /// counts as done once more, which is nothing new.
+    /// The activity since the last call. A read error counts as no activity. If the counters cannot
+    /// be reset, the activity is counted twice, which is not new behaviour.
     pub(super) fn take(&self) -> Reached {
         let (mut counts, mut marks) = (vec![0; SIZE + HEAD], Vec::new());
         if self.file.read_exact_at(&mut counts, 0).is_err() {
@@ -120,7 +122,7 @@ impl Counters {
     }
 }
 
-/// Removes files of processes that are no more.
+/// Removes files of processes that no longer exist.
 fn remove_orphans(dir: &Path) {
     for file in fs::read_dir(dir).into_iter().flatten().flatten() {
         let name = file.file_name();
@@ -147,8 +149,7 @@ impl Drop for Counters {
 mod tests {
     use super::*;
 
-    /// Three times is as often as twice, but not as once or four times; a place is reached again
-    /// after each look.
+    /// The counts 2 and 3 are in the same class, 1 and 4 are not; each read resets the counts.
     #[test]
     fn a_place_reached_another_number_of_times_is_news_by_its_size() {
         let counters = Counters::at(
@@ -167,9 +168,8 @@ mod tests {
         assert!(counters.take().marks.is_empty() && counters.was_used());
     }
 
-    /// Of two pairs that a program says it wrote one is there; the other is nonsense, a side of 255
-    /// bytes. They are gone at the next look. A program that says it wrote 4 thousand million of
-    /// them is not believed.
+    /// The program claims two pairs: one is valid, the other has an impossible side of 255 bytes.
+    /// The next read finds none. A claim of 4 thousand million pairs is rejected.
     #[test]
     fn what_was_compared_is_taken_once() {
         let counters = Counters::at(

@@ -1,4 +1,4 @@
-//! A conversation with a program: each of its requests gets the next turn, or the sound reply.
+//! Conversation with a program: each request gets the next turn, or the intact reply.
 
 use core::time::Duration;
 
@@ -7,29 +7,28 @@ use super::cause::Cause;
 use super::player::Halt;
 use super::session::Session;
 
-/// Silence after which a request is taken to be whole.
+/// Silence after which a request counts as complete.
 const WHOLE: Duration = Duration::from_millis(3);
-/// Between two pieces of a turn.
+/// Pause between two chunks of a turn.
 const PIECE_GAP: Duration = Duration::from_millis(5);
-/// After a turn to a program that asks nothing: some tell frames apart by silence.
+/// Pause after a turn if the program sends no requests: some programs separate frames by silence.
 const TURN_GAP: Duration = Duration::from_millis(25);
-/// After the last turn: the program works on it.
+/// Pause after the last turn, in which the program processes it.
 const END_GAP: Duration = Duration::from_millis(100);
-/// Sound replies one after the other after which a case is over: the program does not ask for what
-/// is left.
+/// Number of consecutive intact replies after which a case ends: the program does not request the
+/// rest.
 const SOUND_MAX: usize = 24;
-/// Longest prefix by which a request that is not known is matched with one that is.
+/// Maximum length of the prefix by which an unknown request is matched with a known one.
 const PREFIX_MAX: usize = 16;
 
-/// How long a conversation may last, and how long a program may keep silent in it.
+/// Maximum duration of a conversation, and maximum silence of the program in it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     pub(super) lasting: Duration,
     pub(super) silence: Duration,
 }
 
-/// Holds the conversation of `raw`. The numbers of the turns that were said are in `played`, as
-/// far as it came.
+/// Executes the conversation of `raw`. `played` receives the numbers of the turns that were sent.
 pub(super) fn converse(
     live: &mut Session<'_>,
     raw: &Raw,
@@ -102,7 +101,7 @@ pub(super) fn converse(
     if !asks {
         return Ok(());
     }
-    // Does it continue, when all is sound again?
+    // Checks that the program continues after an intact reply.
     let reply = last
         .as_deref()
         .and_then(|asked| matching(&raw.exchange, asked));
@@ -131,8 +130,8 @@ fn say(live: &mut Session<'_>, turn: &Turn) -> Result<(), Halt> {
     Ok(())
 }
 
-/// The next turn that fits: one for the request, or one for any. A program that asks nothing gets
-/// all in their order.
+/// The next turn that fits the request, or any request. A program without requests gets all turns
+/// in order.
 fn next_turn(raw: &Raw, left: &[bool], known: Option<&Exchange>, is_asked: bool) -> Option<usize> {
     let fits = |turn: &Turn| match (&turn.to, known) {
         (None, _) => true,
@@ -144,7 +143,7 @@ fn next_turn(raw: &Raw, left: &[bool], known: Option<&Exchange>, is_asked: bool)
     open.next().map(|(at, _)| at)
 }
 
-/// The exchange whose request is `request`, or begins as it does.
+/// The exchange with the request `request`, or with the longest common prefix.
 fn matching<'a>(exchanges: &'a [Exchange], request: &[u8]) -> Option<&'a Exchange> {
     let shared = |one: &Exchange| {
         let pairs = one.request.0.iter().zip(request).take(PREFIX_MAX);
@@ -153,7 +152,7 @@ fn matching<'a>(exchanges: &'a [Exchange], request: &[u8]) -> Option<&'a Exchang
     let same = exchanges.iter().find(|one| one.request.0 == request);
     let like = || {
         let all = exchanges.iter().filter(|one| shared(one) > 0);
-        // The first of those that share most.
+        // The first of the exchanges with the longest prefix.
         all.rev().max_by_key(|one| shared(one))
     };
     same.or_else(like)

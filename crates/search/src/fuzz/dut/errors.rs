@@ -1,12 +1,13 @@
-//! What a program that ended says of itself: whether it failed or reported an error, and where.
+//! Classification of a program's end by its output: a failure or a reported error, and the
+//! location.
 //!
-//! The rule: a program that gets a damaged or senseless frame and ends with an error of its own,
-//! raised on purpose, does what it should. A program that fails at an unforeseen place does not,
-//! whatever its input was. So an exit with an error is a finding if
+//! A program that receives a damaged or senseless frame may end with an error that it raises on
+//! purpose. A program must not fail at an unforeseen location, whatever its input is. Therefore an
+//! exit with an error is a finding if
 //!
-//! - nothing that the program was told since its start was altered, or
+//! - none of its input since the start was altered, or
 //! - the error was not raised on purpose: an exception of the interpreter, a panic, a failed
-//!   assertion, a sanitizer's report.
+//!   assertion, a sanitizer report.
 //!
 //! A signal is a finding in any case.
 
@@ -15,15 +16,15 @@ use core::str::FromStr;
 
 use crate::campaign::without_figures;
 
-/// Which exits with an error are findings.
+/// The exits with an error that count as findings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ErrorRule {
-    /// Failures, and errors reported though nothing was altered.
+    /// Failures, and errors that the program reported although its input was intact.
     #[default]
     Unaltered,
-    /// All.
+    /// All errors.
     Always,
-    /// Failures alone, never an error that the program reports itself.
+    /// Failures only, never an error that the program reported on purpose.
     Never,
 }
 
@@ -48,7 +49,7 @@ impl fmt::Display for ErrorRule {
 }
 
 impl ErrorRule {
-    /// Whether an error that the program reports itself is a finding.
+    /// Whether an error that the program reported on purpose counts as a finding.
     pub(super) const fn counts(self, is_altered: bool) -> bool {
         match self {
             Self::Unaltered => !is_altered,
@@ -58,20 +59,20 @@ impl ErrorRule {
     }
 }
 
-/// How a program ended, by its own words.
+/// The end of a program according to its output.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct LastWords {
-    /// What two ends of the same cause share.
+    /// The key that ends with the same cause share.
     pub(super) key: String,
-    /// The line that tells most.
+    /// The most informative line.
     pub(super) line: String,
-    /// Whether it failed at an unforeseen place, according to its output.
+    /// Whether the output shows a failure at an unforeseen location.
     pub(super) is_failure: bool,
 }
 
-/// Longest part of a line that two ends of the same cause share.
+/// Maximum length of the common part of a line for ends with the same cause.
 const STEM_MAX: usize = 60;
-/// Words of failures, up to the place in the source that follows them.
+/// Words that announce a failure; the source location follows them.
 const TELLING: [&str; 12] = [
     "panicked at",
     "SUMMARY: ",
@@ -86,9 +87,9 @@ const TELLING: [&str; 12] = [
     "munmap_chunk(): ",
     "goroutine ",
 ];
-/// What a shell says of a child that was killed.
+/// Messages of a shell about a killed child process.
 const SHELL: [&str; 3] = ["Aborted", "Segmentation fault", "Killed"];
-/// Python's own exceptions, for tracebacks without source lines.
+/// Python's built-in exceptions, for tracebacks without source lines.
 const INTERPRETED: [&str; 16] = [
     "ArithmeticError",
     "AssertionError",
@@ -109,7 +110,7 @@ const INTERPRETED: [&str; 16] = [
 ];
 
 impl LastWords {
-    /// Of what a program `said`.
+    /// Classifies the output `said`.
     pub(super) fn of(said: &str) -> Self {
         if let Some(words) = traceback(said) {
             return words;
@@ -124,7 +125,7 @@ impl LastWords {
             Some((*words, line))
         });
         match telling {
-            // The place in the source is the cause; what was there is not.
+            // The source location is the cause; the message may differ.
             Some(("panicked at", line)) => {
                 let at = line.split("panicked at").nth(1).unwrap_or(line);
                 Self {
@@ -157,7 +158,7 @@ impl LastWords {
     }
 }
 
-/// What Python's last traceback in `said` tells.
+/// Evaluates the last Python traceback in `said`.
 fn traceback(said: &str) -> Option<LastWords> {
     const HEAD: &str = "Traceback (most recent call last):";
     let at = said.rfind(HEAD)?;
@@ -166,7 +167,7 @@ fn traceback(said: &str) -> Option<LastWords> {
     let end = loop {
         let line = lines.next()?;
         if let Some(frame) = Frame::read(line) {
-            // What stands below it, up to the marks below that, is its source.
+            // The line below a frame is its source; marks may follow.
             source = lines.next_if(|line| line.starts_with("    "));
             frames.push(frame);
         } else if !line.starts_with(' ') && !line.is_empty() {
@@ -176,7 +177,7 @@ fn traceback(said: &str) -> Option<LastWords> {
     let kind = end.split(':').next().unwrap_or(end).trim();
     let source = source.map(str::trim);
     let is_raised = match source {
-        // Also behind a condition on the same line.
+        // Finds a statement behind a condition on the same line too.
         Some(source) => {
             let mut statements = source.split([':', ';']).map(str::trim_start);
             statements.any(|one| one.split_whitespace().next() == Some("raise"))
@@ -196,7 +197,7 @@ fn traceback(said: &str) -> Option<LastWords> {
     })
 }
 
-/// A line of a traceback.
+/// One frame of a traceback.
 struct Frame<'a> {
     path: &'a str,
     line: &'a str,
@@ -210,7 +211,7 @@ impl<'a> Frame<'a> {
         Some(Self { path, line })
     }
 
-    /// Whether it is in the program, not in a library.
+    /// Whether the frame is in the program, not in a library.
     fn is_own(&self) -> bool {
         const LIBRARIES: [&str; 4] = ["site-packages", "dist-packages", "/lib/python", "<frozen "];
         !LIBRARIES.iter().any(|library| self.path.contains(library))
@@ -221,7 +222,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// `line` without what differs from run to run: numbers of processes and addresses.
+/// `line` without process ids and addresses, which differ from run to run.
 fn without_numbers_of_processes(line: &str) -> String {
     let words = line.split_whitespace().filter(|word| {
         let is_process = word.starts_with("==") || word.starts_with("pid");
@@ -231,7 +232,7 @@ fn without_numbers_of_processes(line: &str) -> String {
     words.join(" ")
 }
 
-/// The beginning of a message, without the bytes and numbers in it.
+/// The beginning of a message, up to its bytes and numbers.
 fn stem(line: &str) -> String {
     let quoted = line.find(['\'', '"', '[', '{', '<', '\\', '`']);
     let head = &line[..quoted.unwrap_or(line.len())];
@@ -259,8 +260,8 @@ mod tests {
         said + end + "\n"
     }
 
-    /// A library that raises on purpose reports an error; the interpreter's own is a failure, in
-    /// the line of the program that led to it.
+    /// An exception that a library raises on purpose is a reported error. An exception of the
+    /// interpreter is a failure; its location is the line of the program that led to it.
     #[test]
     fn an_exception_raised_on_purpose_is_an_error_that_is_reported() {
         let library = (
@@ -290,7 +291,7 @@ mod tests {
         assert_eq!(words.key, "TypeError at meter.py:9");
     }
 
-    /// One cause, different bytes: the same key.
+    /// The same cause with different bytes gives the same key.
     #[test]
     fn what_was_in_a_frame_is_not_its_cause() {
         let key = |said: &str| LastWords::of(said).key;

@@ -1,4 +1,4 @@
-//! What is kept of a finding, and of a search so that it can continue.
+//! Files of findings, and the state from which a search continues.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -14,23 +14,24 @@ use engine::codec::wire::Stream;
 use engine::scenario::{Scenario, Source};
 use safefs::Dir;
 
-/// Where a search stands: `dut.json`.
+/// The state of a search: `dut.json`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {
-    /// The program, the scenario, the link and the seed: what must be the same to continue.
+    /// Program, scenario, link and seed: a search continues only if they are equal.
     pub of: String,
     /// Number of the next case.
     pub next: u64,
     /// Inputs so far: frames, lines, turns of conversations.
     #[serde(default)]
     pub inputs: u64,
-    /// What was found, a cause once.
+    /// Findings, one per cause.
     pub findings: Vec<Kept>,
-    /// Kinds of turns that led to findings: rarer from then on, so that others are found.
+    /// Kinds of turns that led to findings: used less often from then on, so that other defects are
+    /// found.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub avoided: BTreeSet<String>,
-    /// What was learnt of a program that counts what it reaches, by link.
+    /// Coverage of a program that counts it, by link.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub guides: BTreeMap<String, Guide>,
 }
@@ -41,13 +42,13 @@ pub struct State {
 pub struct Kept {
     /// Name of its folder in `findings`.
     pub folder: String,
-    /// Its key.
+    /// Key of the cause.
     pub key: String,
-    /// In words.
+    /// The cause in words.
     pub words: String,
-    /// In how many cases.
+    /// Number of cases.
     pub count: u64,
-    /// In which case it was first seen, counted from 1; 0: before the first one.
+    /// Number of the first case, from 1; 0: before the first case.
     #[serde(default)]
     pub case: u64,
 }
@@ -55,7 +56,7 @@ pub struct Kept {
 const STATE: &str = "dut.json";
 
 impl State {
-    /// The state of the search in `dir`; a new one if there was none.
+    /// Reads the state of the search in `dir`; returns a new state if there is none.
     pub fn read(dir: &Path, of: String) -> Result<Self, HarnessError> {
         let path = dir.join(STATE);
         let text = match fs::read_to_string(&path) {
@@ -83,13 +84,13 @@ impl State {
         }
     }
 
-    /// The state that a search left in `dir`, if it can be read.
+    /// The state in `dir`, if there is one and it can be read.
     pub fn found(dir: &Path) -> Option<Self> {
         let text = fs::read_to_string(dir.join(STATE)).ok()?;
         serde_json::from_str(&text).ok()
     }
 
-    /// Writes it so that a killed process leaves the old one or the new one.
+    /// Writes the state in one step: a kill leaves the old state or the new one.
     pub fn write(&self, dir: &Path) -> Result<(), HarnessError> {
         let text = serde_json::to_string_pretty(self).expect("plain data with string keys");
         put(dir, STATE, &text)
@@ -111,7 +112,7 @@ const CAUSE: &str = "cause.txt";
 const CAPTURE: &str = "capture.pcapng";
 
 impl Finding {
-    /// Makes `folder` among the findings of the search in `out`.
+    /// Creates `folder` among the findings of the search in `out`.
     pub fn create(out: &Path, folder: &str) -> Result<Self, HarnessError> {
         let (out, folder) = (out.to_owned(), folder.to_owned());
         let finding = Self { out, folder };
@@ -125,7 +126,7 @@ impl Finding {
         self.out.join(self.file(""))
     }
 
-    /// The file `name` of the finding, seen from the folder of the search.
+    /// The path of the file `name`, relative to the folder of the search.
     fn file(&self, name: &str) -> PathBuf {
         let folder = Path::new("findings").join(&self.folder);
         if name.is_empty() {
@@ -135,7 +136,7 @@ impl Finding {
         }
     }
 
-    /// Writes the case and what its program said, and takes the capture.
+    /// Writes the case and the program's output, and moves the capture.
     pub fn write_case(&self, case: &Case, said: &str, recording: &str) -> Result<(), HarnessError> {
         put(&self.out, self.file(CASE), &case.scenario.to_toml())?;
         let told = toml::to_string_pretty(&case.told).expect("every field has a TOML form");
@@ -145,13 +146,13 @@ impl Finding {
         taken.map_err(|error| HarnessError::File(self.dir().join(CAPTURE), error))
     }
 
-    /// Writes the cause, its key on the first line, and the command that repeats it.
+    /// Writes the cause, with its key on the first line, and the command that repeats it.
     pub fn write_words(&self, key: &str, words: &str, repeat: &str) -> Result<(), HarnessError> {
         put(&self.out, self.file(CAUSE), &format!("{key}\n{words}\n"))?;
         put(&self.out, self.file("repeat.txt"), &format!("{repeat}\n"))
     }
 
-    /// Removes the folder: it was none.
+    /// Removes the folder, because the case is not a finding.
     pub(super) fn remove(&self) -> Result<(), HarnessError> {
         let removed = Dir::open(&self.out).and_then(|out| out.remove_tree(self.file("")));
         removed.map_err(|error| HarnessError::File(self.dir(), error))

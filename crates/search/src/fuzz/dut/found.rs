@@ -1,4 +1,4 @@
-//! A finding on its way into its folder: seen again, made smaller.
+//! Confirmation and minimisation of a new finding.
 
 use core::cell::RefCell;
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::trial::{self, TrialOutcome};
 use crate::shrink::{Effort, fewest};
 use safefs::Dir;
 
-/// Something new.
+/// A new finding before it is stored.
 pub(super) struct OpenFinding<'a> {
     pub(super) harness: &'a Harness<'a>,
     pub(super) plan: &'a TrialPlan,
@@ -21,16 +21,16 @@ pub(super) struct OpenFinding<'a> {
     pub(super) cause: &'a Cause,
     pub(super) finding: Finding,
     pub(super) progress: &'a Progress,
-    /// The kinds of the turns that are left.
+    /// The kinds of the remaining turns.
     pub(super) kinds: RefCell<Vec<String>>,
 }
 
 impl OpenFinding<'_> {
-    /// Writes it down as it is, then tries it again, then makes it smaller. Whether it is to be
-    /// kept: what may only be this machine's lateness must be seen again.
+    /// Writes the finding, confirms it, then minimises it. Returns whether to keep it: a finding
+    /// that may come from the load of this machine must be seen again.
     pub(super) fn keep(&self, first: Case, seen: &TrialOutcome) -> Result<bool, HarnessError> {
         let [recording, copy, _] = RECORDINGS;
-        // A second cause of the same case has the same capture.
+        // Two causes of the same case share a capture.
         let copied = Dir::open(&self.plan.out)
             .and_then(|out| out.write(copy, out.read(recording, u64::MAX)?));
         let recording = self.plan.out.join(recording);
@@ -71,7 +71,7 @@ impl OpenFinding<'_> {
         self.finding.write_words(&self.cause.key(), &words, &repeat)
     }
 
-    /// Whether `case` shows it; then it is written down.
+    /// Whether `case` shows the finding again; if it does, the case is written.
     fn again(&self, case: &Case) -> Result<bool, HarnessError> {
         if case.told.raw.as_ref().is_some_and(|raw| raw.is_empty()) {
             return Ok(false);
@@ -89,7 +89,7 @@ impl OpenFinding<'_> {
         Ok(is_it)
     }
 
-    /// Leaves out what does not matter; says how much is left.
+    /// Removes the parts that do not matter; returns a description of the rest.
     fn shrink(&self, first: &Case) -> Result<String, HarnessError> {
         let is_over = || !(self.harness.goes_on)();
         let mut effort = Effort::until(self.plan.tries, &is_over);
@@ -115,7 +115,7 @@ impl OpenFinding<'_> {
                 let all = raw.turn.len();
                 let with = |turns: &[Turn]| with_turns(first, turns);
                 let mut left = raw.turn.clone();
-                // Most often the last one is to blame.
+                // The last turn is the cause most often.
                 for count in [1, 2] {
                     let last = &raw.turn[all.saturating_sub(count)..];
                     if last.len() < left.len() && effort.spend() && shows(with(last)) {
@@ -150,7 +150,7 @@ fn with_turns(case: &Case, turns: &[Turn]) -> Case {
     case
 }
 
-/// A part of a raw case that can be left out.
+/// A part of a raw case that can be removed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Unit {
     Pair(Pair),
@@ -184,7 +184,7 @@ fn with_units(case: &Case, units: &[Unit]) -> Case {
     case
 }
 
-/// `path` for a shell.
+/// `path` quoted for a shell.
 fn quoted(path: &Path) -> String {
     format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
 }

@@ -1,8 +1,8 @@
-//! Traffic that is led by what a program reaches and compares.
+//! Traffic that is guided by the coverage and the comparisons of a program.
 //!
-//! Of each place that is reached the shortest input that did is kept and changed further, rare
-//! places before those that everything reaches. An input that came to something new is said again
-//! with the other side of each comparison in place of the one that it held.
+//! For each location the shortest input that reaches it is kept and mutated further, rare locations
+//! first. An input with new coverage is sent again, with one side of each comparison replaced by
+//! the other side.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,81 +16,81 @@ use super::message::{Input, Stock};
 use super::speech::Speech;
 use engine::codec::wire::Stream;
 
-/// Messages to begin with.
+/// Number of initial messages.
 const SEEDS: usize = 16;
-/// Messages that were told before an input and are kept with it: a program may have come into a
-/// state by them.
+/// Number of preceding messages that are kept with an input: they may have set the state of the
+/// program.
 const BEFORE: usize = 3;
-/// Inputs that wait for their turn, at most.
+/// Maximum number of queued inputs.
 const DUE_MAX: usize = 2048;
-/// Inputs that may be added because of one.
+/// Maximum number of inputs that one input adds.
 const ADDED_MAX: usize = 512;
-/// How often comparisons of one place are answered, besides those of inputs that came to something
-/// new.
+/// Number of times that comparisons at one location are used, in addition to those of inputs with
+/// new coverage.
 const ANSWERED_MAX: u8 = 8;
-/// After that the comparison at which an input was stuck, its last one, is answered in so few ways,
-/// if so few inputs wait; of what is made so again, so often. A checksum that must be mended after
-/// each other answer needs that.
+/// Afterwards, only the last comparison of an input creates variants: at most `STUCK_MAX`, while
+/// fewer than `STUCK_DUE_MAX` inputs are queued and the input has fewer than `DEPTH_MAX`
+/// replacements. This is required if a checksum must be corrected after each change.
 const STUCK_MAX: usize = 1;
 const STUCK_DUE_MAX: usize = 256;
 const DEPTH_MAX: u8 = 4;
-/// How often comparisons of numbers at one place are answered because of one input: in a loop each
-/// byte is compared with the same.
+/// Number of times that comparisons of numbers at one location are used for one input: a loop
+/// compares each byte with the same number.
 const ALIKE_MAX: u8 = 2;
-/// Bytes by which an input that comes from a new place may be longer.
+/// Number of bytes by which an input from a new location may be longer.
 const NEW_BYTES: u64 = 64;
-/// Bytes by which an input may be longer that has waited for a case: short ones are worth more, and
-/// none waits forever.
+/// Number of bytes by which an input may be longer for each case that it has waited: short inputs
+/// come first, but every input gets its turn.
 const WAIT_BYTES: u64 = 4;
-/// Inputs of a case, at most: between cases there is something to be learnt.
+/// Maximum number of inputs per case: coverage is evaluated between cases.
 const PARTS_MAX: usize = 200;
-/// Words that are kept, and places whose comparisons are counted.
+/// Maximum number of stored words, and of locations with counted comparisons.
 const WORDS_MAX: usize = 256;
 const PLACES_MAX: usize = 1 << 16;
-/// Places of which the rarest is worked on.
+/// Number of marks from which the rarest is selected.
 const LOOKS: usize = 3;
 
-/// What was learnt on one link.
+/// The knowledge about one link.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Guide {
-    /// Inputs that are the shortest ones of some mark, by age.
+    /// Inputs that are the shortest for some mark, by age.
     pool: BTreeMap<u64, Input>,
-    /// The age of the next one.
+    /// The age of the next input.
     next: u64,
-    /// All that was ever reached: by which input, and how often.
+    /// All marks that were reached: the input, and the number of times.
     marks: BTreeMap<u32, (u64, u64)>,
-    /// Cases so far.
+    /// Number of cases so far.
     cases: u64,
-    /// Inputs to be tried next, in order.
+    /// Queued inputs in order.
     due: Vec<Due>,
-    /// Texts that the program compared what it was told with.
+    /// Texts with which the program compared its input.
     words: Vec<Hex>,
-    /// How often the comparisons of a place were answered.
+    /// Number of used comparisons per location.
     answered: BTreeMap<u32, u8>,
 }
 
-/// An input that waits for its turn.
+/// A queued input.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Due {
     input: Input,
-    /// Answers since chance made something.
+    /// Number of replacements since the last random mutation.
     depth: u8,
-    /// The lowest is the next.
+    /// Inputs with the lowest rank come first.
     rank: u64,
 }
 
-/// Traffic of a case, and which inputs it is made of.
+/// The traffic of a case, and its inputs.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Guided {
     /// The stream of the case.
     pub(super) stream: String,
-    /// The inputs, each with a pause behind it, and whether it was due.
+    /// The inputs, each followed by a pause, and whether each was queued.
     parts: Vec<(Due, bool)>,
 }
 
 impl Guide {
-    /// Traffic of some `bytes`.
+    /// Creates traffic of about `bytes` bytes.
     pub(super) fn traffic(&self, speech: &Speech, bytes: f64, rng: &mut Rng) -> Guided {
         let mut bodies: Vec<Vec<u8>> = Vec::new();
         for message in self.pool.values().flat_map(|input| &input.0) {
@@ -103,7 +103,7 @@ impl Guide {
         let stock = Stock { bodies, words };
         let (mut guided, mut len, mut due) = (Guided::default(), 0, self.due.iter());
         while (len as f64) < bytes && guided.parts.len() < PARTS_MAX {
-            // What comes by chance may bring the program into the state that the others need.
+            // A random input may bring the program into the state that the others need.
             let next = (rng.below(4) > 0).then(|| due.next()).flatten();
             let part = match next {
                 Some(due) => (due.clone(), true),
@@ -122,7 +122,7 @@ impl Guide {
         guided
     }
 
-    /// An input made from one that is kept, or from nothing.
+    /// An input mutated from a stored one, or created from nothing.
     fn made(&self, speech: &Speech, stock: &Stock<'_>, rng: &mut Rng) -> Input {
         let mut input = match rng.below(16) {
             0 => Input::default(),
@@ -134,7 +134,7 @@ impl Guide {
         input
     }
 
-    /// The input of the rarest of a few marks.
+    /// The input of the rarest of a few random marks.
     fn picked(&self, rng: &mut Rng) -> Input {
         let Some(last) = (self.marks.len() as u64).checked_sub(1) else {
             return Input::default();
@@ -145,9 +145,9 @@ impl Guide {
         input.cloned().unwrap_or_default()
     }
 
-    /// Learns of `guided`; `reached` is what was done until each of its pauses, as far as the case
-    /// came. `is_end` says that it did not come to its end: the last part is to blame, and said
-    /// again would hide what comes after it.
+    /// Evaluates `guided`. `reached` holds the activity up to each pause, as far as the case came.
+    /// `is_end` says that the case ended early: then the last part is the cause and is not sent
+    /// again, because it would hide the parts behind it.
     pub(super) fn learn(
         &mut self,
         speech: &Speech,
@@ -172,7 +172,8 @@ impl Guide {
                 self.due.push(part.clone());
             }
             for other in self.answers(speech, &part, is_new, &reached.compared) {
-                // Also after what was told before: the program may be in a state that needs it.
+                // Also queued behind the preceding messages: the program may need the state that
+                // they set.
                 if !before.is_empty() {
                     let input = other.input.after(&before);
                     let rank = other.rank + (input.size() - other.input.size()) as u64;
@@ -191,14 +192,14 @@ impl Guide {
         self.due.truncate(DUE_MAX);
     }
 
-    /// `input` in its turn.
+    /// Queues `input` at its rank.
     fn due(&self, input: Input, depth: u8) -> Due {
         let rank = self.cases * WAIT_BYTES + input.size() as u64;
         Due { input, depth, rank }
     }
 
-    /// Keeps `input` if it came somewhere new, another number of times or by less than was known;
-    /// whether it was somewhere new. Then it is kept with what was told before.
+    /// Keeps `input` if it reaches a new location, a new count, or a known one with fewer bytes.
+    /// Returns whether a location is new; then the preceding messages are kept too.
     fn keep(&mut self, input: &Input, before: &[Hex], marks: &[u32]) -> bool {
         let is_known = |mark: &u32| {
             let place = mark / SIZES * SIZES;
@@ -230,7 +231,7 @@ impl Guide {
         is_new
     }
 
-    /// What `part` might have said so that comparisons come out otherwise.
+    /// Variants of `part` that change the results of comparisons.
     fn answers(
         &mut self,
         speech: &Speech,
@@ -281,7 +282,8 @@ impl Guide {
         made
     }
 
-    /// Counts a comparison of this place; whether there were few so far, if there is room to know.
+    /// Counts a comparison at this location. Returns whether there were few so far; `None` if there
+    /// is no room.
     fn counts(&mut self, place: u32) -> Option<bool> {
         let is_known = self.answered.contains_key(&place);
         if !is_known && self.answered.len() >= PLACES_MAX {

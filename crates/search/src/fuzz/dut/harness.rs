@@ -1,4 +1,4 @@
-//! The harness on which a program is put: what it is told, and what is seen of it.
+//! The test harness of a program: its input and its observation.
 
 use core::cell::{Cell, RefCell};
 use core::time::Duration;
@@ -16,60 +16,60 @@ use realtime::exec::Supervision;
 use realtime::guest::GuestError;
 use realtime::transport::{PortDir, Transport, TransportError};
 
-/// Whose program it is.
+/// The source of the program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Whose {
-    /// Started again for each case, its ports being pseudo-terminals in a directory.
+    /// A program that is started for each case; its ports are pseudo-terminals in a directory.
     Command {
-        /// For the shell.
+        /// The shell command.
         command: String,
-        /// Where its ports are.
+        /// The directory of its ports.
         dir: PathBuf,
     },
-    /// At work already, behind the ports in this directory.
+    /// A program that is already running, behind the ports in this directory.
     Ports(PathBuf),
 }
 
-/// Where the time of cases went.
+/// The time spent on cases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Spent {
     /// Wall time until the program had opened its ports.
     pub starts: Duration,
-    /// Wall time of all.
+    /// Total wall time.
     pub wall: Duration,
-    /// The rig's time after that.
+    /// Virtual time after the start.
     pub rig: Duration,
 }
 
-/// Where programs are put on trial.
+/// The harness in which programs are tested.
 pub struct Harness<'a> {
     /// The program.
     pub whose: Whose,
-    /// Where the scenario comes from, for messages.
+    /// The origin of the scenario, for messages.
     pub source: Source,
-    /// Time within which it must show that it lives.
+    /// Time within which the program must prove that it is alive.
     pub alive: Duration,
-    /// Time within which it must open a port.
+    /// Time within which the program must open a port.
     pub start: Duration,
-    /// Which exits with an error are findings.
+    /// The exits with an error that count as findings.
     pub errors: ErrorRule,
-    /// Whether any baud rate of the program is right, because the user gave none.
+    /// Whether any baud rate is accepted, because the user gave none.
     pub is_any_rate: bool,
     /// Whether rules about time are judged too.
     pub is_strict: bool,
-    /// How the program is put into virtual time; `None`: it runs in real time.
+    /// The supervision of the program in virtual time; `None`: it runs in real time.
     pub supervision: Option<Supervision>,
-    /// Where the time of the cases went.
+    /// The time spent on cases.
     pub(super) spent: Cell<Spent>,
-    /// Whether to continue; asked a thousand times a second.
+    /// Whether to continue; called a thousand times a second.
     pub goes_on: &'a dyn Fn() -> bool,
-    /// What programs share with us of what they reach.
+    /// Coverage counters that are shared with programs.
     pub(super) counters: Option<Counters>,
-    /// Real ports stay open from case to case: to open one may reset the board behind it.
+    /// Real ports, which stay open between cases: opening a port may reset the board.
     open: RefCell<Vec<Box<dyn Transport>>>,
 }
 
-/// Why nothing can be tried.
+/// The reason why no case can be run.
 #[derive(Debug, thiserror::Error)]
 pub enum HarnessError {
     /// The scenario cannot be run.
@@ -81,7 +81,7 @@ pub enum HarnessError {
     /// There is no shell.
     #[error("sh: {0}; expected a shell that starts")]
     NotStarted(io::Error),
-    /// The program is of no use: what it does not do.
+    /// The program cannot be tested; the text names the missing behaviour.
     #[error("{0}")]
     Useless(String),
     /// A file cannot be written or read.
@@ -93,7 +93,7 @@ pub enum HarnessError {
     /// The program cannot be put into virtual time.
     #[error(transparent)]
     Guest(#[from] GuestError),
-    /// Nothing can be learned from a corpus.
+    /// A corpus contains no usable data.
     #[error(transparent)]
     Corpus(#[from] CorpusError),
     /// The user interrupted the search.
@@ -102,7 +102,7 @@ pub enum HarnessError {
 }
 
 impl<'a> Harness<'a> {
-    /// A harness for that program.
+    /// A harness for a program.
     pub fn new(
         whose: Whose,
         source: Source,
@@ -125,23 +125,23 @@ impl<'a> Harness<'a> {
         }
     }
 
-    /// Where the time of all cases so far went.
+    /// The time spent on all cases so far.
     pub const fn spent(&self) -> Spent {
         self.spent.get()
     }
 
-    /// Lets programs that count what they reach lead the search; in `dir` if the system has no file
-    /// system in memory.
+    /// Enables coverage guidance for programs that count it; the counters lie in `dir` if the
+    /// system has no file system in memory.
     ///
     /// # Errors
-    /// If there is no room for the counters.
+    /// If the file of the counters cannot be created.
     pub fn watch_coverage(&mut self, dir: &Path) -> Result<(), HarnessError> {
         let wrong = |error| HarnessError::File(dir.to_owned(), error);
         self.counters = Some(Counters::new(dir).map_err(wrong)?);
         Ok(())
     }
 
-    /// The command for the shell, with what it is told of counters.
+    /// The shell command, with the variable of the counters.
     pub(super) fn command(&self, command: &str) -> String {
         match &self.counters {
             Some(counters) => {
@@ -152,15 +152,15 @@ impl<'a> Harness<'a> {
         }
     }
 
-    /// The ends of the scenario's links at which a program can be; with `link`, that one is among
-    /// them if it can be.
+    /// The ends of the scenario's links to which a program can connect; the end of `link` is
+    /// included if possible.
     pub fn ends(
         &self,
         scenario: &Scenario,
         link: Option<&str>,
     ) -> Result<Vec<(OpenEnd, Speech)>, HarnessError> {
         let (run, ends, _) = wiring::wire(&self.source, scenario, link)?;
-        // As wired with its devices: which order the checksums have, the base says.
+        // Wired with its devices: the base defines the byte order of its checksums.
         let (whole, ..) = wiring::wire(&self.source, scenario, None)?;
         drop(run);
         let speech = |end: &OpenEnd| {
@@ -177,7 +177,7 @@ impl<'a> Harness<'a> {
             .collect())
     }
 
-    /// The ports for `ends`; the directory too, if it was made for them.
+    /// The ports for `ends`, and the directory if it was created for them.
     pub(super) fn ports(
         &self,
         ends: &[OpenEnd],
@@ -210,7 +210,7 @@ impl<'a> Harness<'a> {
         Ok((None, ports.collect()))
     }
 
-    /// Keeps real ports for the next case.
+    /// Keeps real ports open for the next case.
     pub(super) fn keep_open(&self, ports: Vec<Box<dyn Transport>>) {
         *self.open.borrow_mut() = ports;
     }

@@ -1,12 +1,11 @@
-//! What a program may be told, learned from captures, from files of frames, and from the
-//! conversation itself.
+//! Inputs learned from captures, from files of frames, and from the conversation itself.
 //!
 //! ```text
 //!  capture, folder --+
 //!                    +--> Gathered --> Seeds: requests and replies, frames, their format
 //!  conversation -----+                   |
 //!                                        v
-//!                            Turn: what is said next, changed or not
+//!                            Turn: the next data, changed or not
 //! ```
 
 mod mutate;
@@ -21,15 +20,15 @@ use crate::learn::{Corpus, DescribedFormat, Gathered, Seeds, conversation};
 use capture::Capture;
 use mutate::Material;
 
-/// What was learned of the device on a link.
+/// The knowledge about the device on a link.
 #[derive(Clone, Debug)]
 pub(super) struct Lesson {
     seeds: Seeds,
 }
 
 impl Lesson {
-    /// What the capture at `path` and `corpus` teach of `link`, whose frames are `described` if
-    /// that is given. The program is that link's master.
+    /// Learns from the capture at `path` and from `corpus` about `link`; `described` gives the
+    /// frame format if it is known. The program is the master of the link.
     pub(super) fn of(
         path: &Path,
         link: &str,
@@ -63,7 +62,7 @@ impl Lesson {
         format!("format: {format}; {requests} requests with replies, {unasked} frames unasked")
     }
 
-    /// The requests of the program and what the device said to them.
+    /// The requests of the program with the replies of the device.
     pub(super) fn exchanges(&self) -> Vec<Exchange> {
         let exchanges = self.seeds.exchanges.iter();
         let exchanges = exchanges.map(|(request, replies)| Exchange {
@@ -73,25 +72,25 @@ impl Lesson {
         exchanges.collect()
     }
 
-    /// Whether the program asks for what it is told.
+    /// Whether the program sends requests.
     pub(super) const fn asks(&self) -> bool {
         self.seeds.asks
     }
 
-    /// Whether the device speaks in lines of text.
+    /// Whether the device sends lines of text.
     pub(super) fn is_text(&self) -> bool {
         self.seeds.format.is_text()
     }
 
-    /// `count` turns; kinds of `avoided` are rarer.
+    /// Creates `count` turns; kinds in `avoided` are used less often.
     pub(super) fn turns(
         &self,
         count: usize,
         avoided: &BTreeSet<String>,
         rng: &mut Rng,
     ) -> Vec<Turn> {
-        // In half of the cases all but one of the requests get their sound replies: what comes
-        // after a greeting is not reached if that is changed.
+        // In half of the cases all requests but one get intact replies. Otherwise a changed
+        // greeting would prevent the program from continuing.
         let requests = self.seeds.exchanges.len() as u64;
         let is_one = requests > 1 && rng.below(2) == 0;
         let one = is_one.then(|| index(rng, requests));
@@ -99,7 +98,7 @@ impl Lesson {
         turns.collect()
     }
 
-    /// A turn for request `one`, or for any.
+    /// Creates a turn for the request `one`, or for any request.
     fn turn(&self, one: Option<usize>, avoided: &BTreeSet<String>, rng: &mut Rng) -> Turn {
         let seeds = &self.seeds;
         let all = seeds.exchanges.len() + seeds.unasked.len().min(seeds.exchanges.len().max(1));
@@ -120,7 +119,7 @@ impl Lesson {
             contents: &seeds.contents,
         };
         let mut mutant = mutate::mutant(&material, chunk, rng);
-        // Another one in place of most that are of a kind that led to a known finding.
+        // Usually replaces a mutant whose kind has led to a known finding.
         if avoided.contains(mutant.kind) && rng.below(4) > 0 {
             mutant = mutate::mutant(&material, chunk, rng);
         }

@@ -1,6 +1,6 @@
-//! Messages, and inputs of a few: what is changed when a program leads the search. A message
-//! is a line, a frame or a few bytes, and stays one when it is changed: a line keeps its end and a
-//! frame its checksum, mostly.
+//! Messages, and inputs of several messages: the units that coverage guidance mutates. A message is
+//! a line, a frame or a few bytes. A mutation usually keeps the end of a line and the checksum of a
+//! frame.
 
 use emulators::rng::Rng;
 use serde::{Deserialize, Serialize};
@@ -9,49 +9,49 @@ use super::case::{Hex, index};
 use super::speech::Speech;
 use crate::fuzz::havoc;
 
-/// Longest message.
+/// Maximum length of a message.
 const LEN_MAX: usize = 512;
 /// Maximum number of messages of an input.
 const MESSAGES_MAX: usize = 8;
-/// What stands between the words of lines.
+/// Separators between the words of lines.
 const SEPARATORS: &[u8] = b"  =,;:/";
-/// Bytes of a message of which nothing is known, at most.
+/// Maximum number of bytes of a message of unknown format.
 const BYTES_MAX: u64 = 32;
 
-/// What is told between two pauses: messages in their order.
+/// The messages between two pauses, in order.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent)]
 pub(super) struct Input(pub(super) Vec<Hex>);
 
-/// What inputs are made of besides chance.
+/// The material of inputs, in addition to random bytes.
 pub(super) struct Stock<'a> {
-    /// Messages that were good for something, without what ends them; not empty.
+    /// Useful messages, without their ends; not empty.
     pub(super) bodies: &'a [Vec<u8>],
-    /// What the program compares what it is told with.
+    /// Words with which the program compares its input.
     pub(super) words: &'a [Hex],
 }
 
 impl Input {
-    /// Bytes of all messages.
+    /// Number of bytes of all messages.
     pub(super) fn size(&self) -> usize {
         self.0.iter().map(|message| message.0.len()).sum()
     }
 
-    /// This after the last messages of `before`.
+    /// This input behind the last messages of `before`.
     pub(super) fn after(&self, before: &[Hex]) -> Self {
         let most = MESSAGES_MAX.saturating_sub(self.0.len());
         let before = &before[before.len().saturating_sub(most)..];
         Self([before, &self.0].concat())
     }
 
-    /// This with another message at `at`.
+    /// This input with `message` at index `at`.
     pub(super) fn with(&self, at: usize, message: Vec<u8>) -> Self {
         let mut new = self.clone();
         new.0[at] = Hex(message);
         new
     }
 
-    /// Changes this a little.
+    /// Mutates the input slightly.
     pub(super) fn mutate(&mut self, speech: &Speech, stock: &Stock<'_>, rng: &mut Rng) {
         let len = self.0.len();
         let at = match rng.below(2) {
@@ -98,7 +98,7 @@ impl Input {
 }
 
 impl Speech {
-    /// A message as a device or its master says it.
+    /// A message as the device or its master sends it.
     pub(super) fn message(&self, rng: &mut Rng) -> Vec<u8> {
         let text = match self {
             Self::Frames(_) => self.frame(rng).unwrap_or_default(),
@@ -112,7 +112,7 @@ impl Speech {
         shortened(text)
     }
 
-    /// A message without what ends it.
+    /// A message without its end or checksum.
     pub(super) fn body<'a>(&self, message: &'a [u8]) -> &'a [u8] {
         match self {
             Self::Text(text) => message.strip_suffix(text.terminator()).unwrap_or(message),
@@ -120,7 +120,7 @@ impl Speech {
         }
     }
 
-    /// A message with its end and with a checksum that holds.
+    /// A message with its end and a correct checksum.
     fn whole(&self, body: Vec<u8>) -> Vec<u8> {
         let mut message = shortened(body);
         match self {
@@ -131,14 +131,14 @@ impl Speech {
         message
     }
 
-    /// A frame whose checksum holds again, if it did not.
+    /// A frame with a corrected checksum, if it was wrong.
     pub(super) fn mended(&self, message: &[u8]) -> Option<Vec<u8>> {
         let is_frame = matches!(self, Self::Frames(_));
         let mended = is_frame.then(|| self.whole(message.to_vec()));
         mended.filter(|mended| mended != message)
     }
 
-    /// The same, mostly: a frame may be damaged, a line cut.
+    /// Like `whole`, but sometimes a frame is damaged or a line truncated.
     fn finished(&self, body: Vec<u8>, rng: &mut Rng) -> Vec<u8> {
         match rng.below(12) {
             0 => shortened(body),
@@ -191,7 +191,7 @@ mod tests {
         }
     }
 
-    /// Of ten messages before only as many are kept as there is room for, the last ones.
+    /// Of ten preceding messages the last ones are kept, as far as there is room.
     #[test]
     fn an_input_takes_the_last_messages_before_it() {
         let before: Vec<Hex> = (0..10).map(|name| Hex(vec![name])).collect();

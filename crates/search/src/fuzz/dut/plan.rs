@@ -1,4 +1,4 @@
-//! What a search is about, and how far it is.
+//! The plan of a search, and its progress.
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -10,41 +10,42 @@ use description::Description;
 use crate::learn::Corpus;
 use engine::scenario::Scenario;
 
-/// What is searched for, and how.
+/// The plan of a search.
 #[derive(Clone, Debug)]
 pub struct TrialPlan {
     /// World and devices.
     pub scenario: Scenario,
-    /// Frames and conversations to learn from, besides the program's own.
+    /// Frames and conversations to learn from, in addition to the program's own.
     pub corpus: Option<Corpus>,
-    /// Descriptions of the devices on links, by the link; one without a link is of any.
+    /// Descriptions of the devices, by link; one without a link is for any link.
     pub descriptions: Vec<(Option<String>, Arc<Description>)>,
-    /// The one link to be fuzzed with raw traffic; none: faults everywhere, and each link in turn.
+    /// The link to be fuzzed with raw traffic; none: faults on all links, and raw traffic on each
+    /// link in turn.
     pub link: Option<String>,
-    /// Chooses everything.
+    /// Seed of all random choices.
     pub seed: u64,
     /// Length of a case.
     pub lasting: Duration,
-    /// Most tries to make a finding smaller.
+    /// Maximum number of tries that minimise a finding.
     pub tries: u32,
     /// Folder of the results.
     pub out: PathBuf,
-    /// The command that repeats a finding, up to its folder.
+    /// The command that repeats a finding, without its folder.
     pub repeat: String,
 }
 
 /// Progress of a search, for the callback that decides whether it continues.
 #[derive(Debug, Default)]
 pub struct Progress {
-    /// Cases since it was begun or gone on with.
+    /// Number of cases since the search was started or continued.
     pub cases: Cell<u64>,
-    /// Causes found, those of earlier searches counted.
+    /// Number of causes found, with those of earlier searches.
     pub findings: Cell<usize>,
-    /// What was said to the program: frames, lines, turns of a conversation.
+    /// Number of inputs: frames, lines, turns of a conversation.
     pub inputs: Cell<u64>,
-    /// Tries to see a finding again and to make it smaller; 0 while none is.
+    /// Number of tries that confirm and minimise a finding; 0 while there is none.
     pub tries: Cell<u32>,
 }
 
-/// Captures of the last case, and of the last try to see one again.
+/// Captures of the last case, and of the last confirmation.
 pub(super) const RECORDINGS: [&str; 3] = [".last.pcapng", ".copy.pcapng", ".again.pcapng"];

@@ -1,4 +1,4 @@
-//! Players of a case: the rig at the pace of the wall clock, or a program in virtual time.
+//! Players of a case: the rig in real time, or a program in virtual time.
 
 use core::time::Duration;
 use std::path::Path;
@@ -18,16 +18,16 @@ use realtime::process::{Ended, Patience, Process};
 use realtime::transport::PortDir;
 use realtime::{Realtime, Sign};
 
-/// Why a case cannot continue.
+/// The reason why a case cannot continue.
 #[derive(Debug)]
 pub(super) enum Halt {
     /// The program ended.
     Ended(Ended),
     /// A port disappeared.
     Lost(String),
-    /// It computes on and on.
+    /// A thread of the program computes without end.
     Spins(String),
-    /// It cannot be supervised.
+    /// The program cannot be supervised.
     Guest(GuestError),
     /// The user interrupted the search.
     Interrupted,
@@ -35,13 +35,13 @@ pub(super) enum Halt {
 
 /// The rig of a case, its clock, and the program.
 pub(super) enum Player {
-    /// At the pace of the wall clock.
+    /// In real time.
     Live(Box<Live>),
     /// In virtual time.
     Guest(Box<Trial>),
 }
 
-/// The rig at the pace of the wall clock.
+/// The rig in real time.
 pub(super) struct Live {
     run: Endless,
     realtime: Realtime<Held>,
@@ -49,7 +49,7 @@ pub(super) struct Live {
     process: Option<Process>,
 }
 
-/// A run that continues when its mission is over.
+/// A run that continues after its mission has ended.
 struct Endless(Run);
 
 impl Paced for Endless {
@@ -63,8 +63,8 @@ impl Paced for Endless {
 }
 
 impl Player {
-    /// Puts `ports` on the ends of `run` and starts the program, if it is to be started. `known` is
-    /// what it does usually.
+    /// Connects `ports` to the ends of `run` and starts the program, if required. `known` is its
+    /// usual behaviour.
     pub(super) fn start(
         harness: &Harness<'_>,
         run: Run,
@@ -104,7 +104,7 @@ impl Player {
         }
     }
 
-    /// The rig's time.
+    /// The virtual time.
     pub(super) fn now(&self) -> Instant {
         match self {
             Self::Live(live) => live.realtime.clock().now(),
@@ -112,7 +112,7 @@ impl Player {
         }
     }
 
-    /// Time since the program was started, the wall's or its own.
+    /// Time since the start of the program, in wall or virtual time.
     pub(super) fn waited(&self) -> Duration {
         match self {
             Self::Live(live) => live.realtime.clock().waited(),
@@ -128,7 +128,7 @@ impl Player {
         }
     }
 
-    /// Whether the rig's time goes by itself already.
+    /// Whether virtual time is already running.
     pub(super) const fn has_begun(&self) -> bool {
         match self {
             Self::Live(_) => false,
@@ -136,7 +136,7 @@ impl Player {
         }
     }
 
-    /// Lets the rig's time go.
+    /// Starts virtual time.
     pub(super) fn let_go(&mut self) {
         match self {
             Self::Live(live) => live.realtime.clock().let_go(),
@@ -144,7 +144,7 @@ impl Player {
         }
     }
 
-    /// How late the rig was at most; virtual time never is.
+    /// The maximum lateness of the rig; always zero in virtual time.
     pub(super) fn late(&self) -> Duration {
         match self {
             Self::Live(live) => live.realtime.lateness().max(),
@@ -152,7 +152,7 @@ impl Player {
         }
     }
 
-    /// Runs the rig on.
+    /// Advances the rig.
     pub(super) fn turn(&mut self) -> Result<(), Halt> {
         match self {
             Self::Live(live) => {
@@ -172,7 +172,7 @@ impl Player {
         }
     }
 
-    /// Passes the signs of the program at its ports to `see`.
+    /// Passes the program's activity on its ports to `see`.
     pub(super) fn look(&mut self, see: impl FnMut(Sign<'_>)) {
         match self {
             Self::Live(live) => live.realtime.signs().for_each(see),
@@ -180,7 +180,7 @@ impl Player {
         }
     }
 
-    /// How the program ended, if it did.
+    /// The end of the program, if it has ended.
     pub(super) fn ended(&mut self) -> Option<Ended> {
         match self {
             Self::Live(live) => live.process.as_mut().and_then(Process::ended),
@@ -188,7 +188,7 @@ impl Player {
         }
     }
 
-    /// Where the program was when a signal such as SIGSEGV came; in virtual time.
+    /// The program's location when a signal such as SIGSEGV came; in virtual time only.
     pub(super) fn fault(&self) -> Option<&str> {
         match self {
             Self::Live(_) => None,
@@ -196,7 +196,7 @@ impl Player {
         }
     }
 
-    /// What the program said so far.
+    /// The output of the program so far.
     pub(super) fn said(&self) -> String {
         match self {
             Self::Live(live) => {
@@ -207,7 +207,7 @@ impl Player {
         }
     }
 
-    /// Ends the program; what it said, and the run.
+    /// Ends the program; returns its output and the run.
     pub(super) fn end(self, harness: &Harness<'_>) -> (String, Run) {
         match self {
             Self::Live(live) => live.end(harness),
@@ -249,7 +249,7 @@ impl Live {
         if self.dir.is_none() {
             harness.keep_open(transports);
         }
-        // The capture is for people; what cannot be written of it is not worth the finding.
+        // The capture is only for display; an error in writing it must not lose the finding.
         let _ = self.run.0.rig.finish_taps();
         (said.unwrap_or_default(), self.run.0)
     }

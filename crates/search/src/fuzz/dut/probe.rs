@@ -1,5 +1,5 @@
-//! Getting to know a program: where it reads and speaks, and what it answers. What cannot be seen
-//! of it when nothing is wrong is not missed later.
+//! Observation of a program without faults: where it reads and sends, and which frames it answers.
+//! Behaviour that was not observed is not expected later.
 
 use core::time::Duration;
 use std::path::Path;
@@ -17,29 +17,29 @@ use super::trial::{self, Talk, TrialOutcome, settle};
 use engine::codec::wire::Stream;
 use engine::scenario::{Scenario, Span};
 
-/// Time in which it is only listened to.
+/// Time in which the program is only observed.
 const LISTEN: Duration = Duration::from_millis(400);
-/// Frames that are tried.
+/// Maximum number of frames that are tried.
 const TRIED: usize = 32;
-/// Frames with an answer that are enough.
+/// Sufficient number of answered frames.
 const ANSWERED: usize = 6;
 
-/// What is known of a program.
+/// The observed behaviour of a program.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Probed {
-    /// On this link it was talked to; empty: on all, by the devices.
+    /// The link on which the program was observed; empty: on all links, with the devices.
     pub link: String,
-    /// What it does when nothing is wrong.
+    /// The behaviour without faults.
     pub known: Known,
-    /// What it says on the link unasked.
+    /// Unsolicited frames of the program on the link.
     pub chatter: Shape,
     /// Frames that it answers.
     pub answered: Vec<Answered>,
 }
 
 impl Harness<'_> {
-    /// Meets the program with its devices, nothing being wrong, for `lasting`. What was wrong
-    /// nevertheless is in the second part.
+    /// Observes the program with its devices, without faults, for `lasting`. The second value
+    /// contains causes of failure that occurred nevertheless.
     pub fn meet(
         &self,
         scenario: &Scenario,
@@ -55,7 +55,7 @@ impl Harness<'_> {
         };
         let (mut live, opened) = Session::begin(self, &case, recording)?;
         self.expect_ports(&live, &opened)?;
-        // The first half is for waking up.
+        // The first half is for the start of the program.
         let middle = Instant::ZERO + WARM_UP + lasting / 2;
         let acted = opened.and_then(|()| live.pass(lasting));
         let known = live.known(middle);
@@ -64,13 +64,13 @@ impl Harness<'_> {
             known,
             ..Probed::default()
         };
-        // One that does its work and ends is no use to be blamed for that.
+        // A program that does its work and ends must not be reported for ending.
         met.known.ends = seen.causes.contains(&Cause::Ended);
         seen.causes.retain(|cause| *cause != Cause::Ended);
         Ok((met, case, seen))
     }
 
-    /// Meets the program on one link, where valid frames come in place of what a device says.
+    /// Observes the program on one link, where valid frames replace the device's data.
     pub fn meet_on(
         &self,
         scenario: &Scenario,
@@ -110,7 +110,7 @@ impl Harness<'_> {
         Ok((met, case, seen))
     }
 
-    /// A program that never opens a port is none to be tried.
+    /// Rejects a program that never opens a port.
     fn expect_ports(
         &self,
         live: &Session<'_>,
@@ -173,7 +173,7 @@ impl Probed {
             if first.is_empty() || first != answer(&frame, &talk)? {
                 continue;
             }
-            // What comes after noise comes by itself.
+            // Frames that come after noise are unsolicited.
             talk.chatter.extend(answer(&noise, &talk)?);
             let kinds: Vec<Hex> = (&first - &talk.chatter).into_iter().map(Hex).collect();
             let frame = Hex(frame);
@@ -186,8 +186,8 @@ impl Probed {
         Ok(())
     }
 
-    /// Forgets answers that were found to come by themselves, and those that are weak evidence if
-    /// there is better.
+    /// Removes answers that turned out to be unsolicited, and weak evidence if there is better
+    /// evidence.
     fn forget_doubtful(&mut self) {
         let chatter = &self.chatter;
         let comes_by_itself = |kind: &Hex| chatter.contains(&kind.0);
@@ -199,7 +199,7 @@ impl Probed {
         }
     }
 
-    /// Whether it is still what it was.
+    /// Checks that the program still behaves as before.
     fn farewell(
         &self,
         live: &mut Session<'_>,

@@ -1,4 +1,4 @@
-//! The search: one case after the other, and what to do with what was found.
+//! The search loop: runs case after case and handles findings.
 
 use core::cell::RefCell;
 use core::time::Duration;
@@ -25,15 +25,15 @@ use engine::robots::OpenEnd;
 use engine::scenario::Span;
 use safefs::Dir;
 
-/// Maximum number of causes that are kept.
+/// Maximum number of stored causes.
 const FINDINGS_MAX: usize = 100;
 
-/// Turns of a conversation.
+/// Number of turns of a conversation.
 const TURNS: usize = 100;
-/// Minimum time of the conversation that is learned from.
+/// Minimum duration of the conversation that is used for learning.
 const LESSON: Duration = Duration::from_secs(3);
 
-/// A search under way.
+/// A running search.
 pub struct Search<'a> {
     harness: &'a Harness<'a>,
     progress: &'a Progress,
@@ -43,14 +43,14 @@ pub struct Search<'a> {
     state: State,
     late: u64,
     doubtful: u64,
-    /// What was learned of each link.
+    /// The knowledge about each link.
     lessons: BTreeMap<usize, (Lesson, Known)>,
-    /// Errors that the program reported as it should, and how often.
+    /// Errors that the program reported on purpose, with their numbers.
     reported: BTreeMap<String, u64>,
 }
 
 impl<'a> Search<'a> {
-    /// Begins a search or continues with the one in the folder.
+    /// Starts a search, or continues the search in the folder.
     pub fn new(
         harness: &'a Harness<'a>,
         plan: TrialPlan,
@@ -96,23 +96,23 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Failed checks and broken rules about time that were not seen twice more when the case was
-    /// run again.
+    /// Number of failed checks and broken rules about time that two repetitions of the case did not
+    /// confirm.
     pub const fn doubtful(&self) -> u64 {
         self.doubtful
     }
 
-    /// Cases in which the rig was too late to judge checks.
+    /// Number of cases in which the rig was too late to judge checks.
     pub const fn late(&self) -> u64 {
         self.late
     }
 
-    /// Errors that the program reported when it was told something altered, and ended; how often.
+    /// Errors that the program reported after altered input before it ended, with their numbers.
     pub const fn reported(&self) -> &BTreeMap<String, u64> {
         &self.reported
     }
 
-    /// What was learned, by link.
+    /// The learned formats in words, by link.
     pub fn lessons(&self) -> impl Iterator<Item = (&str, String)> {
         let lessons = self
             .lessons
@@ -121,22 +121,22 @@ impl<'a> Search<'a> {
         lessons.map(|(at, (lesson, _))| (&*self.ends[*at].0.link, lesson.in_words()))
     }
 
-    /// Number of the next case, those of earlier searches counted.
+    /// Number of the next case; cases of earlier searches count.
     pub const fn next(&self) -> u64 {
         self.state.next
     }
 
-    /// What was found.
+    /// The findings.
     pub fn findings(&self) -> &[Kept] {
         &self.state.findings
     }
 
-    /// What is known of the program, by the links on which it was talked to.
+    /// The observed behaviour of the program, by link.
     pub fn met(&self) -> impl Iterator<Item = &Probed> {
         self.met.values()
     }
 
-    /// Tries one case; whether the program is still of use for another one.
+    /// Runs one case; returns whether the program can be tested further.
     pub fn step(&mut self) -> Result<bool, HarnessError> {
         let kind = self.kind()?;
         let (case, speech, guided) = self.draw(kind);
@@ -173,7 +173,7 @@ impl<'a> Search<'a> {
         self.plan.out.join(RECORDINGS[0])
     }
 
-    /// What kind of case is next: faults, or raw traffic on the end with this number.
+    /// The kind of the next case: faults, or raw traffic on the end with this number.
     fn kind(&mut self) -> Result<Option<usize>, HarnessError> {
         let link = self.plan.link.clone();
         if let Some(link) = link {
@@ -202,7 +202,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Makes sure that the program is known on the end with this number.
+    /// Observes the program on the end with this number, if this has not been done.
     fn meet_on(&mut self, at: usize) -> Result<Option<usize>, HarnessError> {
         if !self.met.contains_key(&Some(at)) {
             let (end, speech) = self.ends[at].clone();
@@ -219,7 +219,7 @@ impl<'a> Search<'a> {
         Ok(Some(at))
     }
 
-    /// Learns what the device on the end with this number says, nothing being wrong.
+    /// Learns the data of the device on the end with this number, without faults.
     fn learn(&mut self, at: usize) -> Result<(), HarnessError> {
         let link = self.ends[at].0.link.clone();
         let (recording, plan) = (self.recording(), &self.plan);
@@ -229,7 +229,7 @@ impl<'a> Search<'a> {
         let described = plan.descriptions.iter().find(|(of, _)| of_link(of));
         let described = described.map(|(_, description)| DescribedFormat::of(description));
         let lesson = Lesson::of(&recording, &link, plan.corpus.as_ref(), described);
-        // What it says depends on what it is told.
+        // The program's output depends on its input.
         let known = Known {
             speaks: BTreeSet::new(),
             ..met.known
@@ -238,8 +238,8 @@ impl<'a> Search<'a> {
         self.keep(case, &Speech::Bytes, seen)
     }
 
-    /// Whether the next case is a conversation: what is learned and what is known of a format take
-    /// turns.
+    /// Whether the next case is a conversation: learned traffic and traffic of a known format
+    /// alternate.
     fn is_dialogue(&self, at: usize, speech: &Speech) -> bool {
         let lesson = self.lessons.get(&at).map(|(lesson, _)| lesson);
         let Some(lesson) = lesson.filter(|lesson| !lesson.is_empty()) else {
@@ -250,12 +250,12 @@ impl<'a> Search<'a> {
             Speech::Text(_) => lesson.is_text(),
             Speech::Bytes => false,
         };
-        // A search that is led by what the program reaches learns from what it makes itself.
+        // A search with coverage guidance learns from its own inputs.
         let [share, all] = if self.is_guided() { [1, 4] } else { [3, 4] };
         !(fits || self.is_guided()) || self.state.next % all < share
     }
 
-    /// Whether the program counts what it reaches.
+    /// Whether the program counts its coverage.
     pub fn is_guided(&self) -> bool {
         let counters = self.harness.counters.as_ref();
         counters.is_some_and(Counters::was_used)
@@ -302,7 +302,7 @@ impl<'a> Search<'a> {
         (Case { scenario, told }, speech, guided)
     }
 
-    /// A conversation, made from what was learned.
+    /// A conversation created from learned data.
     fn dialogue(&self, at: usize, met: &Probed, rng: &mut Rng) -> Raw {
         let (lesson, _) = &self.lessons[&at];
         let avoided = self.state.avoided.iter().cloned().collect();
@@ -321,7 +321,7 @@ impl<'a> Search<'a> {
             .map(|end| end.link.clone())
     }
 
-    /// Keeps what was found in `case`, each cause once.
+    /// Stores the findings of `case`, each cause once.
     fn keep(
         &mut self,
         case: Case,
@@ -353,7 +353,7 @@ impl<'a> Search<'a> {
         let mut first = case.clone();
         match &mut first.told.raw {
             None => first.scenario = seen.ran.clone(),
-            // What was not said is not needed.
+            // Turns that were not sent are not needed.
             Some(raw) if !raw.turn.is_empty() => {
                 raw.turn = seen.played.iter().map(|at| raw.turn[*at].clone()).collect();
             }

@@ -1,4 +1,4 @@
-//! A case under way: the rig, its ports, and the program on them.
+//! A running case: the rig, its ports, and the program.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -16,41 +16,41 @@ use engine::rig::PortRate;
 use engine::run::Run;
 use realtime::clock::utc;
 
-/// Time without a further port being opened after which a program is taken to have opened all.
+/// Time without a newly opened port after which all ports of a program count as opened.
 const OPENED: Duration = Duration::from_millis(300);
 /// Silence that ends an answer.
 const QUIET: Duration = Duration::from_millis(8);
-/// A pause of a stream: longer than the idle rules of most programs.
+/// Pause in a stream: longer than the idle times of most programs.
 const PAUSE: Duration = Duration::from_millis(20);
-/// Bytes that may wait for the line of a raw link.
+/// Maximum number of queued bytes on the raw link.
 const BACKLOG_MAX: usize = 1024;
-/// Between two looks at ports in virtual time.
+/// Interval between two checks of the ports in virtual time.
 const LOOK_EVERY: Duration = Duration::from_millis(1);
-/// Bytes that a program in virtual time gets at once on a raw link, as by the FIFO of a 16550: each
-/// time that it is woken costs more than all that it computes.
+/// Number of bytes that a program in virtual time receives at once on a raw link, like the FIFO of
+/// a 16550: waking the program costs more than its computation.
 const FIFO: usize = 16;
-/// A capture of a case may have so many bytes; the rest is left out.
+/// Maximum number of bytes in the capture of a case; further bytes are left out.
 const CAPTURE_MAX: u64 = 64 << 20;
 
-/// A case under way.
+/// A running case.
 pub(super) struct Session<'a> {
     player: Player,
     raw: Option<usize>,
     heard: Vec<u8>,
-    /// When the last byte was said there.
+    /// When the last byte was sent on the raw link.
     said_at: Instant,
     /// When the ports were checked last.
     looked_at: Instant,
     names: Vec<String>,
     ports: BTreeMap<String, PortActivity>,
     goes_on: &'a dyn Fn() -> bool,
-    /// What the program did from one look to the next.
+    /// The activity of the program between two reads of its counters.
     reached: Vec<Reached>,
     /// Numbers of the played turns.
     pub(super) played: Vec<usize>,
 }
 
-/// What was seen of a port.
+/// The observed activity on a port.
 #[derive(Clone, Copy, Debug, Default)]
 struct PortActivity {
     was_opened: bool,
@@ -62,8 +62,8 @@ struct PortActivity {
 }
 
 impl<'a> Session<'a> {
-    /// Sets up `case` and starts the program. It has opened its ports when this returns, unless it
-    /// took too long or ended.
+    /// Sets up `case` and starts the program. Returns after the program has opened its ports, has
+    /// ended, or has taken too long.
     pub(super) fn begin(
         harness: &Harness<'a>,
         case: &Case,
@@ -102,7 +102,7 @@ impl<'a> Session<'a> {
         Ok((live, opened))
     }
 
-    /// Waits until the program has opened what it opens, then lets time go.
+    /// Waits until the program has opened its ports, then starts virtual time.
     fn wait_for_ports(&mut self, harness: &Harness<'_>, known: &Known) -> Result<(), Halt> {
         if self.player.is_started() {
             let (mut count, mut since) = (0, Duration::ZERO);
@@ -126,7 +126,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// The ports that are open now.
+    /// The ports that are open.
     pub(super) fn opened(&self) -> Vec<&str> {
         let open = self.ports.iter().filter(|(_, port)| port.is_open);
         open.map(|(name, _)| name.as_str()).collect()
@@ -137,22 +137,22 @@ impl<'a> Session<'a> {
         self.names.iter().map(String::as_str).collect()
     }
 
-    /// Where the program was when a signal such as SIGSEGV came.
+    /// The program's location when a signal such as SIGSEGV came.
     pub(super) fn fault(&self) -> Option<String> {
         self.player.fault().map(ToOwned::to_owned)
     }
 
-    /// What the program said on its standard error so far.
+    /// The standard error output of the program so far.
     pub(super) fn said_so_far(&self) -> String {
         self.player.said()
     }
 
-    /// The time.
+    /// The virtual time.
     pub(super) fn now(&self) -> Instant {
         self.player.now()
     }
 
-    /// How late the rig was at most.
+    /// The maximum lateness of the rig.
     pub(super) fn late(&self) -> Duration {
         self.player.late()
     }
@@ -166,7 +166,7 @@ impl<'a> Session<'a> {
         if let Some(node) = self.raw {
             self.heard.extend(self.player.rig().take_output(node));
         }
-        // Each look costs calls, and in virtual time a turn may be a thread's only.
+        // Each check costs system calls; in virtual time one turn may be a single step of a thread.
         let is_soon = self.player.now() < self.looked_at + LOOK_EVERY;
         if is_soon && self.player.has_begun() {
             return self.ended();
@@ -181,7 +181,8 @@ impl<'a> Session<'a> {
             if sign.from_client != port.spoken {
                 (port.spoken, port.spoke_at) = (sign.from_client, Some(now));
             }
-            // One that takes a little at a time never empties a port that is always filled.
+            // A program that reads in small pieces never empties a port that is filled
+            // continuously.
             if sign.is_drained || sign.reads != port.reads {
                 port.drained_at = Some(now);
             }
@@ -208,7 +209,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Says `bytes` on the raw link, as fast as its line carries them.
+    /// Sends `bytes` on the raw link at the rate of its line.
     pub(super) fn say(&mut self, bytes: &[u8]) -> Result<(), Halt> {
         let Some(node) = self.raw else { return Ok(()) };
         for piece in bytes.chunks(BACKLOG_MAX) {
@@ -221,7 +222,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Waits until all has been said.
+    /// Waits until all bytes have been sent.
     pub(super) fn flush(&mut self) -> Result<(), Halt> {
         let Some(node) = self.raw else { return Ok(()) };
         while self.player.rig().backlog(node) > 0 {
@@ -231,19 +232,19 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Notes what the program has reached since the last call.
+    /// Records the coverage since the last call.
     pub(super) fn note_reached(&mut self, harness: &Harness<'_>) {
         if let Some(counters) = &harness.counters {
             self.reached.push(counters.take());
         }
     }
 
-    /// What was noted of that.
+    /// Returns the recorded coverage.
     pub(super) fn take_reached(&mut self) -> Vec<Reached> {
         core::mem::take(&mut self.reached)
     }
 
-    /// Says nothing for a while once all has been said.
+    /// Waits until all bytes have been sent, then keeps silent for a pause.
     pub(super) fn pause(&mut self) -> Result<(), Halt> {
         self.flush()?;
         while self.now() < self.said_at + PAUSE {
@@ -252,7 +253,8 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Says `bytes` and returns what is said on the raw link within `window`, or until it is over.
+    /// Sends `bytes`; returns the bytes received on the raw link within `window`, or less if the
+    /// case ends.
     pub(super) fn ask(&mut self, bytes: &[u8], window: Duration) -> Result<Vec<u8>, Halt> {
         self.pause()?;
         self.heard.clear();
@@ -269,8 +271,8 @@ impl<'a> Session<'a> {
         Ok(core::mem::take(&mut self.heard))
     }
 
-    /// What the program says on the raw link next: bytes that `is_whole` knows, or as many as come
-    /// before a silence of `quiet`. `None` if it says nothing for `most`.
+    /// The next bytes of the program on the raw link: until `is_whole` accepts them, or until a
+    /// silence of `quiet`. `None` if the program sends nothing within `most`.
     pub(super) fn hear(
         &mut self,
         most: Duration,
@@ -293,17 +295,17 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Puts back what was received.
+    /// Returns received bytes to the buffer.
     pub(super) fn unhear(&mut self, heard: &[u8]) {
         self.heard.splice(0..0, heard.iter().copied());
     }
 
-    /// What was said on the raw link since the last question.
+    /// The bytes received on the raw link since the last request.
     pub(super) fn take_heard(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.heard)
     }
 
-    /// Which ports the program opened, has read empty since `from`, and has spoken on since.
+    /// The ports that the program opened, and those that it has read empty or written since `from`.
     pub(super) fn known(&self, from: Instant) -> Known {
         let those = |is: &dyn Fn(&PortActivity) -> bool| {
             let ports = self.ports.iter().filter(|(_, port)| is(port));
@@ -317,13 +319,13 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Ends the program; what it said on its standard error, and the run.
+    /// Ends the program; returns its standard error output and the run.
     pub(super) fn end(self, harness: &Harness<'_>) -> (String, Run) {
         self.player.end(harness)
     }
 }
 
-/// Writes down what passes; in virtual time twice the same if it is the same.
+/// Starts a capture; in virtual time equal cases give equal captures.
 fn record(run: &mut Run, path: &Path, is_virtual: bool) -> Result<(), HarnessError> {
     let about = match is_virtual {
         true => capture::about(run.scenario()),

@@ -1,5 +1,4 @@
-//! What may be said on a link: how sessions of its format are made, and how answers are
-//! distinguished.
+//! The traffic of a link: creates sessions in its format, and distinguishes answers.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +9,7 @@ use engine::codec::{self, Codec};
 use engine::rig::line::Direction;
 use engine::scenario::{DeviceSpec, OrderSpec, RegistersSpec, TextSpec};
 
-/// What is spoken on a link.
+/// The format of a link.
 #[derive(Clone, Debug)]
 pub enum Speech {
     /// Frames.
@@ -28,18 +27,18 @@ pub struct Text {
     terminator: String,
 }
 
-/// What can be told of an answer besides its values: the kinds of its frames, its lines without
-/// their numbers.
+/// The properties of an answer apart from its values: the kinds of its frames, or its lines without
+/// numbers.
 pub type Shape = BTreeSet<Vec<u8>>;
 
-/// As many bytes in a row are not the same by chance.
+/// This number of equal consecutive bytes is not a coincidence.
 const ECHO: usize = 4;
-/// Behind the kind of an answer that carries what the question carried.
+/// Suffix of the kind of an answer that contains bytes of the question.
 const ECHOED: u8 = b'=';
-/// Bytes of chance for a session; most of its 64 items take fewer than 16.
+/// Maximum number of random bytes for a session; most of its 64 items use fewer than 16.
 const CHANCE_MAX: u64 = 1500;
 
-/// The kind of `frame`; with a mark behind it if it carries what `question` carried.
+/// The kind of `frame`, with a suffix if it contains bytes of `question`.
 fn told_kind(codec: &Codec, frame: &[u8], question: &[u8]) -> Vec<u8> {
     let answers = codec.answers();
     let mut kind = (answers.kind)(frame).to_vec();
@@ -54,7 +53,7 @@ fn told_kind(codec: &Codec, frame: &[u8], question: &[u8]) -> Vec<u8> {
     kind
 }
 
-/// Whether a frame is in `bytes`, at any place, by the slow reading of the format.
+/// Whether a frame begins anywhere in `bytes`, according to the slow reference decoder.
 fn is_in(codec: &Codec, bytes: &[u8]) -> bool {
     (0..bytes.len()).any(|start| codec.frame_at(&bytes[start..]).is_some())
 }
@@ -68,7 +67,7 @@ impl Speech {
         }
     }
 
-    /// What a device of one's own speaks.
+    /// The format of a user-defined device.
     pub fn of_device(device: &DeviceSpec) -> Option<Self> {
         if let Some(spec) = device.settings::<RegistersSpec>() {
             return Some(Self::Frames(match spec.checksum {
@@ -80,7 +79,7 @@ impl Speech {
         Some(Self::Text(Text::of(text)))
     }
 
-    /// A stretch of traffic: what is valid, what is damaged, checksums repaired or not, pauses.
+    /// A session of traffic: valid and damaged data, some with corrected checksums, and pauses.
     pub fn session(&self, rng: &mut Rng) -> Stream {
         match self {
             Self::Frames(codec) => {
@@ -96,7 +95,7 @@ impl Speech {
         }
     }
 
-    /// The same bytes, a frame a piece: so frames can be left out one by one.
+    /// The same bytes with one frame per chunk, so that frames can be removed one by one.
     pub(super) fn split(&self, stream: &Stream) -> Stream {
         let Self::Frames(codec) = self else {
             return stream.clone();
@@ -120,7 +119,7 @@ impl Speech {
         Stream::parse(&text).expect("made by the writer of such texts")
     }
 
-    /// A valid frame; nothing if the format has none that could be told from a damaged one.
+    /// A valid frame; `None` if the format cannot distinguish it from a damaged one.
     pub fn frame(&self, rng: &mut Rng) -> Option<Vec<u8>> {
         let Self::Frames(codec) = self else {
             return None;
@@ -138,7 +137,7 @@ impl Speech {
         Some(bytes)
     }
 
-    /// `good` with so little damage that only its checksum tells: no part of it is a frame.
+    /// `good` with damage that only the checksum detects; no part of the result is a frame.
     pub fn damaged(&self, good: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
         let Self::Frames(codec) = self else {
             return None;
@@ -146,7 +145,7 @@ impl Speech {
         (0..TRIES).find_map(|_| {
             let mut bytes = good.to_vec();
             let len = bytes.len() as u64;
-            // Checksums stand at the end, and some programs check only half of one.
+            // Checksums are at the end, and some programs verify only half of a checksum.
             let at = match rng.below(3) {
                 0 => len - 1 - rng.below(2.min(len)),
                 _ => rng.below(len),
@@ -156,7 +155,7 @@ impl Speech {
         })
     }
 
-    /// As many bytes as `good` has, without a frame in them.
+    /// The same number of bytes as `good`, without a frame.
     pub fn noise(&self, good: &[u8], rng: &mut Rng) -> Vec<u8> {
         loop {
             let bytes: Vec<u8> = good.iter().map(|_| byte(rng)).collect();
@@ -167,13 +166,12 @@ impl Speech {
         }
     }
 
-    /// What kinds of frames or lines are in `bytes`, the answer to `question`, refusals left out.
-    /// An answer that carries what the question carried is a kind of its own, and better evidence
-    /// than any that may have come by itself.
+    /// The kinds of frames or lines in `bytes`, the answer to `question`; refusals are left out. An
+    /// answer with bytes of the question has its own kind, because it is certainly not unsolicited.
     pub fn shape(&self, bytes: &[u8], question: &[u8]) -> Shape {
         match self {
             Self::Frames(codec) => {
-                // What the program says goes to the device.
+                // The program's data go to the device.
                 let found = codec.frames_towards(bytes, Direction::ToDevice);
                 let frame = found.iter().filter_map(|frame| {
                     let [from, to] = [frame.start, frame.end].map(usize::try_from);
@@ -198,19 +196,20 @@ impl Speech {
     }
 }
 
-/// Whether a kind of answer carries what the question carried.
+/// Whether answers of this kind contain bytes of the question.
 pub(super) fn is_echo(kind: &[u8]) -> bool {
     kind.len() > 1 && kind.ends_with(&[ECHOED])
 }
 
-/// Tries to damage a frame so that nothing of it is one: a frame of zeros and few others resist.
+/// Maximum number of attempts to damage a frame so that no part of it is a frame: a frame of zeros
+/// resists.
 const TRIES: usize = 32;
 
 fn byte(rng: &mut Rng) -> u8 {
     u8::try_from(rng.below(256)).expect("below 256")
 }
 
-/// A line whose numbers are `#`.
+/// A line with `#` for each number.
 fn without_numbers(line: &[u8]) -> Vec<u8> {
     let mut out: Vec<u8> = Vec::new();
     for &byte in line {
@@ -239,12 +238,12 @@ impl Text {
         }
     }
 
-    /// What ends a line.
+    /// The line terminator.
     pub(super) fn terminator(&self) -> &[u8] {
         self.terminator.as_bytes()
     }
 
-    /// Some lines, numbers in them drawn, some of them damaged.
+    /// Some lines with random numbers; some lines are damaged.
     fn session(&self, rng: &mut Rng) -> Stream {
         let mut text = String::new();
         for _ in 0..1 + rng.below(16) {
@@ -266,7 +265,7 @@ impl Text {
         Stream::parse(&text).expect("made by the writer of such texts")
     }
 
-    /// A line that the device knows, with any numbers, or one that is far too long.
+    /// A line that the device knows, with random numbers, or a line that is far too long.
     pub(super) fn line(&self, rng: &mut Rng) -> String {
         if self.words.is_empty() || rng.below(16) == 0 {
             let len = usize::try_from(rng.below(600)).expect("below 600");
@@ -287,7 +286,7 @@ impl Text {
     }
 }
 
-/// A number as parsers dislike it.
+/// A number that parsers often handle wrongly.
 fn number(rng: &mut Rng) -> String {
     match rng.below(8) {
         0 => String::new(),
@@ -348,7 +347,8 @@ mod tests {
         );
     }
 
-    /// A list of one waypoint, told back; the sum of 1, 0, 2 to 10 is 55, 37 hexadecimal.
+    /// A list of one waypoint, returned by the robot; the sum of 1, 0, 2 to 10 is 55, 37
+    /// hexadecimal.
     #[test]
     fn an_answer_that_carries_the_question_is_told_from_one_that_does_not() {
         let pcui = Speech::of_codec(Some(&codec::PCUI));

@@ -1,4 +1,4 @@
-//! What is said to a program on one link: frames that it answered, damaged ones beside them, noise.
+//! Raw traffic to a program on one link: answered frames, damaged variants of them, noise.
 
 use core::time::Duration;
 
@@ -9,17 +9,17 @@ use super::guide::{Guide, Guided};
 use super::probe::Probed;
 use super::speech::Speech;
 
-/// Pairs of a good and a damaged frame in a case.
+/// Maximum number of pairs of an intact and a damaged frame in a case.
 const PAIRS_MAX: u64 = 4;
-/// One case in so many begins a frame and keeps silent.
+/// One case in this many begins a frame and stops.
 const CUT_ONE_IN: u64 = 4;
-/// Share of a line that raw traffic takes.
+/// Share of the line's capacity that raw traffic uses.
 const LOAD: f64 = 0.6;
-/// Minimum and most bytes of a stream.
+/// Minimum and maximum number of bytes of a stream.
 const BYTES: core::ops::Range<f64> = 200.0..200_000.0;
 
-/// Traffic on the link that `met` was met on. `dice` are for the pairs and for the stream: which
-/// frames are answered must not decide what else is said. With `guide` it is led by that.
+/// Traffic for the link of `met`. `dice` holds separate random sources for pairs and stream: the
+/// answered frames must not influence the stream. With `guide`, coverage guides the stream.
 pub(super) fn raw(
     met: &Probed,
     speech: &Speech,

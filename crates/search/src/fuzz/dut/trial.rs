@@ -1,4 +1,4 @@
-//! What a program goes through in a case.
+//! The steps of a case.
 
 use core::time::Duration;
 use std::path::Path;
@@ -21,47 +21,47 @@ use engine::scenario::Scenario;
 use realtime::LATE;
 use realtime::clock::{Clock as _, WallClock};
 
-/// What came of a case.
+/// The result of a case.
 #[derive(Clone, Debug)]
 pub struct TrialOutcome {
     /// Causes of the failure.
     pub causes: Vec<Cause>,
     /// What the program said on its standard error.
     pub said: String,
-    /// The scenario as it ran, random faults as the bytes that they hit.
+    /// The scenario as it ran; random faults are replaced by the bytes that they hit.
     pub ran: Scenario,
-    /// What the program did in the last part of the case.
+    /// The program's behaviour in the last part of the case.
     pub known: Known,
-    /// Whether the rig was too late to judge what may come of that.
+    /// Whether the rig was too late to judge results that depend on time.
     pub was_late: bool,
-    /// What the program did until each pause of the traffic; of one that counts it.
+    /// The program's coverage up to each pause of the traffic, if it counts it.
     pub reached: Vec<Reached>,
     /// Numbers of the played turns.
     pub played: Vec<usize>,
-    /// An error that the program reported as it should, and ended.
+    /// An error that the program reported on purpose before it ended.
     pub reported: Option<Cause>,
 }
 
-/// Time for an answer to a frame.
+/// Maximum time for an answer to a frame.
 const WINDOW: Duration = Duration::from_millis(60);
-/// Silence after half a frame: far more than any gap in one.
+/// Silence after a partial frame: much longer than any gap within a frame.
 const CUT_SILENCE: Duration = Duration::from_secs(1);
-/// How often the program is asked after a frame that it lost.
+/// Number of requests after a frame that the program lost.
 const CUT_ASKED: usize = 32;
-/// Minimum virtual time of a conversation: a program that asks once a second is asked to continue.
+/// Minimum virtual time of a conversation: some programs send one request per second.
 const DIALOGUE: Duration = Duration::from_secs(120);
-/// Virtual time that a program may wait for a reply that does not come.
+/// Virtual time that a program may wait for a missing reply.
 const SILENCE: Duration = Duration::from_secs(10);
 
-/// A link and what is said on it.
+/// A link and its traffic.
 pub(super) struct Talk<'a> {
     speech: &'a Speech,
-    /// What the program says there unasked.
+    /// Kinds of unsolicited frames of the program.
     pub(super) chatter: Shape,
 }
 
 impl<'a> Talk<'a> {
-    /// Nothing is said unasked.
+    /// A link without unsolicited frames.
     pub(super) const fn new(speech: &'a Speech) -> Self {
         let chatter = Shape::new();
         Self { speech, chatter }
@@ -72,15 +72,15 @@ impl<'a> Talk<'a> {
         Self { speech, chatter }
     }
 
-    /// What kind of answer the program gives to `bytes`.
+    /// The kind of the program's answer to `bytes`.
     pub(super) fn ask(&self, live: &mut Session<'_>, bytes: &[u8]) -> Result<Shape, Halt> {
         let heard = live.ask(bytes, WINDOW)?;
         Ok(&self.speech.shape(&heard, bytes) - &self.chatter)
     }
 
-    /// Whether the damaged frame is answered as the sound one is, and noise is not. Twice, and
-    /// after another frame was answered: what the program says by itself may tell of the last
-    /// frame that it took.
+    /// Whether the program answers the damaged frame like the intact one, and does not answer
+    /// noise. The result must be the same twice, and after another answered frame: an unsolicited
+    /// frame may report the last frame that the program accepted.
     fn is_taken(&self, live: &mut Session<'_>, raw: &Raw, pair: &Pair) -> Result<bool, Halt> {
         if self.ask(live, &pair.damaged.0)?.is_empty() {
             return Ok(false);
@@ -101,8 +101,8 @@ impl<'a> Talk<'a> {
         Ok(true)
     }
 
-    /// Whether the frame after half of one and silence is lost, twice, though later ones are
-    /// answered.
+    /// Whether the program loses the frame after a partial frame and a silence, twice, although it
+    /// answers later frames.
     fn loses_next(&self, live: &mut Session<'_>, raw: &Raw, cut: &[u8]) -> Result<bool, Halt> {
         let Some(asked) = raw.answered.first() else {
             return Ok(false);
@@ -128,15 +128,15 @@ impl<'a> Talk<'a> {
         Ok(true)
     }
 
-    /// Whether the program answers as it did.
+    /// Whether the program answers as before.
     fn is_answered(&self, live: &mut Session<'_>, asked: &Answered) -> Result<bool, Halt> {
         let kinds = self.ask(live, &asked.frame.0)?;
         Ok(asked.kinds.iter().any(|kind| kinds.contains(&kind.0)))
     }
 }
 
-/// Does what `case` says, then sees whether the program lives. What was wrong is in `causes`, also
-/// if it ended after that.
+/// Executes `case`, then checks that the program is alive. `causes` receives all failures, even if
+/// the program ended.
 pub(super) fn act(
     harness: &Harness<'_>,
     live: &mut Session<'_>,
@@ -172,9 +172,9 @@ pub(super) fn act(
     if !raw.turn.is_empty() {
         return hold_dialogue(harness, live, case, causes);
     }
-    // The reader of the case has already parsed this stream once.
+    // The stream was already parsed once when the case was read.
     let stream = Stream::parse(&raw.stream).unwrap_or_default();
-    // What it reached until here is not the traffic's doing.
+    // Coverage before this point does not come from the traffic.
     live.note_reached(harness);
     live.take_reached();
     for piece in stream.pieces() {
@@ -191,7 +191,7 @@ pub(super) fn act(
     Ok(())
 }
 
-/// Holds the conversation of `case`, then sees whether the program lives.
+/// Executes the conversation of `case`, then checks that the program is alive.
 fn hold_dialogue(
     harness: &Harness<'_>,
     live: &mut Session<'_>,
@@ -218,9 +218,9 @@ fn hold_dialogue(
     Ok(())
 }
 
-/// Whether the program lives: it reads what it is given, speaks where it always spoke, and answers
-/// what it used to answer. It is asked again and again: one that waits for the rest of a cut frame
-/// gets it.
+/// Checks that the program is alive: it reads its input, sends where it always sent, and answers
+/// known requests. Requests are repeated, because a program that waits for the rest of a partial
+/// frame consumes them.
 pub(super) fn settle(
     live: &mut Session<'_>,
     known: &Known,
@@ -267,7 +267,8 @@ fn in_words(unread: &[String], silent: &[String], answers: bool, alive: Duration
     format!("for {seconds} s {}", words.join(", "))
 }
 
-/// Tries `case`, `speech` being that of its raw link; every byte is in `recording` then.
+/// Runs `case`; `speech` is the format of its raw link. `recording` receives a capture of all
+/// bytes.
 pub fn run(
     harness: &Harness<'_>,
     case: &Case,
@@ -295,8 +296,8 @@ pub fn run(
     Ok(outcome)
 }
 
-/// Whether anything was altered of what a program was told since its start. The rest of a frame
-/// with a wrong length may be read as the head of a much later one.
+/// Whether any input of the program since its start was altered. The rest of a frame with a wrong
+/// length may be parsed as the header of a much later frame.
 fn is_altered(case: &Case, played: &[usize]) -> bool {
     let Some(raw) = &case.told.raw else {
         return !case.scenario.fault.is_empty();
@@ -307,7 +308,7 @@ fn is_altered(case: &Case, played: &[usize]) -> bool {
     played.iter().any(|at| raw.turn[*at].is_altered)
 }
 
-/// Ends the program and says what was wrong with it, besides `causes`.
+/// Ends the program and adds its failures to `causes`.
 pub(super) fn judge(
     harness: &Harness<'_>,
     mut live: Session<'_>,
@@ -357,8 +358,8 @@ pub(super) fn judge(
     })
 }
 
-/// The rules that were broken, each once, and the checkers that failed. A device that cannot be
-/// reached from a port of `opens`, those that the program opened, tells nothing of the program.
+/// Broken rules, each once, and failed checks. Violations at a device do not count if the program
+/// opened no port through which it can reach the device; `opens` lists its ports.
 fn broken(run: Run, opens: &[&str]) -> Vec<Cause> {
     let mut causes: Vec<Cause> = Vec::new();
     let events = run.rig.events().iter();
@@ -395,8 +396,8 @@ mod tests {
     use engine::robots::{self, Dut, PcEnd};
     use engine::scenario::Scenario;
 
-    /// Rules that were broken in a run without a client at the ports, as far as a program that
-    /// opened `opens` can be responsible.
+    /// Broken rules in a run without a client, as far as a program that opened `opens` can be
+    /// responsible.
     fn rules(opens: &[&str]) -> Vec<String> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
         let (scenario, source) = Scenario::read(&path).expect("sound");

@@ -7,7 +7,7 @@ use engine::run::Run;
 use engine::scenario::{Scenario, ScenarioError, Source};
 use realtime::transport::{Note, PortDir, Pty, Serial, Transport, TransportError};
 
-/// The rig of `scenario`, its open ends, and the end of `link` at which a device was.
+/// The rig of `scenario`, its open ends, and the end of `link` that replaces a device.
 pub(super) fn wire(
     source: &Source,
     scenario: &Scenario,
@@ -35,7 +35,7 @@ pub(super) fn wire(
     Ok((run, ends, raw))
 }
 
-/// An end of a link and the port that it is on.
+/// An end of a link with its port.
 pub(super) type Placed = (OpenEnd, Box<dyn Transport>);
 
 /// A new pseudo-terminal in `dir` for each end.
@@ -54,7 +54,7 @@ pub(super) fn terminals(
     Ok((dir, ports))
 }
 
-/// The ports that are in `dir` already.
+/// The existing ports in `dir`.
 pub(super) fn serials(dir: &Path, ends: &[OpenEnd]) -> Result<Vec<Placed>, TransportError> {
     let mut ports: Vec<Placed> = Vec::new();
     for end in ends {

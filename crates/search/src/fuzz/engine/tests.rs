@@ -4,8 +4,8 @@ use super::super::subject::Kept;
 use super::*;
 use crate::shrink::Effort;
 
-/// A lock of three bytes that tells how many of them fit: blind guessing needs some 2^24 cases,
-/// climbing from one to the next some ten thousand.
+/// A lock of three bytes that reports the number of correct bytes: random guessing needs some 2^24
+/// cases, guided search some ten thousand.
 struct Lock;
 
 const KEY: [u8; 3] = [0x5A, 0x17, 0xC3];
@@ -66,7 +66,7 @@ impl Subject for Lock {
     }
 }
 
-/// All that rounds up to `cases` came to.
+/// The results of all rounds up to `cases`.
 fn rounds(fuzzer: &mut Fuzzer<'_>, cases: u64, jobs: usize) -> Round {
     let mut all = Round::default();
     while fuzzer.cases() < cases {
@@ -98,7 +98,7 @@ fn it_makes_no_difference_how_many_processors_try() {
     assert!(alone.new.len() > 2, "{alone:?}");
 }
 
-/// Stopped at a round's end, and gone on with from the pool that was kept.
+/// Stopped at the end of a round, and continued with the stored pool.
 #[test]
 fn a_fuzzer_that_was_stopped_goes_on_as_if_it_had_not() {
     let whole = rounds(&mut fuzzer(), 60_000, 1);

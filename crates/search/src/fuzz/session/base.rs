@@ -1,5 +1,5 @@
-//! The base behind the register bus: frames and pauses that a master might send, judged by what
-//! the document says of a base, read from bytes and motors alone.
+//! The base on the register bus: frames and pauses of a master, judged by the document of the base
+//! from bytes and motors alone.
 
 mod bench;
 
@@ -15,18 +15,18 @@ use crate::fuzz::subject::{Behaviour, Violation};
 use bench::Master;
 use engine::codec::wire::Choices;
 
-/// The emulated base with some of the fielded firmware's defects.
+/// The emulated base with some defects of the fielded firmware.
 pub(super) struct Base {
     config: AvrBaseConfig,
     defects: Vec<String>,
 }
 
-/// Switches a defect on.
+/// Activates a defect.
 type Switch = fn(&mut Quirks);
 
-/// Defects that the laws here can show, each as alone as it can be.
+/// Defects that these laws can detect, each isolated as far as possible.
 const SWITCHES: [(&str, Switch); 7] = [
-    // Where such a write is not refused.
+    // Only if such a write is not refused.
     ("AV-02", |quirks| {
         quirks.bounds = Bounds::Memory;
         quirks.watchdog = Watchdog::Divider {
@@ -49,7 +49,7 @@ const SWITCHES: [(&str, Switch); 7] = [
     }),
 ];
 
-/// Whether the base can be given this defect.
+/// Whether the base has this defect.
 pub(super) fn knows(id: &str) -> bool {
     SWITCHES.iter().any(|(known, _)| *known == id)
 }
@@ -75,16 +75,17 @@ impl Base {
     }
 }
 
-/// The documented order.
+/// The byte order of the document.
 const ORDER: ChecksumOrder = ChecksumOrder::LowFirst;
-/// Maximum number of frames and pauses of a session.
+/// Maximum number of frames and pauses in a session.
 const STEPS_MAX: usize = 12;
-/// Registers at which something begins or ends: set-points, what lies around them, counts, the
-/// end of the map, and far behind it.
+/// Registers at boundaries: set-points and their neighbours, counts, the end of the register map,
+/// and addresses far behind it.
 const REGISTERS: [u8; 16] = [
     46, 46, 46, 47, 45, 44, 48, 36, 40, 33, 49, 52, 53, 60, 254, 255,
 ];
-/// Pauses, ms: within a frame, between frames, and longer than motors may run on.
+/// Pauses, ms: within a frame, between frames, and longer than the time after which motors must
+/// stop.
 const PAUSES: [u32; 8] = [1, 30, 30, 30, 200, 900, 1200, 2500];
 
 fn register(choices: &mut Choices<'_>) -> u8 {
@@ -94,7 +95,7 @@ fn register(choices: &mut Choices<'_>) -> u8 {
     }
 }
 
-/// A frame that a master might send.
+/// A frame of a master, possibly unusual.
 fn frame(choices: &mut Choices<'_>) -> Frame {
     let register = register(choices);
     let kind = choices.byte();
@@ -111,7 +112,7 @@ fn frame(choices: &mut Choices<'_>) -> Frame {
     }
 }
 
-/// One byte of `bytes` wrong, missing or too many.
+/// Changes, removes or adds one byte.
 fn damage(bytes: &mut Vec<u8>, choices: &mut Choices<'_>) {
     let at = choices.below(bytes.len());
     match choices.byte() % 4 {
@@ -131,7 +132,7 @@ impl super::Bench for Base {
         while !choices.is_empty() && steps.len() < STEPS_MAX {
             let kind = choices.byte() % 16;
             if kind < 9 {
-                // A frame on a quiet line, as a master behaves.
+                // A frame on a quiet line, as a correct master sends it.
                 steps.push(Step::Wait(bench::QUIET_MS));
             }
             steps.push(match kind {
@@ -192,7 +193,7 @@ impl super::Bench for Base {
     }
 }
 
-/// If `bytes` are a write, the same with a byte fewer, and with one of its bytes zero.
+/// Simpler variants of a write: with one byte fewer, or with one byte zero.
 fn plainer_frames(bytes: &[u8]) -> Vec<Vec<u8>> {
     let mut plainer = Vec::new();
     if bench::frame_len(bytes) != Some(bytes.len()) || bytes[2] < 0x80 {

@@ -1,5 +1,5 @@
-//! The PC program: map, poses and waypoints of a robot over a line that flips bits, judged by the
-//! map that the bytes describe when they are read slowly.
+//! The PC program: map, poses and waypoints of a robot over a line that flips bits. The judge
+//! compares the displayed map with that of the slow reference decoder.
 
 use core::time::Duration;
 
@@ -23,10 +23,10 @@ pub(super) struct Client {
     defects: Vec<String>,
 }
 
-/// Defects of the fielded PC program that the laws here can show. It has all of them at once.
+/// Defects of the fielded PC program that these laws can detect. It has all of them at once.
 const DEFECTS: [&str; 3] = ["UI-01", "UI-02", "UI-08"];
 
-/// Whether the PC program can be given this defect.
+/// Whether the PC program has this defect.
 pub(super) fn knows(id: &str) -> bool {
     DEFECTS.contains(&id)
 }
@@ -42,17 +42,17 @@ impl Client {
     }
 }
 
-/// Maximum number of frames and pauses of a session.
+/// Maximum number of frames and pauses in a session.
 const STEPS_MAX: usize = 16;
-/// Cells of a row, and rows.
+/// Number of rows, and of cells in a row.
 const WIDTH: usize = 300;
-/// A pause after which no frame waits for its rest.
+/// A pause that ends every partial frame.
 const PAUSE_MS: u32 = 120;
-/// Values of cells: free, unknown, wall, and on the way to it. No sum of them is as long as a row,
-/// so that a plain row cannot pass for a coded one.
+/// Cell values: free, unknown, wall, and intermediate values. No sum of them equals the length of a
+/// row, so that a plain row cannot be mistaken for a coded one.
 const CELLS: [u8; 5] = [0, 127, 255, 28, 200];
 
-/// Where the robot is, and how large its map.
+/// A frame with the position of the robot and the size of its map.
 fn properties(position_mm: [i16; 2]) -> Vec<u8> {
     let mut frame = [0; FRAME_MAX];
     let properties = MapProperties {
@@ -67,7 +67,7 @@ fn properties(position_mm: [i16; 2]) -> Vec<u8> {
     frame[..len].to_vec()
 }
 
-/// A row in runs, as the robot sends it: plain if that is shorter or if it is told to.
+/// A run-length encoded row as the robot sends it; plain if that is shorter or selected.
 fn row(choices: &mut Choices<'_>) -> Vec<u8> {
     let (y, is_plain) = (choices.below(WIDTH), choices.byte().is_multiple_of(2));
     let mut pixels = [CELLS[choices.below(CELLS.len())]; WIDTH];
@@ -111,7 +111,7 @@ impl super::Bench for Client {
                 _ => row(&mut choices),
             };
             match choices.byte() % 8 {
-                // A line that flips bits does not repair sums.
+                // A line that flips bits does not correct checksums.
                 0 => {
                     let at = choices.below(bytes.len());
                     bytes[at] ^= 1 << (choices.byte() % 8);
@@ -152,7 +152,7 @@ impl super::Bench for Client {
         operator.wait(PAUSE_MS);
         expected.pause();
         expected.compare(&operator)?;
-        // Whatever came before, a good frame after a pause is understood.
+        // After a pause the program must accept a valid frame, whatever came before.
         let last = properties([123, 45]);
         tape.note(0, operator.now, Direction::ToDevice, &last);
         operator.receive(&last);
@@ -168,7 +168,7 @@ impl super::Bench for Client {
         let Step::Send(port, bytes) = step else {
             return Vec::new();
         };
-        // Plainer cells, in a frame that is as good or as bad as it was.
+        // Simpler cells; the frame stays valid or invalid as before.
         let mut plainer = Vec::new();
         for value in [0, 28] {
             let mut other = bytes.clone();
@@ -188,7 +188,7 @@ impl super::Bench for Client {
     }
 }
 
-/// The program on trial.
+/// The program under test.
 enum Program {
     Sound(Box<Pc>, Box<World>),
     Fielded(Box<fielded::Client>),
@@ -242,7 +242,7 @@ impl Operator {
         }
     }
 
-    /// A row of the map that it shows.
+    /// A row of the displayed map.
     fn row(&self, y: usize) -> Option<&[u8]> {
         let (cells, width) = match &self.program {
             Program::Sound(pc, _) => (&pc.map()?.pixels, pc.map()?.width),
@@ -269,19 +269,19 @@ impl Operator {
     }
 }
 
-/// The map that the bytes describe.
+/// The map that the bytes define.
 #[derive(Default)]
 struct Expected {
     /// Bytes since the last pause.
     heard: Vec<u8>,
-    /// Rows that were told, without the last column: the fielded code leaves it out.
+    /// Received rows without their last column, which the fielded code ignores.
     rows: std::collections::BTreeMap<usize, [u8; WIDTH - 1]>,
-    /// The robot has told of a map of another size: no row of it is known.
+    /// The robot has reported a map of another size: no row of it is known.
     is_another: bool,
 }
 
 impl Expected {
-    /// Reads what was received: whole rows within the map, each by its own rule.
+    /// Decodes the received bytes: complete rows within the map, each by its own coding.
     fn pause(&mut self) {
         let heard = core::mem::take(&mut self.heard);
         let mut at = 0;

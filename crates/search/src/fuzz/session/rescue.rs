@@ -1,6 +1,6 @@
-//! The rescue robot's program between its three links, without a world: damaged traffic on all of
-//! them, and a base whose replies are spoilt. Judged by what the bytes say that the program can
-//! have heard, and by its memory.
+//! The rescue robot's program between its three links, without a world: damaged traffic on all
+//! links, and a base with damaged replies. The judge uses the bytes that the program can have
+//! received, and its memory.
 
 mod bench;
 
@@ -14,13 +14,13 @@ use bench::Around;
 use engine::codec;
 use engine::codec::wire::{Choices, Wire};
 
-/// The program with some of the fielded one's defects.
+/// The program with some defects of the fielded one.
 pub(super) struct Robot {
     config: Config,
     defects: Vec<String>,
 }
 
-/// Whether the program can be given this defect.
+/// Whether the program has this defect.
 pub(super) fn knows(id: &str) -> bool {
     Config::defects().any(|known| known == id)
 }
@@ -46,12 +46,12 @@ pub(super) const LIDAR: usize = 0;
 pub(super) const BASE: usize = 1;
 pub(super) const RADIO: usize = 2;
 
-/// Maximum number of things that happen in a session.
+/// Maximum number of steps in a session.
 const STEPS_MAX: usize = 24;
-/// Pauses, ms; all of them end every wait for the rest of a frame.
+/// Pauses, ms; each of them ends a wait for the rest of a frame.
 const PAUSES: [u32; 4] = [120, 120, 200, 600];
 
-/// A frame as it is, or cut, or with a byte wrong, missing or too many, or with its own beginning
+/// A frame, intact, truncated, with one byte changed, removed or added, or with its own beginning
 /// before it.
 fn frame<W: Wire>(choices: &mut Choices<'_>) -> Vec<u8> {
     let damage = choices.byte();
@@ -61,7 +61,7 @@ fn frame<W: Wire>(choices: &mut Choices<'_>) -> Vec<u8> {
     match damage % 16 {
         0..8 => return bytes,
         8 | 9 => bytes[at] ^= 1 << (choices.byte() % 8),
-        // The header decides what becomes of the rest.
+        // The header determines the interpretation of the rest.
         10 | 11 => {
             let header = bytes.len().min(14);
             bytes[at % header] ^= 1 << (choices.byte() % 8);
@@ -157,7 +157,7 @@ impl super::Bench for Robot {
     }
 }
 
-/// If `bytes` are a list of waypoints, the same without one of them.
+/// Simpler variants of a list of waypoints, each without one waypoint.
 fn fewer_waypoints(bytes: &[u8]) -> Vec<Vec<u8>> {
     let Some((head, list)) = bytes.split_at_checked(pcui::HEADER_LEN + 2) else {
         return Vec::new();
@@ -173,8 +173,8 @@ fn fewer_waypoints(bytes: &[u8]) -> Vec<Vec<u8>> {
     (0..count).map(without).collect()
 }
 
-/// `bytes` with half of them, with one fewer, and with one of them zero; what was a frame is made
-/// one again.
+/// Simpler variants of `bytes`: half of them, one byte fewer, one byte zero. If `bytes` were a
+/// frame, the variants are frames too.
 fn plainer<W: Wire>(bytes: &[u8]) -> Vec<Vec<u8>> {
     let was_frame = W::frame_at(bytes) == Some(bytes.len());
     let mut plainer = vec![bytes[..bytes.len() / 2].to_vec()];

@@ -2,38 +2,38 @@ use core::fmt::Write as _;
 
 use engine::hex;
 
-/// One thing that happens to a program on a bench.
+/// One step of a session.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Step {
-    /// Bytes come back to back on the port of this number.
+    /// Sends bytes back to back on the port with this number.
     Send(usize, Vec<u8>),
-    /// Milliseconds pass.
+    /// Lets this many milliseconds pass.
     Wait(u32),
-    /// The next reply of the addressed device is spoilt.
+    /// Damages the next reply of the addressed device.
     Reply(Spoil),
 }
 
-/// How a reply is spoilt. Said of the reply, not of bytes, so that it means something whatever is
-/// asked for.
+/// The damage of a reply. It is defined on the reply, not on bytes, so that it applies to any
+/// request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Spoil {
-    /// There is none.
+    /// No reply.
     Nothing,
-    /// An acknowledgement, whatever was asked.
+    /// An acknowledgement for any request.
     Acknowledged,
     /// The error frame.
     Error,
-    /// The third byte is this one, data and checksum fit it.
+    /// Replaces the third byte, the count; data and checksum are adapted.
     Count(u8),
-    /// It is about this register, the checksum fits.
+    /// Replaces the register; the checksum is adapted.
     Register(u8),
-    /// A bit of a byte is flipped, both counted round.
+    /// Flips a bit of a byte; both indices wrap around.
     Flip(u8, u8),
-    /// Only so many bytes come.
+    /// Truncates the reply to this many bytes.
     Cut(u8),
-    /// It comes twice.
+    /// Sends the reply twice.
     Twice,
-    /// It comes so many milliseconds later.
+    /// Sends the reply this many milliseconds later.
     Late(u8),
 }
 
@@ -73,7 +73,7 @@ fn byte(word: &&str) -> Option<u8> {
     hex::byte(word.as_bytes())
 }
 
-/// Steps as text, one a line; ports are called `ports`.
+/// Steps as text, one per line; `ports` are the names of the ports.
 pub(super) fn to_text(steps: &[Step], ports: &[&str]) -> String {
     let mut text = String::new();
     for step in steps {
@@ -98,10 +98,10 @@ pub(super) fn to_text(steps: &[Step], ports: &[&str]) -> String {
     text
 }
 
-/// Reads what [`to_text`] writes; `#` begins a comment.
+/// Parses the output of [`to_text`]; `#` begins a comment.
 ///
 /// # Errors
-/// A sentence that names the line and what was expected.
+/// A message that names the line and the expected input.
 pub(super) fn parse(text: &str, ports: &[&str]) -> Result<Vec<Step>, String> {
     let mut steps = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {

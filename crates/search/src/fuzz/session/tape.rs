@@ -4,7 +4,7 @@ use crate::shrink;
 use capture::{Capture, Interface, Kind, Record};
 use engine::rig::line::Direction;
 
-/// Bytes on the wires of a bench, if they are recorded.
+/// The capture of a bench, if it is recorded.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tape {
     records: Option<Vec<Record>>,
@@ -18,7 +18,7 @@ impl Tape {
         }
     }
 
-    /// Bytes on the port of this number.
+    /// Records bytes on the port with this number.
     pub(super) fn note(&mut self, port: usize, at: Instant, direction: Direction, bytes: &[u8]) {
         let Some(records) = &mut self.records else {
             return;

@@ -4,7 +4,7 @@ use super::super::engine::Fuzzer;
 use super::step::{parse, to_text};
 use super::*;
 
-/// Lines that a person would write.
+/// Hand-written lines.
 const TEXT: &str = "\
 lidar FA A0
 wait 120 ms
@@ -39,7 +39,7 @@ fn a_line_that_is_no_step_is_named() {
     }
 }
 
-/// The causes that `subject` came to in so many cases, or until one begins with `law`.
+/// The causes that `subject` reaches within `cases` cases, or until one begins with `law`.
 fn broken(subject: &dyn Subject, cases: u64, law: &str) -> Vec<String> {
     let mut fuzzer = Fuzzer::new(subject, 1, 0, BTreeMap::new());
     for choices in subject.seeds() {
@@ -52,8 +52,8 @@ fn broken(subject: &dyn Subject, cases: u64, law: &str) -> Vec<String> {
     fuzzer.causes().keys().cloned().collect()
 }
 
-/// Far more cases than any of the defects below needs: a judge that finds fault with everything,
-/// or a model that is wrong, would show here.
+/// Far more cases than any of the defects below requires: a wrong judge or model would be noticed
+/// here.
 #[test]
 fn nothing_is_found_in_sound_programs() {
     for subject in programs(&[]).expect("none is unknown") {
@@ -66,7 +66,7 @@ fn nothing_is_found_in_sound_programs() {
     }
 }
 
-/// Each row: a defect of the fielded programs, and the law that its discovery names.
+/// Rows: a defect of the fielded programs, and the law that detects it.
 const FIRST: [(&str, &str); 11] = [
     (
         "AV-02",
@@ -103,12 +103,12 @@ fn defects_that_mattered_in_the_field_are_found_from_nothing() {
     }
 }
 
-/// The decisive bytes are what is left: a header that says -32768.
+/// The decisive bytes remain: a header with the length -32768.
 #[test]
 fn a_finding_comes_out_as_the_bytes_that_matter() {
     let defects = ["PU-03".to_owned()];
     let subject = Sessions(rescue::Robot::new(&defects));
-    // What a fuzzer might have: the header, before and behind it what does not matter.
+    // A typical finding: the header, surrounded by irrelevant steps.
     let text = "lidar FA A0\nradio 50 43 55 49 5F 4D 53 47 10 80 01 02 03 04 53 54 41 07\n\
                 wait 600 ms\nreply cut 03\nwait 200 ms\n";
     let steps = parse(text, &Sessions::<rescue::Robot>::names()).expect("a session");

@@ -1,6 +1,6 @@
-//! The form of lines of text: words, and numbers at their places.
+//! The form of text lines: words, and numbers at their positions.
 
-/// The form of a line, numbers in braces, and the decimals that each number has.
+/// The form of a line with numbers in braces, and the number of decimals of each.
 pub(super) fn skeleton(line: &[u8]) -> (String, Vec<usize>) {
     let text: String = line.iter().map(|&byte| char::from(byte)).collect();
     let text = text.trim_end_matches(['\r', '\n']);

@@ -1,5 +1,5 @@
-//! The frame formats of a proposal: each way to cut the bytes is tried, the one with most evidence
-//! is taken, and the same is done with what it leaves.
+//! The frame formats of a proposal: tries each way to split the bytes, selects the one with the
+//! most evidence, and repeats this with the remaining bytes.
 
 use std::sync::Arc;
 
@@ -11,18 +11,19 @@ use super::super::{checksum, framing, stream};
 use super::Chunk;
 use super::written::{Cut, Found, LINES_SURE, Proposed, proposed};
 
-/// Formats on one line at most.
+/// Maximum number of formats on one line.
 const FORMATS_MAX: usize = 4;
-/// Share of the bytes in no frame below which no more formats are looked for, per cent.
+/// Share of bytes outside frames below which no further formats are searched, per cent.
 const LEFT_MIN: usize = 3;
-/// Share of the bytes of its ends that a format has at least, per cent.
+/// Minimum share of the bytes of its ends that a format covers, per cent.
 const COVERED_MIN: usize = 10;
-/// Bytes from which a format is learned.
+/// Maximum number of bytes from which a format is learned.
 const BYTES_MAX: usize = 24 << 10;
-/// Ways to cut a stream of which the checksum is looked for.
+/// Maximum number of ways to split a stream whose checksum is searched.
 const CUTTINGS: usize = 6;
 
-/// The formats of the frames: the one with most evidence, then that of what is left, and so on.
+/// The formats of the frames: the one with the most evidence, then the best for the rest, and so
+/// on.
 pub(super) fn find(chunks: &[Chunk], baud: u32) -> Vec<Proposed> {
     let (mut rest, mut formats) = (chunks.to_vec(), Vec::new());
     let all: usize = chunks.iter().map(|chunk| chunk.bytes.len()).sum();
@@ -40,11 +41,11 @@ pub(super) fn find(chunks: &[Chunk], baud: u32) -> Vec<Proposed> {
     formats
 }
 
-/// Whether a checksum proves a format, bytes of chunks that are its frames alone, and of all
-/// frames.
+/// Whether a checksum confirms a format, the number of bytes in chunks that consist of its frames,
+/// and the number of bytes in all its frames.
 type Rank = (bool, usize, usize);
 
-/// The best format of `chunks`, and what is left without its frames.
+/// The best format of `chunks`, and the remaining bytes.
 fn best(chunks: &[Chunk], baud: u32) -> Option<(Proposed, Vec<Chunk>)> {
     let side = |ends: &[bool]| -> Vec<Vec<u8>> {
         let own = chunks.iter().filter(|chunk| ends.contains(&chunk.is_host));
@@ -85,7 +86,7 @@ fn best(chunks: &[Chunk], baud: u32) -> Option<(Proposed, Vec<Chunk>)> {
                 let other = || chunks.iter().filter(|chunk| chunk.is_host == is_host);
                 let len: usize = other().map(|chunk| chunk.bytes.len()).sum();
                 let cover = Cover::of(&read, other());
-                // The other end may have the same format among others.
+                // The other end may use the same format among others.
                 if !format.is_text && cover.bytes * 100 >= len.max(1) * COVERED_MIN {
                     format.ends[usize::from(is_host)] = true;
                     left.extend(cover.left);
@@ -104,7 +105,7 @@ fn best(chunks: &[Chunk], baud: u32) -> Option<(Proposed, Vec<Chunk>)> {
         .map(|(_, format, left)| (format, left))
 }
 
-/// Whether all lines of one of the ends have a carriage return before what ends them.
+/// Whether all lines of one end have a carriage return before the end marker.
 fn has_longer_ends(read: &Description, chunks: &[Chunk], ends: &[bool]) -> bool {
     ends.iter().any(|is_host| {
         let own = chunks.iter().filter(|chunk| chunk.is_host == *is_host);
@@ -118,8 +119,7 @@ fn has_longer_ends(read: &Description, chunks: &[Chunk], ends: &[bool]) -> bool 
     })
 }
 
-/// The description with this format alone. Bodies have at least as many bytes as it takes for a
-/// frame of them to be possible.
+/// A description with this format alone. The minimum body size is raised until frames are possible.
 fn alone(format: &mut Proposed, baud: u32) -> Option<Arc<Description>> {
     (0..=LEAST_MAX).find_map(|least| {
         format.least = least;
@@ -127,15 +127,15 @@ fn alone(format: &mut Proposed, baud: u32) -> Option<Arc<Description>> {
     })
 }
 
-/// Bytes that a body may need at most.
+/// Maximum of the minimum body size.
 const LEAST_MAX: usize = 6;
 
-/// What of chunks lies in frames.
+/// The part of chunks that frames cover.
 pub(super) struct Cover {
-    /// Bytes in frames, and those of them in chunks that are frames alone.
+    /// Number of bytes in frames, and of those in chunks that consist of frames only.
     pub(super) bytes: usize,
     clean: usize,
-    /// Whether the device and the host have frames.
+    /// Whether frames of the device and of the host were found.
     ends: [bool; 2],
     left: Vec<Chunk>,
 }
@@ -157,7 +157,7 @@ impl Cover {
             let end = chunk.bytes.len();
             for span in spans.into_iter().chain(core::iter::once(end..end)) {
                 let gap = &chunk.bytes[from..span.start];
-                // Line ends before a line are part of no frame.
+                // Line ends before a line belong to no frame.
                 if !gap.iter().all(|byte| b"\r\n".contains(byte)) {
                     is_clean = false;
                     cover.left.push(Chunk {
@@ -173,7 +173,7 @@ impl Cover {
     }
 }
 
-/// Where the frames of a chunk are.
+/// The positions of the frames in a chunk.
 fn spans(read: &Description, chunk: &Chunk) -> Vec<core::ops::Range<usize>> {
     let from = if chunk.is_host {
         From::Host
@@ -230,7 +230,7 @@ fn ways(chunks: &[Vec<u8>]) -> Vec<Found> {
     ways
 }
 
-/// A longer end of lines of text that all chunks share, such as an end of line and a prompt.
+/// A longer end marker that all chunks share, such as a line end and a prompt.
 fn common_end(chunks: &[Vec<u8>]) -> Option<Vec<u8>> {
     let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n');
     let (first, others) = chunks.split_first()?;
@@ -244,7 +244,7 @@ fn common_end(chunks: &[Vec<u8>]) -> Option<Vec<u8>> {
     };
     let len = (1..first.len()).take_while(shares).last()?;
     let end = &first[first.len() - len..];
-    // It begins with an end of line, or it is the end of what the lines say.
+    // The marker begins at a line end; a common end without one is text of the lines.
     let at = end.iter().position(|byte| b"\r\n".contains(byte))?;
     let end = &end[at..];
     let is_prompt = end.len() > 1 && end.last().is_some_and(|byte| !b"\r\n".contains(byte));

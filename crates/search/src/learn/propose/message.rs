@@ -1,5 +1,5 @@
-//! The messages of a proposal: bodies that are alike, what in them counts and what stays, and which
-//! answers which.
+//! The messages of a proposal: similar bodies, their counters and constants, and the pairs of
+//! request and reply.
 
 use core::fmt::Write as _;
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use super::form::skeleton;
 use super::written::Proposed;
 use super::{Chunk, Claim, Confidence, REPLY_NANOS};
 
-/// The messages of a draft of which nothing is known.
+/// A message of plain bytes for each format.
 pub(super) fn plain(formats: &[Proposed]) -> String {
     let (mut text, mut first) = (String::new(), [None, None]);
     for (index, format) in formats.iter().enumerate() {
@@ -49,7 +49,7 @@ pub(super) fn plain(formats: &[Proposed]) -> String {
     text
 }
 
-/// The format of a message as a file has it, if there are several.
+/// The key that selects the frame format of a message, if there are several formats.
 fn frame_key(formats: &[Proposed], index: usize) -> String {
     match formats {
         [_] => String::new(),
@@ -57,23 +57,23 @@ fn frame_key(formats: &[Proposed], index: usize) -> String {
     }
 }
 
-/// Kinds of messages of one side at most.
+/// Maximum number of kinds of messages per side.
 const KINDS_MAX: usize = 24;
-/// Bodies from which something is said of their bytes.
+/// Minimum number of bodies for claims about their bytes.
 const BODIES_MIN: usize = 5;
 
 /// Bodies of one kind.
 struct Kind {
     name: String,
     is_host: bool,
-    /// Its frame format, by index.
+    /// Index of the frame format.
     format: usize,
     bodies: Vec<Vec<u8>>,
 }
 
 const TAKES_ALL: &str = "a string takes everything";
 
-/// Messages and behaviour, and what is claimed of them.
+/// Messages and behaviour with their claims.
 pub(super) fn messages(
     of: &Description,
     chunks: &[Chunk],
@@ -135,10 +135,10 @@ pub(super) fn messages(
     (text + &behaviour, all)
 }
 
-/// A body with its end, its time and its format.
+/// A body with its sender, time and format.
 type Body = (bool, u64, usize, Vec<u8>);
 
-/// The bodies of all frames in the order of time.
+/// The bodies of all frames in order of time.
 fn bodies(of: &Description, chunks: &[Chunk]) -> Vec<Body> {
     let mut cutters = [From::Device, From::Host].map(|from| of.cutter_of(from));
     let mut all = Vec::new();
@@ -156,7 +156,7 @@ fn bodies(of: &Description, chunks: &[Chunk]) -> Vec<Body> {
     all
 }
 
-/// What tells kinds of bodies apart: of text its form, else the first byte and the length.
+/// The key of each body's kind: the form of a text, else the first byte and the length.
 fn keys(spoken: &[Body], formats: &[Proposed]) -> Vec<(bool, usize, Vec<u8>)> {
     let mut firsts: BTreeMap<(bool, usize), BTreeMap<u8, usize>> = BTreeMap::new();
     for (is_host, _, format, body) in spoken {
@@ -182,7 +182,7 @@ fn keys(spoken: &[Body], formats: &[Proposed]) -> Vec<(bool, usize, Vec<u8>)> {
     keys.collect()
 }
 
-/// The text of a message of lines of one form.
+/// The text of a message for lines of one form.
 fn line(lines: &[Vec<u8>]) -> String {
     let (form, mut decimals) = skeleton(lines.first().map_or(&[][..], Vec::as_slice));
     for line in lines {
@@ -197,7 +197,7 @@ fn line(lines: &[Vec<u8>]) -> String {
     let mut numbers = decimals.into_iter().enumerate();
     let mut rest = form.as_str();
     while let Some(at) = rest.find("{}") {
-        // A doubled brace is no number.
+        // A doubled brace is not a number.
         let is_brace = rest[..at].ends_with('{');
         text += &rest[..at];
         rest = &rest[at + 2..];
@@ -211,7 +211,7 @@ fn line(lines: &[Vec<u8>]) -> String {
     toml::Value::String(text + rest).to_string()
 }
 
-/// Fields of bodies of one length: constants, counters, and bytes of which nothing is known.
+/// Fields of bodies of equal length: constants, counters, and plain bytes.
 fn fields(bodies: &[Vec<u8>]) -> String {
     let mut out = String::new();
     let len = bodies.first().map_or(0, Vec::len);
@@ -266,7 +266,7 @@ fn fields(bodies: &[Vec<u8>]) -> String {
     out
 }
 
-/// The type of a counter at `at`, if the numbers there go up by one from body to body.
+/// The type of a counter at `at`, if the numbers there rise by one from body to body.
 fn counter(bodies: &[Vec<u8>], at: usize) -> Option<(&'static str, usize)> {
     let kinds: [(&str, usize); 3] = [("u16le", 2), ("u16be", 2), ("u8", 1)];
     kinds.into_iter().find(|(kind, size)| {
@@ -284,13 +284,13 @@ fn counter(bodies: &[Vec<u8>], at: usize) -> Option<(&'static str, usize)> {
             .windows(2)
             .filter(|pair| (pair[0] + 1) % modulus == pair[1])
             .count();
-        // A counter of 16 bits has to carry, or its low byte is the counter.
+        // A 16-bit counter must carry; otherwise its low byte is the counter.
         let carries = *size == 1 || values.iter().any(|value| value >> 8 != values[0] >> 8);
         values.len() >= BODIES_MIN && rises * 10 >= (values.len() - 1) * 9 && carries
     })
 }
 
-/// What answers what, or how often the device speaks by itself.
+/// Replies to requests, and periods of unsolicited messages.
 fn behaviour(kinds: &[Kind], order: &[(usize, u64)]) -> (String, Vec<Claim>) {
     let (mut text, mut claims) = (String::new(), Vec::new());
     let mut pairs: BTreeMap<usize, Vec<(usize, u64)>> = BTreeMap::new();

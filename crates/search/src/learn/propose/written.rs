@@ -1,4 +1,4 @@
-//! A frame format as a file has it: the keys of its `[frame]`, and what is claimed of it.
+//! The text of a frame format: the keys of its `[frame]` table, and its claims.
 
 use std::collections::BTreeSet;
 
@@ -9,35 +9,35 @@ use super::super::sums;
 use super::form::skeleton;
 use super::{Claim, Confidence};
 
-/// A frame format as a file has it.
+/// A frame format as text.
 #[derive(Clone, Debug)]
 pub(super) struct Proposed {
-    /// The keys of its `[frame]`.
+    /// The keys of its `[frame]` table.
     pub(super) toml: String,
     pub(super) claims: Vec<Claim>,
     pub(super) is_text: bool,
-    /// Bytes that each body has at least.
+    /// Minimum number of bytes of a body.
     pub(super) least: usize,
-    /// Whether frames of the device and of the host have it.
+    /// Whether frames of the device and of the host have this format.
     pub(super) ends: [bool; 2],
     /// Evidence, bits.
     pub(super) score: f64,
     pub(super) is_summed: bool,
 }
 
-/// Frames from which a length field or an end is claimed.
+/// Minimum number of frames for a claim about a length field or an end marker.
 const FRAMES_SURE: usize = 12;
-/// Lines of one form from which text is claimed.
+/// Minimum number of lines of one form for a claim about text.
 pub(super) const LINES_SURE: usize = 6;
 
-/// A way to cut the bytes.
+/// A way to split the bytes.
 pub(super) struct Found {
     pub(super) cut: Cut,
     pub(super) checksum: Option<Checksum>,
     pub(super) frames: Vec<Vec<u8>>,
 }
 
-/// How the bytes are cut.
+/// The kind of split.
 pub(super) enum Cut {
     Format(Format),
     Stream(Cutting),
@@ -57,12 +57,12 @@ impl Found {
             Cut::Format(format) if !format.end.is_empty() => 4.0,
             Cut::Format(_) => 0.0,
         };
-        // More than enough for the checksum is no reason to prefer one way over another.
+        // Additional evidence for the checksum is no reason to prefer one split over another.
         sum.min(30.0) + how
     }
 }
 
-/// The format as a file has it; `None` if nothing of it is sure.
+/// The text of the format; `None` if nothing is certain.
 pub(super) fn proposed(found: &Found) -> Option<Proposed> {
     let mut claims = Vec::new();
     let sum = found.checksum.and_then(|sum| Some((sum, expressed(&sum)?)));
@@ -89,7 +89,7 @@ pub(super) fn proposed(found: &Found) -> Option<Proposed> {
         });
     }
     let is_text = matches!(&found.cut, Cut::Format(format) if format.is_text);
-    // Nothing is claimed from nothing.
+    // Without frames there is no claim.
     let is_any = claims
         .iter()
         .any(|claim| claim.confidence == Confidence::Sure);
@@ -123,7 +123,7 @@ fn claim(words: String, evidence: String, is_sure: bool) -> Claim {
     }
 }
 
-/// The text, how many bytes before the body are no part of the content, and the claim.
+/// The text, the number of bytes before the body that are not content, and the claim.
 fn of_stream(cutting: &Cutting, found: &Found, is_summed: bool) -> (String, usize, Claim) {
     let (sync, count) = (bytes(&cutting.sync), found.frames.len());
     let evidence = format!("{count} frames, {} % of the bytes", cutting.share);
@@ -134,7 +134,7 @@ fn of_stream(cutting: &Cutting, found: &Found, is_summed: bool) -> (String, usiz
     match cutting.how {
         How::Fixed(size) => {
             let words = format!("frames of {size} bytes that begin with {sync}");
-            // Frames that are all alike say nothing of their size.
+            // Identical frames give no evidence of their size.
             let is_sure =
                 is_summed || is_aligned && distinct >= FRAMES_SURE && cutting.sync.len() > 1;
             (
@@ -167,7 +167,8 @@ fn of_stream(cutting: &Cutting, found: &Found, is_summed: bool) -> (String, usiz
                 "sync = {sync}\nlength = {{ at = {at}, type = \"{kind}\", counts = \"frame\", \
                  without = {base}{unit} }}\n"
             );
-            // Two sizes may go with two kinds of frames by chance, whatever their checksums.
+            // With two sizes only, the size may correlate with the kind of frame by coincidence,
+            // even with correct checksums.
             let is_sure = sizes.len() > 2 && (is_summed || is_aligned);
             (text, 0, claim(words, evidence, is_sure))
         }
@@ -226,7 +227,7 @@ fn of_format(
             claim(words, evidence, is_summed),
         ));
     }
-    // Pauses tell frames apart; a length field says it as well.
+    // Pauses separate the frames; a length field confirms this.
     if let Some(length) = format.lengths.first() {
         let behind = found.checksum.map_or(0, |sum| sum.len_behind());
         let rest = i64::try_from(length.rest).ok()? + i64::try_from(behind).ok()?;
@@ -269,7 +270,7 @@ fn of_format(
     ))
 }
 
-/// Whether lines have few forms: words and numbers at the same places.
+/// Whether the lines have few forms, with words and numbers at the same positions.
 fn forms(lines: &[Vec<u8>]) -> bool {
     let mut counts: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
     for line in lines {
@@ -289,7 +290,7 @@ fn common_prefix(frames: &[Vec<u8>]) -> Vec<u8> {
     first[..len].to_vec()
 }
 
-/// The name of the algorithm as descriptions have it; `None` if they cannot say it.
+/// The name of the algorithm in descriptions; `None` if it has none.
 fn expressed(sum: &Checksum) -> Option<String> {
     let name = sum.name();
     if let Some(rest) = name.strip_prefix("CRC_") {
@@ -299,7 +300,7 @@ fn expressed(sum: &Checksum) -> Option<String> {
     sums::described(name, sum.free()).map(str::to_owned)
 }
 
-/// The checksum as a file has it, and what ends the frame behind it.
+/// The text of the checksum, and the end marker behind it.
 fn checksum_toml(sum: &Checksum, name: &str, start: usize, cut: &Cut) -> Option<(String, String)> {
     let place = sum.placed()?;
     if place.is_hex && place.gap == [b'*'] && name == "xor" && start == 1 && place.start == 1 {

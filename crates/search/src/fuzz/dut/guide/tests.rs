@@ -18,7 +18,7 @@ fn guided(parts: &[&[u8]]) -> Guided {
     }
 }
 
-/// Marks are places here, each reached once.
+/// In these tests marks are locations, each reached once.
 fn reached(marks: &[u32]) -> Reached {
     Reached {
         marks: marks.iter().map(|mark| mark * SIZES + 1).collect(),
@@ -27,7 +27,7 @@ fn reached(marks: &[u32]) -> Reached {
 }
 
 /// The second part is the first to reach mark 2; the third reaches nothing new, the fourth was not
-/// played. What came before the second is kept with it, and whether it was needed is to be tried.
+/// sent. The part before the second is kept with it; whether it was needed is still to be tried.
 #[test]
 fn what_reached_something_new_is_kept_with_what_was_told_before() {
     let mut guide = Guide::default();
@@ -51,8 +51,8 @@ fn what_reached_something_new_is_kept_with_what_was_told_before() {
     );
 }
 
-/// Two bytes reach marks 1 and 2, one byte mark 1: both stay; another byte reaches mark 2, and the
-/// two bytes are of no more use.
+/// Two bytes reach marks 1 and 2, one byte reaches mark 1: both inputs stay. Another single byte
+/// reaches mark 2, which makes the two bytes redundant.
 #[test]
 fn of_two_that_reach_the_same_the_shorter_is_kept() {
     let mut guide = Guide::default();
@@ -61,13 +61,13 @@ fn of_two_that_reach_the_same_the_shorter_is_kept() {
     assert_eq!(guide.pool.len(), 2);
     assert!(!guide.keep(&input(&[9]), &[], &[32]));
     assert!(!guide.pool.values().any(|kept| kept.size() == 2));
-    // Another number of times is no new place, and worth to be kept.
+    // A new count is not a new location, but is kept.
     assert!(!guide.keep(&input(&[7, 7, 7]), &[], &[33]));
     assert!(guide.pool.values().any(|kept| kept.size() == 3));
 }
 
-/// The program ended in the second of three parts. It is not told again, and the third, which was
-/// due, still is.
+/// The program ended in the second of three parts. That part is not sent again; the third, which
+/// was queued, stays queued.
 #[test]
 fn what_ends_the_program_is_not_kept_and_what_came_after_it_is_still_due() {
     let mut guide = Guide {
@@ -86,7 +86,7 @@ fn what_ends_the_program_is_not_kept_and_what_came_after_it_is_still_due() {
     assert!(!guide.marks.contains_key(&(5 * SIZES + 1)));
 }
 
-/// Byte 41 is compared with 51 at place 3: it is put there, before what was due and is long.
+/// Byte 41 is compared with 51 at location 3: the variant is queued before the longer inputs.
 #[test]
 fn a_comparison_is_answered() {
     let mut pair = [0; PAIR];

@@ -1,41 +1,41 @@
-//! Frames made from known ones: fields at their limits, wrong lengths with right checksums, cuts,
-//! damage, and other orders and deliveries of what is sound.
+//! Mutants of known frames: fields at their limits, wrong lengths with correct checksums,
+//! truncation, damage, and intact frames in another order or other chunks.
 
 use emulators::rng::Rng;
 
 use crate::learn::{FieldLimits, FrameFormat};
 
-/// What is said in one go, and how it was made.
+/// Data sent at once, and the mutation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Mutant {
-    /// What was done.
+    /// The name of the mutation.
     pub(super) kind: &'static str,
-    /// Bytes, in pieces with short pauses between them.
+    /// Bytes, in chunks with short pauses between them.
     pub(super) pieces: Vec<Vec<u8>>,
-    /// Whether a program that refuses it is right: it is not what a sound device says.
+    /// Whether a program may reject the data, because an intact device never sends them.
     pub(super) is_altered: bool,
 }
 
-/// Longest content.
+/// Maximum length of a content.
 const CONTENT_MAX: usize = 2048;
-/// Longest content made from nothing.
+/// Maximum length of a content created from nothing.
 const FRESH_MAX: u64 = 41;
-/// What separates the fields of a line.
+/// Separators of the fields of a line.
 const SEPARATORS: &[u8] = b",;:=|/ \t";
-/// Maximum number of pieces of a mutant.
+/// Maximum number of chunks of a mutant.
 const PIECES_MAX: usize = 64;
 
 /// A changed content.
 type Change = fn(&mut Vec<u8>, &Material<'_>, &mut Rng);
 
-/// What mutants are made of.
+/// The material of mutants.
 pub(super) struct Material<'a> {
     pub(super) format: &'a dyn FrameFormat,
     /// Contents of known frames.
     pub(super) contents: &'a [Vec<u8>],
 }
 
-/// Changes of a content; its checksum holds afterwards.
+/// Changes of a content; the checksum is corrected afterwards.
 const CHANGES: [(&str, Change); 12] = [
     ("limit-of-byte", |content, _, rng| limit(content, 1, rng)),
     ("limit-of-16-bits", |content, _, rng| limit(content, 2, rng)),
@@ -86,7 +86,7 @@ const CHANGES: [(&str, Change); 12] = [
     }),
 ];
 
-/// Changes of a content that is text.
+/// Changes of a text content.
 const TEXT_CHANGES: [(&str, Change); 9] = [
     ("empty-field", |content, _, rng| field(content, b"", rng)),
     ("number-at-limit", |content, _, rng| {
@@ -150,10 +150,10 @@ const TEXT_CHANGES: [(&str, Change); 9] = [
     }),
 ];
 
-/// A kind of damage and what does it.
+/// A kind of damage and its function.
 type Damage = (&'static str, fn(&mut Vec<u8>, &mut Rng));
 
-/// Damage of a frame: its checksum does not hold afterwards, or it is no frame.
+/// Damage to a frame: afterwards its checksum is wrong, or it is not a frame.
 const DAMAGE: [Damage; 7] = [
     ("flipped-bit", |frame, rng| {
         let at = index(rng, frame.len());
@@ -185,7 +185,7 @@ const DAMAGE: [Damage; 7] = [
     }),
 ];
 
-/// A mutant of `chunk`, what a device said in one go; empty if it never said anything.
+/// A mutant of `chunk`, which is empty if the device never sent anything.
 pub(super) fn mutant(material: &Material<'_>, chunk: &[u8], rng: &mut Rng) -> Mutant {
     let format = material.format;
     let mut frames: Vec<Vec<u8>> = format
@@ -205,7 +205,7 @@ pub(super) fn mutant(material: &Material<'_>, chunk: &[u8], rng: &mut Rng) -> Mu
     };
     match turn {
         0..14 => {
-            // A length that lies behind a checksum that holds is what parsers believe.
+            // Parsers trust a wrong length behind a correct checksum.
             let lying = match turn {
                 0..4 => lying_length(material, &frames[at], rng),
                 _ => None,
@@ -290,14 +290,14 @@ fn change(material: &Material<'_>, frame: &mut Vec<u8>, rng: &mut Rng) -> &'stat
     } else {
         &CHANGES[..]
     };
-    // One frame or none is too little to mutate: random bytes are as good.
+    // With one frame or none, random bytes are as good as mutations.
     let is_poor = material.contents.len() < 2 && !format.is_text();
     let (kind, change) = match is_poor && rng.below(2) == 0 {
         true => CHANGES[CHANGES.len() - 1],
         false => changes[index(rng, changes.len())],
     };
     let known = format.fields(&content);
-    // Of a described format a field at its limits is worth more than any bytes.
+    // In a described format, a field at its limits is more effective than random bytes.
     if !known.is_empty() && rng.below(2) == 0 {
         put_limit(&mut content, &known, rng);
         *frame = format.frame(&content, 0);
@@ -313,7 +313,7 @@ fn change(material: &Material<'_>, frame: &mut Vec<u8>, rng: &mut Rng) -> &'stat
     kind
 }
 
-/// Puts a value at which programs fail at a place of `content`.
+/// Writes a value that often causes failures into `content`.
 fn limit(content: &mut [u8], bytes: usize, rng: &mut Rng) {
     let Some(last) = content.len().checked_sub(bytes) else {
         return;
@@ -346,7 +346,7 @@ fn limit(content: &mut [u8], bytes: usize, rng: &mut Rng) {
     content[at..at + bytes].copy_from_slice(&field);
 }
 
-/// `frame` with one of its lengths wrong and the rest as it was; `None` if it has none that is
+/// `frame` with one of its lengths wrong and all other bytes unchanged; `None` if no length is
 /// known.
 fn lying_length(material: &Material<'_>, frame: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
     let mut content = material.format.content(frame)?;
@@ -357,7 +357,7 @@ fn lying_length(material: &Material<'_>, frame: &[u8], rng: &mut Rng) -> Option<
     Some(material.format.frame(&content, 0))
 }
 
-/// Lets a length tell something wrong.
+/// Changes a length field to a wrong value.
 fn wrong_length(content: &mut Vec<u8>, material: &Material<'_>, rng: &mut Rng) {
     let fields = material.format.limits(content);
     if fields.is_empty() {
@@ -367,7 +367,7 @@ fn wrong_length(content: &mut Vec<u8>, material: &Material<'_>, rng: &mut Rng) {
     put_limit(content, &fields, rng);
 }
 
-/// Puts one of the values of a field there.
+/// Writes one of the test values into a field.
 fn put_limit(content: &mut Vec<u8>, fields: &[FieldLimits], rng: &mut Rng) {
     let field = &fields[index(rng, fields.len())];
     if let Some(value) = field.values.get(index(rng, field.values.len())) {
@@ -375,7 +375,7 @@ fn put_limit(content: &mut Vec<u8>, fields: &[FieldLimits], rng: &mut Rng) {
     }
 }
 
-/// The fields of a line; one at least.
+/// The fields of a line; at least one.
 fn fields(content: &[u8]) -> Vec<core::ops::Range<usize>> {
     let (mut fields, mut from) = (Vec::new(), 0);
     for (at, byte) in content.iter().enumerate() {
@@ -388,7 +388,7 @@ fn fields(content: &[u8]) -> Vec<core::ops::Range<usize>> {
     fields
 }
 
-/// Puts `new` in place of a field of a line; seldom of the first one, which tells its kind.
+/// Replaces a field of a line with `new`; rarely the first field, which selects the message.
 fn field(content: &mut Vec<u8>, new: &[u8], rng: &mut Rng) {
     let fields = fields(content);
     let at = match index(rng, fields.len()) {
@@ -403,7 +403,7 @@ fn byte(rng: &mut Rng) -> u8 {
     rng.next_u64().to_be_bytes()[0]
 }
 
-/// A number below `len`; 0 of none.
+/// A random number below `len`; 0 if `len` is 0.
 fn index(rng: &mut Rng, len: usize) -> usize {
     usize::try_from(rng.below(len.max(1) as u64)).expect("below a length")
 }

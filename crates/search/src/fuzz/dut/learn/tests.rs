@@ -6,8 +6,8 @@ use super::*;
 use crate::learn::FrameFormat;
 use crate::learn::tests::sensor_frames;
 
-/// Half of what is said has a right checksum and another content, some has a wrong one, some is
-/// sound and comes in pieces.
+/// Half of the mutants have a correct checksum and another content, some have a wrong checksum,
+/// some are intact and come in chunks.
 #[test]
 fn mutants_are_sound_frames_damage_and_other_deliveries() {
     let frames = sensor_frames(6);
@@ -59,8 +59,8 @@ fn mutants_are_sound_frames_damage_and_other_deliveries() {
     }
 }
 
-/// Shipped devices with binary frames: a changed field stays within a frame whose
-/// checksums hold, a length may lie, and a value lies at a limit of its field or beyond.
+/// Shipped devices with binary frames: a changed field stays in a frame with correct checksums, a
+/// length may be wrong, and a value lies at a limit of its field or beyond.
 #[test]
 fn mutants_of_a_described_format_have_fields_at_their_limits() {
     use protocols::Decode as _;
@@ -95,14 +95,15 @@ fn mutants_of_a_described_format_have_fields_at_their_limits() {
     }
 }
 
-/// A frame goes through its content unchanged, whichever of the formats it has.
+/// Splitting a frame into its content and assembling it again gives the same frame, for each
+/// format.
 #[test]
 fn described_frames_are_taken_apart_and_put_together() {
     for (name, text) in description::shipped::ALL {
         let nothing = |_: &str| Err(String::new());
         let of = description::Description::parse(name, text, &nothing).expect("sound");
         let format = DescribedFormat::of(&of);
-        // Line ends and prompts around a content are the description's own.
+        // Line ends and prompts around a content come from the description.
         for frame in format.examples() {
             let content = FrameFormat::content(&format, &frame).expect("a frame");
             let again = FrameFormat::frame(&format, &content, 0);

@@ -14,41 +14,41 @@ use engine::codec::wire::Wire;
 use engine::codec::{Avr, LowFirst};
 use engine::rig::line::Direction;
 
-/// On a line that is quiet for so long, every request is answered and forgotten: the slowest task
-/// of the fielded base comes every 25.1 ms.
+/// After this silence every request has been answered and forgotten: the slowest task of the
+/// fielded base runs every 25.1 ms.
 pub(super) const QUIET_MS: u32 = 30;
-/// Motors run on for a second at most ("no messages for a short time", 980 to 1006 ms where it was
-/// measured), then one period of the regulator.
+/// Maximum time that motors run without messages: one second ("no messages for a short time",
+/// measured 980 to 1006 ms) and one period of the regulator.
 const SILENCE_MAX: Duration = Duration::from_millis(1_100);
-/// Longer than it takes to see that they do.
+/// Longer than `SILENCE_MAX`, to check that the motors stop.
 const END_MS: u32 = 1_400;
-/// The regulator goes to this (field firmware; the document gives no figure).
+/// Maximum set-point of the regulator (field firmware; the document gives no figure).
 const SET_POINT_MAX: i16 = 35;
-/// Edges of a wheel that a base may be late with, or lose while it starts.
+/// Number of wheel edges that a base may report late, or lose while it starts.
 const EDGES_MAX: i64 = 8;
 const BYTE: Duration = Duration::from_micros(10);
 const WHEELS: [Wheel; 2] = [Wheel::Left, Wheel::Right];
 const SIDES: [&str; 2] = ["left", "right"];
 
-/// The length of the frame that `bytes` begin with, by the format read slowly.
+/// The length of the frame at the beginning of `bytes`, according to the slow reference decoder.
 pub(super) fn frame_len(bytes: &[u8]) -> Option<usize> {
     Avr::<LowFirst>::frame_at(bytes)
 }
 
-/// A master at the bus that knows what a base must do.
+/// A master on the bus that knows the rules of a base.
 pub(super) struct Master<'a> {
     base: AvrBase,
     world: World,
     now: Instant,
-    /// All that was sent, and what was received since it was last looked at.
+    /// All bytes sent, and the bytes received since the last check.
     sent: Vec<u8>,
     heard: Vec<u8>,
-    /// When the last good frame ended, and the last byte.
+    /// End of the last valid frame, and of the last byte.
     spoke_at: Instant,
     byte_at: Instant,
-    /// Set-points that some good write ever asked for, each wheel's.
+    /// Set-points that a valid write has requested, for each wheel.
     asked: [Vec<i16>; 2],
-    /// First register of the last good write, and whether one went beyond the registers.
+    /// First register of the last valid write, and whether a write went beyond the registers.
     last_write: Option<u8>,
     wrote_beyond: bool,
     started: [i64; 2],
@@ -104,7 +104,7 @@ impl<'a> Master<'a> {
         self.look_at_motors()
     }
 
-    /// What holds at any time.
+    /// Checks the laws that hold at any time.
     fn look_at_motors(&self) -> Result<(), Violation> {
         let set_points = self.base.set_points();
         for side in 0..2 {
@@ -128,7 +128,7 @@ impl<'a> Master<'a> {
         Ok(())
     }
 
-    /// What came before, as far as it tells causes apart.
+    /// Preceding events, as far as they distinguish causes.
     fn after(&self) -> String {
         match self.last_write {
             _ if self.wrote_beyond => "after a write beyond the registers".to_owned(),
@@ -141,13 +141,14 @@ impl<'a> Master<'a> {
         self.run(Duration::from_millis(u64::from(ms)))
     }
 
-    /// Sends `bytes`; whether they are left alone after says whether a reply is judged.
+    /// Sends `bytes`. The reply is judged only if the line is quiet afterwards, as `is_left_alone`
+    /// says.
     pub(super) fn send(&mut self, bytes: &[u8], is_left_alone: bool) -> Result<(), Violation> {
         let quiet = Duration::from_millis(u64::from(QUIET_MS));
         let is_quiet = self.sent.is_empty() || self.now - self.byte_at >= quiet;
         let is_request = is_left_alone && is_quiet && frame_len(bytes) == Some(bytes.len());
         if is_request {
-            // A master asks nothing in the first moments.
+            // A master sends no requests immediately after the start.
             self.run(quiet)?;
             self.heard.clear();
         }
@@ -171,7 +172,8 @@ impl<'a> Master<'a> {
         Ok(())
     }
 
-    /// Notes what `bytes` may make a base do, wherever it takes a frame to begin.
+    /// Records the possible effects of `bytes`, for every position at which a base may find a
+    /// frame.
     fn expect(&mut self, bytes: &[u8]) {
         let from = self.sent.len().saturating_sub(140);
         let before = self.sent.len();
@@ -198,8 +200,8 @@ impl<'a> Master<'a> {
         }
     }
 
-    /// One request on a quiet line has one answer: data, an acknowledgement, or the error frame,
-    /// which alone is right where there is no such register.
+    /// A request on a quiet line gets one answer: data, an acknowledgement, or the error frame. For
+    /// an unknown register only the error frame is correct.
     fn judge_reply(&mut self, request: &[u8], reply: &[u8]) -> Result<(), Violation> {
         let (register, is_write) = (request[1], request[2] >= 0x80);
         let count = request[2] & 0x7F;
@@ -236,8 +238,8 @@ impl<'a> Master<'a> {
         }
     }
 
-    /// After a silence in which everything must have come to rest, the base answers, and has
-    /// counted what the wheels turned.
+    /// Final check: after a silence in which everything must have stopped, the base answers, and
+    /// its counts match the wheels.
     pub(super) fn end(mut self) -> Result<(), Violation> {
         self.wait(END_MS)?;
         self.heard.clear();

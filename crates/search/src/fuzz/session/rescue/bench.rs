@@ -15,33 +15,33 @@ use engine::rig::line::Direction;
 
 const MS: Duration = Duration::from_millis(1);
 const ORDER: ChecksumOrder = ChecksumOrder::LowFirst;
-/// After this no frame waits for its rest any more: the radio's own gaps stay below 40 ms, and the
-/// program waits for 100.
+/// Idle time after which a partial frame is discarded: gaps of the radio are shorter than 40 ms,
+/// and the program waits for 100 ms.
 const IDLE_MS: u32 = 100;
-/// A pause that is certainly long enough.
+/// A pause that is certainly longer.
 const QUIET_MS: u32 = 150;
-/// A good frame of the PC: an order to stand still.
+/// A valid frame of the PC: an order to stop.
 const ORDER_TO_STOP: &[u8] = b"PCUI_MSG\x03\x00\x00\x00\x00\x00STA\x00\x00\x00";
-/// How often it is sent in the end.
+/// Number of orders at the end.
 const ORDERS: u32 = 40;
-/// Requests that are answered in a millisecond at most.
+/// Maximum number of requests that are answered in a millisecond.
 const REQUESTS_MAX: usize = 8;
 
-/// What is around the program.
+/// The environment of the program.
 pub(super) struct Around<'a> {
     program: Box<Rescue>,
     now: Instant,
-    /// What the base of ours was asked, and its registers: those of one that stands still, with a
-    /// battery of 12 V.
+    /// The requests to the simulated base, and its registers: it stands still and has a battery of
+    /// 12 V.
     requests: avr::Decoder,
     registers: [u8; 256],
     spoils: Vec<Spoil>,
     late: Option<(Instant, Vec<u8>)>,
-    /// The request that was made last, and everything that came on its line since.
+    /// The last request, and all bytes on its line since then.
     asked: Option<Frame>,
     answers: Vec<u8>,
     answered: u64,
-    /// What came on a line since it was quiet, and frames before that.
+    /// Bytes on each line since its last silence, and numbers of frames before that.
     heard: [Vec<u8>; 3],
     frames: [u64; 3],
     tape: &'a mut Tape,
@@ -69,7 +69,7 @@ impl<'a> Around<'a> {
     }
 
     pub(super) fn live_through(&mut self, steps: &[Step]) -> Result<(), Violation> {
-        // The first requests are made and answered before anything goes wrong.
+        // The first requests are sent and answered before any damage.
         self.wait(50)?;
         for step in steps {
             match step {
@@ -82,7 +82,8 @@ impl<'a> Around<'a> {
         self.judge_ears()
     }
 
-    /// Whatever came before, one of many orders is heard: more bytes than the longest frame has.
+    /// Checks that the program receives one of many orders, whatever came before: together they
+    /// have more bytes than the longest frame.
     fn judge_ears(&mut self) -> Result<(), Violation> {
         let before = self.counter("radio frames");
         for _ in 0..ORDERS {
@@ -102,10 +103,10 @@ impl<'a> Around<'a> {
                 self.reply(&bytes)?;
             }
             self.program.poll(self.now);
-            // What was held back by a damaged count may be taken for an answer only now.
+            // Bytes that were held back by a damaged count may be taken as an answer only now.
             self.judge_answer()?;
             self.serve()?;
-            // As much as the line carries in the time.
+            // As many bytes as the line transmits in this time.
             let mut buf = [0; 46];
             let len = self.program.transmit(Rescue::RADIO, &mut buf);
             self.tape
@@ -196,7 +197,7 @@ impl<'a> Around<'a> {
         self.judge_memory(|| words_of(port, bytes))
     }
 
-    /// Neither does the program end, nor does it write beside its buffers.
+    /// Checks that the program has neither ended nor written beyond its buffers.
     fn judge_memory(&self, when: impl Fn() -> String) -> Result<(), Violation> {
         if self.program.is_dead() {
             let detail = format!("it ended at {} s, {}", self.now, when());
@@ -218,7 +219,7 @@ impl<'a> Around<'a> {
         found
     }
 
-    /// What the program took for an answer is one: register, direction and count fit what it asked.
+    /// Checks each accepted answer: register, direction and count must match the request.
     fn judge_answer(&mut self) -> Result<(), Violation> {
         let answered = self.counter("base answers");
         let before = core::mem::replace(&mut self.answered, answered);
@@ -253,7 +254,7 @@ impl<'a> Around<'a> {
         ))
     }
 
-    /// Every frame that stood on a line was received, and no other.
+    /// Checks that the program received every frame on the lines, and no other frame.
     fn judge_frames(&mut self) -> Result<(), Violation> {
         self.frames[RADIO] += frames::<codec::Pcui>(&self.heard[RADIO]);
         self.frames[LIDAR] += frames::<codec::Xv11>(&self.heard[LIDAR]);
@@ -293,7 +294,7 @@ impl<'a> Around<'a> {
         found
     }
 
-    /// What the program did.
+    /// Records the behaviour of the program.
     pub(super) fn note(&self, behaviour: &mut Behaviour) {
         self.program
             .counters(&mut |name, count| behaviour.named(name, count));
@@ -302,7 +303,7 @@ impl<'a> Around<'a> {
     }
 }
 
-/// How many frames stand in `bytes`, read slowly.
+/// The number of frames in `bytes`, according to the slow reference decoder.
 fn frames<W: Wire>(bytes: &[u8]) -> u64 {
     let (mut at, mut count) = (0, 0);
     while at < bytes.len() {
@@ -314,7 +315,7 @@ fn frames<W: Wire>(bytes: &[u8]) -> u64 {
     count
 }
 
-/// Spoils a reply.
+/// Damages a reply.
 fn spoilt(bytes: &mut Vec<u8>, spoil: Spoil) {
     let register = bytes[1];
     let made = |frame: Frame| frame.as_bytes().to_vec();
@@ -346,10 +347,10 @@ fn spoilt(bytes: &mut Vec<u8>, spoil: Spoil) {
     }
 }
 
-/// Letters of what was said last that are shown.
+/// Maximum number of displayed characters of the last message.
 const WORDS_MAX: usize = 100;
 
-/// What was said last, for people.
+/// The last message in words.
 fn words_of(port: usize, bytes: &[u8]) -> String {
     let codec = [&XV11, &BUS, &PCUI][port];
     let words = codec
